@@ -1,0 +1,37 @@
+# `make demo` and `make test` are all that is needed on a machine with Python 3.11 or 3.12.
+# They fetch uv if it is missing and build the locked environment in .venv.
+
+UV ?= $(or $(shell command -v uv),.uv/bin/uv)
+PYTHON ?= $(or $(shell command -v python3.11),$(shell command -v python3.12),python3)
+BIN := .venv/bin
+READY := .venv/.ready
+
+.PHONY: demo test check bench soak clean
+.DELETE_ON_ERROR:
+
+demo: $(READY)
+	@$(BIN)/touchbeam demo
+
+test: check
+	$(BIN)/pytest
+
+check: $(READY)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: $(READY)
+	$(BIN)/pytest benchmarks --benchmark-only
+
+clean:
+	rm -rf .venv .uv dist
+
+$(READY): pyproject.toml uv.lock | $(UV)
+	$(UV) sync --frozen --quiet
+	@touch $@
+
+# Debian ships Python without venv; the package that brings it is the only thing ever installed here.
+.uv/bin/uv:
+	$(PYTHON) -m venv .uv || { rm -rf .uv; apt-get install --yes --quiet python3-venv && $(PYTHON) -m venv .uv; }
+	.uv/bin/pip install --quiet --disable-pip-version-check 'uv>=0.9'

@@ -1,0 +1,1 @@
+"""What came out: loading, statistics, predictions and reports."""

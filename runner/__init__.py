@@ -1,0 +1,1 @@
+"""A session: its loop, journal, participants and console. `runner.cli` puts everything together."""

@@ -1,0 +1,135 @@
+"""Mode shapes of a clamped-free beam, for any order, without the textbook form's cancellation.
+
+The textbook form cosh - cos - σ(sinh - sin) is a difference of large numbers: in double precision
+its error passes 1e-6 at mode 8 and 1 at mode 13. Written with decaying exponentials from either
+end it loses nothing:
+
+    φ(ξ) = c1 e^{-bξ} + c2 e^{-b(1-ξ)} - cos bξ + σ sin bξ,    ξ = x/L, ∫₀¹ φ² dξ = 1, |φ(1)| = 2
+
+with cos b cosh b = -1. The paper uses φ without printing it (Eq 1 and after).
+"""
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from device.ranges import whole
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModeConstants:
+    """What the shape of mode `order` is made of; b = (order - ½)π + `root_offset`."""
+
+    order: int
+    root_offset: float
+    root: float
+    clamp_weight: float
+    tip_weight: float
+    one_minus_sigma: float
+
+    @property
+    def sigma(self) -> float:
+        """σ, the weight of the sine."""
+        return 1.0 - self.one_minus_sigma
+
+    @property
+    def amplitude(self) -> float:
+        """√(1 + σ²), the amplitude of the oscillating part."""
+        return math.hypot(1.0, self.sigma)
+
+    @property
+    def lag(self) -> float:
+        """The phase by which the oscillating part, a sine, lags bξ; near π/4."""
+        return math.atan2(1.0, self.sigma)
+
+
+def _root_offset(order: int) -> float:
+    """δ in b = (i-½)π + δ, from s sin δ = sech b, which has no cancellation at any order."""
+    sign = 1.0 if order % 2 else -1.0
+    offset = 0.0
+    for _ in range(60):
+        decay = math.exp(-(order - 0.5) * math.pi - offset)
+        offset = sign * math.asin(2 * decay / (1 + decay * decay))
+    return offset
+
+
+@lru_cache(maxsize=512)
+def mode_constants(order: int) -> ModeConstants:
+    """The constants of mode `order` (1, 2, …).
+
+    Raises:
+        OutOfRangeError: the order is not a whole number of at least 1.
+    """
+    whole("mode", order, 1)
+    order = int(order)
+    offset = _root_offset(order)
+    root = (order - 0.5) * math.pi + offset
+    sign, decay = (1.0 if order % 2 else -1.0), math.exp(-root)
+    tanh = math.tanh(root)
+    sech = 2 * decay / (1 + decay * decay)
+    tip = (sign * tanh + sech - decay) / ((1 - decay * decay) + 2 * decay * sign * tanh)
+    return ModeConstants(
+        order=order,
+        root_offset=offset,
+        root=root,
+        clamp_weight=1.0 - tip * decay,
+        tip_weight=tip,
+        one_minus_sigma=2 * tip * decay,
+    )
+
+
+def phase(constants: ModeConstants, xi: FloatArray) -> FloatArray:
+    """Bξ minus the mode's lag, with whole turns taken out before the factor π is applied."""
+    turns = (constants.order - 0.5) * xi
+    turns -= 2.0 * np.rint(0.5 * turns)
+    turns *= math.pi
+    turns += constants.root_offset * xi
+    turns -= constants.lag
+    return turns
+
+
+def mode_shape(order: int, xi: ArrayLike) -> FloatArray:
+    """The mode shape φ(ξ) of a clamped-free beam, normalised to ∫₀¹ φ² dξ = 1.
+
+    Args:
+        order: the mode's number, from 1.
+        xi: places as fractions x/L of the length, in [0, 1], any shape.
+
+    Returns:
+        φ, dimensionless, of xi's shape; φ(1) = ±2. The absolute error is below 2e-14 at mode 60.
+
+    >>> float(abs(mode_shape(6, 1.0)))
+    2.0
+    """
+    place = np.asarray(xi, dtype=np.float64)
+    c = mode_constants(order)
+    return c.amplitude * np.sin(phase(c, place)) + (
+        c.clamp_weight * np.exp(-c.root * place) + c.tip_weight * np.exp(-c.root * (1.0 - place))
+    )
+
+
+def mode_slope(order: int, xi: ArrayLike) -> FloatArray:
+    """The slope dφ/dξ of the mode shape, dimensionless, of xi's shape."""
+    place = np.asarray(xi, dtype=np.float64)
+    c = mode_constants(order)
+    return c.root * (
+        c.amplitude * np.cos(phase(c, place))
+        - c.clamp_weight * np.exp(-c.root * place)
+        + c.tip_weight * np.exp(-c.root * (1.0 - place))
+    )
+
+
+def mode_integral(order: int, xi: FloatArray) -> FloatArray:
+    """∫₀^ξ φ dξ of the mode shape, dimensionless, to an absolute 3e-16/b or so."""
+    c = mode_constants(order)
+    decaying = c.tip_weight * np.exp(-c.root * (1.0 - xi))
+    decaying -= c.clamp_weight * np.exp(-c.root * xi)
+    decaying -= c.amplitude * np.cos(phase(c, xi))
+    decaying += 2.0 * c.sigma
+    decaying /= c.root
+    return decaying

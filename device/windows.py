@@ -1,0 +1,121 @@
+"""The window under the finger: the part of it that moves right, and the mean of |φ| over it.
+
+The window is `[max(0, x - l_s), x]` with x the finger's right edge (paper, Eqs 11 and 12 leave the
+clip at the clamp unsaid). At x = 0 it has no width: the limit x → 0+ is taken, all left, φ = 0.
+"""
+
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+
+from device.mode_shapes import FloatArray, mode_constants, mode_integral
+from device.narrow_windows import narrow_window_mean
+from device.zones import Zones, zones
+
+_NARROW = 0.5  # width in bξ below which an antiderivative's difference would lose digits
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Sums:
+    """Zone by zone: "moves right" summed is slope·x + offset, |φ| summed is sign·∫φ + offset."""
+
+    here: Zones
+    moves_right: FloatArray
+    right_offset_m: FloatArray
+    sign: FloatArray
+    offset: FloatArray
+
+
+@lru_cache(maxsize=256)
+def _sums(order: int, length_m: float) -> _Sums:
+    """The running sums of one mode on a beam of one length, rounded once each."""
+    here = zones(order, length_m)
+    edges = [Fraction(float(edge)) for edge in here.edges_m]
+    zone = np.arange(len(edges) - 1)
+    right_offset_m, before = [], Fraction(0)
+    for k, (start, stop) in enumerate(pairwise(edges)):
+        right_offset_m.append(float(before - start * (k % 2)))
+        before += (stop - start) * (k % 2)
+    lobe_sign = np.where(np.arange(order) % 2, -1.0, 1.0)
+    steps = 2 * lobe_sign[:-1] * mode_integral(order, here.nodes_m / length_m)
+    lobe_offset = np.concatenate([[0.0], np.cumsum(steps)])
+    return _Sums(
+        here=here,
+        moves_right=(zone % 2).astype(np.float64),
+        right_offset_m=np.array(right_offset_m),
+        sign=lobe_sign[zone // 2],
+        offset=lobe_offset[zone // 2],
+    )
+
+
+def _zone_of(here: Zones, place_m: FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.intp]]:
+    """The number of the zone that each place lies in."""
+    return np.searchsorted(here.edges_m[1:-1], place_m, side="right")
+
+
+def window_width(end_m: FloatArray, contact_m: FloatArray | float) -> FloatArray:
+    """The covered length min(x, l_s), m: what of the contact lies on the beam's free part."""
+    return np.minimum(end_m, contact_m)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Window:
+    """What a finger meets over its window: directions and magnitude of the motion.
+
+    Attributes:
+        right: the part of the window that moves right, in [0, 1].
+        left: the part that moves left; right + left = 1, each with its own small error.
+        mean: mean magnitude over the window, relative to the displacement: mean |φ| for a mode.
+    """
+
+    right: FloatArray
+    left: FloatArray
+    mean: FloatArray
+
+
+def _narrow_right(here: Zones, end_m: FloatArray, width_m: FloatArray) -> FloatArray:
+    """The right-moving part of windows that hold at most one zone edge, from that edge alone."""
+    edges = here.edges_m[1:-1]
+    if not edges.size:
+        return np.zeros_like(end_m)
+    nearest = np.searchsorted((edges[1:] + edges[:-1]) / 2, end_m - width_m / 2)
+    beyond = end_m - edges[nearest]
+    width = np.where(width_m > 0, width_m, 1.0)
+    after = np.clip(beyond / width, 0.0, 1.0)
+    return np.where(nearest % 2, 1.0 - after, after)
+
+
+def mode_window(order: int, length_m: float, end_m: FloatArray, width_m: FloatArray) -> Window:
+    """Right-moving part and mean of |φ| for many windows over mode `order`.
+
+    Exact sums from the zone edges and the mode's antiderivative split at its nodes; windows
+    narrower than half a unit of bξ take a form without cancellation (`narrow_windows`).
+
+    Args:
+        order: the mode's number.
+        length_m: the beam's length.
+        end_m: right ends, shape (n,), in [0, L].
+        width_m: widths, shape (n,), from `window_width`.
+    """
+    sums = _sums(order, length_m)
+    places = np.concatenate([end_m - width_m, end_m])
+    zone = _zone_of(sums.here, places)
+    right_m = sums.moves_right.take(zone)
+    right_m *= places
+    right_m += sums.right_offset_m.take(zone)
+    integral = mode_integral(order, places / length_m)
+    integral *= sums.sign.take(zone)
+    integral += sums.offset.take(zone)
+    narrow = np.flatnonzero(width_m < _NARROW * length_m / mode_constants(order).root)
+    count = end_m.size
+    width = width_m.copy()
+    width[narrow] = 1.0
+    right = (right_m[count:] - right_m[:count]) / width
+    mean = (integral[count:] - integral[:count]) * (length_m / width)
+    if narrow.size:
+        right[narrow] = _narrow_right(sums.here, end_m[narrow], width_m[narrow])
+        mean[narrow] = narrow_window_mean(sums.here, end_m[narrow], width_m[narrow])
+    return Window(right=right, left=1.0 - right, mean=mean)

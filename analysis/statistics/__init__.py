@@ -1,0 +1,1 @@
+"""Statistics of the table of scores: pure functions, exact where the study is small."""

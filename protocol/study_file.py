@@ -7,13 +7,14 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
+from protocol.errors import BadInput
 from protocol.limits import Problem, problems
 from protocol.study import Study
 
 TEMPLATES = ("paper",)
 
 
-class StudyError(ValueError):
+class StudyError(BadInput):
     """A study file that cannot be used; `problems` lists why."""
 
     def __init__(self, source: str, found: list[Problem]) -> None:

@@ -1,0 +1,79 @@
+"""`touchbeam simulate-device`: the simulated device in the foreground."""
+
+import os
+import signal
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from types import FrameType
+
+from device.simulator.door import ControlDoor
+from device.simulator.lines import Line, PtyLine, TcpLine
+from device.simulator.server import serve, simulated_device
+from protocol.errors import BadInput
+
+
+def simulate(
+    wire: str,
+    place: str,
+    control: Path | None,
+    *,
+    keep: bool,
+    seed: int,
+    say: Callable[[str], None],
+) -> None:
+    """Serve a simulated device until its host is gone, or until SIGTERM or Ctrl-C.
+
+    Args:
+        wire: `pty` or `tcp`.
+        place: the path of the pseudo-terminal's link, or a loopback port (0: any).
+        control: where to make the control socket, if anywhere.
+        keep: stay when the host is gone.
+        seed: what the hidden properties of the beam follow from.
+        say: called once with `ready URL`.
+
+    Raises:
+        BadInput: the place is taken or cannot be used.
+    """
+    signal.signal(signal.SIGTERM, _end)
+    parent = os.getppid()
+    with ExitStack() as stack:
+        line = _line(wire, place)
+        stack.callback(line.close)
+        door = None
+        if control is not None:
+            door = _door(control)
+            stack.callback(door.close)
+        say(f"ready {line.url}")
+        try:
+            serve(
+                simulated_device(seed),
+                line,
+                door,
+                keep=keep,
+                orphaned=lambda: os.getppid() != parent,
+            )
+        except KeyboardInterrupt:
+            return
+
+
+def _end(_number: int, _frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
+
+
+def _line(wire: str, place: str) -> Line:
+    try:
+        return PtyLine(Path(place)) if wire == "pty" else TcpLine(int(place))
+    except ValueError:
+        raise BadInput(f"a port must be a whole number, got {place!r}") from None
+    except OverflowError:
+        raise BadInput(f"a port must lie in [0, 65535], got {place}") from None
+    except OSError as error:
+        raise BadInput(f"{place}: cannot be used ({error.strerror}); name another place") from error
+
+
+def _door(path: Path) -> ControlDoor:
+    try:
+        return ControlDoor(path)
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be made ({error.strerror or error})") from error

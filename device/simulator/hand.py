@@ -1,0 +1,70 @@
+"""The hand on the simulated device: a client of its control socket."""
+
+import json
+import socket
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from device.errors import DeviceError
+
+_ANSWER_TIMEOUT_S = 5.0
+
+
+class Hand:
+    """Touches the beam, swaps it and lets time pass, as only a hand (or a simulation) can."""
+
+    def __init__(self, socket_path: Path) -> None:
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self._socket.settimeout(_ANSWER_TIMEOUT_S)
+        try:
+            self._socket.connect(str(socket_path))
+        except OSError as error:
+            self._socket.close()
+            raise DeviceError(f"{socket_path}: no simulated device answers ({error})") from error
+        self._answers = self._socket.makefile("r", encoding="ascii")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._answers.close()
+        self._socket.close()
+
+    def touch(self, force_n: float, position_m: float, direction: str) -> float:
+        """Put the finger down, moving in `direction`; return the friction coefficient it feels."""
+        answer = self._ask(f"touch {force_n!r} {position_m!r} {direction}")
+        return float(answer["friction_coefficient"])
+
+    def lift(self) -> None:
+        """Take the finger off the beam."""
+        self._ask("lift")
+
+    def swap_beam(self, body_spacing_m: float) -> None:
+        """Mount a beam with this spacing of its ciliary bodies; 0 for none."""
+        self._ask(f"beam {body_spacing_m!r}")
+
+    def advance(self, seconds: float) -> None:
+        """Let `seconds` of device time pass at once."""
+        self._ask(f"advance {seconds!r}")
+
+    def state(self) -> dict[str, Any]:
+        """Return the device's true state."""
+        return self._ask("state")
+
+    def _ask(self, line: str) -> dict[str, Any]:
+        try:
+            self._socket.sendall(line.encode("ascii") + b"\n")
+            answer = json.loads(self._answers.readline() or "{}")
+        except (OSError, ValueError) as error:
+            raise DeviceError(f"the simulated device is gone: {error}") from error
+        if not answer or "error" in answer:
+            raise DeviceError(
+                f"the simulated device refused {line!r}: {answer.get('error', 'gone')}"
+            )
+        return dict(answer)

@@ -1,0 +1,125 @@
+"""The wire as the simulated device sees it: a pseudo-terminal, or a loopback port."""
+
+import contextlib
+import os
+import socket
+from pathlib import Path
+from typing import Protocol
+
+LOOPBACK = "127.0.0.1"
+_CHUNK = 65_536
+
+
+class Line(Protocol):
+    """One wire, one host at a time."""
+
+    url: str
+
+    def fileno(self) -> int:
+        """What becomes readable when the host does something."""
+        ...
+
+    def receive(self) -> bytes | None:
+        """Return what the host sent, maybe nothing; None if there was a host and it is gone."""
+        ...
+
+    def send(self, data: bytes) -> None:
+        """Send `data`; a host that does not read loses it."""
+        ...
+
+    def close(self) -> None:
+        """Leave nothing behind."""
+        ...
+
+
+class PtyLine:
+    """A pseudo-terminal that a host opens under the name `link`."""
+
+    def __init__(self, link: Path) -> None:
+        import tty
+
+        self._master, slave = os.openpty()
+        self._slave: int | None = slave
+        tty.setraw(slave)
+        os.set_blocking(self._master, False)
+        link.symlink_to(os.ttyname(slave))
+        self._link = link
+        self.url = str(link)
+
+    def fileno(self) -> int:
+        """Return the device's end."""
+        return self._master
+
+    def receive(self) -> bytes | None:
+        """Return what came. Our own hold on the host's end is given up once the host has spoken."""
+        try:
+            data = os.read(self._master, _CHUNK)
+        except BlockingIOError:
+            return b""
+        except OSError:
+            return None
+        if self._slave is not None:
+            os.close(self._slave)
+            self._slave = None
+        return data
+
+    def send(self, data: bytes) -> None:
+        """Send what the host takes."""
+        with contextlib.suppress(OSError):
+            os.write(self._master, data)
+
+    def close(self) -> None:
+        """Remove the name and close both ends."""
+        self._link.unlink(missing_ok=True)
+        os.close(self._master)
+        if self._slave is not None:
+            os.close(self._slave)
+
+
+class TcpLine:
+    """A port on the loopback interface; 0 lets the system choose one."""
+
+    def __init__(self, port: int) -> None:
+        self._listener = socket.create_server((LOOPBACK, port))
+        self._host: socket.socket | None = None
+        self.url = f"socket://{LOOPBACK}:{self._listener.getsockname()[1]}"
+
+    def fileno(self) -> int:
+        """Return the host's socket, or the listener's while there is none."""
+        return (self._host or self._listener).fileno()
+
+    def receive(self) -> bytes | None:
+        """Return what came; the first call for a host lets it in."""
+        if self._host is None:
+            return self._let_in()
+        try:
+            data = self._host.recv(_CHUNK)
+        except BlockingIOError:
+            return b""
+        except OSError:
+            data = b""
+        if not data:
+            self._host.close()
+            self._host = None
+            return None
+        return data
+
+    def send(self, data: bytes) -> None:
+        """Send what the host takes."""
+        if self._host is not None:
+            with contextlib.suppress(OSError):
+                self._host.sendall(data)
+
+    def close(self) -> None:
+        """Close the port."""
+        self._listener.close()
+        if self._host is not None:
+            self._host.close()
+
+    def _let_in(self) -> bytes:
+        self._listener.setblocking(False)
+        with contextlib.suppress(BlockingIOError):
+            self._host, _ = self._listener.accept()
+            self._host.setblocking(False)
+            self._host.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        return b""

@@ -1,0 +1,66 @@
+"""A simulated device in a process of its own, for as long as somebody needs it."""
+
+import subprocess
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from device.errors import DeviceError
+
+_END_S = 5.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Endpoints:
+    """Where a running simulator is reached: its wire and its control socket."""
+
+    url: str
+    control: Path
+
+
+@contextmanager
+def simulator_process(touchbeam: Sequence[str], seed: int) -> Iterator[Endpoints]:
+    """Start `touchbeam simulate-device` and end it, by its process, on the way out.
+
+    Args:
+        touchbeam: the command that starts touchbeam.
+        seed: what the simulator's hidden properties follow from.
+
+    Raises:
+        DeviceError: it did not get ready.
+    """
+    with tempfile.TemporaryDirectory(prefix="touchbeam-") as folder:
+        control = Path(folder, "control")
+        command = [*touchbeam, "simulate-device", "pty", str(Path(folder, "port"))]
+        process = subprocess.Popen(
+            [*command, "--control", str(control), "--seed", str(seed)],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            text=True,
+            start_new_session=True,  # Ctrl-C is ours to handle: the device must outlive it
+        )
+        try:
+            yield Endpoints(url=_ready_url(process), control=control)
+        finally:
+            _end(process)
+
+
+def _ready_url(process: "subprocess.Popen[str]") -> str:
+    assert process.stdout is not None
+    word, _, url = process.stdout.readline().strip().partition(" ")
+    if word != "ready":
+        raise DeviceError("the simulated device did not start; try touchbeam simulate-device")
+    return url
+
+
+def _end(process: "subprocess.Popen[str]") -> None:
+    process.terminate()
+    try:
+        process.wait(_END_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+    if process.stdout is not None:
+        process.stdout.close()

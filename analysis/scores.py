@@ -1,5 +1,6 @@
 """The table of scores, subject by condition, that every statistic of the analysis reads."""
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -59,6 +60,16 @@ class ScoreTable:
     def is_complete(self) -> bool:
         """Whether every cell has a score."""
         return self.missing_count == 0
+
+    def by_subject(self) -> dict[str, dict[str, float | None]]:
+        """Return condition → score by subject, None where none was given."""
+        return {
+            subject: {
+                name: None if math.isnan(score) else score
+                for name, score in zip(self.conditions, scores, strict=True)
+            }
+            for subject, scores in zip(self.subjects, self.scores.tolist(), strict=True)
+        }
 
     @property
     def transposed(self) -> "ScoreTable":

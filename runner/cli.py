@@ -1,5 +1,255 @@
-"""The command line: the one place where runner, analysis, device and protocol are put together."""
+"""The command line: the one place where runner, analysis, device and protocol are put together.
+
+Heavy imports stand inside the commands, so that `touchbeam --help` answers at once.
+"""
+
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from runner.complaint import complaint
+
+if TYPE_CHECKING:
+    from runner.study_folder import StudyFolder
+
+app = typer.Typer(
+    name="touchbeam",
+    help="Psychophysics experiments on touch devices whose friction is changed by vibration.",
+    epilog="Every command takes --debug, which shows where an error came from.",
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+)
+
+
+class Ratings(StrEnum):
+    """Who answers."""
+
+    window = "window"
+    console = "console"
+    virtual = "virtual"
+
+
+class Pace(StrEnum):
+    """How time passes."""
+
+    wall = "wall"
+    stepped = "stepped"
+
+
+class Language(StrEnum):
+    """What the participant reads."""
+
+    en = "en"
+    zh = "zh"
+
+
+class Wire(StrEnum):
+    """How the simulated device is reached."""
+
+    pty = "pty"
+    tcp = "tcp"
+
+
+StudyArgument = Annotated[Path, typer.Argument(metavar="STUDY", help="The study's folder.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON document instead.")]
+
+
+@app.command()
+def demo(
+    out: Annotated[
+        Path | None, typer.Option(help="A new folder. [default: ./demo, then ./demo-2, …]")
+    ] = None,
+    participants: Annotated[int, typer.Option(min=1, max=99)] = 9,
+    seed: Annotated[int, typer.Option(min=0)] = 1,
+) -> None:
+    """Run the whole study on the simulated device with virtual participants, then report it."""
+    from protocol.study_file import template
+    from runner.demo import rehearsed_cohort
+    from runner.progress import progress
+    from runner.study_folder import StudyFolder, new_study, numbered
+
+    folder = StudyFolder(path=out or numbered(Path("demo")))
+    with new_study(folder, template("paper")), progress("participants", participants) as step:
+        rehearsed_cohort(folder, participants, seed, _touchbeam(), step)
+    _report(folder, folder.report, rehearsals=True, as_json=False)
+    typer.echo(f"Device off, read back after each of {participants} sessions.")
+
+
+@app.command()
+def new(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="A folder to make.")],
+    template: Annotated[str, typer.Option(help="The built-in study to start from.")] = "paper",
+) -> None:
+    """Make a study folder to edit."""
+    from protocol.errors import BadInput
+    from protocol.study_file import TEMPLATES
+    from protocol.study_file import template as template_text
+    from runner.study_folder import StudyFolder, new_study
+
+    if template not in TEMPLATES:
+        raise BadInput(f"--template must be one of {', '.join(TEMPLATES)}, got {template!r}")
+    study = StudyFolder(path=folder)
+    with new_study(study, template_text(template)):
+        pass
+    typer.echo(
+        f"{study.study_file} is yours to edit; then: touchbeam run {folder} --participant P01"
+    )
+
+
+@app.command()
+def run(
+    study: StudyArgument,
+    participant: Annotated[str, typer.Option(help="A pseudonym, such as P01.")],
+    session: Annotated[int, typer.Option(min=1)] = 1,
+    device: Annotated[
+        str | None, typer.Option(help="A serial URL, or sim. [default: the study's]")
+    ] = None,
+    ratings: Annotated[Ratings, typer.Option()] = Ratings.window,
+    pace: Annotated[
+        Pace | None,
+        typer.Option(help="[default: stepped if device and ratings are simulated, else wall]"),
+    ] = None,
+    rehearsal: Annotated[
+        bool, typer.Option("--rehearsal", help="Use no slot of the design; kept out of reports.")
+    ] = False,
+    language: Annotated[Language, typer.Option()] = Language.en,
+    consent: Annotated[str | None, typer.Option(help="Reference of the signed consent.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="[default: the study's]")] = None,
+) -> None:
+    """Run a session; an interrupted one goes on where it stopped."""
+    from runner.sitting import Sitting, sit
+    from runner.stopping import stops_raise
+    from runner.study_folder import StudyFolder
+
+    sitting = Sitting(
+        folder=StudyFolder(path=study),
+        participant=participant,
+        number=session,
+        device=device,
+        ratings=ratings.value,
+        pace=pace.value if pace else None,
+        rehearsal=rehearsal,
+        language=language.value,
+        consent=consent,
+        seed=seed,
+        touchbeam=_touchbeam(),
+    )
+    with stops_raise():
+        state = sit(sitting, say=typer.echo)
+    typer.echo(
+        f"{participant}/{session} is complete: {len(state.answered)} trials answered, "
+        "device off (read back)."
+    )
+
+
+@app.command("import")
+def import_scores(
+    scores: Annotated[Path, typer.Argument(metavar="SCORES.csv", help="subject, then conditions.")],
+    study: Annotated[Path, typer.Argument(metavar="STUDY", help="A folder to make.")],
+) -> None:
+    """Make a study that can be reported out of a published table of scores."""
+    from analysis.published import published_table
+    from runner.importing import import_table, text_of
+    from runner.study_folder import StudyFolder
+
+    text = text_of(scores)
+    table = published_table(text, str(scores))
+    import_table(StudyFolder(path=study), table.by_subject(), scores.name, text)
+    typer.echo(f"{len(table.subjects)} subjects imported; next: touchbeam report {study}")
+
+
+@app.command()
+def report(
+    study: StudyArgument,
+    out: Annotated[Path | None, typer.Option(help="[default: STUDY/report]")] = None,
+    rehearsals: Annotated[
+        bool, typer.Option("--rehearsals", help="Report rehearsals too, marked as such.")
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Write Table 4, its statistics and figures as HTML, CSV and JSON."""
+    from runner.study_folder import StudyFolder
+
+    folder = StudyFolder(path=study)
+    _report(folder, out or folder.report, rehearsals=rehearsals, as_json=as_json)
+
+
+@app.command("simulate-device")
+def simulate_device(
+    wire: Annotated[Wire, typer.Argument(help="pty or tcp")],
+    place: Annotated[str, typer.Argument(metavar="LINK|PORT", help="A path, or a loopback port.")],
+    control: Annotated[
+        Path | None, typer.Option(metavar="SOCKET", help="A Unix socket to make.")
+    ] = None,
+    keep: Annotated[bool, typer.Option("--keep", help="Stay when the host is gone.")] = False,
+    seed: Annotated[int, typer.Option(min=0)] = 0,
+) -> None:
+    """Simulate the device in the foreground until its host is gone."""
+    from device.simulator.foreground import simulate
+
+    simulate(wire.value, place, control, keep=keep, seed=seed, say=typer.echo)
+
+
+@app.command()
+def doctor(as_json: JsonOption = False) -> None:
+    """Look at what a session needs of this machine."""
+    import json
+
+    from runner.doctor import findings
+
+    found = findings()
+    if as_json:
+        typer.echo(json.dumps([finding.record() for finding in found], indent=2))
+    else:
+        for finding in found:
+            typer.echo(finding.line())
+    if not all(finding.ok for finding in found):
+        raise typer.Exit(1)
+
+
+def _report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json: bool) -> None:
+    from analysis.report import friedman_line, json_text, report_json, write_report
+    from analysis.report import report as made_report
+    from analysis.session_scores import loaded
+    from runner.journal import open_journal
+    from runner.terminal_table import print_table
+
+    with open_journal(folder.existing_journal()) as journal:
+        events = [journal.events(session) for session in journal.sessions()]
+    sessions = [[(event.tag, event.payload) for event in chain] for chain in events]
+    result = made_report(folder.path.resolve().name, loaded(sessions, rehearsals=rehearsals))
+    written = write_report(result, out)
+    if as_json:
+        typer.echo(json_text(report_json(result)), nl=False)
+        return
+    print_table("Table 4", result.table4.lines("–"))
+    typer.echo(
+        f"{friedman_line(result.friedman)}\nWritten: {', '.join(str(path) for path in written)}"
+    )
+
+
+def _touchbeam() -> tuple[str, ...]:
+    """The command that starts this touchbeam again."""
+    beside = Path(sys.executable).with_name("touchbeam")
+    return (str(beside),)
 
 
 def main() -> None:
-    """Run the command line."""
+    """Run the command line; errors are one line on standard error.
+
+    Exit codes: 0 done, 1 the work failed, 2 wrong usage or bad input.
+    """
+    arguments = [argument for argument in sys.argv[1:] if argument != "--debug"]
+    debug = len(arguments) < len(sys.argv) - 1
+    try:
+        code = app(arguments or ["--help"], prog_name="touchbeam", standalone_mode=False)
+    except (Exception, KeyboardInterrupt) as error:
+        if debug:
+            raise
+        line, code = complaint(error)
+        typer.echo(f"touchbeam: {line}", err=True)
+    sys.exit(code or 0)

@@ -1,0 +1,149 @@
+"""A participant, or an operator, at a terminal: texts out, typed lines in."""
+
+import queue
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TextIO
+
+from protocol.errors import WorkFailed
+from protocol.questions import ANSWERS
+from protocol.study import Rating
+from protocol.texts import TEXTS, Language, band_names
+from runner.screens import AskChange, AskScore, Instruction, Notice, Pacing, Response, Screen
+
+
+class ParticipantGone(WorkFailed):
+    """Nobody types any more."""
+
+
+class TypedLines:
+    """Lines from a terminal, read by a thread so that nobody waits for them."""
+
+    def __init__(self, source: TextIO) -> None:
+        self._source = source
+        self._lines: queue.SimpleQueue[str | None] = queue.SimpleQueue()
+        threading.Thread(target=self._read, name="typed lines", daemon=True).start()
+
+    def take(self) -> str | None:
+        """Return the next line without its end, None while there is none.
+
+        Raises:
+            ParticipantGone: the input has ended.
+        """
+        try:
+            line = self._lines.get_nowait()
+        except queue.Empty:
+            return None
+        if line is None:
+            self._lines.put(None)
+            raise ParticipantGone("the input has ended before the session did")
+        return line.strip()
+
+    def forget(self) -> None:
+        """Drop what was typed before it was asked for."""
+        while not self._lines.empty():
+            if self._lines.get_nowait() is None:
+                self._lines.put(None)
+                return
+
+    def _read(self) -> None:
+        for line in self._source:
+            self._lines.put(line)
+        self._lines.put(None)
+
+
+@dataclass
+class ConsoleParticipant:
+    """Shows texts in `language`, takes typed answers, and says so when one does not fit."""
+
+    typed: TypedLines
+    say: Callable[[str], None]
+    language: Language
+    monotonic_s: Callable[[], float] = time.monotonic
+    _screen: Screen | None = field(default=None, init=False)
+    _shown_s: float = field(default=0.0, init=False)
+
+    def show(self, screen: Screen) -> None:
+        """Print `screen`."""
+        self._screen = screen
+        for line in self._lines_of(screen):
+            self.say(line)
+        self._shown_s = self.monotonic_s()
+
+    def poll(self) -> Response | None:
+        """Return the answer to the last screen once it has been typed."""
+        if self._screen is None or isinstance(self._screen, Notice | Pacing):
+            return None
+        line = self.typed.take()
+        if line is None:
+            return None
+        answer = self._understood(line)
+        if answer is None:
+            return None
+        self._screen = None
+        return Response(answer=answer, reaction_time_s=self.monotonic_s() - self._shown_s)
+
+    def _lines_of(self, screen: Screen) -> list[str]:
+        texts = TEXTS[self.language]
+        match screen:
+            case Notice(text=text):
+                return [texts[text]]
+            case Instruction(text=text):
+                return [texts[text], texts["ready"]]
+            case Pacing(duration_s=duration_s):
+                return [f"{texts['touch.now']} ({duration_s:.0f} s)"]
+            case AskChange(question=question):
+                return [texts[f"question.{question}"], *_choices(texts, ANSWERS[question])]
+            case AskScore(rating=rating):
+                return [texts["score"], "   ".join(band_names(rating, self.language))]
+
+    def _understood(self, line: str) -> str | None:
+        """The answer that `line` gives to the screen, None if it gives none."""
+        match self._screen:
+            case AskChange(question=question):
+                return self._choice(line, ANSWERS[question])
+            case AskScore(rating=rating):
+                return self._score(line, rating)
+        return "ready"
+
+    def _choice(self, line: str, answers: tuple[str, ...]) -> str | None:
+        texts = TEXTS[self.language]
+        for number, answer in enumerate(answers, start=1):
+            if line.casefold() in {str(number), answer, texts[f"answer.{answer}"]}:
+                return answer
+        self.say(f"? {line!r}")
+        for choice in _choices(texts, answers):
+            self.say(choice)
+        return None
+
+    def _score(self, line: str, rating: Rating) -> str | None:
+        try:
+            return str(rating.checked_score(int(line)))
+        except ValueError:
+            self.say(f"? {line!r}: {TEXTS[self.language]['score']}")
+            return None
+
+
+def _choices(texts: Mapping[str, str], answers: tuple[str, ...]) -> list[str]:
+    return [
+        f"  {number}  {texts[f'answer.{answer}']}" for number, answer in enumerate(answers, start=1)
+    ]
+
+
+@dataclass
+class ConsoleOperator:
+    """Asks for a beam to be mounted and waits for Enter."""
+
+    typed: TypedLines
+    say: Callable[[str], None]
+
+    def mount(self, beam: str) -> None:
+        """Ask; the output is off."""
+        self.typed.forget()
+        self.say(f"Operator: the output is off. Mount the beam '{beam}', then press Enter.")
+
+    def mounted(self) -> bool:
+        """Return whether Enter was pressed."""
+        return self.typed.take() is not None

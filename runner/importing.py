@@ -1,0 +1,55 @@
+"""Published scores become a study: one completed session per subject."""
+
+from collections.abc import Mapping
+from hashlib import sha256
+from pathlib import Path
+
+from protocol.errors import BadInput
+from protocol.study_file import template
+from runner.clock import WallClock
+from runner.journal import open_journal, session_name
+from runner.session_log import SessionLog
+from runner.study_folder import StudyFolder, new_study
+
+
+def text_of(path: Path) -> str:
+    """Return the text of the file `path`.
+
+    Raises:
+        BadInput: there is none that can be read.
+    """
+    try:
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise BadInput(f"{path}: no such file") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise BadInput(f"{path}: cannot be read as UTF-8 text ({error})") from error
+
+
+def import_table(
+    folder: StudyFolder,
+    scores: Mapping[str, Mapping[str, float | None]],
+    source: str,
+    text: str,
+) -> None:
+    """Write a new study that holds `scores`, subject by subject.
+
+    Args:
+        folder: where to make it.
+        scores: condition → score, None for a missing one, by subject.
+        source: the name of the file they come from.
+        text: what stood in it, for its digest.
+    """
+    clock = WallClock()
+    digest = sha256(text.encode()).hexdigest()
+    with new_study(folder, template("paper")), open_journal(folder.journal) as journal:
+        for subject, given in scores.items():
+            log = SessionLog(journal, session_name(subject, 1), clock)
+            log.append(
+                "scores-imported",
+                participant=subject,
+                session=1,
+                scores=dict(given),
+                source=source,
+                source_sha256=digest,
+            )

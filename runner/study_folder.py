@@ -1,0 +1,128 @@
+"""A study on disk: its file, its journal, and what is made from them."""
+
+import re
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from protocol.errors import BadInput
+from protocol.study import Study
+from protocol.study_file import parsed_study
+
+_PSEUDONYM = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudyFolder:
+    """The paths of a study."""
+
+    path: Path
+
+    @property
+    def study_file(self) -> Path:
+        """The study as its author wrote it."""
+        return self.path / "study.toml"
+
+    @property
+    def journal(self) -> Path:
+        """Everything that happened."""
+        return self.path / "study.db"
+
+    @property
+    def report(self) -> Path:
+        """Where reports go unless another place is named."""
+        return self.path / "report"
+
+    def text(self) -> str:
+        """Return the text of the study file.
+
+        Raises:
+            BadInput: there is none.
+        """
+        try:
+            return self.study_file.read_text(encoding="utf-8")
+        except FileNotFoundError:
+            raise BadInput(
+                f"{self.path}: no study here (study.toml is missing); "
+                f"make one with: touchbeam new {self.path}"
+            ) from None
+        except (OSError, UnicodeDecodeError) as error:
+            raise BadInput(f"{self.study_file}: cannot be read ({error})") from error
+
+    def study(self) -> Study:
+        """Return the checked study.
+
+        Raises:
+            BadInput: there is none.
+            StudyError: it cannot be used.
+        """
+        return parsed_study(self.text(), str(self.study_file))
+
+    def existing_journal(self) -> Path:
+        """Return the path of the journal.
+
+        Raises:
+            BadInput: nothing has been recorded yet.
+        """
+        if not self.journal.is_file():
+            raise BadInput(
+                f"{self.path}: no sessions here (study.db is missing); "
+                "record one with touchbeam run, or bring scores in with touchbeam import"
+            )
+        return self.journal
+
+
+@contextmanager
+def new_study(folder: StudyFolder, text: str) -> Iterator[StudyFolder]:
+    """Make a study out of `text` for the body to go on with.
+
+    If the body fails before anything is journalled, nothing of it stays.
+
+    Raises:
+        BadInput: the folder is there already, or cannot be made.
+    """
+    topmost = _made(folder.path)
+    try:
+        folder.study_file.write_text(text, encoding="utf-8")
+        yield folder
+    except BaseException:
+        if not folder.journal.exists():
+            shutil.rmtree(topmost)
+        raise
+
+
+def _made(path: Path) -> Path:
+    """Make `path` and what is missing above it; return the topmost folder made."""
+    missing = [path, *(parent for parent in path.parents if not parent.exists())]
+    try:
+        path.mkdir(parents=True)
+    except FileExistsError:
+        raise BadInput(f"{path}: is there already; name a folder that is not") from None
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be made ({error.strerror}); name another folder") from error
+    return missing[-1]
+
+
+def numbered(path: Path) -> Path:
+    """Return `path`, or `path-2`, `path-3`, … if it is taken."""
+    candidate, number = path, 1
+    while candidate.exists():
+        number += 1
+        candidate = path.with_name(f"{path.name}-{number}")
+    return candidate
+
+
+def pseudonym(text: str) -> str:
+    """Return `text` if it can stand for a participant.
+
+    Raises:
+        BadInput: it could be a name, or could leave the study's folder.
+    """
+    if not _PSEUDONYM.fullmatch(text):
+        raise BadInput(
+            "a participant must be a pseudonym of letters, digits, - and _ (such as P01), "
+            f"got {text!r}"
+        )
+    return text

@@ -78,7 +78,7 @@ class _Session:
             return cls(
                 participant=opened["participant"],
                 kind="published",
-                conditions=tuple(opened["scores"]),
+                conditions=tuple(opened["conditions"]),
                 scores=_given(opened["scores"].items()),
                 finished=True,
             )

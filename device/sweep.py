@@ -1,7 +1,11 @@
 """The search for the resonance of the beam on the rig, at a low amplitude."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
 
 from device.errors import DeviceError
 from device.records import ReadBack, Setpoint
@@ -10,10 +14,10 @@ SWEEP_VOLTAGE_V = 10.0
 SWEEP_RAMP_V_PER_S = 200.0
 HALF_WIDTH = 0.05
 """How far from the nominal resonance the search goes, as a fraction of it."""
-FINEST_STEP = 1e-5
-"""Resolution of the search, as a fraction of the nominal resonance: a 500th of a 0.5 % damping."""
 _POINTS = 21
 _SETTLE_S = 0.1
+
+FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,12 +34,14 @@ def resonance(
     sleep: Callable[[float], None],
     near_hz: float,
 ) -> Resonance:
-    """Return the resonance within `HALF_WIDTH` of `near_hz`, in Hz, to `FINEST_STEP` of it.
+    """Return the resonance within `HALF_WIDTH` of `near_hz`.
 
-    A coarse sweep finds the peak, finer ones close in on it.
+    A coarse sweep finds the peak; a fine one about it gives the frequency by a parabola through
+    1/amplitude², which is what a resonance is near its peak, so that noise averages out.
 
     Raises:
-        DeviceError: the largest answer lies at the rim of the range: there is no peak inside.
+        DeviceError: the largest answer lies at the rim of the range, so that there is no peak
+            inside, or what was measured about the peak is no resonance.
     """
 
     def answer(frequency_hz: float) -> float:
@@ -49,17 +55,28 @@ def resonance(
         sleep(_SETTLE_S)
         return vibration_m()
 
-    centre_hz, half_hz = near_hz, HALF_WIDTH * near_hz
-    while True:
-        step_hz = 2 * half_hz / (_POINTS - 1)
-        frequencies = [centre_hz - half_hz + step_hz * i for i in range(_POINTS)]
-        answers = [answer(frequency_hz) for frequency_hz in frequencies]
-        best = max(range(_POINTS), key=answers.__getitem__)
-        if best in {0, _POINTS - 1}:
-            raise DeviceError(
-                f"no resonance between {frequencies[0]:.0f} and {frequencies[-1]:.0f} Hz: the "
-                f"vibration is largest at the rim; is nominal_resonance_hz = {near_hz:g} right?"
-            )
-        centre_hz, half_hz = frequencies[best], 2 * step_hz
-        if step_hz < FINEST_STEP * near_hz:
-            return Resonance(frequency_hz=centre_hz, tip_m_per_v=answers[best] / SWEEP_VOLTAGE_V)
+    coarse = np.linspace(1 - HALF_WIDTH, 1 + HALF_WIDTH, _POINTS) * near_hz
+    best = int(np.argmax([answer(frequency_hz) for frequency_hz in coarse]))
+    if best in {0, _POINTS - 1}:
+        raise DeviceError(
+            f"no resonance between {coarse[0]:.0f} and {coarse[-1]:.0f} Hz: the vibration is "
+            f"largest at the rim; is nominal_resonance_hz = {near_hz:g} right?"
+        )
+    fine = np.linspace(coarse[best - 1], coarse[best + 1], _POINTS)
+    return _peak(fine, np.array([answer(frequency_hz) for frequency_hz in fine]))
+
+
+def _peak(frequencies_hz: FloatArray, tips_m: FloatArray) -> Resonance:
+    """The vertex of the parabola through 1/amplitude²."""
+    if not (tips_m > 0).all():
+        raise DeviceError(f"the vibration must be above 0 m, got {tips_m.min():g} m")
+    middle_hz, tip_m = float(frequencies_hz.mean()), float(tips_m.max())
+    curve, slope, lowest = np.polyfit(frequencies_hz - middle_hz, (tip_m / tips_m) ** 2, 2)
+    vertex_hz = -slope / (2 * curve)
+    level = lowest - slope**2 / (4 * curve)
+    if curve <= 0 or level <= 0 or abs(vertex_hz) > np.ptp(frequencies_hz):
+        raise DeviceError(f"no resonance near {middle_hz:.0f} Hz: the vibration has no clear peak")
+    return Resonance(
+        frequency_hz=middle_hz + float(vertex_hz),
+        tip_m_per_v=tip_m / math.sqrt(level) / SWEEP_VOLTAGE_V,
+    )

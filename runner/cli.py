@@ -66,7 +66,10 @@ def demo(
     participants: Annotated[int, typer.Option(min=1, max=99)] = 9,
     seed: Annotated[int, typer.Option(min=0)] = 1,
 ) -> None:
-    """Run the whole study on the simulated device with virtual participants, then report it."""
+    """See it work: simulated device, virtual participants.
+
+    Runs the whole study of the paper and reports it.
+    """
     from protocol.study_file import template
     from runner.demo import rehearsed_cohort
     from runner.progress import progress
@@ -84,7 +87,7 @@ def new(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="A folder to make.")],
     template: Annotated[str, typer.Option(help="The built-in study to start from.")] = "paper",
 ) -> None:
-    """Make a study folder to edit."""
+    """Make a study to edit."""
     from protocol.errors import BadInput
     from protocol.study_file import TEMPLATES
     from protocol.study_file import template as template_text
@@ -120,7 +123,10 @@ def run(
     consent: Annotated[str | None, typer.Option(help="Reference of the signed consent.")] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="[default: the study's]")] = None,
 ) -> None:
-    """Run a session; an interrupted one goes on where it stopped."""
+    """Run a session, or go on with one.
+
+    A session that was interrupted goes on at the trial that it stopped in.
+    """
     from runner.sitting import Sitting, sit
     from runner.stopping import stops_raise
     from runner.study_folder import StudyFolder
@@ -151,7 +157,10 @@ def import_scores(
     scores: Annotated[Path, typer.Argument(metavar="SCORES.csv", help="subject, then conditions.")],
     study: Annotated[Path, typer.Argument(metavar="STUDY", help="A folder to make.")],
 ) -> None:
-    """Make a study that can be reported out of a published table of scores."""
+    """Make a study of published scores.
+
+    SCORES.csv has a column `subject` and one per condition; a blank cell is a missing score.
+    """
     from analysis.published import published_table
     from runner.importing import import_table, text_of
     from runner.study_folder import StudyFolder
@@ -171,7 +180,10 @@ def report(
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Write Table 4, its statistics and figures as HTML, CSV and JSON."""
+    """Write Table 4, statistics and figures.
+
+    As a page, CSV and JSON in the study's folder `report`.
+    """
     from runner.study_folder import StudyFolder
 
     folder = StudyFolder(path=study)
@@ -188,7 +200,10 @@ def simulate_device(
     keep: Annotated[bool, typer.Option("--keep", help="Stay when the host is gone.")] = False,
     seed: Annotated[int, typer.Option(min=0)] = 0,
 ) -> None:
-    """Simulate the device in the foreground until its host is gone."""
+    """Simulate the device, in the foreground.
+
+    Prints `ready URL` and ends when its host is gone.
+    """
     from device.simulator.foreground import simulate
 
     simulate(wire.value, place, control, keep=keep, seed=seed, say=typer.echo)
@@ -196,7 +211,7 @@ def simulate_device(
 
 @app.command()
 def doctor(as_json: JsonOption = False) -> None:
-    """Look at what a session needs of this machine."""
+    """Look at what this machine offers a session."""
     import json
 
     from runner.doctor import findings

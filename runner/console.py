@@ -42,8 +42,8 @@ class TypedLines:
         return line.strip()
 
     def forget(self) -> None:
-        """Drop what was typed before it was asked for."""
-        while not self._lines.empty():
+        """Drop what was typed before it was asked for; lines from a file or pipe all count."""
+        while self._source.isatty() and not self._lines.empty():
             if self._lines.get_nowait() is None:
                 self._lines.put(None)
                 return
@@ -68,6 +68,7 @@ class ConsoleParticipant:
     def show(self, screen: Screen) -> None:
         """Print `screen`."""
         self._screen = screen
+        self.typed.forget()
         for line in self._lines_of(screen):
             self.say(line)
         self._shown_s = self.monotonic_s()
@@ -134,13 +135,15 @@ def _choices(texts: Mapping[str, str], answers: tuple[str, ...]) -> list[str]:
 
 @dataclass
 class ConsoleOperator:
-    """Asks for a beam to be mounted and waits for Enter."""
+    """Asks for a beam to be mounted and waits for Enter; a simulated one is swapped as well."""
 
     typed: TypedLines
     say: Callable[[str], None]
+    swap: Callable[[str], None] = lambda beam: None
 
     def mount(self, beam: str) -> None:
         """Ask; the output is off."""
+        self.swap(beam)
         self.typed.forget()
         self.say(f"Operator: the output is off. Mount the beam '{beam}', then press Enter.")
 

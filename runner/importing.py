@@ -49,6 +49,7 @@ def import_table(
                 "scores-imported",
                 participant=subject,
                 session=1,
+                conditions=list(given),
                 scores=dict(given),
                 source=source,
                 source_sha256=digest,

@@ -121,8 +121,10 @@ def _require_same(opened: Mapping[str, Any], text: str, kind: str, name: str) ->
 def _people(
     sitting: Sitting, session: Session, rig: Rigged, clock: Clock, say: Callable[[str], None]
 ) -> tuple[Participant, Operator]:
+    swapper = HandOperator(rig.hand, session.study.beams) if rig.hand else None
     if sitting.ratings == "virtual":
         assert rig.hand is not None
+        assert swapper is not None
         stream = random.Random(f"virtual/{session.seed}/{session.participant}/{session.number}")
         virtual = VirtualParticipant(
             hand=rig.hand,
@@ -130,6 +132,9 @@ def _people(
             character=drawn_character(stream),
             random_stream=stream,
         )
-        return virtual, HandOperator(rig.hand, session.study.beams)
+        return virtual, swapper
     typed = TypedLines(sys.stdin)
-    return ConsoleParticipant(typed, say, session.language), ConsoleOperator(typed, say)
+    participant = ConsoleParticipant(typed, say, session.language)
+    if swapper is None:
+        return participant, ConsoleOperator(typed, say)
+    return participant, ConsoleOperator(typed, say, swapper.mount)

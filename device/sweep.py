@@ -14,6 +14,8 @@ SWEEP_VOLTAGE_V = 10.0
 SWEEP_RAMP_V_PER_S = 200.0
 HALF_WIDTH = 0.05
 """How far from the nominal resonance the search goes, as a fraction of it."""
+LEAST_RISE = 2.0
+"""How far a peak must rise above the median of the range, so that noise is not taken for one."""
 _POINTS = 21
 _SETTLE_S = 0.1
 
@@ -40,8 +42,7 @@ def resonance(
     1/amplitude², which is what a resonance is near its peak, so that noise averages out.
 
     Raises:
-        DeviceError: the largest answer lies at the rim of the range, so that there is no peak
-            inside, or what was measured about the peak is no resonance.
+        DeviceError: nothing in the range, or nothing about its peak, is a resonance.
     """
 
     def answer(frequency_hz: float) -> float:
@@ -56,11 +57,12 @@ def resonance(
         return vibration_m()
 
     coarse = np.linspace(1 - HALF_WIDTH, 1 + HALF_WIDTH, _POINTS) * near_hz
-    best = int(np.argmax([answer(frequency_hz) for frequency_hz in coarse]))
-    if best in {0, _POINTS - 1}:
+    answers = np.array([answer(frequency_hz) for frequency_hz in coarse])
+    best = int(np.argmax(answers))
+    if best in {0, _POINTS - 1} or answers[best] < LEAST_RISE * np.median(answers):
         raise DeviceError(
-            f"no resonance between {coarse[0]:.0f} and {coarse[-1]:.0f} Hz: the vibration is "
-            f"largest at the rim; is nominal_resonance_hz = {near_hz:g} right?"
+            f"no resonance between {coarse[0]:.0f} and {coarse[-1]:.0f} Hz: the vibration has no "
+            f"peak there; is nominal_resonance_hz = {near_hz:g} right?"
         )
     fine = np.linspace(coarse[best - 1], coarse[best + 1], _POINTS)
     return _peak(fine, np.array([answer(frequency_hz) for frequency_hz in fine]))

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from runner.complaint import complaint
+from runner.stopping import stops_raise
 
 if TYPE_CHECKING:
     from runner.study_folder import StudyFolder
@@ -128,7 +129,6 @@ def run(
     A session that was interrupted goes on at the trial that it stopped in.
     """
     from runner.sitting import Sitting, sit
-    from runner.stopping import stops_raise
     from runner.study_folder import StudyFolder
 
     sitting = Sitting(
@@ -144,8 +144,7 @@ def run(
         seed=seed,
         touchbeam=_touchbeam(),
     )
-    with stops_raise():
-        state = sit(sitting, say=typer.echo)
+    state = sit(sitting, say=typer.echo)
     typer.echo(
         f"{participant}/{session} is complete: {len(state.answered)} trials answered, "
         "device off (read back)."
@@ -261,8 +260,9 @@ def main() -> None:
     arguments = [argument for argument in sys.argv[1:] if argument != "--debug"]
     debug = len(arguments) < len(sys.argv) - 1
     try:
-        code = app(arguments or ["--help"], prog_name="touchbeam", standalone_mode=False)
-    except (Exception, KeyboardInterrupt) as error:
+        with stops_raise():
+            code = app(arguments or ["--help"], prog_name="touchbeam", standalone_mode=False)
+    except Exception as error:
         if debug:
             raise
         line, code = complaint(error)

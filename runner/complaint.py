@@ -4,6 +4,8 @@ import errno
 
 import typer
 
+from protocol.errors import BadInput, WorkFailed
+
 WORK_FAILED = 1
 BAD_INPUT = 2
 
@@ -26,8 +28,6 @@ def complaint(error: BaseException) -> tuple[str, int]:
 
 
 def _told(error: BaseException) -> tuple[str, int]:
-    from protocol.errors import BadInput, WorkFailed
-
     match error:
         case typer.TyperException():
             return f"{error.format_message()} (see touchbeam --help)", error.exit_code
@@ -35,8 +35,6 @@ def _told(error: BaseException) -> tuple[str, int]:
             return str(error), BAD_INPUT
         case WorkFailed():
             return str(error), WORK_FAILED
-        case KeyboardInterrupt() | typer.Abort():
-            return str(error) or "stopped", WORK_FAILED
         case OSError(filename=str() as path, strerror=str() as why):
             code = BAD_INPUT if error.errno in _PATHS_GIVEN_WRONG else WORK_FAILED
             return f"{path}: {why}", code

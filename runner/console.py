@@ -139,7 +139,7 @@ class ConsoleOperator:
 
     typed: TypedLines
     say: Callable[[str], None]
-    swap: Callable[[str], None] = lambda beam: None
+    swap: Callable[[str], None] = lambda _: None
 
     def mount(self, beam: str) -> None:
         """Ask; the output is off."""

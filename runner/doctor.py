@@ -16,7 +16,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 PACKAGES = ("protocol", "device", "runner", "analysis")
-DEPENDENCIES = ("psychopy", "pyserial", "numpy", "scipy", "pandas", "matplotlib", "pydantic")
+DEPENDENCIES = ("psychopy", "pyserial", "numpy", "scipy", "matplotlib", "pydantic")
 LEAST_DISK_BYTES = 200e6
 FONTS = ("DejaVu", "WenQuanYi Micro Hei", "Noto Sans CJK")
 

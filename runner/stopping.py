@@ -5,10 +5,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+from protocol.errors import WorkFailed
+
 _SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")  # the last one does not exist on Windows
 
 
-class Stopped(KeyboardInterrupt):
+class Stopped(WorkFailed):
     """Somebody ended the session from outside."""
 
 
@@ -25,7 +27,7 @@ def stops_raise() -> Iterator[None]:
         if not stopped:
             stopped = True
             raise Stopped(
-                f"stopped by {signal.Signals(number).name}; run the same command to go on"
+                f"stopped by {signal.Signals(number).name}; a session goes on with the same command"
             )
 
     numbers = [getattr(signal, name) for name in _SIGNALS if hasattr(signal, name)]

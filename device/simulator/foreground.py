@@ -35,7 +35,8 @@ def simulate(
     Raises:
         BadInput: the place is taken or cannot be used.
     """
-    signal.signal(signal.SIGTERM, _end)
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, _end)
     parent = os.getppid()
     with ExitStack() as stack:
         line = _line(wire, place)
@@ -63,13 +64,15 @@ def _end(_number: int, _frame: FrameType | None) -> None:
 
 def _line(wire: str, place: str) -> Line:
     try:
-        return PtyLine(Path(place)) if wire == "pty" else TcpLine(int(place))
-    except ValueError:
-        raise BadInput(f"a port must be a whole number, got {place!r}") from None
-    except OverflowError:
-        raise BadInput(f"a port must lie in [0, 65535], got {place}") from None
+        return PtyLine(Path(place)) if wire == "pty" else TcpLine(_port(place))
     except OSError as error:
         raise BadInput(f"{place}: cannot be used ({error.strerror}); name another place") from error
+
+
+def _port(text: str) -> int:
+    if not text.isdecimal() or int(text) > 65_535:
+        raise BadInput(f"a port must be a whole number in [0, 65535], got {text!r}")
+    return int(text)
 
 
 def _door(path: Path) -> ControlDoor:

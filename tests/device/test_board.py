@@ -1,0 +1,167 @@
+"""The board's driver over a real byte path: a simulated device in a process of its own."""
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from device.board import Board
+from device.errors import AddressError, DeviceError, LinkTimeout, OutputUnknown
+from device.link import Link, open_link
+from device.records import Limits, Setpoint
+from device.simulator.hand import Hand
+from device.simulator.process import Endpoints, simulator_process
+
+TOUCHBEAM = (str(Path(sys.executable).with_name("touchbeam")),)
+LIMITS = Limits(max_voltage_v=120, max_frequency_hz=40_000, ramp_v_per_s=400, watchdog_s=5)
+
+
+@pytest.fixture(scope="module")
+def simulator() -> Iterator[Endpoints]:
+    with simulator_process(TOUCHBEAM, seed=1) as endpoints:
+        yield endpoints
+
+
+@pytest.fixture(scope="module")
+def board(simulator: Endpoints) -> Iterator[Board]:
+    board = Board(open_link(simulator.url), LIMITS)
+    yield board
+    board.close()
+
+
+@pytest.fixture
+def hand(simulator: Endpoints) -> Iterator[Hand]:
+    with Hand(simulator.control) as hand:
+        yield hand
+
+
+def setpoint(voltage_v: float) -> Setpoint:
+    return Setpoint(voltage_v=voltage_v, frequency_hz=24221.37, ramp_v_per_s=400)
+
+
+def test_arming_leaves_the_output_off_and_the_limits_set(board: Board, hand: Hand) -> None:
+    identity = board.arm()
+    assert identity.idn.startswith("touchbeam,BOARD")
+    assert identity.boot == 1
+    state = hand.state()
+    assert (state["output"], state["watchdog_s"]) == (False, 5.0)
+
+
+def test_a_drive_is_read_back_and_off_is_off(board: Board, hand: Hand) -> None:
+    board.arm()
+    read_back = board.drive(setpoint(100))
+    assert (read_back.output, read_back.voltage_v) == (True, 100)
+    assert read_back.frequency_hz == 24221.37
+    assert hand.state()["output"] is True
+    board.off()
+    assert hand.state()["output"] is False
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (setpoint(121), r"voltage_v must lie in \[0, 120\], got 121"),
+        (setpoint(float("nan")), "voltage_v .* got nan"),
+        (
+            Setpoint(voltage_v=1, frequency_hz=50_000, ramp_v_per_s=1),
+            r"frequency_hz must .* 40000\], got 50000",
+        ),
+        (
+            Setpoint(voltage_v=1, frequency_hz=1000, ramp_v_per_s=500),
+            r"ramp_v_per_s must .* 400\], got 500",
+        ),
+    ],
+)
+def test_the_driver_refuses_what_exceeds_the_limits(
+    board: Board, hand: Hand, wrong: Setpoint, message: str
+) -> None:
+    board.arm()
+    with pytest.raises(ValueError, match=message):
+        board.drive(wrong)
+    assert hand.state()["output"] is False
+
+
+def test_the_device_refuses_it_too(simulator: Endpoints, board: Board, hand: Hand) -> None:
+    board.arm()
+    careless = Board(board._link, Limits(**{**LIMITS.__dict__, "max_voltage_v": 1000}))
+    with pytest.raises(DeviceError, match="VOLT was refused by the device: -222"):
+        careless.drive(setpoint(150))
+    assert hand.state()["output"] is False
+
+
+class ScriptedPort:
+    """Answers each query with the next of `answers`; records what was sent."""
+
+    def __init__(self, answers: dict[bytes, bytes]) -> None:
+        self._answers = answers
+        self._pending = b""
+        self.sent: list[bytes] = []
+
+    @property
+    def in_waiting(self) -> int:
+        return len(self._pending)
+
+    def read(self, size: int = 1) -> bytes:
+        data, self._pending = self._pending[:size], self._pending[size:]
+        return data
+
+    def write(self, data: bytes) -> int:
+        self.sent.append(data)
+        self._pending += self._answers.get(data, b"")
+        return len(data)
+
+    def close(self) -> None: ...
+
+
+def scripted(answers: dict[bytes, bytes]) -> tuple[Board, ScriptedPort]:
+    port = ScriptedPort(answers)
+    ticks = iter(range(10_000))
+    return Board(Link(port, monotonic=lambda: next(ticks) * 0.01), LIMITS), port
+
+
+def test_the_first_words_are_off() -> None:
+    board, port = scripted({b"*IDN?\n": b"Rigol,DG1022\n"})
+    with pytest.raises(DeviceError, match=r"expected a board .* got 'Rigol,DG1022'"):
+        board.arm()
+    assert port.sent == [b"OUTP OFF\n", b"*IDN?\n"]
+
+
+@pytest.mark.parametrize("answer", [b"1\n", b"", b"what?\n", b"0"])
+def test_off_is_off_only_when_read_back(answer: bytes) -> None:
+    board, _ = scripted({b"OUTP?\n": answer})
+    with pytest.raises(OutputUnknown, match="output state UNKNOWN - cut the amplifier"):
+        board.off()
+
+
+def test_a_late_answer_is_not_taken_for_the_next_one() -> None:
+    port = ScriptedPort({})
+    ticks = iter(range(10_000))
+    link = Link(port, monotonic=lambda: next(ticks) * 0.01)
+    with pytest.raises(LinkTimeout, match=r"no answer to 'VOLT\?' within 0.4 s"):
+        link.ask("VOLT?")
+    port._pending = b"100\n"
+    with pytest.raises(LinkTimeout, match=r"'FREQ\?' was not sent"):
+        link.ask("FREQ?")
+
+
+@pytest.mark.parametrize(
+    ("url", "kind", "message"),
+    [
+        ("/dev/ttyNOPE", DeviceError, "no such port; is the device plugged in"),
+        ("frob://x", AddressError, "not the address of a device"),
+        ("socket://127.0.0.1:1", DeviceError, "cannot be opened"),
+        (__file__, AddressError, "got a plain file"),
+    ],
+)
+def test_a_port_that_does_not_work_is_explained(
+    url: str, kind: type[Exception], message: str
+) -> None:
+    with pytest.raises(kind, match=message):
+        open_link(url)
+
+
+def test_a_second_program_is_kept_off(simulator: Endpoints, board: Board) -> None:
+    with pytest.raises(DeviceError, match="in use by another program"):
+        open_link(simulator.url)
+    assert board.output() is False

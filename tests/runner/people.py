@@ -1,0 +1,118 @@
+"""A device, a clock and a participant that live in the test's own process."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+
+from device.errors import DeviceError, OutputUnknown
+from device.records import Identity, ReadBack, Setpoint
+from device.sweep import Resonance
+from runner.screens import AskChange, AskScore, Instruction, Response, Screen
+
+
+@dataclass
+class FakeClock:
+    """Time that passes when somebody sleeps."""
+
+    passed_s: float = 0.0
+
+    def utc(self) -> datetime:
+        return datetime(2026, 1, 1, tzinfo=UTC) + timedelta(seconds=self.passed_s)
+
+    def monotonic_s(self) -> float:
+        return self.passed_s
+
+    def sleep(self, seconds: float) -> None:
+        self.passed_s += seconds
+
+
+@dataclass
+class FakeDevice:
+    """Remembers what it was told; fails in `fails` at that call, if asked to."""
+
+    fails: str = ""
+    on: bool = False
+    calls: list[str] = field(default_factory=list)
+    driven: list[Setpoint] = field(default_factory=list)
+
+    def _called(self, name: str) -> None:
+        self.calls.append(name)
+        if name == self.fails:
+            raise DeviceError(f"{name} failed")
+
+    def arm(self) -> Identity:
+        self._called("arm")
+        return Identity(idn="fake", boot=1, device_time_s=0.0)
+
+    def resonance(self, near_hz: float, sleep: Callable[[float], None]) -> Resonance:
+        self._called("resonance")
+        return Resonance(frequency_hz=1.01 * near_hz, tip_m_per_v=1e-8)
+
+    def drive(self, setpoint: Setpoint) -> ReadBack:
+        self._called("drive")
+        self.on = True
+        self.driven.append(setpoint)
+        return self.read_back()
+
+    def read_back(self) -> ReadBack:
+        last = self.driven[-1]
+        return ReadBack(
+            output=self.on,
+            voltage_v=last.voltage_v,
+            frequency_hz=last.frequency_hz,
+            monitor_v=last.voltage_v,
+            force_n=0.5,
+            position_m=0.04,
+            device_time_s=1.0,
+        )
+
+    def off(self) -> None:
+        self.calls.append("off")
+        if self.fails == "off":
+            raise OutputUnknown("no answer")
+        self.on = False
+
+    def beat(self) -> None:
+        self._called("beat")
+
+
+@dataclass
+class FakeParticipant:
+    """Gives `changes` and `scores` in turn; remembers the screens."""
+
+    changes: Iterable[str] = ()
+    score: str = "7"
+    shown: list[Screen] = field(default_factory=list)
+    stops_at: str = ""
+
+    def show(self, screen: Screen) -> None:
+        self.shown.append(screen)
+        if self.stops_at and self.stops_at in str(screen):
+            raise KeyboardInterrupt("somebody pressed Ctrl-C")
+
+    def poll(self) -> Response | None:
+        match self.shown[-1]:
+            case Instruction():
+                return Response(answer="ready", reaction_time_s=0.5)
+            case AskChange(question=question):
+                fitting = {"roughness": "smoother", "strength": "stronger", "places": "swapped"}
+                answer = next(iter(self.changes), fitting[question])
+                return Response(answer=answer, reaction_time_s=1.0)
+            case AskScore():
+                return Response(answer=self.score, reaction_time_s=2.0)
+        return None
+
+
+@dataclass
+class FakeOperator:
+    """Swaps beams at once, and only while the output is off."""
+
+    device: FakeDevice
+    mounts: list[str] = field(default_factory=list)
+
+    def mount(self, beam: str) -> None:
+        assert not self.device.on, "a beam is swapped with the output off"
+        self.mounts.append(beam)
+
+    def mounted(self) -> bool:
+        return True

@@ -1,0 +1,254 @@
+"""The commands as a user types them: results, messages, exit codes, and nothing left behind."""
+
+import json
+import signal
+import sqlite3
+import subprocess
+import sys
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from runner.cli import main
+
+TOUCHBEAM = str(Path(sys.executable).with_name("touchbeam"))
+RUN = ("run", "study", "--participant", "P01", "--ratings")
+PUBLISHED = Path(__file__).parents[1] / "data" / "published_scores.csv"
+
+
+@pytest.fixture(autouse=True)
+def somewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def typed(*arguments: str) -> int:
+    """Run a command in this process; return its exit code."""
+    before = sys.argv
+    sys.argv = ["touchbeam", *arguments]
+    try:
+        main()
+    except SystemExit as stop:
+        return int(stop.code or 0)
+    finally:
+        sys.argv = before
+    raise AssertionError("main always exits")
+
+
+def everything(folder: Path) -> set[str]:
+    return {str(path.relative_to(folder)) for path in folder.rglob("*")}
+
+
+def test_the_published_table_is_imported_and_reported(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert typed("import", str(PUBLISHED), "published") == 0
+    capsys.readouterr()
+    assert typed("report", "published", "--json") == 0
+    numbers = json.loads(capsys.readouterr().out)
+    table = numbers["table4"]
+    assert list(table["column_means"]) == [
+        "frequency",
+        "structure",
+        "voltage",
+        "direction",
+        "pressure",
+    ]
+    assert [round(mean, 2) for mean in table["column_means"].values()] == [
+        8.44,
+        8.89,
+        9.67,
+        8.33,
+        6.22,
+    ]
+    assert round(table["grand_mean"], 2) == 8.31
+    assert [row["comprehensive"] for row in table["rows"]] == pytest.approx(
+        [8.6, 9, 7, 9.6, 7.8, 9, 8.2, 8, 7.6]
+    )
+    assert round(numbers["friedman"]["chi2"], 4) == 21.4521
+    assert {"table4.csv", "report.html", "report.json"} <= everything(Path("published/report"))
+
+
+def test_the_demo_ends_with_table_4_and_the_device_off(tmp_path: Path) -> None:
+    shown = [
+        subprocess.run(
+            [TOUCHBEAM, "demo", "--participants", "2", "--seed", "7"],
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        for _ in range(2)
+    ]
+    assert all("Table 4" in run.stdout and "Device off, read back" in run.stdout for run in shown)
+    assert not any(run.stderr for run in shown), "no progress bar where there is no terminal"
+    for name in ("table4.csv", "report.html", "report.json"):
+        first, second = (Path(folder, "report", name).read_bytes() for folder in ("demo", "demo-2"))
+        assert first == second.replace(b"demo-2", b"demo"), f"{name} follows from the seed"
+    with closing(sqlite3.connect("demo/study.db")) as journal:
+        offs = journal.execute(
+            "SELECT body FROM event JOIN payload USING (session, seq) WHERE tag = 'device-off'"
+        ).fetchall()
+    assert [json.loads(body)["confirmed"] for (body,) in offs] == [True, True]
+
+
+def test_a_virtual_session_is_not_run_twice(capsys: pytest.CaptureFixture[str]) -> None:
+    assert typed("new", "study") == 0
+    arguments = ("run", "study", "--participant", "P01", "--ratings", "virtual")
+    assert typed(*arguments) == 0
+    assert "7 trials answered, device off (read back)" in capsys.readouterr().out
+    assert typed(*arguments) == 2
+    assert "P01/1 is complete" in capsys.readouterr().err
+    assert typed("report", "study") == 2
+    assert "nothing but rehearsals here; name them with --rehearsals" in capsys.readouterr().err
+
+
+def test_a_changed_study_does_not_go_on(capsys: pytest.CaptureFixture[str]) -> None:
+    typed("new", "study")
+    study = Path("study/study.toml")
+    study.write_text(study.read_text().replace("= 24221 ", "= 12000 "))
+    arguments = ("run", "study", "--participant", "P01", "--ratings", "virtual")
+    assert typed(*arguments) == 1
+    assert "no resonance between 11400 and 12600 Hz" in capsys.readouterr().err
+    study.write_text(study.read_text().replace("= 12000 ", "= 24221 "))
+    assert typed(*arguments) == 2
+    assert "study.toml has changed since this session began" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_turns_the_device_off_and_the_session_goes_on_later(number: int) -> None:
+    typed("new", "study")
+    command = [TOUCHBEAM, *RUN, "virtual"]
+    process = subprocess.Popen(
+        [*command, "--pace", "wall"], stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    wait_for_event("touch-started")
+    process.send_signal(number)
+    _, said = process.communicate(timeout=20)
+    assert process.returncode == 1
+    assert said.strip() == f"touchbeam: stopped by {signal.Signals(number).name}; " + (
+        "a session goes on with the same command"
+    )
+    assert recorded()[-2:] == ["trial-aborted", "device-off"]
+    assert subprocess.run(command, check=True, capture_output=True, text=True).stderr == ""
+    tags = recorded()
+    assert (tags.count("answered"), tags[-1]) == (7, "session-completed")
+
+
+def wait_for_event(tag: str) -> None:
+    """Return once the journal holds `tag`."""
+    import time
+
+    until_s = time.monotonic() + 60
+    while time.monotonic() < until_s:
+        if Path("study/study.db").exists() and tag in recorded():
+            return
+        time.sleep(0.05)
+    raise AssertionError(f"{tag} never came")
+
+
+def recorded() -> list[str]:
+    with closing(sqlite3.connect("study/study.db", timeout=5)) as journal:
+        try:
+            return [tag for (tag,) in journal.execute("SELECT tag FROM event ORDER BY rowid")]
+        except sqlite3.OperationalError:  # the file is there, its table not yet
+            return []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (("run", "nowhere", "--participant", "P01", "--ratings", "virtual"), 2, "no study here"),
+        ((*RUN, "console", "--device", "/dev/ttyNOPE"), 1, "/dev/ttyNOPE: no such port"),
+        ((*RUN, "console", "--device", "frob://x"), 2, "frob://x: not the address of a device"),
+        ((*RUN, "virtual", "--device", "/dev/ttyNOPE"), 2, "feels the simulated device only"),
+        ((*RUN, "console", "--pace", "stepped"), 2, "--pace stepped needs"),
+        (("run", "study", "--participant", "../P01", "--ratings", "virtual"), 2, "got '../P01'"),
+        (("run", "study", "--ratings", "virtual"), 2, "Missing option '--participant'"),
+        (("import", "elevens.csv", "new"), 2, "elevens.csv, line 2, column a: .* got 11"),
+        (("import", "words.csv", "new"), 2, "words.csv, line 2, column a: .* got 'x'"),
+        (("import", "nowhere.csv", "new"), 2, "nowhere.csv: no such file"),
+        (("import", "binary.csv", "new"), 2, "binary.csv: cannot be read as UTF-8 text"),
+        (("import", "scores.csv", "scores.csv/new"), 2, "scores.csv/new: cannot be made"),
+        (("import", "scores.csv", "study"), 2, "study: is there already"),
+        (("demo", "--out", "scores.csv/demo"), 2, "scores.csv/demo: cannot be made"),
+        (("demo", "--participants", "0"), 2, "--participants"),
+        (("report", "study"), 2, "no sessions here"),
+        (("report", "nowhere"), 2, "nowhere: no sessions here"),
+        (("new", "study"), 2, "study: is there already"),
+        (("new", "other", "--template", "frob"), 2, "one of paper.*, got 'frob'"),
+        (("simulate-device", "tcp", "x"), 2, "a port must be a whole number .* got 'x'"),
+        (("simulate-device", "tcp", "70000"), 2, "a port must .* got '70000'"),
+        (("simulate-device", "pty", "scores.csv"), 2, "scores.csv: cannot be used"),
+        (("frob",), 2, "No such command 'frob'"),
+    ],
+)
+def test_bad_input_is_one_clear_line_and_changes_nothing(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    arguments: tuple[str, ...],
+    code: int,
+    message: str,
+) -> None:
+    typed("new", "study")
+    Path("scores.csv").write_text("subject,a,b\n1,5,6\n")
+    Path("elevens.csv").write_text("subject,a,b\n1,11,6\n")
+    Path("words.csv").write_text("subject,a,b\n1,x,6\n")
+    Path("binary.csv").write_bytes(b"\xff\xfe\x00")
+    capsys.readouterr()
+    before = everything(tmp_path)
+    assert typed(*arguments) == code
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.count("\n") == 1
+    assert_matches(message, said.err)
+    assert everything(tmp_path) == before
+
+
+def assert_matches(pattern: str, text: str) -> None:
+    import re
+
+    assert re.search(pattern, text), text
+
+
+def test_a_report_that_cannot_be_written_says_where(capsys: pytest.CaptureFixture[str]) -> None:
+    typed("import", str(PUBLISHED), "published")
+    Path("file").write_text("")
+    assert typed("report", "published", "--out", "file/report") == 2
+    assert "file/report: Not a directory" in capsys.readouterr().err
+
+
+def test_an_unknown_key_names_the_near_miss(capsys: pytest.CaptureFixture[str]) -> None:
+    typed("new", "study")
+    study = Path("study/study.toml")
+    study.write_text(study.read_text().replace("hold_s", "hold_z"))
+    assert typed(*RUN, "virtual") == 2
+    assert "unknown key, got 'hold_z'; did you mean 'hold_s'?" in capsys.readouterr().err
+    assert everything(Path("study")) == {"study.toml"}
+
+
+def test_debug_shows_where_an_error_came_from() -> None:
+    shown = subprocess.run(
+        [TOUCHBEAM, "report", "nowhere", "--debug"], capture_output=True, text=True, check=False
+    )
+    assert "Traceback" in shown.stderr
+    assert shown.returncode == 1
+
+
+def test_the_doctor_finds_our_own_packages(capsys: pytest.CaptureFixture[str]) -> None:
+    assert typed("doctor", "--json") == 0
+    found = {entry["what"]: entry for entry in json.loads(capsys.readouterr().out)}
+    assert all(found[f"package {name}"]["ok"] for name in ("protocol", "device", "runner"))
+    assert found["psychopy"]["value"] == "2026.2.5"
+
+
+def test_the_doctor_sees_a_package_in_the_way() -> None:
+    Path("analysis").mkdir()
+    Path("analysis/__init__.py").write_text("")
+    program = "import sys; sys.argv = ['touchbeam', 'doctor']; from runner.cli import main; main()"
+    shown = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False
+    )
+    assert shown.returncode == 1
+    assert "FAIL  package analysis" in shown.stdout
+    honest = subprocess.run([TOUCHBEAM, "doctor"], capture_output=True, text=True, check=False)
+    assert honest.returncode == 0, "the command itself does not look into the current folder"

@@ -1,0 +1,89 @@
+"""A participant at a terminal: what is shown, what is understood, and what is asked again."""
+
+import io
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from protocol.study import Rating
+from runner.console import ConsoleOperator, ConsoleParticipant, ParticipantGone, TypedLines
+from runner.screens import AskChange, AskScore, Instruction, Notice, Response, Screen
+
+
+class Terminal:
+    """A participant who types `lines`, and what was said to them."""
+
+    def __init__(self, lines: str, language: str = "en") -> None:
+        self.said: list[str] = []
+        self.typed = TypedLines(io.StringIO(lines))
+        ticks: Iterator[int] = iter(range(10_000))
+        self.participant = ConsoleParticipant(
+            self.typed,
+            self.said.append,
+            "zh" if language == "zh" else "en",
+            monotonic_s=lambda: float(next(ticks)),
+        )
+
+    def answer(self, screen: Screen) -> Response:
+        self.participant.show(screen)
+        until_s = time.monotonic() + 5
+        while time.monotonic() < until_s:
+            if (response := self.participant.poll()) is not None:
+                return response
+        raise AssertionError(f"no answer; said: {self.said}")
+
+
+@pytest.mark.parametrize("typed", ["1", "smoother", "SMOOTHER", "  1  "])
+def test_a_change_is_given_by_number_or_word(typed: str) -> None:
+    assert Terminal(f"{typed}\n").answer(AskChange(question="roughness")).answer == "smoother"
+
+
+def test_chinese_words_are_understood() -> None:
+    terminal = Terminal("没有互换\n", language="zh")
+    assert terminal.answer(AskChange(question="places")).answer == "not swapped"
+    assert "光滑和粗糙的位置是否互换了？" in terminal.said
+
+
+def test_what_does_not_fit_is_asked_again() -> None:
+    terminal = Terminal("4\nyes\n2\n")
+    assert terminal.answer(AskChange(question="roughness")).answer == "rougher"
+    assert "? '4'" in terminal.said
+    assert "? 'yes'" in terminal.said
+
+
+def test_a_score_beyond_the_scale_is_asked_again() -> None:
+    terminal = Terminal("11\nx\n-1\n7\n")
+    assert terminal.answer(AskScore(rating=Rating())).answer == "7"
+    assert [line for line in terminal.said if line.startswith("?")] == [
+        "? '11': How strong is the change? 0 to 10",
+        "? 'x': How strong is the change? 0 to 10",
+        "? '-1': How strong is the change? 0 to 10",
+    ]
+
+
+def test_a_reaction_time_counts_from_the_question() -> None:
+    assert Terminal("\n").answer(Instruction(text="remember")).reaction_time_s == 1.0
+
+
+def test_a_notice_is_not_answered() -> None:
+    terminal = Terminal("1\n")
+    terminal.participant.show(Notice(text="thanks"))
+    assert terminal.participant.poll() is None
+
+
+def test_an_input_that_ends_is_somebody_gone() -> None:
+    with pytest.raises(ParticipantGone, match="input has ended"):
+        Terminal("").answer(Instruction(text="remember"))
+
+
+def test_the_operator_confirms_with_enter() -> None:
+    said: list[str] = []
+    swapped: list[str] = []
+    operator = ConsoleOperator(TypedLines(io.StringIO("\n")), said.append, swapped.append)
+    operator.mount("1.5 mm")
+    until_s = time.monotonic() + 5
+    while not operator.mounted() and time.monotonic() < until_s:
+        pass
+    assert swapped == ["1.5 mm"]
+    assert "the output is off. Mount the beam '1.5 mm'" in said[0]

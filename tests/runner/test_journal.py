@@ -1,0 +1,90 @@
+"""The journal: append-only, chained, private, and never half-written."""
+
+import sqlite3
+from contextlib import closing
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+
+from runner.journal import FIRST_HASH, Journal, JournalError, chain_hash, open_journal
+from runner.session_state import Event
+
+NOON = datetime(2026, 1, 1, 12, tzinfo=UTC)
+TYPED = "粗糙 \"quoted\" '=cmd()'"
+
+
+def event(seq: int, **payload: object) -> Event:
+    return Event(seq=seq, tag="note", utc=NOON, monotonic_s=1.5, payload=payload)
+
+
+def filled(path: Path) -> Journal:
+    journal = open_journal(path)
+    journal.append("P01/1", event(0, text=TYPED))
+    journal.append("P01/1", event(1, value=1.25))
+    journal.append("P02/1", event(0))
+    return journal
+
+
+def test_events_come_back_as_they_went_in(tmp_path: Path) -> None:
+    with filled(tmp_path / "study.db"):
+        pass
+    with open_journal(tmp_path / "study.db") as journal:
+        assert journal.sessions() == ["P01/1", "P02/1"]
+        assert journal.events("P01/1") == [event(0, text=TYPED), event(1, value=1.25)]
+
+
+@pytest.mark.parametrize(
+    "statement",
+    ["UPDATE event SET tag = 'x'", "DELETE FROM event", "UPDATE payload SET body = '{}'"],
+)
+def test_nothing_can_be_changed_afterwards(tmp_path: Path, statement: str) -> None:
+    path = tmp_path / "study.db"
+    with (
+        filled(path),
+        closing(sqlite3.connect(path)) as other,
+        pytest.raises(sqlite3.IntegrityError, match="append-only"),
+    ):
+        other.execute(statement)
+
+
+def test_each_event_is_chained_to_the_one_before(tmp_path: Path) -> None:
+    path = tmp_path / "study.db"
+    with filled(path), closing(sqlite3.connect(path)) as other:
+        rows = other.execute("SELECT * FROM event WHERE session = 'P01/1' ORDER BY seq").fetchall()
+    assert rows[0][-1] == chain_hash(FIRST_HASH, rows[0][:-1])
+    assert rows[1][-1] == chain_hash(rows[0][-1], rows[1][:-1])
+
+
+def test_an_event_twice_is_refused_and_leaves_nothing(tmp_path: Path) -> None:
+    with filled(tmp_path / "study.db") as journal:
+        with pytest.raises(JournalError, match=r"cannot be written \(UNIQUE"):
+            journal.append("P01/1", event(1))
+        assert len(journal.events("P01/1")) == 2
+
+
+def test_a_gap_is_refused(tmp_path: Path) -> None:
+    journal = filled(tmp_path / "study.db")
+    with journal, pytest.raises(JournalError, match="P01/1 has no event 4"):
+        journal.append("P01/1", event(5))
+
+
+def test_it_is_readable_by_its_owner_alone(tmp_path: Path) -> None:
+    with filled(tmp_path / "study.db"):
+        assert (tmp_path / "study.db").stat().st_mode & 0o077 == 0
+
+
+def test_a_file_that_is_no_journal_is_left_alone(tmp_path: Path) -> None:
+    path = tmp_path / "study.db"
+    path.write_text("scores, scores, scores" * 100)
+    with pytest.raises(JournalError, match="cannot be opened as a journal"):
+        open_journal(path)
+    assert path.read_text().startswith("scores")
+
+
+def test_a_journal_of_another_version_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "study.db"
+    with closing(sqlite3.connect(path)) as other:
+        other.execute("PRAGMA user_version = 99")
+    with pytest.raises(JournalError, match="schema 99; this touchbeam knows 1"):
+        open_journal(path)

@@ -1,0 +1,143 @@
+"""The session's loop: what is recorded, and the device off on every way out."""
+
+from pathlib import Path
+
+import pytest
+
+from device.errors import DeviceError, OutputUnknown
+from protocol.plan import plan
+from protocol.study_file import parsed_study, template
+from runner.journal import Journal, open_journal
+from runner.loop import run
+from runner.screens import AskScore, Instruction, Pacing
+from runner.session import Session
+from runner.session_log import SessionLog
+from tests.runner.people import FakeClock, FakeDevice, FakeOperator, FakeParticipant
+
+TEXT = template("paper")
+
+
+def session(text: str = TEXT) -> Session:
+    study = parsed_study(text)
+    return Session(
+        participant="P01",
+        number=1,
+        kind="participant",
+        study=study,
+        study_text=text,
+        plan=plan(study, slot=0),
+    )
+
+
+def carried_out(
+    journal: Journal, device: FakeDevice, participant: FakeParticipant, text: str = TEXT
+) -> SessionLog:
+    clock = FakeClock()
+    log = SessionLog(journal, "P01/1", clock)
+    run(session(text), device, participant, FakeOperator(device), clock, log)
+    return log
+
+
+def tags(journal: Journal) -> list[str]:
+    return [event.tag for event in journal.events("P01/1")]
+
+
+def test_a_session_ends_complete_with_the_device_off(tmp_path: Path) -> None:
+    device = FakeDevice()
+    with open_journal(tmp_path / "study.db") as journal:
+        log = carried_out(journal, device, FakeParticipant())
+        assert log.state.name == "completed"
+        assert log.state.answered == set(range(7))
+        assert tags(journal)[-2:] == ["device-off", "session-completed"]
+        assert journal.events("P01/1")[-2].payload["confirmed"] is True
+    assert not device.on
+    assert device.calls[-1] == "off"
+
+
+def test_each_touch_is_commanded_and_read_back(tmp_path: Path) -> None:
+    device = FakeDevice()
+    with open_journal(tmp_path / "study.db") as journal:
+        carried_out(journal, device, FakeParticipant())
+        events = journal.events("P01/1")
+    started = [event.payload for event in events if event.tag == "touch-started"]
+    ended = [event.payload for event in events if event.tag == "touch-ended"]
+    assert len(started) == len(ended) == 12
+    assert all(end["read_back"][0]["output"] for end in ended)
+    assert {entry["commanded"]["frequency_hz"] for entry in started} == {
+        1.01 * 24_221,
+        0.98 * (1.01 * 24_221),
+    }, "frequencies are relative to the resonance that was measured"
+    assert max(point.voltage_v for point in device.driven) == 200
+
+
+def test_the_participant_is_not_told_what_the_device_does(tmp_path: Path) -> None:
+    participant = FakeParticipant()
+    with open_journal(tmp_path / "study.db") as journal:
+        carried_out(journal, FakeDevice(), participant)
+    harder = [screen for screen in participant.shown if isinstance(screen, Pacing)]
+    assert {screen.force_n for screen in harder} == {0.5, 0.75}
+    instructions = {s.text for s in participant.shown if isinstance(s, Instruction)}
+    assert instructions == {
+        "touch.smooth",
+        "touch.smooth.harder",
+        "touch.right",
+        "touch.left",
+        "remember",
+    }
+
+
+def test_an_answer_that_disagrees_leaves_the_score_missing(tmp_path: Path) -> None:
+    participant = FakeParticipant(changes=["same"] * 9)
+    text = TEXT.replace('"places"\nexpected = "swapped"', '"strength"\nexpected = "stronger"')
+    with open_journal(tmp_path / "study.db") as journal:
+        carried_out(journal, FakeDevice(), participant, text)
+        answers = [e.payload for e in journal.events("P01/1") if e.tag == "answered"]
+    assert [answer["agrees"] for answer in answers] == [None] + [False] * 6
+    assert {answer["score"] for answer in answers} == {None}
+    assert not any(isinstance(screen, AskScore) for screen in participant.shown)
+
+
+def test_a_study_may_ask_for_the_score_always(tmp_path: Path) -> None:
+    participant = FakeParticipant(changes=["rougher"] * 9)
+    text = TEXT.replace('score_when = "agrees"', 'score_when = "always"').replace(
+        '"places"\nexpected = "swapped"', '"roughness"\nexpected = "smoother"'
+    )
+    text = text.replace('"strength"\nexpected = "stronger"', '"roughness"\nexpected = "smoother"')
+    with open_journal(tmp_path / "study.db") as journal:
+        carried_out(journal, FakeDevice(), participant, text)
+        answers = [e.payload for e in journal.events("P01/1") if e.tag == "answered"]
+    assert [answer["score"] for answer in answers] == [None, None] + [7] * 5
+
+
+@pytest.mark.parametrize("call", ["arm", "resonance", "drive", "beat"])
+def test_a_device_that_fails_leaves_a_session_that_resumes(tmp_path: Path, call: str) -> None:
+    failing = FakeDevice(fails=call)
+    with open_journal(tmp_path / "study.db") as journal:
+        with pytest.raises(DeviceError, match=f"{call} failed"):
+            carried_out(journal, failing, FakeParticipant())
+        assert failing.calls[-1] == "off"
+        log = carried_out(journal, FakeDevice(), FakeParticipant())
+        assert log.state.answered == set(range(7))
+        assert "session-resumed" in tags(journal)
+
+
+@pytest.mark.parametrize("moment", ["touch.right", "Pacing", "AskChange", "AskScore"])
+def test_a_stop_in_a_trial_aborts_it_and_it_is_repeated(tmp_path: Path, moment: str) -> None:
+    device = FakeDevice()
+    with open_journal(tmp_path / "study.db") as journal:
+        with pytest.raises(KeyboardInterrupt):
+            carried_out(journal, device, FakeParticipant(stops_at=moment))
+        assert not device.on
+        assert tags(journal)[-2:] == ["trial-aborted", "device-off"]
+        log = carried_out(journal, device, FakeParticipant())
+        assert log.state.aborted
+        assert log.state.answered == set(range(7))
+        assert tags(journal).count("answered") == 7
+
+
+def test_an_output_that_is_not_read_back_as_off_is_said_to_be_unknown(tmp_path: Path) -> None:
+    with open_journal(tmp_path / "study.db") as journal:
+        with pytest.raises(OutputUnknown, match="UNKNOWN - cut the amplifier"):
+            carried_out(journal, FakeDevice(fails="off"), FakeParticipant())
+        off = journal.events("P01/1")[-1]
+        assert (off.tag, off.payload["confirmed"]) == ("device-off", False)

@@ -1,0 +1,28 @@
+"""How fast the command line answers, against importing the library it is made with."""
+
+import subprocess
+import sys
+from pathlib import Path
+from statistics import median
+from time import perf_counter
+
+from pytest_benchmark.fixture import BenchmarkFixture
+
+TOUCHBEAM = str(Path(sys.executable).with_name("touchbeam"))
+HELP = [TOUCHBEAM, "--help"]
+TYPER = [sys.executable, "-c", "import typer"]
+ROUNDS = 15
+
+
+def _seconds(command: list[str]) -> float:
+    start = perf_counter()
+    subprocess.run(command, check=True, capture_output=True)
+    return perf_counter() - start
+
+
+def test_help_takes_at_most_twice_an_import_of_typer(benchmark: BenchmarkFixture) -> None:
+    pairs = [(_seconds(HELP), _seconds(TYPER)) for _ in range(ROUNDS)]
+    ratio = median(ours for ours, _ in pairs) / median(peer for _, peer in pairs)
+    benchmark.extra_info["ratio to import typer"] = round(ratio, 2)
+    benchmark.pedantic(_seconds, args=(HELP,), rounds=3)
+    assert ratio <= 2

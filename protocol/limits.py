@@ -1,72 +1,154 @@
 """What a study may not ask of its rig, whatever the schema lets through."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
-from protocol.study import Item, Study, Touch
+from protocol.impossible import design_problems
+from protocol.problem import Path, Problem
+from protocol.programme import current_ma, driven_s, slew_v_per_us, touch_s
+from protocol.study import Condition, Item, Study, Touch
+from protocol.texts import text_problems
+from protocol.variants import scaled
 
-
-@dataclass(frozen=True, kw_only=True)
-class Problem:
-    """Something wrong with a study: where it stands, the broken rule, the value, what to do."""
-
-    where: str
-    rule: str
-    value: str
-    hint: str = ""
-
-    def __str__(self) -> str:
-        """One line for a person."""
-        line = f"{self.where}: {self.rule}, got {self.value}"
-        return f"{line}; {self.hint}" if self.hint else line
+__all__ = ["Problem", "problems"]
 
 
 def problems(study: Study) -> list[Problem]:
-    """Return everything in `study` that breaks a limit or names something that is not there."""
-    found = [*_duplicates(study), *_missing_beam(study, "touch.beam", study.touch.beam)]
-    for where, item in _items(study):
-        for number, touch in enumerate(item.touches, start=1):
-            found += _touch_problems(study, f"{where}, touch {number}", touch)
-    return found
+    """Return everything in `study` that breaks a limit, cannot be met or names nothing there is."""
+    found = [*_duplicates(study), *_missing_beam(study, "touch.beam", ("touch",), study.touch.beam)]
+    for where, path, item in _items(study):
+        level = max(item.levels) if isinstance(item, Condition) else 1.0
+        for number, touch in enumerate(item.touches):
+            place = (f"{where}, touch {number + 1}", (*path, "touches", number))
+            found += _touch_problems(study, *place, touch, level)
+    found += [*_unnamed_beam(study), *text_problems(study)]
+    return found or design_problems(study)
 
 
-def _items(study: Study) -> Iterator[tuple[str, Item]]:
-    yield from ((f"opening {opening.kind}", opening) for opening in study.opening)
-    yield from ((f"condition {condition.name}", condition) for condition in study.condition)
+def _items(study: Study) -> Iterator[tuple[str, Path, Item]]:
+    for number, opening in enumerate(study.opening):
+        yield f"opening {opening.kind}", ("opening", number), opening
+    for number, condition in enumerate(study.condition):
+        yield f"condition {condition.name}", ("condition", number), condition
 
 
 def _duplicates(study: Study) -> Iterator[Problem]:
-    for name in sorted({name for name in study.conditions if study.conditions.count(name) > 1}):
-        yield Problem(
-            where="condition", rule="names must differ", value=repr(name), hint="rename one"
-        )
+    for number, name in enumerate(study.conditions):
+        if name in study.conditions[:number]:
+            yield Problem(
+                where="condition",
+                rule="names must differ",
+                value=repr(name),
+                hint="rename one",
+                path=("condition", number, "name"),
+            )
 
 
-def _touch_problems(study: Study, where: str, touch: Touch) -> Iterator[Problem]:
+def _touch_problems(
+    study: Study, where: str, path: Path, touch: Touch, level: float
+) -> Iterator[Problem]:
+    peak_v = touch.peak_voltage_v * level
+    for rule, value, hint, key in (
+        *_drive(study, touch, peak_v),
+        *_amplifier(study, touch, peak_v),
+        *_times(study, touch, level),
+    ):
+        yield Problem(where=where, rule=rule, value=value, hint=hint, path=(*path, key))
+    yield from _missing_beam(study, where, path, touch.beam)
+
+
+_Broken = tuple[str, str, str, str]
+
+
+def _drive(study: Study, touch: Touch, peak_v: float) -> Iterator[_Broken]:
     rig = study.rig
-    if touch.peak_voltage_v > rig.max_voltage_v:
-        yield Problem(
-            where=where,
-            rule=f"the amplitude must not exceed rig.max_voltage_v = {rig.max_voltage_v:g} V",
-            value=f"{touch.peak_voltage_v:g} V",
-            hint="amplitudes are peak, not peak-to-peak",
+    if peak_v > rig.max_voltage_v:
+        key = "ramp_to_v" if touch.end_voltage_v > touch.voltage_v else "voltage_v"
+        yield (
+            f"the amplitude must not exceed rig.max_voltage_v = {rig.max_voltage_v:g} V",
+            f"{peak_v:g} V",
+            f"amplitudes are peak, not peak-to-peak: {peak_v:g} V peak-to-peak is {peak_v / 2:g} V",
+            key,
         )
-    frequency_hz = touch.frequency * rig.nominal_resonance_hz
+    frequency_hz = touch.peak_frequency * rig.nominal_resonance_hz
     if frequency_hz > rig.max_frequency_hz:
-        yield Problem(
-            where=where,
-            rule=f"the drive must not exceed rig.max_frequency_hz = {rig.max_frequency_hz:g} Hz",
-            value=f"{frequency_hz:g} Hz",
-            hint="frequency is relative to the resonance: 1.0 drives the beam there",
+        yield (
+            f"the drive must not exceed rig.max_frequency_hz = {rig.max_frequency_hz:g} Hz",
+            f"{frequency_hz:g} Hz",
+            "frequency is relative to the resonance: 1.0 drives the beam there",
+            "sweep_to" if touch.end_frequency > touch.frequency else "frequency",
         )
-    yield from _missing_beam(study, where, touch.beam)
 
 
-def _missing_beam(study: Study, where: str, beam: str | None) -> Iterator[Problem]:
+def _amplifier(study: Study, touch: Touch, peak_v: float) -> Iterator[_Broken]:
+    rig = study.rig
+    frequency_hz = touch.peak_frequency * rig.nominal_resonance_hz
+    slew = slew_v_per_us(peak_v, frequency_hz)
+    if slew > rig.max_slew_v_per_us:
+        yield (
+            f"2 pi f V must not exceed rig.max_slew_v_per_us = {rig.max_slew_v_per_us:g} V/us",
+            f"{slew:.4g} V/us",
+            "lower the amplitude or the frequency",
+            "voltage_v",
+        )
+    vpp = 2 * peak_v / rig.amplifier_gain if rig.amplifier_gain else 0.0
+    if vpp > rig.generator_max_vpp:
+        yield (
+            f"2 V / amplifier_gain must not exceed rig.generator_max_vpp = "
+            f"{rig.generator_max_vpp:g} V peak-to-peak",
+            f"{vpp:g} V",
+            "the generator gives half of its peak-to-peak value as amplitude",
+            "voltage_v",
+        )
+    current = current_ma(peak_v, frequency_hz, rig.capacitance_nf or 0.0)
+    if rig.max_current_ma is not None and current > rig.max_current_ma:
+        yield (
+            f"2 pi f C V must not exceed rig.max_current_ma = {rig.max_current_ma:g} mA",
+            f"{current:.4g} mA",
+            "lower the amplitude or the frequency",
+            "voltage_v",
+        )
+
+
+def _times(study: Study, touch: Touch, level: float) -> Iterator[_Broken]:
+    rig = study.rig
+    slope = abs(touch.end_voltage_v - touch.voltage_v) * level / touch_s(touch, study.touch)
+    if slope > rig.ramp_v_per_s:
+        yield (
+            f"a ramp must not be steeper than rig.ramp_v_per_s = {rig.ramp_v_per_s:g} V/s",
+            f"{slope:.4g} V/s",
+            "let the touch last longer: duration_s",
+            "ramp_to_v",
+        )
+    driven = driven_s(scaled(touch, level), study.touch, rig)
+    if driven > rig.max_drive_s:
+        yield (
+            f"a touch must not be driven longer than rig.max_drive_s = {rig.max_drive_s:g} s",
+            f"{driven:.4g} s",
+            "shorten duration_s",
+            "duration_s",
+        )
+
+
+def _unnamed_beam(study: Study) -> Iterator[Problem]:
+    """A study that swaps beams says which one is mounted at first."""
+    if study.touch.beam is None and any(
+        touch.beam for _, _, item in _items(study) for touch in item.touches
+    ):
+        yield Problem(
+            where="touch.beam",
+            rule="must be given when a touch names a beam",
+            value="nothing",
+            hint=f"one of {', '.join(study.beams)}",
+            path=("touch",),
+        )
+
+
+def _missing_beam(study: Study, where: str, path: Path, beam: str | None) -> Iterator[Problem]:
     if beam is not None and beam not in study.beams:
         yield Problem(
             where=where,
             rule="the beam must be one of [beams]",
             value=repr(beam),
             hint=f"known: {', '.join(study.beams) or 'none'}",
+            path=(*path, "beam"),
         )

@@ -1,69 +1,58 @@
 """The plan of one session: the study's trials in the order that the participant's slot gives."""
 
-import random
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
-from protocol.questions import Question
-from protocol.study import Condition, Opening, Study, Touch
-from protocol.williams import williams_sequences
+from protocol.blocks import ordered_conditions
+from protocol.extras import catch_places, level_draws, opposite_draws, practised
+from protocol.study import Condition, Opening, Study
+from protocol.trial import Plan, Trial
+from protocol.variants import at_level, catch_expected, opposite, opposite_expected
 
-
-@dataclass(frozen=True, kw_only=True)
-class Trial:
-    """One trial: touches, then a question unless `question` is None, then a score if `scored`.
-
-    `kind` is baseline, signal, practice, trial or catch; `index` counts from 0 within a session.
-    """
-
-    index: int
-    block: int
-    kind: str
-    condition: str | None
-    question: Question | None
-    expected: str | None
-    scored: bool
-    touches: tuple[Touch, ...]
+__all__ = ["Plan", "Trial", "plan"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plan:
-    """The trials of one session, and which of the design's sequences gave their order."""
+class Session:
+    """Whose plan is drawn: the names of its random streams."""
 
+    study: Study
     slot: int
-    sequence: tuple[str, ...]
-    trials: tuple[Trial, ...]
+    number: int
+
+    def name(self, purpose: str) -> tuple[object, ...]:
+        """Seed and name of the stream for `purpose`."""
+        return (self.study.study.seed, purpose, self.number, self.slot)
 
 
-def plan(study: Study, slot: int) -> Plan:
+def plan(study: Study, slot: int, session: int = 1) -> Plan:
     """Return the plan for the participant in `slot`, counted from 0 over the cohort.
 
-    The study's seed decides which Williams sequence each slot has; any run of as many slots as
-    there are sequences, from a multiple of that number on, holds every sequence once.
+    The study's seed decides everything: orders (see `protocol.orders`), levels, opposite, catch
+    and practice trials each draw from a random stream of their own.
+
+    Args:
+        study: a checked study.
+        slot: the participant's place in the design.
+        session: of the participant, from 1.
+
+    Raises:
+        ValueError: the design's constraints cannot be met (`protocol.limits` says so beforehand).
     """
-    order = _order(study, slot)
-    opening = [_opening_trial(index, item) for index, item in enumerate(study.opening)]
-    scored = [
-        _scored_trial(len(opening) + position, study.condition[number])
-        for position, number in enumerate(order)
-    ]
+    of = Session(study=study, slot=slot, number=session)
+    order = ordered_conditions(study, slot, session)
+    trials = [*map(_opening_trial, study.opening), *_practice(of), *_main(of, order)]
     return Plan(
         slot=slot,
-        sequence=tuple(study.conditions[number] for number in order),
-        trials=tuple(opening + scored),
+        session=session,
+        sequence=tuple(study.conditions[number] for _, number in order),
+        trials=tuple(replace(trial, index=index) for index, trial in enumerate(trials)),
     )
 
 
-def _order(study: Study, slot: int) -> tuple[int, ...]:
-    if study.design.order == "fixed":
-        return tuple(range(len(study.condition)))
-    sequences = list(williams_sequences(len(study.condition)))
-    random.Random(f"order/{study.study.seed}").shuffle(sequences)
-    return sequences[slot % len(sequences)]
-
-
-def _opening_trial(index: int, item: Opening) -> Trial:
+def _opening_trial(item: Opening) -> Trial:
     return Trial(
-        index=index,
+        index=0,
         block=0,
         kind=item.kind,
         condition=None,
@@ -74,14 +63,57 @@ def _opening_trial(index: int, item: Opening) -> Trial:
     )
 
 
-def _scored_trial(index: int, condition: Condition) -> Trial:
+def _practice(of: Session) -> Iterator[Trial]:
+    for number in practised(of.study, of.name("practice")):
+        condition = of.study.condition[number]
+        yield replace(_trial(condition, condition.levels[-1], turned=False), kind="practice")
+
+
+def _main(of: Session, order: list[tuple[int, int]]) -> Iterator[Trial]:
+    """The scored trials block by block, with catch trials after some of them."""
+    levels = level_draws(of.study, of.name("levels"))
+    turned = opposite_draws(of.study, of.name("opposite"))
+    catches = catch_places(of.study, [number for _, number in order], of.name("catch"))
+    block_before = 1
+    for place, (block, number) in enumerate(order, start=1):
+        trial = _trial(of.study.condition[number], levels[number].pop(), turned[number].pop())
+        break_s = _break_s(of.study, block) if block != block_before else 0.0
+        yield replace(trial, block=block, break_s=break_s)
+        if place in catches:
+            yield _catch_trial(of.study.condition[catches[place]], block)
+        block_before = block
+
+
+def _break_s(study: Study, block: int) -> float:
+    every = study.design.break_every_blocks
+    return study.design.break_s if every and (block - 1) % every == 0 else 0.0
+
+
+def _trial(condition: Condition, level: float, turned: bool) -> Trial:
+    touches = at_level(condition.touches, level)
     return Trial(
-        index=index,
-        block=1,
+        index=0,
+        block=0,
         kind="trial",
         condition=condition.name,
         question=condition.question,
-        expected=condition.expected,
+        expected=opposite_expected(condition) if turned else condition.expected,
         scored=True,
-        touches=condition.touches,
+        touches=opposite(touches) if turned else touches,
+        level=level,
+        opposite=turned,
+    )
+
+
+def _catch_trial(condition: Condition, block: int) -> Trial:
+    return Trial(
+        index=0,
+        block=block,
+        kind="catch",
+        condition=condition.name,
+        question=condition.question,
+        expected=catch_expected(condition),
+        scored=False,
+        touches=at_level(condition.touches, 0.0),
+        level=0.0,
     )

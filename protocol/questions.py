@@ -24,3 +24,28 @@ def checked_answer(question: Question, answer: str) -> str:
             f"got {answer!r}"
         )
     return answer
+
+
+_OPPOSITES = {"smoother": "rougher", "stronger": "weaker"}
+_OPPOSITES |= {other: answer for answer, other in _OPPOSITES.items()}
+
+
+def opposite_answer(question: Question, answer: str) -> str | None:
+    """Return the answer that says the contrary, or `None` if there is none.
+
+    Places that swap from right to left also swap from left to right.
+
+    >>> opposite_answer("roughness", "smoother")
+    'rougher'
+    """
+    opposite = _OPPOSITES.get(answer)
+    return opposite if opposite in ANSWERS[question] else None
+
+
+def no_change(question: Question) -> str:
+    """Return the answer that says that nothing changed.
+
+    >>> no_change("places")
+    'not swapped'
+    """
+    return ANSWERS[question][-1]

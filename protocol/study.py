@@ -6,83 +6,51 @@ amplitude (peak), a frequency is relative to the resonance that the rig measures
 
 from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
+from protocol.conduct import Conduct, Exclusions, Publication
+from protocol.design import Design, Timing
 from protocol.questions import ANSWERS, Question
+from protocol.rating import Band, Rating
+from protocol.record import Name, NotNegative, Positive, Record, Whole
+from protocol.rig import Rig
+from protocol.touch import Touch, TouchDefaults
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Name = Annotated[str, Field(min_length=1, max_length=64)]
+__all__ = [
+    "Band",
+    "Condition",
+    "Conduct",
+    "Design",
+    "Exclusions",
+    "Header",
+    "Item",
+    "Language",
+    "Opening",
+    "Publication",
+    "Rating",
+    "Record",
+    "Rig",
+    "Study",
+    "Timing",
+    "Touch",
+    "TouchDefaults",
+]
 
-
-class Record(BaseModel):
-    """Frozen, keyword-only, no unknown keys."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=False, populate_by_name=True)
-
-
-class Rig(Record):
-    """The device and the limits that no trial may exceed."""
-
-    device: str = "sim"
-    nominal_resonance_hz: Positive = 24_221.0
-    max_voltage_v: Annotated[float, Field(gt=0, le=200)] = 200.0
-    max_frequency_hz: Annotated[float, Field(gt=0, le=100_000)] = 40_000.0
-    ramp_v_per_s: Annotated[float, Field(gt=0, le=2_000)] = 400.0
-    watchdog_s: Annotated[float, Field(ge=0.1, le=5)] = 0.5
-
-
-class TouchDefaults(Record):
-    """How the finger touches unless a trial says otherwise."""
-
-    force_n: Positive = 0.5
-    contact_m: Positive = 0.010
-    sliding_speed_m_s: Positive = 0.04
-    path_m: tuple[NotNegative, Positive] = (0.010, 0.081)
-    smooth_place_m: NotNegative = 0.0414
-    hold_s: Positive = 2.0
-    beam: Name | None = None
-
-    @model_validator(mode="after")
-    def _path_leads_right(self) -> Self:
-        if self.path_m[0] >= self.path_m[1]:
-            raise ValueError(f"path_m must lead from left to right, got {list(self.path_m)}")
-        return self
-
-
-class Touch(Record):
-    """One touch of the beam and what the device does meanwhile.
-
-    `ramp_to_v` lets the amplitude rise while the finger is on the beam; `press` is the touch
-    force relative to the study's own.
-    """
-
-    place: Literal["path", "smooth"]
-    voltage_v: NotNegative
-    ramp_to_v: NotNegative | None = None
-    frequency: Positive = 1.0
-    direction: Literal["right", "left"] = "right"
-    press: Positive = 1.0
-    beam: Name | None = None
-    duration_s: Positive | None = None
-
-    @property
-    def end_voltage_v(self) -> float:
-        """Amplitude at the end of the touch, V."""
-        return self.voltage_v if self.ramp_to_v is None else self.ramp_to_v
-
-    @property
-    def peak_voltage_v(self) -> float:
-        """Largest amplitude during the touch, V."""
-        return max(self.voltage_v, self.end_voltage_v)
+Language = Literal["en", "zh"]
 
 
 class Item(Record):
     """Something to touch and, unless `question` is missing, to answer."""
 
-    question: Question | None = None
-    expected: str | None = None
-    touches: Annotated[tuple[Touch, ...], Field(min_length=1)]
+    question: Annotated[
+        Question | None, Field(description="what is asked after the last touch")
+    ] = None
+    expected: Annotated[
+        str | None, Field(description="the answer that agrees with the expectation")
+    ] = None
+    touches: Annotated[
+        tuple[Touch, ...], Field(min_length=1, max_length=12, description="in order; see Touches")
+    ]
 
     @model_validator(mode="after")
     def _expected_fits_question(self) -> Self:
@@ -98,70 +66,82 @@ class Item(Record):
 class Opening(Item):
     """A trial that every session begins with; it is not scored."""
 
-    kind: Literal["baseline", "signal"]
+    kind: Annotated[
+        Literal["baseline", "signal"], Field(description="without a signal, or with the first one")
+    ]
 
 
 class Condition(Item):
     """A parameter that changes; its effect is scored."""
 
-    name: Name
-    question: Question
-    expected: str
-
-
-class Band(Record):
-    """The name of a range of scores, in each language."""
-
-    first: Annotated[int, Field(ge=0, alias="from")]
-    last: Annotated[int, Field(ge=0, alias="to")]
-    en: str
-    zh: str
-
-
-class Rating(Record):
-    """When the effect is scored, and how the scores are named (0-10, paper section 5.2)."""
-
-    score_when: Literal["agrees", "always"] = "agrees"
-    minimum: Literal[0] = 0
-    maximum: Literal[10] = 10
-    bands: tuple[Band, ...] = ()
-
-    def checked_score(self, score: int) -> int:
-        """Return `score` if it lies on the scale.
-
-        Raises:
-            ValueError: it does not.
-        """
-        if not self.minimum <= score <= self.maximum:
-            raise ValueError(f"rating must lie in [{self.minimum}, {self.maximum}], got {score}")
-        return score
-
-
-class Design(Record):
-    """How the conditions are ordered over the cohort."""
-
-    order: Literal["williams", "fixed"] = "williams"
+    name: Annotated[Name, Field(description="as it appears in tables and reports")]
+    question: Annotated[Question, Field(description="what is asked after the last touch")]
+    expected: Annotated[str, Field(description="the answer that agrees with the expectation")]
+    levels: Annotated[
+        tuple[Positive, ...],
+        Field(
+            min_length=1,
+            max_length=20,
+            description="the repeats take these in random order: every amplitude of the trial is "
+            "multiplied by its level, so that predicted contrasts are spread",
+        ),
+    ] = (1.0,)
 
 
 class Header(Record):
     """Which study this is."""
 
-    schema_version: Annotated[Literal[1], Field(alias="schema")] = 1
-    name: Name
-    seed: Annotated[int, Field(ge=0)] = 1
+    schema_version: Annotated[
+        Literal[1], Field(alias="schema", description="version of this file's format")
+    ] = 1
+    name: Annotated[Name, Field(description="of the study")]
+    seed: Annotated[Whole, Field(description="decides every random choice of the design")] = 1
 
 
 class Study(Record):
     """A whole study, as `study.toml` gives it."""
 
-    study: Header
-    rig: Rig = Rig()
-    touch: TouchDefaults = TouchDefaults()
-    beams: dict[Name, NotNegative] = {}
-    design: Design = Design()
-    rating: Rating = Rating()
-    opening: tuple[Opening, ...] = ()
-    condition: Annotated[tuple[Condition, ...], Field(min_length=1)]
+    study: Annotated[Header, Field(description="Which study this is.")]
+    rig: Annotated[Rig, Field(description="The device, and limits that no trial may exceed.")] = (
+        Rig()
+    )
+    touch: Annotated[
+        TouchDefaults, Field(description="How the finger touches unless a trial says otherwise.")
+    ] = TouchDefaults()
+    beams: Annotated[
+        dict[Name, NotNegative],
+        Field(
+            description="Beams by name, each with the spacing of its ciliary bodies in m; "
+            "0 means none."
+        ),
+    ] = Field(default_factory=dict)
+    design: Annotated[Design, Field(description="Which trials there are, and their order.")] = (
+        Design()
+    )
+    timing: Annotated[
+        Timing, Field(description="Pauses, and assumptions about how long people take.")
+    ] = Timing()
+    rating: Annotated[Rating, Field(description="When and how the effect is scored.")] = Rating()
+    session: Annotated[Conduct, Field(description="How a session is conducted and resumed.")] = (
+        Conduct()
+    )
+    exclusions: Annotated[
+        Exclusions, Field(description="Rules, settled beforehand, on who and what is left out.")
+    ] = Exclusions()
+    publication: Annotated[
+        Publication, Field(description="Facts for exported data that only the author knows.")
+    ] = Publication()
+    texts: Annotated[
+        dict[Language, dict[Name, Annotated[str, Field(min_length=1)]]],
+        Field(description="Texts that replace the built-in ones, per language."),
+    ] = Field(default_factory=dict)
+    opening: Annotated[
+        tuple[Opening, ...], Field(description="Trials that begin every session, not scored.")
+    ] = ()
+    condition: Annotated[
+        tuple[Condition, ...],
+        Field(min_length=1, max_length=24, description="What is changed, and scored."),
+    ]
 
     @property
     def conditions(self) -> tuple[str, ...]:

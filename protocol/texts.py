@@ -4,20 +4,29 @@ Nothing here tells what the device does in a trial or which answer is expected: 
 is all that differs.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from difflib import get_close_matches
+from string import Formatter
 from types import MappingProxyType
-from typing import Literal
+from typing import get_args
 
-from protocol.study import Rating, Touch
+from protocol.problem import Problem
+from protocol.study import Language, Rating, Study, Touch
 
-Language = Literal["en", "zh"]
+__all__ = ["TEXTS", "Language", "band_names", "study_texts", "text_problems", "touch_text"]
 
 _ENGLISH = {
     "welcome": "Thank you for taking part. You will touch a beam and say what you feel.",
     "touch.smooth": "Touch the marked place with your left index finger.",
-    "touch.smooth.harder": "Touch the marked place again and press slightly harder.",
+    "touch.smooth.harder": "Touch the marked place and press slightly harder.",
     "touch.right": "Slide your left index finger slowly from left to right.",
     "touch.left": "Slide your left index finger slowly from right to left.",
+    "touch.full": "Lay several fingers of your left hand on the beam.",
+    "touch.full.harder": "Lay several fingers of your left hand on the beam and press harder.",
+    "touch.full.right": "Slide several fingers of your left hand slowly from left to right.",
+    "touch.full.left": "Slide several fingers of your left hand slowly from right to left.",
+    "practice": "First a few trials to practise. They do not count.",
+    "break": "Take a break. The session goes on when you are ready.",
     "ready": "Ready? Press Enter.",
     "touch.now": "Touch now.",
     "touch.end": "Lift your finger.",
@@ -40,9 +49,15 @@ _ENGLISH = {
 _CHINESE = {
     "welcome": "感谢您的参与。您将触摸一根梁并描述您的感觉。",
     "touch.smooth": "请用左手食指触摸标记的位置。",
-    "touch.smooth.harder": "请再次触摸标记的位置，稍微用力一些。",
+    "touch.smooth.harder": "请触摸标记的位置，稍微用力一些。",
     "touch.right": "请用左手食指从左向右慢慢滑动。",
     "touch.left": "请用左手食指从右向左慢慢滑动。",
+    "touch.full": "请将左手的几根手指放在梁上。",
+    "touch.full.harder": "请将左手的几根手指放在梁上，稍微用力一些。",
+    "touch.full.right": "请用左手的几根手指从左向右慢慢滑动。",
+    "touch.full.left": "请用左手的几根手指从右向左慢慢滑动。",
+    "practice": "先进行几次练习，不计入结果。",
+    "break": "请休息一下。准备好后继续。",
     "ready": "准备好了吗？请按回车键。",
     "touch.now": "请开始触摸。",
     "touch.end": "请抬起手指。",
@@ -65,11 +80,19 @@ _CHINESE = {
 TEXTS: Mapping[Language, Mapping[str, str]] = MappingProxyType({"en": _ENGLISH, "zh": _CHINESE})
 
 
+def study_texts(study: Study, language: Language) -> Mapping[str, str]:
+    """Return all texts in `language`, the study's own before the built-in ones."""
+    return {**TEXTS[language], **study.texts.get(language, {})}
+
+
 def touch_text(touch: Touch) -> str:
     """Return the key of the text that says how to make `touch`."""
+    if touch.instruction is not None:
+        return touch.instruction
+    full = ".full" if touch.coverage == "full" else ""
     if touch.place == "path":
-        return f"touch.{touch.direction}"
-    return "touch.smooth.harder" if touch.press > 1 else "touch.smooth"
+        return f"touch{full}.{touch.direction}"
+    return f"touch{full or '.smooth'}" + (".harder" if touch.press > 1 else "")
 
 
 def band_names(rating: Rating, language: Language) -> tuple[str, ...]:
@@ -81,3 +104,44 @@ def band_names(rating: Rating, language: Language) -> tuple[str, ...]:
 
 def _span(first: int, last: int) -> str:
     return str(first) if first == last else f"{first}-{last}"
+
+
+def text_problems(study: Study) -> Iterator[Problem]:
+    """Yield what is wrong with the study's own texts and with the instructions that name them."""
+    items = [*study.opening, *study.condition]
+    named = {touch.instruction for item in items for touch in item.touches if touch.instruction}
+    for language in get_args(Language):
+        own = study.texts.get(language, {})
+        for key in own:
+            yield from _override_problems(language, key, own[key], named)
+        for key in sorted(named - own.keys() - TEXTS[language].keys()):
+            yield Problem(
+                where=f"texts.{language}",
+                rule="an instruction that a touch names must have a text",
+                value=f"none for {key!r}",
+                path=("texts", language),
+            )
+
+
+def _override_problems(
+    language: Language, key: str, text: str, named: set[str]
+) -> Iterator[Problem]:
+    known = TEXTS[language]
+    where, path = f"texts.{language}.{key}", ("texts", language, key)
+    if key not in known and key not in named:
+        close = get_close_matches(key, [*known, *named], n=1)
+        hint = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(known)}"
+        yield Problem(where=where, rule="unknown key", value=repr(key), hint=hint, path=path)
+    elif _fields(text) != _fields(known.get(key, "")):
+        wanted = ", ".join(f"{{{name}}}" for name in _fields(known.get(key, ""))) or "none"
+        yield Problem(
+            where=where, rule=f"the fields in braces must be {wanted}", value=repr(text), path=path
+        )
+
+
+def _fields(text: str) -> list[str]:
+    """Names in braces; a brace that is not closed counts as one of its own."""
+    try:
+        return sorted(name for _, name, _, _ in Formatter().parse(text) if name is not None)
+    except ValueError:
+        return ["{"]

@@ -1,16 +1,37 @@
-"""Study files: the built-in study, and what is said about bad ones."""
+"""Study files: the built-in studies, and what is said about bad ones."""
+
+import copy
+import tomllib
+from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydantic import ValidationError
 
+from protocol.salvage import salvaged
+from protocol.schema_problems import schema_problems
+from protocol.study import Study
 from protocol.study_file import StudyError, parsed_study, template
 
 PAPER = template("paper")
+EXTENDED = template("extended")
 
 
 def test_the_paper_study_has_its_five_conditions() -> None:
     study = parsed_study(PAPER)
     assert study.conditions == ("frequency", "structure", "voltage", "direction", "pressure")
     assert [opening.kind for opening in study.opening] == ["baseline", "signal"]
+    assert study.design.repeats == 1
+
+
+def test_the_extended_study_has_what_it_says() -> None:
+    design = parsed_study(EXTENDED).design
+    assert design.order == "williams"
+    assert design.repeats * 5 >= 20
+    assert min(design.practice_trials, design.catch_trials, design.opposite_repeats) > 0
+    assert design.break_every_blocks > 0
+    assert all(len(set(c.levels)) == 4 for c in parsed_study(EXTENDED).condition)
 
 
 def test_the_bands_cover_the_scale() -> None:
@@ -19,21 +40,46 @@ def test_the_bands_cover_the_scale() -> None:
     assert covered == list(range(11))
 
 
+def test_an_unknown_template_is_refused() -> None:
+    with pytest.raises(ValueError, match="one of paper, extended, got 'papr'"):
+        template("papr")
+
+
 @pytest.mark.parametrize(
     ("right", "wrong", "message"),
     [
         ("max_voltage_v", "max_voltag_v", "unknown key, got 'max_voltag_v'; did you mean 'max_vol"),
-        ("press = 1.5", "prss = 1.5", "'prss'; did you mean 'press'"),
+        ("press = 1.5", "prss = 1.5", "pressure, touch 2, prss: .* 'prss'; did you mean 'press'"),
         ("ramp_to_v = 200", "ramp_to_v = 201", "must not exceed .* = 200 V, got 201 V"),
-        ("max_voltage_v = 200 ", "max_voltage_v = 400 ", "rig.max_voltage_v: .* 200, got 400"),
+        ("max_voltage_v = 200 ", "max_voltage_v = 400 ", "max_voltage_v: must be at most 200, got"),
         ("frequency = 0.98", "frequency = 2", "must not exceed .* = 40000 Hz, got 48442 Hz"),
         ('beam = "1.5 mm"', 'beam = "2 mm"', "one of .beams., got '2 mm'; known: no bodies"),
         ('beam = "1 mm"        ', 'beam = "2 mm"       ', "touch.beam: .* got '2 mm'"),
+        ('beam = "1 mm"        ', "#", "touch.beam: must be given when a touch names a beam"),
         ('"swapped"', '"swappd"', "one of swapped, not swapped .* got 'swappd'"),
         ('name = "voltage"', 'name = "pressure"', "names must differ, got 'pressure'"),
-        ("[study]", "[study", "must be TOML"),
-        ("voltage_v = 100", "voltage_v = nan", "finite number, got nan"),
+        ("[study]", "[study", "study.toml:4: file: must be TOML"),
+        ("voltage_v = 100", "voltage_v = nan", "must be a finite number, got nan"),
+        ("voltage_v = 100", "voltage_v = -1", "must be at least 0, got -1"),
+        ("seed = 1", "seed = 1.5", "study.seed: must be a whole number, got 1.5"),
+        ("seed = 1", "seed = -1", "study.seed: must be at least 0, got -1"),
+        ('order = "williams"', 'order = "latin"', "'williams', 'blocks', .* got 'latin'"),
         ("path_m = [0.010, 0.081]", "path_m = [0.081, 0.010]", "left to right, got .0.081"),
+        ("to = 4", "to = 3", "bands must follow one another from 0 to 10, got 0-0, 1-3"),
+        ("duration_s = 6", "duration_s = 0.4", "steeper than rig.ramp_v_per_s = 400 V/s, got 500"),
+        ("duration_s = 6", "duration_s = 60", "rig.max_drive_s = 30 s, got 60.5 s"),
+        ("max_slew_v_per_us = 40", "max_slew_v_per_us = 30", "= 30 V/us, got 30.44 V/us"),
+        ('device = "sim"', "amplifier_gain = 20", "generator_max_vpp = 10 V peak.* got 20 V"),
+        ('device = "sim"', "capacitance_nf = 2\nmax_current_ma = 50", "= 50 mA, got 60.87 mA"),
+        ("participants = 9", "opposite_repeats = 1", "less than repeats = 1, got 1"),
+        ("[rating]", "[texts.en]\nwelcom = 'Hi'\n[rating]", "'welcom'; did you mean 'welcome'"),
+        ("[rating]", "[texts.zh]\nconfirm = '{answr}'\n[rating]", "braces must be {answer}, got"),
+        ("[rating]", "[texts.zh]\nwelcome = '{'\n[rating]", "braces must be none, got '{'"),
+        (
+            "press = 1.5",
+            "instruction = 'hard'",
+            "touch names must have a text, got none for 'hard'",
+        ),
     ],
 )
 def test_a_bad_study_is_refused_in_one_line(right: str, wrong: str, message: str) -> None:
@@ -43,11 +89,83 @@ def test_a_bad_study_is_refused_in_one_line(right: str, wrong: str, message: str
     assert "\n" not in str(caught.value)
 
 
-def test_all_problems_are_found_at_once() -> None:
-    text = PAPER.replace("max_voltage_v", "max_volt").replace("score_when", "score_then")
-    with pytest.raises(StudyError, match="and 1 more") as caught:
+@pytest.mark.parametrize(
+    ("right", "wrong", "message"),
+    [
+        ('voltages_are = "peak"', 'voltages_are = "peak-to-peak"', "'peak-to-peak'; .* half of"),
+        ("voltage_v = 100", "voltage_vpp = 200", "unknown key, got 'voltage_vpp'; .* half of"),
+        ("voltage_v = 100", 'voltage_v = "200 Vpp"', "must be a number, got '200 Vpp'; .* half of"),
+        ("voltage_v = 100", "voltage_v = 400", "got 400 V; .* 400 V peak-to-peak is 200 V"),
+        ('device = "sim"', "amplifier_gain = 39", "got 10.2564 V; .* half of its peak-to-peak"),
+    ],
+)
+def test_peak_to_peak_taken_for_peak_is_caught(right: str, wrong: str, message: str) -> None:
+    with pytest.raises(StudyError) as caught:
+        parsed_study(PAPER.replace(right, wrong, 1))
+    found = "\n".join(map(str, caught.value.problems))
+    with pytest.raises(AssertionError, match=message):
+        raise AssertionError(found)
+
+
+def test_all_problems_are_found_at_once_with_their_lines() -> None:
+    text = (
+        PAPER.replace("max_voltage_v", "max_volt", 1)
+        .replace("score_when", "score_then", 1)
+        .replace("ramp_to_v = 200", "ramp_to_v = 201", 1)
+        .replace('beam = "1.5 mm"', 'beam = "2 mm"', 1)
+    )
+    with pytest.raises(StudyError, match="and 3 more") as caught:
         parsed_study(text)
-    assert [problem.where for problem in caught.value.problems] == [
+    found = [(problem.where, problem.line) for problem in caught.value.problems]
+    lines = text.splitlines()
+    assert [where for where, _ in found] == [
         "rig.max_volt",
         "rating.score_then",
+        "condition structure, touch 2",
+        "condition voltage, touch 1",
     ]
+    for (_, line), part in zip(found, ["max_volt", "score_then", "2 mm", "201"], strict=True):
+        assert line is not None
+        assert part in lines[line - 1]
+
+
+def _places(value: Any, above: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    inner: Any = value.items() if isinstance(value, dict) else ()
+    inner = enumerate(value) if isinstance(value, list) else inner
+    return [
+        place for key, item in inner for place in [(*above, key), *_places(item, (*above, key))]
+    ]
+
+
+DOCUMENT = tomllib.loads(EXTENDED)
+JUNK = st.sampled_from(["x", -1, 1e9, [], {}, True, float("nan"), [1, 2, 3], {"a": 1}, "delete"])
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.lists(st.tuples(st.sampled_from(_places(DOCUMENT)), JUNK), min_size=1, max_size=3))
+def test_whatever_is_broken_the_rest_is_still_looked_at(
+    changes: list[tuple[tuple[Any, ...], Any]],
+) -> None:
+    document = copy.deepcopy(DOCUMENT)
+    for place, junk in changes:
+        holder: Any = document
+        for part in place[:-1]:
+            inside = isinstance(holder, dict) and part in holder
+            inside = inside or (isinstance(holder, list) and part < len(holder))
+            holder = holder[part] if inside else None
+        if isinstance(holder, dict):
+            holder[place[-1]] = junk
+            if junk == "delete":
+                del holder[place[-1]]
+    assert salvaged(document) is not None
+    error = _error_of(document)
+    if error is not None:
+        assert len(schema_problems(document, error)) == error.error_count()
+
+
+def _error_of(document: dict[str, Any]) -> ValidationError | None:
+    try:
+        Study.model_validate(document)
+    except ValidationError as error:
+        return error
+    return None

@@ -1,0 +1,71 @@
+"""How often each condition directly follows each other one, over a cohort."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from protocol.study import Study
+from protocol.trial import Plan
+
+Counts = tuple[tuple[int, ...], ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CarryOver:
+    """First-order carry-over: `counts[a][b]` is how often condition b directly follows a.
+
+    Counted among the scored trials of each block; catch trials in between are passed over.
+    `across_blocks` counts the pairs on both sides of a block's end, which no design balances.
+    `promised` says whether the design undertakes to balance a cohort of this size.
+    """
+
+    counts: Counts
+    across_blocks: Counts
+    promised: bool
+
+    @property
+    def balanced(self) -> bool:
+        """Whether every condition follows every other one equally often."""
+        return self.imbalance == 0
+
+    @property
+    def imbalance(self) -> int:
+        """Largest difference between two counts of different conditions."""
+        size = range(len(self.counts))
+        pairs = [self.counts[a][b] for a in size for b in size if a != b]
+        return max(pairs) - min(pairs) if pairs else 0
+
+
+def carry_over(study: Study, plans: Sequence[Plan]) -> CarryOver:
+    """Return the carry-over of `plans`, conditions in the order of the file."""
+    within: list[tuple[str, str]] = []
+    across: list[tuple[str, str]] = []
+    for plan in plans:
+        main = [trial for trial in plan.trials if trial.kind == "trial"]
+        for before, after in pairwise(main):
+            pair = (before.condition or "", after.condition or "")
+            (within if before.block == after.block else across).append(pair)
+    return CarryOver(
+        counts=_counts(study.conditions, within),
+        across_blocks=_counts(study.conditions, across),
+        promised=balance_promised(study, len(plans)),
+    )
+
+
+def _counts(names: Sequence[str], pairs: Iterable[tuple[str, str]]) -> Counts:
+    table = {name: dict.fromkeys(names, 0) for name in names}
+    for before, after in pairs:
+        table[before][after] += 1
+    return tuple(tuple(row.values()) for row in table.values())
+
+
+def balance_promised(study: Study, participants: int) -> bool:
+    """Return whether carry-over is exactly balanced for a cohort of this size.
+
+    It is when the cohort is a multiple of n (n even) or 2n (n odd) conditions, in Williams order,
+    and neither grouping nor a bound on beam swaps is asked for.
+    """
+    design, conditions = study.design, len(study.condition)
+    sequences = conditions if conditions % 2 == 0 or conditions == 1 else 2 * conditions
+    free = design.group_by_beam == "no" and design.max_beam_swaps is None
+    return design.order == "williams" and free and participants % sequences == 0

@@ -1,0 +1,84 @@
+"""The design: which trials a participant gets, how they are ordered and how long they take."""
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from protocol.record import Count, NotNegative, Positive, Record, Whole
+
+Order = Literal["williams", "blocks", "random", "fixed"]
+Grouping = Literal["no", "block", "session"]
+
+
+class Design(Record):
+    """Which trials there are and how they are ordered over the cohort."""
+
+    order: Annotated[
+        Order,
+        Field(
+            description="`williams`: balanced over the cohort; `blocks`: every block a random "
+            "order of all conditions; `random`: all trials shuffled; `fixed`: as in the file"
+        ),
+    ] = "williams"
+    repeats: Annotated[
+        Count, Field(le=20, description="how often a participant gets each condition, per session")
+    ] = 1
+    max_alike_in_row: Annotated[
+        Count, Field(description="no more trials of one condition than this follow each other")
+    ] = 2
+    practice_trials: Annotated[
+        Whole, Field(le=20, description="before the first block; never analysed")
+    ] = 0
+    catch_trials: Annotated[
+        Whole, Field(le=50, description="trials at 0 V among the others, where nothing changes")
+    ] = 0
+    catch_apart: Annotated[
+        Count, Field(description="at least so many other trials stand between two catch trials")
+    ] = 1
+    opposite_repeats: Annotated[
+        Whole,
+        Field(
+            description="in so many of the repeats of a condition the touches come in the opposite "
+            "order, so that the opposite answer is expected"
+        ),
+    ] = 0
+    group_by_beam: Annotated[
+        Grouping,
+        Field(
+            description="let trials with the same beam stand together, within each block or over "
+            "the session; carry-over is then not balanced"
+        ),
+    ] = "no"
+    max_beam_swaps: Annotated[
+        Whole | None,
+        Field(description="per session; trials are grouped further if this needs it"),
+    ] = None
+    break_every_blocks: Annotated[Whole, Field(description="0: no break")] = 0
+    break_s: Annotated[NotNegative, Field(description="shortest duration of a break")] = 60.0
+    sessions: Annotated[Count, Field(le=50, description="of each participant")] = 1
+    participants: Annotated[
+        Count | None, Field(le=10_000, description="planned size of the cohort")
+    ] = None
+
+    @model_validator(mode="after")
+    def _some_repeats_are_not_opposite(self) -> Self:
+        if self.opposite_repeats >= self.repeats:
+            raise ValueError(
+                f"opposite_repeats must be less than repeats = {self.repeats}, "
+                f"got {self.opposite_repeats}"
+            )
+        return self
+
+
+class Timing(Record):
+    """Pauses that the session keeps, and assumptions from which its duration is estimated."""
+
+    between_touches_s: Annotated[NotNegative, Field(description="pause within a trial")] = 1.0
+    inter_trial_s: Annotated[NotNegative, Field(description="pause before a trial")] = 2.0
+    reading_s: Annotated[NotNegative, Field(description="assumed, to read an instruction")] = 4.0
+    answer_s: Annotated[NotNegative, Field(description="assumed, to answer a question")] = 5.0
+    score_s: Annotated[NotNegative, Field(description="assumed, to give a score")] = 5.0
+    beam_swap_s: Annotated[NotNegative, Field(description="assumed, to mount another beam")] = 60.0
+    max_session_s: Annotated[
+        Positive, Field(le=14_400, description="longest session that may be planned")
+    ] = 5_400.0

@@ -1,0 +1,159 @@
+"""Proves a plan against its study, without using anything of what drew it.
+
+Each check below states one promise of the study file afresh; none asks how the plan came about.
+"""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from itertools import groupby, pairwise
+
+from protocol.plan_content import content_broken
+from protocol.plan_limits import limits_broken
+from protocol.problem import Problem
+from protocol.study import Study
+from protocol.trial import Plan, Trial
+
+Broken = Iterator[tuple[str, str]]
+
+
+def plan_problems(study: Study, plan: Plan) -> list[Problem]:
+    """Return every promise of `study` that `plan` breaks; none if the plan is proved."""
+    checks = (
+        _numbering,
+        _opening,
+        _practice,
+        _repeats,
+        _blocks,
+        _runs,
+        _catches,
+        _breaks,
+        _groups,
+        content_broken,
+        limits_broken,
+    )
+    return [
+        Problem(where=f"plan of slot {plan.slot}", rule=rule, value=value)
+        for check in checks
+        for rule, value in check(study, plan)
+    ]
+
+
+def _kinds(plan: Plan, *kinds: str) -> list[Trial]:
+    return [trial for trial in plan.trials if trial.kind in kinds]
+
+
+def _numbering(study: Study, plan: Plan) -> Broken:
+    indexes = [trial.index for trial in plan.trials]
+    if indexes != list(range(len(indexes))):
+        yield "trials must be numbered from 0", str(indexes)
+    names = tuple(trial.condition for trial in _kinds(plan, "trial"))
+    if names != plan.sequence:
+        yield "the sequence must name the scored trials in order", str(plan.sequence)
+    if not 1 <= plan.session <= study.design.sessions:
+        yield f"the session must lie in [1, {study.design.sessions}]", str(plan.session)
+
+
+def _opening(study: Study, plan: Plan) -> Broken:
+    wanted = [(item.kind, item.touches, item.question, item.expected) for item in study.opening]
+    first = plan.trials[: len(wanted)]
+    if [(t.kind, t.touches, t.question, t.expected) for t in first] != wanted:
+        yield "a session must begin with the study's opening", str([t.kind for t in first])
+    if len(_kinds(plan, "baseline", "signal")) != len(wanted):
+        yield "the opening must come once", str(len(_kinds(plan, "baseline", "signal")))
+
+
+def _practice(study: Study, plan: Plan) -> Broken:
+    begin = len(study.opening)
+    end = begin + study.design.practice_trials
+    practised = [trial.index for trial in _kinds(plan, "practice")]
+    if practised != list(range(begin, end)):
+        yield f"practice must be trials {begin} to {end - 1}", str(practised)
+    if any(trial.block != 0 for trial in plan.trials[:end]):
+        yield "opening and practice must be block 0", str([t.block for t in plan.trials[:end]])
+
+
+def _repeats(study: Study, plan: Plan) -> Broken:
+    wanted = dict.fromkeys(study.conditions, study.design.repeats)
+    got = Counter(trial.condition for trial in _kinds(plan, "trial"))
+    if got != wanted:
+        yield f"every condition must come {study.design.repeats} times", str(dict(got))
+    for condition in study.condition:
+        levels = Counter(t.level for t in _kinds(plan, "trial") if t.condition == condition.name)
+        each = study.design.repeats // len(condition.levels)
+        expected = Counter(dict.fromkeys(condition.levels, 0))
+        for level in condition.levels:
+            expected[level] += each
+        if levels != expected:
+            yield f"{condition.name} must come at each level {each} times", str(dict(levels))
+
+
+def _blocks(study: Study, plan: Plan) -> Broken:
+    blocks = [trial.block for trial in _kinds(plan, "trial", "catch")]
+    if blocks != sorted(blocks) or sorted(set(blocks)) != list(range(1, max(blocks) + 1)):
+        yield "blocks must be numbered from 1 and follow one another", str(blocks)
+    for number, names in _by_block(plan):
+        if len(set(names)) != len(names) and study.design.order != "random":
+            yield "no condition may come twice in a block", f"block {number}: {names}"
+    if study.design.order == "fixed" and plan.sequence != study.conditions * study.design.repeats:
+        yield "a fixed order must be that of the file", str(plan.sequence)
+
+
+def _by_block(plan: Plan) -> list[tuple[int, list[str | None]]]:
+    main = _kinds(plan, "trial")
+    return [(n, [t.condition for t in some]) for n, some in groupby(main, key=lambda t: t.block)]
+
+
+def _runs(study: Study, plan: Plan) -> Broken:
+    longest = study.design.max_alike_in_row
+    for name, run in groupby(plan.sequence):
+        if (length := len(list(run))) > longest:
+            yield f"at most {longest} trials in a row may be alike", f"{length} of {name}"
+
+
+def _catches(study: Study, plan: Plan) -> Broken:
+    catches = _kinds(plan, "catch")
+    if len(catches) != study.design.catch_trials:
+        yield f"there must be {study.design.catch_trials} catch trials", str(len(catches))
+    for before, after in pairwise(catches):
+        if after.index - before.index - 1 < study.design.catch_apart:
+            yield (
+                f"{study.design.catch_apart} other trials must stand between catch trials",
+                f"trials {before.index} and {after.index}",
+            )
+    for trial in catches:
+        before = plan.trials[trial.index - 1]
+        if before.kind == "practice" or before.block != trial.block:
+            yield "a catch trial must not open a block", f"trial {trial.index}"
+
+
+def _breaks(study: Study, plan: Plan) -> Broken:
+    every, wanted_s = study.design.break_every_blocks, study.design.break_s
+    block_before = 1
+    for trial in plan.trials:
+        opens = trial.block > block_before
+        due = opens and every > 0 and (trial.block - 1) % every == 0
+        if trial.break_s != (wanted_s if due else 0.0):
+            yield (
+                f"a break must precede every {every} blocks, and nothing else",
+                f"{trial.break_s:g} s before trial {trial.index}",
+            )
+        block_before = max(block_before, trial.block)
+
+
+def _groups(study: Study, plan: Plan) -> Broken:
+    """Trials on the same set of beams stand together, as far as was asked."""
+    asked = study.design.group_by_beam
+    main = _kinds(plan, "trial")
+    sets = {c.name: _beam_set(study, c.touches) for c in study.condition}
+    stretches = [main] if asked == "session" else []
+    if asked == "block":
+        stretches = [list(some) for _, some in groupby(main, key=lambda trial: trial.block)]
+    for stretch in stretches:
+        seen = [beams for beams, _ in groupby(sets[trial.condition or ""] for trial in stretch)]
+        if len(seen) != len(set(seen)):
+            yield f"trials on the same beams must stand together per {asked}", str(seen)
+
+
+def _beam_set(study: Study, touches: Sequence[object]) -> tuple[object, ...]:
+    beams = [getattr(touch, "beam", None) or study.touch.beam for touch in touches]
+    return tuple(beam for beam, _ in groupby(beams))

@@ -1,0 +1,29 @@
+"""Something that is wrong with a study, in a form for people and for programs."""
+
+from dataclasses import dataclass
+
+Path = tuple[str | int, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Problem:
+    """Something wrong with a study: where it stands, the broken rule, the value, what to do.
+
+    `path` leads to the key in the study file, `line` says where that is, counted from 1.
+    """
+
+    where: str
+    rule: str
+    value: str
+    hint: str = ""
+    path: Path = ()
+    line: int | None = None
+
+    def __str__(self) -> str:
+        """One line for a person."""
+        line = f"{self.where}: {self.rule}, got {self.value}"
+        return f"{line}; {self.hint}" if self.hint else line
+
+    def located(self, source: str) -> str:
+        """The same line with the file, and the line in it, in front."""
+        return f"{source}:{self.line}: {self}" if self.line else f"{source}: {self}"

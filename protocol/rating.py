@@ -1,0 +1,53 @@
+"""When and on which scale the strength of an effect is scored."""
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from protocol.record import Line, Record, Whole
+
+
+class Band(Record):
+    """The name of a range of scores, in each language."""
+
+    first: Annotated[Whole, Field(alias="from", description="lowest score of the band")]
+    last: Annotated[Whole, Field(alias="to", description="highest score of the band")]
+    en: Annotated[Line, Field(description="its name in English")]
+    zh: Annotated[Line, Field(description="its name in Chinese")]
+
+
+class Rating(Record):
+    """When the effect is scored, and how the scores are named (0-10, paper section 5.2)."""
+
+    score_when: Annotated[
+        Literal["agrees", "always"],
+        Field(description="ask for the score only if the answer agrees with the expectation"),
+    ] = "agrees"
+    minimum: Annotated[Literal[0], Field(description="lowest score")] = 0
+    maximum: Annotated[Literal[10], Field(description="highest score")] = 10
+    ticks: Annotated[
+        Literal["all", "bands", "ends"], Field(description="which scores are marked on the scale")
+    ] = "all"
+    bands: Annotated[
+        tuple[Band, ...], Field(description="names of ranges, together the whole scale")
+    ] = ()
+
+    @model_validator(mode="after")
+    def _bands_cover_the_scale(self) -> Self:
+        covered = [score for band in self.bands for score in range(band.first, band.last + 1)]
+        if self.bands and covered != list(range(self.minimum, self.maximum + 1)):
+            spans = ", ".join(f"{band.first}-{band.last}" for band in self.bands)
+            raise ValueError(
+                f"bands must follow one another from {self.minimum} to {self.maximum}, got {spans}"
+            )
+        return self
+
+    def checked_score(self, score: int) -> int:
+        """Return `score` if it lies on the scale.
+
+        Raises:
+            ValueError: it does not.
+        """
+        if not self.minimum <= score <= self.maximum:
+            raise ValueError(f"rating must lie in [{self.minimum}, {self.maximum}], got {score}")
+        return score

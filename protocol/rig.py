@@ -1,0 +1,59 @@
+"""The rig: the device that drives the beam, and the limits that no trial may exceed."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from protocol.record import Line, Positive, Record
+
+
+class Rig(Record):
+    """The device and the limits that no trial may exceed."""
+
+    device: Annotated[
+        Line,
+        Field(description="`sim`, or a serial URL: `/dev/ttyUSB0`, `COM3`, `socket://host:5025`"),
+    ] = "sim"
+    voltages_are: Annotated[
+        Literal["peak"],
+        Field(
+            description="every voltage is an amplitude (peak): half of what a generator "
+            "shows as peak-to-peak"
+        ),
+    ] = "peak"
+    nominal_resonance_hz: Annotated[
+        Positive,
+        Field(description="where the session looks for the rig's own resonance (paper, Table 3)"),
+    ] = 24_221.0
+    max_voltage_v: Annotated[
+        Positive, Field(le=200, description="largest amplitude (peak) at the beam")
+    ] = 200.0
+    max_frequency_hz: Annotated[Positive, Field(le=100_000, description="highest drive")] = 40_000.0
+    ramp_v_per_s: Annotated[
+        Positive,
+        Field(le=2_000, description="how fast an amplitude may change, soft start included"),
+    ] = 400.0
+    max_slew_v_per_us: Annotated[
+        Positive,
+        Field(le=1_000, description="what the amplifier follows: 2 pi f V of the drive"),
+    ] = 40.0
+    max_drive_s: Annotated[
+        Positive, Field(le=600, description="longest time that one touch is driven")
+    ] = 30.0
+    amplifier_gain: Annotated[
+        Positive | None,
+        Field(description="volts at the beam per volt of the generator; not for a board"),
+    ] = None
+    generator_max_vpp: Annotated[
+        Positive, Field(description="what the generator gives, peak-to-peak, into an open circuit")
+    ] = 10.0
+    capacitance_nf: Annotated[
+        Positive | None, Field(description="of the piezoelectric sheets, for the current")
+    ] = None
+    max_current_ma: Annotated[
+        Positive | None, Field(description="what the amplifier supplies: 2 pi f C V of the drive")
+    ] = None
+    watchdog_s: Annotated[
+        Positive,
+        Field(ge=0.1, le=5, description="the device turns off when the session is silent so long"),
+    ] = 0.5

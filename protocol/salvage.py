@@ -1,0 +1,97 @@
+"""What is sound in a study file that breaks the schema, so that its limits are checked as well.
+
+Without it a misspelt key would hide a 201 V programme until the key is mended.
+"""
+
+from collections.abc import Iterable
+from copy import deepcopy
+from typing import Any
+
+from pydantic import ValidationError
+
+from protocol.problem import Path
+from protocol.study import Study
+
+_TOUCH = {"place": "smooth", "voltage_v": 0}
+_ITEM = {"touches": [_TOUCH]}
+_ASKED = {"question": "roughness", "expected": "smoother"}
+_ROUNDS = 8
+
+
+def salvaged(document: dict[str, Any]) -> Study | None:
+    """Return the study that is left when what breaks the schema is replaced by something harmless.
+
+    Lists keep their length, so that what is found later is still found at its place. `None` if
+    nothing can be made of the document.
+    """
+    sound = deepcopy(document)
+    for _ in range(_ROUNDS):
+        try:
+            return Study.model_validate(sound)
+        except ValidationError as error:
+            _mend(sound, [entry["loc"] for entry in error.errors(include_url=False)])
+    return None
+
+
+def _mend(document: dict[str, Any], places: Iterable[Path]) -> None:
+    for place in places:
+        path = tuple(part for part in place if part != "[key]")
+        if not _replaced_item(document, path):
+            _drop(document, path)
+
+
+def _replaced_item(document: dict[str, Any], path: Path) -> bool:
+    """Mend a touch, opening or condition as a whole if `path` is one, or lacks something."""
+    kind, *rest = path
+    if kind not in ("opening", "condition") or not rest or not isinstance(rest[0], int):
+        return False
+    items, number = document.get(str(kind)), rest[0]
+    if not isinstance(items, list) or number >= len(items):
+        return False
+    if not isinstance(items[number], dict) or len(rest) == 1:
+        items[number] = _harmless(str(kind), number, items[number])
+        return True
+    return _mended_part(items[number], rest[1:], _harmless(str(kind), number, {}))
+
+
+def _mended_part(item: dict[str, Any], rest: list[str | int], harmless: dict[str, Any]) -> bool:
+    field = str(rest[0])
+    if len(rest) == 1 and field not in item and field in harmless:
+        item[field] = harmless[field]
+        return True
+    if field != "touches" or len(rest) == 1:
+        return False
+    touch = item["touches"][rest[1]]
+    if isinstance(touch, dict) and len(rest) > 2 and rest[2] in touch:
+        return False
+    item["touches"][rest[1]] = dict(_TOUCH)
+    return True
+
+
+def _harmless(kind: str, number: int, item: Any) -> dict[str, Any]:
+    kept = {"touches": item["touches"]} if isinstance(item, dict) and "touches" in item else _ITEM
+    if kind == "opening":
+        return {"kind": "baseline", **deepcopy(kept)}
+    return {"name": f"condition {number + 1}", **_ASKED, **deepcopy(kept)}
+
+
+def _drop(document: dict[str, Any], path: Path) -> None:
+    """Take away the innermost key on `path`, and give what a study cannot do without."""
+    for length in range(len(path), 0, -1):
+        holder = _holder(document, path[:length])
+        if isinstance(holder, dict) and path[length - 1] in holder:
+            del holder[path[length - 1]]
+            break
+    document.setdefault("study", {"name": "unnamed"})
+    document.setdefault("condition", [_harmless("condition", 0, {})])
+
+
+def _holder(document: dict[str, Any], path: Path) -> Any:
+    """What directly contains the last key of `path`; `None` if the way there is broken."""
+    holder: Any = document
+    for part in path[:-1]:
+        try:
+            holder = holder[part]
+        except (KeyError, IndexError, TypeError):
+            return None
+    return holder

@@ -1,0 +1,103 @@
+"""One touch of the beam: what the finger does and what the device does meanwhile."""
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from protocol.record import Name, NotNegative, Positive, Record
+
+Direction = Literal["right", "left"]
+Programme = Literal["hold", "ramp", "sweep", "ramp and sweep"]
+
+
+class TouchDefaults(Record):
+    """How the finger touches unless a trial says otherwise."""
+
+    force_n: Annotated[Positive, Field(description="of the finger on the beam")] = 0.5
+    contact_m: Annotated[Positive, Field(description="length of beam under one finger")] = 0.010
+    sliding_speed_m_s: Annotated[
+        Positive, Field(description="of the mark that paces the finger")
+    ] = 0.04
+    path_m: Annotated[
+        tuple[NotNegative, Positive],
+        Field(description="the finger's way, right edge of the finger, clamp at 0"),
+    ] = (0.010, 0.081)
+    smooth_place_m: Annotated[
+        NotNegative, Field(description="where a place is touched, right edge of the finger")
+    ] = 0.0414
+    hold_s: Annotated[Positive, Field(description="how long a place is touched")] = 2.0
+    beam: Annotated[
+        Name | None, Field(description="mounted unless a touch names another of `[beams]`")
+    ] = None
+
+    @model_validator(mode="after")
+    def _path_leads_right(self) -> Self:
+        if self.path_m[0] >= self.path_m[1]:
+            raise ValueError(f"path_m must lead from left to right, got {list(self.path_m)}")
+        return self
+
+
+class Touch(Record):
+    """One touch of the beam and what the device does meanwhile.
+
+    The programme is a hold, unless `ramp_to_v` lets the amplitude or `sweep_to` the frequency
+    change while the finger is on the beam.
+    """
+
+    place: Annotated[
+        Literal["path", "smooth"],
+        Field(description="slide along `touch.path_m`, or touch `touch.smooth_place_m`"),
+    ]
+    voltage_v: Annotated[NotNegative, Field(description="amplitude (peak) at the start")]
+    ramp_to_v: Annotated[
+        NotNegative | None, Field(description="amplitude (peak) at the end of a ramp")
+    ] = None
+    frequency: Annotated[
+        Positive, Field(description="of the drive, relative to the resonance that is measured")
+    ] = 1.0
+    sweep_to: Annotated[
+        Positive | None, Field(description="frequency at the end of a sweep, likewise relative")
+    ] = None
+    direction: Annotated[Direction, Field(description="of the sliding finger")] = "right"
+    coverage: Annotated[
+        Literal["local", "full"], Field(description="one finger, or several that cover the beam")
+    ] = "local"
+    press: Annotated[
+        Positive, Field(description="touch force, relative to `touch.force_n`; above 1 is harder")
+    ] = 1.0
+    beam: Annotated[
+        Name | None, Field(description="one of `[beams]`; the operator mounts it first")
+    ] = None
+    duration_s: Annotated[
+        Positive | None, Field(description="instead of `touch.hold_s` or the time the path takes")
+    ] = None
+    instruction: Annotated[
+        Name | None, Field(description="key of the text that replaces the built-in instruction")
+    ] = None
+
+    @property
+    def end_voltage_v(self) -> float:
+        """Amplitude at the end of the touch, V."""
+        return self.voltage_v if self.ramp_to_v is None else self.ramp_to_v
+
+    @property
+    def peak_voltage_v(self) -> float:
+        """Largest amplitude during the touch, V."""
+        return max(self.voltage_v, self.end_voltage_v)
+
+    @property
+    def end_frequency(self) -> float:
+        """Drive at the end of the touch, relative to the resonance."""
+        return self.frequency if self.sweep_to is None else self.sweep_to
+
+    @property
+    def peak_frequency(self) -> float:
+        """Highest drive during the touch, relative to the resonance."""
+        return max(self.frequency, self.end_frequency)
+
+    @property
+    def programme(self) -> Programme:
+        """What the device does during the touch."""
+        if self.ramp_to_v is None:
+            return "hold" if self.sweep_to is None else "sweep"
+        return "ramp" if self.sweep_to is None else "ramp and sweep"

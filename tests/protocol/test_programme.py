@@ -1,0 +1,76 @@
+"""Programmes and variants of touches: what the device does, and the contrary of it."""
+
+import pytest
+
+from protocol.programme import driven_s, segments, touch_s
+from protocol.questions import ANSWERS, no_change, opposite_answer
+from protocol.study import Rig, Touch, TouchDefaults
+from protocol.study_file import parsed_study, template
+from protocol.variants import at_level, opposite, opposite_expected
+
+FINGER, RIG = TouchDefaults(), Rig()
+RAMP = Touch(place="smooth", voltage_v=0, ramp_to_v=200, duration_s=6)
+SWEEP = Touch(place="path", voltage_v=100, frequency=0.9, sweep_to=1.0)
+
+
+def test_a_touch_rises_does_its_programme_and_falls() -> None:
+    rise, own, fall = segments(SWEEP, FINGER, RIG)
+    assert (rise.kind, rise.from_v, rise.to_v, rise.duration_s) == ("rise", 0, 100, 0.25)
+    assert (own.kind, own.from_hz, own.to_hz) == ("sweep", 0.9 * 24_221, 24_221)
+    assert own.duration_s == pytest.approx(0.071 / 0.04)
+    assert (fall.kind, fall.from_hz, fall.to_v) == ("fall", 24_221, 0)
+
+
+def test_a_resting_beam_is_not_driven() -> None:
+    rest = Touch(place="smooth", voltage_v=0)
+    assert [segment.kind for segment in segments(rest, FINGER, RIG)] == ["hold"]
+    assert driven_s(rest, FINGER, RIG) == 0
+    assert touch_s(rest, FINGER) == 2
+    assert driven_s(RAMP, FINGER, RIG) == 6.5
+
+
+@pytest.mark.parametrize(
+    ("touch", "programme"),
+    [
+        (RAMP, "ramp"),
+        (SWEEP, "sweep"),
+        (RAMP.model_copy(update={"sweep_to": 1.1}), "ramp and sweep"),
+        (Touch(place="path", voltage_v=1), "hold"),
+    ],
+)
+def test_a_programme_has_a_name(touch: Touch, programme: str) -> None:
+    assert touch.programme == programme
+
+
+def test_the_opposite_of_the_opposite_is_the_same() -> None:
+    for condition in parsed_study(template("paper")).condition:
+        assert opposite(opposite(condition.touches)) == condition.touches
+    (back,) = opposite((RAMP,))
+    assert (back.voltage_v, back.end_voltage_v) == (200, 0)
+
+
+def test_only_conditions_with_a_contrary_answer_have_an_opposite() -> None:
+    found = {c.name: opposite_expected(c) for c in parsed_study(template("paper")).condition}
+    assert found == {
+        "frequency": "weaker",
+        "structure": "weaker",
+        "voltage": "rougher",
+        "direction": None,
+        "pressure": "rougher",
+    }
+
+
+def test_contrary_answers_come_in_pairs() -> None:
+    for question, answers in ANSWERS.items():
+        assert opposite_answer(question, no_change(question)) is None
+        for answer in answers:
+            other = opposite_answer(question, answer)
+            assert other is None or opposite_answer(question, other) == answer
+
+
+def test_a_level_scales_every_amplitude_and_nothing_else() -> None:
+    (half,) = at_level((RAMP,), 0.5)
+    assert half == RAMP.model_copy(update={"ramp_to_v": 100.0})
+    (silent,) = at_level((SWEEP,), 0.0)
+    assert silent.peak_voltage_v == 0
+    assert silent.sweep_to == 1.0

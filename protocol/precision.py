@@ -1,0 +1,121 @@
+"""What the minutes buy: how precisely a session of some length tells a person's sensitivity.
+
+Sensitivity is the slope g of `rating = a + g contrast + error`, by least squares for one person
+alone. Its interval is half as wide as t(n - 2) s / sqrt(sum (x - mean x)^2): four times the
+trials buy half the width, and so does twice the spread of the contrasts.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import atan, cos, inf, pi, sin, sqrt
+
+RESIDUAL_SD = 0.971825
+"""Of a score about its row and column in the paper's Table 4 (32 degrees of freedom)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Purchase:
+    """A session of so many repeats: how long it takes, and what it tells.
+
+    `half_width` is in scores per unit of predicted contrast; `relative` is its share of the gain
+    that would use the whole scale, from no contrast to the largest. Both are infinite where the
+    trials do not determine a slope.
+    """
+
+    repeats: int
+    trials: int
+    duration_s: float
+    half_width: float
+    relative: float
+
+
+def purchases(
+    contrasts: Sequence[float], repeats: int, fixed_s: float, block_s: float
+) -> list[Purchase]:
+    """Return what this plan buys and what shorter and longer ones would, with the same spread.
+
+    Args:
+        contrasts: predicted for the scored trials of a session of `repeats` repeats.
+        repeats: of the plan at hand.
+        fixed_s: duration of what comes once per session, s.
+        block_s: duration of one repeat of all conditions, s.
+    """
+    options = sorted({1, 2, max(1, repeats // 2), repeats, repeats + 1, 2 * repeats, 4 * repeats})
+    per_repeat = len(contrasts) / repeats
+    bought = []
+    for option in options:
+        trials = round(per_repeat * option)
+        half = half_width(squared_spread(contrasts) * option / repeats, trials)
+        bought.append(
+            Purchase(
+                repeats=option,
+                trials=trials,
+                duration_s=fixed_s + option * block_s,
+                half_width=half,
+                relative=half * max(map(abs, contrasts), default=0.0) / 10 if half < inf else inf,
+            )
+        )
+    return bought
+
+
+def squared_spread(contrasts: Sequence[float]) -> float:
+    """Return the sum of squared deviations from the mean."""
+    if not contrasts:
+        return 0.0
+    mean = sum(contrasts) / len(contrasts)
+    return sum((contrast - mean) ** 2 for contrast in contrasts)
+
+
+def half_width(spread: float, trials: int, residual_sd: float = RESIDUAL_SD) -> float:
+    """Return half the width of the 95 % interval of a slope, infinite if it is undetermined.
+
+    Args:
+        spread: sum of squared deviations of the contrasts.
+        trials: with a score.
+        residual_sd: of a score about the line.
+    """
+    if trials < 3 or spread <= 1e-12:
+        return inf
+    return t_quantile(0.975, trials - 2) * residual_sd / sqrt(spread)
+
+
+def t_quantile(probability: float, df: int) -> float:
+    """Return the quantile of Student's t with `df` degrees of freedom, by bisection.
+
+    >>> round(t_quantile(0.975, 18), 4)
+    2.1009
+    """
+    low, high = 0.0, 1e6
+    for _ in range(200):
+        middle = (low + high) / 2
+        if 0.5 + _central(middle, df) / 2 < probability:
+            low = middle
+        else:
+            high = middle
+    return (low + high) / 2
+
+
+def _central(t: float, df: int) -> float:
+    """Probability within [-t, t]: the finite sums of Abramowitz and Stegun, 26.7.3 and 26.7.4."""
+    angle = atan(t / sqrt(df))
+    if df % 2 == 0:
+        return sin(angle) * _even(cos(angle) ** 2, df)
+    return 2 / pi * (angle + (sin(angle) * _odd(cos(angle), df) if df > 1 else 0.0))
+
+
+def _even(squared: float, df: int) -> float:
+    """Return 1 + (1/2) c^2 + (1 3)/(2 4) c^4 + ... up to c^(df - 2)."""
+    term = total = 1.0
+    for k in range(2, df - 1, 2):
+        term *= squared * (k - 1) / k
+        total += term
+    return total
+
+
+def _odd(cosine: float, df: int) -> float:
+    """Return c + (2/3) c^3 + (2 4)/(3 5) c^5 + ... up to c^(df - 2)."""
+    term = total = cosine
+    for k in range(2, df - 2, 2):
+        term *= cosine**2 * k / (k + 1)
+        total += term
+    return total

@@ -49,7 +49,8 @@ class Item(Record):
         str | None, Field(description="the answer that agrees with the expectation")
     ] = None
     touches: Annotated[
-        tuple[Touch, ...], Field(min_length=1, max_length=12, description="in order; see Touches")
+        tuple[Touch, ...],
+        Field(min_length=1, max_length=12, description="in order; a table each, see below"),
     ]
 
     @model_validator(mode="after")

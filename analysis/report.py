@@ -49,8 +49,8 @@ def report_json(result: Report) -> dict[str, Any]:
     return {
         "title": result.title,
         "kinds": list(result.loaded.kinds),
-        "rehearsals_left_out": result.loaded.rehearsals_left_out,
         "unfinished": list(result.loaded.unfinished),
+        "left_out": left_out(result.loaded),
         "table4": {
             "columns": list(table.table.conditions),
             "rows": [
@@ -89,6 +89,8 @@ def report_html(result: Report) -> str:
         friedman=friedman_line(result.friedman),
         figure=scores_figure(result.loaded.table),
         provenance=provenance(result),
+        left_out={why: count for why, count in left_out(result.loaded).items() if count},
+        unfinished=result.loaded.unfinished,
     )
 
 
@@ -108,6 +110,16 @@ def write_report(result: Report, folder: Path) -> list[Path]:
 def json_text(document: object) -> str:
     """Return `document` as JSON for people and programs."""
     return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def left_out(loaded: Loaded) -> dict[str, int]:
+    """Return how much of the study the report leaves out, by reason."""
+    return {
+        "rehearsals": loaded.rehearsals_left_out,
+        "sessions excluded": loaded.sessions_excluded,
+        "sessions withdrawn": loaded.sessions_withdrawn,
+        "trials excluded": loaded.trials_excluded,
+    }
 
 
 def friedman_line(test: Friedman | NoAnswer) -> str:

@@ -29,6 +29,9 @@ class Loaded:
     kinds: tuple[str, ...]
     rehearsals_left_out: int
     unfinished: tuple[str, ...]
+    sessions_excluded: int = 0
+    sessions_withdrawn: int = 0
+    trials_excluded: int = 0
 
 
 def loaded(sessions: Iterable[Sequence[Happened]], *, rehearsals: bool) -> Loaded:
@@ -39,7 +42,11 @@ def loaded(sessions: Iterable[Sequence[Happened]], *, rehearsals: bool) -> Loade
     Raises:
         NothingToReport: there are no sessions to report on.
     """
-    all_sessions = [_Session.of(events) for events in sessions if events]
+    chains = [events for events in sessions if events and events[0][0] != "study-amended"]
+    gone = [_gone(events) for events in chains]
+    all_sessions = [
+        _Session.of(events) for events, why in zip(chains, gone, strict=True) if not why
+    ]
     wanted = [s for s in all_sessions if rehearsals or s.kind != "rehearsal"]
     if not wanted:
         raise NothingToReport(
@@ -60,6 +67,9 @@ def loaded(sessions: Iterable[Sequence[Happened]], *, rehearsals: bool) -> Loade
         kinds=_in_order(session.kind for session in wanted),
         rehearsals_left_out=len(all_sessions) - len(wanted),
         unfinished=tuple(session.participant for session in wanted if not session.finished),
+        sessions_excluded=gone.count("session-excluded"),
+        sessions_withdrawn=gone.count("withdrawn"),
+        trials_excluded=sum(session.trials_excluded for session in wanted),
     )
 
 
@@ -70,6 +80,7 @@ class _Session:
     conditions: tuple[str, ...]
     scores: tuple[tuple[str, float], ...]
     finished: bool
+    trials_excluded: int = 0
 
     @classmethod
     def of(cls, events: Sequence[Happened]) -> "_Session":
@@ -82,14 +93,26 @@ class _Session:
                 scores=_given(opened["scores"].items()),
                 finished=True,
             )
-        answers = [payload for tag, payload in events if tag == "answered"]
+        excluded = {payload["index"] for tag, payload in events if tag == "trial-excluded"}
+        answers = [
+            payload
+            for tag, payload in events
+            if tag == "answered" and payload["kind"] == "trial" and payload["index"] not in excluded
+        ]
         return cls(
             participant=opened["participant"],
             kind=opened["kind"],
             conditions=tuple(opened["conditions"]),
             scores=_given((answer["condition"], answer["score"]) for answer in answers),
-            finished=events[-1][0] == "session-completed",
+            finished=any(tag == "session-completed" for tag, _ in events),
+            trials_excluded=len(excluded),
         )
+
+
+def _gone(events: Sequence[Happened]) -> str:
+    """The tag of the event that took the whole session out, empty if none did."""
+    tags = [tag for tag, _ in events if tag in {"session-excluded", "withdrawn"}]
+    return tags[-1] if tags else ""
 
 
 def _given(scores: Iterable[tuple[str | None, float | None]]) -> tuple[tuple[str, float], ...]:

@@ -2,36 +2,32 @@
 
 from typing import Any
 
-from protocol.plan import Trial
 from protocol.questions import checked_answer
-from runner.ports import Clock, Device, Participant
+from protocol.trial import Trial
+from runner.room import Room
 from runner.screens import AskChange, AskScore, Instruction, Response
-from runner.session import Session
 from runner.waiting import response
 
 
-def answers(
-    session: Session, trial: Trial, device: Device, participant: Participant, clock: Clock
-) -> dict[str, Any]:
+def answers(room: Room, trial: Trial) -> dict[str, Any]:
     """Ask what `trial` has to ask and return it as the journal holds it.
 
     The score is missing where the answer disagrees with the expectation and the study asks only
     for scores of effects that agree (the paper's rule, section 5.2).
     """
     if trial.question is None:
-        participant.show(Instruction(text="remember"))
-        remembered = response(participant, device, clock)
-        return _record(trial, None, None, [remembered])
-    participant.show(AskChange(question=trial.question))
-    change = response(participant, device, clock)
+        room.participant.show(Instruction(text="remember"))
+        return _record(trial, None, None, [response(room)])
+    rating = room.session.study.rating
+    room.participant.show(AskChange(question=trial.question))
+    change = response(room)
     checked_answer(trial.question, change.answer)
     agrees = change.answer == trial.expected
-    if not trial.scored or not (agrees or session.study.rating.score_when == "always"):
+    if not trial.scored or not (agrees or rating.score_when == "always"):
         return _record(trial, change.answer, None, [change])
-    participant.show(AskScore(rating=session.study.rating))
-    score = response(participant, device, clock)
-    checked = session.study.rating.checked_score(int(score.answer))
-    return _record(trial, change.answer, checked, [change, score])
+    room.participant.show(AskScore(rating=rating))
+    score = response(room)
+    return _record(trial, change.answer, rating.checked_score(int(score.answer)), [change, score])
 
 
 def _record(
@@ -44,5 +40,7 @@ def _record(
         "change": change,
         "agrees": None if change is None else change == trial.expected,
         "score": score,
+        "level": trial.level,
+        "opposite": trial.opposite,
         "reaction_time_s": [entry.reaction_time_s for entry in given],
     }

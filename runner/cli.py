@@ -14,6 +14,7 @@ from runner.complaint import complaint
 from runner.stopping import stops_raise
 
 if TYPE_CHECKING:
+    from runner.journal import Journal
     from runner.study_folder import StudyFolder
 
 app = typer.Typer(
@@ -189,6 +190,116 @@ def report(
     _report(folder, out or folder.report, rehearsals=rehearsals, as_json=as_json)
 
 
+@app.command()
+def status(study: StudyArgument, as_json: JsonOption = False) -> None:
+    """Show who is done and what is next."""
+    from runner.cohort import slot_for, standings, states
+    from runner.study_folder import StudyFolder
+
+    with _journal(StudyFolder(path=study)) as journal:
+        sessions = states(journal)
+    lines = standings(sessions)
+    free = slot_for(sessions, "", "participant")
+    if as_json:
+        records = [line.record() for line in lines]
+        _print_json({"sessions": records, "next_slot": free})
+        return
+    for line in lines:
+        typer.echo(
+            f"{line.participant}/{line.session}  {line.kind}  {line.state}  "
+            f"{line.answered} of {line.planned} trials"
+            + (f", {line.excluded_trials} excluded" if line.excluded_trials else "")
+        )
+    typer.echo(f"The next participant takes slot {free} of the design.")
+
+
+@app.command()
+def verify(study: StudyArgument, as_json: JsonOption = False) -> None:
+    """Check that the journal is whole.
+
+    Chains unbroken, every transition allowed, each trial answered exactly once.
+    """
+    from runner.study_folder import StudyFolder
+    from runner.verification import STUDY_CHAIN, verdicts
+
+    with _journal(StudyFolder(path=study)) as journal:
+        found = verdicts(journal)
+    ok = all(verdict.ok for verdict in found)
+    if as_json:
+        sessions = [v.record() for v in found if v.participant != STUDY_CHAIN]
+        _print_json({"ok": ok, "sessions": sessions})
+    else:
+        for verdict in found:
+            typer.echo(verdict.line())
+    if not ok:
+        raise typer.Exit(1)
+
+
+ParticipantOption = Annotated[str, typer.Option(help="The pseudonym.")]
+SessionOption = Annotated[int, typer.Option(min=1)]
+ReasonOption = Annotated[str, typer.Option(help="Why; it is written into the journal.")]
+
+
+@app.command()
+def exclude(
+    study: StudyArgument,
+    participant: ParticipantOption,
+    reason: ReasonOption,
+    session: SessionOption = 1,
+    trial: Annotated[
+        int | None, typer.Option(min=0, help="Its index. [default: the whole session]")
+    ] = None,
+) -> None:
+    """Take a trial or a session out.
+
+    Reports leave it out and count it; an unfinished session gives its place in the design back.
+    """
+    from runner.amendments import exclude_session, exclude_trial
+    from runner.clock import WallClock
+    from runner.journal import session_name
+    from runner.study_folder import StudyFolder
+
+    name = session_name(participant, session)
+    with _journal(StudyFolder(path=study)) as journal:
+        if trial is None:
+            exclude_session(journal, WallClock(), name, reason)
+        else:
+            exclude_trial(journal, WallClock(), name, trial, reason)
+    typer.echo(f"{name}{'' if trial is None else f', trial {trial}'} is excluded: {reason}")
+
+
+@app.command()
+def amend(study: StudyArgument, reason: ReasonOption) -> None:
+    """Accept a study.toml that has changed."""
+    from runner.amendments import amend as accept
+    from runner.clock import WallClock
+    from runner.study_folder import StudyFolder
+
+    folder = StudyFolder(path=study)
+    folder.study()
+    with _journal(folder) as journal:
+        accept(journal, WallClock(), folder.text(), reason)
+    typer.echo("The changed study.toml is accepted; sessions go on with it.")
+
+
+@app.command()
+def withdraw(study: StudyArgument, participant: ParticipantOption) -> None:
+    """Erase what a participant gave.
+
+    It cannot be undone. The journal keeps that there were events and when, not what they said.
+    """
+    from runner.amendments import withdraw as erase
+    from runner.clock import WallClock
+    from runner.study_folder import StudyFolder
+
+    folder = StudyFolder(path=study)
+    with _journal(folder) as journal:
+        sessions = erase(journal, WallClock(), participant)
+    typer.echo(
+        f"Erased: {', '.join(sessions)}. Make reports and exports again: old ones still hold it."
+    )
+
+
 @app.command("simulate-device")
 def simulate_device(
     wire: Annotated[Wire, typer.Argument(help="pty or tcp")],
@@ -211,13 +322,11 @@ def simulate_device(
 @app.command()
 def doctor(as_json: JsonOption = False) -> None:
     """Look at what this machine offers a session."""
-    import json
-
     from runner.doctor import findings
 
     found = findings()
     if as_json:
-        typer.echo(json.dumps([finding.record() for finding in found], indent=2))
+        _print_json([finding.record() for finding in found])
     else:
         for finding in found:
             typer.echo(finding.line())
@@ -225,14 +334,26 @@ def doctor(as_json: JsonOption = False) -> None:
         raise typer.Exit(1)
 
 
+def _journal(folder: "StudyFolder") -> "Journal":
+    """The journal of a study that has one."""
+    from runner.journal import open_journal
+
+    return open_journal(folder.existing_journal())
+
+
+def _print_json(document: object) -> None:
+    import json
+
+    typer.echo(json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False))
+
+
 def _report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json: bool) -> None:
     from analysis.report import friedman_line, json_text, report_json, write_report
     from analysis.report import report as made_report
     from analysis.session_scores import loaded
-    from runner.journal import open_journal
     from runner.terminal_table import print_table
 
-    with open_journal(folder.existing_journal()) as journal:
+    with _journal(folder) as journal:
         events = [journal.events(session) for session in journal.sessions()]
     sessions = [[(event.tag, event.payload) for event in chain] for chain in events]
     result = made_report(folder.path.resolve().name, loaded(sessions, rehearsals=rehearsals))

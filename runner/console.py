@@ -1,4 +1,4 @@
-"""A participant, or an operator, at a terminal: texts out, typed lines in."""
+"""A participant at a terminal: texts out, typed lines in. The operator shares the terminal."""
 
 import queue
 import threading
@@ -9,9 +9,12 @@ from typing import TextIO
 
 from protocol.errors import WorkFailed
 from protocol.questions import ANSWERS
-from protocol.study import Rating
-from protocol.texts import TEXTS, Language, band_names
+from protocol.study import Language, Rating
+from protocol.texts import band_names
 from runner.screens import AskChange, AskScore, Instruction, Notice, Pacing, Response, Screen
+
+OPERATOR_MARK = ":"
+"""A typed line that begins with it is the operator's."""
 
 
 class ParticipantGone(WorkFailed):
@@ -24,10 +27,11 @@ class TypedLines:
     def __init__(self, source: TextIO) -> None:
         self._source = source
         self._lines: queue.SimpleQueue[str | None] = queue.SimpleQueue()
+        self._orders: queue.SimpleQueue[str] = queue.SimpleQueue()
         threading.Thread(target=self._read, name="typed lines", daemon=True).start()
 
     def take(self) -> str | None:
-        """Return the next line without its end, None while there is none.
+        """Return the participant's next line without its end, None while there is none.
 
         Raises:
             ParticipantGone: the input has ended.
@@ -48,19 +52,30 @@ class TypedLines:
                 self._lines.put(None)
                 return
 
+    def operator_typed(self, asked: bool) -> str:
+        """Return what the operator typed: `p` of a line `:p`, or, if `asked`, any line."""
+        if not self._orders.empty():
+            return self._orders.get_nowait()
+        line = self.take() if asked else None
+        return "" if line is None else f"{line}\n"
+
     def _read(self) -> None:
         for line in self._source:
-            self._lines.put(line)
+            if line.startswith(OPERATOR_MARK):
+                self._orders.put(line.removeprefix(OPERATOR_MARK))
+            else:
+                self._lines.put(line)
         self._lines.put(None)
 
 
 @dataclass
 class ConsoleParticipant:
-    """Shows texts in `language`, takes typed answers, and says so when one does not fit."""
+    """Shows `texts`, takes typed answers, and says so when one does not fit."""
 
     typed: TypedLines
     say: Callable[[str], None]
     language: Language
+    texts: Mapping[str, str]
     monotonic_s: Callable[[], float] = time.monotonic
     _screen: Screen | None = field(default=None, init=False)
     _shown_s: float = field(default=0.0, init=False)
@@ -87,18 +102,17 @@ class ConsoleParticipant:
         return Response(answer=answer, reaction_time_s=self.monotonic_s() - self._shown_s)
 
     def _lines_of(self, screen: Screen) -> list[str]:
-        texts = TEXTS[self.language]
         match screen:
             case Notice(text=text):
-                return [texts[text]]
+                return [self.texts[text]]
             case Instruction(text=text):
-                return [texts[text], texts["ready"]]
+                return [self.texts[text], self.texts["ready"]]
             case Pacing(duration_s=duration_s):
-                return [f"{texts['touch.now']} ({duration_s:.0f} s)"]
+                return [f"{self.texts['touch.now']} ({duration_s:.0f} s)"]
             case AskChange(question=question):
-                return [texts[f"question.{question}"], *_choices(texts, ANSWERS[question])]
+                return [self.texts[f"question.{question}"], *self._choices(ANSWERS[question])]
             case AskScore(rating=rating):
-                return [texts["score"], "   ".join(band_names(rating, self.language))]
+                return [self.texts["score"], "   ".join(band_names(rating, self.language))]
 
     def _understood(self, line: str) -> str | None:
         """The answer that `line` gives to the screen, None if it gives none."""
@@ -110,12 +124,11 @@ class ConsoleParticipant:
         return "ready"
 
     def _choice(self, line: str, answers: tuple[str, ...]) -> str | None:
-        texts = TEXTS[self.language]
         for number, answer in enumerate(answers, start=1):
-            if line.casefold() in {str(number), answer, texts[f"answer.{answer}"]}:
+            if line.casefold() in {str(number), answer, self.texts[f"answer.{answer}"]}:
                 return answer
         self.say(f"? {line!r}")
-        for choice in _choices(texts, answers):
+        for choice in self._choices(answers):
             self.say(choice)
         return None
 
@@ -123,30 +136,11 @@ class ConsoleParticipant:
         try:
             return str(rating.checked_score(int(line)))
         except ValueError:
-            self.say(f"? {line!r}: {TEXTS[self.language]['score']}")
+            self.say(f"? {line!r}: {self.texts['score']}")
             return None
 
-
-def _choices(texts: Mapping[str, str], answers: tuple[str, ...]) -> list[str]:
-    return [
-        f"  {number}  {texts[f'answer.{answer}']}" for number, answer in enumerate(answers, start=1)
-    ]
-
-
-@dataclass
-class ConsoleOperator:
-    """Asks for a beam to be mounted and waits for Enter; a simulated one is swapped as well."""
-
-    typed: TypedLines
-    say: Callable[[str], None]
-    swap: Callable[[str], None] = lambda _: None
-
-    def mount(self, beam: str) -> None:
-        """Ask; the output is off."""
-        self.swap(beam)
-        self.typed.forget()
-        self.say(f"Operator: the output is off. Mount the beam '{beam}', then press Enter.")
-
-    def mounted(self) -> bool:
-        """Return whether Enter was pressed."""
-        return self.typed.take() is not None
+    def _choices(self, answers: tuple[str, ...]) -> list[str]:
+        return [
+            f"  {number}  {self.texts[f'answer.{answer}']}"
+            for number, answer in enumerate(answers, start=1)
+        ]

@@ -2,13 +2,15 @@
 
 The one module that imports sqlite3. Each session has a chain of its own. The chain hashes digests
 of the payloads, which stand in a table of their own: what a participant gave can be erased and
-the chain still verifies.
+the chain still verifies. docs/journal.md describes the file.
 """
 
 import hashlib
 import json
+import os
 import sqlite3
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
@@ -19,6 +21,7 @@ from runner.session_state import Event
 
 SCHEMA_VERSION = 1
 FIRST_HASH = "0" * 64
+LOCK_WAIT_S = 2.0
 
 _SCHEMA = """
 CREATE TABLE event (
@@ -37,13 +40,23 @@ CREATE TABLE payload (
     body TEXT NOT NULL,
     PRIMARY KEY (session, seq)
 ) STRICT;
-CREATE TRIGGER event_is_final_1 BEFORE UPDATE ON event
+CREATE TRIGGER event_is_not_updated BEFORE UPDATE ON event
     BEGIN SELECT RAISE(ABORT, 'the journal is append-only'); END;
-CREATE TRIGGER event_is_final_2 BEFORE DELETE ON event
+CREATE TRIGGER event_is_not_deleted BEFORE DELETE ON event
     BEGIN SELECT RAISE(ABORT, 'the journal is append-only'); END;
-CREATE TRIGGER payload_is_final BEFORE UPDATE ON payload
+CREATE TRIGGER payload_is_not_updated BEFORE UPDATE ON payload
     BEGIN SELECT RAISE(ABORT, 'the journal is append-only'); END;
 """
+
+_JOINED = "FROM event LEFT JOIN payload USING (session, seq)"
+_CHAIN = (
+    f"SELECT seq, tag, utc, monotonic_s, body, payload_sha256, hash {_JOINED} "
+    "WHERE session = ? ORDER BY seq"
+)
+_TAGGED = f"SELECT seq, tag, utc, monotonic_s, body {_JOINED} WHERE tag"
+
+ChainLink = tuple[Event, str, str]
+"""An event, the digest of its payload, and its hash."""
 
 
 class JournalError(WorkFailed):
@@ -69,27 +82,36 @@ class Journal:
         self._connection.close()
 
     def sessions(self) -> list[str]:
-        """Return the names of all sessions in the order in which they were opened."""
-        rows = self._connection.execute("SELECT session FROM event WHERE seq = 0 ORDER BY rowid")
-        return [row[0] for row in rows]
+        """Return the names of all chains in the order in which they were begun."""
+        with self._explained("read"):
+            rows = self._connection.execute(
+                "SELECT session FROM event WHERE seq = 0 ORDER BY rowid"
+            )
+            return [row[0] for row in rows]
 
     def events(self, session: str) -> list[Event]:
         """Return the events of `session` in their order."""
-        rows = self._connection.execute(
-            "SELECT seq, tag, utc, monotonic_s, coalesce(body, '{}') FROM event "
-            "LEFT JOIN payload USING (session, seq) WHERE session = ? ORDER BY seq",
-            (session,),
-        )
-        return [
-            Event(
-                seq=seq,
-                tag=tag,
-                utc=datetime.fromisoformat(utc),
-                monotonic_s=monotonic_s,
-                payload=json.loads(body),
-            )
-            for seq, tag, utc, monotonic_s, body in rows
-        ]
+        return [event for event, _, _ in self.chain(session)]
+
+    def tagged(self, *tags: str) -> list[Event]:
+        """Return the events with one of `tags`, of all sessions, in the order of writing."""
+        names = ", ".join("?" * len(tags))
+        with self._explained("read"):
+            rows = self._connection.execute(f"{_TAGGED} IN ({names}) ORDER BY event.rowid", tags)
+            return [_event(row) for row in rows]
+
+    def chain(self, session: str) -> Iterator[ChainLink]:
+        """Yield the events of `session` with what ties them together."""
+        with self._explained("read"):
+            for row in self._connection.execute(_CHAIN, (session,)):
+                yield _event(row[:5]), row[5], row[6]
+
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Keep other writers out while the body looks and then appends."""
+        with self._explained("written"), self._connection:
+            self._connection.execute("BEGIN IMMEDIATE")
+            yield
 
     def append(self, session: str, event: Event) -> None:
         """Add `event` to the chain of `session`; it is on the disk when this returns.
@@ -97,22 +119,40 @@ class Journal:
         Raises:
             JournalError: it could not be written; nothing of it was.
         """
-        body = json.dumps(event.payload, ensure_ascii=False, sort_keys=True, allow_nan=False)
-        digest = hashlib.sha256(body.encode()).hexdigest()
-        fields = (session, event.seq, event.tag, event.utc.isoformat(), event.monotonic_s, digest)
-        try:
-            with self._connection as transaction:
-                chained = chain_hash(self._last_hash(session, event.seq), fields)
-                transaction.execute(
-                    "INSERT INTO event VALUES (?, ?, ?, ?, ?, ?, ?)", (*fields, chained)
-                )
-                transaction.execute(
-                    "INSERT INTO payload VALUES (?, ?, ?)", (session, event.seq, body)
-                )
-        except sqlite3.Error as error:
-            raise JournalError(f"{self._path}: cannot be written ({error})") from error
+        body = payload_text(event)
+        fields = event_fields(session, event, hashlib.sha256(body.encode()).hexdigest())
+        with self._explained("written"):
+            if self._connection.in_transaction:
+                self._insert(fields, body)
+                return
+            with self._connection:
+                self._connection.execute("BEGIN IMMEDIATE")
+                self._insert(fields, body)
 
-    def _last_hash(self, session: str, seq: int) -> str:
+    def erase_payloads(self, sessions: Iterable[str]) -> None:
+        """Erase what stands in the payloads of `sessions`, on the disk too."""
+        with self._explained("written"):
+            with self._connection:
+                self._connection.executemany(
+                    "DELETE FROM payload WHERE session = ?", [(name,) for name in sessions]
+                )
+            self._connection.execute("VACUUM")
+        self.checkpoint()
+
+    def checkpoint(self) -> None:
+        """Bring everything into the one file, so that it can be copied alone."""
+        with self._explained("written"):
+            self._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+
+    def _insert(self, fields: tuple[object, ...], body: str) -> None:
+        session, seq = fields[:2]
+        chained = chain_hash(self._hash_before(str(session), int(str(seq))), fields)
+        self._connection.execute(
+            "INSERT INTO event VALUES (?, ?, ?, ?, ?, ?, ?)", (*fields, chained)
+        )
+        self._connection.execute("INSERT INTO payload VALUES (?, ?, ?)", (session, seq, body))
+
+    def _hash_before(self, session: str, seq: int) -> str:
         if seq == 0:
             return FIRST_HASH
         row = self._connection.execute(
@@ -121,6 +161,35 @@ class Journal:
         if row is None:
             raise JournalError(f"{self._path}: session {session} has no event {seq - 1}")
         return str(row[0])
+
+    @contextmanager
+    def _explained(self, what: str) -> Iterator[None]:
+        try:
+            yield
+        except sqlite3.Error as error:
+            raise JournalError(f"{self._path}: cannot be {what} ({error})") from error
+
+
+def _event(row: tuple[Any, ...]) -> Event:
+    seq, tag, utc, monotonic_s, body = row
+    return Event(
+        seq=seq,
+        tag=tag,
+        utc=datetime.fromisoformat(utc),
+        monotonic_s=monotonic_s,
+        payload={} if body is None else json.loads(body),
+        erased=body is None,
+    )
+
+
+def payload_text(event: Event) -> str:
+    """Return the payload of `event` as it is stored."""
+    return json.dumps(event.payload, ensure_ascii=False, sort_keys=True, allow_nan=False)
+
+
+def event_fields(session: str, event: Event, digest: str) -> tuple[object, ...]:
+    """Return what of an event the chain's hash covers."""
+    return (session, event.seq, event.tag, event.utc.isoformat(), event.monotonic_s, digest)
 
 
 def chain_hash(previous: str, fields: tuple[object, ...]) -> str:
@@ -131,17 +200,29 @@ def chain_hash(previous: str, fields: tuple[object, ...]) -> str:
 def open_journal(path: Path) -> Journal:
     """Return the journal at `path`, made if it is missing, ready to be written.
 
+    It grows in its write-ahead log and is checkpointed at the end of a session, so that a copy of
+    the file is consistent at any moment.
+
     Raises:
         JournalError: it cannot be opened, or another version of touchbeam made it.
     """
     try:
-        connection = sqlite3.connect(path, timeout=2.0)
-        connection.execute("PRAGMA journal_mode = WAL")
-        connection.execute("PRAGMA synchronous = FULL")
+        os.close(os.open(path, os.O_CREAT | os.O_RDWR, 0o600))
+        connection = sqlite3.connect(path, timeout=LOCK_WAIT_S, isolation_level=None)
+    except (OSError, sqlite3.Error) as error:
+        raise JournalError(f"{path}: cannot be opened as a journal ({error})") from error
+    try:
+        for setting in (
+            "journal_mode = WAL",
+            "synchronous = FULL",
+            "secure_delete = ON",
+            "wal_autocheckpoint = 0",
+        ):
+            connection.execute(f"PRAGMA {setting}")
         _ensure_schema(connection)
     except sqlite3.Error as error:
+        connection.close()
         raise JournalError(f"{path}: cannot be opened as a journal ({error})") from error
-    path.chmod(0o600)
     return Journal(connection, path)
 
 
@@ -149,7 +230,7 @@ def _ensure_schema(connection: sqlite3.Connection) -> None:
     version = connection.execute("PRAGMA user_version").fetchone()[0]
     if version == 0:
         connection.executescript(
-            f"BEGIN; {_SCHEMA} PRAGMA user_version = {SCHEMA_VERSION}; COMMIT;"
+            f"BEGIN IMMEDIATE; {_SCHEMA} PRAGMA user_version = {SCHEMA_VERSION}; COMMIT;"
         )
     elif version != SCHEMA_VERSION:
         raise sqlite3.DatabaseError(f"schema {version}; this touchbeam knows {SCHEMA_VERSION}")
@@ -158,8 +239,3 @@ def _ensure_schema(connection: sqlite3.Connection) -> None:
 def session_name(participant: str, number: int) -> str:
     """Return what a session is called in the journal."""
     return f"{participant}/{number}"
-
-
-def payload_of(events: list[Event], tag: str) -> Mapping[str, Any] | None:
-    """Return the payload of the first event `tag`, None if there is none."""
-    return next((event.payload for event in events if event.tag == tag), None)

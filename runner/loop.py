@@ -4,60 +4,75 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from device.errors import OutputUnknown
-from protocol.plan import Trial
+from protocol.trial import Trial
 from runner.asking import answers
-from runner.ports import Clock, Device, Operator, Participant
+from runner.orders import RepeatTrial
+from runner.preparing import prepare
+from runner.room import Room
 from runner.screens import Notice
-from runner.session import Session
 from runner.session_log import SessionLog
-from runner.touching import Touching
+from runner.touching import touch
+from runner.watching import pause_if_wanted, show_where_we_are
 
 
-def run(
-    session: Session,
-    device: Device,
-    participant: Participant,
-    operator: Operator,
-    clock: Clock,
-    log: SessionLog,
-) -> None:
-    """Take `session` from where its log says it is to its end.
+def run(room: Room) -> None:
+    """Take the session from where its log says it is to its end.
 
     Raises:
         DeviceError: the device cannot be trusted; the session can be resumed.
         OutputUnknown: the output could not be read back as off.
+        StoppedByOperator: likewise resumable.
     """
-    _open(session, log)
-    with _device_off_afterwards(device, log):
-        touching = Touching(session, device, participant, operator, clock, log)
-        touching.prepare()
-        participant.show(Notice(text="welcome"))
-        for trial in _remaining(session, log):
-            log.append("trial-started", index=trial.index, kind=trial.kind)
-            for number, touch in enumerate(trial.touches):
-                touching.touch(number, touch)
-            log.append("answered", **answers(session, trial, device, participant, clock))
-    log.append("session-completed")
-    participant.show(Notice(text="thanks"))
+    _resume(room)
+    with _device_off_afterwards(room):
+        prepare(room)
+        while (trial := _next_trial(room)) is not None:
+            pause_if_wanted(room, trial)
+            _try(room, trial)
+    room.log.append("session-completed")
+    room.participant.show(Notice(text="thanks"))
+    show_where_we_are(room)
 
 
-def _remaining(session: Session, log: SessionLog) -> list[Trial]:
-    return [trial for trial in session.plan.trials if trial.index not in log.state.answered]
+def _next_trial(room: Room) -> Trial | None:
+    answered = room.log.state.answered
+    return next((trial for trial in room.session.plan.trials if trial.index not in answered), None)
 
 
-def _open(session: Session, log: SessionLog) -> None:
-    """Open the session, or take it up again where its last process left it."""
-    if log.state.name == "new":
-        log.append("session-opened", **session.opening())
+def _try(room: Room, trial: Trial) -> None:
+    """Carry out one trial; if the operator wants it again, it stays to be answered."""
+    room.log.append("trial-started", index=trial.index, kind=trial.kind)
+    show_where_we_are(room, trial)
+    try:
+        done = [touch(room, number, to_make) for number, to_make in enumerate(trial.touches)]
+        room.log.append("answered", **answers(room, trial), judged=done)
+    except RepeatTrial:
+        room.device.off()
+        _leave_trial(room.log, "repeated at the operator's wish")
+
+
+def _resume(room: Room) -> None:
+    """Take the session up again where its last process left it, unless it was opened just now."""
+    log = room.log
+    if room.opened_now:
         return
     _leave_trial(log, "the session was interrupted")
-    if log.state.name == "armed":
+    if log.state.name in {"armed", "paused"}:
         log.append("device-off", confirmed=False, why="the session was interrupted")
     log.append("session-resumed")
+    _renew_practice(room)
+
+
+def _renew_practice(room: Room) -> None:
+    if room.session.study.session.practise_again != "on resume":
+        return
+    practice = {trial.index for trial in room.session.plan.trials if trial.kind == "practice"}
+    if again := sorted(practice & room.log.state.answered):
+        room.log.append("practice-renewed", indices=again)
 
 
 @contextmanager
-def _device_off_afterwards(device: Device, log: SessionLog) -> Iterator[None]:
+def _device_off_afterwards(room: Room) -> Iterator[None]:
     """Whatever happens inside: the output goes off first, then the journal says so."""
     why = "end of session"
     try:
@@ -66,18 +81,18 @@ def _device_off_afterwards(device: Device, log: SessionLog) -> Iterator[None]:
         why = str(error) or type(error).__name__
         raise
     finally:
-        _turn_off(device, log, why)
+        _turn_off(room, why)
 
 
-def _turn_off(device: Device, log: SessionLog, why: str) -> None:
+def _turn_off(room: Room, why: str) -> None:
     unknown = None
     try:
-        device.off()
+        room.device.off()
     except OutputUnknown as error:
         unknown = error
-    _leave_trial(log, why)
-    if log.state.name == "armed":
-        log.append("device-off", confirmed=unknown is None, why=why)
+    _leave_trial(room.log, why)
+    if room.log.state.name in {"armed", "paused"}:
+        room.log.append("device-off", confirmed=unknown is None, why=why)
     if unknown is not None:
         raise unknown
 

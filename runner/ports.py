@@ -1,12 +1,17 @@
 """What a session needs of the world: small interfaces, each with a real and a simulated side."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from datetime import datetime
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
-from device.records import Identity, ReadBack, Setpoint
-from device.sweep import Resonance
-from runner.screens import Response, Screen
+if TYPE_CHECKING:
+    from device.records import Identity, ReadBack, Setpoint
+    from device.sweep import Resonance
+    from runner.orders import Note, Order
+    from runner.screens import Response, Screen
+    from runner.view import View
 
 
 class Device(Protocol):
@@ -50,14 +55,26 @@ class Participant(Protocol):
 
 
 class Operator(Protocol):
-    """Whoever serves the rig."""
+    """Whoever serves the rig and watches over the session. No method waits."""
 
-    def mount(self, beam: str) -> None:
-        """Ask for `beam` to be mounted; never waits."""
+    def ask(self, text: str) -> None:
+        """Ask for something: a beam to be mounted, the state of the skin."""
         ...
 
-    def mounted(self) -> bool:
-        """Return whether the beam asked for is in place."""
+    def answered(self) -> str | None:
+        """Return what was typed in answer, maybe nothing; None while it was not answered."""
+        ...
+
+    def mount(self, beam: str) -> None:
+        """Ask for `beam` to be mounted; confirmed by an answer."""
+        ...
+
+    def order(self) -> Order | Note | None:
+        """Return what the operator ordered since the last call, one thing at a time."""
+        ...
+
+    def see(self, view: View) -> None:
+        """Show where the session stands."""
         ...
 
 
@@ -74,12 +91,4 @@ class Clock(Protocol):
 
     def sleep(self, seconds: float) -> None:
         """Let time pass."""
-        ...
-
-
-class Journal(Protocol):
-    """Where a session's events go: `append` returns once the event is safe."""
-
-    def append(self, tag: str, **payload: object) -> None:
-        """Add an event; raises `NotAllowed` if the session's state does not permit it."""
         ...

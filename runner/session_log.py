@@ -2,7 +2,8 @@
 
 from runner.journal import Journal
 from runner.ports import Clock
-from runner.session_state import Event, SessionState, after, folded
+from runner.session_state import Event, SessionState, folded
+from runner.transitions import next_state
 
 
 class SessionLog:
@@ -23,7 +24,7 @@ class SessionLog:
             NotAllowed: the state does not permit it; nothing is stored.
             JournalError: it could not be stored.
         """
-        state = after(self.state, tag, payload)
+        next_state(self.state.name, tag)
         event = Event(
             seq=self._next_seq,
             tag=tag,
@@ -33,4 +34,4 @@ class SessionLog:
         )
         self._journal.append(self._session, event)
         self._next_seq += 1
-        self.state = state
+        self.state.take(event)

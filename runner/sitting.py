@@ -2,28 +2,37 @@
 
 import random
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 from protocol.errors import BadInput
 from protocol.plan import plan
-from protocol.texts import Language
+from protocol.study import Language, Study
+from protocol.texts import study_texts
 from runner.clock import SteppedClock, WallClock
-from runner.console import ConsoleOperator, ConsoleParticipant, TypedLines
+from runner.cohort import slot_for, states
+from runner.console import ConsoleParticipant, TypedLines
+from runner.holding import held
 from runner.journal import Journal, open_journal, session_name
+from runner.journal_place import checked_place, mounts_of_this_machine
 from runner.loop import run
+from runner.operator_console import LiveDisplay, OperatorConsole, PlainDisplay
 from runner.ports import Clock, Operator, Participant
+from runner.resuming import require_resumable
 from runner.rigging import SIMULATED, Rigged, rigged
-from runner.session import Session, text_digest
+from runner.room import Room
+from runner.session import Kind, Session
 from runner.session_log import SessionLog
 from runner.session_state import SessionState
-from runner.slots import slot
 from runner.study_folder import StudyFolder, pseudonym
-from runner.virtual import HandOperator, VirtualParticipant, drawn_character
+from runner.terminal_keys import terminal_keys
+from runner.virtual import VirtualParticipant, drawn_character, swapping
 
 Ratings = Literal["window", "console", "virtual"]
 Pace = Literal["wall", "stepped"]
+Say = Callable[[str], None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,29 +52,45 @@ class Sitting:
     touchbeam: Sequence[str] = ("touchbeam",)
 
 
-def sit(sitting: Sitting, say: Callable[[str], None]) -> SessionState:
+def sit(sitting: Sitting, say: Say) -> SessionState:
     """Carry out, or take up again, the session that `sitting` asks for; return its end.
 
     Raises:
         BadInput, StudyError, AddressError: something given is wrong; nothing was changed.
-        DeviceError, JournalError, ParticipantGone: the work failed; the session can be resumed.
+        DeviceError, JournalError, ParticipantGone, RigHeld: the work failed; it can be resumed.
     """
     study = sitting.folder.study()
     url = sitting.device or study.rig.device
     pace = _checked_pace(sitting, url)
-    seed = study.study.seed if sitting.seed is None else sitting.seed
-    pseudonym(sitting.participant)
-    with rigged(url, study.rig, sitting.touchbeam, seed) as rig:
+    kind = _checked_kind(sitting, study, url)
+    name = session_name(pseudonym(sitting.participant), sitting.number)
+    checked_place(sitting.folder.path, mounts_of_this_machine())
+    with ExitStack() as stack:
+        place = sitting.folder.path.resolve()
+        stack.enter_context(held(f"session {name} of {place}", name))
+        if url != SIMULATED:
+            stack.enter_context(held(url, f"{name} of {place}"))
+        seed = study.study.seed if sitting.seed is None else sitting.seed
+        rig = stack.enter_context(rigged(url, study.rig, sitting.touchbeam, seed))
         clock = _clock(pace, rig)
-        with open_journal(sitting.folder.journal) as journal:
-            session = _session(sitting, journal, url, seed)
-            name = session_name(session.participant, session.number)
-            log = SessionLog(journal, name, clock)
-            if log.state.name == "completed":
-                raise BadInput(f"{name} is complete; take another participant or --session")
-            participant, operator = _people(sitting, session, rig, clock, say)
-            run(session, rig.device, participant, operator, clock, log)
-            return log.state
+        journal = stack.enter_context(open_journal(sitting.folder.journal))
+        new = name not in journal.sessions()
+        session = _session(sitting, study, journal, kind, seed, clock)
+        log = SessionLog(journal, name, clock)
+        participant, operator = stack.enter_context(_people(sitting, session, rig, clock, say))
+        stack.callback(journal.checkpoint)
+        run(
+            Room(
+                session=session,
+                device=rig.device,
+                participant=participant,
+                operator=operator,
+                clock=clock,
+                log=log,
+                opened_now=new,
+            )
+        )
+        return log.state
 
 
 def _checked_pace(sitting: Sitting, url: str) -> Pace:
@@ -82,49 +107,56 @@ def _checked_pace(sitting: Sitting, url: str) -> Pace:
     return sitting.pace or ("stepped" if sitting.ratings == "virtual" else "wall")
 
 
+def _checked_kind(sitting: Sitting, study: Study, url: str) -> Kind:
+    """What the session is; one with a participant may need a consent."""
+    if sitting.rehearsal or url == SIMULATED or sitting.ratings == "virtual":
+        return "rehearsal"
+    if study.session.consent_required and not sitting.consent:
+        raise BadInput("this study asks for a consent: give its reference with --consent")
+    return "participant"
+
+
 def _clock(pace: Pace, rig: Rigged) -> Clock:
     if pace == "wall" or rig.hand is None:
         return WallClock()
     return SteppedClock(WallClock().utc(), rig.hand.advance)
 
 
-def _session(sitting: Sitting, journal: Journal, url: str, seed: int) -> Session:
-    """The session as it was opened, or as it is to be opened now."""
+def _session(
+    sitting: Sitting, study: Study, journal: Journal, kind: Kind, seed: int, clock: Clock
+) -> Session:
+    """The session as it was opened, or as it is to be opened now.
+
+    A slot counts as taken from the moment the session is opened, so both happen at once.
+    """
+    text = sitting.folder.text()
     name = session_name(sitting.participant, sitting.number)
-    text, study = sitting.folder.text(), sitting.folder.study()
-    earlier = {key: journal.events(key)[0].payload for key in journal.sessions()}
-    rehearsal = sitting.rehearsal or url == SIMULATED or sitting.ratings == "virtual"
-    kind: Literal["participant", "rehearsal"] = "rehearsal" if rehearsal else "participant"
-    if name in earlier:
-        _require_same(earlier[name], text, kind, name)
-    return Session(
-        participant=sitting.participant,
-        number=sitting.number,
-        kind=kind,
-        study=study,
-        study_text=text,
-        plan=plan(study, slot(earlier.values(), sitting.participant, kind)),
-        language=sitting.language,
-        consent=sitting.consent,
-        seed=seed,
-    )
+    with journal.alone():
+        sessions = states(journal)
+        session = Session(
+            participant=sitting.participant,
+            number=sitting.number,
+            kind=kind,
+            study=study,
+            study_text=text,
+            plan=plan(study, slot_for(sessions, sitting.participant, kind), sitting.number),
+            language=sitting.language,
+            consent=sitting.consent,
+            seed=seed,
+        )
+        require_resumable(journal, session, sessions.get(name), clock.utc())
+        if name not in sessions:
+            SessionLog(journal, name, clock).append("session-opened", **session.opening())
+    return session
 
 
-def _require_same(opened: Mapping[str, Any], text: str, kind: str, name: str) -> None:
-    """A session goes on as it began, or not at all."""
-    if opened.get("study_sha256") != text_digest(text):
-        raise BadInput(f"{name}: study.toml has changed since this session began; restore it")
-    if opened["kind"] != kind:
-        raise BadInput(f"{name} began as a {opened['kind']} session, now it would be a {kind} one")
-
-
+@contextmanager
 def _people(
-    sitting: Sitting, session: Session, rig: Rigged, clock: Clock, say: Callable[[str], None]
-) -> tuple[Participant, Operator]:
-    swapper = HandOperator(rig.hand, session.study.beams) if rig.hand else None
+    sitting: Sitting, session: Session, rig: Rigged, clock: Clock, say: Say
+) -> Iterator[tuple[Participant, Operator]]:
+    swap = swapping(rig.hand, session.study.beams) if rig.hand else lambda _: None
     if sitting.ratings == "virtual":
         assert rig.hand is not None
-        assert swapper is not None
         stream = random.Random(f"virtual/{session.seed}/{session.participant}/{session.number}")
         virtual = VirtualParticipant(
             hand=rig.hand,
@@ -132,9 +164,22 @@ def _people(
             character=drawn_character(stream),
             random_stream=stream,
         )
-        return virtual, swapper
-    typed = TypedLines(sys.stdin)
-    participant = ConsoleParticipant(typed, say, session.language)
-    if swapper is None:
-        return participant, ConsoleOperator(typed, say)
-    return participant, ConsoleOperator(typed, say, swapper.mount)
+        with _console(quiet=isinstance(clock, SteppedClock), say=say) as (typed, display):
+            yield virtual, OperatorConsole(typed, display, swap, alone=True)
+        return
+    lines = TypedLines(sys.stdin)
+    texts = study_texts(session.study, session.language)
+    participant = ConsoleParticipant(lines, say, session.language, texts)
+    yield participant, OperatorConsole(lines.operator_typed, PlainDisplay(say), swap)
+
+
+@contextmanager
+def _console(
+    *, quiet: bool, say: Say
+) -> Iterator[tuple[Callable[[bool], str], LiveDisplay | PlainDisplay]]:
+    """The operator's keys and display: live on a terminal, plain lines elsewhere."""
+    if quiet or not (sys.stdin.isatty() and sys.stdout.isatty()):
+        yield lambda _: "", PlainDisplay((lambda _: None) if quiet else say)
+        return
+    with terminal_keys() as typed, LiveDisplay() as display:
+        yield typed, display

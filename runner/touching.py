@@ -1,93 +1,131 @@
 """One touch: the right beam, the instruction, the drive, the finger's way, and off again."""
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
+from typing import Any
 
 from device.records import Setpoint
-from protocol.study import Touch
+from protocol.programme import touch_s
 from protocol.texts import touch_text
-from runner.ports import Clock, Device, Operator, Participant
+from protocol.touch import Touch
+from runner.judging import Sample, judged, sample
+from runner.preparing import mount
+from runner.room import Room
 from runner.screens import Instruction, Notice, Pacing
-from runner.session import Session
-from runner.session_log import SessionLog
-from runner.waiting import awaited, pass_time, response
+from runner.waiting import pass_time, response
+from runner.watching import show_where_we_are
+
+SAMPLE_EVERY_S = 0.2
+SWEEP_STEP_S = 0.1
 
 
-@dataclass
-class Touching:
-    """Prepares the rig and carries out touches, each written down before and after."""
+def touch(room: Room, number: int, to_make: Touch) -> dict[str, Any]:
+    """Carry out one touch of a trial and return how it was done.
 
-    session: Session
-    device: Device
-    participant: Participant
-    operator: Operator
-    clock: Clock
-    log: SessionLog
-    resonance_hz: float = field(default=0.0, init=False)
+    The output is off before and after it; it goes on only once the journal says that it will.
+    """
+    study = room.session.study
+    mount(room, to_make.beam or study.touch.beam)
+    if number > 0:
+        pass_time(room, study.timing.between_touches_s)
+    room.participant.show(Instruction(text=touch_text(to_make)))
+    response(room)
+    start = _setpoint(room, to_make.voltage_v, to_make.frequency)
+    room.log.append("touch-started", touch=number, commanded=asdict(start))
+    stimulus = _Stimulus(room, to_make)
+    stimulus.deliver(start)
+    room.device.off()
+    room.participant.show(Notice(text="touch.end"))
+    verdict = judged(stimulus.pacing, stimulus.samples)
+    room.log.append("touch-ended", touch=number, **stimulus.record(), judged=verdict)
+    show_where_we_are(room, warning=_warning(verdict))
+    return verdict
 
-    def prepare(self) -> None:
-        """Arm the device and find the beam's resonance, before anybody touches it."""
-        self.log.append("device-armed", **asdict(self.device.arm()))
-        self._mount(self.session.study.touch.beam)
-        rig = self.session.study.rig
-        found = self.device.resonance(rig.nominal_resonance_hz, self.clock.sleep)
-        self.log.append("resonance-measured", **asdict(found))
-        self.resonance_hz = found.frequency_hz
 
-    def touch(self, number: int, touch: Touch) -> None:
-        """Carry out one touch of a trial; the output is off before and after it."""
-        self._mount(touch.beam or self.session.study.touch.beam)
-        self.participant.show(Instruction(text=touch_text(touch)))
-        response(self.participant, self.device, self.clock)
-        start = self._setpoint(touch, touch.voltage_v, self.session.study.rig.ramp_v_per_s)
-        self.log.append("touch-started", touch=number, commanded=asdict(start))
-        read_back = self._stimulus(touch, start)
-        self.device.off()
-        self.participant.show(Notice(text="touch.end"))
-        self.log.append("touch-ended", touch=number, read_back=read_back)
+class _Stimulus:
+    """What the device does while the finger is on the beam, and what was read back meanwhile."""
 
-    def _stimulus(self, touch: Touch, start: Setpoint) -> list[dict[str, object]]:
-        """Drive the beam while it is touched; return what the device said at start and end."""
-        self.device.drive(start)
-        pass_time(start.voltage_v / start.ramp_v_per_s, self.participant, self.device, self.clock)
-        pacing = self._pacing(touch)
-        self.participant.show(pacing)
-        at_start = self.device.read_back()
-        if touch.end_voltage_v != touch.voltage_v:
-            change_v = abs(touch.end_voltage_v - touch.voltage_v)
-            ramp_v_per_s = change_v / pacing.duration_s
-            self.device.drive(self._setpoint(touch, touch.end_voltage_v, ramp_v_per_s))
-        pass_time(pacing.duration_s, self.participant, self.device, self.clock)
-        return [asdict(at_start), asdict(self.device.read_back())]
+    def __init__(self, room: Room, to_make: Touch) -> None:
+        self._room = room
+        self._touch = to_make
+        self._read_back: list[dict[str, Any]] = []
+        self._next_sample_s = 0.0
+        self._next_step_s = 0.0
+        self.samples: list[Sample] = []
+        self.pacing = _pacing(room, to_make)
 
-    def _setpoint(self, touch: Touch, voltage_v: float, ramp_v_per_s: float) -> Setpoint:
-        return Setpoint(
-            voltage_v=voltage_v,
-            frequency_hz=touch.frequency * self.resonance_hz,
-            ramp_v_per_s=ramp_v_per_s,
+    def deliver(self, start: Setpoint) -> None:
+        """Soft start, the touch itself with its ramp or sweep; the output stays on."""
+        room, to_make = self._room, self._touch
+        room.device.drive(start)
+        pass_time(room, start.voltage_v / start.ramp_v_per_s)
+        room.participant.show(self.pacing)
+        self._look()
+        if to_make.end_voltage_v != to_make.voltage_v:
+            self._ramp()
+        self._began_s = room.clock.monotonic_s()
+        pass_time(room, self.pacing.duration_s, self._meanwhile)
+        self._look()
+
+    def record(self) -> dict[str, Any]:
+        """Return what was read back: drive at start and end, the finger's trace in between."""
+        trace = [[entry.t_s, entry.force_n, entry.position_m] for entry in self.samples]
+        return {"read_back": self._read_back, "trace": trace}
+
+    def _look(self) -> None:
+        read_back = self._room.device.read_back()
+        self._read_back.append(asdict(read_back))
+        self.samples.append(sample(read_back))
+        show_where_we_are(self._room, device=read_back)
+
+    def _ramp(self) -> None:
+        change_v = abs(self._touch.end_voltage_v - self._touch.voltage_v)
+        end = _setpoint(self._room, self._touch.end_voltage_v, self._touch.frequency)
+        self._room.device.drive(
+            Setpoint(
+                voltage_v=end.voltage_v,
+                frequency_hz=end.frequency_hz,
+                ramp_v_per_s=change_v / self.pacing.duration_s,
+            )
         )
 
-    def _pacing(self, touch: Touch) -> Pacing:
-        defaults = self.session.study.touch
-        force_n = defaults.force_n * touch.press
-        if touch.place == "smooth":
-            place_m = defaults.smooth_place_m
-            start_m, end_m, duration_s = place_m, place_m, defaults.hold_s
-        else:
-            left_m, right_m = defaults.path_m
-            start_m, end_m = (left_m, right_m) if touch.direction == "right" else (right_m, left_m)
-            duration_s = (right_m - left_m) / defaults.sliding_speed_m_s
-        return Pacing(
-            start_m=start_m,
-            end_m=end_m,
-            duration_s=touch.duration_s or duration_s,
-            force_n=force_n,
-            direction=touch.direction,
-        )
+    def _meanwhile(self) -> None:
+        """Look at the finger now and then; move the frequency on if it sweeps."""
+        passed_s = self._room.clock.monotonic_s() - self._began_s
+        if passed_s >= self._next_sample_s:
+            self._next_sample_s += SAMPLE_EVERY_S
+            self.samples.append(sample(self._room.device.read_back()))
+        if self._touch.sweep_to is not None and passed_s >= self._next_step_s:
+            self._next_step_s += SWEEP_STEP_S
+            self._step_frequency(min(passed_s / self.pacing.duration_s, 1.0))
 
-    def _mount(self, beam: str | None) -> None:
-        """Have the operator swap beams, with the output off, unless it is there already."""
-        if beam is None or beam == self.log.state.beam:
-            return
-        self.operator.mount(beam)
-        awaited(lambda: self.operator.mounted() or None, self.device, self.clock)
-        self.log.append("beam-mounted", beam=beam)
+    def _step_frequency(self, share: float) -> None:
+        to_make = self._touch
+        frequency = to_make.frequency + share * (to_make.end_frequency - to_make.frequency)
+        self._room.device.drive(_setpoint(self._room, to_make.end_voltage_v, frequency))
+
+
+def _setpoint(room: Room, voltage_v: float, frequency: float) -> Setpoint:
+    return Setpoint(
+        voltage_v=voltage_v,
+        frequency_hz=frequency * room.resonance_hz,
+        ramp_v_per_s=room.session.study.rig.ramp_v_per_s,
+    )
+
+
+def _pacing(room: Room, to_make: Touch) -> Pacing:
+    finger = room.session.study.touch
+    start_m = end_m = finger.smooth_place_m
+    if to_make.place == "path":
+        start_m, end_m = finger.path_m if to_make.direction == "right" else finger.path_m[::-1]
+    return Pacing(
+        start_m=start_m,
+        end_m=end_m,
+        duration_s=touch_s(to_make, finger),
+        force_n=finger.force_n * to_make.press,
+        direction=to_make.direction,
+    )
+
+
+def _warning(verdict: dict[str, Any]) -> str:
+    missed = [name for name in ("force", "place") if verdict[f"{name}_ok"] is False]
+    return f"the touch was not as asked: {' and '.join(missed)}" if missed else ""

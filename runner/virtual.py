@@ -6,6 +6,7 @@ neither the plan nor the drive.
 
 import math
 import random
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from device.simulator.hand import Hand
@@ -146,17 +147,6 @@ def _nearest(touch: list[_Felt], position_m: float) -> float:
     return min(touch, key=lambda felt: abs(felt.position_m - position_m)).friction
 
 
-@dataclass
-class HandOperator:
-    """An operator who swaps the beam of the simulated device at once."""
-
-    hand: Hand
-    body_spacing_m: dict[str, float]
-
-    def mount(self, beam: str) -> None:
-        """Swap."""
-        self.hand.swap_beam(self.body_spacing_m[beam])
-
-    def mounted(self) -> bool:
-        """Return True: it is done."""
-        return True
+def swapping(hand: Hand, body_spacing_m: Mapping[str, float]) -> Callable[[str], None]:
+    """Return a function that mounts one of the study's beams on the simulated device."""
+    return lambda beam: hand.swap_beam(body_spacing_m[beam])

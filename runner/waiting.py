@@ -1,9 +1,10 @@
-"""Waiting, with the device kept alive and watched meanwhile."""
+"""Waiting, with the device kept alive, the operator heard and the participant served meanwhile."""
 
 from collections.abc import Callable
 from typing import TypeVar
 
-from runner.ports import Clock, Device, Participant
+from runner.orders import obey
+from runner.room import Room
 from runner.screens import Response
 
 TICK_S = 0.05
@@ -11,24 +12,35 @@ TICK_S = 0.05
 _Thing = TypeVar("_Thing")
 
 
-def awaited(poll: Callable[[], _Thing | None], device: Device, clock: Clock) -> _Thing:
+def awaited(room: Room, poll: Callable[[], _Thing | None]) -> _Thing:
     """Return what `poll` gives as soon as it gives something."""
     while (thing := poll()) is None:
-        device.beat()
-        clock.sleep(TICK_S)
+        tick(room, TICK_S)
     return thing
 
 
-def response(participant: Participant, device: Device, clock: Clock) -> Response:
+def response(room: Room) -> Response:
     """Return the participant's answer to what was last shown."""
-    return awaited(participant.poll, device, clock)
+    return awaited(room, room.participant.poll)
 
 
-def pass_time(seconds: float, participant: Participant, device: Device, clock: Clock) -> None:
-    """Let `seconds` pass; the participant goes on touching."""
-    end_s = clock.monotonic_s() + seconds
-    while (left_s := end_s - clock.monotonic_s()) > 1e-9:
-        device.beat()
-        participant.poll()
-        clock.sleep(min(TICK_S, left_s))
-    participant.poll()
+def pass_time(room: Room, seconds: float, meanwhile: Callable[[], None] = lambda: None) -> None:
+    """Let `seconds` pass; the participant goes on touching, `meanwhile` is called every tick."""
+    end_s = room.clock.monotonic_s() + seconds
+    while (left_s := end_s - room.clock.monotonic_s()) > 1e-9:
+        room.participant.poll()
+        meanwhile()
+        tick(room, min(TICK_S, left_s))
+    room.participant.poll()
+
+
+def tick(room: Room, seconds: float) -> None:
+    """Let one tick pass.
+
+    Raises:
+        DeviceError: the device failed meanwhile.
+        StoppedByOperator, RepeatTrial: the operator ordered so.
+    """
+    room.device.beat()
+    obey(room)
+    room.clock.sleep(seconds)

@@ -11,7 +11,8 @@ from analysis.session_scores import Happened, NothingToReport, loaded
 def session(who: str, scores: dict[str, Any], kind: str = "participant") -> list[Happened]:
     opened = {"participant": who, "kind": kind, "conditions": ["voltage", "pressure"]}
     answers: list[Happened] = [
-        ("answered", {"condition": name, "score": score}) for name, score in scores.items()
+        ("answered", {"index": i, "kind": "trial", "condition": name, "score": score})
+        for i, (name, score) in enumerate(scores.items())
     ]
     return [("session-opened", opened), *answers, ("session-completed", {})]
 
@@ -25,8 +26,8 @@ def test_a_score_that_was_not_given_is_missing() -> None:
 def test_repeated_trials_are_averaged() -> None:
     events = [
         *session("P01", {"voltage": 9}),
-        ("answered", {"condition": "voltage", "score": 6}),
-        ("answered", {"condition": None, "score": None}),
+        ("answered", {"index": 7, "kind": "trial", "condition": "voltage", "score": 6}),
+        ("answered", {"index": 8, "kind": "practice", "condition": "voltage", "score": 1}),
     ]
     assert loaded([events], rehearsals=False).table.scores[0, 0] == 7.5
 
@@ -71,3 +72,20 @@ def test_imported_scores_keep_the_order_of_their_columns() -> None:
     assert result.table.conditions == ("voltage", "direction")
     assert result.kinds == ("published",)
     assert np.array_equal(result.table.scores, [[np.nan, 7]], equal_nan=True)
+
+
+def test_an_excluded_trial_does_not_count_but_is_counted() -> None:
+    events = [*session("P01", {"voltage": 9, "pressure": 5}), ("trial-excluded", {"index": 0})]
+    result = loaded([events], rehearsals=False)
+    assert np.isnan(result.table.scores[0, 0])
+    assert (result.trials_excluded, result.unfinished) == (1, ())
+
+
+def test_excluded_and_withdrawn_sessions_are_counted_and_nothing_more() -> None:
+    excluded: list[Happened] = [*session("P01", {"voltage": 9}), ("session-excluded", {})]
+    withdrawn: list[Happened] = [("session-opened", {}), ("withdrawn", {})]
+    amended: list[Happened] = [("study-amended", {})]
+    sessions = [excluded, withdrawn, amended, session("P02", {"voltage": 8})]
+    result = loaded(sessions, rehearsals=False)
+    assert result.table.subjects == ("P02",)
+    assert (result.sessions_excluded, result.sessions_withdrawn) == (1, 1)

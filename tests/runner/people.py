@@ -7,7 +7,15 @@ from datetime import UTC, datetime, timedelta
 from device.errors import DeviceError, OutputUnknown
 from device.records import Identity, ReadBack, Setpoint
 from device.sweep import Resonance
+from protocol.plan import plan
+from protocol.study_file import parsed_study, template
+from runner.journal import Journal
+from runner.orders import Note, Order
+from runner.room import Room
 from runner.screens import AskChange, AskScore, Instruction, Response, Screen
+from runner.session import Kind, Session
+from runner.session_log import SessionLog
+from runner.view import View
 
 
 @dataclass
@@ -105,14 +113,67 @@ class FakeParticipant:
 
 @dataclass
 class FakeOperator:
-    """Swaps beams at once, and only while the output is off."""
+    """Does what is asked at once; swaps beams only while the output is off.
+
+    Gives `orders` in turn, each once `when` holds for what is seen.
+    """
 
     device: FakeDevice
+    orders: list[tuple[str, Order | Note]] = field(default_factory=list)
     mounts: list[str] = field(default_factory=list)
+    asked: list[str] = field(default_factory=list)
+    seen: list[View] = field(default_factory=list)
 
     def mount(self, beam: str) -> None:
         assert not self.device.on, "a beam is swapped with the output off"
         self.mounts.append(beam)
 
-    def mounted(self) -> bool:
-        return True
+    def ask(self, text: str) -> None:
+        self.asked.append(text)
+
+    def answered(self) -> str | None:
+        return "fine"
+
+    def order(self) -> Order | Note | None:
+        if self.orders and self.seen and self.seen[-1].state == self.orders[0][0]:
+            return self.orders.pop(0)[1]
+        return None
+
+    def see(self, view: View) -> None:
+        self.seen.append(view)
+
+
+def room(
+    journal: Journal,
+    device: FakeDevice,
+    participant: FakeParticipant,
+    text: str = template("paper"),
+    operator: FakeOperator | None = None,
+    kind: Kind = "participant",
+) -> Room:
+    """A room for the session P01/1 of the study `text`, opened in `journal` if it is new."""
+    clock = FakeClock()
+    log = SessionLog(journal, "P01/1", clock)
+    if log.state.opened:
+        clock.passed_s = 3600.0
+    study = parsed_study(text)
+    session = Session(
+        participant="P01",
+        number=1,
+        kind=kind,
+        study=study,
+        study_text=text,
+        plan=plan(study, slot=0),
+    )
+    new = log.state.name == "new"
+    if new:
+        log.append("session-opened", **session.opening())
+    return Room(
+        session=session,
+        device=device,
+        participant=participant,
+        operator=operator or FakeOperator(device),
+        clock=clock,
+        log=log,
+        opened_now=new,
+    )

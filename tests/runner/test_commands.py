@@ -102,6 +102,30 @@ def test_a_virtual_session_is_not_run_twice(capsys: pytest.CaptureFixture[str]) 
     assert "nothing but rehearsals here; name them with --rehearsals" in capsys.readouterr().err
 
 
+def test_a_study_is_looked_after(capsys: pytest.CaptureFixture[str]) -> None:
+    typed("new", "study")
+    assert typed(*RUN, "virtual") == 0
+    capsys.readouterr()
+    assert typed("status", "study", "--json") == 0
+    status = json.loads(capsys.readouterr().out)
+    assert status["sessions"][0]["state"] == "completed"
+    assert status["next_slot"] == 0, "a rehearsal uses no slot"
+    assert typed("verify", "study", "--json") == 0
+    verified = json.loads(capsys.readouterr().out)
+    assert (verified["ok"], verified["sessions"][0]["trials_answered"]) == (True, 7)
+    of = ("--participant", "P01")
+    assert typed("exclude", "study", *of, "--trial", "3", "--reason", "noise") == 0
+    assert typed("exclude", "study", *of, "--trial", "99", "--reason", "noise") == 2
+    assert typed("exclude", "study", "--participant", "P09", "--reason", "noise") == 2
+    assert typed("amend", "study", "--reason", "why not") == 2
+    capsys.readouterr()
+    assert typed("report", "study", "--rehearsals", "--json") == 0
+    assert json.loads(capsys.readouterr().out)["left_out"]["trials excluded"] == 1
+    assert typed("withdraw", "study", *of) == 0
+    assert typed("verify", "study") == 0
+    assert "withdrawn" in capsys.readouterr().out
+
+
 def test_a_changed_study_does_not_go_on(capsys: pytest.CaptureFixture[str]) -> None:
     typed("new", "study")
     study = Path("study/study.toml")
@@ -111,7 +135,7 @@ def test_a_changed_study_does_not_go_on(capsys: pytest.CaptureFixture[str]) -> N
     assert "no resonance between 11400 and 12600 Hz" in capsys.readouterr().err
     study.write_text(study.read_text().replace("= 12000 ", "= 24221 "))
     assert typed(*arguments) == 2
-    assert "study.toml has changed since this session began" in capsys.readouterr().err
+    assert "study.toml has changed since the last session" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])

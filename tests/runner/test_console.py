@@ -7,7 +7,8 @@ from collections.abc import Iterator
 import pytest
 
 from protocol.study import Rating
-from runner.console import ConsoleOperator, ConsoleParticipant, ParticipantGone, TypedLines
+from protocol.texts import TEXTS
+from runner.console import ConsoleParticipant, ParticipantGone, TypedLines
 from runner.screens import AskChange, AskScore, Instruction, Notice, Response, Screen
 
 
@@ -22,6 +23,7 @@ class Terminal:
             self.typed,
             self.said.append,
             "zh" if language == "zh" else "en",
+            TEXTS["zh" if language == "zh" else "en"],
             monotonic_s=lambda: float(next(ticks)),
         )
 
@@ -77,13 +79,16 @@ def test_an_input_that_ends_is_somebody_gone() -> None:
         Terminal("").answer(Instruction(text="remember"))
 
 
-def test_the_operator_confirms_with_enter() -> None:
-    said: list[str] = []
-    swapped: list[str] = []
-    operator = ConsoleOperator(TypedLines(io.StringIO("\n")), said.append, swapped.append)
-    operator.mount("1.5 mm")
+def test_a_line_with_a_colon_is_the_operators() -> None:
+    terminal = Terminal(":p\n1\n")
+    assert terminal.answer(AskChange(question="roughness")).answer == "smoother"
+    assert terminal.typed.operator_typed(asked=False) == "p\n"
+
+
+def test_what_the_operator_was_asked_is_answered_by_any_line() -> None:
+    typed = TypedLines(io.StringIO("dry\n"))
     until_s = time.monotonic() + 5
-    while not operator.mounted() and time.monotonic() < until_s:
-        pass
-    assert swapped == ["1.5 mm"]
-    assert "the output is off. Mount the beam '1.5 mm'" in said[0]
+    line = ""
+    while not line and time.monotonic() < until_s:
+        line = typed.operator_typed(asked=True)
+    assert line == "dry\n"

@@ -61,6 +61,7 @@ def test_an_event_twice_is_refused_and_leaves_nothing(tmp_path: Path) -> None:
         with pytest.raises(JournalError, match=r"cannot be written \(UNIQUE"):
             journal.append("P01/1", event(1))
         assert len(journal.events("P01/1")) == 2
+        journal.append("P01/1", event(2))
 
 
 def test_a_gap_is_refused(tmp_path: Path) -> None:

@@ -5,37 +5,27 @@ from pathlib import Path
 import pytest
 
 from device.errors import DeviceError, OutputUnknown
-from protocol.plan import plan
-from protocol.study_file import parsed_study, template
+from protocol.study_file import template
 from runner.journal import Journal, open_journal
 from runner.loop import run
+from runner.orders import Note, Order, StoppedByOperator
 from runner.screens import AskScore, Instruction, Pacing
-from runner.session import Session
 from runner.session_log import SessionLog
-from tests.runner.people import FakeClock, FakeDevice, FakeOperator, FakeParticipant
+from tests.runner.people import FakeDevice, FakeOperator, FakeParticipant, room
 
 TEXT = template("paper")
 
 
-def session(text: str = TEXT) -> Session:
-    study = parsed_study(text)
-    return Session(
-        participant="P01",
-        number=1,
-        kind="participant",
-        study=study,
-        study_text=text,
-        plan=plan(study, slot=0),
-    )
-
-
 def carried_out(
-    journal: Journal, device: FakeDevice, participant: FakeParticipant, text: str = TEXT
+    journal: Journal,
+    device: FakeDevice,
+    participant: FakeParticipant,
+    text: str = TEXT,
+    orders: list[tuple[str, Order | Note]] | None = None,
 ) -> SessionLog:
-    clock = FakeClock()
-    log = SessionLog(journal, "P01/1", clock)
-    run(session(text), device, participant, FakeOperator(device), clock, log)
-    return log
+    made = room(journal, device, participant, text, FakeOperator(device, orders or []))
+    run(made)
+    return made.log
 
 
 def tags(journal: Journal) -> list[str]:
@@ -141,3 +131,62 @@ def test_an_output_that_is_not_read_back_as_off_is_said_to_be_unknown(tmp_path: 
             carried_out(journal, FakeDevice(fails="off"), FakeParticipant())
         off = journal.events("P01/1")[-1]
         assert (off.tag, off.payload["confirmed"]) == ("device-off", False)
+
+
+def test_the_operator_stops_a_session_and_it_goes_on_later(tmp_path: Path) -> None:
+    device = FakeDevice()
+    with open_journal(tmp_path / "study.db") as journal:
+        with pytest.raises(StoppedByOperator, match="stopped by the operator"):
+            carried_out(journal, device, FakeParticipant(), orders=[("touching", "stop")])
+        assert not device.on
+        assert tags(journal)[-2:] == ["trial-aborted", "device-off"]
+        assert carried_out(journal, device, FakeParticipant()).state.name == "completed"
+
+
+def test_an_emergency_stop_turns_off_before_anything_else(tmp_path: Path) -> None:
+    device = FakeDevice()
+    with open_journal(tmp_path / "study.db") as journal:
+        with pytest.raises(StoppedByOperator, match="emergency stop"):
+            carried_out(journal, device, FakeParticipant(), orders=[("touching", "emergency stop")])
+        last = journal.events("P01/1")[-1]
+        assert (last.tag, last.payload["confirmed"]) == ("device-off", True)
+    assert device.calls[device.calls.index("drive") :].count("drive") == 1
+
+
+def test_a_repeated_trial_is_aborted_and_answered_once(tmp_path: Path) -> None:
+    with open_journal(tmp_path / "study.db") as journal:
+        log = carried_out(journal, FakeDevice(), FakeParticipant(), orders=[("touching", "repeat")])
+        assert log.state.aborted == [0]
+        assert log.state.attempts[0] == 2
+        assert tags(journal).count("answered") == 7
+
+
+def test_a_pause_lasts_until_the_operator_ends_it(tmp_path: Path) -> None:
+    with open_journal(tmp_path / "study.db") as journal:
+        orders: list[tuple[str, Order | Note]] = [("touching", "pause"), ("paused", "pause")]
+        log = carried_out(journal, FakeDevice(), FakeParticipant(), orders=orders)
+        events = tags(journal)
+        assert events[events.index("paused") - 1] == "answered", "a trial is finished first"
+        assert events[events.index("paused") + 1] == "unpaused"
+        assert log.state.name == "completed"
+
+
+def test_a_note_is_written_down(tmp_path: Path) -> None:
+    with open_journal(tmp_path / "study.db") as journal:
+        orders: list[tuple[str, Order | Note]] = [("touching", Note(text="a lorry passed"))]
+        carried_out(journal, FakeDevice(), FakeParticipant(), orders=orders)
+        (note,) = (event for event in journal.events("P01/1") if event.tag == "note")
+        assert note.payload == {"text": "a lorry passed"}
+
+
+def test_practice_is_renewed_on_resuming_if_the_study_says_so(tmp_path: Path) -> None:
+    text = template("extended")
+    with open_journal(tmp_path / "study.db") as journal:
+        stopping = FakeParticipant(stops_at="text='break'")
+        with pytest.raises(KeyboardInterrupt):
+            carried_out(journal, FakeDevice(), stopping, text)
+        log = carried_out(journal, FakeDevice(), FakeParticipant(), text)
+        assert "practice-renewed" in tags(journal)
+        assert "rig-described" in tags(journal)
+        assert log.state.name == "completed"
+        assert not log.state.answered_twice

@@ -1,0 +1,144 @@
+"""The operator's console: where the session stands, what the device does, and one-key orders.
+
+On a terminal it redraws itself; elsewhere it prints a line whenever something changes.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from runner.operator_keys import HELP, OperatorKeys
+from runner.orders import Note, Order
+from runner.view import View
+
+
+class Display(Protocol):
+    """Where the operator looks."""
+
+    def show(self, view: View, question: str, typed: str | None) -> None:
+        """Show the session, what is asked of the operator, and what was typed so far."""
+        ...
+
+
+@dataclass
+class PlainDisplay:
+    """Plain lines, for a log or a pipe."""
+
+    say: Callable[[str], None]
+    _last: str = field(default="", init=False)
+
+    def show(self, view: View, question: str, typed: str | None) -> None:
+        """Print what has changed; what is being typed stands there already."""
+        del typed
+        where = f"{view.session} {view.state} {view.trial}".rstrip()
+        line = f"{where}; {view.progress()}; output {view.output()}"
+        for text in (line, view.warning and f"warning: {view.warning}", question):
+            if text and text != self._last:
+                self.say(text)
+                self._last = text
+
+
+class LiveDisplay:
+    """A panel that stays in place."""
+
+    def __init__(self) -> None:
+        from rich.live import Live
+
+        self._live = Live(auto_refresh=False, transient=False)
+
+    def __enter__(self) -> "LiveDisplay":
+        self._live.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._live.stop()
+
+    def show(self, view: View, question: str, typed: str | None) -> None:
+        """Draw the panel anew."""
+        from rich.panel import Panel
+
+        self._live.update(
+            Panel("\n".join(panel_lines(view, question, typed)), title="touchbeam"), refresh=True
+        )
+
+
+def panel_lines(view: View, question: str, typed: str | None) -> list[str]:
+    """Return what stands in the panel; lines are short enough for a narrow terminal."""
+    from rich.markup import escape
+
+    colour = "red" if view.device is not None and view.device.output else "green"
+    lines = [
+        f"{view.session}  {view.kind}  [bold]{view.state}[/]",
+        view.progress(),
+        f"trial: {escape(view.trial) or '-'}   last: {escape(view.last_answer) or '-'}",
+        f"output: [bold {colour}]{view.output()}[/]",
+    ]
+    if view.warning:
+        lines.append(f"[yellow]warning: {escape(view.warning)}[/]")
+    if question:
+        lines.append(f"[bold]{escape(question)}[/] {escape(typed or '')}")
+    elif typed is not None:
+        lines.append(f"note: {escape(typed)}")
+    return [*lines, f"[dim]{HELP}[/]"]
+
+
+@dataclass
+class OperatorConsole:
+    """An operator at a console.
+
+    `typed` returns the characters typed since its last call; it is told whether something was
+    asked. `swap` mounts a simulated beam. Where nobody is there (`alone`), what is asked is
+    answered with nothing.
+    """
+
+    typed: Callable[[bool], str]
+    display: Display
+    swap: Callable[[str], None] = lambda _: None
+    alone: bool = False
+    _keys: OperatorKeys = field(default_factory=OperatorKeys, init=False)
+    _view: View | None = field(default=None, init=False)
+    _question: str = field(default="", init=False)
+
+    def ask(self, text: str) -> None:
+        """Ask the operator; a session without one goes on at once."""
+        self._question = text
+        self._keys.expect_answer()
+        if self.alone:
+            self._keys.feed("\n")
+        self._redraw()
+
+    def answered(self) -> str | None:
+        """Return the answer once Enter was pressed."""
+        self._listen()
+        answer = self._keys.answer()
+        if answer is not None:
+            self._question = ""
+            self._redraw()
+        return answer
+
+    def mount(self, beam: str) -> None:
+        """Ask for a beam; the output is off."""
+        self.swap(beam)
+        self.ask(f"The output is off. Mount the beam '{beam}', then press Enter.")
+
+    def order(self) -> Order | Note | None:
+        """Return the next order."""
+        self._listen()
+        return self._keys.order()
+
+    def see(self, view: View) -> None:
+        """Show `view`."""
+        if view.device is None and self._view is not None and view.state == "touching":
+            return
+        self._view = view
+        self._redraw()
+
+    def _listen(self) -> None:
+        characters = self.typed(bool(self._question))
+        if characters:
+            self._keys.feed(characters)
+            self._redraw()
+
+    def _redraw(self) -> None:
+        if self._view is not None:
+            self.display.show(self._view, self._question, self._keys.line)

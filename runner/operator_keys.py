@@ -1,0 +1,85 @@
+"""What the operator's keys mean: one key each, and lines for answers and notes. Does no I/O."""
+
+from collections import deque
+
+from runner.orders import Note, Order
+
+KEYS: dict[str, Order] = {
+    "p": "pause",
+    "s": "stop",
+    "r": "repeat",
+    "e": "emergency stop",
+    " ": "emergency stop",
+}
+HELP = "p pause/go on   r repeat trial   n note   s stop   e or space EMERGENCY STOP"
+
+_ENTER = "\r\n"
+_BACKSPACE = "\x7f\b"
+_ESCAPE = "\x1b"
+
+
+class OperatorKeys:
+    """Characters in, orders and answers out.
+
+    A line is collected while something was asked or after `n`; otherwise each key is an order.
+    """
+
+    def __init__(self) -> None:
+        self._orders: deque[Order | Note] = deque()
+        self._answers: deque[str] = deque()
+        self._line = ""
+        self._noting = False
+        self._asked = False
+
+    @property
+    def line(self) -> str | None:
+        """What has been typed of a line so far, None while keys are orders."""
+        return self._line if self._noting or self._asked else None
+
+    def expect_answer(self) -> None:
+        """Take the next line as an answer."""
+        self._asked = True
+        self._answers.clear()
+
+    def feed(self, characters: str) -> None:
+        """Take what was typed."""
+        for character in characters:
+            if self.line is not None:
+                self._collect(character)
+            elif character == "n":
+                self._noting = True
+            elif character in KEYS:
+                self._orders.append(KEYS[character])
+
+    def order(self) -> Order | Note | None:
+        """Return the oldest order that was not returned yet; an emergency stop comes first."""
+        if "emergency stop" in self._orders:
+            self._orders.clear()
+            return "emergency stop"
+        return self._orders.popleft() if self._orders else None
+
+    def answer(self) -> str | None:
+        """Return the answer, None while there is none."""
+        return self._answers.popleft() if self._answers else None
+
+    def _collect(self, character: str) -> None:
+        if character in _BACKSPACE:
+            self._line = self._line[:-1]
+        elif character == _ESCAPE and self._noting:
+            self._noting, self._line = False, ""
+        elif character not in _ENTER:
+            self._line += character
+        elif self._noting:
+            self._finish_note()
+        else:
+            self._answers.append(self._finished())
+            self._asked = False
+
+    def _finish_note(self) -> None:
+        self._noting = False
+        if text := self._finished():
+            self._orders.append(Note(text=text))
+
+    def _finished(self) -> str:
+        text, self._line = self._line.strip(), ""
+        return text

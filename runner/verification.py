@@ -1,0 +1,110 @@
+"""Whether a journal is what it claims to be: chains unbroken, every trial answered exactly once."""
+
+import hashlib
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from runner.journal import FIRST_HASH, ChainLink, Journal, chain_hash, event_fields, payload_text
+from runner.session_state import SessionState, folded
+from runner.transitions import NotAllowed
+
+STUDY_CHAIN = "@study"
+"""The chain of what was decided on the study as a whole."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SessionVerdict:
+    """What was found of one session."""
+
+    participant: str
+    session: int
+    state: str
+    events: int
+    trials_planned: int
+    trials_answered: int
+    trials_aborted: int
+    duplicates: int
+    missing: int
+    chain_ok: bool
+    problem: str = ""
+
+    @property
+    def ok(self) -> bool:
+        """Nothing is wrong; a session that goes on may still lack answers."""
+        lacking = self.state == "completed" and self.missing > 0
+        return self.chain_ok and not (self.problem or self.duplicates or lacking)
+
+    def line(self) -> str:
+        """One line for a person."""
+        chain = "chain whole" if self.chain_ok else "CHAIN BROKEN"
+        line = (
+            f"{'ok  ' if self.ok else 'FAIL'}  {self.participant}/{self.session}  {self.state}  "
+            f"{self.trials_answered} of {self.trials_planned} trials answered, "
+            f"{self.trials_aborted} aborted, {self.duplicates} twice, {chain}"
+        )
+        return f"{line}; {self.problem}" if self.problem else line
+
+    def record(self) -> dict[str, Any]:
+        """The same for a program."""
+        return {"ok": self.ok, **asdict(self)}
+
+
+def verdicts(journal: Journal) -> list[SessionVerdict]:
+    """Return a verdict on every chain of `journal`."""
+    return [session_verdict(name, list(journal.chain(name))) for name in journal.sessions()]
+
+
+def session_verdict(name: str, chain: list[ChainLink]) -> SessionVerdict:
+    """Return the verdict on the chain of the session `name`."""
+    participant, _, number = name.rpartition("/")
+    state, problem = _folded(chain)
+    planned = _planned(state)
+    erased = state.name == "withdrawn"
+    return SessionVerdict(
+        participant=participant or name,
+        session=int(number) if participant else 0,
+        state=state.name,
+        events=len(chain),
+        trials_planned=len(planned),
+        trials_answered=len(state.answered),
+        trials_aborted=len(state.aborted),
+        duplicates=len(state.answered_twice),
+        missing=len(planned - state.answered),
+        chain_ok=chain_is_unbroken(name, chain, erased=erased),
+        problem=problem,
+    )
+
+
+def chain_is_unbroken(name: str, chain: Iterable[ChainLink], *, erased: bool) -> bool:
+    """Return whether every event follows from the one before and has the payload it was given.
+
+    Args:
+        name: of the session.
+        chain: its events with digests and hashes.
+        erased: whether payloads may be missing, since the participant withdrew.
+    """
+    previous = FIRST_HASH
+    for place, (event, digest, chained) in enumerate(chain):
+        if event.seq != place or chain_hash(previous, event_fields(name, event, digest)) != chained:
+            return False
+        if event.erased:
+            if not erased:
+                return False
+        elif hashlib.sha256(payload_text(event).encode()).hexdigest() != digest:
+            return False
+        previous = chained
+    return True
+
+
+def _folded(chain: list[ChainLink]) -> tuple[SessionState, str]:
+    try:
+        return folded(event for event, _, _ in chain), ""
+    except (NotAllowed, KeyError) as error:
+        return SessionState(name="impossible"), str(error)
+
+
+def _planned(state: SessionState) -> set[int]:
+    """Indices of the planned trials; none for published scores or after a withdrawal."""
+    opened = state.opened or {}
+    return {trial["index"] for trial in opened.get("trials", ())}

@@ -1,0 +1,35 @@
+"""What the operator sees of a session at a glance."""
+
+from dataclasses import dataclass
+
+from device.records import ReadBack
+
+
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """Where the session stands and what the device really does, as it was last read back."""
+
+    session: str
+    kind: str
+    state: str
+    trial: str
+    done: int
+    total: int
+    left_s: float
+    device: ReadBack | None
+    last_answer: str
+    warning: str
+
+    def progress(self) -> str:
+        """Return how far the session is, such as `3 of 7 trials, about 2 min left`."""
+        return f"{self.done} of {self.total} trials, about {max(self.left_s, 0) / 60:.0f} min left"
+
+    def output(self) -> str:
+        """Return what is on the device, in words."""
+        if self.device is None or not self.device.output:
+            return "off"
+        device = self.device
+        return (
+            f"ON {device.voltage_v:.0f} V {device.frequency_hz:.0f} Hz "
+            f"(monitor {device.monitor_v:.0f} V)"
+        )

@@ -1,0 +1,56 @@
+"""What the operator is shown, and pauses."""
+
+from device.records import ReadBack
+from protocol.durations import trial_s
+from protocol.trial import Trial
+from runner.room import Room
+from runner.screens import Instruction, Notice
+from runner.view import View
+from runner.waiting import TICK_S, pass_time, response, tick
+
+
+def show_where_we_are(
+    room: Room, trial: Trial | None = None, device: ReadBack | None = None, warning: str = ""
+) -> None:
+    """Show the operator where the session stands."""
+    state, session = room.log.state, room.session
+    left = [entry for entry in session.plan.trials if entry.index not in state.answered]
+    room.operator.see(
+        View(
+            session=f"{session.participant}/{session.number}",
+            kind=session.kind,
+            state=state.name,
+            trial=_named(trial),
+            done=len(state.answered),
+            total=len(session.plan.trials),
+            left_s=sum(trial_s(session.study, entry) for entry in left),
+            device=device,
+            last_answer=state.last_answer,
+            warning=warning,
+        )
+    )
+
+
+def pause_if_wanted(room: Room, trial: Trial) -> None:
+    """Keep the pause before `trial`: the study's own, a break, and the operator's."""
+    pass_time(room, room.session.study.timing.inter_trial_s)
+    if trial.break_s > 0:
+        room.participant.show(Notice(text="break"))
+        pass_time(room, trial.break_s)
+        room.participant.show(Instruction(text="break"))
+        response(room)
+    if room.pause_wanted:
+        _pause(room)
+
+
+def _pause(room: Room) -> None:
+    room.log.append("paused")
+    room.participant.show(Notice(text="break"))
+    show_where_we_are(room)
+    while room.pause_wanted:
+        tick(room, TICK_S)
+    room.log.append("unpaused")
+
+
+def _named(trial: Trial | None) -> str:
+    return "" if trial is None else (trial.condition or trial.kind)

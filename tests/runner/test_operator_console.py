@@ -1,0 +1,127 @@
+"""The operator's console: keys, lines, and what is shown on wide and narrow terminals."""
+
+import pytest
+
+from device.records import ReadBack
+from runner.operator_console import OperatorConsole, PlainDisplay, panel_lines
+from runner.operator_keys import OperatorKeys
+from runner.orders import Note
+from runner.view import View
+
+ON = ReadBack(
+    output=True,
+    voltage_v=200,
+    frequency_hz=24_221,
+    monitor_v=199.7,
+    force_n=0.5,
+    position_m=0.04,
+    device_time_s=3,
+)
+
+
+def view(**changes: object) -> View:
+    fields: dict[str, object] = {
+        "session": "P01/1",
+        "kind": "rehearsal",
+        "state": "touching",
+        "trial": "voltage",
+        "done": 3,
+        "total": 7,
+        "left_s": 130.0,
+        "device": ON,
+        "last_answer": "smoother, score 8",
+        "warning": "",
+    }
+    return View(**{**fields, **changes})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("key", "order"),
+    [
+        ("p", "pause"),
+        ("s", "stop"),
+        ("r", "repeat"),
+        ("e", "emergency stop"),
+        (" ", "emergency stop"),
+    ],
+)
+def test_each_order_is_one_key(key: str, order: str) -> None:
+    keys = OperatorKeys()
+    keys.feed(key)
+    assert keys.order() == order
+    assert keys.order() is None
+
+
+def test_other_keys_do_nothing() -> None:
+    keys = OperatorKeys()
+    keys.feed("xq\t\x00漢\n")
+    assert keys.order() is None
+
+
+def test_an_emergency_stop_overtakes_what_was_ordered_before() -> None:
+    keys = OperatorKeys()
+    keys.feed("ppre")
+    assert keys.order() == "emergency stop"
+    assert keys.order() is None
+
+
+def test_a_note_is_typed_corrected_and_finished() -> None:
+    keys = OperatorKeys()
+    keys.feed("nskn\x7fin dry\r")
+    assert keys.order() == Note(text="skin dry")
+
+
+def test_a_note_can_be_given_up() -> None:
+    keys = OperatorKeys()
+    keys.feed("nski\x1bp")
+    assert keys.order() == "pause"
+
+
+def test_an_answer_is_a_line_and_no_order() -> None:
+    keys = OperatorKeys()
+    keys.expect_answer()
+    keys.feed("pers\n")
+    assert keys.answer() == "pers"
+    assert keys.order() is None
+
+
+def test_the_panel_says_what_the_device_really_does() -> None:
+    text = "\n".join(panel_lines(view(warning="no watchdog"), "", None))
+    assert "ON 200 V 24221 Hz (monitor 200 V)" in text
+    assert "3 of 7 trials, about 2 min left" in text
+    assert "no watchdog" in text
+    assert "output: [bold green]off" in "\n".join(panel_lines(view(device=None), "", None))
+
+
+def test_the_panel_keeps_markup_that_was_typed_as_text() -> None:
+    lines = panel_lines(view(last_answer="[red]x"), "", "[bold]note")
+    assert "\\[red]x" in lines[2]
+    assert "\\[bold]note" in lines[-2]
+
+
+def test_plain_lines_come_only_when_something_changed() -> None:
+    said: list[str] = []
+    console = OperatorConsole(lambda _: "", PlainDisplay(said.append))
+    for _ in range(3):
+        console.see(view())
+    assert said == [
+        "P01/1 touching voltage; 3 of 7 trials, about 2 min left; "
+        "output ON 200 V 24221 Hz (monitor 200 V)"
+    ]
+
+
+def test_a_question_waits_for_enter() -> None:
+    typed = iter(["d", "ry", "\n"])
+    console = OperatorConsole(lambda _: next(typed), PlainDisplay(lambda _: None))
+    console.ask("skin state?")
+    assert [console.answered() for _ in range(3)] == [None, None, "dry"]
+
+
+def test_nobody_answers_with_nothing_and_the_beam_is_swapped() -> None:
+    swapped: list[str] = []
+    console = OperatorConsole(
+        lambda _: "", PlainDisplay(lambda _: None), swapped.append, alone=True
+    )
+    console.mount("1.5 mm")
+    assert console.answered() == ""
+    assert swapped == ["1.5 mm"]

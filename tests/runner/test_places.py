@@ -1,0 +1,70 @@
+"""Where a journal may lie, and that a rig has one session at a time."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from protocol.errors import BadInput
+from runner.holding import RigHeld, held
+from runner.journal_place import checked_place, mounts_of_this_machine
+
+MOUNTS = [("/", "ext4"), ("/net/lab", "nfs4"), ("/net/lab/local", "xfs"), ("/media/share", "cifs")]
+
+
+@pytest.mark.parametrize(
+    ("folder", "why"),
+    [
+        ("/net/lab/study", r"on a network \(nfs4\)"),
+        ("/media/share/a/b", r"on a network \(cifs\)"),
+        ("/home/someone/Dropbox/study", r"synchronised \(Dropbox\)"),
+        ("/home/someone/OneDrive - Lab/study", r"synchronised \(OneDrive - Lab\)"),
+    ],
+)
+def test_network_and_cloud_folders_are_refused(folder: str, why: str) -> None:
+    with pytest.raises(BadInput, match=f"{folder}: a journal cannot be kept here, it is {why}"):
+        checked_place(Path(folder), MOUNTS)
+
+
+@pytest.mark.parametrize("folder", ["/home/someone/study", "/net/lab/local/study", "/net/labels"])
+def test_local_folders_are_fine(folder: str) -> None:
+    assert checked_place(Path(folder), MOUNTS) == Path(folder).resolve()
+
+
+def test_this_machine_says_what_is_mounted() -> None:
+    if not Path("/proc/self/mounts").exists():
+        pytest.skip("this system does not list its mounts in /proc")
+    assert "/" in dict(mounts_of_this_machine())
+
+
+def test_a_second_session_is_told_who_holds_the_rig() -> None:
+    program = (
+        "from runner.holding import held\nwith held('/dev/test-rig', 'P02/1 of /study'): pass\n"
+    )
+    with held("/dev/test-rig", "P01/1 of /study"):
+        second = subprocess.run(
+            [sys.executable, "-c", program], capture_output=True, text=True, check=False
+        )
+    assert "/dev/test-rig is held by P01/1 of /study (process" in second.stderr
+    with held("/dev/test-rig", "P03/1 of /study"):
+        pass
+
+
+def test_the_same_process_does_not_hold_it_twice() -> None:
+    with (
+        held("/dev/test-rig-2", "first"),
+        pytest.raises(RigHeld, match="held by first"),
+        held("/dev/test-rig-2", "second"),
+    ):
+        pass
+
+
+def test_a_dead_holder_holds_nothing() -> None:
+    program = (
+        "import os\nfrom runner.holding import held\n"
+        "with held('/dev/test-rig-3', 'dead'): os._exit(1)\n"
+    )
+    subprocess.run([sys.executable, "-c", program], check=False)
+    with held("/dev/test-rig-3", "alive"):
+        pass

@@ -1,0 +1,66 @@
+"""SIGKILL at random instants of virtual sessions: they resume, and every trial is answered once."""
+
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from protocol.study_file import template
+from runner.journal import open_journal
+from runner.session_state import Event
+from runner.verification import verdicts
+
+TOUCHBEAM = str(Path(sys.executable).with_name("touchbeam"))
+LONGEST_S = 3.0
+
+
+@pytest.mark.parametrize("draw", range(3))
+def test_killed_at_a_random_instant(tmp_path: Path, draw: int) -> None:
+    killed_and_resumed(tmp_path, draw)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("draw", range(100, 400))
+def test_killed_at_300_random_instants(tmp_path: Path, draw: int) -> None:
+    killed_and_resumed(tmp_path, draw)
+
+
+def killed_and_resumed(folder: Path, draw: int) -> None:
+    """Kill a session once or twice at instants drawn by `draw`, then let it finish."""
+    (folder / "study.toml").write_text(template("paper"))
+    command = [TOUCHBEAM, "run", str(folder), "--participant", "P01", "--ratings", "virtual"]
+    instants = random.Random(draw)
+    acknowledged: list[Event] = []
+    for _ in range(instants.choice((1, 2))):
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        time.sleep(instants.uniform(0, LONGEST_S))
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        events = recorded(folder)
+        assert events[: len(acknowledged)] == acknowledged, "no acknowledged event is lost"
+        acknowledged = events
+    finish(command, already=any(event.tag == "session-completed" for event in acknowledged))
+    with open_journal(folder / "study.db") as journal:
+        (verdict,) = verdicts(journal)
+    assert verdict.ok, verdict
+    assert (verdict.state, verdict.trials_answered, verdict.missing) == ("completed", 7, 0)
+    events = recorded(folder)
+    assert events[: len(acknowledged)] == acknowledged
+    begun = sum(event.tag == "trial-started" for event in events)
+    assert begun == 7 + verdict.trials_aborted, "an interrupted trial is marked"
+
+
+def finish(command: list[str], *, already: bool) -> None:
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == (2 if already else 0), done.stderr
+
+
+def recorded(folder: Path) -> list[Event]:
+    if not (folder / "study.db").exists():
+        return []
+    with open_journal(folder / "study.db") as journal:
+        return journal.events("P01/1")

@@ -20,7 +20,11 @@ def doubled_midranks(values: FloatArray) -> IntArray:
     >>> doubled_midranks(np.array([10.0, 8.0, 10.0, np.nan]))
     array([5, 2, 5, 0])
     """
-    rounded = np.round(values, DECIMALS)
-    below = (rounded[..., None, :] < rounded[..., :, None]).sum(axis=-1)
-    tied = (rounded[..., None, :] == rounded[..., :, None]).sum(axis=-1)
-    return np.where(np.isnan(values), 0, 2 * below + tied + 1).astype(np.int64)
+    return np.apply_along_axis(_ranks_of_one, -1, np.round(values, DECIMALS))
+
+
+def _ranks_of_one(rounded: FloatArray) -> IntArray:
+    in_order = np.sort(rounded)
+    below = np.searchsorted(in_order, rounded, side="left")
+    not_above = np.searchsorted(in_order, rounded, side="right")
+    return np.where(np.isnan(rounded), 0, below + not_above + 1).astype(np.int64)

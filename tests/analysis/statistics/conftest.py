@@ -1,9 +1,11 @@
-"""The paper's Table 4, and tables drawn at random."""
+"""The paper's Table 4, and a table made of any scores."""
+
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
-from analysis.scores import ScoreTable
+from analysis.scores import FloatArray, ScoreTable
 
 TABLE_4 = """
 10  8 10 10 5
@@ -26,3 +28,16 @@ def published() -> ScoreTable:
         conditions=("frequency", "structure", "voltage", "direction", "pressure"),
         scores=np.array(rows, dtype=np.float64),
     )
+
+
+@pytest.fixture(scope="session")
+def table_of() -> Callable[[FloatArray], ScoreTable]:
+    def build(scores: FloatArray) -> ScoreTable:
+        subjects, conditions = np.shape(scores)
+        return ScoreTable(
+            subjects=tuple(f"s{row}" for row in range(subjects)),
+            conditions=tuple(f"c{column}" for column in range(conditions)),
+            scores=np.asarray(scores, dtype=np.float64),
+        )
+
+    return build

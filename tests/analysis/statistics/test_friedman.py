@@ -16,7 +16,7 @@ SHAPES = st.tuples(st.integers(1, 4), st.integers(2, 4))
 SCORES = st.integers(0, 4).map(float)
 
 
-def table_of(scores: FloatArray) -> ScoreTable:
+def table_from(scores: FloatArray) -> ScoreTable:
     subjects, conditions = scores.shape
     return ScoreTable(
         subjects=tuple(f"s{row}" for row in range(subjects)),
@@ -26,13 +26,13 @@ def table_of(scores: FloatArray) -> ScoreTable:
 
 
 def answer_to(scores: FloatArray) -> Friedman:
-    result = friedman(table_of(scores))
+    result = friedman(table_from(scores))
     assert isinstance(result, Friedman)
     return result
 
 
 def reason(scores: FloatArray) -> str:
-    result = friedman(table_of(scores))
+    result = friedman(table_from(scores))
     assert isinstance(result, NoAnswer)
     return result.reason
 

@@ -1,0 +1,241 @@
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy import stats
+
+from analysis.no_answer import NoAnswer
+from analysis.scores import FloatArray, ScoreTable
+from analysis.statistics.additive import (
+    AdditiveEffects,
+    GainHeterogeneity,
+    additive_effects,
+    gain_heterogeneity,
+)
+from analysis.statistics.icc import IntraclassCorrelation, intraclass_correlation
+from analysis.statistics.two_way import TwoWay, two_way
+
+TableOf = Callable[[FloatArray], ScoreTable]
+SHAPES = st.tuples(st.integers(1, 7), st.integers(1, 6))
+CELLS = st.integers(0, 10).map(float)
+TABLES = SHAPES.flatmap(lambda shape: arrays(np.float64, shape, elements=CELLS))
+HOLED = SHAPES.flatmap(lambda shape: arrays(np.float64, shape, elements=CELLS | st.just(np.nan)))
+
+
+def dense_squares(scores: FloatArray, *, rows: bool, columns: bool) -> tuple[float, int]:
+    """Residual sum of squares and rank of the dummy-variable regression."""
+    row, column = np.nonzero(~np.isnan(scores))
+    parts = [np.ones((len(row), 1))]
+    parts += [np.eye(scores.shape[0])[row]] * rows + [np.eye(scores.shape[1])[column]] * columns
+    design = np.hstack(parts)
+    y = scores[row, column]
+    fitted = design @ np.linalg.lstsq(design, y)[0]
+    return float(((y - fitted) ** 2).sum()), int(np.linalg.matrix_rank(design))
+
+
+def effects_of(table: ScoreTable) -> AdditiveEffects:
+    result = additive_effects(table)
+    assert isinstance(result, AdditiveEffects)
+    return result
+
+
+def icc_of(scores: FloatArray, table_of: TableOf) -> IntraclassCorrelation:
+    result = intraclass_correlation(table_of(scores), target="subjects")
+    assert isinstance(result, IntraclassCorrelation)
+    return result
+
+
+@settings(max_examples=200, deadline=None)
+@given(HOLED)
+def test_incomplete_tables_agree_with_dummy_variables(
+    table_of: TableOf, scores: FloatArray
+) -> None:
+    fit = two_way(table_of(scores))
+    if isinstance(fit, NoAnswer):
+        return
+    squares, rank = dense_squares(scores, rows=True, columns=True)
+    assert fit.residual_df == np.count_nonzero(~np.isnan(scores)) - rank
+    assert fit.residual_squares == pytest.approx(squares, rel=1e-10, abs=1e-10)
+    columns_only, _ = dense_squares(scores, rows=False, columns=True)
+    assert fit.row_squares == pytest.approx(columns_only - squares, rel=1e-10, abs=1e-9)
+    rows_only, _ = dense_squares(scores, rows=True, columns=False)
+    assert fit.column_squares == pytest.approx(rows_only - squares, rel=1e-10, abs=1e-9)
+
+
+@settings(max_examples=200, deadline=None)
+@given(HOLED)
+def test_no_answer_exactly_where_dummy_variables_have_none(
+    table_of: TableOf, scores: FloatArray
+) -> None:
+    rows, columns = (~np.isnan(scores)).any(1).sum(), (~np.isnan(scores)).any(0).sum()
+    assume(rows > 0)
+    _, rank = dense_squares(scores, rows=True, columns=True)
+    count = np.count_nonzero(~np.isnan(scores))
+    solvable = min(rows, columns) >= 2 and rank == rows + columns - 1 and count > rank
+    assert isinstance(two_way(table_of(scores)), TwoWay) == solvable
+
+
+@settings(max_examples=150, deadline=None)
+@given(TABLES)
+def test_complete_tables_agree_with_shrout_and_fleiss(
+    table_of: TableOf, scores: FloatArray
+) -> None:
+    n, k = scores.shape
+    if min(n, k) < 2:
+        return
+    between = k * np.var(scores.mean(1), ddof=1)
+    raters = n * np.var(scores.mean(0), ddof=1)
+    residual = ((scores - scores.mean(1)[:, None] - scores.mean(0) + scores.mean()) ** 2).sum()
+    residual /= (n - 1) * (k - 1)
+    result = icc_of(scores, table_of)
+    pairs = [
+        (
+            result.agreement_single,
+            between + (k - 1) * residual + k * (raters - residual) / n,
+        ),
+        (result.consistency_single, between + (k - 1) * residual),
+        (result.consistency_mean, between),
+    ]
+    for value, denominator in pairs:
+        if isinstance(value, NoAnswer):
+            assert denominator == pytest.approx(0.0, abs=1e-9)
+        else:
+            assert value == pytest.approx((between - residual) / denominator, rel=1e-7, abs=1e-10)
+
+
+def test_icc_of_table_4_with_its_target_named(published: ScoreTable) -> None:
+    subjects = intraclass_correlation(published, target="subjects")
+    conditions = intraclass_correlation(published, target="conditions")
+    assert isinstance(subjects, IntraclassCorrelation)
+    assert isinstance(conditions, IntraclassCorrelation)
+    assert (subjects.target, conditions.target) == ("subjects", "conditions")
+    assert [
+        subjects.agreement_single,
+        subjects.consistency_single,
+        subjects.consistency_mean,
+    ] == pytest.approx([0.160075, 1 / 3, 5 / 7], abs=5e-7)
+    assert [
+        conditions.agreement_single,
+        conditions.consistency_single,
+        conditions.consistency_mean,
+    ] == pytest.approx([0.519774, 0.618834, 0.935946], abs=5e-7)
+
+
+def test_effects_of_table_4(published: ScoreTable) -> None:
+    result = effects_of(published)
+    assert list(result.conditions) == list(published.conditions)
+    assert list(result.conditions.values()) == pytest.approx(
+        [0.1333, 0.5778, 1.3556, 0.0222, -2.0889], abs=5e-5
+    )
+    assert list(result.subjects.values()) == pytest.approx(
+        [0.289, 0.689, -1.311, 1.289, -0.511, 0.689, -0.111, -0.311, -0.711], abs=5e-4
+    )
+    assert result.grand_mean == pytest.approx(374 / 45, rel=1e-14)
+    assert result.residual_df == 32
+    assert result.residual_sd == pytest.approx(0.971825, abs=5e-7)
+    assert result.subject_sd == pytest.approx(0.687184, abs=5e-7)
+    assert result.shrinkage == pytest.approx(0.714286, abs=5e-7)
+    assert set(result.subject_shrinkage.values()) == {result.shrinkage}
+
+
+def test_gain_heterogeneity_of_table_4(published: ScoreTable) -> None:
+    result = gain_heterogeneity(published)
+    assert isinstance(result, GainHeterogeneity)
+    assert result.df == (8, 24)
+    assert result.f == pytest.approx(0.978, abs=5e-4)
+    assert result.p == pytest.approx(0.476, abs=5e-4)
+    assert result.tau == 0.0
+    assert np.mean(list(result.gains.values())) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_gain_heterogeneity_agrees_with_nested_regressions(table_of: TableOf) -> None:
+    rng = np.random.default_rng(8)
+    scores = rng.normal(size=(8, 1)) + np.outer(rng.uniform(0, 3, 8), np.arange(5.0))
+    scores += rng.normal(0.0, 0.5, (8, 5))
+    scores[rng.random((8, 5)) < 0.15] = np.nan
+    table = table_of(scores)
+    fit, result = two_way(table), gain_heterogeneity(table)
+    assert isinstance(fit, TwoWay)
+    assert isinstance(result, GainHeterogeneity)
+    bundle = sum(
+        float(np.polyfit(fit.columns[seen], row[seen], 1, full=True)[1].sum())
+        for row in scores
+        if (seen := ~np.isnan(row)).sum() > 2
+    )
+    df2 = int((~np.isnan(scores)).sum()) - 2 * 8 - 3
+    f = (fit.residual_squares - bundle) / 7 / (bundle / df2)
+    assert result.df == (7, df2)
+    assert result.f == pytest.approx(f, rel=1e-10)
+    assert result.p == pytest.approx(stats.f.sf(f, 7, df2), rel=1e-10)
+
+
+def test_a_known_spread_of_gains_is_recovered(table_of: TableOf) -> None:
+    rng = np.random.default_rng(2)
+    gains = rng.normal(1.0, 0.3, 400)
+    scores = np.outer(gains, [-4.0, -1.0, 0.0, 2.0, 3.0]) + rng.normal(0.0, 1.0, (400, 5))
+    result = gain_heterogeneity(table_of(scores))
+    assert isinstance(result, GainHeterogeneity)
+    assert result.tau == pytest.approx(0.3, abs=0.04)
+    assert result.p < 1e-6
+
+
+def test_variances_of_subjects_are_unbiased_with_holes(table_of: TableOf) -> None:
+    rng = np.random.default_rng(5)
+    holes = rng.random((12, 5)) < 0.25
+    estimates = []
+    for _ in range(400):
+        scores = rng.normal(0, 1.5, (12, 1)) + rng.normal(0, 2.0, 5) + rng.normal(0, 1.0, (12, 5))
+        fit = two_way(table_of(np.where(holes, np.nan, scores)))
+        assert isinstance(fit, TwoWay)
+        estimates.append([fit.row_variance, fit.column_variance, fit.residual_variance])
+    error = np.std(estimates, axis=0) / np.sqrt(len(estimates))
+    assert (np.abs(np.mean(estimates, axis=0) - [2.25, 4.0, 1.0]) < 4 * error).all()
+
+
+def test_subjects_with_fewer_scores_are_shrunk_more(table_of: TableOf) -> None:
+    scores = np.array([[1.0, 2, 4], [5, 6, 6], [9, 9, np.nan], [3, 3, 5]])
+    result = effects_of(table_of(scores))
+    assert result.subject_shrinkage["s2"] < result.subject_shrinkage["s0"]  # type: ignore[operator]
+    assert result.subject_shrinkage["s0"] == result.shrinkage
+
+
+def test_who_gave_no_score_has_no_effect(table_of: TableOf) -> None:
+    scores = np.array([[1.0, 2, 4], [np.nan] * 3, [5, 6, 6]])
+    assert list(effects_of(table_of(scores)).subjects) == ["s0", "s2"]
+
+
+@pytest.mark.parametrize(
+    ("scores", "reason"),
+    [
+        ([[np.nan, np.nan]], "no score was given"),
+        ([[1.0, 2.0]], "at least 2 of each with a score, got 1 and 2"),
+        ([[1.0], [2.0]], "at least 2 of each with a score, got 2 and 1"),
+        ([[1.0, np.nan], [np.nan, 2.0]], "no chain of subjects compares c0 with"),
+        ([[1.0, 2.0], [1.0, np.nan]], "none is left for the residual"),
+    ],
+)
+def test_tables_without_effects_say_why(
+    table_of: TableOf, scores: list[list[float]], reason: str
+) -> None:
+    results = [
+        additive_effects(table_of(np.array(scores))),
+        gain_heterogeneity(table_of(np.array(scores))),
+        intraclass_correlation(table_of(np.array(scores)), target="subjects"),
+    ]
+    for result in results:
+        assert isinstance(result, NoAnswer)
+        assert reason in result.reason
+
+
+def test_equal_scores_have_effects_of_zero_and_no_correlation(table_of: TableOf) -> None:
+    scores = np.full((4, 3), 0.1)
+    effects = effects_of(table_of(scores))
+    assert (effects.residual_sd, effects.subject_sd) == (0.0, 0.0)
+    assert effects.shrinkage == NoAnswer(reason="neither subjects nor residuals vary")
+    assert isinstance(icc_of(scores, table_of).consistency_single, NoAnswer)
+    assert gain_heterogeneity(table_of(scores)) == NoAnswer(
+        reason="the conditions do not differ, so that no slope can be seen"
+    )

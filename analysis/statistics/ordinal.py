@@ -1,0 +1,191 @@
+"""A cumulative mixed model of the scores: condition effects that a ceiling does not bend."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize
+from scipy.special import logit, ndtri
+
+from analysis.no_answer import NoAnswer
+from analysis.scores import FloatArray, ScoreTable
+from analysis.statistics.ordinal_likelihood import (
+    Link,
+    Parameters,
+    ScoreCounts,
+    log_likelihood,
+    unpacked,
+)
+from analysis.statistics.ranks import DECIMALS, IntArray
+
+FIRST_NODES = 81
+MOST_NODES = 1296
+MOST_CATEGORIES = 40
+# Latent units between which estimates are sought; what grows without end stops here.
+FARTHEST = 50.0
+# At a maximum the log-likelihood has no slope left.
+STEEP = 1e-3
+# A direction in which the log-likelihood is flatter than this has no maximum within reach.
+FLAT = 1e-5
+
+
+@dataclass(frozen=True, kw_only=True)
+class OrdinalEffects:
+    """Effects of conditions on the latent scale, whose residual is standard normal or logistic.
+
+    `effects` are against the `reference` condition, which is absent from them; `thresholds` lie
+    between the scores that were given, `categories`. `subject_sd` is the standard deviation of
+    the subjects' levels. Standard errors are from the observed information.
+    """
+
+    link: Link
+    reference: str
+    effects: Mapping[str, float]
+    standard_errors: Mapping[str, float]
+    thresholds: tuple[float, ...]
+    categories: tuple[float, ...]
+    subject_sd: float
+    log_likelihood: float
+
+
+def ordinal_effects(table: ScoreTable, *, link: Link) -> OrdinalEffects | NoAnswer:
+    """Return the maximum-likelihood fit to a table of one score per cell, or why there is none.
+
+    The first condition is the reference. See `ordinal_effects_of_trials`.
+    """
+    subject, condition = np.nonzero(table.given)
+    return ordinal_effects_of_trials(
+        scores=table.scores[subject, condition],
+        subject=subject,
+        condition=condition,
+        conditions=table.conditions,
+        link=link,
+    )
+
+
+def ordinal_effects_of_trials(
+    *,
+    scores: FloatArray,
+    subject: IntArray,
+    condition: IntArray,
+    conditions: tuple[str, ...],
+    link: Link,
+) -> OrdinalEffects | NoAnswer:
+    """Return the maximum-likelihood fit to single trials, or why there is none.
+
+    P(score <= c_k) = F(θ_k - β_condition - b_subject), b ~ N(0, σ²): the cumulative link model
+    of McCullagh (Journal of the Royal Statistical Society B 42, 1980) with a random level.
+
+    Parameters:
+        scores: shape (trials,), finite; different values are different categories.
+        subject: shape (trials,), whole numbers.
+        condition: shape (trials,), positions in `conditions`, of which the first is the reference.
+        conditions: names.
+        link: F normal ("probit") or logistic ("logit").
+    """
+    categories, category = np.unique(np.round(scores, DECIMALS), return_inverse=True)
+    people, person = np.unique(subject, return_inverse=True)
+    counts = np.zeros((len(people), len(conditions), len(categories)))
+    np.add.at(counts, (person, condition, category), 1.0)
+    refusal = _refusal(counts, conditions)
+    if refusal is not None:
+        return refusal
+    data = ScoreCounts(counts=counts)
+    packed, value, nodes = _maximum(data, link)
+    covariance = _covariance(packed, data, link, nodes)
+    fitted = unpacked(packed, data.categories)
+    if covariance is None:
+        extreme = conditions[int(np.argmax(np.abs(fitted.effects)))]
+        return NoAnswer(
+            reason="the likelihood has no maximum, because scores do not overlap between "
+            f"conditions or subjects; the effect that grows without end is that of {extreme}"
+        )
+    errors = np.sqrt(np.diag(covariance))[data.categories - 1 : -1]
+    return OrdinalEffects(
+        link=link,
+        reference=conditions[0],
+        effects=dict(zip(conditions[1:], fitted.effects[1:].tolist(), strict=True)),
+        standard_errors=dict(zip(conditions[1:], errors.tolist(), strict=True)),
+        thresholds=tuple(fitted.thresholds.tolist()),
+        categories=tuple(categories.tolist()),
+        subject_sd=abs(fitted.subject_sd),
+        log_likelihood=value,
+    )
+
+
+def _refusal(counts: FloatArray, conditions: tuple[str, ...]) -> NoAnswer | None:
+    subjects, _, categories = counts.shape
+    if subjects < 2:
+        return NoAnswer(reason=f"the model needs scores of at least 2 subjects, got {subjects}")
+    if not 2 <= categories <= MOST_CATEGORIES:
+        return NoAnswer(
+            reason=f"the model needs 2 to {MOST_CATEGORIES} different scores, got {categories}"
+        )
+    for name, number in zip(conditions, counts.sum(axis=(0, 2)), strict=True):
+        if number == 0:
+            return NoAnswer(reason=f"no score was given under {name}")
+    return None
+
+
+def _maximum(data: ScoreCounts, link: Link) -> tuple[FloatArray, float, int]:
+    """Return parameters, log-likelihood and the number of nodes that no longer matters."""
+    packed, value = _climb(_start(data, link), data, link, FIRST_NODES)
+    nodes = FIRST_NODES
+    while nodes < MOST_NODES and np.abs(packed).max() < FARTHEST / 2:
+        finer = log_likelihood(packed, data, link, 2 * nodes)[0]
+        nodes *= 2
+        if abs(finer - value) < 1e-9 * abs(value):
+            break
+        packed, value = _climb(packed, data, link, nodes)
+    return packed, value, nodes
+
+
+def _climb(
+    start: FloatArray, data: ScoreCounts, link: Link, nodes: int
+) -> tuple[FloatArray, float]:
+    def cost(packed: FloatArray) -> tuple[float, FloatArray]:
+        value, gradient = log_likelihood(packed, data, link, nodes)
+        return -value, -gradient
+
+    bounds = [(-FARTHEST, FARTHEST)] * len(start)
+    bounds[1 : data.categories - 1] = [(-np.log(FARTHEST) * 4, np.log(FARTHEST))] * (
+        data.categories - 2
+    )
+    found = minimize(
+        cost,
+        start,
+        jac=True,
+        method="L-BFGS-B",
+        bounds=bounds,
+        options={"gtol": 1e-7, "ftol": 1e-15, "maxiter": 1000, "maxcor": 30},
+    )
+    return np.asarray(found.x, dtype=np.float64), -float(found.fun)
+
+
+def _start(data: ScoreCounts, link: Link) -> FloatArray:
+    """Return where the climb begins: thresholds as if nothing mattered, subjects differing by 1."""
+    shares = np.cumsum(data.counts.sum(axis=(0, 1)))[:-1] / data.counts.sum()
+    quantile = ndtri if link == "probit" else logit
+    return Parameters(
+        thresholds=np.asarray(quantile(shares)) * np.sqrt(2.0),
+        effects=np.zeros(data.conditions),
+        subject_sd=1.0,
+    ).packed
+
+
+def _covariance(packed: FloatArray, data: ScoreCounts, link: Link, nodes: int) -> FloatArray | None:
+    """Return the inverse observed information, or None where there is no maximum."""
+    slope = np.abs(log_likelihood(packed, data, link, nodes)[1]).max()
+    if slope > STEEP or np.abs(packed).max() >= FARTHEST / 2:
+        return None
+    step = 1e-5
+    columns = []
+    for direction in np.eye(len(packed)) * step:
+        ahead = log_likelihood(packed + direction, data, link, nodes)[1]
+        behind = log_likelihood(packed - direction, data, link, nodes)[1]
+        columns.append((behind - ahead) / (2 * step))
+    information = np.array(columns)
+    information = (information + information.T) / 2
+    if np.linalg.eigvalsh(information)[0] < FLAT:
+        return None
+    return np.asarray(np.linalg.inv(information))

@@ -1,0 +1,140 @@
+"""The marginal likelihood of ordered scores with one random level per subject."""
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+from scipy.special import log_expit, log_ndtr, logsumexp
+
+from analysis.scores import FloatArray
+
+Link: TypeAlias = Literal["probit", "logit"]
+
+# The subject level is integrated over this many standard deviations either side.
+REACH = 8.0
+SMALLEST = 1e-300
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ScoreCounts:
+    """How often each subject gave each category under each condition.
+
+    `counts` has shape (subjects, conditions, categories), categories from the lowest score up.
+    """
+
+    counts: FloatArray
+
+    @property
+    def conditions(self) -> int:
+        """Number of conditions."""
+        return int(self.counts.shape[1])
+
+    @property
+    def categories(self) -> int:
+        """Number of different scores given."""
+        return int(self.counts.shape[2])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Parameters:
+    """Thresholds (categories - 1), condition effects (the first is 0) and the subjects' SD."""
+
+    thresholds: FloatArray
+    effects: FloatArray
+    subject_sd: float
+
+    @property
+    def packed(self) -> FloatArray:
+        """The free numbers: first threshold, log increments, effects but the first, SD."""
+        increments = np.log(np.diff(self.thresholds))
+        return np.concatenate(
+            [self.thresholds[:1], increments, self.effects[1:], [self.subject_sd]]
+        )
+
+
+def unpacked(packed: FloatArray, categories: int) -> Parameters:
+    """Return the parameters whose `packed` this is."""
+    increments = np.exp(packed[1 : categories - 1])
+    return Parameters(
+        thresholds=packed[0] + np.concatenate([[0.0], np.cumsum(increments)]),
+        effects=np.concatenate([[0.0], packed[categories - 1 : -1]]),
+        subject_sd=float(packed[-1]),
+    )
+
+
+def log_likelihood(
+    packed: FloatArray, data: ScoreCounts, link: Link, nodes: int
+) -> tuple[float, FloatArray]:
+    """Return the log-likelihood and its gradient with respect to the packed parameters.
+
+    P(score <= k | subject s, condition j) = F(θ_k - β_j - σ u_s), u_s ~ N(0, 1), F the normal or
+    logistic distribution function. The integral over u_s is the trapezoidal rule on `nodes`
+    evenly spaced points, which converges exponentially for such integrands; the points are the
+    same for all subjects, so that the cost per subject is one product of matrices.
+    """
+    parameters = unpacked(packed, data.categories)
+    levels = np.linspace(-REACH, REACH, nodes)
+    log_weights = -(levels**2) / 2
+    log_weights -= logsumexp(log_weights)
+    location = parameters.effects[:, None] + parameters.subject_sd * levels
+    log_p, slopes = _log_probabilities(parameters.thresholds, location, link)
+
+    flat = data.counts.reshape(len(data.counts), -1)
+    by_level = flat @ log_p.reshape(flat.shape[1], nodes) + log_weights
+    per_subject = logsumexp(by_level, axis=1, keepdims=True)
+    weights = (flat.T @ np.exp(by_level - per_subject)).reshape(log_p.shape)
+    return float(per_subject.sum()), _gradient(parameters, weights, slopes, levels)
+
+
+def _log_probabilities(
+    thresholds: FloatArray, location: FloatArray, link: Link
+) -> tuple[FloatArray, tuple[FloatArray, FloatArray]]:
+    """Return log P and its derivatives by upper and lower threshold.
+
+    All have shape (conditions, categories, nodes).
+    """
+    edges = np.concatenate([[-np.inf], thresholds, [np.inf]])[None, :, None]
+    bounds = edges - location[:, None, :]
+    log_p = _log_interval(bounds[:, :-1], bounds[:, 1:], link)
+    log_density = _log_density(bounds, link)
+    upper = np.exp(np.minimum(log_density[:, 1:] - log_p, -np.log(SMALLEST)))
+    lower = -np.exp(np.minimum(log_density[:, :-1] - log_p, -np.log(SMALLEST)))
+    return log_p, (upper, lower)
+
+
+def _log_interval(lower: FloatArray, upper: FloatArray, link: Link) -> FloatArray:
+    """Return log(F(upper) - F(lower)), from the tail in which F keeps its digits."""
+    log_cdf = log_ndtr if link == "probit" else log_expit
+    mirrored = lower > 0
+    high = log_cdf(np.where(mirrored, -lower, upper))
+    low = log_cdf(np.where(mirrored, -upper, lower))
+    # Two thresholds that meet during a search leave a probability of almost nothing, not NaN.
+    return np.asarray(high + np.log(-np.expm1(np.minimum(low - high, -SMALLEST))))
+
+
+def _log_density(values: FloatArray, link: Link) -> FloatArray:
+    if link == "probit":
+        return np.asarray(-(values**2) / 2 - np.log(2 * np.pi) / 2)
+    return np.asarray(log_expit(values) + log_expit(-values))
+
+
+def _gradient(
+    parameters: Parameters,
+    weights: FloatArray,
+    slopes: tuple[FloatArray, FloatArray],
+    levels: FloatArray,
+) -> FloatArray:
+    upper, lower = weights * slopes[0], weights * slopes[1]
+    by_threshold = upper[:, :-1].sum(axis=(0, 2)) + lower[:, 1:].sum(axis=(0, 2))
+    by_location = -(upper + lower).sum(axis=1)
+    # A longer increment moves its own threshold and all above it.
+    from_top = np.cumsum(by_threshold[::-1])[::-1]
+    increments = np.diff(parameters.thresholds)
+    return np.concatenate(
+        [
+            from_top[:1],
+            from_top[1:] * increments,
+            by_location.sum(axis=1)[1:],
+            [float((by_location @ levels).sum())],
+        ]
+    )

@@ -24,6 +24,9 @@ check: $(READY)
 bench: $(READY)
 	$(BIN)/pytest benchmarks --benchmark-only
 
+soak: $(READY)
+	$(BIN)/pytest -m soak -s tests/soak
+
 clean:
 	rm -rf .venv .uv dist
 

@@ -95,14 +95,14 @@ def _log_probabilities(
     """
     edges = np.concatenate([[-np.inf], thresholds, [np.inf]])[None, :, None]
     bounds = edges - location[:, None, :]
-    log_p = _log_interval(bounds[:, :-1], bounds[:, 1:], link)
-    log_density = _log_density(bounds, link)
+    log_p = log_interval(bounds[:, :-1], bounds[:, 1:], link)
+    log_density = log_density_of(bounds, link)
     upper = np.exp(np.minimum(log_density[:, 1:] - log_p, -np.log(SMALLEST)))
     lower = -np.exp(np.minimum(log_density[:, :-1] - log_p, -np.log(SMALLEST)))
     return log_p, (upper, lower)
 
 
-def _log_interval(lower: FloatArray, upper: FloatArray, link: Link) -> FloatArray:
+def log_interval(lower: FloatArray, upper: FloatArray, link: Link) -> FloatArray:
     """Return log(F(upper) - F(lower)), from the tail in which F keeps its digits."""
     log_cdf = log_ndtr if link == "probit" else log_expit
     mirrored = lower > 0
@@ -112,7 +112,8 @@ def _log_interval(lower: FloatArray, upper: FloatArray, link: Link) -> FloatArra
     return np.asarray(high + np.log(-np.expm1(np.minimum(low - high, -SMALLEST))))
 
 
-def _log_density(values: FloatArray, link: Link) -> FloatArray:
+def log_density_of(values: FloatArray, link: Link) -> FloatArray:
+    """Return the logarithm of the link's density, -inf at the infinite edges."""
     if link == "probit":
         return np.asarray(-(values**2) / 2 - np.log(2 * np.pi) / 2)
     return np.asarray(log_expit(values) + log_expit(-values))

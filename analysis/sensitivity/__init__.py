@@ -1,0 +1,1 @@
+"""How strongly each person's ratings follow what the friction model predicts."""

@@ -1,0 +1,138 @@
+"""Bias and gain of each subject, with intervals: what every sensitivity model reports."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.no_answer import NoAnswer
+from analysis.scores import FloatArray
+from analysis.sensitivity.mixture import Interval, intervals_95, mixture_mean, weighted_quantile
+from analysis.sensitivity.ratings import Ratings
+
+
+@dataclass(frozen=True, kw_only=True)
+class SubjectLine:
+    """One subject's bias (rating at contrast 0) and gain (rating points per unit of contrast).
+
+    `shrinkage` is the share of the gain that comes from the subject's own trials; the rest is
+    the group's: 1 means nothing was borrowed, 0 everything. `trials` have a rating.
+    """
+
+    subject: str
+    bias: float
+    bias_interval: Interval
+    gain: float
+    gain_interval: Interval
+    shrinkage: float
+    trials: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lines:
+    """All subjects' lines, the population's, and how far subjects differ; intervals are 95 %."""
+
+    subjects: tuple[SubjectLine, ...]
+    bias: float
+    bias_interval: Interval
+    gain: float
+    gain_interval: Interval
+    bias_sd: float
+    bias_sd_interval: Interval
+    gain_sd: float
+    gain_sd_interval: Interval
+
+
+@dataclass(frozen=True, kw_only=True)
+class Axes:
+    """Centre and scale of contrasts and ratings: fits are made in standard units."""
+
+    x_mean: float
+    x_sd: float
+    y_mean: float
+    y_sd: float
+
+
+def axes_of(trials: Ratings) -> Axes | NoAnswer:
+    """Return centre and scale of the trials' contrasts and ratings, or why no line fits them."""
+    if len(trials.rating) < 3:
+        return NoAnswer(reason=f"a line needs at least 3 ratings, got {len(trials.rating)}")
+    x_sd, y_sd = float(trials.contrast.std()), float(trials.rating.std())
+    if x_sd <= 1e-9 * float(np.abs(trials.contrast).max()):
+        return NoAnswer(reason="all predicted contrasts are equal, so that no gain can be seen")
+    if y_sd <= 1e-9 * float(np.abs(trials.rating).max()):
+        return NoAnswer(reason=f"all ratings are equal, namely {trials.rating[0]:g}")
+    return Axes(
+        x_mean=float(trials.contrast.mean()),
+        x_sd=x_sd,
+        y_mean=float(trials.rating.mean()),
+        y_sd=y_sd,
+    )
+
+
+def covariance_matrices(points: FloatArray) -> FloatArray:
+    """Return T of points (log τ_bias, log τ_gain, artanh ρ), shape (points, 2, 2)."""
+    sds = np.exp(points[:, :2])
+    across = np.tanh(points[:, 2]) * sds[:, 0] * sds[:, 1]
+    return np.moveaxis(np.array([[sds[:, 0] ** 2, across], [across, sds[:, 1] ** 2]]), -1, 0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LineMixture:
+    """Lines in standard units as a mixture of normal posteriors, one per weighted point.
+
+    `weights` (points,); `means` (points, subjects + 1, 2) and `covariances` (points, subjects + 1,
+    2, 2) of intercept and slope, the population's line last; `between` (points, 2, 2), the
+    covariance of subjects.
+    """
+
+    weights: FloatArray
+    means: FloatArray
+    covariances: FloatArray
+    between: FloatArray
+
+
+def summary(subjects: tuple[str, ...], counts: FloatArray, known: LineMixture, axes: Axes) -> Lines:
+    """Return lines in rating points; `counts` has each subject's number of trials."""
+    # Bias is the height of the line at contrast 0, the intercept that at the mean contrast.
+    turn = np.array([[1.0, -axes.x_mean / axes.x_sd], [0.0, 1.0]]) * axes.y_sd
+    turn[1] /= axes.x_sd
+    weights = known.weights
+    centres = known.means @ turn.T + np.array([axes.y_mean, 0.0])
+    sds = np.sqrt(np.diagonal(turn @ known.covariances @ turn.T, axis1=-2, axis2=-1))
+    bias, gain = (mixture_mean(weights, centres[..., part]) for part in (0, 1))
+    bias_intervals, gain_intervals = (
+        intervals_95(weights, centres[..., part], sds[..., part]) for part in (0, 1)
+    )
+    spread = np.sqrt(np.diagonal(turn @ known.between @ turn.T, axis1=-2, axis2=-1))
+    own = _own_share(weights, known.covariances[:, :-1, 1, 1], known.between[:, 1, 1])
+    return Lines(
+        subjects=tuple(
+            SubjectLine(
+                subject=name,
+                bias=float(bias[row]),
+                bias_interval=bias_intervals[row],
+                gain=float(gain[row]),
+                gain_interval=gain_intervals[row],
+                shrinkage=float(own[row]),
+                trials=int(counts[row]),
+            )
+            for row, name in enumerate(subjects)
+        ),
+        bias=float(bias[-1]),
+        bias_interval=bias_intervals[-1],
+        gain=float(gain[-1]),
+        gain_interval=gain_intervals[-1],
+        bias_sd=weighted_quantile(weights, spread[:, 0], 0.5),
+        bias_sd_interval=_interval(weights, spread[:, 0]),
+        gain_sd=weighted_quantile(weights, spread[:, 1], 0.5),
+        gain_sd_interval=_interval(weights, spread[:, 1]),
+    )
+
+
+def _own_share(weights: FloatArray, variances: FloatArray, between: FloatArray) -> FloatArray:
+    """Return 1 - posterior variance / variance between subjects, averaged over the points."""
+    return np.asarray(weights @ np.clip(1 - variances / between[:, None], 0.0, 1.0))
+
+
+def _interval(weights: FloatArray, values: FloatArray) -> Interval:
+    return (weighted_quantile(weights, values, 0.025), weighted_quantile(weights, values, 0.975))

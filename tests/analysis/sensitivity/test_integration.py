@@ -1,0 +1,57 @@
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.stats import qmc
+
+from analysis.scores import FloatArray
+from analysis.sensitivity.integration import low_discrepancy, weighted_points
+from analysis.sensitivity.mixture import intervals_95, mixture_quantile, weighted_quantile
+
+
+def test_a_correlated_normal_is_integrated() -> None:
+    covariance = np.array([[1.0, 0.6, 0.0], [0.6, 0.5, 0.1], [0.0, 0.1, 2.0]])
+    normal = stats.multivariate_normal(np.array([1.0, -2.0, 0.5]), covariance)
+    found = weighted_points(lambda points: np.atleast_1d(normal.logpdf(points)), np.zeros(3), 400)
+    mean = found.mean(found.points)
+    spread = found.mean((found.points - mean)[:, :, None] * (found.points - mean)[:, None, :])
+    assert mean == pytest.approx([1.0, -2.0, 0.5], abs=0.05)
+    assert spread == pytest.approx(covariance, abs=0.15)
+
+
+def test_a_skewed_density_is_integrated() -> None:
+    # log of a gamma variable: mean digamma(3), the long tail to the left.
+    def log_density(points: FloatArray) -> FloatArray:
+        return np.asarray(3 * points[:, 0] - np.exp(points[:, 0]))
+
+    found = weighted_points(log_density, np.zeros(1), 200)
+    assert found.mean(found.points)[0] == pytest.approx(0.92278, abs=0.01)
+    assert found.mean(np.exp(found.points))[0] == pytest.approx(3.0, abs=0.03)
+
+
+def test_points_fill_the_cube_evenly() -> None:
+    chance = qmc.discrepancy(np.random.default_rng(1).random((512, 4)))
+    assert qmc.discrepancy(low_discrepancy(512, 4)) < 0.4 * chance
+
+
+def test_the_same_density_gives_the_same_points() -> None:
+    def log_density(points: FloatArray) -> FloatArray:
+        return np.asarray(-(points**2).sum(axis=1))
+
+    one, two = (weighted_points(log_density, np.ones(2), 32) for _ in range(2))
+    assert one.points.tobytes() == two.points.tobytes()
+
+
+def test_quantiles_of_a_mixture() -> None:
+    weights = np.array([0.3, 0.7])
+    means, sds = np.array([[0.0, 5.0], [4.0, 5.0]]), np.array([[1.0, 2.0], [0.5, 2.0]])
+    quantile = mixture_quantile(weights, means, sds, 0.25)
+    reached = 0.3 * stats.norm.cdf(quantile[0]) + 0.7 * stats.norm.cdf(quantile[0], 4.0, 0.5)
+    assert reached == pytest.approx(0.25, abs=1e-8)
+    assert intervals_95(weights, means, sds)[1] == pytest.approx(
+        (5 - 3.919928, 5 + 3.919928), abs=1e-5
+    )
+
+
+def test_the_median_of_weighted_values() -> None:
+    values = np.array([3.0, 1.0, 2.0])
+    assert weighted_quantile(np.array([0.25, 0.25, 0.5]), values, 0.5) == 2.0

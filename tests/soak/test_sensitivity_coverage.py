@@ -1,0 +1,105 @@
+"""Do 95 % intervals hold the truth in 95 % of subjects? A thousand studies of each kind."""
+
+from concurrent.futures import ProcessPoolExecutor
+from typing import Literal
+
+import numpy as np
+import pytest
+
+from analysis.scores import FloatArray
+from analysis.sensitivity.lines import Lines
+from analysis.sensitivity.m1 import LinearSensitivity, linear_sensitivity
+from analysis.sensitivity.m2 import OrdinalSensitivity, ordinal_sensitivity
+from analysis.sensitivity.virtual import VirtualPopulation, VirtualStudy, virtual_study
+
+STUDIES = 1000
+CONTRASTS = np.array([0.05, 0.04, 0.13, 0.33, 0.015])
+EXTENDED = np.outer(CONTRASTS, [0.25, 0.6, 1.2, 2.0])
+ONCE = CONTRASTS[:, None]
+
+OPEN = VirtualPopulation(bias=3.0, gain=9.0, gain_sd=3.0, discrepancy_sd=0.0, scale=None)
+CEILING = VirtualPopulation(bias=7.0, gain=12.0, gain_sd=3.0, discrepancy_sd=0.5)
+
+Model = Literal["M1", "M2"]
+Task = tuple[Model, VirtualPopulation, FloatArray, int, int]
+
+pytestmark = pytest.mark.soak
+
+
+def drawn(
+    population: VirtualPopulation, contrast: FloatArray, subjects: int, seed: int
+) -> VirtualStudy:
+    return virtual_study(
+        population,
+        subjects=subjects,
+        condition=np.repeat(np.arange(5), contrast.shape[1]),
+        contrast=contrast.ravel(),
+        rng=np.random.default_rng([20, seed]),
+    )
+
+
+def lines_of(model: Model, study: VirtualStudy) -> Lines:
+    fit = linear_sensitivity if model == "M1" else ordinal_sensitivity
+    result = fit(study.ratings)
+    assert isinstance(result, LinearSensitivity | OrdinalSensitivity)
+    return result.lines
+
+
+def measured(task: Task) -> list[float]:
+    """Coverage of bias and gain, mean and RMS error of gain, width, own share, tens."""
+    model, population, contrast, subjects, seed = task
+    study = drawn(population, contrast, subjects, seed)
+    lines = lines_of(model, study).subjects
+    bias = np.array([line.bias_interval for line in lines])
+    gain = np.array([line.gain_interval for line in lines])
+    error = np.array([line.gain for line in lines]) - study.gain
+    return [
+        float(((bias[:, 0] <= study.bias) & (study.bias <= bias[:, 1])).mean()),
+        float(((gain[:, 0] <= study.gain) & (study.gain <= gain[:, 1])).mean()),
+        float(error.mean()),
+        float((error**2).mean()),
+        float(np.diff(gain).mean()),
+        float(np.mean([line.shrinkage for line in lines])),
+        float((study.ratings.rating == 10).mean()),
+    ]
+
+
+def over_studies(
+    name: str, model: Model, population: VirtualPopulation, contrast: FloatArray, subjects: int
+) -> list[float]:
+    tasks: list[Task] = [(model, population, contrast, subjects, s) for s in range(STUDIES)]
+    with ProcessPoolExecutor(2) as pool:
+        rows = np.array(list(pool.map(measured, tasks, chunksize=25)))
+    bias, gain, error, square, width, share, tens = rows.mean(axis=0)
+    print(
+        f"\n{name}: coverage of bias {bias:.4f}, of gain {gain:.4f}; gain error {error:+.3f} on "
+        f"average, {np.sqrt(square):.3f} RMS, interval {width:.2f} wide; own share {share:.2f}; "
+        f"{tens:.0%} tens"
+    )
+    return [float(bias), float(gain), float(error)]
+
+
+def test_m1_without_a_ceiling_covers() -> None:
+    bias, gain, error = over_studies("M1, extended, open scale", "M1", OPEN, EXTENDED, 20)
+    assert 0.92 < bias < 0.98
+    assert 0.92 < gain < 0.98
+    assert abs(error) < 0.1
+
+
+def test_m2_with_a_ceiling_covers() -> None:
+    bias, gain, error = over_studies("M2, extended, ceiling", "M2", CEILING, EXTENDED, 20)
+    assert 0.92 < bias < 0.98
+    assert 0.92 < gain < 0.98
+    assert abs(error) < 1.0
+
+
+def test_m1_with_a_ceiling_does_not_cover() -> None:
+    _, gain, error = over_studies("M1, extended, ceiling", "M1", CEILING, EXTENDED, 20)
+    assert gain < 0.85
+    assert error < -2.0
+
+
+def test_one_rating_per_cell_tells_little_of_a_person() -> None:
+    once = over_studies("M1, paper's design, open scale", "M1", OPEN, ONCE, 9)
+    assert 0.9 < once[1] < 0.99
+    over_studies("M2, paper's design, ceiling", "M2", CEILING, ONCE, 9)

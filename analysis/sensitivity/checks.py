@@ -1,0 +1,193 @@
+"""Did anything but the condition move the ratings: time, the trial before, nothing at all?"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import betaincinv, fdtrc, ndtri, stdtr, stdtrit
+
+from analysis.no_answer import NoAnswer
+from analysis.scores import FloatArray
+from analysis.sensitivity.mixture import Interval
+from analysis.sensitivity.ratings import IntArray, Ratings
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drift:
+    """Change of the rating per trial within subjects, with condition and subject allowed for."""
+
+    points_per_trial: float
+    interval: Interval
+    df: int
+    p: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class FTest:
+    """A test of added effects: F with its degrees of freedom."""
+
+    f: float
+    df: tuple[int, int]
+    p: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Proportion:
+    """A share of trials with its exact 95 % interval (Clopper and Pearson 1934)."""
+
+    count: int
+    trials: int
+    share: float
+    interval: Interval
+
+
+@dataclass(frozen=True, kw_only=True)
+class Discrimination:
+    """Hits, false alarms, d′ and criterion of one subject, from counts alone.
+
+    Rates are (count + 0.5) / (trials + 1), so that none is 0 or 1 (Hautus, Behavior Research
+    Methods 27, 1995). d′ = z(hits) - z(false alarms), c = -(z(hits) + z(false alarms)) / 2.
+    """
+
+    hits: Proportion
+    false_alarms: Proportion
+    d_prime: float
+    criterion: float
+
+
+def drift(ratings: Ratings, position: IntArray) -> Drift | NoAnswer:
+    """Return the slope of the rating on the trial's position in the session, or why there is none.
+
+    Parameters:
+        ratings: the trials.
+        position: shape (trials,), 1 for a subject's first trial.
+    """
+    scored = ~np.isnan(ratings.rating)
+    trials, place = ratings.where(scored), position[scored].astype(np.float64)
+    base = _fit(trials, _dummies(trials.condition))
+    full = _fit(trials, np.column_stack([_dummies(trials.condition), place]))
+    if full.rank == base.rank:
+        return NoAnswer(reason="position is told by subject and condition, so that no drift shows")
+    if full.df < 1:
+        return NoAnswer(reason="no residual is left to judge a drift by")
+    slope = full.last_coefficient
+    spread = np.sqrt(full.squares / full.df) / full.last_norm
+    half = float(stdtrit(full.df, 0.975)) * spread
+    p = 2 * stdtr(full.df, -abs(slope) / spread) if spread > 0 else 0.0
+    return Drift(
+        points_per_trial=slope, interval=(slope - half, slope + half), df=full.df, p=float(p)
+    )
+
+
+def carry_over(ratings: Ratings, previous: IntArray) -> FTest | NoAnswer:
+    """Return the test of the preceding trial's condition, or why there is none.
+
+    Parameters:
+        ratings: the trials.
+        previous: shape (trials,), position of the preceding trial's condition; -1 where no trial
+            preceded, and such trials are left out.
+    """
+    followed = ~np.isnan(ratings.rating) & (previous >= 0)
+    trials, before = ratings.where(followed), previous[followed]
+    if len(before) == 0:
+        return NoAnswer(reason="no rated trial follows another")
+    condition = _dummies(trials.condition)
+    return _added(trials, condition, np.column_stack([condition, _dummies(before)]))
+
+
+def order_effect(ratings: Ratings, position: IntArray) -> FTest | NoAnswer:
+    """Return the test of the trial's place in the session, each place with a level of its own."""
+    scored = ~np.isnan(ratings.rating)
+    trials, place = ratings.where(scored), position[scored]
+    if len(place) == 0:
+        return NoAnswer(reason="no trial was rated")
+    condition = _dummies(trials.condition)
+    return _added(trials, condition, np.column_stack([condition, _dummies(place)]))
+
+
+def proportion(count: int, trials: int) -> Proportion | NoAnswer:
+    """Return `count` of `trials` with its exact interval, or why there is none.
+
+    Raises:
+        ValueError: a count below 0 or above the number of trials.
+    """
+    if not 0 <= count <= trials:
+        raise ValueError(f"count must lie in [0, {trials}], got {count}")
+    if trials == 0:
+        return NoAnswer(reason="there was no such trial")
+    low = float(betaincinv(count, trials - count + 1, 0.025)) if count > 0 else 0.0
+    high = float(betaincinv(count + 1, trials - count, 0.975)) if count < trials else 1.0
+    return Proportion(count=count, trials=trials, share=count / trials, interval=(low, high))
+
+
+def discrimination(
+    hits: tuple[int, int], false_alarms: tuple[int, int]
+) -> Discrimination | NoAnswer:
+    """Return d′ and criterion from (count, trials) of signal and of catch trials.
+
+    >>> found = discrimination((18, 20), (1, 4))
+    >>> round(found.d_prime, 3), round(found.criterion, 3)
+    (1.704, -0.328)
+    """
+    hit, alarm = proportion(*hits), proportion(*false_alarms)
+    if isinstance(hit, NoAnswer):
+        return NoAnswer(reason="there were no signal trials")
+    if isinstance(alarm, NoAnswer):
+        return NoAnswer(reason="there were no catch trials")
+    z_hit, z_alarm = (float(ndtri((p.count + 0.5) / (p.trials + 1))) for p in (hit, alarm))
+    return Discrimination(
+        hits=hit,
+        false_alarms=alarm,
+        d_prime=z_hit - z_alarm,
+        criterion=-(z_hit + z_alarm) / 2,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Fit:
+    squares: float
+    rank: int
+    df: int
+    last_coefficient: float
+    last_norm: float
+
+
+def _added(trials: Ratings, base: FloatArray, full: FloatArray) -> FTest | NoAnswer:
+    without, with_effect = _fit(trials, base), _fit(trials, full)
+    df = (with_effect.rank - without.rank, with_effect.df)
+    if df[0] < 1:
+        return NoAnswer(
+            reason="the effect is told by subject and condition, so that it cannot show"
+        )
+    if df[1] < 1 or with_effect.squares <= 1e-20 * max(1.0, without.squares):
+        return NoAnswer(reason="no residual is left to judge the effect by")
+    f = (without.squares - with_effect.squares) / df[0] / (with_effect.squares / df[1])
+    return FTest(f=f, df=df, p=float(fdtrc(*df, max(f, 0.0))))
+
+
+def _dummies(group: IntArray) -> FloatArray:
+    return np.asarray(group[:, None] == np.unique(group), dtype=np.float64)
+
+
+def _fit(trials: Ratings, design: FloatArray) -> _Fit:
+    """Return the least-squares fit of the design with a level per subject, taken out as a mean."""
+    within = _about_subject_means(trials.subject, np.column_stack([design, trials.rating]))
+    columns, y = within[:, :-1], within[:, -1]
+    solution, _, rank, _ = np.linalg.lstsq(columns, y, rcond=1e-10)
+    others = np.linalg.lstsq(columns[:, :-1], columns[:, -1], rcond=1e-10)[0]
+    residual = y - columns @ solution
+    last = columns[:, -1] - columns[:, :-1] @ others
+    return _Fit(
+        squares=float(residual @ residual),
+        rank=int(rank),
+        df=len(y) - int(rank) - len(np.unique(trials.subject)),
+        last_coefficient=float(solution[-1]),
+        last_norm=float(np.sqrt(last @ last)),
+    )
+
+
+def _about_subject_means(subject: IntArray, values: FloatArray) -> FloatArray:
+    people, person, counts = np.unique(subject, return_inverse=True, return_counts=True)
+    sums = np.zeros((len(people), values.shape[1]))
+    np.add.at(sums, person, values)
+    means: FloatArray = sums / counts[:, None]
+    return np.asarray(values - means[person])

@@ -1,0 +1,152 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+from analysis.no_answer import NoAnswer
+from analysis.scores import FloatArray
+from analysis.sensitivity.checks import (
+    Discrimination,
+    Drift,
+    FTest,
+    Proportion,
+    carry_over,
+    discrimination,
+    drift,
+    order_effect,
+    proportion,
+)
+from analysis.sensitivity.ratings import IntArray, Ratings
+
+SUBJECTS, TRIALS, CONDITIONS = 10, 15, 5
+
+
+def a_session(
+    seed: int, *, per_trial: float = 0.0, after: float = 0.0
+) -> tuple[Ratings, IntArray, IntArray]:
+    """Ratings with a drift and, after condition 0, a carry-over; positions and predecessors."""
+    rng = np.random.default_rng(seed)
+    orders = [rng.permutation(np.arange(TRIALS) % CONDITIONS) for _ in range(SUBJECTS)]
+    condition = np.concatenate(orders)
+    position = np.tile(np.arange(1, TRIALS + 1), SUBJECTS)
+    previous = np.where(position > 1, np.roll(condition, 1), -1)
+    subject = np.repeat(np.arange(SUBJECTS), TRIALS)
+    rating = rng.normal(5, 1, SUBJECTS)[subject] + condition + rng.normal(0, 1, len(subject))
+    rating += per_trial * position + after * (previous == 0)
+    ratings = Ratings(
+        subjects=tuple(f"s{number}" for number in range(SUBJECTS)),
+        conditions=tuple(f"c{number}" for number in range(CONDITIONS)),
+        subject=subject,
+        condition=condition,
+        contrast=np.zeros(len(subject)),
+        rating=rating,
+    )
+    return ratings, position, previous
+
+
+def dummy_fit(
+    y: FloatArray, *groups: IntArray, more: FloatArray | None = None
+) -> tuple[float, int]:
+    """Residual sum of squares and its degrees of freedom of a regression on dummy variables."""
+    parts = [(group[:, None] == np.unique(group)).astype(np.float64) for group in groups]
+    design = np.hstack(parts if more is None else [*parts, more[:, None]])
+    fitted = design @ np.linalg.lstsq(design, y)[0]
+    return float(((y - fitted) ** 2).sum()), len(y) - int(np.linalg.matrix_rank(design))
+
+
+def expected_f(base: tuple[float, int], full: tuple[float, int]) -> float:
+    added = base[1] - full[1]
+    return (base[0] - full[0]) / added / (full[0] / full[1])
+
+
+def test_a_drift_is_found_and_agrees_with_dummy_variables() -> None:
+    ratings, position, _ = a_session(1, per_trial=0.15)
+    result = drift(ratings, position)
+    assert isinstance(result, Drift)
+    assert result.interval[0] < 0.15 < result.interval[1]
+    base = dummy_fit(ratings.rating, ratings.subject, ratings.condition)
+    full = dummy_fit(
+        ratings.rating, ratings.subject, ratings.condition, more=position.astype(np.float64)
+    )
+    f = expected_f(base, full)
+    assert result.df == full[1]
+    assert result.p == pytest.approx(float(stats.f.sf(f, 1, full[1])), rel=1e-8)
+
+
+def test_no_drift_is_not_found_more_often_than_chance() -> None:
+    found = [drift(*a_session(seed)[:2]) for seed in range(200)]
+    values = [result.p for result in found if isinstance(result, Drift)]
+    assert stats.kstest(values, "uniform").pvalue > 0.01
+
+
+def test_carry_over_is_found_and_agrees_with_dummy_variables() -> None:
+    ratings, _, previous = a_session(2, after=1.5)
+    result = carry_over(ratings, previous)
+    assert isinstance(result, FTest)
+    kept = previous >= 0
+    trials = ratings.where(kept)
+    base = dummy_fit(trials.rating, trials.subject, trials.condition)
+    full = dummy_fit(trials.rating, trials.subject, trials.condition, previous[kept])
+    assert result.df == (base[1] - full[1], full[1]) == (4, full[1])
+    assert result.f == pytest.approx(expected_f(base, full), rel=1e-9)
+    assert result.p < 1e-3
+
+
+def test_place_in_the_session_agrees_with_dummy_variables_and_missing_ratings() -> None:
+    ratings, position, _ = a_session(3, per_trial=0.2)
+    rating = np.where(np.arange(len(position)) % 7 == 0, np.nan, ratings.rating)
+    result = order_effect(replace(ratings, rating=rating), position)
+    kept = ~np.isnan(rating)
+    trials = ratings.where(kept)
+    base = dummy_fit(trials.rating, trials.subject, trials.condition)
+    full = dummy_fit(trials.rating, trials.subject, trials.condition, position[kept])
+    assert isinstance(result, FTest)
+    assert result.f == pytest.approx(expected_f(base, full), rel=1e-9)
+
+
+def test_sessions_that_cannot_tell_say_why() -> None:
+    ratings, position, previous = a_session(1)
+    fixed = replace(ratings, condition=(position - 1) % CONDITIONS)
+    alike = order_effect(fixed.where(position <= 5), position[position <= 5])
+    assert isinstance(alike, NoAnswer)
+    assert "cannot show" in alike.reason
+    steady = drift(ratings, np.ones_like(position))
+    assert isinstance(steady, NoAnswer)
+    assert "no drift shows" in steady.reason
+    first = carry_over(ratings.where(position == 1), previous[position == 1])
+    assert first == NoAnswer(reason="no rated trial follows another")
+    unrated = replace(ratings, rating=np.full(len(position), np.nan))
+    assert order_effect(unrated, position) == NoAnswer(reason="no trial was rated")
+
+
+@given(st.integers(1, 30).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))))
+def test_proportions_agree_with_scipy(counts: tuple[int, int]) -> None:
+    result = proportion(*counts)
+    assert isinstance(result, Proportion)
+    expected = stats.binomtest(*counts).proportion_ci()
+    assert result.interval == pytest.approx((expected.low, expected.high), rel=1e-8, abs=1e-12)
+
+
+def test_counts_that_cannot_be_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"count must lie in \[0, 4\], got 5"):
+        proportion(5, 4)
+    assert proportion(0, 0) == NoAnswer(reason="there was no such trial")
+
+
+def test_discrimination_from_counts() -> None:
+    result = discrimination((18, 20), (1, 4))
+    assert isinstance(result, Discrimination)
+    hit, alarm = stats.norm.ppf(18.5 / 21), stats.norm.ppf(1.5 / 5)
+    assert result.d_prime == pytest.approx(hit - alarm, rel=1e-12)
+    assert result.criterion == pytest.approx(-(hit + alarm) / 2, rel=1e-12)
+    chance = discrimination((10, 20), (2, 4))
+    assert isinstance(chance, Discrimination)
+    assert (chance.d_prime, chance.criterion) == (0.0, 0.0)
+
+
+def test_discrimination_needs_both_kinds_of_trial() -> None:
+    assert discrimination((1, 2), (0, 0)) == NoAnswer(reason="there were no catch trials")
+    assert discrimination((0, 0), (0, 3)) == NoAnswer(reason="there were no signal trials")

@@ -1,11 +1,14 @@
 """The contact's terms: from a field and a touch to what a friction law needs (Eqs 9, 11, 12)."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from device.beam import Beam
+from device.eq15 import Overlap, same_direction_ratio
 from device.fields import Field
 from device.laws import ContactTerms
 from device.mode_shapes import FloatArray
@@ -43,6 +46,15 @@ class Contact:
             return self.body_count * self.body_load_n / self.beam.length_m
         return self.finger_load_n / self.contact_m
 
+    def rows(self, which: NDArray[np.intp]) -> "Contact":
+        """The contact at some of the places; numbers hold for all of them."""
+        chosen: dict[str, Any] = {
+            name: value[which]
+            for name, value in vars(self).items()
+            if isinstance(value, np.ndarray) and value.ndim
+        }
+        return replace(self, **chosen)
+
 
 def contact_of(scene: Scene, x_m: FloatArray) -> Contact:
     """The contact of one scene, moved to the places `x_m`, shape (n,)."""
@@ -64,10 +76,15 @@ def contact_of(scene: Scene, x_m: FloatArray) -> Contact:
     )
 
 
+def same_direction_given(contact: Contact) -> Number | None:
+    """The a/u that holds whatever the field: one given for full coverage."""
+    return contact.same_direction_fraction if contact.coverage == "full" else None
+
+
 def _directions(contact: Contact, right: FloatArray, left: FloatArray) -> tuple[Number, Number]:
     """The part of the contact that moves with the finger, and the part against it."""
-    given = contact.same_direction_fraction
-    if contact.coverage == "full" and given is not None:
+    given = same_direction_given(contact)
+    if given is not None:
         return given, 1.0 - given
     return (right, left) if contact.direction == "right" else (left, right)
 
@@ -78,6 +95,20 @@ class ContactState:
 
     terms: ContactTerms
     inertial_load_n: FloatArray
+
+
+def with_eq15_ratio(state: ContactState, contact: Contact, overlap: Overlap) -> ContactState:
+    """The state with Eq 15's a/u in place of the field's own, as the printed local law has it."""
+    if contact.coverage == "full":
+        return state
+    ratio = same_direction_ratio(contact.x_m, contact.contact_m, overlap)
+    same_direction, opposing = _directions(contact, ratio, 1.0 - ratio)
+    terms = replace(
+        state.terms,
+        same_direction=np.asarray(same_direction),
+        opposing=np.asarray(opposing),
+    )
+    return replace(state, terms=terms)
 
 
 def contact_state(contact: Contact, field: Field, reference_tip_speed_m_s: float) -> ContactState:

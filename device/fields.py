@@ -1,7 +1,7 @@
 """A field: how a rung of the ladder says that the driven beam moves."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,6 +31,14 @@ class Field:
     def angular_frequency_rad_s(self) -> FloatArray:
         """2πf."""
         return 2 * math.pi * self.frequency_hz
+
+    def scaled(self, factor: FloatArray) -> "Field":
+        """The field of a drive that is larger by a factor."""
+        return replace(
+            self,
+            displacement_m=self.displacement_m * factor,
+            rotation=self.rotation * factor,
+        )
 
     def tip_speed_m_s(self, lever_m: FloatArray | float) -> FloatArray:
         """√2 ω · lever · rotation, of a body whose tip is `lever_m` from the neutral axis."""

@@ -83,13 +83,13 @@ def mode_constants(order: int) -> ModeConstants:
     )
 
 
-def phase(constants: ModeConstants, xi: FloatArray) -> FloatArray:
-    """Bξ minus the mode's lag, with whole turns taken out before the factor π is applied."""
+def phase(constants: ModeConstants, xi: FloatArray, lag: float) -> FloatArray:
+    """Bξ minus a lag, with whole turns taken out before the factor π is applied."""
     turns = (constants.order - 0.5) * xi
     turns -= 2.0 * np.rint(0.5 * turns)
     turns *= math.pi
     turns += constants.root_offset * xi
-    turns -= constants.lag
+    turns -= lag
     return turns
 
 
@@ -108,7 +108,7 @@ def mode_shape(order: int, xi: ArrayLike) -> FloatArray:
     """
     place = np.asarray(xi, dtype=np.float64)
     c = mode_constants(order)
-    return c.amplitude * np.sin(phase(c, place)) + (
+    return c.amplitude * np.sin(phase(c, place, c.lag)) + (
         c.clamp_weight * np.exp(-c.root * place) + c.tip_weight * np.exp(-c.root * (1.0 - place))
     )
 
@@ -118,7 +118,7 @@ def mode_slope(order: int, xi: ArrayLike) -> FloatArray:
     place = np.asarray(xi, dtype=np.float64)
     c = mode_constants(order)
     return c.root * (
-        c.amplitude * np.cos(phase(c, place))
+        c.amplitude * np.cos(phase(c, place, c.lag))
         - c.clamp_weight * np.exp(-c.root * place)
         + c.tip_weight * np.exp(-c.root * (1.0 - place))
     )
@@ -129,7 +129,7 @@ def mode_integral(order: int, xi: FloatArray) -> FloatArray:
     c = mode_constants(order)
     decaying = c.tip_weight * np.exp(-c.root * (1.0 - xi))
     decaying -= c.clamp_weight * np.exp(-c.root * xi)
-    decaying -= c.amplitude * np.cos(phase(c, xi))
+    decaying += c.amplitude * np.sin(phase(c, xi, c.lag + 0.5 * math.pi))
     decaying += 2.0 * c.sigma
     decaying /= c.root
     return decaying

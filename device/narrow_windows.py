@@ -53,6 +53,20 @@ def _near_clamp(here: Zones, end_m: FloatArray, width_m: FloatArray) -> FloatArr
     return _piece_mean(scale * width_m / 2, shape, swing)
 
 
+def clamp_window_mean(here: Zones, end_m: FloatArray) -> FloatArray:
+    """Mean of |φ| over [0, end], dimensionless, for ends of at most ½ in bξ; 0 at the clamp.
+
+    (2/t)[t³/3! + t⁷/7! + … - σ(t⁴/4! + t⁸/8! + …)] with t = b·end/L.
+    """
+    c = mode_constants(here.order)
+    t = end_m * (c.root / here.length_m)
+    square = t * t
+    fourth = square * square
+    odd = 1 + fourth / 840 * (1 + fourth / 7920 * (1 + fourth / 32760))
+    even = 1 + fourth / 1680 * (1 + fourth / 11880 * (1 + fourth / 43680))
+    return square / 3 * (odd - t * (c.sigma / 4) * even)
+
+
 def _about_node(
     here: Zones, index: FloatArray, middle: FloatArray, width: FloatArray
 ) -> FloatArray:

@@ -1,14 +1,21 @@
 """The ladder's rungs: from the paper's piecewise-linear pattern up, each a field of the beam."""
 
+import re
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from types import MappingProxyType
 
+import numpy as np
+
 from device.beam import Beam
 from device.eq15 import Overlap
 from device.fields import Field, Signal, modal_field
+from device.motion import modal_motion, segmented_motion
+from device.motion_pattern import MotionSummary, motion_summary
+from device.natural_frequencies import segmented_natural_frequency_hz
 from device.patterns import Eq15Pattern, ModePattern, Pattern, SinusoidPattern
 from device.ranges import OutOfRangeError
+from device.response import natural_frequency_hz
 from device.scenes import Drive
 
 FieldOf = Callable[[Beam, Drive], Field]
@@ -19,47 +26,126 @@ def _frequency_hz(drive: Drive) -> float | None:
     return None if isinstance(drive.frequency_hz, str) else drive.frequency_hz
 
 
-def _pattern(name: str, beam: Beam, mode: int, overlap: Overlap = "first") -> Pattern:
-    """The pattern of a rung that knows one mode of the bare beam."""
-    if name == "mode":
-        return ModePattern(mode=mode, length_m=beam.length_m)
+def modal_rung_field(
+    name: str, beam: Beam, mode: int, signal: Signal, overlap: Overlap = "first"
+) -> Field:
+    """The field of `eq15`, `far-field` or `mode`, for one signal or an array of them."""
     far_field = SinusoidPattern(mode=mode, length_m=beam.length_m)
-    return far_field if name == "far-field" else Eq15Pattern(far_field=far_field, overlap=overlap)
+    patterns: Mapping[str, Pattern] = {
+        "eq15": Eq15Pattern(far_field=far_field, overlap=overlap),
+        "far-field": far_field,
+        "mode": ModePattern(mode=mode, length_m=beam.length_m),
+    }
+    return modal_field(beam, mode, patterns[name], signal)
 
 
-def _modal(name: str) -> FieldOf:
-    """The field of a rung that knows one mode of the bare beam."""
+@lru_cache(maxsize=4096)
+def _summary(beam: Beam, frequency_hz: float, *, patched: bool, shear: bool) -> MotionSummary:
+    """The segmented beam's motion per volt, set up once for a beam and a frequency."""
+    return motion_summary(segmented_motion(beam, frequency_hz, patched=patched, shear=shear))
+
+
+@lru_cache(maxsize=256)
+def _modal_summary(beam: Beam, frequency_hz: float, count: int) -> MotionSummary:
+    """The sum of the first `count` modes per volt, set up once for a beam and a frequency."""
+    return motion_summary(modal_motion(beam, frequency_hz, count))
+
+
+def _driven(summary: MotionSummary, frequency_hz: float, voltage_v: float) -> Field:
+    """The field of a motion per volt at a voltage."""
+    return Field(
+        pattern=summary.pattern,
+        frequency_hz=np.asarray(frequency_hz),
+        displacement_m=np.asarray(summary.displacement_m_per_v * voltage_v),
+        rotation=np.asarray(summary.rotation_per_v * voltage_v),
+    )
+
+
+def _segmented(*, patched: bool, shear: bool) -> FieldOf:
+    """The field of a rung that solves the segmented beam."""
 
     def field_of(beam: Beam, drive: Drive) -> Field:
-        return modal_field(
-            beam,
-            drive.mode,
-            _pattern(name, beam, drive.mode),
-            Signal(voltage_v=drive.voltage_v, frequency_hz=_frequency_hz(drive)),
-        )
+        frequency_hz = _frequency_hz(drive)
+        if frequency_hz is None:
+            frequency_hz = segmented_natural_frequency_hz(
+                beam, drive.mode, patched=patched, shear=shear
+            )
+        summary = _summary(beam, frequency_hz, patched=patched, shear=shear)
+        return _driven(summary, frequency_hz, drive.voltage_v)
 
     return field_of
 
 
-RUNGS: Mapping[str, FieldOf] = MappingProxyType(
-    {name: _modal(name) for name in ("eq15", "far-field", "mode")}
+def _modes(count: int) -> FieldOf:
+    """The field of a rung that adds up the first `count` modes of the bare beam."""
+
+    def field_of(beam: Beam, drive: Drive) -> Field:
+        frequency_hz = _frequency_hz(drive) or natural_frequency_hz(beam, drive.mode)
+        return _driven(_modal_summary(beam, frequency_hz, count), frequency_hz, drive.voltage_v)
+
+    return field_of
+
+
+TOP_RUNG = "timoshenko-patched"
+MODAL_RUNGS = ("eq15", "far-field", "mode")
+SEGMENTED_RUNGS: Mapping[str, FieldOf] = MappingProxyType(
+    {
+        "euler-patched": _segmented(patched=True, shear=False),
+        "timoshenko": _segmented(patched=False, shear=True),
+        TOP_RUNG: _segmented(patched=True, shear=True),
+    }
 )
+RUNG_NAMES = (*MODAL_RUNGS, "modes:N", *SEGMENTED_RUNGS)
 
 
-def rung_by_name(name: str) -> FieldOf:
-    """The field of the rung of that name.
+def check_rung(name: str) -> None:
+    """Refuse a name that is none of `RUNG_NAMES`; `modes:12` is the sum of the first twelve modes.
 
     Raises:
         OutOfRangeError: there is no such rung.
     """
-    if name not in RUNGS:
-        raise OutOfRangeError("rung", f"must be one of {', '.join(RUNGS)}", repr(name))
-    return RUNGS[name]
+    if name not in MODAL_RUNGS and name not in SEGMENTED_RUNGS and not _mode_count(name):
+        raise OutOfRangeError("rung", f"must be one of {', '.join(RUNG_NAMES)}", repr(name))
+
+
+def _mode_count(name: str) -> int:
+    """The N of `modes:N`, or 0."""
+    found = re.fullmatch(r"modes:([1-9]\d{0,2})", name)
+    return int(found.group(1)) if found else 0
+
+
+def rung_field(name: str, beam: Beam, drive: Drive, overlap: Overlap = "first") -> Field:
+    """The driven beam's motion as the named rung has it.
+
+    Args:
+        name: one of `RUNG_NAMES`.
+        beam: the beam.
+        drive: its drive; `resonance` is the rung's own.
+        overlap: which pieces of Eq 15 hold where two overlap, for `eq15`.
+
+    Raises:
+        OutOfRangeError: there is no such rung, or the mode lies beyond its cut-off.
+    """
+    check_rung(name)
+    if name in MODAL_RUNGS:
+        signal = Signal(voltage_v=drive.voltage_v, frequency_hz=_frequency_hz(drive))
+        return modal_rung_field(name, beam, drive.mode, signal, overlap)
+    field_of = SEGMENTED_RUNGS.get(name) or _modes(_mode_count(name))
+    return field_of(beam, drive)
+
+
+def rung_resonance_hz(name: str, beam: Beam, mode: int) -> float:
+    """The natural frequency of `mode` as the rung of that name computes it, Hz."""
+    check_rung(name)
+    if name in SEGMENTED_RUNGS:
+        patched, shear = name.endswith("patched"), name.startswith("timoshenko")
+        return segmented_natural_frequency_hz(beam, mode, patched=patched, shear=shear)
+    return natural_frequency_hz(beam, mode)
 
 
 @lru_cache(maxsize=32)
 def reference_tip_speed_m_s(name: str) -> float:
     """The tip speed of a 1 mm body that a rung gives in the paper's scene at its own resonance."""
     beam = Beam()
-    field = rung_by_name(name)(beam, Drive())
+    field = rung_field(name, beam, Drive())
     return float(field.tip_speed_m_s(beam.thickness_m / 2 + 1e-3))

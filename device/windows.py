@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from device.mode_shapes import FloatArray, mode_constants, mode_integral
-from device.narrow_windows import narrow_window_mean
+from device.narrow_windows import clamp_window_mean, narrow_window_mean
 from device.zones import Zones, zones
 
 _NARROW = 0.5  # width in bξ below which an antiderivative's difference would lose digits
@@ -88,6 +88,26 @@ def _narrow_right(here: Zones, end_m: FloatArray, width_m: FloatArray) -> FloatA
     return np.where(nearest % 2, 1.0 - after, after)
 
 
+def _settle_narrow(
+    here: Zones,
+    end_m: FloatArray,
+    width_m: FloatArray,
+    right: FloatArray,
+    mean: FloatArray,
+) -> None:
+    """Set parts and means of windows too narrow for a difference; at the clamp all moves left."""
+    narrow = np.flatnonzero(width_m < _NARROW * here.length_m / mode_constants(here.order).root)
+    if not narrow.size:
+        return
+    clamped = end_m[narrow] == width_m[narrow]
+    first = narrow[clamped]
+    right[first], mean[first] = 0.0, clamp_window_mean(here, end_m[first])
+    if first.size < narrow.size:
+        rest = narrow[~clamped]
+        right[rest] = _narrow_right(here, end_m[rest], width_m[rest])
+        mean[rest] = narrow_window_mean(here, end_m[rest], width_m[rest])
+
+
 def mode_window(order: int, length_m: float, end_m: FloatArray, width_m: FloatArray) -> Window:
     """Right-moving part and mean of |φ| for many windows over mode `order`.
 
@@ -109,13 +129,11 @@ def mode_window(order: int, length_m: float, end_m: FloatArray, width_m: FloatAr
     integral = mode_integral(order, places / length_m)
     integral *= sums.sign.take(zone)
     integral += sums.offset.take(zone)
-    narrow = np.flatnonzero(width_m < _NARROW * length_m / mode_constants(order).root)
     count = end_m.size
-    width = width_m.copy()
-    width[narrow] = 1.0
-    right = (right_m[count:] - right_m[:count]) / width
-    mean = (integral[count:] - integral[:count]) * (length_m / width)
-    if narrow.size:
-        right[narrow] = _narrow_right(sums.here, end_m[narrow], width_m[narrow])
-        mean[narrow] = narrow_window_mean(sums.here, end_m[narrow], width_m[narrow])
+    right = right_m[count:] - right_m[:count]
+    mean = integral[count:] - integral[:count]
+    width = np.where(width_m > 0, width_m, 1.0)
+    right /= width
+    mean *= length_m / width
+    _settle_narrow(sums.here, end_m, width_m, right, mean)
     return Window(right=right, left=1.0 - right, mean=mean)

@@ -85,7 +85,7 @@ def test_a_place_may_be_in_single_precision() -> None:
             lambda: friction_coefficient(Scene(), law="amontons"),
             "law must be one of printed, consistent, coulomb, got 'amontons'",
         ),
-        (lambda: friction_coefficient(Scene(), rung="exact"), "far-field, mode, got 'exact'"),
+        (lambda: friction_coefficient(Scene(), rung="exact"), "timoshenko-patched, got 'exact'"),
     ],
 )
 def test_a_bad_scene_is_refused_with_name_rule_and_value(make: Any, message: str) -> None:

@@ -10,12 +10,13 @@ Only `far-field` and `mode` are candidates: `eq15` costs more than `far-field`, 
 solve the segmented beam cost what the top rung costs.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from device.bounds import certified, top_rung_range
+from device.bounds import Range, certified, top_rung_range
 from device.mode_shapes import FloatArray
 from device.prediction import Batch, LawChoice, Prediction, joined, rung_prediction
 from device.ranges import positive
@@ -44,9 +45,8 @@ def _by_drive(batch: Batch) -> list[tuple[NDArray[np.intp], bool]]:
     return [(np.flatnonzero(rows), kind) for rows, kind in groups if rows.any()]
 
 
-def _bound(batch: Batch, choice: LawChoice, mu: FloatArray, *, resonant: bool) -> FloatArray:
+def _bound(top: Range, mu: FloatArray) -> FloatArray:
     """How far the top rung can be from `mu`."""
-    top = top_rung_range(batch, choice, resonant=resonant)
     return np.maximum(top.high - mu, mu - top.low) + _ROUNDING
 
 
@@ -55,8 +55,28 @@ def error_bounds(batch: Batch, rung: str, choice: LawChoice, mu: FloatArray) -> 
     bounds = np.full(batch.size, 0.0 if rung == TOP_RUNG else np.nan)
     if rung in MODAL_RUNGS:
         for which, resonant in _by_drive(batch):
-            bounds[which] = _bound(batch.rows(which), choice, mu[which], resonant=resonant)
+            top = top_rung_range(batch.rows(which), choice, resonant=resonant)
+            bounds[which] = _bound(top, mu[which])
     return bounds
+
+
+Part = tuple[NDArray[np.intp], str, FloatArray, Prediction]
+
+
+def _cheap_parts(
+    batch: Batch, which: NDArray[np.intp], choice: LawChoice, tolerance: float, *, resonant: bool
+) -> Iterator[Part]:
+    """The scenes that a candidate serves: rows, the candidate, its bounds, its predictions."""
+    top = top_rung_range(batch.rows(which), choice, resonant=resonant)
+    for name in CANDIDATES:
+        if which.size:
+            prediction = rung_prediction(batch.rows(which), name, choice)
+            bound = _bound(top, prediction.mu_effective)
+            within = bound <= tolerance
+            good = np.flatnonzero(within)
+            yield which[good], name, bound[good], prediction.rows(good)
+            which = which[~within]
+            top = Range(low=top.low[~within], high=top.high[~within])
 
 
 def auto_prediction(batch: Batch, choice: LawChoice, tolerance: float) -> Chosen:
@@ -75,17 +95,11 @@ def auto_prediction(batch: Batch, choice: LawChoice, tolerance: float) -> Chosen
     bounds = np.zeros(batch.size)
     parts = []
     for which, resonant in _by_drive(batch):
-        open_rows = which
-        for name in CANDIDATES:
-            if open_rows.size:
-                rows = batch.rows(open_rows)
-                prediction = rung_prediction(rows, name, choice)
-                bound = _bound(rows, choice, prediction.mu_effective, resonant=resonant)
-                good = np.flatnonzero(bound <= tolerance)
-                taken = open_rows[good]
-                rung[taken], bounds[taken] = name, bound[good]
-                parts.append((taken, prediction.rows(good)))
-                open_rows = np.delete(open_rows, good)
+        for taken, name, bound, prediction in _cheap_parts(
+            batch, which, choice, tolerance, resonant=resonant
+        ):
+            rung[taken], bounds[taken] = name, bound
+            parts.append((taken, prediction))
     rest = np.flatnonzero(rung == TOP_RUNG)
     if rest.size:
         parts.append((rest, rung_prediction(batch.rows(rest), TOP_RUNG, choice)))

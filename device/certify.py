@@ -25,8 +25,8 @@ from device.response import modal_displacement_m, natural_frequency_hz
 DAMPING_RATIOS = np.geomspace(0.002, 0.02, 9)
 MODES = range(1, 21)
 AREA_CELLS = 128
-LOW_HZ, HIGH_HZ, BIN_GROWTH = 200.0, 100e3, 1.02
-_SAMPLES_PER_BIN = 40
+LOW_HZ, HIGH_HZ, BIN_GROWTH = 200.0, 100e3, 1.01
+_SAMPLES_PER_BIN = 20
 _MARGIN = 0.02  # of each range, for damping ratios between those solved
 
 
@@ -108,7 +108,7 @@ def _envelope() -> dict[str, object]:
         ]
     )
     parts = [reach[k * _SAMPLES_PER_BIN : (k + 1) * _SAMPLES_PER_BIN + 1] for k in range(bins)]
-    most = 1.05 * np.array([part.max(axis=0) for part in parts])
+    most = 1.02 * np.array([part.max(axis=0) for part in parts])
     return {
         "low_hz": LOW_HZ,
         "growth": BIN_GROWTH,

@@ -3,8 +3,10 @@
 import math
 from collections.abc import Collection
 
+from protocol.errors import BadInput
 
-class OutOfRangeError(ValueError):
+
+class OutOfRangeError(BadInput):
     """A value breaks its rule: `name rule, got value`."""
 
     def __init__(self, name: str, rule: str, value: object) -> None:

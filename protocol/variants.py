@@ -37,7 +37,16 @@ def _backwards(touch: Touch) -> Touch:
 def opposite_expected(condition: Condition) -> str | None:
     """Return the answer expected of the opposite trial, or `None` if the condition has none."""
     answer = opposite_answer(condition.question, condition.expected)
-    return None if opposite(condition.touches) == condition.touches else answer
+    there, back = map(_courses, (condition.touches, opposite(condition.touches)))
+    return None if there == back else answer
+
+
+def _courses(touches: tuple[Touch, ...]) -> list[Touch]:
+    """The touches with their ends written out: a ramp from 100 V to 100 V is a hold."""
+    return [
+        touch.model_copy(update={"ramp_to_v": touch.end_voltage_v, "sweep_to": touch.end_frequency})
+        for touch in touches
+    ]
 
 
 def catch_expected(condition: Condition) -> str:

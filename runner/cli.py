@@ -106,6 +106,28 @@ def new(
 
 
 @app.command()
+def check(
+    study: StudyArgument,
+    participants: Annotated[
+        int | None, typer.Option(min=1, max=10_000, help="[default: the study's]")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Show the plan that a study gives, or everything that is wrong with it."""
+    from runner.checking import checked
+    from runner.study_folder import StudyFolder
+
+    folder = StudyFolder(path=study)
+    shown, problems, in_order = checked(folder, participants, as_json=as_json)
+    for line in problems:
+        typer.echo(f"touchbeam: {line}", err=True)
+    if shown:
+        typer.echo(shown)
+    if not in_order:
+        raise typer.Exit(2)
+
+
+@app.command()
 def run(
     study: StudyArgument,
     participant: Annotated[str, typer.Option(help="A pseudonym, such as P01.")],

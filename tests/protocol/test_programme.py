@@ -74,3 +74,10 @@ def test_a_level_scales_every_amplitude_and_nothing_else() -> None:
     (silent,) = at_level((SWEEP,), 0.0)
     assert silent.peak_voltage_v == 0
     assert silent.sweep_to == 1.0
+
+
+def test_a_ramp_that_goes_nowhere_is_no_change() -> None:
+    condition = parsed_study(template("paper")).condition[2]
+    hold = Touch(place="smooth", voltage_v=50)
+    flat = hold.model_copy(update={"ramp_to_v": 50.0})
+    assert opposite_expected(condition.model_copy(update={"touches": (hold, flat)})) is None

@@ -129,6 +129,14 @@ def test_all_problems_are_found_at_once_with_their_lines() -> None:
         assert part in lines[line - 1]
 
 
+def test_a_mistaken_key_is_named_first_and_nothing_is_named_twice() -> None:
+    with pytest.raises(
+        StudyError, match=r"unknown key, got 'voltage_vpp'; .* .and 1 more"
+    ) as caught:
+        parsed_study(PAPER.replace("voltage_v = 100", "voltage_vpp = 200", 1))
+    assert [problem.line for problem in caught.value.problems] == [54, 54]
+
+
 def _places(value: Any, above: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
     inner: Any = value.items() if isinstance(value, dict) else ()
     inner = enumerate(value) if isinstance(value, list) else inner
@@ -160,7 +168,7 @@ def test_whatever_is_broken_the_rest_is_still_looked_at(
     assert salvaged(document) is not None
     error = _error_of(document)
     if error is not None:
-        assert len(schema_problems(document, error)) == error.error_count()
+        assert 1 <= len(schema_problems(document, error)) <= error.error_count()
 
 
 def _error_of(document: dict[str, Any]) -> ValidationError | None:

@@ -1,0 +1,136 @@
+"""`touchbeam check`: the preview, its JSON contract, and refusals that list everything."""
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from protocol.study_file import template
+from runner.cli import main
+
+KINDS = {"baseline", "signal", "practice", "trial", "catch"}
+
+
+def typed(*arguments: str) -> int:
+    before = sys.argv
+    sys.argv = ["touchbeam", *arguments]
+    try:
+        main()
+    except SystemExit as stop:
+        return int(stop.code or 0)
+    finally:
+        sys.argv = before
+    raise AssertionError("main always exits")
+
+
+def study(folder: Path, name: str = "paper", *changes: tuple[str, str]) -> str:
+    text = template(name)
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new, 1)
+    (folder / "study.toml").write_text(text, encoding="utf-8")
+    return str(folder)
+
+
+def document(capsys: pytest.CaptureFixture[str]) -> Any:
+    return json.loads(capsys.readouterr().out)
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "balanced"), [("paper", 9, False), ("extended", 20, True)]
+)
+def test_the_json_is_what_others_rely_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, size: int, balanced: bool
+) -> None:
+    assert typed("check", study(tmp_path, name), "--json") == 0
+    found = document(capsys)
+    assert (found["ok"], found["problems"]) == (True, [])
+    assert [person["id"] for person in found["participants"]][:2] == ["P01", "P02"]
+    assert len(found["participants"]) == size
+    assert found["carryover"]["balanced"] == balanced
+    assert found["max_voltage_v"] == 200
+    assert found["max_frequency_hz"] == 24_221
+    for person in found["participants"]:
+        assert person["duration_s"] > 60
+        assert person["beam_swaps"] >= 3
+        assert {trial["kind"] for trial in person["trials"]} <= KINDS
+        for trial in person["trials"]:
+            predicted = trial["predicted_contrast"]
+            assert (predicted is None) == (trial["kind"] == "baseline")
+            assert trial["kind"] != "catch" or predicted == 0
+
+
+def test_the_cohort_may_be_of_another_size(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert typed("check", study(tmp_path), "--participants", "10", "--json") == 0
+    found = document(capsys)
+    assert found["carryover"]["balanced"]
+    assert {n for row in found["carryover"]["counts"] for n in row} == {0, 2}
+
+
+def test_longer_sessions_of_widely_spread_contrasts_buy_precision(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    typed("check", study(tmp_path, "extended"), "--json")
+    bought = {option["repeats"]: option for option in document(capsys)["minutes_buy"]}
+    assert bought[4]["trials"] == 20
+    assert bought[4]["relative_half_width"] < 0.2
+    assert bought[1]["half_width"] > bought[4]["half_width"] > bought[16]["half_width"]
+    assert bought[1]["duration_s"] < bought[4]["duration_s"] < bought[16]["duration_s"]
+
+
+def test_the_preview_can_be_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert typed("check", study(tmp_path, "extended")) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "Plan of the first of 20 participants (session 1)"
+    assert any("opposite" in line and "rougher" in line for line in lines)
+    assert "Amplitude   200 V of 200 V (peak)" in lines
+    assert "Carry-over  balanced over 20 participants" in lines
+    assert any(line.startswith("4 <") and " 20 " in line for line in lines)
+    assert max(map(len, lines)) <= 110
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("ramp_to_v = 200", "ramp_to_v = 201"), "got 201 V; amplitudes are peak"),
+        (
+            ("voltage_v = 100", "voltage_vpp = 200"),
+            "unknown key, got 'voltage_vpp'; amplitudes are",
+        ),
+        (('beam = "1.5 mm"', 'beam = "2 mm"'), "the beam must be one of [beams], got '2 mm'"),
+        (("participants = 9", "repeats = 2\nmax_beam_swaps = 3"), "may need 6 beam swaps"),
+    ],
+)
+def test_check_and_run_refuse_the_same(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    change: tuple[str, str],
+    message: str,
+) -> None:
+    folder = study(tmp_path, "paper", change)
+    for command in (("check", folder), ("run", folder, "--participant", "P1", "--ratings=virtual")):
+        assert typed(*command) == 2
+        captured = capsys.readouterr()
+        assert message in captured.err
+        assert captured.out == ""
+    assert [path.name for path in tmp_path.iterdir()] == ["study.toml"]
+
+
+def test_every_problem_is_listed_by_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    changes = (("ramp_to_v = 200", "ramp_to_v = 201"), ("watchdog_s", "watchdg_s"))
+    folder = study(tmp_path, "paper", *changes)
+    assert typed("check", folder) == 2
+    first, second = capsys.readouterr().err.splitlines()
+    assert "study.toml:17: rig.watchdg_s: unknown key" in first
+    assert "study.toml:79: condition voltage, touch 1: " in second
+    assert typed("check", folder, "--json") == 2
+    found = document(capsys)
+    assert not found["ok"]
+    assert [problem["line"] for problem in found["problems"]] == [17, 79]
+    assert found["problems"][0].keys() >= {"where", "rule", "value", "hint"}

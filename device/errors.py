@@ -4,15 +4,31 @@ from protocol.errors import BadInput, WorkFailed
 
 
 class AddressError(BadInput):
-    """The address of a device is not one that can be opened: the user's mistake."""
+    """The address of a device, or its dialect, is not one that exists: the user's mistake."""
+
+
+class LimitExceeded(BadInput):
+    """More was asked of the device than its limits allow; nothing was sent."""
 
 
 class DeviceError(WorkFailed):
     """The device, its port or its answers do not work as they must."""
 
 
+class ProtocolError(DeviceError):
+    """What came is no answer to what was asked."""
+
+
 class LinkTimeout(DeviceError):
-    """An answer did not come in time; the link is out of step from here on."""
+    """An answer did not come in time; the link is out of step until it is synchronised."""
+
+
+class ForeignDevice(DeviceError):
+    """Who answered is not who was expected: nothing is asked of it, nor told."""
+
+
+class EmergencyStop(DeviceError):
+    """Somebody pressed stop."""
 
 
 class OutputUnknown(DeviceError):

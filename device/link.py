@@ -1,42 +1,32 @@
-"""The link: one serial port, one command at a time, every answer within its deadline.
+"""The link: one port, one command at a time, every answer within its deadline and in step.
 
-The one module of the project that imports pySerial on our side of the wire.
+An answer that did not come in time may still come. Until the device has shown that nothing of
+before is left to say, the link is out of step, and no answer is taken for one.
 """
 
+import re
 import time
 from collections.abc import Callable
-from pathlib import Path
-from typing import Protocol
+from itertools import cycle
+from typing import TypeVar
 
-import serial
+from device.errors import DeviceError, EmergencyStop, LinkTimeout, ProtocolError
+from device.port import PORT_ERRORS, Port, open_port
+from device.wire import LineBuffer, encoded, text
 
-from device.errors import AddressError, DeviceError, LinkTimeout
-from device.wire import LineBuffer, encoded
-
-WRITE_TIMEOUT_S = 0.2
 ANSWER_TIMEOUT_S = 0.4
+SYNC_TIMEOUT_S = 1.0
+HANDSHAKE_S = 3.0
+"""A board that restarts when its port is opened needs that long until it answers."""
+_HANDSHAKE_TRY_S = 0.5
+_QUIET_S = 0.03
 _SLICE_S = 0.02
+"""How often a waiting link sees whether it is to stop."""
+MOST_LINES = 200
+"""More lines than that without a question, and the device does not stop talking."""
+_IDENTITY = re.compile(r"[^,]+,[^,]+,[^,]*,.*")
 
-
-class Port(Protocol):
-    """What the link needs of a serial port; `read` returns what came within its timeout."""
-
-    @property
-    def in_waiting(self) -> int:
-        """Bytes that have come and were not read."""
-        ...
-
-    def read(self, size: int = 1, /) -> bytes:
-        """Return up to `size` bytes."""
-        ...
-
-    def write(self, data: bytes, /) -> int | None:
-        """Send `data`."""
-        ...
-
-    def close(self) -> None:
-        """Give the port back."""
-        ...
+_Value = TypeVar("_Value")
 
 
 class Link:
@@ -46,88 +36,162 @@ class Link:
         self._port = port
         self._monotonic = monotonic
         self._buffer = LineBuffer()
-        self._lines: list[str] = []
+        self._lines: list[bytes] = []
         self._in_step = True
+        self._stopped = False
+        self._tokens = cycle(range(1, 256))
 
     def tell(self, command: str) -> None:
-        """Send `command`, which has no answer.
+        """Send `command`, which has no answer, as one line in one write.
 
         Raises:
             DeviceError: the port is gone or does not take it.
         """
         try:
-            self._port.write(encoded(command))
-        except OSError as error:  # SerialException is one
+            self._port.send(encoded(command))
+        except PORT_ERRORS as error:
+            self._in_step = False
             raise DeviceError(f"the device does not take {command!r}: {error}") from error
 
     def ask(self, query: str, timeout_s: float = ANSWER_TIMEOUT_S) -> str:
         """Send `query` and return the line that answers it.
 
         Raises:
-            LinkTimeout: no whole line came within `timeout_s`, or an earlier answer is still due.
-            DeviceError: the port is gone, or what came is no line of text.
+            LinkTimeout: no whole line came within `timeout_s`.
+            ProtocolError: what came is no line of text, or is cut short.
+            DeviceError: the port is gone.
         """
-        if not self._in_step:
-            raise LinkTimeout(f"{query!r} was not sent: an earlier answer is still due")
+        if not self._in_step or self._lines or self._take(0.0):
+            self.synchronise()
         self.tell(query)
-        deadline_s = self._monotonic() + timeout_s
-        while not self._lines:
-            if self._monotonic() > deadline_s:
-                self._in_step = False
-                raise LinkTimeout(f"no answer to {query!r} within {timeout_s:g} s")
-            self._lines += self._received()
-        return self._lines.pop(0)
+        self._in_step = False
+        answer = text(self._line(query, self._monotonic() + timeout_s))
+        self._in_step = True
+        return answer
+
+    def query(self, query: str, parsed: Callable[[str], _Value]) -> _Value:
+        """Return the answer to `query`, parsed; one that is garbled is asked for once more.
+
+        Raises:
+            DeviceError: as `ask` and `parsed`.
+        """
+        try:
+            return parsed(self.ask(query))
+        except ProtocolError:
+            self.synchronise(ANSWER_TIMEOUT_S)
+            return parsed(self.ask(query))
+
+    def identify(self, patience_s: float = HANDSHAKE_S) -> str:
+        """Return who is there; what a device says when it starts is passed over.
+
+        Raises:
+            ProtocolError: the device echoes what it is sent.
+            LinkTimeout: nobody answers with the four fields of `*IDN?` within `patience_s`.
+        """
+        deadline_s = self._monotonic() + patience_s
+        self._quiet(deadline_s)
+        heard = b""
+        while self._monotonic() < deadline_s:
+            self.tell("*IDN?")
+            try_s = min(self._monotonic() + _HANDSHAKE_TRY_S, deadline_s)
+            while (line := self._next_line(try_s)) is not None:
+                if line == b"*IDN?":
+                    raise ProtocolError("the device echoes what it is sent; switch its echo off")
+                if line.isascii() and _IDENTITY.fullmatch(line.decode()):
+                    return text(line)
+                heard = line
+        last = f"; the last it said was {heard[:60]!r}" if heard else ""
+        raise LinkTimeout(f"no answer to '*IDN?' within {patience_s:g} s{last}")
+
+    def synchronise(self, patience_s: float = SYNC_TIMEOUT_S) -> None:
+        """Drain to quiet, then have the device answer with two numbers that it cannot know.
+
+        The numbers go through the event enable register, which every IEEE 488.2 device has and
+        nobody here uses. An answer of before comes before them, for devices answer in order.
+
+        Raises:
+            LinkTimeout: they did not come within `patience_s`.
+            ProtocolError: the device talks without end.
+        """
+        self._in_step = False
+        deadline_s = self._monotonic() + patience_s
+        self._quiet(deadline_s)
+        for _ in range(2):
+            token = next(self._tokens)
+            self.tell(f"*ESE {token}")
+            self.tell("*ESE?")
+            self._pass_over_to(token, deadline_s)
+        self._in_step = not self._lines
+
+    def stop(self) -> None:
+        """Let the wait in progress, and every later one, end with `EmergencyStop`; any thread."""
+        self._stopped = True
+
+    def go_on(self) -> None:
+        """Wait for answers again."""
+        self._stopped = False
 
     def close(self) -> None:
         """Give the port back."""
         self._port.close()
 
-    def _received(self) -> list[str]:
+    def _line(self, query: str, deadline_s: float) -> bytes:
+        line = self._next_line(deadline_s)
+        if line is not None:
+            return line
+        if self._buffer.pending:
+            raise ProtocolError(
+                f"the answer to {query!r} was cut short, got {self._buffer.pending[:40]!r}"
+            )
+        raise LinkTimeout(f"no answer to {query!r} in time")
+
+    def _next_line(self, deadline_s: float) -> bytes | None:
+        """The next line, None if none came by the deadline, however slowly its bytes drip."""
+        while not self._lines:
+            left_s = deadline_s - self._monotonic()
+            if left_s <= 0:
+                return None
+            self._take(min(left_s, _SLICE_S))
+            if self._stopped:
+                raise EmergencyStop("stopped by hand")
+        return self._lines.pop(0)
+
+    def _take(self, timeout_s: float) -> bytes:
         try:
-            chunk = self._port.read(self._port.in_waiting or 1)
-        except OSError as error:
+            chunk = self._port.receive(timeout_s)
+        except PORT_ERRORS as error:
+            self._in_step = False
             raise DeviceError(f"the device is gone: {error}") from error
-        return self._buffer.feed(chunk)
+        if chunk:
+            self._lines += self._buffer.feed(chunk)
+        return chunk
+
+    def _quiet(self, deadline_s: float) -> None:
+        """Read until nothing comes for a while, and forget it all."""
+        heard = 0
+        while self._take(_QUIET_S):
+            heard += len(self._lines)
+            self._lines.clear()
+            if heard > MOST_LINES or self._monotonic() > deadline_s:
+                raise ProtocolError("the device talks without being asked, and does not stop")
+        self._lines.clear()
+        self._buffer.clear()
+
+    def _pass_over_to(self, token: int, deadline_s: float) -> None:
+        for _ in range(MOST_LINES):
+            line = self._next_line(deadline_s)
+            if line is None:
+                break
+            if line.lstrip(b"+") == b"%d" % token:
+                return
+        raise LinkTimeout("the device does not get back into step: an earlier answer is still due")
 
 
 def open_link(url: str) -> Link:
     """Return a link over the serial port or pySerial URL `url`, opened for us alone.
 
     Raises:
-        AddressError: `url` has a scheme that pySerial does not know, or is a plain file.
+        AddressError: `url` is no address of a device.
         DeviceError: the port is missing, in use, or may not be opened; the message says what to do.
     """
-    if Path(url).is_file():
-        raise AddressError(f"{url}: a device must be a serial port, got a plain file")
-    try:
-        port = serial.serial_for_url(url, timeout=_SLICE_S, write_timeout=WRITE_TIMEOUT_S)
-        _claim(port)
-    except ValueError as error:
-        raise AddressError(f"{url}: not the address of a device ({error})") from error
-    except (serial.SerialException, OSError) as error:
-        raise DeviceError(f"{url}: {_advice(error)}") from error
-    return Link(port)
-
-
-def serial_ports() -> list[str]:
-    """Return the names of the serial ports of this machine."""
-    from serial.tools.list_ports import comports
-
-    return sorted(port.device for port in comports())
-
-
-def _claim(port: "serial.SerialBase") -> None:
-    """Keep other programs off a port of the operating system; a socket has one peer anyway."""
-    if isinstance(port, serial.Serial):
-        port.exclusive = True
-
-
-def _advice(error: OSError) -> str:
-    text = str(error).lower()
-    if "no such file" in text or "could not find" in text:
-        return "no such port; is the device plugged in? (touchbeam device list)"
-    if "permission" in text:
-        return "permission denied; add yourself to the group dialout and log in again"
-    if "exclusive" in text or "busy" in text or "resource temporarily" in text:
-        return "in use by another program; close it first"
-    return f"cannot be opened ({error})"
+    return Link(open_port(url))

@@ -3,6 +3,9 @@
 import math
 from dataclasses import dataclass
 
+from device.amplifier import Amplifier
+from device.errors import LimitExceeded
+
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
@@ -12,6 +15,7 @@ class Limits:
     max_frequency_hz: float
     ramp_v_per_s: float
     watchdog_s: float
+    amplifier: Amplifier = Amplifier()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,36 +30,64 @@ class Setpoint:
         """Return this setpoint if it stays within `limits`.
 
         Raises:
-            ValueError: it does not; nothing is clipped.
+            LimitExceeded: it does not; nothing is clipped.
         """
         _require("voltage_v", self.voltage_v, 0, limits.max_voltage_v)
-        _require("frequency_hz", self.frequency_hz, 1e-6, limits.max_frequency_hz)
+        _require("frequency_hz", self.frequency_hz, 1, limits.max_frequency_hz)
         _require("ramp_v_per_s", self.ramp_v_per_s, 1e-3, limits.ramp_v_per_s)
+        limits.amplifier.check(self.voltage_v, self.frequency_hz)
+        return self
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sweep:
+    """A linear sweep of the frequency at the amplitude that is on; it ends at `stop_hz`."""
+
+    start_hz: float
+    stop_hz: float
+    duration_s: float
+
+    def checked(self, limits: Limits, voltage_v: float) -> "Sweep":
+        """Return this sweep if both ends stay within `limits` at this amplitude.
+
+        Raises:
+            LimitExceeded: it does not; nothing is clipped.
+        """
+        for frequency_hz in (self.start_hz, self.stop_hz):
+            _require("frequency_hz", frequency_hz, 1, limits.max_frequency_hz)
+            limits.amplifier.check(voltage_v, frequency_hz)
+        _require("duration_s", self.duration_s, 1e-3, 500)
         return self
 
 
 @dataclass(frozen=True, kw_only=True)
 class Identity:
-    """Who answered, how often it has booted, and its time."""
+    """Who answered, how often it has booted, its time, and what a person should know of it.
+
+    `cleared_errors` stood in the device's error queue before we came.
+    """
 
     idn: str
-    boot: int
-    device_time_s: float
+    boot: int | None
+    device_time_s: float | None
+    dialect: str = "board"
+    cleared_errors: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReadBack:
-    """The drive as the device reports it, its monitor and its sensors."""
+    """The drive as the device reports it, its monitor and its sensors; None where it has none."""
 
     output: bool
     voltage_v: float
     frequency_hz: float
-    monitor_v: float
-    force_n: float
-    position_m: float
-    device_time_s: float
+    monitor_v: float | None = None
+    force_n: float | None = None
+    position_m: float | None = None
+    device_time_s: float | None = None
 
 
 def _require(name: str, value: float, lowest: float, highest: float) -> None:
     if not (math.isfinite(value) and lowest <= value <= highest):
-        raise ValueError(f"{name} must lie in [{lowest:g}, {highest:g}], got {value:g}")
+        raise LimitExceeded(f"{name} must lie in [{lowest:g}, {highest:g}], got {value:g}")

@@ -1,22 +1,27 @@
 """The rig in a session: one thread owns the port and keeps the device's watchdog quiet.
 
-The watchdog is fed only while the session beats: a hang anywhere turns the output off.
+The watchdog is fed only while the session beats: a hang anywhere turns the output off. A fault
+turns it off at once, and latches: nothing is driven again before somebody arms the rig anew.
 """
 
+import contextlib
 import queue
 import threading
+import time
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from device.board import Board
-from device.errors import DeviceError
+from device.driver import Driver
+from device.drivers import driver_of
+from device.errors import DeviceError, EmergencyStop, ForeignDevice, OutputUnknown
 from device.link import open_link
-from device.records import Identity, Limits, ReadBack, Setpoint
+from device.records import Identity, Limits, ReadBack, Setpoint, Sweep
 from device.sweep import Resonance, resonance
 
 FEEDS_PER_WATCHDOG = 5
+RAMP_STEP_S = 0.02
 
 _Result = TypeVar("_Result")
 
@@ -28,29 +33,49 @@ class _Job:
 
 
 class Rig:
-    """A device whose calls are made one after the other by the thread that owns its port."""
+    """A device whose calls are made one after the other by the thread that owns its port.
 
-    def __init__(self, board: Board, watchdog_s: float) -> None:
-        self._board = board
-        self._feed_s = watchdog_s / FEEDS_PER_WATCHDOG
+    Every method may be called from any thread.
+    """
+
+    def __init__(
+        self,
+        driver: Driver,
+        watchdog_s: float,
+        calibration: Resonance | None = None,
+        monotonic: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._driver = driver
+        self._watchdog_s = watchdog_s
+        self._calibration = calibration
+        self._monotonic = monotonic
         self._jobs: queue.SimpleQueue[_Job | None] = queue.SimpleQueue()
         self._beats = 0
         self._fed_beats = 0
-        self._driving = False
+        self._beaten_s = self._fed_s = monotonic()
+        self._armed = False
+        self._ramping = False
+        self._stopping = False
         self._fault: DeviceError | None = None
         self._owner = threading.Thread(target=self._serve, name="port owner", daemon=True)
         self._owner.start()
 
     def arm(self) -> Identity:
-        """Turn the output off, check who answers, set limits and watchdog.
+        """Turn the output off, check who answers, set limits and watchdog; forget a fault.
 
         Raises:
             DeviceError: the device is not what or as it must be.
+            OutputUnknown: its output cannot be read back as off.
         """
-        return self._owned(self._board.arm)
+        return self._owned(self._arm)
 
     def resonance(self, near_hz: float, sleep: Callable[[float], None]) -> Resonance:
-        """Find the beam's resonance near `near_hz`; the output is off afterwards."""
+        """Find the beam's resonance near `near_hz`; the output is off afterwards.
+
+        A device that cannot measure it has the one that was kept as the rig's calibration.
+        """
+        if self._calibration is not None and not self._driver.measures_vibration:
+            return self._calibration
 
         def settled(seconds: float) -> None:
             self.beat()
@@ -62,21 +87,42 @@ class Rig:
             self.off()
 
     def drive(self, setpoint: Setpoint) -> ReadBack:
-        """Set `setpoint`, output on, and return what the device says of it."""
+        """Set `setpoint`, output on, and return what the device says of it.
+
+        Raises:
+            LimitExceeded: the setpoint exceeds the limits; nothing was sent.
+            DeviceError: the device cannot be trusted; its output is off, and stays so.
+            OutputUnknown: the same, and it does not say that its output is off.
+        """
         self.beat()
-        return self._owned(lambda: self._drive(setpoint))
+        return self._owned(lambda: self._guarded(lambda: self._drive(setpoint)))
+
+    def sweep(self, sweep: Sweep) -> None:
+        """Let the frequency move while the output is on. Raises as `drive`."""
+        self.beat()
+        self._owned(lambda: self._guarded(lambda: self._driver.sweep(sweep)))
 
     def read_back(self) -> ReadBack:
         """Get the drive and the sensors as the device reports them."""
-        return self._owned(self._board.read_back)
+        return self._owned(lambda: self._guarded(self._driver.read_back))
 
     def off(self) -> None:
-        """Turn the output off and read it back.
+        """Turn the output off and read it back, whatever has happened before.
 
         Raises:
             OutputUnknown: the device does not confirm it.
         """
         self._owned(self._off)
+
+    def emergency_stop(self) -> None:
+        """Send off now, whatever the port is waiting for; returns at once.
+
+        The call that was in progress, and each one after it, raises `EmergencyStop` until the rig
+        is armed anew, or `OutputUnknown` if the device does not confirm.
+        """
+        self._stopping = True
+        self._driver.link.stop()
+        self._jobs.put(_Job(work=lambda: None, result=Future()))
 
     def beat(self) -> None:
         """Say that the session is alive.
@@ -89,49 +135,123 @@ class Rig:
         self._beats += 1
 
     def close(self) -> None:
-        """End the thread and give the port back."""
-        self._jobs.put(None)
-        self._owner.join()
-        self._board.close()
+        """End the thread and give the port back; what is still on is turned off first.
+
+        Raises:
+            OutputUnknown: it was on, and the device does not confirm that it is off.
+        """
+        try:
+            if self._driver.driven is not None:
+                self.off()
+        finally:
+            self._jobs.put(None)
+            self._owner.join()
+            self._driver.close()
 
     def _vibration_m(self) -> float:
-        return self._owned(self._board.vibration_m)
-
-    def _drive(self, setpoint: Setpoint) -> ReadBack:
-        read_back = self._board.drive(setpoint)
-        self._driving = True
-        return read_back
-
-    def _off(self) -> None:
-        self._driving = False
-        self._board.off()
+        return self._owned(lambda: self._guarded(self._driver.vibration_m))
 
     def _owned(self, work: Callable[[], _Result]) -> _Result:
         result: Future[_Result] = Future()
         self._jobs.put(_Job(work=work, result=result))
         return result.result()
 
+    # What follows runs in the thread that owns the port.
+
     def _serve(self) -> None:
         while True:
             try:
-                job = self._jobs.get(timeout=self._feed_s)
+                job = self._jobs.get(timeout=self._idle_s())
             except queue.Empty:
-                self._feed()
-                continue
+                job = _Job(work=lambda: None, result=Future())
             if job is None:
                 return
+            self._stop_if_asked()
             _settle(job)
+            self._stop_if_asked()
+            with contextlib.suppress(DeviceError):  # it is latched: the next beat raises it
+                self._guarded(self._keep_going)
+
+    def _idle_s(self) -> float:
+        if self._ramping:
+            return RAMP_STEP_S
+        return max(self._fed_s + self._watchdog_s / FEEDS_PER_WATCHDOG - self._monotonic(), 0.0)
+
+    def _keep_going(self) -> None:
+        """The ramp's next step, and the watchdog's next feed, if they are due."""
+        if self._ramping:
+            self._ramping = self._driver.carry_on()
+        if self._monotonic() >= self._fed_s + self._watchdog_s / FEEDS_PER_WATCHDOG:
+            self._fed_s = self._monotonic()
+            if self._armed:
+                self._feed()
 
     def _feed(self) -> None:
-        """See that the output is still on, which feeds the watchdog, if the session has moved."""
-        if not self._driving or self._fault or self._beats == self._fed_beats:
-            return
-        self._fed_beats = self._beats
+        """See that the device does what it was told, which feeds its watchdog.
+
+        What is driven while the session does not move is not looked at: the device's watchdog
+        ends it. Where the device has none, this thread is the watchdog.
+        """
+        moved = self._beats != self._fed_beats
+        if moved:
+            self._fed_beats, self._beaten_s = self._beats, self._monotonic()
+        if moved or self._driver.driven is None:
+            self._driver.check()
+        elif not self._driver.has_watchdog and self._silent_s() > self._watchdog_s:
+            raise DeviceError(f"the session did not move for {self._silent_s():.1f} s")
+
+    def _silent_s(self) -> float:
+        return self._monotonic() - self._beaten_s
+
+    def _arm(self) -> Identity:
+        self._fault, self._armed, self._ramping = None, False, False
+        self._driver.link.go_on()
+        identity: Identity = self._guarded(self._driver.arm)
+        self._armed = True
+        return identity
+
+    def _drive(self, setpoint: Setpoint) -> ReadBack:
+        read_back = self._driver.drive(setpoint)
+        self._ramping = True
+        self._beaten_s = self._monotonic()
+        return read_back
+
+    def _off(self) -> None:
+        self._ramping = False
+        self._driver.link.go_on()
+        self._driver.off()
+
+    def _guarded(self, work: Callable[[], _Result]) -> _Result:
+        """Return what `work` gives; a device that fails is turned off, and the fault latches."""
+        if self._fault is not None:
+            raise self._fault
         try:
-            if not self._board.output():
-                self._fault = DeviceError("the device turned its output off by itself")
-        except DeviceError as error:
+            return work()
+        except ForeignDevice as error:
             self._fault = error
+            raise
+        except DeviceError as error:
+            self._fault = self._made_safe(error)
+            raise self._fault from error
+
+    def _stop_if_asked(self) -> None:
+        if self._stopping:
+            self._fault = self._made_safe(EmergencyStop("stopped by hand"))
+
+    def _made_safe(self, error: DeviceError) -> DeviceError:
+        """Send off once without waiting; return `error` with what is known of the output."""
+        self._stopping, self._ramping, self._armed = False, False, False
+        self._driver.link.go_on()
+        if self._driver.foreign:
+            return error
+        with contextlib.suppress(DeviceError):  # what it does not take it does not confirm either
+            self._driver.send_off()
+        self._driver.driven = None
+        try:
+            self._driver.confirm_off()
+        except OutputUnknown:
+            return OutputUnknown(str(error))
+        return type(error)(f"{error}; output off, read back")
 
 
 def _settle(job: _Job) -> None:
@@ -141,11 +261,14 @@ def _settle(job: _Job) -> None:
         job.result.set_exception(error)
 
 
-def open_rig(url: str, limits: Limits) -> Rig:
+def open_rig(
+    url: str, limits: Limits, dialect: str = "board", calibration: Resonance | None = None
+) -> Rig:
     """Return the rig at `url`, not armed yet.
 
     Raises:
-        AddressError: `url` is no address of a device.
+        AddressError: `url` is no address of a device, or there is no such dialect.
         DeviceError: nothing can be opened there.
     """
-    return Rig(Board(open_link(url), limits), limits.watchdog_s)
+    driver = driver_of(dialect)
+    return Rig(driver(open_link(url), limits), limits.watchdog_s, calibration)

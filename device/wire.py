@@ -6,7 +6,7 @@ Source: IEEE 488.2 and SCPI-99; docs/wire-protocol.md lists the board's commands
 import math
 import re
 
-from device.errors import DeviceError
+from device.errors import ProtocolError
 
 LONGEST_LINE = 1024
 """Bytes without a line end beyond which a peer is not speaking our language."""
@@ -45,26 +45,41 @@ def number(reply: str) -> float:
     """Return the number that `reply` gives.
 
     Raises:
-        DeviceError: it is none; SCPI's stand-ins for infinity and not-a-number are none either.
+        ProtocolError: it is none; SCPI's stand-ins for infinity and not-a-number are none either.
     """
     text = reply.strip()
     value = float(text) if _NUMBER.fullmatch(text) else math.nan
     if not abs(value) < _SCPI_NOT_A_NUMBER:
-        raise DeviceError(f"the device must answer with a number, got {reply!r}")
+        raise ProtocolError(f"the device must answer with a number, got {reply!r}")
     return value
+
+
+def impedance(reply: str) -> float:
+    """Return the load that `reply` gives, Ω; SCPI's 9.9E+37 is an open one.
+
+    >>> impedance("9.9E+37")
+    inf
+
+    Raises:
+        ProtocolError: it is no number.
+    """
+    text = reply.strip()
+    if _NUMBER.fullmatch(text) and float(text) >= _SCPI_NOT_A_NUMBER:
+        return math.inf
+    return number(reply)
 
 
 def switch(reply: str) -> bool:
     """Return the on/off state that `reply` gives.
 
     Raises:
-        DeviceError: it is neither 1, 0, ON nor OFF.
+        ProtocolError: it is neither 1, 0, ON nor OFF.
     """
     states = {"1": True, "ON": True, "0": False, "OFF": False}
     try:
         return states[reply.strip().upper()]
     except KeyError:
-        raise DeviceError(f"the device must answer with 1 or 0, got {reply!r}") from None
+        raise ProtocolError(f"the device must answer with 1 or 0, got {reply!r}") from None
 
 
 def queued_error(reply: str) -> str | None:
@@ -74,11 +89,11 @@ def queued_error(reply: str) -> str | None:
     '-222 Data out of range'
 
     Raises:
-        DeviceError: the answer has not the form of an error.
+        ProtocolError: the answer has not the form of an error.
     """
     found = _ERROR.fullmatch(reply.strip())
     if found is None:
-        raise DeviceError(
+        raise ProtocolError(
             f'the device must answer with an error such as 0,"No error", got {reply!r}'
         )
     return None if int(found[1]) == 0 else f"{int(found[1])} {found[2]}"
@@ -90,25 +105,65 @@ class LineBuffer:
     def __init__(self) -> None:
         self._pending = b""
 
-    def feed(self, chunk: bytes) -> list[str]:
-        """Take `chunk` and return the lines it completes; LF, CRLF and CR end a line.
+    @property
+    def pending(self) -> bytes:
+        """What has come of a line that has not ended yet."""
+        return self._pending
+
+    def feed(self, chunk: bytes) -> list[bytes]:
+        """Take `chunk` and return the lines it completes, without empty ones; LF, CRLF, CR end one.
 
         Raises:
-            DeviceError: a line is not ASCII, or longer than `LONGEST_LINE`.
+            ProtocolError: a line is longer than `LONGEST_LINE`; what is pending is forgotten.
         """
-        *whole, self._pending = re.split(rb"[\r\n]+", self._pending + chunk)
+        if b"\r" in chunk:
+            chunk = chunk.replace(b"\r", b"\n")
+        *whole, self._pending = (self._pending + chunk).split(b"\n")
         if len(self._pending) > LONGEST_LINE:
             self.clear()
-            raise DeviceError(f"the device sent more than {LONGEST_LINE} bytes without a line end")
-        return [_text(line) for line in whole if line]
+            raise ProtocolError(
+                f"the device sent more than {LONGEST_LINE} bytes without a line end"
+            )
+        return [line for line in whole if line]
 
     def clear(self) -> None:
         """Forget what was not completed."""
         self._pending = b""
 
 
-def _text(line: bytes) -> str:
-    try:
-        return line.decode("ascii")
-    except UnicodeDecodeError:
-        raise DeviceError(f"the device must answer in ASCII, got {line[:40]!r}") from None
+def text(line: bytes) -> str:
+    """Return `line` as text.
+
+    Raises:
+        ProtocolError: it is not printable ASCII.
+    """
+    if line.isascii() and (found := line.decode("ascii").strip()).isprintable():
+        return found
+    raise ProtocolError(f"the device must answer in ASCII, got {line[:40]!r}")
+
+
+def fields(reply: str, count: int) -> list[str]:
+    """Return the answers in the reply to a compound query.
+
+    >>> fields('1;24221.37;0,"No error"', 3)
+    ['1', '24221.37', '0,"No error"']
+
+    Raises:
+        ProtocolError: there are not `count` of them.
+    """
+    found = reply.split(";")
+    if len(found) != count:
+        raise ProtocolError(f"the device must answer with {count} fields, got {reply!r}")
+    return found
+
+
+def whole(reply: str) -> int:
+    """Return the whole number that `reply` gives.
+
+    Raises:
+        ProtocolError: it is none.
+    """
+    value = number(reply)
+    if value != int(value):
+        raise ProtocolError(f"the device must answer with a whole number, got {reply!r}")
+    return int(value)

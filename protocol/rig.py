@@ -14,6 +14,9 @@ class Rig(Record):
         Line,
         Field(description="`sim`, or a serial URL: `/dev/ttyUSB0`, `COM3`, `socket://host:5025`"),
     ] = "sim"
+    dialect: Annotated[
+        Line, Field(description="what the device speaks: `board`, or `keysight` for a generator")
+    ] = "board"
     voltages_are: Annotated[
         Literal["peak"],
         Field(

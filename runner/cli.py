@@ -56,6 +56,14 @@ class Wire(StrEnum):
     tcp = "tcp"
 
 
+class Dialect(StrEnum):
+    """What the simulated device speaks."""
+
+    board = "board"
+    keysight = "keysight"
+    keysight_33220a = "keysight-33220A"
+
+
 StudyArgument = Annotated[Path, typer.Argument(metavar="STUDY", help="The study's folder.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON document instead.")]
 
@@ -326,6 +334,7 @@ def withdraw(study: StudyArgument, participant: ParticipantOption) -> None:
 def simulate_device(
     wire: Annotated[Wire, typer.Argument(help="pty or tcp")],
     place: Annotated[str, typer.Argument(metavar="LINK|PORT", help="A path, or a loopback port.")],
+    dialect: Annotated[Dialect, typer.Option(help="What it speaks.")] = Dialect.board,
     control: Annotated[
         Path | None, typer.Option(metavar="SOCKET", help="A Unix socket to make.")
     ] = None,
@@ -338,7 +347,9 @@ def simulate_device(
     """
     from device.simulator.foreground import simulate
 
-    simulate(wire.value, place, control, keep=keep, seed=seed, say=typer.echo)
+    simulate(
+        wire.value, place, control, dialect=dialect.value, keep=keep, seed=seed, say=typer.echo
+    )
 
 
 @app.command()

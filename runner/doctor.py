@@ -100,7 +100,7 @@ def _disk() -> Finding:
 
 
 def _ports() -> Finding:
-    from device.link import serial_ports
+    from device.port import serial_ports
 
     names = serial_ports()
     return Finding(

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
+from device.amplifier import Amplifier
 from device.records import Limits
 from device.rig import Rig, open_rig
 from device.simulator.hand import Hand
@@ -40,10 +41,12 @@ def rigged(
     with ExitStack() as stack:
         hand = None
         if url == SIMULATED:
-            endpoints = stack.enter_context(simulator_process(touchbeam, seed))
+            endpoints = stack.enter_context(
+                simulator_process(touchbeam, seed, dialect=settings.dialect)
+            )
             hand = stack.enter_context(Hand(endpoints.control))
             url = endpoints.url
-        device = open_rig(url, limits(settings))
+        device = open_rig(url, limits(settings), settings.dialect)
         stack.callback(device.close)
         yield Rigged(device=device, hand=hand)
 
@@ -55,4 +58,16 @@ def limits(settings: RigSettings) -> Limits:
         max_frequency_hz=settings.max_frequency_hz,
         ramp_v_per_s=settings.ramp_v_per_s,
         watchdog_s=settings.watchdog_s,
+        amplifier=_amplifier(settings),
+    )
+
+
+def _amplifier(settings: RigSettings) -> Amplifier:
+    current_ma, load_nf = settings.max_current_ma, settings.capacitance_nf
+    return Amplifier(
+        gain=settings.amplifier_gain,
+        max_vpp=settings.generator_max_vpp,
+        max_slew_v_per_us=settings.max_slew_v_per_us,
+        max_current_a=None if current_ma is None else 1e-3 * current_ma,
+        load_f=1e-9 * (load_nf or 0.0),
     )

@@ -40,6 +40,8 @@ class SimulatedBeam:
     seed: int
     finger: Finger | None = None
     body_height_m: float = BODY_HEIGHT_M
+    monitor_gain: float = 1.0
+    """What the monitor shows of the voltage: 1 unless it is broken."""
     beam: Beam = field(init=False)
     gain: float = field(init=False)
 
@@ -81,13 +83,13 @@ class SimulatedBeam:
         """Return what the finger feels, None without a finger."""
         if self.finger is None:
             return None
-        voltage_v = self.gain * instrument.voltage_v
+        voltage_v = self.gain * instrument.output_v
         scene = self._scene(self.finger, voltage_v, instrument.frequency_hz)
         return float(friction_coefficient(scene)[0])
 
     def monitor_v(self, instrument: Instrument) -> float:
         """Return the voltage monitor's reading."""
-        return instrument.voltage_v + self._noise("monitor_v", instrument)
+        return self.monitor_gain * instrument.output_v + self._noise("monitor_v", instrument)
 
     def measured_force_n(self, instrument: Instrument) -> float:
         """Return the force sensor's reading."""
@@ -101,7 +103,7 @@ class SimulatedBeam:
 
     def measured_vibration_m(self, instrument: Instrument) -> float:
         """Return the reading of the sensor at the tip: an amplitude, m."""
-        voltage_v = self.gain * instrument.voltage_v
+        voltage_v = self.gain * instrument.output_v
         tip_m = 2 * modal_displacement_m(self.beam, MODE, voltage_v, instrument.frequency_hz)
         return float(tip_m) * (1 + self._noise("vibration", instrument))
 

@@ -1,98 +1,162 @@
 """The board's dialect: which command reads or sets what. docs/wire-protocol.md says the same."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from device.simulator.beam import SimulatedBeam
+from device.simulator.dialect import Dialect, asked
 from device.simulator.instrument import (
-    MAX_FREQUENCY_HZ,
-    MAX_RAMP_V_PER_S,
+    DEFAULT_FREQUENCY_HZ,
+    FREQUENCY_RANGE_HZ,
     MAX_VOLTAGE_V,
+    RAMP_RANGE_V_PER_S,
     WATCHDOG_RANGE_S,
+    FrequencySweep,
     Instrument,
 )
-from device.simulator.scpi import Message, ScpiError, boolean, known_header, messages, quantity
+from device.simulator.scpi import Call, Handler
+from device.simulator.status import Status
+from device.simulator.values import (
+    HERTZ,
+    SECONDS,
+    VOLTS,
+    ScpiError,
+    boolean,
+    extremes,
+    quantity,
+)
 from device.wire import number_text
 
-IDN = "touchbeam,BOARD,SIM,1.0"
+IDN = "touchbeam,BOARD,SIM,1.1"
+BANNER = "touchbeam board 1.1 ready"
+SWEEP_TIME_RANGE_S = (1e-3, 500.0)
+_V_PER_S = {"": 1.0, "V/S": 1.0}
 
 
-class BoardDialect:
+class BoardDialect(Dialect):
     """Answers the board's commands out of an instrument and a beam."""
+
+    idn = IDN
+    banner = BANNER
 
     def __init__(self, instrument: Instrument, beam: SimulatedBeam) -> None:
         self._instrument = instrument
         self._beam = beam
-        self._commands: dict[str, Callable[[str], str | None]] = {
-            **self._common(),
+        self._forget()
+        handlers = {
+            **self._system(),
             **self._drive(),
+            **self._sweep(),
             **self._safety(),
             **self._measurements(),
         }
+        super().__init__(Status(), handlers)
 
-    def answer(self, line: str) -> str | None:
-        """Return what the board answers to `line`, None if nothing; errors go into its queue."""
-        answers = [self._answered(message) for message in messages(line)]
-        said = [answer for answer in answers if answer is not None]
-        return ";".join(said) if said else None
+    def restart(self) -> None:
+        """Lose power and come back."""
+        self._instrument.restart()
+        self._forget()
+        self.status.power_on()
 
-    def _answered(self, message: Message) -> str | None:
-        try:
-            pattern = known_header(message.header, self._commands)
-            return self._commands[pattern](message.argument)
-        except ScpiError as error:
-            self._instrument.errors.append(str(error))
-            return None
-
-    def _common(self) -> dict[str, Callable[[str], str | None]]:
+    def _system(self) -> dict[str, Handler]:
         return {
-            "*IDN?": lambda _: IDN,
-            "*OPC?": lambda _: "1",
-            "*RST": lambda _: self._instrument.reset(),
-            "*CLS": lambda _: self._instrument.errors.clear(),
-            "SYSTem:ERRor?": lambda _: self._next_error(),
-            "SYSTem:TIME?": lambda _: number_text(self._instrument.time_s),
-            "SYSTem:BOOT?": lambda _: str(self._instrument.boot),
+            "*IDN?": asked(lambda: self.idn),
+            "*OPT?": asked(lambda: "0"),
+            "*RST": asked(self._reset),
+            "SYSTem:ERRor:COUNt?": asked(lambda: str(len(self.status.errors))),
+            "SYSTem:VERSion?": asked(lambda: "1999.0"),
+            "SYSTem:TIME?": asked(lambda: number_text(self._instrument.time_s)),
+            "SYSTem:BOOT?": asked(lambda: str(self._instrument.boot)),
         }
 
-    def _drive(self) -> dict[str, Callable[[str], str | None]]:
+    def _drive(self) -> dict[str, Handler]:
+        ramp = (_V_PER_S, *RAMP_RANGE_V_PER_S)
+        volts = "[SOURce#:]VOLTage"
         return {
-            **self._quantity("FREQuency", "frequency_hz", 1e-6, lambda: MAX_FREQUENCY_HZ),
-            **self._quantity("VOLTage", "target_v", 0.0, lambda: self._instrument.limit_v),
-            **self._quantity("VOLTage:RAMP", "ramp_v_per_s", 1e-3, lambda: MAX_RAMP_V_PER_S),
-            "OUTPut": lambda text: self._switch(boolean(text)),
-            "OUTPut?": lambda _: str(int(self._instrument.output)),
+            "[SOURce#:]FREQuency[:CW]?": self._frequency,
+            "[SOURce#:]FREQuency[:CW]": self._set_frequency,
+            f"{volts}[:LEVel][:IMMediate][:AMPLitude]?": self._voltage,
+            f"{volts}[:LEVel][:IMMediate][:AMPLitude]": self._set_voltage,
+            f"{volts}:INSTant?": asked(lambda: number_text(self._instrument.voltage_v)),
+            **self._quantity(f"{volts}:RAMP", self._instrument, "ramp_v_per_s", ramp),
+            "OUTPut#[:STATe]": lambda call: self._switch(boolean(call.argument)),
+            "OUTPut#[:STATe]?": asked(lambda: str(int(self._instrument.output))),
         }
 
-    def _safety(self) -> dict[str, Callable[[str], str | None]]:
+    def _sweep(self) -> dict[str, Handler]:
+        header = "[SOURce#:]FREQuency:SWEep"
+        hertz = (HERTZ, *FREQUENCY_RANGE_HZ)
         return {
-            **self._quantity("VOLTage:LIMit", "limit_v", 0.0, lambda: MAX_VOLTAGE_V),
+            **self._quantity(f"{header}:STARt", self, "sweep_start_hz", hertz),
+            **self._quantity(f"{header}:STOP", self, "sweep_stop_hz", hertz),
             **self._quantity(
-                "SYSTem:WATChdog", "watchdog_s", WATCHDOG_RANGE_S[0], lambda: WATCHDOG_RANGE_S[1]
+                f"{header}:TIME", self, "sweep_time_s", (SECONDS, *SWEEP_TIME_RANGE_S)
             ),
-            "OUTPut:PROTection:TRIPped?": lambda _: str(int(self._instrument.tripped)),
-            "OUTPut:PROTection:CLEar": lambda _: self._clear_trip(),
+            f"{header}:STATe": lambda call: self._switch_sweep(boolean(call.argument)),
+            f"{header}:STATe?": asked(lambda: str(int(self._instrument.sweep is not None))),
         }
 
-    def _measurements(self) -> dict[str, Callable[[str], str | None]]:
-        beam, instrument = self._beam, self._instrument
+    def _safety(self) -> dict[str, Handler]:
+        watchdog = (SECONDS, *WATCHDOG_RANGE_S)
         return {
-            "MEASure:VOLTage?": lambda _: number_text(beam.monitor_v(instrument)),
-            "MEASure:FORCe?": lambda _: number_text(beam.measured_force_n(instrument)),
-            "MEASure:POSition?": lambda _: number_text(beam.measured_position_m(instrument)),
-            "MEASure:VIBRation?": lambda _: number_text(beam.measured_vibration_m(instrument)),
+            "[SOURce#:]VOLTage:LIMit": self._set_limit,
+            "[SOURce#:]VOLTage:LIMit?": self._limit,
+            **self._quantity("SYSTem:WATChdog", self._instrument, "watchdog_s", watchdog),
+            "OUTPut#:PROTection:TRIPped?": asked(lambda: str(int(self._instrument.tripped))),
+            "OUTPut#:PROTection:CAUSe?": asked(lambda: self._instrument.cause),
+            "OUTPut#:PROTection:CLEar": asked(self._clear_trip),
         }
+
+    def _measurements(self) -> dict[str, Handler]:
+        readings: dict[str, Callable[[Instrument], float]] = {
+            "VOLTage": self._beam.monitor_v,
+            "FORCe": self._beam.measured_force_n,
+            "POSition": self._beam.measured_position_m,
+            "VIBRation": self._beam.measured_vibration_m,
+            "TEMPerature": lambda instrument: instrument.temperature_c,
+        }
+        return {f"MEASure[:SCALar]:{name}?": self._reading(read) for name, read in readings.items()}
+
+    def _reading(self, read: Callable[[Instrument], float]) -> Handler:
+        return asked(lambda: number_text(read(self._instrument)))
 
     def _quantity(
-        self, header: str, name: str, lowest: float, highest: Callable[[], float]
-    ) -> dict[str, Callable[[str], str | None]]:
-        def get(argument: str) -> str:
-            value = getattr(self._instrument, name) or 0.0
-            return number_text(quantity(argument, lowest, highest()) if argument else value)
+        self, header: str, owner: object, name: str, rule: tuple[Mapping[str, float], float, float]
+    ) -> dict[str, Handler]:
+        """The two commands of a quantity that is only kept."""
+        units, lowest, highest = rule
 
-        def put(argument: str) -> None:
-            setattr(self._instrument, name, quantity(argument, lowest, highest()))
+        def put(call: Call) -> None:
+            setattr(owner, name, quantity(call.argument, units, lowest, highest))
 
-        return {f"{header}?": get, header: put}
+        def get(call: Call) -> str:
+            kept = getattr(owner, name) or 0.0
+            return _told(call.argument, kept, lowest, highest)
+
+        return {header: put, f"{header}?": get}
+
+    def _frequency(self, call: Call) -> str:
+        return _told(call.argument, self._instrument.frequency_hz, *FREQUENCY_RANGE_HZ)
+
+    def _set_frequency(self, call: Call) -> None:
+        value = quantity(call.argument, HERTZ, *FREQUENCY_RANGE_HZ)
+        self._instrument.sweep = None
+        self._instrument.frequency_hz = self._instrument.set_gain * value
+
+    def _voltage(self, call: Call) -> str:
+        return _told(call.argument, self._instrument.target_v, 0.0, self._instrument.limit_v)
+
+    def _set_voltage(self, call: Call) -> None:
+        value = quantity(call.argument, VOLTS, 0.0, self._instrument.limit_v)
+        self._instrument.target_v = self._instrument.set_gain * value
+
+    def _limit(self, call: Call) -> str:
+        return _told(call.argument, self._instrument.limit_v, 0.0, MAX_VOLTAGE_V)
+
+    def _set_limit(self, call: Call) -> None:
+        value = quantity(call.argument, VOLTS, 0.0, MAX_VOLTAGE_V)
+        if value < self._instrument.target_v:
+            raise ScpiError(-221, "Settings conflict; the amplitude exceeds this limit")
+        self._instrument.limit_v = value
 
     def _switch(self, on: bool) -> None:
         if on and self._instrument.tripped:
@@ -101,8 +165,38 @@ class BoardDialect:
             raise ScpiError(-221, "Settings conflict; no watchdog")
         self._instrument.switch(on)
 
-    def _clear_trip(self) -> None:
-        self._instrument.tripped = False
+    def _switch_sweep(self, on: bool) -> None:
+        self._instrument.sweep = (
+            FrequencySweep(
+                start_hz=self.sweep_start_hz,
+                stop_hz=self.sweep_stop_hz,
+                begin_s=self._instrument.time_s,
+                duration_s=self.sweep_time_s,
+            )
+            if on
+            else None
+        )
+        self._instrument.advance_to(self._instrument.time_s)
 
-    def _next_error(self) -> str:
-        return self._instrument.errors.popleft() if self._instrument.errors else '0,"No error"'
+    def _clear_trip(self) -> None:
+        if self._instrument.hot:
+            raise ScpiError(-240, "Hardware error; too hot")
+        self._instrument.cause = "NONE"
+
+    def _reset(self) -> None:
+        self._instrument.reset()
+        self._forget()
+
+    def _forget(self) -> None:
+        self.sweep_start_hz = self.sweep_stop_hz = DEFAULT_FREQUENCY_HZ
+        self.sweep_time_s = 1.0
+
+
+def _told(argument: str, kept: float, lowest: float, highest: float) -> str:
+    """The answer to a query: what is kept, or what `MIN` and `MAX` stand for."""
+    if not argument:
+        return number_text(kept)
+    extreme = extremes(argument, lowest, highest)
+    if extreme is None:
+        raise ScpiError(-108, "Parameter not allowed")
+    return number_text(extreme)

@@ -3,25 +3,28 @@
 import json
 from collections.abc import Callable
 
-from device.simulator.beam import SimulatedBeam
+from device.simulator.broken import Broken
 from device.simulator.clock import DeviceClock
-from device.simulator.instrument import Instrument
+from device.simulator.faults import NAMES
 
 
 class Control:
-    """Moves the finger, swaps the beam, lets time pass, and tells the device's true state."""
+    """Moves the finger, swaps the beam, lets time pass, breaks things, tells the true state."""
 
-    def __init__(self, instrument: Instrument, beam: SimulatedBeam, clock: DeviceClock) -> None:
-        self._instrument = instrument
-        self._beam = beam
+    def __init__(self, broken: Broken, clock: DeviceClock) -> None:
+        self._broken = broken
+        self._instrument = broken.instrument
+        self._beam = broken.beam
         self._clock = clock
-        self._commands: dict[str, Callable[..., dict[str, object]]] = {
+        self._commands: dict[str, Callable[..., object]] = {
             "state": self._state,
             "touch": self._touch,
             "lift": self._lift,
             "beam": self._swap_beam,
             "advance": self._advance,
             "reset": self._reset,
+            "fault": self._fault,
+            "faults": lambda: list(NAMES),
         }
 
     def answer(self, line: str) -> str:
@@ -39,13 +42,16 @@ class Control:
         instrument = self._instrument
         return {
             "output": instrument.output,
-            "voltage_v": instrument.voltage_v,
+            "voltage_v": instrument.output_v,
             "monitor_v": self._beam.monitor_v(instrument),
             "frequency_hz": instrument.frequency_hz,
             "boot": instrument.boot,
             "watchdog_s": instrument.watchdog_s,
-            "fault": None,
+            "fault": ",".join(sorted(self._broken.active)) or None,
             "tripped": instrument.tripped,
+            "cause": instrument.cause,
+            "heard_wall_s": instrument.heard_wall_s,
+            "tripped_wall_s": instrument.tripped_wall_s,
             "time_s": instrument.time_s,
         }
 
@@ -67,8 +73,16 @@ class Control:
         self._instrument.advance_to(self._clock.now_s())
         return {"time_s": self._instrument.time_s}
 
+    def _fault(self, name: str, state: str) -> dict[str, object]:
+        if state not in {"on", "off"}:
+            raise ValueError(f"a fault is switched on or off, got {state!r}")
+        self._broken.switch(name, on=state == "on")
+        return {"fault": name, "on": name in self._broken.active}
+
     def _reset(self) -> dict[str, object]:
-        self._instrument.reset()
-        self._instrument.tripped = False
+        """Without faults, as after power has come, with nobody touching; the boot counter stays."""
+        self._broken.clear()
+        self._broken.dialect.restart()
+        self._instrument.boot -= 1
         self._beam.lift()
         return {"ok": True}

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from device.errors import DeviceError
-from device.wire import LineBuffer
+from device.wire import LineBuffer, text
 
 _CHUNK = 65_536
 
@@ -46,7 +46,7 @@ class ControlDoor:
         try:
             received = visitor.recv(_CHUNK)
             for line in self._inside[visitor].feed(received):
-                visitor.sendall(answer(line).encode("ascii") + b"\n")
+                visitor.sendall(answer(text(line)).encode("ascii") + b"\n")
         except BlockingIOError:
             return
         except (OSError, DeviceError):

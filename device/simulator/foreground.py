@@ -7,9 +7,10 @@ from contextlib import ExitStack
 from pathlib import Path
 from types import FrameType
 
+from device.simulator.device import simulated_device
 from device.simulator.door import ControlDoor
 from device.simulator.lines import Line, PtyLine, TcpLine
-from device.simulator.server import serve, simulated_device
+from device.simulator.server import Server
 from protocol.errors import BadInput
 
 
@@ -18,6 +19,7 @@ def simulate(
     place: str,
     control: Path | None,
     *,
+    dialect: str,
     keep: bool,
     seed: int,
     say: Callable[[str], None],
@@ -28,6 +30,7 @@ def simulate(
         wire: `pty` or `tcp`.
         place: the path of the pseudo-terminal's link, or a loopback port (0: any).
         control: where to make the control socket, if anywhere.
+        dialect: one of `device.simulator.device.DIALECTS`.
         keep: stay when the host is gone.
         seed: what the hidden properties of the beam follow from.
         say: called once with `ready URL`.
@@ -45,15 +48,10 @@ def simulate(
         if control is not None:
             door = _door(control)
             stack.callback(door.close)
+        server = Server(simulated_device(seed, dialect=dialect), line, door)
         say(f"ready {line.url}")
         try:
-            serve(
-                simulated_device(seed),
-                line,
-                door,
-                keep=keep,
-                orphaned=lambda: os.getppid() != parent,
-            )
+            server.serve(keep=keep, orphaned=lambda: os.getppid() != parent)
         except KeyboardInterrupt:
             return
 

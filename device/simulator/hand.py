@@ -53,6 +53,14 @@ class Hand:
         """Let `seconds` of device time pass at once."""
         self._ask(f"advance {seconds!r}")
 
+    def fault(self, name: str, *, on: bool = True) -> None:
+        """Switch a fault on or off."""
+        self._ask(f"fault {name} {'on' if on else 'off'}")
+
+    def reset(self) -> None:
+        """Switch every fault off and restart the device, without counting that as a boot."""
+        self._ask("reset")
+
     def state(self) -> dict[str, Any]:
         """Return the device's true state."""
         return self._ask("state")

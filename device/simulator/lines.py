@@ -27,6 +27,14 @@ class Line(Protocol):
         """Send `data`; a host that does not read loses it."""
         ...
 
+    def hang_up(self) -> None:
+        """Vanish."""
+        ...
+
+    def come_back(self) -> None:
+        """Be there again under the same address."""
+        ...
+
     def close(self) -> None:
         """Leave nothing behind."""
         ...
@@ -36,15 +44,23 @@ class PtyLine:
     """A pseudo-terminal that a host opens under the name `link`."""
 
     def __init__(self, link: Path) -> None:
+        self._link = link
+        self.url = str(link)
+        self.come_back()
+
+    def come_back(self) -> None:
+        """Make the pseudo-terminal, raw as a serial port is."""
         import tty
 
         self._master, slave = os.openpty()
         self._slave: int | None = slave
         tty.setraw(slave)
         os.set_blocking(self._master, False)
-        link.symlink_to(os.ttyname(slave))
-        self._link = link
-        self.url = str(link)
+        self._link.symlink_to(os.ttyname(slave))
+
+    def hang_up(self) -> None:
+        """Close both ends, which hangs up on the host, and remove the name."""
+        self.close()
 
     def fileno(self) -> int:
         """Return the device's end."""
@@ -71,18 +87,31 @@ class PtyLine:
     def close(self) -> None:
         """Remove the name and close both ends."""
         self._link.unlink(missing_ok=True)
-        os.close(self._master)
-        if self._slave is not None:
-            os.close(self._slave)
+        for end in (self._master, self._slave):
+            if end is not None and end >= 0:
+                os.close(end)
+        self._master, self._slave = -1, None
 
 
 class TcpLine:
     """A port on the loopback interface; 0 lets the system choose one."""
 
     def __init__(self, port: int) -> None:
-        self._listener = socket.create_server((LOOPBACK, port))
+        self._port = port
         self._host: socket.socket | None = None
-        self.url = f"socket://{LOOPBACK}:{self._listener.getsockname()[1]}"
+        self.come_back()
+        self.url = f"socket://{LOOPBACK}:{self._port}"
+
+    def come_back(self) -> None:
+        """Listen."""
+        self._listener = socket.create_server((LOOPBACK, self._port))
+        self._listener.setblocking(False)
+        self._port = self._listener.getsockname()[1]
+
+    def hang_up(self) -> None:
+        """Hang up on the host, and on whoever comes."""
+        self.close()
+        self._host = None
 
     def fileno(self) -> int:
         """Return the host's socket, or the listener's while there is none."""
@@ -92,6 +121,7 @@ class TcpLine:
         """Return what came; the first call for a host lets it in."""
         if self._host is None:
             return self._let_in()
+        self._turn_away()
         try:
             data = self._host.recv(_CHUNK)
         except BlockingIOError:
@@ -117,9 +147,13 @@ class TcpLine:
             self._host.close()
 
     def _let_in(self) -> bytes:
-        self._listener.setblocking(False)
         with contextlib.suppress(BlockingIOError):
             self._host, _ = self._listener.accept()
             self._host.setblocking(False)
             self._host.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         return b""
+
+    def _turn_away(self) -> None:
+        """One host at a time: a second one finds its connection closed."""
+        with contextlib.suppress(BlockingIOError):
+            self._listener.accept()[0].close()

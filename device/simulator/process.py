@@ -21,21 +21,32 @@ class Endpoints:
 
 
 @contextmanager
-def simulator_process(touchbeam: Sequence[str], seed: int) -> Iterator[Endpoints]:
+def simulator_process(
+    touchbeam: Sequence[str],
+    seed: int,
+    *,
+    dialect: str = "board",
+    wire: str = "pty",
+    keep: bool = False,
+) -> Iterator[Endpoints]:
     """Start `touchbeam simulate-device` and end it, by its process, on the way out.
 
     Args:
         touchbeam: the command that starts touchbeam.
         seed: what the simulator's hidden properties follow from.
+        dialect: what it speaks.
+        wire: `pty` or `tcp`.
+        keep: let it stay when its host is gone.
 
     Raises:
         DeviceError: it did not get ready.
     """
     with tempfile.TemporaryDirectory(prefix="touchbeam-") as folder:
         control = Path(folder, "control")
-        command = [*touchbeam, "simulate-device", "pty", str(Path(folder, "port"))]
+        place = str(Path(folder, "port")) if wire == "pty" else "0"
+        options = ["--control", str(control), "--seed", str(seed), "--dialect", dialect]
         process = subprocess.Popen(
-            [*command, "--control", str(control), "--seed", str(seed)],
+            [*touchbeam, "simulate-device", wire, place, *options, *(["--keep"] if keep else [])],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             text=True,

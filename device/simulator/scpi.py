@@ -1,95 +1,121 @@
-"""The grammar of SCPI as an instrument understands it: long and short forms, any case."""
+"""The grammar of SCPI as an instrument reads it: program messages, paths, headers.
+
+Source: IEEE 488.2-1992, chapter 7 (program messages), and SCPI-99, volume 1, chapter 6 (paths,
+long and short forms, numeric suffixes). Values are read in `values`.
+"""
 
 import re
-from collections.abc import Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 
-_UNITS = {"": 1.0, "V": 1.0, "MV": 1e-3, "HZ": 1.0, "KHZ": 1e3, "MHZ": 1e6, "S": 1.0, "MS": 1e-3}
-_NUMBER = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:E[+-]?\d+)?)\s*([A-Z]*)")
+from device.simulator.values import ScpiError
 
-
-class ScpiError(Exception):
-    """An entry for the instrument's error queue."""
-
-    def __init__(self, code: int, text: str) -> None:
-        self.code = code
-        super().__init__(f'{code},"{text}"')
+_TOKEN = re.compile(r"[*A-Za-z]+|[\[\]:#?]")
+_HEADER = re.compile(r":?[*A-Z][A-Z0-9_]*(:[A-Z][A-Z0-9_]*)*\??")
+_TOKENS = {"[": "(?:", "]": ")?", ":": ":", "?": r"\?", "#": r"(\d*)"}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Message:
-    """One command of a program message: its header, `?` included, and its argument."""
+    """One command of a program message: its whole header, `?` included, and its argument."""
 
     header: str
     argument: str
 
 
+@dataclass(frozen=True, kw_only=True)
+class Call:
+    """A command that was understood: its argument and the channel in its header."""
+
+    argument: str
+    channel: int
+
+
+Handler = Callable[[Call], str | None]
+
+
 def messages(line: str) -> list[Message]:
-    """Return the commands of a compound `line`, in order.
+    """Return the commands of a compound `line` in order, each with its path from the root.
 
-    >>> [message.header for message in messages("OUTP OFF;*OPC?")]
-    ['OUTP', '*OPC?']
+    A header goes on where the one before it stopped, unless it begins with a colon; common
+    commands (`*OPC?`) leave the path as it is.
+
+    >>> [message.header for message in messages("VOLT:LIM 100;RAMP 50;*OPC?;:FREQ?")]
+    ['VOLT:LIM', 'VOLT:RAMP', '*OPC?', 'FREQ?']
     """
-    parts = (part.strip() for part in line.split(";"))
-    return [_message(part) for part in parts if part]
+    found, path = [], ""
+    for part in split_outside_quotes(line, ";"):
+        header, _, argument = part.partition(" ")
+        header = header.upper()
+        if not header.startswith("*"):
+            header = header[1:] if header.startswith(":") else path + header
+            path = header[: header.rfind(":") + 1]
+        found.append(Message(header=header, argument=argument.strip()))
+    return found
 
 
-def _message(part: str) -> Message:
-    header, _, argument = part.partition(" ")
-    return Message(header=header.lstrip(":").upper(), argument=argument.strip())
+def split_outside_quotes(text: str, separator: str) -> list[str]:
+    """Return the parts of `text` between separators that no quotes hold, without empty ones.
 
-
-def known_header(header: str, patterns: Iterable[str]) -> str:
-    """Return the pattern, such as `VOLTage:LIMit?`, that `header` spells in long or short form.
-
-    Raises:
-        ScpiError: none of them, -113.
+    >>> split_outside_quotes("DISP:TEXT 'a;b';*OPC?", ";")
+    ["DISP:TEXT 'a;b'", '*OPC?']
     """
-    for pattern in patterns:
-        if _spells(header, pattern):
-            return pattern
-    raise ScpiError(-113, "Undefined header")
+    if "'" not in text and '"' not in text:
+        parts = text.split(separator)
+    else:
+        pattern = rf"""((?:'[^']*'|"[^"]*"|[^{separator}'"])+)"""
+        parts = re.findall(pattern, text)
+    return [part.strip() for part in parts if part.strip()]
 
 
-def _spells(header: str, pattern: str) -> bool:
-    if header.endswith("?") != pattern.endswith("?"):
-        return False
-    given, wanted = header.rstrip("?").split(":"), pattern.rstrip("?").split(":")
-    return len(given) == len(wanted) and all(
-        mnemonic in {word.upper(), "".join(c for c in word if not c.islower())}
-        for mnemonic, word in zip(given, wanted, strict=True)
-    )
+def header_pattern(spelling: str) -> "re.Pattern[str]":
+    """Return the pattern of all spellings of a header written as manuals write it.
 
+    Capitals are the short form, brackets enclose what may be left out, `#` is a channel.
 
-def quantity(argument: str, lowest: float, highest: float) -> float:
-    """Return the number that `argument` gives, with its unit, `MIN` or `MAX`.
-
-    Raises:
-        ScpiError: no number (-104), an unknown unit (-131), or out of range (-222).
+    >>> bool(header_pattern("[SOURce#:]VOLTage[:AMPLitude]?").fullmatch("SOUR1:VOLTAGE?"))
+    True
     """
-    text = argument.upper()
-    if text in {"MIN", "MINIMUM"}:
-        return lowest
-    if text in {"MAX", "MAXIMUM"}:
-        return highest
-    found = _NUMBER.fullmatch(text)
-    if found is None:
-        raise ScpiError(-104, "Data type error")
-    if found[2] not in _UNITS:
-        raise ScpiError(-131, "Invalid suffix")
-    value = float(found[1]) * _UNITS[found[2]]
-    if not lowest <= value <= highest:
-        raise ScpiError(-222, "Data out of range")
-    return value
+    return re.compile("".join(_token(token) for token in _TOKEN.findall(spelling)))
 
 
-def boolean(argument: str) -> bool:
-    """Return the state that `argument` gives.
+def _token(token: str) -> str:
+    if token in _TOKENS:
+        return _TOKENS[token]
+    short = "".join(letter for letter in token if not letter.islower())
+    return f"(?:{re.escape(token.upper())}|{re.escape(short)})"
 
-    Raises:
-        ScpiError: neither ON, OFF, 1 nor 0, -104.
-    """
-    states = {"ON": True, "1": True, "OFF": False, "0": False}
-    if argument.upper() not in states:
-        raise ScpiError(-104, "Data type error")
-    return states[argument.upper()]
+
+class Headers:
+    """The headers that an instrument knows, and what each one does."""
+
+    def __init__(self, handlers: dict[str, Handler], channels: int = 1) -> None:
+        self._handlers = [
+            (header_pattern(spelling), handler) for spelling, handler in handlers.items()
+        ]
+        self._channels = channels
+        self._known: dict[str, tuple[Handler, int]] = {}
+
+    def found(self, header: str) -> tuple[Handler, int]:
+        """Return what `header` does, and the channel it names (1 if none).
+
+        Raises:
+            ScpiError: it is no header (-102), unknown (-113), or of no channel here (-114).
+        """
+        if header not in self._known:
+            self._known[header] = self._looked_up(header)
+        return self._known[header]
+
+    def _looked_up(self, header: str) -> tuple[Handler, int]:
+        if not _HEADER.fullmatch(header):
+            raise ScpiError(-102, "Syntax error")
+        for pattern, handler in self._handlers:
+            if match := pattern.fullmatch(header):
+                return handler, self._channel([text for text in match.groups() if text])
+        raise ScpiError(-113, "Undefined header")
+
+    def _channel(self, suffixes: list[str]) -> int:
+        channel = int(suffixes[0]) if suffixes else 1
+        if not 1 <= channel <= self._channels:
+            raise ScpiError(-114, "Header suffix out of range")
+        return channel

@@ -1,101 +1,110 @@
-"""The simulated device as a whole, and the loop that serves its wire and its control socket.
+"""The loop that serves a simulated device's wire and its control socket.
 
-One thread. It ends when its host is gone, after the watchdog has taken the output to 0 V.
+One thread. It ends when its host is gone, after the watchdog has taken the output to 0 V; a
+generator has none, and is switched off at the end.
 """
 
 import select
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 from device.errors import DeviceError
-from device.simulator.beam import SimulatedBeam
-from device.simulator.board import BoardDialect
-from device.simulator.clock import DeviceClock
-from device.simulator.control import Control
+from device.simulator.device import SimulatedDevice
 from device.simulator.door import ControlDoor
-from device.simulator.instrument import Instrument
 from device.simulator.lines import Line
+from device.simulator.values import ScpiError
+from device.simulator.wire import Wire
 from device.wire import LineBuffer
 
 TICK_S = 0.01
-"""How often the watchdog is looked at."""
+"""How often the host and the watchdog are looked at, at least."""
+_OVERRUN = ScpiError(-363, "Input buffer overrun")
 
 
-@dataclass(frozen=True, kw_only=True)
-class SimulatedDevice:
-    """What is inside the device."""
+class Server:
+    """A device on a line, with a door for hands."""
 
-    instrument: Instrument
-    dialect: BoardDialect
-    control: Control
-    clock: DeviceClock
+    def __init__(
+        self,
+        device: SimulatedDevice,
+        line: Line,
+        door: ControlDoor | None,
+        wall_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._device = device
+        self._line = line
+        self._door = door
+        self._wall_s = wall_s
+        self._wire = Wire(line, device.broken.active, wall_s)
+        self._buffer = LineBuffer()
+        self._there = True
+        self._announced: set[str] = set()
 
-    def answer(self, line: str, wall_s: float) -> str | None:
-        """Take one line from the wire; any line keeps the watchdog quiet."""
-        self.instrument.hear(wall_s)
-        self.instrument.advance_to(self.clock.now_s())
-        return self.dialect.answer(line)
+    def serve(self, *, keep: bool = False, orphaned: Callable[[], bool] = lambda: False) -> None:
+        """Serve until the host is gone and the output is off; for ever if `keep`.
 
-    def answer_control(self, line: str) -> str:
-        """Take one line from the control socket."""
-        self.instrument.advance_to(self.clock.now_s())
-        return self.control.answer(line)
+        `orphaned` says whether whoever started us is gone, so that a host which never came is no
+        reason to wait for ever.
+        """
+        gone = False
+        while keep or not gone or self._watched():
+            self._wait(listening=not gone)
+            gone = self._hear() or orphaned()
+            if self._door is not None:
+                self._door.serve(self._device.answer_control)
+            self._device.instrument.watch(self._wall_s())
+            self._wire.pass_time()
+            self._vanish_or_come_back()
+            self._announce()
 
+    def _watched(self) -> bool:
+        instrument = self._device.instrument
+        return instrument.output and instrument.watchdog_s is not None
 
-def simulated_device(seed: int, wall_s: Callable[[], float] = time.monotonic) -> SimulatedDevice:
-    """Return a board with a beam whose hidden properties follow from `seed`."""
-    instrument, beam, clock = Instrument(), SimulatedBeam(seed), DeviceClock(wall_s)
-    return SimulatedDevice(
-        instrument=instrument,
-        dialect=BoardDialect(instrument, beam),
-        control=Control(instrument, beam, clock),
-        clock=clock,
-    )
+    def _wait(self, *, listening: bool) -> None:
+        """Wait until somebody does something, a tick at most; a line that hung up is no somebody.
 
+        A watchdog that is about to trip is waited for exactly.
+        """
+        faults = self._device.broken.active
+        listening = listening and self._there and "deaf" not in faults
+        sources: list[Any] = [self._line] if listening else []
+        sources += self._door.sockets() if self._door else []
+        left_s = self._device.instrument.silence_left_s(self._wall_s())
+        wait_s = self._wire.idle_s(TICK_S if left_s is None else min(max(left_s, 0.0), TICK_S))
+        select.select(sources, [], [], wait_s)
 
-def serve(
-    device: SimulatedDevice,
-    line: Line,
-    door: ControlDoor | None,
-    *,
-    keep: bool = False,
-    orphaned: Callable[[], bool] = lambda: False,
-    wall_s: Callable[[], float] = time.monotonic,
-) -> None:
-    """Serve until the host is gone and the output is off; for ever if `keep`.
+    def _hear(self) -> bool:
+        """Answer what came; return whether the host is gone."""
+        if not self._there or "deaf" in self._device.broken.active:
+            return False
+        received = self._line.receive()
+        for line in self._lines(self._wire.heard(received or b"")):
+            answer = self._device.answer_bytes(line, self._wall_s())
+            if answer is not None:
+                self._wire.reply(line.decode("ascii", "replace"), answer)
+        return received is None
 
-    `orphaned` says whether whoever started us is gone, so that a host which never came is no
-    reason to wait for ever.
-    """
-    buffer = LineBuffer()
-    gone = False
-    while keep or not gone or device.instrument.output:
-        _wait(line if not gone else None, door)
-        received = line.receive()
-        gone = received is None or orphaned()
-        for text in _lines(buffer, received or b""):
-            _reply(line, device.answer(text, wall_s()))
-        if door is not None:
-            door.serve(device.answer_control)
-        device.instrument.watch(wall_s())
+    def _lines(self, received: bytes) -> list[bytes]:
+        try:
+            return self._buffer.feed(received)
+        except DeviceError:
+            self._device.complain(_OVERRUN)
+            return []
 
+    def _vanish_or_come_back(self) -> None:
+        there = "vanish" not in self._device.broken.active
+        if there and not self._there:
+            self._line.come_back()
+        elif self._there and not there:
+            self._line.hang_up()
+        self._there = there
 
-def _wait(line: Line | None, door: ControlDoor | None) -> None:
-    """Wait until somebody does something, a tick at most; a line that hung up is no somebody."""
-    sources: list[Any] = [*([line] if line else []), *(door.sockets() if door else [])]
-    select.select(sources, [], [], TICK_S)
-
-
-def _reply(line: Line, answer: str | None) -> None:
-    if answer is not None:
-        line.send(answer.encode("ascii") + b"\n")
-
-
-def _lines(buffer: LineBuffer, received: bytes) -> list[str]:
-    """Whole lines; what is no line of text is dropped, as a real device would."""
-    try:
-        return buffer.feed(received)
-    except DeviceError:
-        return []
+    def _announce(self) -> None:
+        """A device that starts may have something to say."""
+        starting = self._device.broken.active & {"banner", "brown-out"}
+        banner = self._device.dialect.banner
+        if starting - self._announced and banner and self._there:
+            self._wire.announce(banner)
+        self._announced = starting

@@ -6,12 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from device.board import Board
-from device.errors import AddressError, DeviceError, LinkTimeout, OutputUnknown
+from device.drivers.board import Board
+from device.errors import AddressError, DeviceError, ForeignDevice, LimitExceeded, OutputUnknown
 from device.link import Link, open_link
-from device.records import Limits, Setpoint
+from device.records import Limits, Setpoint, Sweep
 from device.simulator.hand import Hand
 from device.simulator.process import Endpoints, simulator_process
+from tests.device.scripted import ScriptedPort, ticking
 
 TOUCHBEAM = (str(Path(sys.executable).with_name("touchbeam")),)
 LIMITS = Limits(max_voltage_v=120, max_frequency_hz=40_000, ramp_v_per_s=400, watchdog_s=5)
@@ -82,48 +83,45 @@ def test_the_driver_refuses_what_exceeds_the_limits(
     assert hand.state()["output"] is False
 
 
-def test_the_device_refuses_it_too(simulator: Endpoints, board: Board, hand: Hand) -> None:
+def test_the_device_refuses_it_too(board: Board, hand: Hand) -> None:
     board.arm()
-    careless = Board(board._link, Limits(**{**LIMITS.__dict__, "max_voltage_v": 1000}))
-    with pytest.raises(DeviceError, match="VOLT was refused by the device: -222"):
-        careless.drive(setpoint(150))
+    with pytest.raises(DeviceError, match="VOLT was refused by the device: -222 Data out of range"):
+        board.send("VOLT 121")
     assert hand.state()["output"] is False
 
 
-class ScriptedPort:
-    """Answers each query with the next of `answers`; records what was sent."""
+def test_a_sweep_moves_the_frequency_and_ends_at_its_end(board: Board, hand: Hand) -> None:
+    board.arm()
+    board.drive(setpoint(10))
+    board.sweep(Sweep(start_hz=24_000, stop_hz=24_400, duration_s=2))
+    hand.advance(1)
+    assert board.read_back().frequency_hz == pytest.approx(24_200, abs=10)
+    hand.advance(2)
+    assert hand.state()["frequency_hz"] == 24_400
+    board.off()
 
-    def __init__(self, answers: dict[bytes, bytes]) -> None:
-        self._answers = answers
-        self._pending = b""
-        self.sent: list[bytes] = []
 
-    @property
-    def in_waiting(self) -> int:
-        return len(self._pending)
-
-    def read(self, size: int = 1) -> bytes:
-        data, self._pending = self._pending[:size], self._pending[size:]
-        return data
-
-    def write(self, data: bytes) -> int:
-        self.sent.append(data)
-        self._pending += self._answers.get(data, b"")
-        return len(data)
-
-    def close(self) -> None: ...
+def test_a_sweep_keeps_the_limits_and_needs_a_drive(board: Board) -> None:
+    board.arm()
+    sweep = Sweep(start_hz=24_000, stop_hz=41_000, duration_s=2)
+    with pytest.raises(DeviceError, match="a sweep needs a drive that is on"):
+        board.sweep(sweep)
+    board.drive(setpoint(10))
+    with pytest.raises(LimitExceeded, match=r"frequency_hz must .* 40000\], got 41000"):
+        board.sweep(sweep)
+    board.off()
 
 
 def scripted(answers: dict[bytes, bytes]) -> tuple[Board, ScriptedPort]:
     port = ScriptedPort(answers)
-    ticks = iter(range(10_000))
-    return Board(Link(port, monotonic=lambda: next(ticks) * 0.01), LIMITS), port
+    return Board(Link(port, monotonic=ticking()), LIMITS), port
 
 
-def test_the_first_words_are_off() -> None:
-    board, port = scripted({b"*IDN?\n": b"Rigol,DG1022\n"})
-    with pytest.raises(DeviceError, match=r"expected a board .* got 'Rigol,DG1022'"):
+def test_another_device_is_told_nothing_but_off() -> None:
+    board, port = scripted({b"*IDN?\n": b"Rigol,DG1022,1,2\n"})
+    with pytest.raises(ForeignDevice, match=r"expected a board .* got 'Rigol,DG1022,1,2'"):
         board.arm()
+    board.off()
     assert port.sent == [b"OUTP OFF\n", b"*IDN?\n"]
 
 
@@ -134,23 +132,13 @@ def test_off_is_off_only_when_read_back(answer: bytes) -> None:
         board.off()
 
 
-def test_a_late_answer_is_not_taken_for_the_next_one() -> None:
-    port = ScriptedPort({})
-    ticks = iter(range(10_000))
-    link = Link(port, monotonic=lambda: next(ticks) * 0.01)
-    with pytest.raises(LinkTimeout, match=r"no answer to 'VOLT\?' within 0.4 s"):
-        link.ask("VOLT?")
-    port._pending = b"100\n"
-    with pytest.raises(LinkTimeout, match=r"'FREQ\?' was not sent"):
-        link.ask("FREQ?")
-
-
 @pytest.mark.parametrize(
     ("url", "kind", "message"),
     [
         ("/dev/ttyNOPE", DeviceError, "no such port; is the device plugged in"),
         ("frob://x", AddressError, "not the address of a device"),
-        ("socket://127.0.0.1:1", DeviceError, "cannot be opened"),
+        ("socket://127.0.0.1:1", DeviceError, "cannot be opened: nobody listens there"),
+        ("/dev", AddressError, "got a plain folder"),
         (__file__, AddressError, "got a plain file"),
     ],
 )

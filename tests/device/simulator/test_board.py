@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import pytest
 
+from device.simulator.device import SimulatedDevice, simulated_device
 from device.simulator.instrument import Instrument
-from device.simulator.server import SimulatedDevice, simulated_device
 
 
 @pytest.fixture
@@ -57,7 +57,7 @@ def test_compound_lines_answer_in_order(ask: Ask) -> None:
 
 
 def test_the_amplitude_moves_on_its_slew(ask: Ask, wall: list[float]) -> None:
-    ask("SYST:WATC 10;VOLT:RAMP 100;VOLT 100;OUTP ON")
+    ask("SYST:WATC 10;:VOLT:RAMP 100;:VOLT 100;OUTP ON")
     wall[0] = 0.5
     assert float(ask("MEAS:VOLT?") or "nan") == pytest.approx(50, abs=0.3)
     wall[0] = 2.0
@@ -67,7 +67,7 @@ def test_the_amplitude_moves_on_its_slew(ask: Ask, wall: list[float]) -> None:
 def test_the_watchdog_turns_a_silent_host_off(
     device: SimulatedDevice, ask: Ask, wall: list[float]
 ) -> None:
-    ask("SYST:WATC 0.5;VOLT 100;OUTP ON")
+    ask("SYST:WATC 0.5;:VOLT 100;OUTP ON")
     wall[0] = 0.4
     device.instrument.watch(wall[0])
     assert device.instrument.output
@@ -79,15 +79,15 @@ def test_the_watchdog_turns_a_silent_host_off(
 
 
 def test_reset_leaves_it_off(ask: Ask) -> None:
-    ask("SYST:WATC 1;VOLT 100;OUTP ON;*RST")
+    ask("SYST:WATC 1;:VOLT 100;OUTP ON;*RST")
     assert ask("OUTP?;VOLT?;SYST:BOOT?") == "0;0;1"
 
 
 def test_the_vibration_peaks_at_the_hidden_resonance(device: SimulatedDevice, ask: Ask) -> None:
     from device.response import natural_frequency_hz
 
-    resonance_hz = natural_frequency_hz(device.dialect._beam.beam, 6)
-    ask("SYST:WATC 10;VOLT:RAMP 2000;VOLT 100;OUTP ON")
+    resonance_hz = natural_frequency_hz(device.beam.beam, 6)
+    ask("SYST:WATC 10;:VOLT:RAMP 2000;:VOLT 100;OUTP ON")
     device.answer_control("advance 1")
 
     def tip_m(frequency_hz: float) -> float:
@@ -103,8 +103,8 @@ def test_a_finger_feels_less_friction_at_the_smooth_place(
     from device.response import natural_frequency_hz
 
     resting = json.loads(device.answer_control("touch 0.5 0.0414 right"))["friction_coefficient"]
-    resonance_hz = natural_frequency_hz(device.dialect._beam.beam, 6)
-    ask(f"SYST:WATC 10;FREQ {resonance_hz};VOLT:RAMP 2000;VOLT 200;OUTP ON")
+    resonance_hz = natural_frequency_hz(device.beam.beam, 6)
+    ask(f"SYST:WATC 10;:FREQ {resonance_hz};VOLT:RAMP 2000;:VOLT 200;OUTP ON")
     device.answer_control("advance 1")
     driven = json.loads(device.answer_control("touch 0.5 0.0414 right"))["friction_coefficient"]
     assert resting == pytest.approx(0.4)
@@ -128,7 +128,7 @@ def test_stepped_time_stands_still_between_steps(
 
 def test_noise_is_the_same_however_often_one_looks() -> None:
     instrument = Instrument(voltage_v=10.0)
-    beams = [simulated_device(seed=3).dialect._beam for _ in range(2)]
+    beams = [simulated_device(seed=3).beam for _ in range(2)]
     readings = {beams[0].monitor_v(instrument), *(beams[1].monitor_v(instrument) for _ in range(3))}
     assert len(readings) == 1
     assert not math.isclose(readings.pop(), 10.0, abs_tol=1e-9)

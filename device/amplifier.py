@@ -1,0 +1,92 @@
+"""The amplifier between a generator and the beam: what is asked of it, and whether it can.
+
+The paper's voltages are amplitudes (peak). Generators count peak-to-peak:
+
+    Vpp = 2 A / gain,    slew = 2πf A,    current = 2πf C A
+"""
+
+import math
+from dataclasses import dataclass
+
+from device.errors import LimitExceeded
+from device.ranges import not_negative, positive
+
+
+@dataclass(frozen=True, kw_only=True)
+class Amplifier:
+    """Its gain, and what it and the generator before it can do; None where nobody has said.
+
+    Attributes:
+        gain: output over input voltage, above 0; a board has its amplifier inside and needs none.
+        max_vpp: what the generator gives into an open circuit, V.
+        max_slew_v_per_us: from its datasheet, V/µs.
+        max_current_a: peak, from its datasheet, A.
+        load_f: capacitance of the actuators, F.
+    """
+
+    gain: float | None = None
+    max_vpp: float | None = None
+    max_slew_v_per_us: float | None = None
+    max_current_a: float | None = None
+    load_f: float = 0.0
+
+    def __post_init__(self) -> None:
+        not_negative("load_f", self.load_f)
+        for name in ("gain", "max_vpp", "max_slew_v_per_us", "max_current_a"):
+            if (value := getattr(self, name)) is not None:
+                positive(f"amplifier {name}", value)
+
+    def vpp(self, amplitude_v: float) -> float:
+        """Return the generator's peak-to-peak setting for an amplitude at the beam.
+
+        >>> Amplifier(gain=20).vpp(200.0)
+        20.0
+
+        Raises:
+            LimitExceeded: nobody has said what the gain is.
+        """
+        return 2 * amplitude_v / self._known_gain()
+
+    def amplitude_v(self, vpp: float) -> float:
+        """Return the amplitude at the beam for a peak-to-peak setting, V. Raises as `vpp`."""
+        return vpp * self._known_gain() / 2
+
+    def check(self, amplitude_v: float, frequency_hz: float) -> None:
+        """Refuse a drive that the amplifier cannot follow, or the generator cannot give.
+
+        Raises:
+            LimitExceeded: its slew, its current or the generator's voltage would be exceeded.
+        """
+        slew = slew_v_per_us(amplitude_v, frequency_hz)
+        _within("slew_v_per_us", slew, self.max_slew_v_per_us)
+        _within("current_a", current_a(amplitude_v, frequency_hz, self.load_f), self.max_current_a)
+        if self.gain is not None:
+            _within("peak-to-peak voltage", self.vpp(amplitude_v), self.max_vpp)
+
+    def _known_gain(self) -> float:
+        if self.gain is None:
+            raise LimitExceeded("a generator needs rig.amplifier_gain: volts out per volt in")
+        return self.gain
+
+
+def slew_v_per_us(amplitude_v: float, frequency_hz: float) -> float:
+    """Return the steepest slope of a sine, V/µs.
+
+    >>> round(slew_v_per_us(200.0, 24221.0), 1)
+    30.4
+    """
+    return 2 * math.pi * frequency_hz * amplitude_v * 1e-6
+
+
+def current_a(amplitude_v: float, frequency_hz: float, load_f: float) -> float:
+    """Return the peak current into a capacitance, A.
+
+    >>> round(current_a(200.0, 24221.0, 1e-9), 3)
+    0.03
+    """
+    return 2 * math.pi * frequency_hz * load_f * amplitude_v
+
+
+def _within(name: str, value: float, most: float | None) -> None:
+    if most is not None and value > most:
+        raise LimitExceeded(f"{name} must not exceed {most:g}, got {value:.4g}")

@@ -1,0 +1,181 @@
+"""The driver of the board: what a drive is in its words. docs/wire-protocol.md has them all."""
+
+import math
+import re
+from dataclasses import dataclass
+from typing import ClassVar
+
+from device.driver import Driver
+from device.errors import DeviceError
+from device.records import Identity, ReadBack, Setpoint, Sweep
+from device.wire import fields, number, number_text, switch, whole
+
+MONITOR_REL_TOL = 0.05
+MONITOR_ABS_TOL_V = 2.0
+"""How far the independent monitor may be from the amplitude that the board means to give."""
+_READ_BACK = "OUTP?;:VOLT?;:FREQ?;:MEAS:VOLT?;:MEAS:FORC?;:MEAS:POS?;:SYST:TIME?"
+_HEALTH = "OUTP?;:OUTP:PROT:CAUS?;:SYST:BOOT?;:VOLT?;:VOLT:INST?;:MEAS:VOLT?"
+_PROMISES = "OUTP:PROT:CAUS?;:SYST:BOOT?;:VOLT:LIM?;:SYST:WATC?"
+_CAUSES = {
+    "WATC": "its watchdog tripped: nothing was heard of this program for too long",
+    "TEMP": "its protection tripped: over-temperature",
+    "CURR": "its protection tripped: over-current",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Health:
+    """What the board says of itself in one answer."""
+
+    output: bool
+    cause: str
+    boot: int
+    target_v: float
+    instant_v: float
+    monitor_v: float
+
+
+class Board(Driver):
+    """Control a touchbeam board: it ramps, sweeps, measures and guards by itself."""
+
+    dialect: ClassVar[str] = "board"
+    idn: ClassVar["re.Pattern[str]"] = re.compile("touchbeam,BOARD,", re.IGNORECASE)
+    expected: ClassVar[str] = "a board (TOUCHBEAM,BOARD,…)"
+    has_watchdog: ClassVar[bool] = True
+    measures_vibration: ClassVar[bool] = True
+    _boot = 0
+
+    def _prepared(self, idn: str, errors: tuple[str, ...]) -> Identity:
+        self._boot = self.link.query("SYST:BOOT?", whole)
+        self.send("OUTP:PROT:CLE")
+        self.set_number("VOLT", 0.0)
+        self.set_number("VOLT:LIM", self.limits.max_voltage_v)
+        self.set_number("SYST:WATC", self.limits.watchdog_s)
+        self._keeps_its_promises()
+        return Identity(
+            idn=idn,
+            boot=self._boot,
+            device_time_s=self.device_time_s(),
+            dialect=self.dialect,
+            cleared_errors=errors,
+        )
+
+    def drive(self, setpoint: Setpoint) -> ReadBack:
+        """Set `setpoint`, switch the output on, and return what the device says of it."""
+        setpoint.checked(self.limits)
+        if self.driven is None:
+            self._keeps_its_promises()
+        self.set_number("VOLT:RAMP", setpoint.ramp_v_per_s)
+        self.set_number("FREQ", setpoint.frequency_hz)
+        self.set_number("VOLT", setpoint.voltage_v)
+        if self.driven is None:
+            self.send("OUTP ON")
+        self.driven = setpoint
+        return self._as_driven(self.read_back())
+
+    def sweep(self, sweep: Sweep) -> None:
+        """Let the frequency move while the output is on."""
+        if self.driven is None:
+            raise DeviceError("a sweep needs a drive that is on")
+        sweep.checked(self.limits, self.driven.voltage_v)
+        self.set_number("FREQ:SWE:STAR", sweep.start_hz)
+        self.set_number("FREQ:SWE:STOP", sweep.stop_hz)
+        self.set_number("FREQ:SWE:TIME", sweep.duration_s)
+        self.send("FREQ:SWE:STAT ON")
+
+    def read_back(self) -> ReadBack:
+        """Get the drive and the sensors, all of one moment."""
+        return self.link.query(_READ_BACK, _read_back)
+
+    def check(self) -> None:
+        """See that the board does what it was told."""
+        health = self.link.query(_HEALTH, _health)
+        if health.boot != self._boot:
+            raise DeviceError(
+                f"the device restarted (boot {self._boot}, now {health.boot}): brown-out?"
+            )
+        if health.cause != "NONE":
+            raise DeviceError(f"the device: {_CAUSES.get(health.cause, health.cause)}")
+        if health.output != (self.driven is not None):
+            raise DeviceError(_unexpected(health.output))
+        if self.driven is not None:
+            _kept("VOLT", self.driven.voltage_v, health.target_v)
+            _monitored(health)
+
+    def device_time_s(self) -> float:
+        """Get the device's own time, s."""
+        return self.number("SYST:TIME?")
+
+    def vibration_m(self) -> float:
+        """Measure the amplitude of the beam's tip, m."""
+        return self.number("MEAS:VIBR?")
+
+    def _keeps_its_promises(self) -> None:
+        """Limits and watchdog are as they were set, and nothing has happened since."""
+        cause, boot, limit_v, watchdog_s = self.link.query(_PROMISES, lambda said: fields(said, 4))
+        if whole(boot) != self._boot:
+            raise DeviceError(f"the device restarted (boot {self._boot}, now {boot}): brown-out?")
+        if cause != "NONE":
+            raise DeviceError(f"the device: {_CAUSES.get(cause, cause)}")
+        _kept("VOLT:LIM", self.limits.max_voltage_v, number(limit_v))
+        _kept("SYST:WATC", self.limits.watchdog_s, number(watchdog_s))
+
+    def _as_driven(self, read_back: ReadBack) -> ReadBack:
+        """Raise unless the device says that it does what it was told."""
+        assert self.driven is not None
+        if not read_back.output:
+            self.check()
+            raise DeviceError(_unexpected(on=False))
+        _kept("VOLT", self.driven.voltage_v, read_back.voltage_v)
+        _kept("FREQ", self.driven.frequency_hz, read_back.frequency_hz)
+        return read_back
+
+
+def _kept(header: str, told: float, kept: float) -> None:
+    if not math.isclose(told, kept, rel_tol=1e-6, abs_tol=1e-6):
+        raise DeviceError(
+            f"{header} was set to {number_text(told)} and reads back as {number_text(kept)}"
+        )
+
+
+def _monitored(health: Health) -> None:
+    allowed_v = MONITOR_ABS_TOL_V + MONITOR_REL_TOL * health.instant_v
+    if abs(health.monitor_v - health.instant_v) > allowed_v:
+        raise DeviceError(
+            f"the monitor must show {health.instant_v:.1f} V, got {health.monitor_v:.1f} V"
+        )
+
+
+def _unexpected(on: bool) -> str:
+    if on:
+        return "the device's output is on, and nobody here switched it on"
+    return "the device turned its output off by itself"
+
+
+def _read_back(reply: str) -> ReadBack:
+    on, *numbers = fields(reply, 7)
+    voltage_v, frequency_hz, monitor_v, force_n, position_m, time_s = map(number, numbers)
+    return ReadBack(
+        output=switch(on),
+        voltage_v=voltage_v,
+        frequency_hz=frequency_hz,
+        monitor_v=monitor_v,
+        force_n=force_n,
+        position_m=position_m,
+        device_time_s=time_s,
+    )
+
+
+def _health(reply: str) -> Health:
+    on, cause, boot, target_v, instant_v, monitor_v = fields(reply, 6)
+    return Health(
+        output=switch(on),
+        cause=cause,
+        boot=whole(boot),
+        target_v=number(target_v),
+        instant_v=number(instant_v),
+        monitor_v=number(monitor_v),
+    )
+
+
+DRIVER = Board

@@ -1,0 +1,134 @@
+"""The port: bytes out, bytes in, over whatever pySerial opens.
+
+The one module of the project that imports pySerial on our side of the wire.
+"""
+
+import errno
+import select
+from pathlib import Path
+from typing import Protocol
+
+import serial
+
+from device.errors import AddressError, DeviceError
+
+try:
+    from termios import error as _termios_error
+
+    PORT_ERRORS: tuple[type[Exception], ...] = (OSError, _termios_error)
+except ImportError:  # Windows
+    PORT_ERRORS = (OSError,)
+
+WRITE_TIMEOUT_S = 0.2
+_CHUNK = 65_536
+_IN_USE = "in use by another program; close it first"
+_ADVICE = {
+    errno.ENOENT: "no such port; is the device plugged in? (touchbeam device list)",
+    errno.EACCES: "permission denied; add yourself to the group dialout (sudo usermod -aG "
+    "dialout $USER) and log in again",
+    errno.EPERM: "permission denied; add yourself to the group dialout and log in again",
+    errno.EBUSY: _IN_USE,
+    errno.EAGAIN: _IN_USE,
+    errno.EHOSTDOWN: "does not answer; switch it on and pair it over Bluetooth first",
+    errno.ENOTTY: "is no serial port",
+    errno.ECONNREFUSED: "cannot be opened: nobody listens there; is the device on and its LAN "
+    "interface enabled?",
+    errno.EHOSTUNREACH: "cannot be opened: no route there; check the network cable and address",
+    errno.ETIMEDOUT: "cannot be opened: no answer; check the network cable and address",
+}
+
+
+class Port(Protocol):
+    """What the link needs of a port. Every method raises `PORT_ERRORS` if it is gone."""
+
+    def receive(self, timeout_s: float) -> bytes:
+        """Return what has come, waiting for it `timeout_s` at most; nothing if nothing did."""
+        ...
+
+    def send(self, data: bytes) -> None:
+        """Send `data`, within `WRITE_TIMEOUT_S`."""
+        ...
+
+    def close(self) -> None:
+        """Give the port back."""
+        ...
+
+
+class SerialPort:
+    """A port of pySerial's: serial, `socket://`, or any other URL it knows."""
+
+    def __init__(self, port: serial.SerialBase) -> None:
+        self._port = port
+        self._descriptor = _descriptor(port)
+
+    def receive(self, timeout_s: float) -> bytes:
+        """Return what has come, waiting for it `timeout_s` at most; nothing if nothing did."""
+        if self._descriptor is None:  # Windows cannot wait for a serial port and a time
+            self._port.timeout = timeout_s
+            return bytes(self._port.read(1))
+        if select.select((self._descriptor,), (), (), timeout_s)[0]:
+            return bytes(self._port.read(_CHUNK))
+        return b""
+
+    def send(self, data: bytes) -> None:
+        """Send `data`, within `WRITE_TIMEOUT_S`."""
+        self._port.write(data)
+
+    def close(self) -> None:
+        """Give the port back."""
+        self._port.close()
+
+
+def _descriptor(port: serial.SerialBase) -> int | None:
+    try:
+        return int(port.fileno())
+    except PORT_ERRORS:
+        return None
+
+
+def open_port(url: str) -> SerialPort:
+    """Return the serial port or pySerial URL `url`, opened for us alone.
+
+    Raises:
+        AddressError: `url` has a scheme that pySerial does not know, or is a plain file or folder.
+        DeviceError: the port is missing, in use, or may not be opened; the message says what to do.
+    """
+    if Path(url).is_file() or Path(url).is_dir():
+        kind = "file" if Path(url).is_file() else "folder"
+        raise AddressError(f"{url}: a device must be a serial port, got a plain {kind}")
+    try:
+        port = serial.serial_for_url(url, timeout=0, write_timeout=WRITE_TIMEOUT_S, exclusive=True)
+    except ValueError as error:
+        raise AddressError(f"{url}: not the address of a device ({error})") from error
+    except PORT_ERRORS as error:
+        raise DeviceError(f"{url}: {advice(error)}") from error
+    return SerialPort(port)
+
+
+def advice(error: BaseException) -> str:
+    """Return what somebody can do about a port that does not open."""
+    number = next((number for number in _numbers(error) if number in _ADVICE), None)
+    return _ADVICE[number] if number is not None else f"cannot be opened ({error})"
+
+
+def _numbers(error: BaseException | None) -> list[int]:
+    """The numbers of an error and of those that led to it: pySerial hides them."""
+    found = []
+    while error is not None:
+        number = getattr(error, "errno", None)
+        found.append(number if isinstance(number, int) else 0)
+        error = error.__cause__ or error.__context__
+    return found
+
+
+def serial_ports() -> list[str]:
+    """Return the names of the serial ports of this machine."""
+    return [port["name"] for port in described_ports()]
+
+
+def described_ports() -> list[dict[str, str]]:
+    """Return name and description of each serial port, without opening any: that takes no time."""
+    from serial.tools.list_ports import comports
+
+    ports = sorted(comports(), key=lambda port: str(port.device))
+    return [{"name": port.device, "description": port.description or ""} for port in ports]

@@ -1,0 +1,84 @@
+"""The simulated device as a whole: dialect, beam, faults and control, without any I/O."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from device.errors import DeviceError
+from device.simulator.beam import SimulatedBeam
+from device.simulator.board import BoardDialect
+from device.simulator.broken import AnyDialect, Broken
+from device.simulator.clock import DeviceClock
+from device.simulator.control import Control
+from device.simulator.instrument import Instrument
+from device.simulator.keysight import MODELS, KeysightDialect
+from device.simulator.values import ScpiError
+from device.wire import text
+
+DIALECTS = ("board", *MODELS)
+_ERROR_AFTER_SET = ScpiError(-310, "System error")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulatedDevice:
+    """What is inside the device."""
+
+    instrument: Instrument
+    beam: SimulatedBeam
+    dialect: AnyDialect
+    broken: Broken
+    control: Control
+    clock: DeviceClock
+
+    def answer(self, line: str, wall_s: float) -> str | None:
+        """Take one line from the wire; any line keeps the watchdog quiet."""
+        self.instrument.watch(wall_s)
+        self.instrument.hear(wall_s)
+        self._pass_time()
+        answer = self.dialect.answer(line)
+        if "error-after-set" in self.broken.active and "?" not in line:
+            self.dialect.status.complain(_ERROR_AFTER_SET)
+        return answer
+
+    def answer_bytes(self, line: bytes, wall_s: float) -> str | None:
+        """Take one line as it came; one that is not ASCII goes into the error queue."""
+        try:
+            return self.answer(text(line), wall_s)
+        except DeviceError:
+            self.complain(ScpiError(-101, "Invalid character"))
+            return None
+
+    def complain(self, error: ScpiError) -> None:
+        """Put an error of the wire's into the queue."""
+        self.dialect.status.complain(error)
+
+    def answer_control(self, line: str) -> str:
+        """Take one line from the control socket."""
+        self._pass_time()
+        return self.control.answer(line)
+
+    def _pass_time(self) -> None:
+        self.instrument.advance_to(self.clock.now_s())
+        if isinstance(self.dialect, KeysightDialect):
+            self.dialect.drive_beam()
+
+
+def simulated_device(
+    seed: int, wall_s: Callable[[], float] = time.monotonic, dialect: str = "board"
+) -> SimulatedDevice:
+    """Return a device with a beam whose hidden properties follow from `seed`."""
+    instrument, beam, clock = Instrument(), SimulatedBeam(seed), DeviceClock(wall_s)
+    spoken: AnyDialect
+    if dialect == "board":
+        spoken = BoardDialect(instrument, beam)
+    else:
+        spoken = KeysightDialect(instrument, MODELS[dialect])
+    broken = Broken(instrument=instrument, beam=beam, dialect=spoken, wall_s=wall_s)
+    return SimulatedDevice(
+        instrument=instrument,
+        beam=beam,
+        dialect=spoken,
+        broken=broken,
+        control=Control(broken, clock),
+        clock=clock,
+    )

@@ -25,7 +25,7 @@ bench: $(READY)
 	$(BIN)/pytest benchmarks --benchmark-only
 
 soak: $(READY)
-	$(BIN)/pytest -m soak -s tests/soak
+	$(BIN)/pytest -m soak -s
 
 clean:
 	rm -rf .venv .uv dist

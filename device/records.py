@@ -1,7 +1,7 @@
 """What is asked of a device and what it says: plain records, SI units."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from device.amplifier import Amplifier
 from device.errors import LimitExceeded
@@ -15,7 +15,7 @@ class Limits:
     max_frequency_hz: float
     ramp_v_per_s: float
     watchdog_s: float
-    amplifier: Amplifier = Amplifier()
+    amplifier: Amplifier = field(default_factory=Amplifier)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,13 +25,16 @@ class Sample:
     position_m: float
 
 
-def sample(read_back: ReadBack) -> Sample:
-    """Return what `read_back` says of the finger."""
-    return Sample(
-        t_s=read_back.device_time_s,
-        force_n=read_back.force_n,
-        position_m=read_back.position_m,
+def samples_of(read_back: ReadBack) -> list[Sample]:
+    """Return what `read_back` says of the finger: one sample, none without sensors."""
+    t_s, force_n, position_m = (
+        read_back.device_time_s,
+        read_back.force_n,
+        read_back.position_m,
     )
+    if t_s is None or force_n is None or position_m is None:
+        return []
+    return [Sample(t_s=t_s, force_n=force_n, position_m=position_m)]
 
 
 def judged(pacing: Pacing, samples: Sequence[Sample]) -> dict[str, Any]:

@@ -33,7 +33,7 @@ def obey(room: Room) -> None:
     """
     match room.operator.order():
         case "emergency stop":
-            room.device.off()
+            room.device.emergency_stop()
             raise StoppedByOperator("emergency stop; a session goes on with the same command")
         case "stop":
             raise StoppedByOperator("stopped by the operator; go on with the same command")

@@ -37,6 +37,10 @@ class Device(Protocol):
         """Turn the output off and read it back; raises `OutputUnknown` if that fails."""
         ...
 
+    def emergency_stop(self) -> None:
+        """Send off at once, whatever the port is busy with; nothing is driven afterwards."""
+        ...
+
     def beat(self) -> None:
         """Say that the session is alive; raises if the device has failed meanwhile."""
         ...

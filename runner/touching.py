@@ -7,7 +7,7 @@ from device.records import Setpoint
 from protocol.programme import touch_s
 from protocol.texts import touch_text
 from protocol.touch import Touch
-from runner.judging import Sample, judged, sample
+from runner.judging import Sample, judged, samples_of
 from runner.preparing import mount
 from runner.room import Room
 from runner.screens import Instruction, Notice, Pacing
@@ -74,7 +74,7 @@ class _Stimulus:
     def _look(self) -> None:
         read_back = self._room.device.read_back()
         self._read_back.append(asdict(read_back))
-        self.samples.append(sample(read_back))
+        self.samples += samples_of(read_back)
         show_where_we_are(self._room, device=read_back)
 
     def _ramp(self) -> None:
@@ -93,7 +93,7 @@ class _Stimulus:
         passed_s = self._room.clock.monotonic_s() - self._began_s
         if passed_s >= self._next_sample_s:
             self._next_sample_s += SAMPLE_EVERY_S
-            self.samples.append(sample(self._room.device.read_back()))
+            self.samples += samples_of(self._room.device.read_back())
         if self._touch.sweep_to is not None and passed_s >= self._next_step_s:
             self._next_step_s += SWEEP_STEP_S
             self._step_frequency(min(passed_s / self.pacing.duration_s, 1.0))

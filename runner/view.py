@@ -29,7 +29,6 @@ class View:
         if self.device is None or not self.device.output:
             return "off"
         device = self.device
-        return (
-            f"ON {device.voltage_v:.0f} V {device.frequency_hz:.0f} Hz "
-            f"(monitor {device.monitor_v:.0f} V)"
+        return f"ON {device.voltage_v:.0f} V {device.frequency_hz:.0f} Hz" + (
+            "" if device.monitor_v is None else f" (monitor {device.monitor_v:.0f} V)"
         )

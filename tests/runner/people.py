@@ -80,6 +80,10 @@ class FakeDevice:
             raise OutputUnknown("no answer")
         self.on = False
 
+    def emergency_stop(self) -> None:
+        self.calls.append("emergency stop")
+        self.on = False
+
     def beat(self) -> None:
         self._called("beat")
 

@@ -151,6 +151,7 @@ def test_an_emergency_stop_turns_off_before_anything_else(tmp_path: Path) -> Non
         last = journal.events("P01/1")[-1]
         assert (last.tag, last.payload["confirmed"]) == ("device-off", True)
     assert device.calls[device.calls.index("drive") :].count("drive") == 1
+    assert "emergency stop" in device.calls
 
 
 def test_a_repeated_trial_is_aborted_and_answered_once(tmp_path: Path) -> None:

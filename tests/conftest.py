@@ -2,7 +2,7 @@
 
 import pytest
 
-REASON = "takes minutes; run it with `pytest -m soak -s tests/soak`"
+REASON = "takes minutes; run it with `make soak`"
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

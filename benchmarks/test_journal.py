@@ -1,0 +1,74 @@
+"""What durability costs: an event against a bare insert, and a long journal against its size."""
+
+import json
+import sqlite3
+import tempfile
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+from statistics import median
+from time import perf_counter
+
+import pytest
+from pytest_benchmark.fixture import BenchmarkFixture
+
+from runner.journal import open_journal
+from runner.session_state import Event, folded
+
+NOON = datetime(2026, 1, 1, 12, tzinfo=UTC)
+PAYLOAD = {"index": 3, "change": "smoother", "agrees": True, "score": 8, "reaction_time_s": [1.2]}
+APPENDS = 400
+
+
+@pytest.fixture
+def folder() -> Iterator[Path]:
+    """A folder on the disk on which journals lie, not in memory."""
+    with tempfile.TemporaryDirectory(dir=Path.cwd()) as place:
+        yield Path(place)
+
+
+def event(seq: int) -> Event:
+    """An answer."""
+    return Event(seq=seq, tag="note", utc=NOON, monotonic_s=seq, payload=PAYLOAD)
+
+
+def test_an_event_costs_at_most_1_3_bare_inserts(benchmark: BenchmarkFixture, folder: Path) -> None:
+    bare = sqlite3.connect(folder / "bare.db", isolation_level=None)
+    for setting in ("journal_mode = WAL", "synchronous = FULL", "wal_autocheckpoint = 0"):
+        bare.execute(f"PRAGMA {setting}")
+    bare.execute("CREATE TABLE event (seq INTEGER PRIMARY KEY, body TEXT) STRICT")
+    body = json.dumps(PAYLOAD)
+    ours, peer = [], []
+    with open_journal(folder / "study.db") as journal:
+        for seq in range(APPENDS):
+            start = perf_counter()
+            journal.append("P01/1", event(seq))
+            middle = perf_counter()
+            bare.execute("INSERT INTO event VALUES (?, ?)", (seq, body))
+            ours.append(middle - start)
+            peer.append(perf_counter() - middle)
+        benchmark.extra_info["ratio to a bare insert"] = round(median(ours) / median(peer), 2)
+        sequence = iter(range(APPENDS, 10 * APPENDS))
+        benchmark.pedantic(lambda: journal.append("P01/1", event(next(sequence))), rounds=50)
+    bare.close()
+    assert median(ours) / median(peer) <= 1.3
+
+
+def test_100_000_events_open_and_fold_in_a_second(
+    benchmark: BenchmarkFixture, folder: Path
+) -> None:
+    with open_journal(folder / "study.db") as journal, journal.alone():
+        for session in range(1_000):
+            name = f"P{session:04d}/1"
+            journal.append(
+                name, Event(seq=0, tag="session-opened", utc=NOON, monotonic_s=0, payload=PAYLOAD)
+            )
+            for seq in range(1, 100):
+                journal.append(name, event(seq))
+
+    def opened_and_folded() -> int:
+        with open_journal(folder / "study.db") as journal:
+            return sum(folded(journal.events(name)).name == "idle" for name in journal.sessions())
+
+    assert benchmark.pedantic(opened_and_folded, rounds=3) == 1_000
+    assert benchmark.stats.stats.median <= 1.0

@@ -42,7 +42,7 @@ def _next_trial(room: Room) -> Trial | None:
 def _try(room: Room, trial: Trial) -> None:
     """Carry out one trial; if the operator wants it again, it stays to be answered."""
     room.log.append("trial-started", index=trial.index, kind=trial.kind)
-    show_where_we_are(room, trial)
+    show_where_we_are(room)
     try:
         done = [touch(room, number, to_make) for number, to_make in enumerate(trial.touches)]
         room.log.append("answered", **answers(room, trial), judged=done)

@@ -30,7 +30,7 @@ class PlainDisplay:
     def show(self, view: View, question: str, typed: str | None) -> None:
         """Print what has changed; what is being typed stands there already."""
         del typed
-        where = f"{view.session} {view.state} {view.trial}".rstrip()
+        where = f"{view.session} {view.state} {view.trial}".rstrip(" -")
         line = f"{where}; {view.progress()}; output {view.output()}"
         for text in (line, view.warning and f"warning: {view.warning}", question):
             if text and text != self._last:
@@ -70,8 +70,9 @@ def panel_lines(view: View, question: str, typed: str | None) -> list[str]:
     lines = [
         f"{view.session}  {view.kind}  [bold]{view.state}[/]",
         view.progress(),
-        f"trial: {escape(view.trial) or '-'}   last: {escape(view.last_answer) or '-'}",
-        f"output: [bold {colour}]{view.output()}[/]",
+        f"trial: {escape(view.trial)}   next: {escape(view.next_trial)}",
+        f"last answer: {escape(view.last_answer) or '-'}",
+        f"output: [bold {colour}]{view.output()}[/]   watchdog {view.watchdog_s:g} s",
     ]
     if view.warning:
         lines.append(f"[yellow]warning: {escape(view.warning)}[/]")

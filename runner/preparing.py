@@ -5,6 +5,7 @@ from dataclasses import asdict
 from runner.room import Room
 from runner.screens import Notice
 from runner.waiting import awaited, tick
+from runner.watching import show_where_we_are
 
 
 def prepare(room: Room) -> None:
@@ -16,6 +17,7 @@ def prepare(room: Room) -> None:
         answers = {question: _told(room, question) for question in study.session.operator_asks}
         room.log.append("rig-described", answers=answers)
     mount(room, study.touch.beam)
+    show_where_we_are(room, warning="measuring the resonance: hands off the beam")
     found = room.device.resonance(
         study.rig.nominal_resonance_hz, lambda seconds: tick(room, seconds)
     )

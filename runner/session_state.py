@@ -61,7 +61,7 @@ class SessionState:
             case "trial-excluded":
                 self.excluded[payload["index"]] = payload["reason"]
             case "answered":
-                self.last_answer = f"{payload.get('change')}, score {payload.get('score')}"
+                self.last_answer = _in_words(payload)
                 self._take_trial(tag, payload["index"])
             case "trial-started" | "trial-aborted":
                 self._take_trial(tag, payload["index"])
@@ -77,6 +77,11 @@ class SessionState:
                 if index in self.answered:
                     self.answered_twice.append(index)
                 self.answered.add(index)
+
+
+def _in_words(answer: Mapping[str, Any]) -> str:
+    change, score = answer.get("change"), answer.get("score")
+    return ", ".join([change or "felt", *([] if score is None else [f"score {score}"])])
 
 
 def folded(events: Iterable[Event]) -> SessionState:

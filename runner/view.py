@@ -13,10 +13,12 @@ class View:
     kind: str
     state: str
     trial: str
+    next_trial: str
     done: int
     total: int
     left_s: float
     device: ReadBack | None
+    watchdog_s: float
     last_answer: str
     warning: str
 

@@ -9,22 +9,24 @@ from runner.view import View
 from runner.waiting import TICK_S, pass_time, response, tick
 
 
-def show_where_we_are(
-    room: Room, trial: Trial | None = None, device: ReadBack | None = None, warning: str = ""
-) -> None:
+def show_where_we_are(room: Room, device: ReadBack | None = None, warning: str = "") -> None:
     """Show the operator where the session stands."""
     state, session = room.log.state, room.session
     left = [entry for entry in session.plan.trials if entry.index not in state.answered]
+    running = [entry for entry in left if entry.index == state.trial]
+    coming = [entry for entry in left if entry.index != state.trial]
     room.operator.see(
         View(
             session=f"{session.participant}/{session.number}",
             kind=session.kind,
             state=state.name,
-            trial=_named(trial),
+            trial=_named(running),
+            next_trial=_named(coming),
             done=len(state.answered),
             total=len(session.plan.trials),
             left_s=sum(trial_s(session.study, entry) for entry in left),
             device=device,
+            watchdog_s=session.study.rig.watchdog_s,
             last_answer=state.last_answer,
             warning=warning,
         )
@@ -52,5 +54,6 @@ def _pause(room: Room) -> None:
     room.log.append("unpaused")
 
 
-def _named(trial: Trial | None) -> str:
-    return "" if trial is None else (trial.condition or trial.kind)
+def _named(trials: list[Trial]) -> str:
+    """What the operator calls the first of `trials`."""
+    return (trials[0].condition or trials[0].kind) if trials else "-"

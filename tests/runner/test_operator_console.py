@@ -25,6 +25,8 @@ def view(**changes: object) -> View:
         "kind": "rehearsal",
         "state": "touching",
         "trial": "voltage",
+        "next_trial": "pressure",
+        "watchdog_s": 0.5,
         "done": 3,
         "total": 7,
         "left_s": 130.0,
@@ -90,12 +92,14 @@ def test_the_panel_says_what_the_device_really_does() -> None:
     assert "ON 200 V 24221 Hz (monitor 200 V)" in text
     assert "3 of 7 trials, about 2 min left" in text
     assert "no watchdog" in text
+    assert "next: pressure" in text
+    assert "watchdog 0.5 s" in text
     assert "output: [bold green]off" in "\n".join(panel_lines(view(device=None), "", None))
 
 
 def test_the_panel_keeps_markup_that_was_typed_as_text() -> None:
     lines = panel_lines(view(last_answer="[red]x"), "", "[bold]note")
-    assert "\\[red]x" in lines[2]
+    assert "\\[red]x" in lines[3]
     assert "\\[bold]note" in lines[-2]
 
 

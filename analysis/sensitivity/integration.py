@@ -14,6 +14,7 @@ from analysis.scores import FloatArray
 LogDensity: TypeAlias = Callable[[FloatArray], FloatArray]
 
 PROPOSAL_DF = 5.0
+REACH, STEEPNESS = 6.0, 20.0
 GRADIENT_STEP = 1e-3
 CURVATURE_STEP = 0.1
 # Directions flatter or sharper than this are explored as if they had this curvature.
@@ -43,7 +44,16 @@ def weighted_points(log_density: LogDensity, start: FloatArray, count: int) -> W
     spread = _spread(log_density, mode)
     points, log_proposal = _t_points(mode, spread, count)
     log_weights = log_density(points) - log_proposal
-    return WeightedPoints(points=points, weights=np.exp(log_weights - logsumexp(log_weights)))
+    weights = np.exp(log_weights - logsumexp(log_weights))
+    return WeightedPoints(points=np.clip(points, -REACH, REACH), weights=weights)
+
+
+def _within_reach(log_density: LogDensity) -> LogDensity:
+    def bounded(points: FloatArray) -> FloatArray:
+        inside = np.clip(points, -REACH, REACH)
+        return np.asarray(log_density(inside) - STEEPNESS * ((points - inside) ** 2).sum(axis=1))
+
+    return bounded
 
 
 def low_discrepancy(count: int, dimensions: int) -> FloatArray:

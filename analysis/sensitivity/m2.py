@@ -90,8 +90,9 @@ def ordinal_sensitivity(ratings: Ratings) -> OrdinalSensitivity | NoAnswer:
     latent = α_s + g_s x + δ_c + ε, ε ~ N(0, σ²); a rating is given when the latent value lies
     between two thresholds that all subjects share. The outermost thresholds are held midway
     between the two lowest and the two highest ratings given, so that bias and gain are in rating
-    points and compare with M1. δ_c ~ N(0, τ_δ²). Priors are those of M1, and half-Cauchy for σ
-    and τ_δ. Given σ, T and τ_δ the posterior of the rest is taken as normal about its mode; over
+    points and compare with M1. δ_c ~ N(0, τ_δ²). Priors are those of M1, half-Cauchy for σ
+    and τ_δ, and so wide a normal one for thresholds and population that it only keeps them
+    finite. Given σ, T and τ_δ the posterior of the rest is taken as normal about its mode; over
     those it is integrated (nested Laplace approximation: Rue, Martino and Chopin, Journal of the
     Royal Statistical Society B 71, 2009).
     """

@@ -11,6 +11,9 @@ from analysis.statistics.ordinal_likelihood import log_interval
 
 STEPS = 60
 HALVINGS = 30
+# Standard deviation, in those of the ratings, of the prior of thresholds and population line: it
+# says nothing but that they are finite where people's answers do not overlap.
+WIDE = 10.0
 # Newton's method stops when it promises to raise the log posterior by less than this.
 RISE = 1e-6
 
@@ -112,19 +115,24 @@ class LatentField:
         lower, upper = self._bounds(shared, own, components)
         likelihood = float(self.trials.weight @ log_interval(lower, upper, "probit"))
         precision = np.linalg.inv(components.between)
-        discrepancies = shared[self.trials.line_columns.stop :] / components.discrepancy_sd
-        squares = ((own @ precision) * own).sum() + discrepancies @ discrepancies
-        determinants = len(own) * np.linalg.slogdet(precision)[1]
-        determinants -= 2 * len(discrepancies) * np.log(components.discrepancy_sd)
+        shared_precision = self._shared_prior(components)
+        squares = ((own @ precision) * own).sum()
+        squares += shared_precision @ (shared - self.trials.shared_start) ** 2
+        determinants = len(own) * np.linalg.slogdet(precision)[1] + np.log(shared_precision).sum()
         return likelihood - float(squares - determinants) / 2
+
+    def _shared_prior(self, components: Components) -> FloatArray:
+        """Return the prior precision of each shared number about where its search begins."""
+        prior = np.full(len(self.trials.shared_start), WIDE**-2)
+        prior[self.trials.line_columns.stop :] = components.discrepancy_sd**-2
+        return prior
 
     def _curvature(self, shared: FloatArray, own: FloatArray, components: Components) -> Curvature:
         """Return gradient and curvature of the log posterior, prior included."""
-        prior = np.zeros(len(shared))
-        prior[self.trials.line_columns.stop :] = components.discrepancy_sd**-2
+        departures = shared - self.trials.shared_start, own
         precision = np.asarray(np.linalg.inv(components.between), dtype=np.float64)
         return curvature_of(
             self.trials,
             self._bounds(shared, own, components),
             components.residual_sd,
-        ).with_prior((shared, own), prior, precision)
+        ).with_prior(departures, self._shared_prior(components), precision)

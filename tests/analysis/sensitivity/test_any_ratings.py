@@ -1,0 +1,81 @@
+"""Whatever people answer, there is a finite result or a reason."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from analysis.no_answer import NoAnswer
+from analysis.sensitivity.lines import Lines
+from analysis.sensitivity.m1 import LinearSensitivity, linear_sensitivity
+from analysis.sensitivity.m2 import OrdinalSensitivity, ordinal_sensitivity
+from analysis.sensitivity.m3 import JointSensitivity, joint_sensitivity
+from analysis.sensitivity.ratings import Ratings
+
+
+@st.composite
+def any_ratings(draw: st.DrawFn) -> Ratings:
+    subjects, trials = draw(st.integers(1, 4)), draw(st.integers(1, 24))
+    conditions = draw(st.integers(1, 4))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    levels = draw(st.integers(1, 5))
+    rating = rng.integers(0, draw(st.integers(1, 11)), trials).astype(np.float64)
+    rating[rng.random(trials) < draw(st.sampled_from([0.0, 0.3]))] = np.nan
+    return Ratings(
+        subjects=tuple(f"s{number}" for number in range(subjects)),
+        conditions=tuple(f"c{number}" for number in range(conditions)),
+        subject=rng.integers(0, subjects, trials),
+        condition=rng.integers(0, conditions, trials),
+        contrast=rng.integers(-1, levels, trials).astype(np.float64) / 4,
+        rating=rating,
+    )
+
+
+def is_sound(lines: Lines) -> bool:
+    return all(
+        np.isfinite([line.bias, line.gain, *line.bias_interval, *line.gain_interval]).all()
+        and line.gain_interval[0] <= line.gain <= line.gain_interval[1]
+        and 0 <= line.shrinkage <= 1
+        for line in lines.subjects
+    )
+
+
+@settings(max_examples=60, deadline=None)
+@given(any_ratings())
+def test_lines_are_finite_or_there_is_a_reason(ratings: Ratings) -> None:
+    result = linear_sensitivity(ratings)
+    assert isinstance(result, NoAnswer) or is_sound(result.lines)
+
+
+@settings(max_examples=25, deadline=None)
+@given(any_ratings())
+def test_the_latent_scale_is_finite_or_there_is_a_reason(ratings: Ratings) -> None:
+    result = ordinal_sensitivity(ratings)
+    assert isinstance(result, NoAnswer) or is_sound(result.lines)
+
+
+@settings(max_examples=25, deadline=None)
+@given(any_ratings(), st.randoms(use_true_random=False))
+def test_detection_is_finite_or_there_is_a_reason(ratings: Ratings, chance: object) -> None:
+    answer = np.where(np.arange(len(ratings.rating)) % 3 == 0, 0, 1)
+    result = joint_sensitivity(ratings, answer)
+    if isinstance(result, NoAnswer):
+        return
+    assert is_sound(result.ratings.lines)
+    assert np.isfinite([found.d_prime for found in result.detection]).all()
+
+
+@pytest.mark.parametrize("repeats", [1, 2])
+def test_some_such_ratings_have_a_result(repeats: int) -> None:
+    ratings = Ratings(
+        subjects=("a", "b"),
+        conditions=("c",),
+        subject=np.repeat([0, 1], 6 * repeats),
+        condition=np.zeros(12 * repeats, dtype=np.int64),
+        contrast=np.tile([0.0, 0.0, 0.5, 0.5, 1.0, 1.0], 2 * repeats),
+        rating=np.tile([0.0, 2.0, 3.0, 4.0, 6.0, 9.0, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0], repeats),
+    )
+    assert isinstance(linear_sensitivity(ratings), LinearSensitivity)
+    assert isinstance(ordinal_sensitivity(ratings), OrdinalSensitivity)
+    answer = np.where(ratings.rating > 2, 1, 0)
+    assert isinstance(joint_sensitivity(ratings, answer), JointSensitivity)

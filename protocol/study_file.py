@@ -40,6 +40,11 @@ def template(name: str) -> str:
     return (files("protocol") / "templates" / f"{name}.toml").read_text(encoding="utf-8")
 
 
+def template_tests() -> str:
+    """Return the text of the test file that every new study gets."""
+    return (files("protocol") / "templates" / "test_study.py.txt").read_text(encoding="utf-8")
+
+
 def parsed_study(text: str, source: str = "study.toml") -> Study:
     """Return the study that `text` describes.
 

@@ -99,7 +99,7 @@ def new(
 ) -> None:
     """Make a study to edit."""
     from protocol.errors import BadInput
-    from protocol.study_file import TEMPLATES
+    from protocol.study_file import TEMPLATES, template_tests
     from protocol.study_file import template as template_text
     from runner.study_folder import StudyFolder, new_study
 
@@ -107,9 +107,10 @@ def new(
         raise BadInput(f"--template must be one of {', '.join(TEMPLATES)}, got {template!r}")
     study = StudyFolder(path=folder)
     with new_study(study, template_text(template)):
-        pass
+        study.test_file.write_text(template_tests(), encoding="utf-8")
     typer.echo(
-        f"{study.study_file} is yours to edit; then: touchbeam run {folder} --participant P01"
+        f"{study.study_file} is yours to edit; then: touchbeam check {folder}, "
+        f"touchbeam run {folder} --participant P01"
     )
 
 

@@ -26,6 +26,11 @@ class StudyFolder:
         return self.path / "study.toml"
 
     @property
+    def test_file(self) -> Path:
+        """Tests of the study, run by pytest."""
+        return self.path / "test_study.py"
+
+    @property
     def journal(self) -> Path:
         """Everything that happened."""
         return self.path / "study.db"

@@ -247,7 +247,7 @@ def test_an_unknown_key_names_the_near_miss(capsys: pytest.CaptureFixture[str]) 
     study.write_text(study.read_text().replace("hold_s", "hold_z"))
     assert typed(*RUN, "virtual") == 2
     assert "unknown key, got 'hold_z'; did you mean 'hold_s'?" in capsys.readouterr().err
-    assert everything(Path("study")) == {"study.toml"}
+    assert everything(Path("study")) == {"study.toml", "test_study.py"}
 
 
 def test_debug_shows_where_an_error_came_from() -> None:

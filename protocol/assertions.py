@@ -1,0 +1,76 @@
+"""What a study's own tests assert of its plans; each failure says whom, where and how much."""
+
+from collections import Counter
+from collections.abc import Sequence
+
+from protocol.carryover import carry_over
+from protocol.cohort_check import cohort_problems
+from protocol.durations import plan_swaps, session_s
+from protocol.study import Study
+from protocol.trial import Plan
+
+
+def assert_proved(study: Study, cohort: Sequence[Plan]) -> None:
+    """Assert that every plan keeps every promise of the study file, by an independent check."""
+    if found := cohort_problems(study, cohort):
+        raise AssertionError("\n".join(map(str, found)))
+
+
+def assert_never_above(cohort: Sequence[Plan], voltage_v: float) -> None:
+    """Assert that no touch has a larger amplitude (peak), V."""
+    for plan in cohort:
+        for trial in plan.trials:
+            for touch in trial.touches:
+                if touch.peak_voltage_v > voltage_v:
+                    raise AssertionError(
+                        f"no amplitude may exceed {voltage_v:g} V, got {touch.peak_voltage_v:g} V "
+                        f"in trial {trial.index} ({trial.condition or trial.kind}) of "
+                        f"{_who(plan)}"
+                    )
+
+
+def assert_each_condition(study: Study, cohort: Sequence[Plan], times: int) -> None:
+    """Assert that every participant feels every condition so often, catch trials not counted."""
+    for plan in cohort:
+        felt = Counter(trial.condition for trial in plan.trials if trial.kind == "trial")
+        for name in study.conditions:
+            if felt[name] != times:
+                raise AssertionError(
+                    f"every participant must feel {name} {times} times, got {felt[name]} for "
+                    f"{_who(plan)}"
+                )
+
+
+def assert_shorter_than(study: Study, cohort: Sequence[Plan], minutes: float) -> None:
+    """Assert that no session is expected to take so many minutes."""
+    for plan in cohort:
+        expected = session_s(study, plan) / 60
+        if expected >= minutes:
+            raise AssertionError(
+                f"a session must take less than {minutes:g} min, got {expected:.1f} min for "
+                f"{_who(plan)}"
+            )
+
+
+def assert_beam_swaps(study: Study, cohort: Sequence[Plan], at_most: int) -> None:
+    """Assert that the operator swaps beams at most so often in a session."""
+    for plan in cohort:
+        swaps = plan_swaps(study, plan)
+        if swaps > at_most:
+            raise AssertionError(
+                f"at most {at_most} beam swaps are wanted, got {swaps} for {_who(plan)}"
+            )
+
+
+def assert_balanced(study: Study, cohort: Sequence[Plan]) -> None:
+    """Assert that every condition follows every other one equally often over the cohort."""
+    report = carry_over(study, cohort)
+    if not report.balanced:
+        raise AssertionError(
+            f"carry-over must be balanced over {len(cohort)} participants, got counts that differ "
+            f"by {report.imbalance}: {dict(zip(study.conditions, report.counts, strict=True))}"
+        )
+
+
+def _who(plan: Plan) -> str:
+    return f"participant {plan.slot + 1}, session {plan.session}"

@@ -1,0 +1,102 @@
+"""Fixtures for the tests of a study: pytest finds them wherever touchbeam is installed.
+
+Nothing is imported before a fixture is asked for: other people's tests are not slowed down.
+"""
+
+import random
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from protocol.study import Study
+    from protocol.trial import Plan
+    from runner.rehearsed import Rehearsed
+    from runner.rigging import Rigged
+    from runner.virtual import VirtualParticipant
+
+STUDY_FILE = "study.toml"
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Keep folders of a study, such as `analysis/`, from hiding the packages of that name."""
+    if (config.invocation_params.dir / STUDY_FILE).is_file():
+        config.option.importmode = "importlib"
+
+
+@pytest.fixture(scope="module")
+def study_text(request: pytest.FixtureRequest) -> str:
+    """Return the text of the study file beside the test."""
+    path = Path(str(request.path)).parent / STUDY_FILE
+    if not path.is_file():
+        pytest.fail(f"{path}: there is no study beside this test", pytrace=False)
+    return path.read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def study(study_text: str) -> "Study":
+    """Return the checked study; what is wrong with it fails the test, line by line."""
+    from protocol.study_file import StudyError, parsed_study
+
+    try:
+        return parsed_study(study_text, STUDY_FILE)
+    except StudyError as error:
+        found = [problem.located(STUDY_FILE) for problem in error.problems]
+        pytest.fail("\n".join(["the study cannot be used:", *found]), pytrace=False)
+
+
+@pytest.fixture(scope="module")
+def cohort(study: "Study") -> "tuple[Plan, ...]":
+    """Return the plans of all participants, session 1: as many as the study plans, or 40."""
+    from protocol.plan import plan as drawn
+
+    return tuple(drawn(study, slot) for slot in range(study.design.participants or 40))
+
+
+@pytest.fixture(scope="module")
+def plan(cohort: "tuple[Plan, ...]") -> "Plan":
+    """Return the plan of the first participant."""
+    return cohort[0]
+
+
+@pytest.fixture(scope="module")
+def simulated_rig(study: "Study") -> "Iterator[Rigged]":
+    """Yield a simulated device in a process of its own, and the hand that touches it.
+
+    `simulated_rig.device` is what a session drives, over the real byte path;
+    `simulated_rig.hand` moves the finger, lets time pass and swaps the beam.
+    """
+    from runner.rehearsed import touchbeam_command
+    from runner.rigging import SIMULATED, rigged
+
+    with rigged(SIMULATED, study.rig, touchbeam_command(), study.study.seed) as rig:
+        yield rig
+
+
+@pytest.fixture
+def virtual_participant(simulated_rig: "Rigged", study: "Study") -> "VirtualParticipant":
+    """Return a virtual participant with a finger on the simulated device, in stepped time."""
+    from datetime import UTC, datetime
+
+    from runner.clock import SteppedClock
+    from runner.virtual import VirtualParticipant, drawn_character
+
+    hand = simulated_rig.hand
+    assert hand is not None
+    stream = random.Random(f"test/{study.study.seed}")
+    return VirtualParticipant(
+        hand=hand,
+        clock=SteppedClock(datetime(2026, 1, 1, tzinfo=UTC), hand.advance),
+        character=drawn_character(stream),
+        random_stream=stream,
+    )
+
+
+@pytest.fixture(scope="module")
+def rehearsal(study: "Study", study_text: str, plan: "Plan") -> "Rehearsed":
+    """Return a whole session, run in fake time on the simulated device by a virtual participant."""
+    from runner.rehearsed import rehearsed
+
+    return rehearsed(study_text, plan, study.study.seed)

@@ -1,0 +1,94 @@
+"""A whole session of a study in fake time: simulated device, virtual participant, no trace left."""
+
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from protocol.trial import Plan
+from runner.journal import open_journal, session_name
+from runner.session_state import Event, SessionState
+from runner.sitting import Sitting, sit
+from runner.study_folder import StudyFolder
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rehearsed:
+    """A session that has been run: its plan, its journal, and the state that adds up to."""
+
+    plan: Plan
+    events: tuple[Event, ...]
+    state: SessionState
+
+    @property
+    def answers(self) -> dict[int, str | None]:
+        """What was answered, by the trial's index."""
+        answered = [event.payload for event in self.events if event.tag == "answered"]
+        return {payload["index"]: payload.get("answer") for payload in answered}
+
+    @property
+    def largest_voltage_v(self) -> float:
+        """Largest amplitude that the device reported, V."""
+        return max(
+            (
+                reading["voltage_v"]
+                for event in self.events
+                if event.tag == "touch-ended"
+                for reading in event.payload["read_back"]
+            ),
+            default=0.0,
+        )
+
+    def assert_complete(self) -> None:
+        """Assert that every planned trial was answered once and the device read back as off."""
+        tags = [event.tag for event in self.events]
+        asked = [trial.index for trial in self.plan.trials]
+        missing = sorted(set(asked) - set(self.state.answered))
+        if missing or self.state.aborted or tags.count("answered") != len(asked):
+            raise AssertionError(
+                f"every trial must be answered once, got {tags.count('answered')} answers to "
+                f"{len(asked)} trials; missing {missing}, aborted {list(self.state.aborted)}"
+            )
+        off = [event.payload.get("confirmed") for event in self.events if event.tag == "device-off"]
+        if self.state.name != "completed" or not off or not off[-1]:
+            raise AssertionError(
+                f"a session must end complete and with the device off, got {self.state.name!r}, "
+                f"off confirmed: {off}"
+            )
+
+
+def rehearsed(study_text: str, plan: Plan, seed: int = 1) -> Rehearsed:
+    """Run a rehearsal of the study in a folder of its own and return what happened.
+
+    Args:
+        study_text: the study file.
+        plan: of the first slot, to compare with.
+        seed: of the virtual participant and of the simulated device.
+
+    Raises:
+        StudyError: the study cannot be used.
+        DeviceError: the simulated device did not work.
+    """
+    with tempfile.TemporaryDirectory(prefix="touchbeam-") as place:
+        folder = StudyFolder(path=Path(place))
+        folder.study_file.write_text(study_text, encoding="utf-8")
+        sitting = Sitting(
+            folder=folder,
+            participant="P01",
+            device="sim",
+            ratings="virtual",
+            rehearsal=True,
+            consent="rehearsal",
+            seed=seed,
+            touchbeam=touchbeam_command(),
+        )
+        state = sit(sitting, say=lambda _: None)
+        with open_journal(folder.journal) as journal:
+            events = tuple(journal.events(session_name("P01", 1)))
+    return Rehearsed(plan=plan, events=events, state=state)
+
+
+def touchbeam_command() -> Sequence[str]:
+    """Return the command that starts the touchbeam of this environment."""
+    return (str(Path(sys.executable).with_name("touchbeam")),)

@@ -1,0 +1,44 @@
+"""Assertions for studies' own tests: they pass where they should, and name what is wrong."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from protocol import assertions as that
+from protocol.plan import plan
+from protocol.study_file import parsed_study, template
+
+STUDY = parsed_study(template("extended"))
+COHORT = [plan(STUDY, slot) for slot in range(10)]
+
+
+def test_a_sound_study_passes() -> None:
+    that.assert_proved(STUDY, COHORT)
+    that.assert_never_above(COHORT, voltage_v=200)
+    that.assert_each_condition(STUDY, COHORT, times=4)
+    that.assert_shorter_than(STUDY, COHORT, minutes=45)
+    that.assert_beam_swaps(STUDY, COHORT, at_most=12)
+    that.assert_balanced(STUDY, COHORT)
+
+
+@pytest.mark.parametrize(
+    ("claim", "message"),
+    [
+        (lambda: that.assert_never_above(COHORT, voltage_v=120), "exceed 120 V, got 200 V in tri"),
+        (
+            lambda: that.assert_each_condition(STUDY, COHORT, times=2),
+            "feel frequency 2 times, got 4 for participant 1, session 1",
+        ),
+        (lambda: that.assert_shorter_than(STUDY, COHORT, minutes=20), r"less than 20 min, got 2\d"),
+        (lambda: that.assert_beam_swaps(STUDY, COHORT, at_most=3), "at most 3 .* got 12 for part"),
+        (lambda: that.assert_balanced(STUDY, COHORT[:9]), "over 9 participants, got counts that"),
+        (
+            lambda: that.assert_proved(STUDY, [replace(COHORT[0], slot=1)]),
+            r"slots must be numbered from 0, got \[1\]",
+        ),
+    ],
+)
+def test_what_is_wrong_is_named(claim: Callable[[], None], message: str) -> None:
+    with pytest.raises(AssertionError, match=message):
+        claim()

@@ -1,0 +1,91 @@
+"""The tests that a new study gets: they pass as it is, and say what is wrong when it is not."""
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from protocol.plan import plan
+from protocol.questions import ANSWERS
+from protocol.study_file import parsed_study, template, template_tests
+from runner.rehearsed import Rehearsed, rehearsed
+from runner.rigging import Rigged
+from runner.screens import AskChange, Pacing
+from runner.virtual import VirtualParticipant
+
+PYTEST = str(Path(sys.executable).with_name("pytest"))
+PAPER = template("paper")
+
+
+@pytest.fixture(scope="module")
+def study_text() -> str:
+    """The paper's study stands in for the file beside a study's own test."""
+    return PAPER
+
+
+def pytest_run(folder: Path, text: str) -> subprocess.CompletedProcess[str]:
+    """Run plain pytest in a study's folder, as its author does."""
+    (folder / "study.toml").write_text(text, encoding="utf-8")
+    (folder / "test_study.py").write_text(template_tests(), encoding="utf-8")
+    command = [PYTEST, "-q", "-p", "no:cacheprovider", "-p", "no:benchmark"]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+
+
+def test_a_new_study_passes_its_own_tests(tmp_path: Path) -> None:
+    """Even beside a folder whose name is that of one of our packages."""
+    (tmp_path / "analysis").mkdir()
+    (tmp_path / "analysis" / "__init__.py").write_text("raise RuntimeError('shadowed')\n")
+    done = pytest_run(tmp_path, PAPER)
+    assert done.returncode == 0, done.stdout
+    assert "5 passed" in done.stdout
+
+
+def test_a_study_made_wrong_fails_and_says_why(tmp_path: Path) -> None:
+    text = PAPER.replace("ramp_to_v = 200", "ramp_to_v = 201").replace("watchdog_s", "watchdg_s")
+    done = pytest_run(tmp_path, text)
+    assert done.returncode == 1
+    assert "study.toml:17: rig.watchdg_s: unknown key, got 'watchdg_s'; did you" in done.stdout
+    assert "study.toml:79: condition voltage, touch 1: the amplitude must not" in done.stdout
+    assert "Traceback" not in done.stdout
+
+
+def test_the_rehearsal_is_a_whole_session(rehearsal: Rehearsed) -> None:
+    rehearsal.assert_complete()
+    assert rehearsal.answers.keys() == {trial.index for trial in rehearsal.plan.trials}
+    assert 195 < rehearsal.largest_voltage_v <= 200
+
+
+def test_a_session_that_is_not_whole_is_named(rehearsal: Rehearsed) -> None:
+    lost = [event for event in rehearsal.events if event.payload.get("index") != 3]
+    state = replace(rehearsal.state, answered=frozenset({0, 1, 2, 4, 5, 6}))
+    with pytest.raises(AssertionError, match=r"got 6 answers to 7 trials; missing \[3\]"):
+        replace(rehearsal, events=tuple(lost), state=state).assert_complete()
+    on = [event for event in rehearsal.events if event.tag != "device-off"]
+    with pytest.raises(AssertionError, match=r"device off, got 'completed', off confirmed: \[\]"):
+        replace(rehearsal, events=tuple(on)).assert_complete()
+
+
+def test_a_virtual_participant_feels_that_the_beam_is_at_rest(
+    simulated_rig: Rigged, virtual_participant: VirtualParticipant
+) -> None:
+    assert simulated_rig.device.read_back().voltage_v == 0
+    for _ in range(2):
+        virtual_participant.show(
+            Pacing(start_m=0.04, end_m=0.04, duration_s=1.0, force_n=0.5, direction="right")
+        )
+        virtual_participant.clock.sleep(1.0)
+        assert virtual_participant.poll() is None
+    virtual_participant.show(AskChange(question="places"))
+    response = virtual_participant.poll()
+    assert response is not None
+    assert response.answer in ANSWERS["places"]
+
+
+def test_a_study_with_everything_in_it_can_be_rehearsed() -> None:
+    """Catch, opposite and practice trials, breaks and levels go through a whole session."""
+    text = template("extended")
+    session = rehearsed(text, plan(parsed_study(text), 0))
+    session.assert_complete()
+    assert set(session.answers) == set(range(29))

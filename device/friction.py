@@ -3,7 +3,6 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from device.auto import auto_prediction
 from device.contact import contact_of
 from device.laws import law_by_name
 from device.mode_shapes import FloatArray
@@ -67,6 +66,8 @@ def friction_coefficient(
     places = _places(scene, x_m)
     choice = LawChoice(name=law) if isinstance(law, str) else law
     if rung == "auto":
+        from device.auto import auto_prediction
+
         chosen = auto_prediction(scene_batch(scene, places), choice, tolerance)
         return chosen.prediction.mu_effective
     field = rung_field(rung, scene.structure.beam, scene.drive, choice.overlap)

@@ -6,9 +6,10 @@ from typing import Literal
 import numpy as np
 import pytest
 
+from device import conditions
 from device.contrast import predicted_contrast
 from device.friction import friction_coefficient
-from device.scenes import Drive, Scene
+from device.scenes import REFERENCE_SPEED_M_S, Drive, Scene
 from device.scenes import Touch as Finger
 from device.trial_change import trial_change
 from protocol.plan import plan
@@ -32,6 +33,19 @@ def test_the_signal_is_the_change_from_the_resting_beam() -> None:
     )
     found = predicted_contrast(trial_change(PAPER, "roughness", "smoother", [touch]))
     assert found == pytest.approx(log(0.4 / driven[0]))
+
+
+@pytest.mark.parametrize("law", ["consistent", "coulomb", "printed"])
+@pytest.mark.parametrize("trial", plan(PAPER, 0).trials[1:], ids=lambda t: t.condition or t.kind)
+def test_trials_of_the_paper_study_make_the_contrasts_of_the_named_conditions(
+    trial: Trial, law: str
+) -> None:
+    finger = PAPER.touch.model_copy(update={"sliding_speed_m_s": REFERENCE_SPEED_M_S})
+    study = PAPER.model_copy(update={"touch": finger})
+    assert trial.question is not None
+    change = trial_change(study, trial.question, trial.expected, trial.touches)
+    named = conditions.predicted_contrast(trial.condition or "signal", law=law)
+    assert predicted_contrast(change, law) == pytest.approx(named, rel=1e-9, abs=1e-12)
 
 
 def test_the_paper_conditions_are_ranked_as_the_model_ranks_them() -> None:

@@ -59,7 +59,7 @@ def test_the_rehearsal_is_a_whole_session(rehearsal: Rehearsed) -> None:
 
 def test_a_session_that_is_not_whole_is_named(rehearsal: Rehearsed) -> None:
     lost = [event for event in rehearsal.events if event.payload.get("index") != 3]
-    state = replace(rehearsal.state, answered=frozenset({0, 1, 2, 4, 5, 6}))
+    state = replace(rehearsal.state, answered={0, 1, 2, 4, 5, 6})
     with pytest.raises(AssertionError, match=r"got 6 answers to 7 trials; missing \[3\]"):
         replace(rehearsal, events=tuple(lost), state=state).assert_complete()
     on = [event for event in rehearsal.events if event.tag != "device-off"]

@@ -41,11 +41,12 @@ def plan(study: Study, slot: int, session: int = 1) -> Plan:
     """
     of = Session(study=study, slot=slot, number=session)
     order = ordered_conditions(study, slot, session)
+    names = study.conditions
     trials = [*map(_opening_trial, study.opening), *_practice(of), *_main(of, order)]
     return Plan(
         slot=slot,
         session=session,
-        sequence=tuple(study.conditions[number] for _, number in order),
+        sequence=tuple(names[number] for _, number in order),
         trials=tuple(replace(trial, index=index) for index, trial in enumerate(trials)),
     )
 
@@ -76,9 +77,13 @@ def _main(of: Session, order: list[tuple[int, int]]) -> Iterator[Trial]:
     catches = catch_places(of.study, [number for _, number in order], of.name("catch"))
     block_before = 1
     for place, (block, number) in enumerate(order, start=1):
-        trial = _trial(of.study.condition[number], levels[number].pop(), turned[number].pop())
-        break_s = _break_s(of.study, block) if block != block_before else 0.0
-        yield replace(trial, block=block, break_s=break_s)
+        yield _trial(
+            of.study.condition[number],
+            levels[number].pop(),
+            turned=turned[number].pop(),
+            block=block,
+            break_s=_break_s(of.study, block) if block != block_before else 0.0,
+        )
         if place in catches:
             yield _catch_trial(of.study.condition[catches[place]], block)
         block_before = block
@@ -89,11 +94,13 @@ def _break_s(study: Study, block: int) -> float:
     return study.design.break_s if every and (block - 1) % every == 0 else 0.0
 
 
-def _trial(condition: Condition, level: float, turned: bool) -> Trial:
+def _trial(
+    condition: Condition, level: float, *, turned: bool, block: int = 0, break_s: float = 0.0
+) -> Trial:
     touches = at_level(condition.touches, level)
     return Trial(
         index=0,
-        block=0,
+        block=block,
         kind="trial",
         condition=condition.name,
         question=condition.question,
@@ -102,6 +109,7 @@ def _trial(condition: Condition, level: float, turned: bool) -> Trial:
         touches=opposite(touches) if turned else touches,
         level=level,
         opposite=turned,
+        break_s=break_s,
     )
 
 

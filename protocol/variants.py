@@ -34,6 +34,7 @@ def _backwards(touch: Touch) -> Touch:
     return touch.model_copy(update=update)
 
 
+@lru_cache(maxsize=1024)
 def opposite_expected(condition: Condition) -> str | None:
     """Return the answer expected of the opposite trial, or `None` if the condition has none."""
     answer = opposite_answer(condition.question, condition.expected)

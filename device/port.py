@@ -75,8 +75,11 @@ class SerialPort:
         self._port.write(data)
 
     def close(self) -> None:
-        """Give the port back."""
+        """Give the port back. pySerial forgets to close a socket whose peer has gone first."""
+        inner = getattr(self._port, "_socket", None)
         self._port.close()
+        if inner is not None:
+            inner.close()
 
 
 def _descriptor(port: serial.SerialBase) -> int | None:

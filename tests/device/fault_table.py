@@ -1,0 +1,119 @@
+"""What must happen when something fails: one row per fault and moment, as data.
+
+A row says what the device does (`fault`, a name of the control socket's), when, and what the caller
+must be told. SAFE means: the output is off (or UNKNOWN, and said to be), the rig has latched, and
+nothing is driven again before it is armed anew. Numbers are those of docs/wire-protocol.md.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from device.errors import DeviceError, ForeignDevice, LinkTimeout, OutputUnknown, ProtocolError
+
+Moment = Literal["driving", "between", "off", "handshake"]
+"""While a drive is on; between two drives; while a drive is on, and off is asked for; before."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """A fault and what it must lead to; no `error` means that nobody is to notice."""
+
+    number: int
+    fault: str
+    when: Moment = "driving"
+    error: type[Exception] | None = DeviceError
+    told: str = ""
+    dialect: str = "board"
+    still_on: bool = False
+    """Whether the device is expected to go on giving voltage: only the amplifier's switch helps."""
+
+    @property
+    def name(self) -> str:
+        """What the test is called."""
+        return f"{self.number}-{self.fault}-{self.when}-{self.dialect}"
+
+
+_CUT = "output state UNKNOWN - cut the amplifier"
+_OFF = "output off, read back"
+
+BOARD = (
+    Row(number=1, fault="vanish", error=OutputUnknown, told=_CUT),
+    Row(number=2, fault="dead-peer", error=OutputUnknown, told=_CUT),
+    Row(number=2, fault="dead-peer", when="off", error=OutputUnknown, told=_CUT),
+    Row(number=3, fault="garbled-once", error=None),
+    Row(number=3, fault="garbled", error=OutputUnknown, told=_CUT),
+    Row(number=4, fault="late-reply-once", error=LinkTimeout, told=f"in time; {_OFF}"),
+    Row(number=4, fault="late-reply", error=OutputUnknown, told=_CUT),
+    Row(number=5, fault="truncated-reply", error=OutputUnknown, told=_CUT),
+    Row(number=6, fault="reply-nan", error=ProtocolError, told=f"'NAN'; {_OFF}"),
+    Row(number=6, fault="reply-inf", error=ProtocolError, told=f"'INF'; {_OFF}"),
+    Row(number=6, fault="reply-overflow", error=ProtocolError, told=f"'9.91E.37'; {_OFF}"),
+    Row(number=6, fault="reply-underscore", error=ProtocolError, told=f"'1_000'; {_OFF}"),
+    Row(number=6, fault="reply-empty", error=ProtocolError, told=f"''; {_OFF}"),
+    Row(number=7, fault="slow-drip", told="in time|step"),
+    Row(number=8, fault="flood", error=OutputUnknown, told="talks without being asked"),
+    Row(number=9, fault="echo", when="handshake", error=OutputUnknown, told="echoes what it is"),
+    Row(number=9, fault="echo", error=OutputUnknown, told=_CUT),
+    Row(number=10, fault="line-end-cr", error=None),
+    Row(number=10, fault="line-end-crlf", error=None),
+    Row(number=10, fault="line-end-mixed", error=None),
+    Row(number=11, fault="banner", when="handshake", error=None),
+    Row(number=11, fault="banner", error=None),
+    Row(number=12, fault="brown-out", told=rf"restarted \(boot \d+, now \d+\).*; {_OFF}"),
+    Row(number=12, fault="brown-out", when="between", told="restarted"),
+    Row(number=13, fault="read-back-differs", told=rf"FREQ was set to .* reads back as .*; {_OFF}"),
+    Row(number=13, fault="read-back-differs", when="between", told="reads back as"),
+    Row(number=14, fault="error-queued", when="handshake", error=None),
+    Row(number=14, fault="error-queued", told=f"refused by the device: -310 System error; {_OFF}"),
+    Row(number=14, fault="error-after-set", told=f"refused by the device: -310 .*; {_OFF}"),
+    Row(number=15, fault="endless-errors", when="handshake", told="error queue does not end: -310"),
+    Row(number=15, fault="endless-errors", told=f"error queue does not end: -310 .*; {_OFF}"),
+    Row(number=16, fault="over-temperature", told=f"tripped: over-temperature; {_OFF}"),
+    Row(number=16, fault="over-temperature", when="handshake", told="refused .* -240 .*too hot"),
+    Row(number=17, fault="monitor-wrong", told=f"the monitor must show .* V, got .* V; {_OFF}"),
+    Row(number=18, fault="watchdog-trip", told=f"its watchdog tripped: .*; {_OFF}"),
+    Row(number=20, fault="opc-silent", error=LinkTimeout, told=rf"'\*OPC\?' in time; {_OFF}"),
+    Row(number=21, fault="wrong-idn", when="handshake", error=ForeignDevice,
+        told=r"expected a board \(TOUCHBEAM,BOARD,…\), got 'ACME,Toaster 3000,0,1.0'"),
+    Row(number=23, fault="deaf", error=OutputUnknown, told=_CUT),
+    Row(number=24, fault="limits-lost", when="between", told="set to 120 .* as 200"),
+    Row(number=25, fault="panel-changed", when="between", told="set to 120 .* as 200"),
+    Row(number=27, fault="silent", error=OutputUnknown, told=_CUT),
+    Row(number=28, fault="off-ignored", when="off", error=OutputUnknown, told=_CUT, still_on=True),
+    Row(number=29, fault="vanish", when="between", error=OutputUnknown, told=_CUT),
+    Row(number=31, fault="peak-to-peak", told=f"the monitor must show .* V, got .* V; {_OFF}"),
+    Row(number=32, fault="panel-on", when="between", told=f"nobody here switched it on; {_OFF}"),
+)  # fmt: skip
+
+
+def _generator(
+    number: int, fault: str, when: Moment, told: str, error: type[Exception] | None = DeviceError
+) -> Row:
+    return Row(number=number, fault=fault, when=when, told=told, error=error, dialect="keysight")
+
+
+GENERATOR = (
+    _generator(4, "late-reply", "driving", _CUT, OutputUnknown),
+    _generator(4, "late-reply-once", "driving", f"in time; {_OFF}", LinkTimeout),
+    _generator(10, "line-end-crlf", "driving", "", None),
+    _generator(12, "brown-out", "driving", f"(nobody here switched it|reads back as .*); {_OFF}"),
+    _generator(13, "read-back-differs", "between", "reads back as"),
+    _generator(14, "error-after-set", "driving", f"refused by the device: -310 .*; {_OFF}"),
+    _generator(21, "wrong-idn", "handshake", "expected a generator .*, got 'ACME", ForeignDevice),
+    _generator(24, "limits-lost", "driving", f"limits must be on .*; {_OFF}"),
+    _generator(24, "limits-lost", "between", "limits must be on"),
+    _generator(25, "panel-changed", "driving", f"(load must be INF|reads back as).*; {_OFF}"),
+    _generator(25, "panel-changed", "handshake", "", None),
+    _generator(32, "panel-on", "between", f"output is on, and nobody .*; {_OFF}"),
+)
+LEFT_ON = Row(
+    number=1,
+    fault="vanish",
+    dialect="keysight",
+    error=OutputUnknown,
+    told=_CUT,
+    still_on=True,
+)
+"""A generator has no watchdog: when its cable is pulled, only the amplifier's switch helps."""
+
+FAULTS = (*BOARD, *GENERATOR, LEFT_ON)

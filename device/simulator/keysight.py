@@ -18,6 +18,7 @@ from device.simulator.values import (
     ScpiError,
     boolean,
     choice,
+    given,
     quantity,
 )
 
@@ -222,6 +223,8 @@ def _done(_: Call) -> None:
 
 
 def _value(kept: Kept, argument: str) -> float | str:
+    if kept.text:
+        return given(argument)
     if kept.words:
         return choice(argument, kept.words)
     if kept.is_switch:

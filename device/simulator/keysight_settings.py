@@ -10,7 +10,7 @@ Unit = str
 
 @dataclass(frozen=True, kw_only=True)
 class Kept:
-    """A number with unit and range, or, with `words`, one of them, or, with neither, a switch."""
+    """A number with unit and range, one of `words`, free text, or, with none of these, a switch."""
 
     header: str
     default: float | str = 0.0
@@ -18,12 +18,13 @@ class Kept:
     highest: float = 0.0
     unit: Unit = ""
     words: tuple[str, ...] = ()
+    text: bool = False
     per_channel: bool = True
 
     @property
     def is_switch(self) -> bool:
         """Whether this is on or off."""
-        return not self.words and self.highest == self.lowest
+        return not (self.words or self.text) and self.highest == self.lowest
 
 
 SETTINGS = (
@@ -44,6 +45,8 @@ SETTINGS = (
         unit="S",
     ),
     Kept(header="FUNCtion:NOISe:BANDwidth", default=1e5, lowest=1e-3, highest=3e7, unit="HZ"),
+    Kept(header="FUNCtion:ARBitrary", default="EXP_RISE", text=True),
+    Kept(header="FUNCtion:USER", default="EXP_RISE", text=True),
     Kept(header="FUNCtion:ARBitrary:SRATe", default=4e4, lowest=1e-6, highest=250e6),
     Kept(header="FUNCtion:ARBitrary:ADVance", default="SRAT", words=("SRATe", "TRIGger")),
     Kept(header="FUNCtion:ARBitrary:FILTer", default="NORM", words=("NORMal", "STEP", "OFF")),

@@ -25,7 +25,7 @@ class Rehearsed:
     def answers(self) -> dict[int, str | None]:
         """What was answered, by the trial's index."""
         answered = [event.payload for event in self.events if event.tag == "answered"]
-        return {payload["index"]: payload.get("answer") for payload in answered}
+        return {payload["index"]: payload["change"] for payload in answered}
 
     @property
     def largest_voltage_v(self) -> float:

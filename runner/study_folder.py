@@ -11,7 +11,7 @@ from protocol.errors import BadInput
 from protocol.study import Study
 from protocol.study_file import parsed_study
 
-_PSEUDONYM = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
+_PSEUDONYM = re.compile(r"(?=.*[0-9])[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,7 +102,7 @@ def _made(path: Path) -> Path:
     """Make `path` and what is missing above it; return the topmost folder made."""
     missing = [path, *(parent for parent in path.parents if not parent.exists())]
     try:
-        path.mkdir(parents=True)
+        path.mkdir(mode=0o700, parents=True)
     except FileExistsError:
         raise BadInput(f"{path}: is there already; name a folder that is not") from None
     except OSError as error:
@@ -127,7 +127,7 @@ def pseudonym(text: str) -> str:
     """
     if not _PSEUDONYM.fullmatch(text):
         raise BadInput(
-            "a participant must be a pseudonym of letters, digits, - and _ (such as P01), "
-            f"got {text!r}"
+            "a participant must be a pseudonym of letters, digits, - and _ with a digit in it, "
+            f"such as P01; names are not kept, got {text!r}"
         )
     return text

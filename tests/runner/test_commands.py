@@ -187,6 +187,7 @@ def recorded() -> list[str]:
         ((*RUN, "virtual", "--device", "/dev/ttyNOPE"), 2, "feels the simulated device only"),
         ((*RUN, "console", "--pace", "stepped"), 2, "--pace stepped needs"),
         (("run", "study", "--participant", "../P01", "--ratings", "virtual"), 2, "got '../P01'"),
+        (("run", "study", "--participant", "Anna", "--ratings", "virtual"), 2, "got 'Anna'"),
         (("run", "study", "--ratings", "virtual"), 2, "Missing option '--participant'"),
         (("import", "elevens.csv", "new"), 2, "elevens.csv, line 2, column a: .* got 11"),
         (("import", "words.csv", "new"), 2, "words.csv, line 2, column a: .* got 'x'"),

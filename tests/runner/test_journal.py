@@ -72,7 +72,9 @@ def test_a_gap_is_refused(tmp_path: Path) -> None:
 
 def test_it_is_readable_by_its_owner_alone(tmp_path: Path) -> None:
     with filled(tmp_path / "study.db"):
-        assert (tmp_path / "study.db").stat().st_mode & 0o077 == 0
+        files = list(tmp_path.glob("study.db*"))
+        assert len(files) == 3, "the journal, its log and its index"
+        assert all(file.stat().st_mode & 0o077 == 0 for file in files)
 
 
 def test_a_file_that_is_no_journal_is_left_alone(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from protocol.study_file import template
 from runner.journal import Journal, open_journal
 from runner.loop import run
 from runner.orders import Note, Order, StoppedByOperator
-from runner.screens import AskScore, Instruction, Pacing
+from runner.screens import AskScore, Instruction, Pacing, Response
 from runner.session_log import SessionLog
 from tests.runner.people import FakeDevice, FakeOperator, FakeParticipant, room
 
@@ -191,3 +191,22 @@ def test_practice_is_renewed_on_resuming_if_the_study_says_so(tmp_path: Path) ->
         assert "rig-described" in tags(journal)
         assert log.state.name == "completed"
         assert not log.state.answered_twice
+
+
+class Crashing(FakeParticipant):
+    """A participant whose window breaks down while the finger is on the beam."""
+
+    def poll(self) -> Response | None:
+        if isinstance(self.shown[-1], Pacing):
+            raise RuntimeError("the window is gone")  # noqa: TRY004 - what a window may raise
+        return super().poll()
+
+
+def test_an_exception_in_the_participants_window_leaves_the_device_off(tmp_path: Path) -> None:
+    device = FakeDevice()
+    with open_journal(tmp_path / "study.db") as journal:
+        with pytest.raises(RuntimeError, match="the window is gone"):
+            carried_out(journal, device, Crashing())
+        assert not device.on
+        assert tags(journal)[-2:] == ["trial-aborted", "device-off"]
+        assert carried_out(journal, device, FakeParticipant()).state.name == "completed"

@@ -45,8 +45,8 @@ class _Felt:
 class VirtualParticipant:
     """Answers at once.
 
-    It compares a trial's last touch with its first one, or, where there is only one, with the
-    resting beam that it was asked to remember.
+    It compares a trial's last touch with its first one. Where there is only one it compares its end
+    with its beginning, or, if nothing changed meanwhile, with the resting beam it remembers.
     """
 
     hand: Hand
@@ -120,8 +120,15 @@ class VirtualParticipant:
         resting = self._resting or first[0].friction
         if question == "strength":
             return _depth(last, resting) - _depth(first, resting)
-        before = first[-1].friction if len(self._touches) > 1 else resting
-        return math.log(before / last[-1].friction)
+        return math.log(self._before(resting) / last[-1].friction)
+
+    def _before(self, resting: float) -> float:
+        """What the last feeling is compared with: the touch before, or how this one began."""
+        first = self._touches[0]
+        if len(self._touches) > 1:
+            return first[-1].friction
+        changed = abs(math.log(first[0].friction / first[-1].friction)) > JUST_NOTICEABLE
+        return first[0].friction if changed else resting
 
     def _rated(self) -> int:
         character = self.character

@@ -8,7 +8,7 @@ import math
 import re
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import ClassVar
 
 from device.errors import DeviceError, ForeignDevice, OutputUnknown
@@ -30,6 +30,8 @@ class Driver(ABC):
     """The same for a person."""
     has_watchdog: ClassVar[bool] = False
     measures_vibration: ClassVar[bool] = False
+    health: ClassVar[Mapping[str, str]]
+    """What to ask somebody who wants to know how the device is: name → query."""
     off_command: ClassVar[str] = "OUTP OFF"
     output_query: ClassVar[str] = "OUTP?"
 

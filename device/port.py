@@ -5,6 +5,7 @@ The one module of the project that imports pySerial on our side of the wire.
 
 import errno
 import select
+import socket
 from pathlib import Path
 from typing import Protocol
 
@@ -60,6 +61,9 @@ class SerialPort:
     def __init__(self, port: serial.SerialBase) -> None:
         self._port = port
         self._descriptor = _descriptor(port)
+        self._socket: socket.socket | None = getattr(port, "_socket", None)
+        if self._socket is not None:  # else a command waits 40 ms for the one before it (Nagle)
+            self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def receive(self, timeout_s: float) -> bytes:
         """Return what has come, waiting for it `timeout_s` at most; nothing if nothing did."""
@@ -76,10 +80,9 @@ class SerialPort:
 
     def close(self) -> None:
         """Give the port back. pySerial forgets to close a socket whose peer has gone first."""
-        inner = getattr(self._port, "_socket", None)
         self._port.close()
-        if inner is not None:
-            inner.close()
+        if self._socket is not None:
+            self._socket.close()
 
 
 def _descriptor(port: serial.SerialBase) -> int | None:
@@ -118,7 +121,8 @@ def _numbers(error: BaseException | None) -> list[int]:
     """The numbers of an error and of those that led to it: pySerial hides them."""
     found = []
     while error is not None:
-        number = getattr(error, "errno", None)
+        first = error.args[0] if error.args else None  # termios.error has no errno
+        number = getattr(error, "errno", None) or first
         found.append(number if isinstance(number, int) else 0)
         error = error.__cause__ or error.__context__
     return found

@@ -64,7 +64,13 @@ class Dialect(StrEnum):
     keysight_33220a = "keysight-33220A"
 
 
+device_commands = typer.Typer(help="The device: ports, identity and health, resonance.")
+app.add_typer(device_commands, name="device")
+
 StudyArgument = Annotated[Path, typer.Argument(metavar="STUDY", help="The study's folder.")]
+UrlArgument = Annotated[
+    str, typer.Argument(metavar="URL", help="A serial port, socket://HOST:PORT, or sim.")
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON document instead.")]
 
 
@@ -328,6 +334,71 @@ def withdraw(study: StudyArgument, participant: ParticipantOption) -> None:
         sessions = erase(journal, WallClock(), participant)
     typer.echo(
         f"Erased: {', '.join(sessions)}. Make reports and exports again: old ones still hold it."
+    )
+
+
+@device_commands.command("list")
+def device_list(as_json: JsonOption = False) -> None:
+    """List the serial ports, without opening any."""
+    from runner.device_commands import ports
+
+    found = ports()
+    if as_json:
+        _print_json(found)
+        return
+    for port in found:
+        typer.echo("  ".join(text for text in port.values() if text))
+    if not found:
+        typer.echo("no serial ports; a generator on the network is socket://ADDRESS:5025")
+
+
+@device_commands.command("probe")
+def device_probe(url: UrlArgument, as_json: JsonOption = False) -> None:
+    """Say who answers, and how it is.
+
+    Nothing is set; the device's output stays as it is.
+    """
+    from runner.device_commands import probed
+
+    said = probed(url, _touchbeam())
+    if as_json:
+        _print_json(said)
+        return
+    for name, value in said.items():
+        typer.echo(f"{name:15} {value}")
+
+
+@device_commands.command("sweep")
+def device_sweep(
+    url: UrlArgument,
+    near: Annotated[float, typer.Option(min=100, max=95_000, metavar="HZ")] = 24_221.0,
+    dialect: Annotated[Dialect, typer.Option(help="What it speaks.")] = Dialect.board,
+    keep: Annotated[
+        Path | None, typer.Option(metavar="STUDY", help="Keep it as this study's calibration.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Find the resonance, untouched, at 10 V.
+
+    Looks within 5 % of --near and turns the output off again.
+    """
+    from runner.device_commands import kept, swept
+
+    found, idn = swept(url, near, dialect.value, _touchbeam())
+    file = kept(keep, found, idn) if keep else None
+    if as_json:
+        _print_json(
+            {
+                "idn": idn,
+                "frequency_hz": found.frequency_hz,
+                "tip_m_per_v": found.tip_m_per_v,
+                "kept": str(file) if file else None,
+            }
+        )
+        return
+    typer.echo(
+        f"resonance {found.frequency_hz:.1f} Hz, {1e9 * found.tip_m_per_v:.1f} nm per volt at the "
+        f"tip; device off (read back){f'; kept in {file}' if file else ''}"
     )
 
 

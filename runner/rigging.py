@@ -9,6 +9,7 @@ from device.records import Limits
 from device.rig import Rig, open_rig
 from device.simulator.hand import Hand
 from device.simulator.process import simulator_process
+from device.sweep import Resonance
 from protocol.study import Rig as RigSettings
 
 SIMULATED = "sim"
@@ -24,7 +25,11 @@ class Rigged:
 
 @contextmanager
 def rigged(
-    url: str, settings: RigSettings, touchbeam: Sequence[str], seed: int
+    url: str,
+    settings: RigSettings,
+    touchbeam: Sequence[str],
+    seed: int,
+    calibration: Resonance | None = None,
 ) -> Iterator[Rigged]:
     """Open the device at `url`, or a simulated one for `sim`; close it on the way out.
 
@@ -33,6 +38,7 @@ def rigged(
         settings: the study's rig, whose limits the driver keeps.
         touchbeam: the command that starts touchbeam, for the simulated device.
         seed: what the simulated device's hidden properties follow from.
+        calibration: the rig's resonance, for a device that cannot measure it.
 
     Raises:
         AddressError: `url` is no address of a device.
@@ -46,7 +52,7 @@ def rigged(
             )
             hand = stack.enter_context(Hand(endpoints.control))
             url = endpoints.url
-        device = open_rig(url, limits(settings), settings.dialect)
+        device = open_rig(url, limits(settings), settings.dialect, calibration)
         stack.callback(device.close)
         yield Rigged(device=device, hand=hand)
 

@@ -11,6 +11,7 @@ from protocol.errors import BadInput
 from protocol.plan import plan
 from protocol.study import Language, Study
 from protocol.texts import study_texts
+from runner.calibration import kept_calibration
 from runner.clock import SteppedClock, WallClock
 from runner.cohort import slot_for, states
 from runner.console import ConsoleParticipant, TypedLines
@@ -71,7 +72,8 @@ def sit(sitting: Sitting, say: Say) -> SessionState:
         if url != SIMULATED:
             stack.enter_context(held(url, f"{name} of {place}"))
         seed = study.study.seed if sitting.seed is None else sitting.seed
-        rig = stack.enter_context(rigged(url, study.rig, sitting.touchbeam, seed))
+        calibration = kept_calibration(sitting.folder.path)
+        rig = stack.enter_context(rigged(url, study.rig, sitting.touchbeam, seed, calibration))
         clock = _clock(pace, rig)
         journal = stack.enter_context(open_journal(sitting.folder.journal))
         new = name not in journal.sessions()

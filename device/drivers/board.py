@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -43,6 +44,21 @@ class Board(Driver):
     expected: ClassVar[str] = "a board (TOUCHBEAM,BOARD,…)"
     has_watchdog: ClassVar[bool] = True
     measures_vibration: ClassVar[bool] = True
+    health: ClassVar[Mapping[str, str]] = {
+        "output": "OUTP?",
+        "amplitude_v": "VOLT?",
+        "frequency_hz": "FREQ?",
+        "monitor_v": "MEAS:VOLT?",
+        "force_n": "MEAS:FORC?",
+        "position_m": "MEAS:POS?",
+        "temperature_c": "MEAS:TEMP?",
+        "protection": "OUTP:PROT:CAUS?",
+        "limit_v": "VOLT:LIM?",
+        "watchdog_s": "SYST:WATC?",
+        "boot": "SYST:BOOT?",
+        "time_s": "SYST:TIME?",
+        "errors_queued": "SYST:ERR:COUN?",
+    }
     _boot = 0
 
     def _prepared(self, idn: str, errors: tuple[str, ...]) -> Identity:

@@ -6,6 +6,7 @@ are peak-to-peak, and right only if the generator knows that its load is open.
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -48,6 +49,16 @@ class Keysight(Driver):
         r"(Agilent|Keysight) Technologies,33(220A|[56]\d\d[AB]?)", re.IGNORECASE
     )
     expected: ClassVar[str] = "a generator (Agilent or Keysight 33220A, 33500 or 33600)"
+    health: ClassVar[Mapping[str, str]] = {
+        "output": "OUTP?",
+        "amplitude": "VOLT?",
+        "unit": "VOLT:UNIT?",
+        "offset_v": "VOLT:OFFS?",
+        "frequency_hz": "FREQ?",
+        "function": "FUNC?",
+        "load_ohm": "OUTP:LOAD?",
+        "events": "*ESR?",
+    }
     _source = ""
     _output = "OUTP"
     _has_limits = False

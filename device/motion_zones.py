@@ -11,7 +11,7 @@ from device.mode_shapes import FloatArray
 from device.motion import Motion, MotionState
 
 _SAMPLES_PER_RADIAN = 12
-_STEPS, _SETTLED = 60, 1e-15
+_STEPS, _SETTLED = 60, 1e-13
 _CLAMP = 1e-5  # part of the length next to the clamp where the motion is lost in rounding
 
 Curve = Callable[[MotionState], tuple[FloatArray, FloatArray]]

@@ -86,6 +86,13 @@ def _modes(count: int) -> FieldOf:
     return field_of
 
 
+def forget_set_ups() -> None:
+    """Drop every set-up that is kept for later scenes, so that its cost can be measured again."""
+    _summary.cache_clear()
+    _modal_summary.cache_clear()
+    segmented_natural_frequency_hz.cache_clear()
+
+
 TOP_RUNG = "timoshenko-patched"
 MODAL_RUNGS = ("eq15", "far-field", "mode")
 SEGMENTED_RUNGS: Mapping[str, FieldOf] = MappingProxyType(

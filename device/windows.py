@@ -135,5 +135,7 @@ def mode_window(order: int, length_m: float, end_m: FloatArray, width_m: FloatAr
     width = np.where(width_m > 0, width_m, 1.0)
     right /= width
     mean *= length_m / width
+    np.maximum(right, 0.0, out=right)
+    np.minimum(right, 1.0, out=right)
     _settle_narrow(sums.here, end_m, width_m, right, mean)
     return Window(right=right, left=1.0 - right, mean=mean)

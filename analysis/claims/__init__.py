@@ -1,0 +1,1 @@
+"""The paper's claims, each with a check that a machine makes under every friction law."""

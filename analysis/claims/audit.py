@@ -1,0 +1,43 @@
+"""The audit: every claim with its verdicts, as a table for a terminal and as JSON."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from analysis.claims import eq15_claims, equations, parameters, study
+from analysis.claims.claim import Audited, Claim, audited
+from device.laws import LAWS
+
+CLAIMS: tuple[Claim, ...] = (
+    *equations.CLAIMS,
+    *eq15_claims.CLAIMS,
+    *parameters.CLAIMS,
+    *study.CLAIMS,
+)
+
+
+def audit() -> tuple[Audited, ...]:
+    """Every claim of the paper, checked now under every law."""
+    return tuple(audited(claim) for claim in CLAIMS)
+
+
+def claims_json(results: tuple[Audited, ...]) -> list[dict[str, Any]]:
+    """The audit as records: id, place, claim, check, expected, laws, computed, remark."""
+    return [result.record() for result in results]
+
+
+def claims_lines(results: tuple[Audited, ...]) -> list[list[str]]:
+    """Header and a row per claim: id, place, a verdict per law; what is checked in words."""
+    header = ["id", "place", *LAWS, "check"]
+    return [header, *(_line(result) for result in results)]
+
+
+def _line(result: Audited) -> list[str]:
+    verdicts = [result.findings[law].verdict.value for law in LAWS]
+    return [result.claim.id, result.claim.place, *verdicts, result.claim.check]
+
+
+def verdict_counts(results: tuple[Audited, ...]) -> Iterator[tuple[str, dict[str, int]]]:
+    """How many claims got each verdict, law by law."""
+    for law in LAWS:
+        verdicts = [result.findings[law].verdict.value for result in results]
+        yield law, {verdict: verdicts.count(verdict) for verdict in sorted(set(verdicts))}

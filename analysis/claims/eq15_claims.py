@@ -1,0 +1,434 @@
+"""Claims about Eqs 13 to 15 and what is drawn from them: Figs 11 and 12."""
+
+import math
+
+import numpy as np
+
+from analysis.claims.claim import Claim, Finding, without_law
+from analysis.claims.curves import (
+    MU,
+    PATCH_START_M,
+    PLACES_M,
+    centre,
+    operating,
+    trough_places_m,
+)
+from device.beam import Beam
+from device.eq15 import WAVELENGTH_M, same_direction_ratio
+from device.friction import friction_coefficient
+from device.mode_shapes import FloatArray, mode_constants
+from device.prediction import LawChoice
+from device.response import natural_frequency_hz
+from device.scenes import Scene
+from device.segmented_beam import sections, waves
+from device.windows import mode_window
+from device.zones import zones
+
+_CONTACT_M = 0.01
+_LENGTH_M = Beam().length_m
+_FINE_M = np.linspace(0.0, 0.1, 100_001)
+_TROUGHS_M = np.array([0.0137, 0.0275, 0.0422])
+
+
+def _mode_wavelength_m(mode: int = 6) -> float:
+    return 2 * math.pi * _LENGTH_M / mode_constants(mode).root
+
+
+def _mode_ratio(places_m: FloatArray) -> FloatArray:
+    return mode_window(6, _LENGTH_M, places_m, np.minimum(places_m, _CONTACT_M)).right
+
+
+def _wavelength_at(frequency_hz: float, *, shear: bool) -> float:
+    """The travelling wave's length at a frequency in the bare beam."""
+    part = sections(Beam(), patched=False, shear=shear)[0]
+    wave = waves(part, np.array([2 * math.pi * frequency_hz]), 0.0)
+    return float(2 * math.pi / abs(wave.exponent[0, 0].imag))
+
+
+def _lambda() -> Finding:
+    found = {
+        "mode_6_m": _mode_wavelength_m(),
+        "euler_at_24221_hz_m": _wavelength_at(24221.0, shear=False),
+        "timoshenko_at_24221_hz_m": _wavelength_at(24221.0, shear=True),
+        "timoshenko_at_24105_hz_m": _wavelength_at(natural_frequency_hz(Beam(), 6), shear=True),
+    }
+    close = tuple(abs(value / WAVELENGTH_M - 1) < 0.005 for value in found.values())
+    return Finding(parts=close, computed={"printed_m": WAVELENGTH_M, **found})
+
+
+def _first_rise() -> Finding:
+    exact = float(zones(6, _LENGTH_M).antinodes_m[0])
+    derived = 3 * WAVELENGTH_M / 8
+    return Finding(
+        parts=(abs(derived - 0.0131) < 1e-4, abs(exact - 0.0131) < 1e-4),
+        computed={"three_eighths_lambda_m": derived, "first_antinode_of_mode_6_m": exact},
+    )
+
+
+def _largest_ratio() -> Finding:
+    ratio = _mode_ratio(operating_places())
+    printed = WAVELENGTH_M / (4 * _CONTACT_M)
+    repaired = _mode_wavelength_m() / (4 * _CONTACT_M)
+    exact = float(ratio.max())
+    return Finding(
+        parts=(abs(printed / exact - 1) < 0.01, abs(repaired / exact - 1) < 0.01),
+        computed={
+            "printed_lambda": printed,
+            "mode_6_lambda": repaired,
+            "exact_for_mode_6": exact,
+        },
+    )
+
+
+def _smallest_ratio() -> Finding:
+    inner = (operating_places() > 0.03) & (operating_places() < PATCH_START_M)
+    exact = float(_mode_ratio(operating_places())[inner].min())
+    printed = 1 - WAVELENGTH_M / (4 * _CONTACT_M)
+    repaired = 1 - _mode_wavelength_m() / (4 * _CONTACT_M)
+    return Finding(
+        parts=(abs(printed - exact) < 0.01, abs(repaired - exact) < 0.01),
+        computed={
+            "printed_lambda": printed,
+            "mode_6_lambda": repaired,
+            "exact_for_mode_6": exact,
+        },
+    )
+
+
+def operating_places() -> FloatArray:
+    """Fine places from where Eq 15 becomes periodic."""
+    return _FINE_M[_FINE_M >= 0.0231]
+
+
+def _continuous() -> Finding:
+    step = 1e-9
+    breaks = np.array([0.0131, 0.0218, 0.0231, 0.0318, 0.0331, 0.0418])
+    ends = same_direction_ratio(np.array([*(breaks - step), *(breaks + step)]), _CONTACT_M)
+    jumps = np.abs(ends[6:] - ends[:6])
+    return Finding(
+        parts=tuple((jumps < 1e-3).tolist()),
+        computed={"breakpoints_m": breaks.tolist(), "jumps": jumps.tolist()},
+    )
+
+
+def _period() -> Finding:
+    span = 0.0418 - 0.0218
+    half_wave = WAVELENGTH_M / 2
+    return Finding(
+        parts=(abs(span - half_wave) < 1e-4,),
+        computed={"span_of_pieces_m": span, "half_wavelength_m": half_wave},
+    )
+
+
+def _breakpoints() -> Finding:
+    """Where the pieces should end: ramps of λ/4, plateaus of l_s - λ/4."""
+    quarter, plateau = WAVELENGTH_M / 4, _CONTACT_M - WAVELENGTH_M / 4
+    start = 0.0218
+    right = {
+        "end_of_maximum_m": start + plateau,
+        "end_of_fall_m": start + plateau + quarter - plateau,
+        "end_of_minimum_m": start + 2 * plateau + quarter - plateau,
+        "end_of_rise_m": start + WAVELENGTH_M / 2,
+    }
+    printed = (0.0231, 0.0318, 0.0331, 0.0418)
+    return Finding(
+        parts=tuple(
+            abs(value - there) < 1.5e-4
+            for value, there in zip(right.values(), printed, strict=True)
+        ),
+        computed={**right, "printed_m": list(printed)},
+    )
+
+
+def _stage_text() -> Finding:
+    fall, rise = 0.0131 + WAVELENGTH_M / 2, 0.0331 + WAVELENGTH_M / 2
+    return Finding(
+        parts=(abs(fall - 0.0231) < 1e-4, abs(rise - 0.0331) < 1e-4),
+        computed={
+            "fall_begins_by_text_m": fall,
+            "fall_begins_by_eq15_m": 0.0231,
+            "rise_begins_by_text_m": rise,
+            "rise_begins_by_eq15_m": 0.0331,
+        },
+    )
+
+
+def _gammas() -> Finding:
+    last_start = 0.0218 + WAVELENGTH_M / 2 * np.arange(6)
+    used = int((last_start <= 0.1).sum())
+    ratio = same_direction_ratio(_FINE_M, _CONTACT_M)
+    return Finding(
+        parts=(bool(np.isfinite(ratio).all()), used == 6),
+        computed={"gamma_that_begin_within_0.1_m": used, "gamma_named": 6},
+    )
+
+
+def _fig11_range() -> Finding:
+    ranges = {
+        overlap: (float(ratio.min()), float(ratio.max()))
+        for overlap in ("first", "last")
+        for ratio in [same_direction_ratio(_FINE_M, _CONTACT_M, overlap)]
+    }
+    return Finding(
+        parts=tuple(abs(low) < 0.01 and abs(high - 0.87) < 0.01 for low, high in ranges.values()),
+        computed={f"range_{overlap}": list(pair) for overlap, pair in ranges.items()},
+    )
+
+
+def _fig11_plateaus() -> Finding:
+    plateau, ramp = 0.0231 - 0.0218, 0.0318 - 0.0231
+    ratio = _mode_ratio(_FINE_M)
+    level = float(np.mean(np.abs(np.diff(ratio)) < 1e-9))
+    return Finding(
+        parts=(plateau < ramp, level < 0.5),
+        computed={"plateau_m": plateau, "ramp_m": ramp, "level_part_for_mode_6": level},
+    )
+
+
+def _curve(law: str, overlap: str = "first") -> FloatArray:
+    choice = LawChoice(name=law, overlap="last" if overlap == "last" else "first")
+    return friction_coefficient(Scene(), law=choice, x_m=PLACES_M)
+
+
+def _fig12_range(law: str) -> Finding:
+    curve = operating(_curve(law))
+    low, high = float(curve.min()), float(curve.max())
+    return Finding(
+        parts=(abs(low - 0.2) < 0.02, abs(high - 0.6) < 0.02),
+        computed={"lowest": low, "highest": high},
+    )
+
+
+def _fig12_range_continuous(law: str) -> Finding:
+    """The range if Eq 15's breakpoints are repaired, its λ kept."""
+    ratios = np.array([WAVELENGTH_M / (4 * _CONTACT_M), 1 - WAVELENGTH_M / (4 * _CONTACT_M)])
+    curve = [
+        float(
+            friction_coefficient(
+                Scene(coverage="full", same_direction_fraction=float(ratio)), law=law
+            )[0]
+        )
+        for ratio in ratios
+    ]
+    return Finding(
+        parts=(abs(curve[0] - 0.2) < 0.02, abs(curve[1] - 0.6) < 0.02),
+        computed={"lowest": curve[0], "highest": curve[1]},
+    )
+
+
+def _fig12_centre(law: str) -> Finding:
+    middle = centre(operating(_curve(law)))
+    return Finding(parts=(abs(middle - MU) < 0.02,), computed={"centre": middle})
+
+
+def _left_troughs(law: str) -> FloatArray:
+    found = trough_places_m(_curve(law))
+    return found[found < PATCH_START_M]
+
+
+def _four_troughs(law: str) -> Finding:
+    found = _left_troughs(law)
+    return Finding(parts=(found.size == 4,), computed={"troughs_m": found.tolist()})
+
+
+def _trough_places(law: str) -> Finding:
+    found = _left_troughs(law)[:3]
+    off = np.abs(found - _TROUGHS_M[: found.size])
+    return Finding(
+        parts=tuple((off < 1e-3).tolist()) or (False,),
+        computed={"troughs_m": found.tolist(), "paper_m": _TROUGHS_M.tolist()},
+    )
+
+
+def _trough_gaps() -> Finding:
+    gaps = np.diff(_TROUGHS_M)
+    return Finding(
+        parts=tuple((np.abs(gaps - WAVELENGTH_M / 2) < 1e-3).tolist()),
+        computed={"gaps_m": gaps.tolist(), "half_wavelength_m": WAVELENGTH_M / 2},
+    )
+
+
+def _fourth_trough_near_patch(law: str) -> Finding:
+    found = _left_troughs(law)
+    gap = float(PATCH_START_M - found[-1]) if found.size else math.nan
+    return Finding(parts=(gap < _CONTACT_M,), computed={"last_trough_to_patch_m": gap})
+
+
+def _local_periodic_at_zero() -> Finding:
+    start = same_direction_ratio(np.linspace(0, 0.0130, 50), _CONTACT_M)
+    exact = _mode_ratio(np.linspace(0, 0.0130, 50))
+    return Finding(
+        parts=(float(start.max()) == 0.0, float(exact.max()) == 0.0),
+        computed={"eq15_most": float(start.max()), "mode_6_most": float(exact.max())},
+    )
+
+
+CLAIMS = (
+    Claim(
+        id="lambda",
+        place="Eq 15, Fig 10",
+        claim="the wavelength at the operating mode is 0.0348 m",
+        check="the wavelength of mode 6 and of travelling waves near 24.2 kHz, each within 0.5 %",
+        expected="0.0348 m",
+        find=without_law(_lambda),
+        remark="the printed λ enters Eq 15 only through 0.87 and 0.0174",
+        lawless=True,
+    ),
+    Claim(
+        id="first-rise",
+        place="Section 3.2, positions I and II",
+        claim="up to x = 0.0131 m all bodies under the finger move left",
+        check="3λ/8 of the printed λ, and mode 6's first antinode, each within 0.1 mm",
+        expected="0.0131 m",
+        find=without_law(_first_rise),
+        lawless=True,
+    ),
+    Claim(
+        id="zero-before-first-rise",
+        place="Eq 15, first piece",
+        claim="a/u is 0 on [0, 0.0131)",
+        check="largest a/u there by Eq 15 and for mode 6",
+        expected="0",
+        find=without_law(_local_periodic_at_zero),
+        lawless=True,
+    ),
+    Claim(
+        id="eq13-maximum",
+        place="Eq 13",
+        claim="the largest part moving with the finger is λ/(4 l_s)",
+        check="against the exact part for mode 6, with the printed λ and mode 6's, within 1 %",
+        expected="0.87",
+        find=without_law(_largest_ratio),
+        lawless=True,
+    ),
+    Claim(
+        id="eq14-minimum",
+        place="Eq 14",
+        claim="the smallest part in periodic motion is 1 - λ/(4 l_s)",
+        check="against the exact part for mode 6 between 30 and 81 mm, within 0.01",
+        expected="0.13",
+        find=without_law(_smallest_ratio),
+        lawless=True,
+    ),
+    Claim(
+        id="eq15-continuous",
+        place="Eq 15",
+        claim="a/u rises and falls steadily as the finger moves",
+        check="jumps of Eq 15 at its six breakpoints for γ = 0, each below 0.001",
+        expected="no jump",
+        find=without_law(_continuous),
+        lawless=True,
+    ),
+    Claim(
+        id="eq15-period",
+        place="Eq 15",
+        claim="the pieces repeat with λ/2",
+        check="the span of one γ's pieces against λ/2, within 0.1 mm",
+        expected="0.0174 m",
+        find=without_law(_period),
+        remark="pieces that span more than the period overlap",
+        lawless=True,
+    ),
+    Claim(
+        id="eq15-breakpoints",
+        place="Eq 15",
+        claim="the stages end at 0.0231, 0.0318, 0.0331 and 0.0418 m",
+        check="ramps and plateaus of a 10 mm window over zones of λ/4, each end within 0.15 mm",
+        expected="the four printed places",
+        find=without_law(_breakpoints),
+        lawless=True,
+    ),
+    Claim(
+        id="eq15-stages-in-words",
+        place="Section 3.2, stages 4 and 6",
+        claim="the fall begins at 0.0131 + λ/2, the rise at 0.0331 + λ/2",
+        check="the words against Eq 15's pieces for γ = 0, within 0.1 mm",
+        expected="the same places",
+        find=without_law(_stage_text),
+        lawless=True,
+    ),
+    Claim(
+        id="eq15-gamma",
+        place="Eq 15",
+        claim="γ = 0 to 5 covers x up to 0.1 m",
+        check="Eq 15 gives a value everywhere up to 0.1 m; every γ begins before 0.1 m",
+        expected="all covered, all used",
+        find=without_law(_gammas),
+        lawless=True,
+    ),
+    Claim(
+        id="fig11-range",
+        place="Fig 11",
+        claim="a/u alternates in [0, 0.87]",
+        check="lowest and highest a/u with the lower and with the higher γ where pieces overlap",
+        expected="0 and 0.87",
+        find=without_law(_fig11_range),
+        lawless=True,
+    ),
+    Claim(
+        id="fig11-plateaus",
+        place="Fig 11",
+        claim="a/u keeps its highest or lowest value for a short distance only",
+        check="Eq 15's plateau is shorter than its ramp; for mode 6 a/u is level on less than half",
+        expected="1.3 mm against 8.7 mm",
+        find=without_law(_fig11_plateaus),
+        lawless=True,
+    ),
+    Claim(
+        id="fig12-range",
+        place="Fig 12",
+        claim="μ' fluctuates from about 0.2 to 0.6 along the beam",
+        check="lowest and highest μ' beyond 23.1 mm, each within 0.02",
+        expected="0.2 and 0.6",
+        find=_fig12_range,
+    ),
+    Claim(
+        id="fig12-range-repaired",
+        place="Fig 12",
+        claim="the range 0.2 to 0.6 follows from Eqs 12 to 14",
+        check="μ' at the a/u of Eqs 13 and 14, each within 0.02",
+        expected="0.2 and 0.6",
+        find=_fig12_range_continuous,
+    ),
+    Claim(
+        id="fig12-centre",
+        place="Fig 12",
+        claim="μ' is centred at 0.4",
+        check="middle between lowest and highest μ' beyond 23.1 mm, within 0.02",
+        expected="0.4",
+        find=_fig12_centre,
+    ),
+    Claim(
+        id="fig12-four-troughs",
+        place="Fig 12",
+        claim="there are four troughs left of the piezoelectric sheet",
+        check="minima of μ' at x below 81 mm",
+        expected="4",
+        find=_four_troughs,
+    ),
+    Claim(
+        id="fig12-troughs",
+        place="Fig 12, Section 6",
+        claim="the first three troughs lie at 13.7, 27.5 and 42.2 mm",
+        check="the first three minima of μ', each within 1 mm",
+        expected="0.0137, 0.0275, 0.0422 m",
+        find=_trough_places,
+    ),
+    Claim(
+        id="fig12-trough-gaps",
+        place="Fig 12",
+        claim="troughs repeat with the period of Eq 15",
+        check="gaps between the printed troughs against λ/2, within 1 mm",
+        expected="0.0174 m",
+        find=without_law(_trough_gaps),
+        lawless=True,
+    ),
+    Claim(
+        id="fig12-fourth-trough",
+        place="Fig 12",
+        claim="the fourth trough is so near the sheet that a finger can hardly move there",
+        check="the last trough left of the sheet is less than a contact length from it",
+        expected="below 10 mm",
+        find=_fourth_trough_near_patch,
+    ),
+)

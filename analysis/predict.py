@@ -17,6 +17,7 @@ from device.prediction import Batch, LawChoice, Ratio, rung_prediction
 from device.ranges import OutOfRangeError, positive
 from device.rungs import check_rung
 from device.scenes import Coverage, Direction
+from protocol.study import Study
 
 OUTPUTS = (
     "mu_effective",
@@ -42,6 +43,17 @@ class PredictOptions:
         positive("tolerance", self.tolerance)
         if self.rung != "auto":
             check_rung(self.rung)
+
+
+def study_defaults(study: Study) -> dict[str, float]:
+    """A study's touch as defaults for blank cells."""
+    touch = study.touch
+    return {
+        "x_m": touch.smooth_place_m,
+        "contact_m": touch.contact_m,
+        "finger_load_n": touch.force_n,
+        "sliding_speed_m_s": touch.sliding_speed_m_s,
+    }
 
 
 def _optional(values: FloatArray) -> FloatArray | None:

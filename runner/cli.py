@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from protocol.errors import BadInput
 from runner.complaint import complaint
 from runner.stopping import stops_raise
 
@@ -67,6 +68,22 @@ class Dialect(StrEnum):
 device_commands = typer.Typer(help="The device: ports, identity and health, resonance.")
 app.add_typer(device_commands, name="device")
 
+
+class Law(StrEnum):
+    """A friction law."""
+
+    printed = "printed"
+    consistent = "consistent"
+    coulomb = "coulomb"
+
+
+class Overlap(StrEnum):
+    """Which pieces of Eq 15 hold where two overlap."""
+
+    first = "first"
+    last = "last"
+
+
 StudyArgument = Annotated[Path, typer.Argument(metavar="STUDY", help="The study's folder.")]
 UrlArgument = Annotated[
     str, typer.Argument(metavar="URL", help="A serial port, socket://HOST:PORT, or sim.")
@@ -104,7 +121,6 @@ def new(
     template: Annotated[str, typer.Option(help="The built-in study to start from.")] = "paper",
 ) -> None:
     """Make a study to edit."""
-    from protocol.errors import BadInput
     from protocol.study_file import TEMPLATES, template_tests
     from protocol.study_file import template as template_text
     from runner.study_folder import StudyFolder, new_study
@@ -402,6 +418,81 @@ def device_sweep(
     )
 
 
+@app.command()
+def predict(
+    scenes: Annotated[Path, typer.Argument(metavar="SCENES.csv", help="A row per scene.")],
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="OUT.csv")],
+    law: Annotated[Law, typer.Option()] = Law.consistent,
+    rung: Annotated[str, typer.Option(help="auto, or a rung of `touchbeam ladder`.")] = "auto",
+    tolerance: Annotated[float, typer.Option(help="Largest error in μ' that auto makes.")] = 0.01,
+    eq15_overlap: Annotated[Overlap, typer.Option(help="For the printed law.")] = Overlap.first,
+    study: Annotated[Path | None, typer.Option(help="Whose values stand for blank cells.")] = None,
+) -> None:
+    """Predict the friction of many scenes.
+
+    Every column is optional; docs/model.md lists them. A bad cell stops the run, and nothing is
+    written.
+    """
+    from analysis.predict import PredictOptions, study_defaults
+    from analysis.predict import predict as predicted
+    from runner.importing import text_of
+    from runner.study_folder import StudyFolder
+
+    options = PredictOptions(
+        law=law.value, rung=rung, tolerance=tolerance, eq15_overlap=eq15_overlap.value
+    )
+    defaults = study_defaults(StudyFolder(path=study).study()) if study else None
+    text = predicted(str(scenes), text_of(scenes), options, defaults)
+    _write(out, text.encode())
+    typer.echo(f"{text.count(chr(10)) - 1} scenes predicted: {out}")
+
+
+@app.command()
+def ladder(
+    as_json: JsonOption = False,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw error against time: svg, png, pdf.")
+    ] = None,
+) -> None:
+    """Measure speed against accuracy.
+
+    Every rung of the friction model in the paper's scene, on this machine, now.
+    """
+    from analysis.ladder_report import ladder_json, ladder_lines, ladder_panel, measured_ladder
+
+    kind = plot.suffix.removeprefix(".").lower() if plot else "svg"
+    if kind not in ("svg", "png", "pdf"):
+        raise BadInput(f"--plot must end in .svg, .png or .pdf, got {plot}")
+    rows = measured_ladder()
+    if plot:
+        from analysis.figures import panels_figure
+
+        _write(plot, panels_figure([ladder_panel(rows)], kind))
+    if as_json:
+        _print_json(ladder_json(rows))
+        return
+    from runner.terminal_table import print_table
+
+    print_table("The ladder", ladder_lines(rows))
+
+
+@app.command()
+def claims(as_json: JsonOption = False) -> None:
+    """Check the paper's claims.
+
+    Each claim is computed anew under every friction law.
+    """
+    from analysis.audit import audit, claims_json, claims_lines
+
+    results = audit()
+    if as_json:
+        _print_json(claims_json(results))
+        return
+    from runner.terminal_table import print_table
+
+    print_table("Claims", claims_lines(results))
+
+
 @app.command("simulate-device")
 def simulate_device(
     wire: Annotated[Wire, typer.Argument(help="pty or tcp")],
@@ -444,6 +535,16 @@ def _journal(folder: "StudyFolder") -> "Journal":
     from runner.journal import open_journal
 
     return open_journal(folder.existing_journal())
+
+
+def _write(path: Path, data: bytes) -> None:
+    """Write a whole file or none."""
+    part = path.with_name(path.name + ".part")
+    try:
+        part.write_bytes(data)
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
 
 
 def _print_json(document: object) -> None:

@@ -1,5 +1,6 @@
 """A claim of the paper, its check, and the verdict that follows from what the check found."""
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -96,9 +97,18 @@ class Audited:
             "check": claim.check,
             "expected": claim.expected,
             "laws": {law: finding.verdict.value for law, finding in findings.items()},
-            "computed": numbers,
+            "computed": _plain(numbers),
             "remark": claim.remark,
         }
+
+
+def _plain(value: Any) -> Any:
+    """Numbers as JSON knows them; one that is not a number is null."""
+    if isinstance(value, Mapping):
+        return {name: _plain(entry) for name, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def audited(claim: Claim) -> Audited:

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from analysis.claims import eq15_claims, equations, parameters, study
-from analysis.claims.claim import Audited, Claim, audited
+from analysis.claims.claim import Audited, Claim, Verdict, audited
 from device.laws import LAWS
 
 CLAIMS: tuple[Claim, ...] = (
@@ -26,14 +26,16 @@ def claims_json(results: tuple[Audited, ...]) -> list[dict[str, Any]]:
 
 
 def claims_lines(results: tuple[Audited, ...]) -> list[list[str]]:
-    """Header and a row per claim: id, place, a verdict per law; what is checked in words."""
-    header = ["id", "place", *LAWS, "check"]
-    return [header, *(_line(result) for result in results)]
+    """Header, a row per claim with a verdict per law, and how many hold."""
+    header = ["id", "place", *LAWS]
+    held = [sum(r.findings[law].verdict is Verdict.HOLDS for r in results) for law in LAWS]
+    last = [f"{len(results)} claims", "", *(f"{count} hold" for count in held)]
+    return [header, *(_line(result) for result in results), last]
 
 
 def _line(result: Audited) -> list[str]:
     verdicts = [result.findings[law].verdict.value for law in LAWS]
-    return [result.claim.id, result.claim.place, *verdicts, result.claim.check]
+    return [result.claim.id, result.claim.place, *verdicts]
 
 
 def verdict_counts(results: tuple[Audited, ...]) -> Iterator[tuple[str, dict[str, int]]]:

@@ -129,6 +129,16 @@ def summary(subjects: tuple[str, ...], counts: FloatArray, known: LineMixture, a
     )
 
 
+def log_prior_of_spread(log_sd: FloatArray) -> FloatArray:
+    """Return the log prior density of the logarithm of a standard deviation between subjects.
+
+    Flat in the variance where it is small against that of the ratings, which is what makes
+    intervals of single subjects cover (Morris and Tang, Statistical Science 26, 2011, 271-287),
+    and falling off beyond it, so that it is a density: s / (1 + s²)^(3/2), in standard units.
+    """
+    return np.asarray(2 * log_sd - 1.5 * np.log1p(np.exp(2 * log_sd)))
+
+
 def _own_share(weights: FloatArray, variances: FloatArray, between: FloatArray) -> FloatArray:
     """Return 1 - posterior variance / variance between subjects, averaged over the points."""
     return np.asarray(weights @ np.clip(1 - variances / between[:, None], 0.0, 1.0))

@@ -14,6 +14,7 @@ from analysis.sensitivity.lines import (
     Lines,
     axes_of,
     covariance_matrices,
+    log_prior_of_spread,
     summary,
 )
 from analysis.sensitivity.ratings import Ratings
@@ -35,9 +36,9 @@ def linear_sensitivity(ratings: Ratings) -> LinearSensitivity | NoAnswer:
     """Return each subject's bias and gain by partial pooling, or why there are none.
 
     y = α_s + g_s x + ε, (α_s, g_s) ~ N((α, g), T), ε ~ N(0, σ²). α and g have flat priors, σ has
-    one flat in log σ, the standard deviations in T half-Cauchy priors of scale one standard
-    deviation of the ratings (per standard deviation of the contrasts), their correlation a
-    uniform one. Intervals are integrated over σ and T, not taken at their best values.
+    one flat in log σ, the standard deviations in T that of `log_prior_of_spread`, their
+    correlation a uniform one. Intervals are integrated over σ and T, not taken at their best
+    values.
 
     The model knows no ceiling: where many ratings are the largest possible, gains come out too
     small. `ordinal_sensitivity` is for such ratings.
@@ -76,10 +77,7 @@ def _components(points: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def _log_posterior(points: FloatArray, sums: LineSums) -> FloatArray:
     residual_sd, between = _components(points)
-    log_sds = points[:, 1:3]
-    prior = (log_sds - np.log1p(np.exp(2 * log_sds))).sum(axis=1) - 2 * np.log(
-        np.cosh(points[:, 3])
-    )
+    prior = log_prior_of_spread(points[:, 1:3]).sum(axis=1) - 2 * np.log(np.cosh(points[:, 3]))
     return np.asarray(line_posterior(sums, residual_sd, between).log_likelihood + prior)
 
 

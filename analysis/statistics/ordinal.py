@@ -20,7 +20,7 @@ from analysis.statistics.ranks import DECIMALS, IntArray
 
 FIRST_NODES = 81
 MOST_NODES = 1296
-MOST_CATEGORIES = 40
+MOST_CATEGORIES = 21
 # Latent units between which estimates are sought; what grows without end stops here.
 FARTHEST = 50.0
 # At a maximum the log-likelihood has no slope left.

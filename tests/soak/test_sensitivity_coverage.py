@@ -13,12 +13,12 @@ from analysis.sensitivity.m2 import OrdinalSensitivity, ordinal_sensitivity
 from analysis.sensitivity.virtual import VirtualPopulation, VirtualStudy, virtual_study
 
 STUDIES = 1000
-CONTRASTS = np.array([0.05, 0.04, 0.13, 0.33, 0.015])
+CONTRASTS = np.array([0.10, 0.15, 0.25, 0.35, 0.05])
 EXTENDED = np.outer(CONTRASTS, [0.25, 0.6, 1.2, 2.0])
 ONCE = CONTRASTS[:, None]
 
 OPEN = VirtualPopulation(bias=3.0, gain=9.0, gain_sd=3.0, discrepancy_sd=0.0, scale=None)
-CEILING = VirtualPopulation(bias=7.0, gain=12.0, gain_sd=3.0, discrepancy_sd=0.5)
+CEILING = VirtualPopulation(bias=6.0, gain=10.0, gain_sd=3.0, discrepancy_sd=0.5)
 
 Model = Literal["M1", "M2"]
 Task = tuple[Model, VirtualPopulation, FloatArray, int, int]
@@ -96,10 +96,10 @@ def test_m2_with_a_ceiling_covers() -> None:
 def test_m1_with_a_ceiling_does_not_cover() -> None:
     _, gain, error = over_studies("M1, extended, ceiling", "M1", CEILING, EXTENDED, 20)
     assert gain < 0.85
-    assert error < -2.0
+    assert error < -1.0
 
 
 def test_one_rating_per_cell_tells_little_of_a_person() -> None:
     once = over_studies("M1, paper's design, open scale", "M1", OPEN, ONCE, 9)
     assert 0.9 < once[1] < 0.99
-    over_studies("M2, paper's design, ceiling", "M2", CEILING, ONCE, 9)
+    assert over_studies("M2, paper's design, ceiling", "M2", CEILING, ONCE, 9)[1] > 0.9

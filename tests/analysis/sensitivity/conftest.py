@@ -8,7 +8,7 @@ import pytest
 from analysis.sensitivity.virtual import VirtualPopulation, VirtualStudy, virtual_study
 
 # Predicted contrasts of the five conditions, and the multiples at which the design presents them.
-CONTRASTS = np.array([0.05, 0.04, 0.13, 0.33, 0.015])
+CONTRASTS = np.array([0.10, 0.15, 0.25, 0.35, 0.05])
 LEVELS = np.array([0.25, 0.6, 1.2, 2.0])
 
 

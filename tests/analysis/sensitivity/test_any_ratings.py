@@ -40,21 +40,21 @@ def is_sound(lines: Lines) -> bool:
     )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(any_ratings())
 def test_lines_are_finite_or_there_is_a_reason(ratings: Ratings) -> None:
     result = linear_sensitivity(ratings)
     assert isinstance(result, NoAnswer) or is_sound(result.lines)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(any_ratings())
 def test_the_latent_scale_is_finite_or_there_is_a_reason(ratings: Ratings) -> None:
     result = ordinal_sensitivity(ratings)
     assert isinstance(result, NoAnswer) or is_sound(result.lines)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(any_ratings(), st.randoms(use_true_random=False))
 def test_detection_is_finite_or_there_is_a_reason(ratings: Ratings, chance: object) -> None:
     answer = np.where(np.arange(len(ratings.rating)) % 3 == 0, 0, 1)

@@ -35,7 +35,7 @@ def fit(ratings: Ratings, answer: IntArray) -> JointSensitivity:
 
 def test_detection_and_gain_are_recovered_and_covered() -> None:
     covered, errors = [], []
-    for seed in range(12):
+    for seed in range(8):
         study, ratings, answer = a_study(seed)
         result = fit(ratings, answer)
         d_prime = study.gain * result.reference_contrast / NOISE

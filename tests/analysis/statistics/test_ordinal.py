@@ -148,7 +148,7 @@ def test_missing_scores_and_a_ceiling_do_not_bend_the_effects() -> None:
     ("scores", "reason"),
     [
         ([[1.0, 2.0]], "at least 2 subjects, got 1"),
-        ([[1.0, 1.0], [1.0, 1.0]], "2 to 40 different scores, got 1"),
+        ([[1.0, 1.0], [1.0, 1.0]], "2 to 21 different scores, got 1"),
         ([[1.0, np.nan], [2.0, np.nan]], "no score was given under c1"),
         ([[1.0, 9.0], [2.0, 8.0], [1.0, 8.0], [2.0, 9.0]], "that of c1"),
     ],

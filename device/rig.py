@@ -41,12 +41,13 @@ class Rig:
     def __init__(
         self,
         driver: Driver,
-        watchdog_s: float,
+        limits: Limits,
         calibration: Resonance | None = None,
         monotonic: Callable[[], float] = time.monotonic,
     ) -> None:
         self._driver = driver
-        self._watchdog_s = watchdog_s
+        self._limits = limits
+        self._watchdog_s = limits.watchdog_s
         self._calibration = calibration
         self._monotonic = monotonic
         self._jobs: queue.SimpleQueue[_Job | None] = queue.SimpleQueue()
@@ -82,7 +83,7 @@ class Rig:
             sleep(seconds)
 
         try:
-            return resonance(self.drive, self._vibration_m, settled, near_hz)
+            return resonance(self.drive, self._vibration_m, settled, near_hz, self._limits)
         finally:
             self.off()
 
@@ -271,4 +272,4 @@ def open_rig(
         DeviceError: nothing can be opened there.
     """
     driver = driver_of(dialect)
-    return Rig(driver(open_link(url), limits), limits.watchdog_s, calibration)
+    return Rig(driver(open_link(url), limits), limits, calibration)

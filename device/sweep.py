@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from device.errors import DeviceError
-from device.records import ReadBack, Setpoint
+from device.records import Limits, ReadBack, Setpoint
 
 SWEEP_VOLTAGE_V = 10.0
 SWEEP_RAMP_V_PER_S = 200.0
@@ -35,8 +35,9 @@ def resonance(
     vibration_m: Callable[[], float],
     sleep: Callable[[float], None],
     near_hz: float,
+    limits: Limits,
 ) -> Resonance:
-    """Return the resonance within `HALF_WIDTH` of `near_hz`.
+    """Return the resonance within `HALF_WIDTH` of `near_hz` and within `limits`.
 
     A coarse sweep finds the peak; a fine one about it gives the frequency by a parabola through
     1/amplitude², which is what a resonance is near its peak, so that noise averages out.
@@ -44,19 +45,19 @@ def resonance(
     Raises:
         DeviceError: nothing in the range, or nothing about its peak, is a resonance.
     """
+    voltage_v = min(SWEEP_VOLTAGE_V, limits.max_voltage_v)
+    ramp_v_per_s = min(SWEEP_RAMP_V_PER_S, limits.ramp_v_per_s)
 
     def answer(frequency_hz: float) -> float:
-        drive(
-            Setpoint(
-                voltage_v=SWEEP_VOLTAGE_V,
-                frequency_hz=frequency_hz,
-                ramp_v_per_s=SWEEP_RAMP_V_PER_S,
-            )
+        read_back = drive(
+            Setpoint(voltage_v=voltage_v, frequency_hz=frequency_hz, ramp_v_per_s=ramp_v_per_s)
         )
-        sleep(_SETTLE_S)
-        return vibration_m()
+        shown_v = read_back.voltage_v if read_back.monitor_v is None else read_back.monitor_v
+        sleep(_SETTLE_S + max(voltage_v - shown_v, 0.0) / ramp_v_per_s)
+        return vibration_m() / voltage_v
 
-    coarse = np.linspace(1 - HALF_WIDTH, 1 + HALF_WIDTH, _POINTS) * near_hz
+    highest_hz = min((1 + HALF_WIDTH) * near_hz, limits.max_frequency_hz)
+    coarse = np.linspace((1 - HALF_WIDTH) * near_hz, highest_hz, _POINTS)
     answers = np.array([answer(frequency_hz) for frequency_hz in coarse])
     best = int(np.argmax(answers))
     if best in {0, _POINTS - 1} or answers[best] < LEAST_RISE * np.median(answers):
@@ -80,5 +81,5 @@ def _peak(frequencies_hz: FloatArray, tips_m: FloatArray) -> Resonance:
         raise DeviceError(f"no resonance near {middle_hz:.0f} Hz: the vibration has no clear peak")
     return Resonance(
         frequency_hz=middle_hz + float(vertex_hz),
-        tip_m_per_v=tip_m / math.sqrt(level) / SWEEP_VOLTAGE_V,
+        tip_m_per_v=tip_m / math.sqrt(level),
     )

@@ -215,12 +215,12 @@ def import_scores(
     SCORES.csv has a column `subject` and one per condition; a blank cell is a missing score.
     """
     from analysis.published import published_table
-    from runner.importing import import_table, text_of
+    from runner.importing import bytes_of, import_table, text_of
     from runner.study_folder import StudyFolder
 
-    text = text_of(scores)
-    table = published_table(text, str(scores))
-    import_table(StudyFolder(path=study), table.by_subject(), scores.name, text)
+    content = bytes_of(scores)
+    table = published_table(text_of(content, scores), str(scores))
+    import_table(StudyFolder(path=study), table.by_subject(), scores.name, content)
     typer.echo(f"{len(table.subjects)} subjects imported; next: touchbeam report {study}")
 
 
@@ -313,7 +313,7 @@ def exclude(
     from runner.study_folder import StudyFolder
 
     name = session_name(participant, session)
-    with _journal(StudyFolder(path=study)) as journal:
+    with _journal(StudyFolder(path=study), to_write=True) as journal:
         if trial is None:
             exclude_session(journal, WallClock(), name, reason)
         else:
@@ -330,7 +330,7 @@ def amend(study: StudyArgument, reason: ReasonOption) -> None:
 
     folder = StudyFolder(path=study)
     folder.study()
-    with _journal(folder) as journal:
+    with _journal(folder, to_write=True) as journal:
         accept(journal, WallClock(), folder.text(), reason)
     typer.echo("The changed study.toml is accepted; sessions go on with it.")
 
@@ -346,7 +346,7 @@ def withdraw(study: StudyArgument, participant: ParticipantOption) -> None:
     from runner.study_folder import StudyFolder
 
     folder = StudyFolder(path=study)
-    with _journal(folder) as journal:
+    with _journal(folder, to_write=True) as journal:
         sessions = erase(journal, WallClock(), participant)
     typer.echo(
         f"Erased: {', '.join(sessions)}. Make reports and exports again: old ones still hold it."
@@ -435,14 +435,14 @@ def predict(
     """
     from analysis.predict import PredictOptions, study_defaults
     from analysis.predict import predict as predicted
-    from runner.importing import text_of
+    from runner.importing import bytes_of, text_of
     from runner.study_folder import StudyFolder
 
     options = PredictOptions(
         law=law.value, rung=rung, tolerance=tolerance, eq15_overlap=eq15_overlap.value
     )
     defaults = study_defaults(StudyFolder(path=study).study()) if study else None
-    text = predicted(str(scenes), text_of(scenes), options, defaults)
+    text = predicted(str(scenes), text_of(bytes_of(scenes), scenes), options, defaults)
     _write(out, text.encode())
     typer.echo(f"{text.count(chr(10)) - 1} scenes predicted: {out}")
 
@@ -530,11 +530,12 @@ def doctor(as_json: JsonOption = False) -> None:
         raise typer.Exit(1)
 
 
-def _journal(folder: "StudyFolder") -> "Journal":
+def _journal(folder: "StudyFolder", *, to_write: bool = False) -> "Journal":
     """The journal of a study that has one."""
-    from runner.journal import open_journal
+    from runner.journal import open_journal, read_journal
 
-    return open_journal(folder.existing_journal())
+    path = folder.existing_journal()
+    return open_journal(path) if to_write else read_journal(path)
 
 
 def _write(path: Path, data: bytes) -> None:
@@ -558,9 +559,10 @@ def _report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json: bool
     from analysis.report import report as made_report
     from analysis.session_scores import loaded
     from runner.terminal_table import print_table
+    from runner.verification import readable_events
 
     with _journal(folder) as journal:
-        events = [journal.events(session) for session in journal.sessions()]
+        events = [readable_events(journal, session) for session in journal.sessions()]
     sessions = [[(event.tag, event.payload) for event in chain] for chain in events]
     result = made_report(folder.path.resolve().name, loaded(sessions, rehearsals=rehearsals))
     written = write_report(result, out)

@@ -1,13 +1,15 @@
 """A participant at a terminal: texts out, typed lines in. The operator shares the terminal."""
 
+import contextlib
+import io
 import queue
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TextIO
 
-from protocol.errors import WorkFailed
+from protocol.errors import BadInput, WorkFailed
 from protocol.questions import ANSWERS
 from protocol.study import Language, Rating
 from protocol.texts import band_names
@@ -15,6 +17,7 @@ from runner.screens import AskChange, AskScore, Instruction, Notice, Pacing, Res
 
 OPERATOR_MARK = ":"
 """A typed line that begins with it is the operator's."""
+MOST_LINES = 1000
 
 
 class ParticipantGone(WorkFailed):
@@ -22,12 +25,20 @@ class ParticipantGone(WorkFailed):
 
 
 class TypedLines:
-    """Lines from a terminal, read by a thread so that nobody waits for them."""
+    """Lines from a terminal, read by a thread so that nobody waits for them.
 
-    def __init__(self, source: TextIO) -> None:
+    No more than `MOST_LINES` are read ahead, whatever a pipe may hold.
+    """
+
+    def __init__(self, source: TextIO | None) -> None:
+        if source is None:
+            raise BadInput("--ratings console needs somebody who types: standard input is closed")
+        if isinstance(source, io.TextIOWrapper):
+            source.reconfigure(errors="replace")
         self._source = source
-        self._lines: queue.SimpleQueue[str | None] = queue.SimpleQueue()
-        self._orders: queue.SimpleQueue[str] = queue.SimpleQueue()
+        self._lines: queue.Queue[str | None] = queue.Queue(MOST_LINES)
+        self._orders: queue.Queue[str] = queue.Queue(MOST_LINES)
+        self._ended = False
         threading.Thread(target=self._read, name="typed lines", daemon=True).start()
 
     def take(self) -> str | None:
@@ -37,20 +48,18 @@ class TypedLines:
             ParticipantGone: the input has ended.
         """
         try:
-            line = self._lines.get_nowait()
+            line = self._lines.get_nowait() if not self._ended else None
         except queue.Empty:
             return None
         if line is None:
-            self._lines.put(None)
+            self._ended = True
             raise ParticipantGone("the input has ended before the session did")
         return line.strip()
 
     def forget(self) -> None:
         """Drop what was typed before it was asked for; lines from a file or pipe all count."""
-        while self._source.isatty() and not self._lines.empty():
-            if self._lines.get_nowait() is None:
-                self._lines.put(None)
-                return
+        while self._source.isatty() and not (self._ended or self._lines.empty()):
+            self._ended = self._lines.get_nowait() is None
 
     def operator_typed(self, asked: bool) -> str:
         """Return what the operator typed: `p` of a line `:p`, or, if `asked`, any line."""
@@ -60,12 +69,17 @@ class TypedLines:
         return "" if line is None else f"{line}\n"
 
     def _read(self) -> None:
-        for line in self._source:
+        for line in self._typed():
             if line.startswith(OPERATOR_MARK):
                 self._orders.put(line.removeprefix(OPERATOR_MARK))
             else:
                 self._lines.put(line)
         self._lines.put(None)
+
+    def _typed(self) -> Iterator[str]:
+        """The lines; a terminal that is gone ends them."""
+        with contextlib.suppress(OSError, ValueError):
+            yield from self._source
 
 
 @dataclass

@@ -89,7 +89,12 @@ def _dependency(name: str) -> Finding:
 
 
 def _disk() -> Finding:
-    free = shutil.disk_usage(Path.cwd()).free
+    try:
+        free = shutil.disk_usage(Path.cwd()).free
+    except OSError as error:
+        return Finding(
+            what="disk", ok=False, value=f"unknown ({error})", hint="go to another folder"
+        )
     ok = free > LEAST_DISK_BYTES
     return Finding(
         what="disk",

@@ -12,17 +12,29 @@ from runner.session_log import SessionLog
 from runner.study_folder import StudyFolder, new_study
 
 
-def text_of(path: Path) -> str:
-    """Return the text of the file `path`.
+def bytes_of(path: Path) -> bytes:
+    """Return what stands in the file `path`.
 
     Raises:
         BadInput: there is none that can be read.
     """
     try:
-        return path.read_text(encoding="utf-8")
+        return path.read_bytes()
     except FileNotFoundError:
         raise BadInput(f"{path}: no such file") from None
-    except (OSError, UnicodeDecodeError) as error:
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be read ({error.strerror})") from error
+
+
+def text_of(content: bytes, path: Path) -> str:
+    """Return `content` of the file `path` as text, without a byte order mark.
+
+    Raises:
+        BadInput: it is not UTF-8.
+    """
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
         raise BadInput(f"{path}: cannot be read as UTF-8 text ({error})") from error
 
 
@@ -30,7 +42,7 @@ def import_table(
     folder: StudyFolder,
     scores: Mapping[str, Mapping[str, float | None]],
     source: str,
-    text: str,
+    content: bytes,
 ) -> None:
     """Write a new study that holds `scores`, subject by subject.
 
@@ -38,11 +50,15 @@ def import_table(
         folder: where to make it.
         scores: condition → score, None for a missing one, by subject.
         source: the name of the file they come from.
-        text: what stood in it, for its digest.
+        content: what stood in it, for its digest.
     """
     clock = WallClock()
-    digest = sha256(text.encode()).hexdigest()
-    with new_study(folder, template("paper")), open_journal(folder.journal) as journal:
+    digest = sha256(content).hexdigest()
+    with (
+        new_study(folder, template("paper")),
+        open_journal(folder.journal) as journal,
+        journal.alone(),
+    ):
         for subject, given in scores.items():
             log = SessionLog(journal, session_name(subject, 1), clock)
             log.append(

@@ -197,6 +197,42 @@ def chain_hash(previous: str, fields: tuple[object, ...]) -> str:
     return hashlib.sha256(json.dumps([previous, *fields]).encode()).hexdigest()
 
 
+def has_events(path: Path) -> bool:
+    """Return whether there is a journal at `path` that holds anything."""
+    if not path.exists():
+        return False
+    with read_journal(path) as journal:
+        return bool(journal.sessions())
+
+
+def read_journal(path: Path) -> Journal:
+    """Return the journal at `path` for reading only; it need not be writable.
+
+    Raises:
+        JournalError: it cannot be read, or another version of touchbeam made it.
+    """
+    try:
+        connection = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)
+        try:
+            version = connection.execute("PRAGMA user_version").fetchone()[0]
+            if version not in {0, SCHEMA_VERSION}:
+                raise sqlite3.DatabaseError(_other_schema(version))
+            if version == 0:
+                connection.close()
+                connection = sqlite3.connect(":memory:")
+                connection.executescript(_SCHEMA)
+        except sqlite3.Error:
+            connection.close()
+            raise
+    except sqlite3.Error as error:
+        raise JournalError(f"{path}: cannot be read as a journal ({error})") from error
+    return Journal(connection, path)
+
+
+def _other_schema(version: int) -> str:
+    return f"schema {version}; this touchbeam knows {SCHEMA_VERSION}"
+
+
 def open_journal(path: Path) -> Journal:
     """Return the journal at `path`, made if it is missing, ready to be written.
 
@@ -233,7 +269,7 @@ def _ensure_schema(connection: sqlite3.Connection) -> None:
             f"BEGIN IMMEDIATE; {_SCHEMA} PRAGMA user_version = {SCHEMA_VERSION}; COMMIT;"
         )
     elif version != SCHEMA_VERSION:
-        raise sqlite3.DatabaseError(f"schema {version}; this touchbeam knows {SCHEMA_VERSION}")
+        raise sqlite3.DatabaseError(_other_schema(version))
 
 
 def session_name(participant: str, number: int) -> str:

@@ -11,6 +11,7 @@ from runner.preparing import prepare
 from runner.room import Room
 from runner.screens import Notice
 from runner.session_log import SessionLog
+from runner.stopping import uninterrupted
 from runner.touching import touch
 from runner.watching import pause_if_wanted, show_where_we_are
 
@@ -59,7 +60,7 @@ def _resume(room: Room) -> None:
     _leave_trial(log, "the session was interrupted")
     if log.state.name in {"armed", "paused"}:
         log.append("device-off", confirmed=False, why="the session was interrupted")
-    log.append("session-resumed")
+    log.append("session-resumed", **room.session.resumption())
     _renew_practice(room)
 
 
@@ -81,20 +82,24 @@ def _device_off_afterwards(room: Room) -> Iterator[None]:
         why = str(error) or type(error).__name__
         raise
     finally:
-        _turn_off(room, why)
+        with uninterrupted():
+            _turn_off(room, why)
 
 
 def _turn_off(room: Room, why: str) -> None:
+    """Turn the output off and write it down; nothing is told before an output that is unknown."""
     unknown = None
     try:
         room.device.off()
     except OutputUnknown as error:
         unknown = error
-    _leave_trial(room.log, why)
-    if room.log.state.name in {"armed", "paused"}:
-        room.log.append("device-off", confirmed=unknown is None, why=why)
-    if unknown is not None:
-        raise unknown
+    try:
+        _leave_trial(room.log, why)
+        if room.log.state.name in {"armed", "paused"}:
+            room.log.append("device-off", confirmed=unknown is None, why=why)
+    finally:
+        if unknown is not None:
+            raise unknown
 
 
 def _leave_trial(log: SessionLog, why: str) -> None:

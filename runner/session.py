@@ -27,6 +27,16 @@ class Session:
     consent: str | None = None
     seed: int = 1
 
+    def resumption(self) -> dict[str, Any]:
+        """Return what the journal says of the session when it is taken up again."""
+        return {
+            "study_sha256": text_digest(self.study_text),
+            "language": self.language,
+            "consent": self.consent,
+            "seed": self.seed,
+            "versions": versions(),
+        }
+
     def opening(self) -> dict[str, Any]:
         """Return what the journal says of the session when it opens."""
         return {
@@ -34,16 +44,17 @@ class Session:
             "session": self.number,
             "kind": self.kind,
             "study": self.study.study.name,
-            "study_sha256": text_digest(self.study_text),
             "slot": self.plan.slot,
             "sequence": list(self.plan.sequence),
             "conditions": list(self.study.conditions),
             "trials": [trial_record(trial) for trial in self.plan.trials],
-            "language": self.language,
-            "consent": self.consent,
-            "seed": self.seed,
-            "versions": {"touchbeam": version("touchbeam"), "python": platform.python_version()},
+            **self.resumption(),
         }
+
+
+def versions() -> dict[str, str]:
+    """Return what ran: touchbeam and Python."""
+    return {"touchbeam": version("touchbeam"), "python": platform.python_version()}
 
 
 def text_digest(text: str) -> str:

@@ -1,8 +1,11 @@
 """The journal of one session: every event is checked against the state, stored, then folded."""
 
+from collections.abc import Mapping
+
 from runner.journal import Journal
 from runner.ports import Clock
 from runner.session_state import Event, SessionState, folded
+from runner.stopping import uninterrupted
 from runner.transitions import next_state
 
 
@@ -25,6 +28,10 @@ class SessionLog:
             JournalError: it could not be stored.
         """
         next_state(self.state.name, tag)
+        with uninterrupted():
+            self._store(tag, payload)
+
+    def _store(self, tag: str, payload: Mapping[str, object]) -> None:
         event = Event(
             seq=self._next_seq,
             tag=tag,

@@ -10,6 +10,7 @@ from pathlib import Path
 from protocol.errors import BadInput
 from protocol.study import Study
 from protocol.study_file import parsed_study
+from runner.journal import has_events
 
 _PSEUDONYM = re.compile(r"(?=.*[0-9])[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
 
@@ -47,7 +48,7 @@ class StudyFolder:
             BadInput: there is none.
         """
         try:
-            return self.study_file.read_text(encoding="utf-8")
+            return self.study_file.read_text(encoding="utf-8-sig")
         except FileNotFoundError:
             raise BadInput(
                 f"{self.path}: no study here (study.toml is missing); "
@@ -93,19 +94,24 @@ def new_study(folder: StudyFolder, text: str) -> Iterator[StudyFolder]:
         folder.study_file.write_text(text, encoding="utf-8")
         yield folder
     except BaseException:
-        if not folder.journal.exists():
+        if not has_events(folder.journal):
             shutil.rmtree(topmost)
         raise
 
 
 def _made(path: Path) -> Path:
     """Make `path` and what is missing above it; return the topmost folder made."""
+    path = path.absolute()
+    if ".." in path.parts:
+        raise BadInput(f"{path}: cannot be made (it leads back); name the folder itself")
     missing = [path, *(parent for parent in path.parents if not parent.exists())]
     try:
         path.mkdir(mode=0o700, parents=True)
     except FileExistsError:
         raise BadInput(f"{path}: is there already; name a folder that is not") from None
     except OSError as error:
+        if missing[-1].exists() and missing[-1] != path:
+            shutil.rmtree(missing[-1])
         raise BadInput(f"{path}: cannot be made ({error.strerror}); name another folder") from error
     return missing[-1]
 

@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+WIDE = 10_000
+
 
 def print_table(title: str, lines: Sequence[Sequence[str]]) -> None:
     """Print `lines`: a header, rows, and a last row set apart."""
@@ -18,4 +20,7 @@ def print_table(title: str, lines: Sequence[Sequence[str]]) -> None:
         table.add_column(escape(name), escape(foot), justify="right" if place else "left")
     for row in rows:
         table.add_row(*(escape(cell) for cell in row))
-    Console().print(table)
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=WIDE)  # a pipe has no width to fit into
+    console.print(table)

@@ -5,8 +5,16 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from runner.journal import FIRST_HASH, ChainLink, Journal, chain_hash, event_fields, payload_text
-from runner.session_state import SessionState, folded
+from runner.journal import (
+    FIRST_HASH,
+    ChainLink,
+    Journal,
+    JournalError,
+    chain_hash,
+    event_fields,
+    payload_text,
+)
+from runner.session_state import Event, SessionState, folded
 from runner.transitions import NotAllowed
 
 STUDY_CHAIN = "@study"
@@ -74,6 +82,19 @@ def session_verdict(name: str, chain: list[ChainLink]) -> SessionVerdict:
         chain_ok=chain_is_unbroken(name, chain, erased=erased),
         problem=problem,
     )
+
+
+def readable_events(journal: Journal, session: str) -> list[Event]:
+    """Return the events of `session`, whose payloads are all there unless it was withdrawn.
+
+    Raises:
+        JournalError: some are missing, so that nothing can be said about the session.
+    """
+    events = journal.events(session)
+    withdrawn = any(event.tag == "withdrawn" for event in events)
+    if any(event.erased for event in events) and not withdrawn:
+        raise JournalError(f"session {session} has lost payloads; see touchbeam verify")
+    return events
 
 
 def chain_is_unbroken(name: str, chain: Iterable[ChainLink], *, erased: bool) -> bool:

@@ -6,9 +6,10 @@ from collections.abc import Iterator
 
 import pytest
 
+from protocol.errors import BadInput
 from protocol.study import Rating
 from protocol.texts import TEXTS
-from runner.console import ConsoleParticipant, ParticipantGone, TypedLines
+from runner.console import MOST_LINES, ConsoleParticipant, ParticipantGone, TypedLines
 from runner.screens import AskChange, AskScore, Instruction, Notice, Response, Screen
 
 
@@ -92,3 +93,40 @@ def test_what_the_operator_was_asked_is_answered_by_any_line() -> None:
     while not line and time.monotonic() < until_s:
         line = typed.operator_typed(asked=True)
     assert line == "dry\n"
+
+
+def test_a_closed_input_is_refused_before_anything_begins() -> None:
+    with pytest.raises(BadInput, match="standard input is closed"):
+        TypedLines(None)
+
+
+def test_bytes_that_are_no_text_are_asked_about_again() -> None:
+    source = io.TextIOWrapper(io.BytesIO(b"\xff\xfe\n2\n"), encoding="utf-8", errors="strict")
+    said: list[str] = []
+    participant = ConsoleParticipant(TypedLines(source), said.append, "en", TEXTS["en"])
+    participant.show(AskChange(question="roughness"))
+    until_s = time.monotonic() + 5
+    answer = None
+    while answer is None and time.monotonic() < until_s:
+        answer = participant.poll()
+    assert answer is not None
+    assert answer.answer == "rougher"
+
+
+def test_a_flood_of_lines_is_not_read_ahead() -> None:
+    class Flood(io.StringIO):
+        given = 0
+
+        def __next__(self) -> str:  # type: ignore[override]
+            self.given += 1
+            if self.given > 100 * MOST_LINES:
+                raise StopIteration
+            return "\n"
+
+    flood = Flood()
+    typed = TypedLines(flood)
+    until_s = time.monotonic() + 5
+    while flood.given < MOST_LINES and time.monotonic() < until_s:
+        pass
+    assert typed.take() == ""
+    assert flood.given <= MOST_LINES + 3

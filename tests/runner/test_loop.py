@@ -6,7 +6,7 @@ import pytest
 
 from device.errors import DeviceError, OutputUnknown
 from protocol.study_file import template
-from runner.journal import Journal, open_journal
+from runner.journal import Journal, JournalError, open_journal
 from runner.loop import run
 from runner.orders import Note, Order, StoppedByOperator
 from runner.screens import AskScore, Instruction, Pacing, Response
@@ -210,3 +210,24 @@ def test_an_exception_in_the_participants_window_leaves_the_device_off(tmp_path:
         assert not device.on
         assert tags(journal)[-2:] == ["trial-aborted", "device-off"]
         assert carried_out(journal, device, FakeParticipant()).state.name == "completed"
+
+
+class ClosedJournal:
+    """A journal that can be written until the device is turned off at the end."""
+
+    def __init__(self, log: SessionLog) -> None:
+        self._log = log
+        self.state = log.state
+
+    def append(self, tag: str, **payload: object) -> None:
+        if tag in {"trial-aborted", "device-off"}:
+            raise JournalError("the database is locked")
+        self._log.append(tag, **payload)
+
+
+def test_an_unknown_output_is_told_before_a_journal_that_fails(tmp_path: Path) -> None:
+    with open_journal(tmp_path / "study.db") as journal:
+        made = room(journal, FakeDevice(fails="off"), FakeParticipant())
+        made.log = ClosedJournal(made.log)  # type: ignore[assignment]
+        with pytest.raises(OutputUnknown, match="UNKNOWN - cut the amplifier"):
+            run(made)

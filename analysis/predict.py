@@ -106,7 +106,7 @@ def _predicted(batch: Batch, options: PredictOptions, ratio: Ratio) -> Chosen:
         return auto_prediction(batch, choice, options.tolerance)
     prediction = rung_prediction(batch, options.rung, choice)
     bounds = error_bounds(batch, options.rung, choice, prediction.mu_effective)
-    rungs = np.full(batch.size, options.rung, dtype=np.str_)
+    rungs = np.full(batch.size, options.rung)
     return Chosen(prediction=prediction, rung=rungs, error_bound=bounds)
 
 

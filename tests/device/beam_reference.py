@@ -9,6 +9,7 @@ from functools import lru_cache
 import mpmath as mp
 
 DIGITS = 50
+_TOLERANCE = mp.mpf(10) ** -100
 
 
 def workdps(order: int) -> mp.workdps:
@@ -68,7 +69,7 @@ def edges(order: int) -> tuple[mp.mpf, ...]:
                 def value(xi: mp.mpf, function: object = function) -> mp.mpf:
                     return function(order, xi)  # type: ignore[operator]
 
-                inner.append(mp.findroot(value, start, tol=mp.mpf(10) ** -(2 * DIGITS)))
+                inner.append(mp.findroot(value, (start, start + 1 / (100 * b)), tol=_TOLERANCE))
         return (mp.mpf(0), *inner, mp.mpf(1))
 
 

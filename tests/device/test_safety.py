@@ -157,6 +157,7 @@ def test_after_the_port_came_back_the_output_stays_off(simulator: Endpoints, han
             driven_on(rig, hand)
     assert until(lambda: hand.state()["output"] is False, within_s=2)
     hand.fault("vanish", on=False)
+    assert until(Path(simulator.url).exists, within_s=2)
     with opened(simulator.url) as rig:
         identity = rig.arm()
         assert hand.state()["output"] is False

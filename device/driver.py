@@ -180,6 +180,10 @@ class Driver(ABC):
         """Send `command`, wait until the device has done it, and see whether it minded."""
         self.link.tell(command)
         self.link.ask("*OPC?")
+        self.refuse_errors(command)
+
+    def refuse_errors(self, command: str) -> None:
+        """See whether the device minded `command`."""
         errors = self.drained_errors()
         if errors:
             raise DeviceError(

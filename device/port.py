@@ -107,8 +107,13 @@ def open_port(url: str) -> SerialPort:
     except ValueError as error:
         raise AddressError(f"{url}: not the address of a device ({error})") from error
     except PORT_ERRORS as error:
-        raise DeviceError(f"{url}: {advice(error)}") from error
+        raise DeviceError(f"{url}: {advice(error)}{_over_bluetooth(url)}") from error
     return SerialPort(port)
+
+
+def _over_bluetooth(url: str) -> str:
+    bluetooth = any(word in url.lower() for word in ("rfcomm", "bluetooth"))
+    return "; a Bluetooth device must be paired and bound first" if bluetooth else ""
 
 
 def advice(error: BaseException) -> str:

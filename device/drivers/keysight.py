@@ -124,6 +124,7 @@ class Keysight(Driver):
         if setpoint.voltage_v == 0 and self.driven is None:
             return self.read_back()
         self._as_set_up()
+        self.set_word(f"{self._source}SWE:STAT", "0")
         self.set_number(f"{self._source}FREQ", setpoint.frequency_hz)
         if self.driven is None:
             self._set_amplitude(self._least_v)
@@ -164,7 +165,8 @@ class Keysight(Driver):
         self.set_number(f"{source}FREQ:STOP", sweep.stop_hz)
         self.set_number(f"{source}SWE:TIME", sweep.duration_s)
         self.set_word(f"{source}SWE:STAT", "1")
-        self.send("*TRG")
+        self.link.tell("*TRG")  # not with *OPC?, which would wait for the end of the sweep
+        self.refuse_errors("*TRG")
 
     def read_back(self) -> ReadBack:
         """Get the drive; a generator measures nothing."""

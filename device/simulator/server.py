@@ -52,11 +52,16 @@ class Server:
             self._wait(listening=not gone)
             gone = self._hear() or orphaned()
             if self._door is not None:
-                self._door.serve(self._device.answer_control)
+                self._door.serve(self._answer_control)
             self._device.instrument.watch(self._wall_s())
             self._wire.pass_time()
-            self._vanish_or_come_back()
-            self._announce()
+
+    def _answer_control(self, line: str) -> str:
+        """What a hand does is done when it is told so."""
+        answer = self._device.answer_control(line)
+        self._vanish_or_come_back()
+        self._announce()
+        return answer
 
     def _watched(self) -> bool:
         instrument = self._device.instrument

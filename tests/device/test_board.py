@@ -136,6 +136,7 @@ def test_off_is_off_only_when_read_back(answer: bytes) -> None:
     ("url", "kind", "message"),
     [
         ("/dev/ttyNOPE", DeviceError, "no such port; is the device plugged in"),
+        ("/dev/rfcomm7", DeviceError, "no such port; .*; a Bluetooth device must be paired"),
         ("frob://x", AddressError, "not the address of a device"),
         ("socket://127.0.0.1:1", DeviceError, "cannot be opened: nobody listens there"),
         ("/dev", AddressError, "got a plain folder"),

@@ -12,8 +12,10 @@ from device.drivers.board import Board
 from device.drivers.keysight import Keysight, Ramp
 from device.errors import AddressError, ForeignDevice, LimitExceeded
 from device.link import Link
-from device.records import Limits, Setpoint
-from tests.device.rigs import DRIVE, LIMITS
+from device.records import Limits, Setpoint, Sweep
+from device.simulator.hand import Hand
+from device.simulator.process import simulator_process
+from tests.device.rigs import DRIVE, LIMITS, TOUCHBEAM, opened, until
 from tests.device.scripted import ScriptedPort, ticking
 
 NEW_DIALECT = """
@@ -136,3 +138,33 @@ def test_0_v_of_a_generator_is_off_and_too_little_is_refused() -> None:
     with pytest.raises(LimitExceeded, match=r"0 or at least the generator's 0.02, got 0.01"):
         generator.drive(Setpoint(voltage_v=0.01, frequency_hz=1000, ramp_v_per_s=100))
     assert not any(b"ON" in line for line in port.sent)
+
+
+@pytest.mark.parametrize("dialect", ["board", "keysight", "keysight-33220A"])
+def test_a_rig_ramps_and_sweeps_whatever_it_speaks(dialect: str) -> None:
+    driver = dialect.split("-", maxsplit=1)[0]
+    with (
+        simulator_process(TOUCHBEAM, seed=1, dialect=dialect) as endpoints,
+        Hand(endpoints.control) as hand,
+        opened(endpoints.url, driver) as rig,
+    ):
+        rig.arm()
+        first = rig.drive(DRIVE)
+        least_v = {"board": 100.0, "keysight": 0.02, "keysight-33220A": 0.2}[dialect]
+        assert first.voltage_v == pytest.approx(least_v), "a board ramps by itself"
+
+        def settled() -> bool:
+            rig.beat()
+            return bool(hand.state()["voltage_v"] == pytest.approx(100))
+
+        assert hand.state()["voltage_v"] < 100, "it starts low"
+        assert until(settled, within_s=3)
+        assert rig.read_back().voltage_v == pytest.approx(100)
+        rig.sweep(Sweep(start_hz=24_000, stop_hz=24_400, duration_s=0.2))
+        hand.advance(1)
+        assert hand.state()["frequency_hz"] == 24_400
+        rig.drive(DRIVE)
+        assert hand.state()["frequency_hz"] == DRIVE.frequency_hz
+        rig.off()
+        state = hand.state()
+        assert (state["output"], state["voltage_v"]) == (False, 0)

@@ -91,11 +91,11 @@ def ordinal_sensitivity(ratings: Ratings) -> OrdinalSensitivity | NoAnswer:
     latent = α_s + g_s x + δ_c + ε, ε ~ N(0, σ²); a rating is given when the latent value lies
     between two thresholds that all subjects share. The outermost thresholds are held midway
     between the two lowest and the two highest ratings given, so that bias and gain are in rating
-    points and compare with M1. δ_c ~ N(0, τ_δ²). Priors are those of M1, for τ_δ that of
-    T's standard deviations, half-Cauchy for σ, and for thresholds and population a normal one so
-    wide that it only keeps them finite. Given σ, T and τ_δ the posterior of the rest is taken as
-    normal about its mode; over those it is integrated (nested Laplace approximation: Rue, Martino
-    and Chopin, Journal of the Royal Statistical Society B 71, 2009).
+    points and compare with M1. δ_c ~ N(0, τ_δ²). Priors are those of M1, half-Cauchy for σ
+    and τ_δ, and for thresholds and population a normal one so wide that it only keeps them finite.
+    Given σ, T and τ_δ the posterior of the rest is taken as normal about its mode; over those it
+    is integrated (nested Laplace approximation: Rue, Martino and Chopin, Journal of the Royal
+    Statistical Society B 71, 2009).
     """
     trials = ratings.given
     axes = axes_of(trials)
@@ -168,8 +168,9 @@ def _components(point: FloatArray) -> Components:
 
 
 def _log_prior(point: FloatArray) -> float:
-    spread = log_prior_of_spread(np.delete(point, [0, 3])).sum()
-    half_cauchy = point[0] - np.log1p(np.exp(2 * point[0]))
+    spread = log_prior_of_spread(point[1:3]).sum()
+    others = np.delete(point, [1, 2, 3])
+    half_cauchy = (others - np.log1p(np.exp(2 * others))).sum()
     return float(spread + half_cauchy - 2 * np.log(np.cosh(point[3])))
 
 

@@ -16,7 +16,7 @@ def _places(scene: Scene, x_m: ArrayLike | None) -> FloatArray:
     """The places asked for, shape (n,); the scene's own when none are."""
     places = np.atleast_1d(np.asarray(scene.touch.x_m if x_m is None else x_m, dtype=np.float64))
     length_m = scene.structure.beam.length_m
-    if not ((places >= 0) & (places <= length_m)).all():
+    if places.size and not (places.min() >= 0 and places.max() <= length_m):
         wrong = places[~((places >= 0) & (places <= length_m))][0]
         raise OutOfRangeError("x_m", f"must lie in [0, {length_m:g}]", wrong)
     return places

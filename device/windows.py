@@ -15,6 +15,7 @@ from device.mode_shapes import FloatArray, mode_constants, mode_integral
 from device.narrow_windows import clamp_window_mean, narrow_window_mean
 from device.zones import Zones, zones
 
+_TINY_M = 1e-300  # stands for a window of no width, which `_settle_narrow` then settles
 _NARROW = 0.5  # width in bξ below which an antiderivative's difference would lose digits
 
 
@@ -132,9 +133,10 @@ def mode_window(order: int, length_m: float, end_m: FloatArray, width_m: FloatAr
     count = end_m.size
     right = right_m[count:] - right_m[:count]
     mean = integral[count:] - integral[:count]
-    width = np.where(width_m > 0, width_m, 1.0)
-    right /= width
-    mean *= length_m / width
+    per_width = 1.0 / np.maximum(width_m, _TINY_M)
+    right *= per_width
+    per_width *= length_m
+    mean *= per_width
     np.maximum(right, 0.0, out=right)
     np.minimum(right, 1.0, out=right)
     _settle_narrow(sums.here, end_m, width_m, right, mean)

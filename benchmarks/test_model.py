@@ -1,0 +1,123 @@
+"""What the friction model costs, against passes of `np.sin` over the same array in the same run."""
+
+from collections.abc import Callable
+from time import perf_counter
+
+import numpy as np
+import pytest
+from pytest_benchmark.fixture import BenchmarkFixture
+from scipy.integrate import quad
+
+from analysis.predict import PredictOptions, predict
+from benchmarks.study_scenes import study_scenes
+from device.beam import Beam
+from device.friction import friction_coefficient
+from device.mode_shapes import mode_shape
+from device.rungs import TOP_RUNG, forget_set_ups, reference_tip_speed_m_s, rung_field
+from device.scenes import Drive, Scene
+
+PLACES = np.linspace(0.0, 0.1, 1000)
+
+
+def _quickest(work: Callable[[], object], repeats: int) -> float:
+    times = []
+    for _ in range(repeats):
+        start = perf_counter()
+        work()
+        times.append(perf_counter() - start)
+    return min(times)
+
+
+def _passes(work: Callable[[], object], repeats: int = 200) -> float:
+    """The time of `work` in passes of `np.sin`, each the quickest of many, measured in turn."""
+    ratios = []
+    for _ in range(5):
+        sine = _quickest(lambda: np.sin(PLACES), 400)
+        ratios.append(_quickest(work, repeats) / sine)
+    return min(ratios)
+
+
+def _report(benchmark: BenchmarkFixture, work: Callable[[], object], passes: float) -> None:
+    benchmark.extra_info["passes of np.sin"] = round(passes, 1)
+    benchmark.pedantic(work, rounds=3)
+
+
+@pytest.mark.parametrize(("rung", "limit"), [("far-field", 15), ("mode", 15), (TOP_RUNG, 20)])
+def test_a_thousand_places(benchmark: BenchmarkFixture, rung: str, limit: int) -> None:
+    scene = Scene()
+
+    def work() -> object:
+        return friction_coefficient(scene, rung=rung, x_m=PLACES)
+
+    work()
+    passes = _passes(work)
+    _report(benchmark, work, passes)
+    assert passes <= limit
+
+
+def test_set_up_of_the_top_rung_with_its_resonance(benchmark: BenchmarkFixture) -> None:
+    reference_tip_speed_m_s(TOP_RUNG)
+
+    def work() -> object:
+        forget_set_ups()
+        return rung_field(TOP_RUNG, Beam(), Drive())
+
+    passes = _passes(work, repeats=10)
+    _report(benchmark, work, passes)
+    assert passes <= 2000
+
+
+def test_quad_at_every_place_is_what_a_user_would_write(benchmark: BenchmarkFixture) -> None:
+    def shape(xi: float) -> float:
+        return abs(float(mode_shape(6, xi)))
+
+    def work() -> object:
+        return [quad(shape, max(0.0, x - 0.1), x)[0] for x in PLACES / 0.1]
+
+    passes = _passes(work, repeats=1)
+    _report(benchmark, work, passes)
+    assert passes > 1000
+
+
+def _scene_table(count: int) -> str:
+    draw = np.random.default_rng(1)
+    columns = np.stack(
+        [
+            draw.uniform(0, 200, count),
+            draw.uniform(2e4, 3e4, count),
+            draw.uniform(0, 0.1, count),
+            draw.uniform(1e-3, 2e-2, count),
+            draw.uniform(0.1, 20, count),
+            draw.uniform(0.002, 0.02, count),
+        ]
+    )
+    header = "voltage_v,frequency_hz,x_m,contact_m,body_load_n,damping_ratio\n"
+    return header + "\n".join(",".join(map(repr, row)) for row in columns.T.tolist()) + "\n"
+
+
+def test_ten_thousand_scenes_that_all_differ(benchmark: BenchmarkFixture) -> None:
+    text = _scene_table(10_000)
+
+    def work() -> object:
+        return predict("scenes.csv", text, PredictOptions(rung="mode"))
+
+    passes = _passes(work, repeats=2) / 10_000
+    _report(benchmark, work, passes)
+    assert passes <= 15
+
+
+@pytest.mark.parametrize("tolerance", [0.1, 0.02])
+def test_auto_against_always_the_top_rung(benchmark: BenchmarkFixture, tolerance: float) -> None:
+    text = study_scenes()
+
+    def run(options: PredictOptions) -> str:
+        forget_set_ups()
+        return predict("study.csv", text, options)
+
+    auto, top = PredictOptions(tolerance=tolerance), PredictOptions(rung=TOP_RUNG)
+    run(auto)
+    pairs = [(_quickest(lambda: run(auto), 1), _quickest(lambda: run(top), 1)) for _ in range(9)]
+    ratio = float(np.median([ours / peer for ours, peer in pairs]))
+    benchmark.extra_info["ratio to the top rung"] = round(ratio, 2)
+    benchmark.pedantic(run, args=(auto,), rounds=3)
+    assert ratio < 1

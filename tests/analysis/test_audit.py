@@ -1,13 +1,16 @@
 """The audit of the paper and the ladder's report: shapes, and what is known of the results."""
 
 import json
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from analysis.audit import CLAIMS, audit, claims_json, claims_lines
 from analysis.claims.claim import Audited, Finding, Verdict
 from analysis.figures import panels_figure
 from analysis.ladder_report import LadderRow, ladder_json, ladder_lines, ladder_panel
+from analysis.model_figures import model_figures
 
 REQUIRED = """
 eq4-static-load eq15-continuous eq15-period fig11-range fig12-range fig12-troughs
@@ -94,3 +97,14 @@ def test_the_ladder_is_told_and_drawn() -> None:
     assert drawing.startswith(b"<svg")
     assert drawing == panels_figure([ladder_panel(rows)])
     assert panels_figure([ladder_panel(rows)], "png").startswith(b"\x89PNG")
+
+
+def test_every_figure_of_the_documentation_has_finite_curves() -> None:
+    figures = model_figures()
+    page = Path("docs/model.md").read_text(encoding="utf-8")
+    for name, panels in figures.items():
+        assert f"(model/{name}.svg)" in page
+        for panel in panels:
+            for series in panel.series:
+                assert np.isfinite(series.y).all()
+                assert series.x.shape == series.y.shape

@@ -1,0 +1,131 @@
+"""What every export is made from: the trials, the study's words, and facts its author gave."""
+
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from hashlib import sha256
+
+from analysis.export_labels import label, labels
+from analysis.trial_records import TrialRecord, Trials
+from analysis.trial_rows import Recorded, trials
+from protocol.conduct import Publication
+from protocol.study import Study
+from protocol.texts import Language, study_texts
+
+UNNAMED_TASK = "touch"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dataset:
+    """A study's trials with the study file that they belong to.
+
+    `source_sha256` is the digest of all the events that they were read from.
+    """
+
+    study: Study
+    trials: Trials
+    source_sha256: str
+    touchbeam: str
+
+    @property
+    def facts(self) -> Publication:
+        """What only the study's author knows."""
+        return self.study.publication
+
+    @property
+    def title(self) -> str:
+        """The author's title, else the study's name."""
+        return self.facts.title or self.study.study.name
+
+    @property
+    def task(self) -> str:
+        """What the task is called in the names of files."""
+        return label(self.study.study.name) or UNNAMED_TASK
+
+    @property
+    def task_name(self) -> str:
+        """What the task is called; its letters and digits are those of `task`."""
+        return self.study.study.name if label(self.study.study.name) else UNNAMED_TASK
+
+    @cached_property
+    def kinds(self) -> tuple[str, ...]:
+        """Which kinds of sessions there are, in order of appearance."""
+        return _once(trial.session.kind for trial in self.trials.trials)
+
+    @cached_property
+    def conditions(self) -> tuple[str, ...]:
+        """All conditions of the sessions, in order of appearance."""
+        return _once(name for trial in self.trials.trials for name in trial.session.conditions)
+
+    @cached_property
+    def several_sessions(self) -> bool:
+        """Whether anybody has another session than the first."""
+        return any(trial.session.number != 1 for trial in self.trials.trials)
+
+    def subject_labels(self) -> dict[str, str]:
+        """Return the label of each participant, by pseudonym."""
+        return labels(trial.session.participant for trial in self.trials.trials)
+
+    def condition_levels(self) -> dict[str, str]:
+        """Return what each condition asks, as far as the study file still has it."""
+        asked = {
+            condition.name: f"asks about {condition.question}; expected: {condition.expected}"
+            for condition in self.study.condition
+        }
+        return {name: asked.get(name, "a parameter that changes") for name in self.conditions}
+
+    def description(self) -> str:
+        """Return what was done, in two sentences that hold for every study."""
+        return (
+            f"Study {self.study.study.name!r} of a touch device whose friction is changed by "
+            f"vibration. In each trial a parameter changes ({', '.join(self.conditions)}), the "
+            "participant touches and says what changed, and scores how strong the effect is, "
+            "from 0 to 10."
+        )
+
+    def instructions(self, language: Language | None) -> str | None:
+        """Return what participants read at first in `language`; None if nobody knows."""
+        return None if language is None else study_texts(self.study, language)["welcome"]
+
+
+def dataset(
+    chains: Iterable[Sequence[Recorded]], study: Study, touchbeam: str, *, rehearsals: bool
+) -> Dataset:
+    """Return what is to be exported of the sessions in `chains`.
+
+    Args:
+        chains: the events of each session, the study's own chain among them or not.
+        study: the study file as it is now.
+        touchbeam: the version that exports.
+        rehearsals: whether dry runs are wanted too.
+
+    Raises:
+        NothingToExport: there is no trial.
+    """
+    sessions = list(chains)
+    return Dataset(
+        study=study,
+        trials=trials(sessions, rehearsals=rehearsals),
+        source_sha256=_digest(sessions),
+        touchbeam=touchbeam,
+    )
+
+
+def language_of(rows: Sequence[TrialRecord]) -> Language | None:
+    """Return the language of a session; None for a published one."""
+    found: Language | None = rows[0].session.opened.get("language")
+    return found
+
+
+def _digest(chains: Iterable[Sequence[Recorded]]) -> str:
+    events = [
+        [event.tag, event.utc.isoformat(), event.monotonic_s, dict(event.payload)]
+        for chain in chains
+        for event in chain
+    ]
+    return sha256(json.dumps(events, sort_keys=True, allow_nan=False).encode()).hexdigest()
+
+
+def _once(names: Iterable[str]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(names))

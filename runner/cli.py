@@ -50,6 +50,14 @@ class Language(StrEnum):
     zh = "zh"
 
 
+class Format(StrEnum):
+    """How data are handed on."""
+
+    csv = "csv"
+    bids = "bids"
+    psychds = "psychds"
+
+
 class Wire(StrEnum):
     """How the simulated device is reached."""
 
@@ -241,6 +249,34 @@ def report(
 
     folder = StudyFolder(path=study)
     _report(folder, out or folder.report, rehearsals=rehearsals, as_json=as_json)
+
+
+@app.command()
+def export(
+    study: StudyArgument,
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="A folder to make.")],
+    as_format: Annotated[Format, typer.Option("--format", help="csv is one tidy table.")],
+    rehearsals: Annotated[
+        bool, typer.Option("--rehearsals", help="Export rehearsals too, marked as such.")
+    ] = False,
+) -> None:
+    """Write the data for others: a row per trial.
+
+    Who has withdrawn is not there; excluded trials are, marked.
+    """
+    from importlib.metadata import version
+
+    from analysis.export import EXPORTS
+    from analysis.export_dataset import dataset
+    from analysis.export_folder import write_new_folder
+    from runner.study_folder import StudyFolder
+
+    source = StudyFolder(path=study)
+    with _journal(source) as journal:
+        chains = [journal.events(session) for session in journal.sessions()]
+    data = dataset(chains, source.study(), version("touchbeam"), rehearsals=rehearsals)
+    write_new_folder(EXPORTS[as_format.value](data), folder)
+    typer.echo(f"Written: {folder}, {data.trials.summary()}")
 
 
 @app.command()

@@ -1,0 +1,183 @@
+"""`touchbeam export` as a user types it: files, messages, exit codes, and nothing left behind."""
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from runner.cli import main
+from runner.journal import open_journal, session_name
+from tests.analysis.data_slips import bids_slips, csv_rows, psychds_slips
+from tests.analysis.nasty import sessions, study_text
+
+TOUCHBEAM = str(Path(sys.executable).with_name("touchbeam"))
+VALIDATOR = str(Path(sys.executable).with_name("bids-validator-deno"))
+PUBLISHED = Path(__file__).parents[1] / "data" / "published_scores.csv"
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The demo's study, with two virtual participants."""
+    folder = tmp_path_factory.mktemp("demo") / "demo"
+    command = [TOUCHBEAM, "demo", "--out", str(folder), "--participants", "2"]
+    subprocess.run(command, check=True, capture_output=True)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A study whose journal holds the nasty sessions."""
+    folder = tmp_path_factory.mktemp("recorded")
+    (folder / "study.toml").write_text(study_text(), encoding="utf-8")
+    with open_journal(folder / "study.db") as journal:
+        for session in sessions(study_text()):
+            for event in session.events:
+                journal.append(session_name(session.participant, session.number), event)
+        journal.checkpoint()
+    return folder
+
+
+@pytest.fixture
+def study(recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of the recorded study; the working folder is beside it."""
+    monkeypatch.chdir(tmp_path)
+    return Path(shutil.copytree(recorded, tmp_path / "study"))
+
+
+def typed(*arguments: str | Path) -> int:
+    """Run a command in this process; return its exit code."""
+    before = sys.argv
+    sys.argv = ["touchbeam", *map(str, arguments)]
+    try:
+        main()
+    except SystemExit as stop:
+        return int(stop.code or 0)
+    finally:
+        sys.argv = before
+    raise AssertionError("main always exits")
+
+
+def contents(folder: Path) -> dict[str, str]:
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes().decode()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+def everything() -> set[Path]:
+    """What there is, but for the files that SQLite keeps beside a database that is read."""
+    return {path for path in Path().rglob("*") if not path.name.startswith("study.db-")}
+
+
+def test_the_demo_passes_the_official_validator(demo: Path, tmp_path: Path) -> None:
+    assert typed("export", demo, tmp_path / "bids", "--format", "bids", "--rehearsals") == 0
+    said = subprocess.run(
+        [VALIDATOR, str(tmp_path / "bids"), "--format", "json"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    found = json.loads(said.stdout)
+    assert sorted(found["summary"]["subjects"]) == ["P01", "P02"]
+    assert {issue["severity"] for issue in found["issues"]["issues"]} == {"warning"}
+    assert list(bids_slips(contents(tmp_path / "bids"))) == []
+
+
+def test_the_demo_as_one_table_has_its_scores(demo: Path, tmp_path: Path) -> None:
+    assert typed("export", demo, tmp_path / "csv", "--format", "csv", "--rehearsals") == 0
+    rows = csv_rows(contents(tmp_path / "csv")["trials.csv"])
+    table = (demo / "report" / "table4.csv").read_text().splitlines()
+    names = table[0].split(",")[1:-1]
+    for line in table[1:-1]:
+        who, *scores = line.split(",")[:-1]
+        mine = {row["condition"]: row["score"] for row in rows if row["participant"] == who}
+        assert [mine[name] for name in names] == scores
+    assert {row["session_kind"] for row in rows} == {"rehearsal"}
+    assert all(float(row["resonance_hz"]) > 20_000 for row in rows)
+
+
+def test_the_demo_is_psychds(demo: Path, tmp_path: Path) -> None:
+    assert typed("export", demo, tmp_path / "psychds", "--format", "psychds", "--rehearsals") == 0
+    assert list(psychds_slips(contents(tmp_path / "psychds"))) == []
+
+
+def test_dry_runs_alone_are_not_exported_unasked(
+    demo: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert typed("export", demo, tmp_path / "csv", "--format", "csv") == 2
+    said = capsys.readouterr()
+    assert said.err == "touchbeam: nothing but rehearsals here; name them with --rehearsals\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_journal_gives_the_same_bytes_each_time(
+    study: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("one", "two"):
+        assert typed("export", study, name, "--format", "bids") == 0
+    assert contents(Path("one")) == contents(Path("two"))
+    assert capsys.readouterr().out.splitlines()[0] == (
+        "Written: one, 37 trials of 5 participants (8 trials excluded, marked); left out: "
+        "1 rehearsals, 1 withdrawn sessions"
+    )
+
+
+def test_a_withdrawal_takes_a_participant_out_of_the_next_export(study: Path) -> None:
+    assert typed("withdraw", study, "--participant", "P01") == 0
+    assert typed("export", study, "csv", "--format", "csv") == 0
+    rows = csv_rows(contents(Path("csv"))["trials.csv"])
+    assert {row["participant"] for row in rows} == {"P-01", "p_01", "D01", "E01"}
+
+
+def test_a_published_table_comes_out_as_it_went_in(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert typed("import", PUBLISHED, "published") == 0
+    assert typed("export", "published", "published/export", "--format", "csv") == 0
+    rows = csv_rows(contents(Path("published/export"))["trials.csv"])
+    for subject in csv_rows(PUBLISHED.read_text()):
+        who, *given = subject.values()
+        mine = {row["condition"]: row["score"] for row in rows if row["participant"] == who}
+        assert [float(mine[name]) for name in list(subject)[1:]] == [float(x) for x in given]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("nowhere", "out", "--format", "csv"), "nowhere: no sessions here"),
+        (("study", "full", "--format", "csv"), "full: is there already and not empty"),
+        (("study", "file", "--format", "csv"), "file: is a file; name a folder to make"),
+        (("study", "file/out", "--format", "csv"), "file: File exists"),
+        (("study", "out", "--format", "xlsx"), "'xlsx' is not one of 'csv', 'bids', 'psychds'"),
+        (("study", "out"), "Missing option '--format'"),
+        (("study", "--format", "csv"), "Missing argument 'DIR'"),
+    ],
+)
+def test_bad_input_is_one_clear_line_and_changes_nothing(
+    study: Path, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], message: str
+) -> None:
+    Path("full").mkdir()
+    Path("full/mine.txt").write_text("mine")
+    Path("file").write_text("mine")
+    before = everything()
+    assert typed("export", *arguments) == 2
+    said = capsys.readouterr()
+    assert (said.out, said.err.count("\n")) == ("", 1)
+    assert re.search(message, said.err), said.err
+    assert everything() == before
+
+
+def test_a_study_file_that_cannot_be_used_stops_the_export(
+    study: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (study / "study.toml").read_text().replace("licence", "license")
+    (study / "study.toml").write_text(text)
+    assert typed("export", study, "out", "--format", "bids") == 2
+    assert "unknown key, got 'license'; did you mean 'licence'?" in capsys.readouterr().err
+    assert not Path("out").exists()

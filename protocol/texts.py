@@ -44,6 +44,16 @@ _ENGLISH = {
     "score": "How strong is the change? 0 to 10",
     "confirm": "{answer}: press Enter to confirm, or type another.",
     "thanks": "Thank you. The session is over.",
+    "consent": "Your consent is filed as {reference}.",
+    "wait": "Please wait.",
+    "pause": "A short break. Please rest your hand.",
+    "button.ready": "Ready (Enter)",
+    "button.confirm": "Confirm (Enter)",
+    "button.close": "Close (Enter)",
+    "hint.start": "Answer with a mouse, a touch or the keyboard. Escape calls the operator.",
+    "hint.change": "Choose with a mouse, a touch or the keys 1 to {last}, then confirm.",
+    "hint.score": "Choose with a mouse, a touch, the digits or the arrow keys, then confirm.",
+    "operator.called": "The operator has been called. You can go on when you like.",
 }
 
 _CHINESE = {
@@ -75,6 +85,16 @@ _CHINESE = {
     "score": "变化有多明显？0 到 10 分",
     "confirm": "{answer}：按回车键确认，或输入其他答案。",
     "thanks": "谢谢。实验结束。",
+    "consent": "您的知情同意书编号：{reference}。",
+    "wait": "请稍候。",
+    "pause": "请稍作休息，放松您的手。",
+    "button.ready": "准备好了（回车键）",
+    "button.confirm": "确认（回车键）",
+    "button.close": "关闭（回车键）",
+    "hint.start": "可用鼠标、触摸或键盘回答。按 Esc 键可呼叫操作员。",
+    "hint.change": "请用鼠标、触摸或数字键 1 到 {last} 选择，然后确认。",
+    "hint.score": "请用鼠标、触摸、数字键或方向键选择，然后确认。",
+    "operator.called": "已呼叫操作员。您可以随时继续。",
 }
 
 TEXTS: Mapping[Language, Mapping[str, str]] = MappingProxyType({"en": _ENGLISH, "zh": _CHINESE})

@@ -43,4 +43,5 @@ def _record(
         "level": trial.level,
         "opposite": trial.opposite,
         "reaction_time_s": [entry.reaction_time_s for entry in given],
+        "traces": [entry.trace for entry in given],
     }

@@ -13,7 +13,16 @@ from protocol.errors import BadInput, WorkFailed
 from protocol.questions import ANSWERS
 from protocol.study import Language, Rating
 from protocol.texts import band_names
-from runner.screens import AskChange, AskScore, Instruction, Notice, Pacing, Response, Screen
+from runner.screens import (
+    AskChange,
+    AskScore,
+    Instruction,
+    Notice,
+    Pacing,
+    Response,
+    Screen,
+    Welcome,
+)
 
 OPERATOR_MARK = ":"
 """A typed line that begins with it is the operator's."""
@@ -119,6 +128,8 @@ class ConsoleParticipant:
         match screen:
             case Notice(text=text):
                 return [self.texts[text]]
+            case Welcome():
+                return [self.texts["welcome"], self.texts["ready"]]
             case Instruction(text=text):
                 return [self.texts[text], self.texts["ready"]]
             case Pacing(duration_s=duration_s):

@@ -3,14 +3,15 @@
 from dataclasses import asdict
 
 from runner.room import Room
-from runner.screens import Notice
-from runner.waiting import awaited, tick
+from runner.screens import Notice, Welcome
+from runner.waiting import operator_answer, response, tick
 from runner.watching import show_where_we_are
 
 
 def prepare(room: Room) -> None:
-    """Arm the device and find the beam's resonance, before anybody touches it."""
-    room.participant.show(Notice(text="welcome"))
+    """Arm the device and find the beam's resonance before anybody touches it; then greet."""
+    room.participant.show(Notice(text="wait"))
+    show_where_we_are(room)
     study = room.session.study
     room.log.append("device-armed", **asdict(room.device.arm()))
     if study.session.operator_asks:
@@ -23,6 +24,8 @@ def prepare(room: Room) -> None:
     )
     room.log.append("resonance-measured", **asdict(found))
     room.resonance_hz = found.frequency_hz
+    room.participant.show(Welcome(consent=room.session.consent))
+    response(room)
 
 
 def mount(room: Room, beam: str | None) -> None:
@@ -30,10 +33,10 @@ def mount(room: Room, beam: str | None) -> None:
     if beam is None or beam == room.log.state.beam:
         return
     room.operator.mount(beam)
-    awaited(room, room.operator.answered)
+    operator_answer(room)
     room.log.append("beam-mounted", beam=beam)
 
 
 def _told(room: Room, question: str) -> str:
     room.operator.ask(f"{question}?")
-    return awaited(room, room.operator.answered)
+    return operator_answer(room)

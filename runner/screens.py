@@ -1,6 +1,8 @@
 """What stands before the participant, and what comes back. No screen says what the device does."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from protocol.questions import Question
 from protocol.study import Rating
@@ -14,10 +16,28 @@ class Notice:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Welcome:
+    """The first screen, with the reference of the signed consent; answered with `ready`."""
+
+    consent: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Way:
+    """The finger's way along the beam; both ends are the same place if it does not slide."""
+
+    start_m: float
+    end_m: float
+    harder: bool = False
+    several: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
 class Instruction:
-    """The touch to make next; answered with `ready`."""
+    """What to do next, with the touch to make if it is one; answered with `ready`."""
 
     text: str
+    touch: Way | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,6 +52,13 @@ class Pacing:
     duration_s: float
     force_n: float
     direction: str
+    harder: bool = False
+    several: bool = False
+
+    @property
+    def touch(self) -> Way:
+        """The same touch as its instruction showed it."""
+        return Way(start_m=self.start_m, end_m=self.end_m, harder=self.harder, several=self.several)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,12 +75,16 @@ class AskScore:
     rating: Rating
 
 
-Screen = Notice | Instruction | Pacing | AskChange | AskScore
+Screen = Notice | Welcome | Instruction | Pacing | AskChange | AskScore
 
 
 @dataclass(frozen=True, kw_only=True)
 class Response:
-    """An answer: `ready`, one of a question's answers, or a score in digits."""
+    """An answer: `ready`, one of a question's answers, or a score in digits.
+
+    `trace` says how it came about, where the screen can tell: marks, changes, frames.
+    """
 
     answer: str
     reaction_time_s: float
+    trace: Mapping[str, Any] | None = None

@@ -4,13 +4,13 @@ from dataclasses import asdict
 from typing import Any
 
 from device.records import Setpoint
-from protocol.programme import touch_s
 from protocol.texts import touch_text
 from protocol.touch import Touch
 from runner.judging import Sample, judged, samples_of
+from runner.pacing import pacing
 from runner.preparing import mount
 from runner.room import Room
-from runner.screens import Instruction, Notice, Pacing
+from runner.screens import Instruction, Notice, Response
 from runner.waiting import pass_time, response
 from runner.watching import show_where_we_are
 
@@ -27,10 +27,11 @@ def touch(room: Room, number: int, to_make: Touch) -> dict[str, Any]:
     mount(room, to_make.beam or study.touch.beam)
     if number > 0:
         pass_time(room, study.timing.between_touches_s)
-    room.participant.show(Instruction(text=touch_text(to_make)))
-    response(room)
+    ready = _instructed(room, to_make)
     start = _setpoint(room, to_make.voltage_v, to_make.frequency)
-    room.log.append("touch-started", touch=number, commanded=asdict(start))
+    room.log.append(
+        "touch-started", touch=number, commanded=asdict(start), instruction=asdict(ready)
+    )
     stimulus = _Stimulus(room, to_make)
     stimulus.deliver(start)
     room.device.off()
@@ -39,6 +40,13 @@ def touch(room: Room, number: int, to_make: Touch) -> dict[str, Any]:
     room.log.append("touch-ended", touch=number, **stimulus.record(), judged=verdict)
     show_where_we_are(room, warning=_warning(verdict))
     return verdict
+
+
+def _instructed(room: Room, to_make: Touch) -> Response:
+    """Say how to touch, and nothing else, until the participant is ready."""
+    way = pacing(to_make, room.session.study.touch).touch
+    room.participant.show(Instruction(text=touch_text(to_make), touch=way))
+    return response(room)
 
 
 class _Stimulus:
@@ -51,7 +59,7 @@ class _Stimulus:
         self._next_sample_s = 0.0
         self._next_step_s = 0.0
         self.samples: list[Sample] = []
-        self.pacing = _pacing(room, to_make)
+        self.pacing = pacing(to_make, room.session.study.touch)
 
     def deliver(self, start: Setpoint) -> None:
         """Soft start, the touch itself with its ramp or sweep; the output stays on."""
@@ -109,20 +117,6 @@ def _setpoint(room: Room, voltage_v: float, frequency: float) -> Setpoint:
         voltage_v=voltage_v,
         frequency_hz=frequency * room.resonance_hz,
         ramp_v_per_s=room.session.study.rig.ramp_v_per_s,
-    )
-
-
-def _pacing(room: Room, to_make: Touch) -> Pacing:
-    finger = room.session.study.touch
-    start_m = end_m = finger.smooth_place_m
-    if to_make.place == "path":
-        start_m, end_m = finger.path_m if to_make.direction == "right" else finger.path_m[::-1]
-    return Pacing(
-        start_m=start_m,
-        end_m=end_m,
-        duration_s=touch_s(to_make, finger),
-        force_n=finger.force_n * to_make.press,
-        direction=to_make.direction,
     )
 
 

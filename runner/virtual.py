@@ -12,7 +12,16 @@ from dataclasses import dataclass, field
 from device.simulator.hand import Hand
 from protocol.questions import Question
 from runner.ports import Clock
-from runner.screens import AskChange, AskScore, Instruction, Notice, Pacing, Response, Screen
+from runner.screens import (
+    AskChange,
+    AskScore,
+    Instruction,
+    Notice,
+    Pacing,
+    Response,
+    Screen,
+    Welcome,
+)
 
 JUST_NOTICEABLE = 0.01
 """Change of log friction below which a virtual participant says that nothing changed."""
@@ -79,7 +88,7 @@ class VirtualParticipant:
                 self._resting = self._touches[-1][-1].friction
                 self._touches.clear()
                 return self._given("ready")
-            case Instruction():
+            case Instruction() | Welcome():
                 return self._given("ready")
             case AskChange(question=question):
                 return self._given(self._judged(question))

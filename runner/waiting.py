@@ -24,6 +24,16 @@ def response(room: Room) -> Response:
     return awaited(room, room.participant.poll)
 
 
+def operator_answer(room: Room) -> str:
+    """Return what the operator answers; the participant is looked after meanwhile."""
+
+    def poll() -> str | None:
+        room.participant.poll()
+        return room.operator.answered()
+
+    return awaited(room, poll)
+
+
 def pass_time(room: Room, seconds: float, meanwhile: Callable[[], None] = lambda: None) -> None:
     """Let `seconds` pass; the participant goes on touching, `meanwhile` is called every tick."""
     end_s = room.clock.monotonic_s() + seconds

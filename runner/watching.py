@@ -47,9 +47,10 @@ def pause_if_wanted(room: Room, trial: Trial) -> None:
 
 def _pause(room: Room) -> None:
     room.log.append("paused")
-    room.participant.show(Notice(text="break"))
+    room.participant.show(Notice(text="pause"))
     show_where_we_are(room)
     while room.pause_wanted:
+        room.participant.poll()
         tick(room, TICK_S)
     room.log.append("unpaused")
 

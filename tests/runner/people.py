@@ -12,7 +12,7 @@ from protocol.study_file import parsed_study, template
 from runner.journal import Journal
 from runner.orders import Note, Order
 from runner.room import Room
-from runner.screens import AskChange, AskScore, Instruction, Response, Screen
+from runner.screens import AskChange, AskScore, Instruction, Response, Screen, Welcome
 from runner.session import Kind, Session
 from runner.session_log import SessionLog
 from runner.view import View
@@ -104,7 +104,7 @@ class FakeParticipant:
 
     def poll(self) -> Response | None:
         match self.shown[-1]:
-            case Instruction():
+            case Instruction() | Welcome():
                 return Response(answer="ready", reaction_time_s=0.5)
             case AskChange(question=question):
                 fitting = {"roughness": "smoother", "strength": "stronger", "places": "swapped"}

@@ -1,0 +1,92 @@
+"""What a page is made of. Lengths are parts of a canvas of 800 by 600, its origin in the middle.
+
+The canvas is scaled to the screen as a whole, so that a page looks the same on every screen.
+"""
+
+from dataclasses import dataclass
+
+CANVAS = (800.0, 600.0)
+
+INK = "#202428"
+FAINT = "#5c646c"
+ACCENT = "#1f5fa8"
+PALE = "#d5dae0"
+WHITE = "#ffffff"
+BACKGROUND = "#f4f4f0"
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Room:
+    """An upright rectangle around the middle (`x`, `y`); `y` points up."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+
+    def holds(self, x: float, y: float) -> bool:
+        """Return whether the point lies inside."""
+        return abs(x - self.x) <= self.width / 2 and abs(y - self.y) <= self.height / 2
+
+    @property
+    def corners(self) -> tuple[Point, ...]:
+        """The four corners, in order."""
+        right, top = self.width / 2, self.height / 2
+        signs = ((-1, -1), (1, -1), (1, 1), (-1, 1))
+        return tuple((self.x + sx * right, self.y + sy * top) for sx, sy in signs)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Text:
+    """Lines of text in the middle of `room`; `size` is the height of a letter's em."""
+
+    text: str
+    room: Room
+    size: float
+    colour: str = INK
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outline:
+    """A polygon, or a line where there are two points."""
+
+    points: tuple[Point, ...]
+    fill: str | None = None
+    edge: str | None = None
+    width: float = 2.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dot:
+    """A disc; the one element that moves from frame to frame."""
+
+    x: float
+    y: float
+    radius: float
+    fill: str = ACCENT
+
+
+Element = Text | Outline | Dot
+
+
+Page = tuple[Element, ...]
+"""What stands on the screen at one moment, drawn in this order."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Target:
+    """A place that answers to a press."""
+
+    name: str
+    room: Room
+
+
+def pixels_per_unit(width_px: float, height_px: float) -> float:
+    """Return how much the canvas is magnified to fill a screen.
+
+    >>> pixels_per_unit(1920, 1080)
+    1.8
+    """
+    return min(width_px / CANVAS[0], height_px / CANVAS[1])

@@ -1,0 +1,168 @@
+"""Pages: what they show, what they do not tell, and that every text fits."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from protocol.errors import BadInput
+from protocol.study import Rating, Study, Touch, TouchDefaults
+from protocol.study_file import TEMPLATES, parsed_study, template
+from protocol.texts import TEXTS, Language, touch_text
+from protocol.touch import Direction
+from runner.pacing import pacing
+from runner.screens import AskChange, AskScore, Instruction, Pacing, Way
+from runner.window.elements import CANVAS, Dot, Outline, Text
+from runner.window.fit import fit_problems, require_fit
+from runner.window.foreseen import foreseen
+from runner.window.pages import View, Wording, page, targets
+from runner.window.scale import look, marked
+from runner.window.sketch import beam_x, fingers
+
+LANGUAGES: tuple[Language, ...] = ("en", "zh")
+RIGHT = Pacing(start_m=0.01, end_m=0.081, duration_s=1.775, force_n=0.5, direction="right")
+
+
+def wording(language: Language) -> Wording:
+    return Wording(language=language, texts=TEXTS[language])
+
+
+def study(**texts: str) -> Study:
+    lines = "\n".join(f'"{key}" = "{value}"' for key, value in texts.items())
+    return parsed_study(template("paper") + f"\n[texts.en]\n{lines}\n")
+
+
+@pytest.mark.parametrize("name", TEMPLATES)
+def test_every_text_of_the_built_in_studies_fits(name: str) -> None:
+    assert list(fit_problems(parsed_study(template(name)))) == []
+
+
+def test_a_text_that_is_too_long_is_found_with_its_place_in_the_study_file() -> None:
+    long = "Touch it gently. " * 20
+    (problem,) = fit_problems(study(**{"touch.smooth": long}))
+    assert problem.path == ("texts", "en", "touch.smooth")
+    assert problem.rule == "a text must fit its place on the participant's screen"
+    assert problem.value == repr(long)
+
+
+def test_a_word_that_is_too_wide_for_its_band_is_found() -> None:
+    text = template("paper").replace('en = "no effect"', 'en = "imperceptible"')
+    (problem,) = fit_problems(parsed_study(text))
+    assert (problem.where, problem.value) == ("rating.bands.0.en", "'imperceptible'")
+
+
+def test_a_reference_of_the_consent_that_is_too_long_refuses_the_session() -> None:
+    require_fit(study(), "en", "C-2026-0042")
+    with pytest.raises(BadInput, match=r"fit its place .* got 'Your consent is filed as x{90}"):
+        require_fit(study(), "en", "x" * 90)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_nothing_leaves_the_canvas_and_no_two_texts_share_a_place(language: Language) -> None:
+    for screen in foreseen(parsed_study(template("extended")), consent="C-7"):
+        elements = page(screen, View(operator_called=True), wording(language))
+        rooms = [element.room for element in elements if isinstance(element, Text)]
+        corners = [point for room in rooms for point in room.corners]
+        corners += [
+            point for each in elements if isinstance(each, Outline) for point in each.points
+        ]
+        assert all(abs(x) <= CANVAS[0] / 2 and abs(y) <= CANVAS[1] / 2 for x, y in corners)
+        for number, one in enumerate(rooms):
+            for other in rooms[:number]:
+                apart_x = abs(one.x - other.x) >= (one.width + other.width) / 2
+                apart_y = abs(one.y - other.y) >= (one.height + other.height) / 2
+                assert apart_x or apart_y, (screen, one, other)
+
+
+TOUCHES = st.builds(
+    Touch,
+    place=st.sampled_from(["path", "smooth"]),
+    voltage_v=st.floats(0, 200),
+    ramp_to_v=st.none() | st.floats(0, 200),
+    frequency=st.floats(0.5, 1.5),
+    direction=st.sampled_from(["right", "left"]),
+    press=st.sampled_from([1.0, 1.5]),
+    beam=st.none() | st.sampled_from(["no bodies", "1 mm"]),
+    duration_s=st.none() | st.floats(1, 9),
+)
+
+
+@given(touch=TOUCHES, other=TOUCHES)
+def test_pages_of_the_same_touch_are_the_same_whatever_the_device_does(
+    touch: Touch, other: Touch
+) -> None:
+    same = other.model_copy(
+        update={name: getattr(touch, name) for name in ("place", "direction", "press")}
+    )
+    seen = []
+    for each in (touch, same):
+        cue = pacing(each, TouchDefaults())
+        instruction = Instruction(text=touch_text(each), touch=cue.touch)
+        seen.append([page(screen, View(), wording("en")) for screen in (instruction, cue)])
+    assert seen[0] == seen[1]
+
+
+@pytest.mark.parametrize("direction", ["right", "left"])
+def test_the_mark_moves_at_the_sliding_speed_and_rests_at_the_end(direction: Direction) -> None:
+    touch = Touch(place="path", voltage_v=100, direction=direction)
+    cue = pacing(touch, TouchDefaults(sliding_speed_m_s=0.04))
+    seen = [_mark_x(page(cue, View(passed_s=passed_s), wording("en"))) for passed_s in (0, 1, 9)]
+    assert abs(seen[1] - seen[0]) == pytest.approx(abs(beam_x(0.04) - beam_x(0.0)))
+    ends = (beam_x(0.010), beam_x(0.081))
+    ends = ends if direction == "right" else ends[::-1]
+    assert (seen[0], seen[2]) == pytest.approx(ends)
+
+
+def _mark_x(elements: tuple[object, ...]) -> float:
+    (mark,) = [element for element in elements if isinstance(element, Dot)]
+    return mark.x
+
+
+def test_several_fingers_are_drawn_where_they_touch_the_beam() -> None:
+    way = Way(start_m=0.09, end_m=0.09, several=True)
+    assert [dot.x for dot in fingers(way, 0.0)] == pytest.approx(
+        [beam_x(0.066), beam_x(0.082), beam_x(0.098)]
+    )
+
+
+@pytest.mark.parametrize(
+    ("ticks", "scores"),
+    [("all", list(range(11))), ("ends", [0, 10]), ("bands", [0, 1, 4, 5, 7, 8, 10])],
+)
+def test_the_study_says_which_scores_are_marked(ticks: str, scores: list[int]) -> None:
+    rating = parsed_study(template("paper")).rating.model_copy(update={"ticks": ticks})
+    assert marked(rating) == scores
+    texts = {
+        e.text for e in page(AskScore(rating=rating), View(), wording("en")) if isinstance(e, Text)
+    }
+    assert {text for text in texts if text.isdigit()} == {str(score) for score in scores}
+
+
+def test_the_scale_bears_no_mark_until_one_is_chosen() -> None:
+    screen = AskScore(rating=Rating())
+    dots = [
+        [e for e in page(screen, View(chosen=chosen), wording("en")) if isinstance(e, Dot)]
+        for chosen in (None, "0", "10")
+    ]
+    assert [len(each) for each in dots] == [0, 1, 1]
+    assert dots[2][0].x - dots[1][0].x == look(Rating(), "en", 1.0)["length_px"]
+
+
+def test_no_answer_stands_out_before_it_is_chosen() -> None:
+    screen = AskChange(question="strength")
+    boxes = [e for e in page(screen, View(), wording("en")) if isinstance(e, Outline)][:3]
+    assert len({(box.fill, box.edge, box.width) for box in boxes}) == 1
+
+
+def test_targets_for_fingers_are_large_and_apart() -> None:
+    for screen in foreseen(parsed_study(template("paper")), consent=None):
+        rooms = [target.room for target in targets(screen)]
+        assert all(min(room.width, room.height) >= 60 for room in rooms)
+        edges = sorted((room.y - room.height / 2, room.y + room.height / 2) for room in rooms)
+        assert all(below[1] < above[0] for below, above in pairwise(edges))
+
+
+def test_an_instruction_names_only_the_touch() -> None:
+    assert replace(RIGHT, duration_s=9).touch == RIGHT.touch

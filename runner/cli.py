@@ -183,6 +183,12 @@ def run(
         bool, typer.Option("--rehearsal", help="Use no slot of the design; kept out of reports.")
     ] = False,
     language: Annotated[Language, typer.Option()] = Language.en,
+    screen: Annotated[
+        int, typer.Option(min=0, help="The participant's screen, counted from 0.")
+    ] = 0,
+    windowed: Annotated[
+        bool, typer.Option("--windowed", help="A small window instead of the full screen.")
+    ] = False,
     consent: Annotated[str | None, typer.Option(help="Reference of the signed consent.")] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="[default: the study's]")] = None,
 ) -> None:
@@ -202,6 +208,8 @@ def run(
         pace=pace.value if pace else None,
         rehearsal=rehearsal,
         language=language.value,
+        screen=screen,
+        windowed=windowed,
         consent=consent,
         seed=seed,
         touchbeam=_touchbeam(),
@@ -549,6 +557,14 @@ def simulate_device(
     simulate(
         wire.value, place, control, dialect=dialect.value, keep=keep, seed=seed, say=typer.echo
     )
+
+
+@app.command("participant-window", hidden=True)
+def participant_window() -> None:
+    """Serve the participant's window; a session starts this and talks to it by its pipes."""
+    from runner.window.process import serve_window
+
+    serve_window()
 
 
 @app.command()

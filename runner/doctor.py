@@ -15,10 +15,11 @@ from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
 
+from runner.window.fonts import FONTS, first_font, missing
+
 PACKAGES = ("protocol", "device", "runner", "analysis")
 DEPENDENCIES = ("psychopy", "pyserial", "numpy", "scipy", "matplotlib", "pydantic")
 LEAST_DISK_BYTES = 200e6
-FONTS = ("DejaVu", "WenQuanYi Micro Hei", "Noto Sans CJK")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,11 +146,11 @@ def _fonts() -> Finding:
     if fc_list is None:
         return Finding(what="fonts", ok=True, value="unknown", hint="fontconfig is not installed")
     names = subprocess.run([fc_list], capture_output=True, text=True, check=False).stdout
-    there = [font for font in FONTS if font in names]
-    chinese = any(font != FONTS[0] for font in there)
+    found = {language: first_font(language, names.__contains__) for language in FONTS}
+    lacking = [language for language, font in found.items() if font is None]
     return Finding(
         what="fonts",
         ok=True,
-        value=", ".join(there) or "none",
-        hint="" if chinese else "Chinese texts in the window need fonts-wqy-microhei",
+        value=", ".join(f"{language}: {font or 'none'}" for language, font in found.items()),
+        hint="; ".join(missing(language) for language in lacking),
     )

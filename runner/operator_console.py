@@ -4,7 +4,7 @@ On a terminal it redraws itself; elsewhere it prints a line whenever something c
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from runner.operator_keys import HELP, OperatorKeys
@@ -133,6 +133,12 @@ class OperatorConsole:
             return
         self._view = view
         self._redraw()
+
+    def called(self) -> None:
+        """Show that the participant calls, until there is something else to warn of."""
+        if self._view is not None:
+            self._view = replace(self._view, warning="the participant calls you (Escape)")
+            self._redraw()
 
     def _listen(self) -> None:
         characters = self.typed(bool(self._question))

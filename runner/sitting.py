@@ -3,7 +3,7 @@
 import random
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
 from typing import Literal
 
@@ -30,6 +30,8 @@ from runner.session_state import SessionState
 from runner.study_folder import StudyFolder, pseudonym
 from runner.terminal_keys import terminal_keys
 from runner.virtual import VirtualParticipant, drawn_character, swapping
+from runner.window.for_study import study_window
+from runner.window.participant import WindowParticipant
 
 Ratings = Literal["window", "console", "virtual"]
 Pace = Literal["wall", "stepped"]
@@ -50,6 +52,8 @@ class Sitting:
     language: Language = "en"
     consent: str | None = None
     seed: int | None = None
+    screen: int = 0
+    windowed: bool = False
     touchbeam: Sequence[str] = ("touchbeam",)
 
 
@@ -71,6 +75,7 @@ def sit(sitting: Sitting, say: Say) -> SessionState:
         stack.enter_context(held(f"session {name} of {place}", name))
         if url != SIMULATED:
             stack.enter_context(held(url, f"{name} of {place}"))
+        window = stack.enter_context(_window(sitting, study))
         seed = study.study.seed if sitting.seed is None else sitting.seed
         calibration = kept_calibration(sitting.folder.path)
         rig = stack.enter_context(rigged(url, study.rig, sitting.touchbeam, seed, calibration))
@@ -79,7 +84,9 @@ def sit(sitting: Sitting, say: Say) -> SessionState:
         new = name not in journal.sessions()
         session = _session(sitting, study, journal, kind, seed, clock)
         log = SessionLog(journal, name, clock)
-        participant, operator = stack.enter_context(_people(sitting, session, rig, clock, say))
+        participant, operator = stack.enter_context(
+            _people(sitting, session, rig, clock, say, window)
+        )
         stack.callback(journal.checkpoint)
         run(
             Room(
@@ -95,11 +102,23 @@ def sit(sitting: Sitting, say: Say) -> SessionState:
         return log.state
 
 
+def _window(sitting: Sitting, study: Study) -> AbstractContextManager[WindowParticipant | None]:
+    """The participant's window, if there is to be one."""
+    if sitting.ratings != "window":
+        return nullcontext()
+    return study_window(
+        sitting.touchbeam,
+        study,
+        sitting.language,
+        sitting.consent,
+        screen=sitting.screen,
+        windowed=sitting.windowed,
+    )
+
+
 def _checked_pace(sitting: Sitting, url: str) -> Pace:
     """The pace asked for, or the one that fits; virtual ratings need a beam they can feel."""
     simulated = url == SIMULATED
-    if sitting.ratings == "window":
-        raise BadInput("--ratings window is not part of this version; use --ratings console")
     if sitting.ratings == "virtual" and not simulated:
         raise BadInput(f"--ratings virtual feels the simulated device only, got --device {url}")
     if sitting.pace == "stepped" and not (simulated and sitting.ratings == "virtual"):
@@ -154,7 +173,12 @@ def _session(
 
 @contextmanager
 def _people(
-    sitting: Sitting, session: Session, rig: Rigged, clock: Clock, say: Say
+    sitting: Sitting,
+    session: Session,
+    rig: Rigged,
+    clock: Clock,
+    say: Say,
+    window: WindowParticipant | None,
 ) -> Iterator[tuple[Participant, Operator]]:
     swap = swapping(rig.hand, session.study.beams) if rig.hand else lambda _: None
     if sitting.ratings == "virtual":
@@ -169,10 +193,26 @@ def _people(
         with _console(quiet=isinstance(clock, SteppedClock), say=say) as (typed, display):
             yield virtual, OperatorConsole(typed, display, swap, alone=True)
         return
+    if window is not None:
+        with _typing_or_keys(say) as (typed, display):
+            operator = OperatorConsole(typed, display, swap)
+            window.call_operator = operator.called
+            yield window, operator
+        return
     lines = TypedLines(sys.stdin)
     texts = study_texts(session.study, session.language)
     participant = ConsoleParticipant(lines, say, session.language, texts)
     yield participant, OperatorConsole(lines.operator_typed, PlainDisplay(say), swap)
+
+
+@contextmanager
+def _typing_or_keys(say: Say) -> Iterator[tuple[Callable[[bool], str], LiveDisplay | PlainDisplay]]:
+    """An operator who has the terminal to themselves; in a pipe, lines serve as well as keys."""
+    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+        yield TypedLines(sys.stdin).operator_typed, PlainDisplay(say)
+        return
+    with _console(quiet=False, say=say) as console:
+        yield console
 
 
 @contextmanager

@@ -1,0 +1,105 @@
+"""Draws every page in a real window: measures each line, and keeps pictures if it is told where.
+
+    python -m tests.runner.window.drawn en [FOLDER]
+
+prints how many lines were drawn and which of them are wider than was estimated.
+"""
+
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+from PIL import Image, ImageGrab
+
+from protocol.study import Study, Touch
+from protocol.study_file import parsed_study, template
+from protocol.texts import Language, study_texts
+from runner.pacing import pacing
+from runner.screens import AskChange, AskScore, Instruction, Notice, Screen, Welcome
+from runner.window.drawing import PsychopyCanvas
+from runner.window.elements import Text
+from runner.window.foreseen import foreseen
+from runner.window.metrics import text_width, wrapped
+from runner.window.pages import View, Wording, page
+from runner.window.wire import Settings
+
+Shown = tuple[str, Screen, View]
+
+
+def _named(touch: Touch) -> str:
+    if touch.place == "path":
+        return touch.direction
+    return "harder" if touch.press > 1 else "place"
+
+
+def pictures(study: Study) -> list[Shown]:
+    """One example of each screen, named for a file."""
+    touches = {_named(touch): touch for condition in study.condition for touch in condition.touches}
+    ways = {name: pacing(touch, study.touch) for name, touch in touches.items()}
+    texts = {"right": "touch.right", "left": "touch.left"}
+    texts |= {"place": "touch.smooth", "harder": "touch.smooth.harder"}
+    score = AskScore(rating=study.rating)
+    return [
+        ("wait", Notice(text="wait"), View()),
+        ("welcome", Welcome(consent="C-2026-07"), View()),
+        *(
+            (f"instruction-{name}", Instruction(text=texts[name], touch=way.touch), View())
+            for name, way in ways.items()
+        ),
+        ("pacing-right", ways["right"], View(passed_s=0.6)),
+        ("pacing-left", ways["left"], View(passed_s=0.6)),
+        ("lift", Notice(text="touch.end"), View()),
+        ("remember", Instruction(text="remember"), View()),
+        ("change", AskChange(question="roughness"), View()),
+        ("change-chosen", AskChange(question="places"), View(chosen="swapped")),
+        ("score", score, View()),
+        ("score-chosen", score, View(chosen="7", operator_called=True)),
+        ("pause", Notice(text="pause"), View()),
+        ("break", Instruction(text="break"), View()),
+        ("thanks", Notice(text="thanks"), View()),
+    ]
+
+
+def too_wide(canvas: PsychopyCanvas, screen: Screen, wording: Wording) -> list[dict[str, Any]]:
+    """The lines that are drawn wider than they were taken for."""
+    found = []
+    px_per_unit = canvas.look()["px_per_unit"]
+    for text in page(screen, View(operator_called=True), wording):
+        if isinstance(text, Text):
+            lines = wrapped(text.text, text.size, text.room.width)
+            for line, drawn in zip(lines, canvas._text(text), strict=True):
+                estimate = text_width(line, text.size) * px_per_unit
+                if drawn.boundingBox[0] > estimate:
+                    found.append({"line": line, "drawn": drawn.boundingBox[0], "taken": estimate})
+    return found
+
+
+def keep(picture: Image.Image, path: Path) -> None:
+    """Write a picture of flat colours in few bytes."""
+    colours = picture.convert("RGB").quantize(24, dither=Image.Dither.NONE)
+    colours.save(path, optimize=True)
+
+
+def main(language: Language, folder: Path | None) -> None:
+    """Draw, measure, and keep: all pages of a small screen, the fullest one of a large one."""
+    study = parsed_study(template("paper"))
+    wording = Wording(language=language, texts=study_texts(study, language))
+    canvas = PsychopyCanvas(Settings(wording=wording))
+    screens = foreseen(parsed_study(template("extended")), consent="C-7")
+    wide = [line for screen in screens for line in too_wide(canvas, screen, wording)]
+    for name, screen, view in pictures(study) if folder else []:
+        canvas.draw(page(screen, view, wording))
+        canvas.flip()
+        picture = ImageGrab.grab(xdisplay=os.environ["DISPLAY"])
+        assert folder is not None
+        if picture.width > 800 and name != "score-chosen":
+            continue
+        keep(picture, folder / f"{name}-{language}-{picture.width}.png")
+    canvas.close()
+    print(json.dumps({"screens": len(screens), "too_wide": wide}))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], Path(sys.argv[2]) if len(sys.argv) > 2 else None)  # type: ignore[arg-type]

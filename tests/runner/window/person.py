@@ -1,0 +1,159 @@
+"""A person at a real window on a virtual display: looks at its pixels, uses a pointer or keys.
+
+Nothing tells this person which screen stands there but what can be seen.
+"""
+
+import os
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Literal
+
+from PIL import Image, ImageGrab
+
+from runner.window.answering import EARLY_S
+from runner.window.elements import ACCENT, INK, PALE, WHITE, pixels_per_unit
+
+Sight = Literal["nothing", "button", "two", "three", "scale"]
+Hand = Literal["mouse", "keyboard"]
+
+BUTTON = (-150.0, -215.0)
+ANSWERS = ((-190.0, 95.0), (-190.0, 17.0), (-190.0, -61.0))
+SCALE_LINE = (-33.0, 50.0)
+LOOK_EVERY_S = 0.05
+
+
+@contextmanager
+def virtual_display(width: int, height: int, depth: int = 24) -> Iterator[str]:
+    """A display of its own, named by the server, gone afterwards."""
+    reading, writing = os.pipe()
+    server = subprocess.Popen(
+        [
+            "Xvfb",
+            "-displayfd",
+            str(writing),
+            "-screen",
+            "0",
+            f"{width}x{height}x{depth}",
+            "-noreset",
+        ],
+        pass_fds=[writing],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    os.close(writing)
+    try:
+        with os.fdopen(reading) as told:
+            yield f":{told.readline().strip()}"
+    finally:
+        server.terminate()
+        server.wait()
+
+
+@dataclass
+class Person:
+    """Sees the display and does what the screens ask, with the mouse or the keyboard alone.
+
+    `choices` are the answers to give, as positions; `scores` the scores.
+    """
+
+    display: str
+    hand: Hand
+    choices: list[int] = field(default_factory=list)
+    scores: list[int] = field(default_factory=list)
+    seen: list[Sight] = field(default_factory=list)
+    given: list[int] = field(default_factory=list)
+    scored: list[int] = field(default_factory=list)
+
+    def look(self) -> Image.Image:
+        """What is on the display now."""
+        return ImageGrab.grab(xdisplay=self.display)
+
+    def look_later(self) -> None:
+        """Let the page change."""
+        time.sleep(LOOK_EVERY_S)
+
+    def sight(self) -> Sight:
+        """Which kind of page that is."""
+        image = self.look()
+        colours = [_colour(image, point) for point in (BUTTON, *ANSWERS, SCALE_LINE)]
+        button, first, second, third, line = colours
+        if first in {WHITE, ACCENT} and second in {WHITE, ACCENT}:
+            return "three" if third in {WHITE, ACCENT} else "two"
+        if line == INK:
+            return "scale"
+        return "button" if button in {ACCENT, PALE} else "nothing"
+
+    def act(self) -> None:
+        """Do what the page asks for, once, and wait until it is another one."""
+        sight = self.sight()
+        if sight == "nothing":
+            return self.look_later()
+        if not self.seen or self.seen[-1] != sight:
+            self.seen.append(sight)
+        time.sleep(EARLY_S)  # nobody reacts faster, and what comes faster is not taken
+        if sight == "scale":
+            self._score(self.scores[len(self.scored)])
+        elif sight != "button":
+            self._choose(self.choices[len(self.given)])
+        return self._confirm_and_wait(sight)
+
+    def _choose(self, position: int) -> None:
+        self.given.append(position)
+        if self.hand == "mouse":
+            self.click(*ANSWERS[position])
+        else:
+            self.key(str(position + 1))
+
+    def _score(self, score: int) -> None:
+        self.scored.append(score)
+        if self.hand == "mouse":
+            self.click((score - 5) * 66.0, 50.0)
+        else:
+            self.key(*str(score))
+
+    def _confirm_and_wait(self, before: Sight) -> None:
+        text = self._text()
+        until_s = time.monotonic() + 3.0
+        if self.hand == "mouse":
+            self.click(*BUTTON)
+        else:
+            self.key("Return")
+        while time.monotonic() < until_s:
+            time.sleep(LOOK_EVERY_S)
+            if self.sight() != before or (before == "button" and self._text() != text):
+                return
+
+    def _text(self) -> bytes:
+        """The upper half of the page: another text is another page."""
+        image = self.look()
+        return image.crop((0, 0, image.width, image.height // 2)).tobytes()
+
+    def click(self, x: float, y: float) -> None:
+        """Press and release at a place of the canvas."""
+        across, down = _pixel(self.look().size, (x, y))
+        self.xdotool("mousemove", str(across), str(down), "click", "1")
+
+    def key(self, *names: str) -> None:
+        """Press and release keys."""
+        self.xdotool("key", *names)
+
+    def xdotool(self, *arguments: str) -> None:
+        """Move the real pointer and keyboard of the display."""
+        subprocess.run(
+            ["xdotool", *arguments], env={**os.environ, "DISPLAY": self.display}, check=True
+        )
+
+
+def _pixel(size: tuple[int, int], point: tuple[float, float]) -> tuple[int, int]:
+    scale = pixels_per_unit(*size)
+    return round(size[0] / 2 + point[0] * scale), round(size[1] / 2 - point[1] * scale)
+
+
+def _colour(image: Image.Image, point: tuple[float, float]) -> str:
+    pixel = image.getpixel(_pixel(image.size, point))
+    assert isinstance(pixel, tuple)
+    red, green, blue = pixel[:3]
+    return f"#{red:02x}{green:02x}{blue:02x}"

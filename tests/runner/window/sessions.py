@@ -1,0 +1,149 @@
+"""Sessions of the built-in study, shortened, as an experimenter starts them from a terminal."""
+
+import os
+import re
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Self
+
+from protocol.study_file import template
+from runner.journal import open_journal, session_name
+from runner.session_state import Event
+from tests.runner.window.person import Person
+
+TOUCHBEAM = str(Path(sys.executable).with_name("touchbeam"))
+ENDS_WITHIN_S = 90.0
+
+_SHORTER = {
+    r"hold_s = \S+": "hold_s = 0.25",
+    r"sliding_speed_m_s = \S+": "sliding_speed_m_s = 0.284",
+    r"ramp_v_per_s = \S+": "ramp_v_per_s = 2000",
+    r"duration_s = 6\b": "duration_s = 0.4",
+}
+
+
+def short_study() -> str:
+    """The paper's study with touches of a quarter of a second."""
+    text = template("paper")
+    for pattern, shorter in _SHORTER.items():
+        text, count = re.subn(pattern, shorter, text)
+        assert count, f"the paper's study has no {pattern}"
+    return text
+
+
+@dataclass
+class Seat:
+    """A study in `folder` and a participant at `display`."""
+
+    folder: Path
+    display: str
+    participant: str = "P01"
+    more_environment: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.folder.mkdir(exist_ok=True)
+        (self.folder / "study.toml").write_text(short_study(), encoding="utf-8")
+        home = self.folder.with_name("home")
+        home.mkdir(exist_ok=True)
+        self.environment = {
+            **os.environ,
+            "HOME": str(home),
+            "DISPLAY": self.display,
+            **self.more_environment,
+        }
+
+    def start(self, *options: str, ratings: str = "window") -> "Running":
+        """Start the session; somebody serves the rig whenever the terminal asks for it."""
+        arguments = [TOUCHBEAM, "run", str(self.folder), "--participant", self.participant]
+        process = subprocess.Popen(
+            [*arguments, "--ratings", ratings, *options],
+            env=self.environment,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        return Running(process)
+
+    def events(self) -> list[Event]:
+        """What the journal holds of the session."""
+        with open_journal(self.folder / "study.db") as journal:
+            return journal.events(session_name(self.participant, 1))
+
+    def payloads(self, tag: str) -> list[Mapping[str, Any]]:
+        """What the journal holds of one kind of event."""
+        return [event.payload for event in self.events() if event.tag == tag]
+
+
+@dataclass
+class Running:
+    """A session under way."""
+
+    process: "subprocess.Popen[str]"
+    lose_display: Callable[[], None] = lambda: None
+    said: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._operator = threading.Thread(target=self._serve_the_rig, daemon=True)
+        self._operator.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Leave nothing running when a test has failed."""
+        if self.process.poll() is None:
+            self.process.kill()
+            self.end()
+
+    def attend(self, person: Person) -> int:
+        """Let `person` do what the screens ask until the session ends; return its exit code."""
+        until_s = time.monotonic() + ENDS_WITHIN_S
+        while self.process.poll() is None and time.monotonic() < until_s:
+            person.act()
+        return self.end()
+
+    def end(self) -> int:
+        """Wait for the end; return the exit code."""
+        try:
+            code = self.process.wait(ENDS_WITHIN_S)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            raise
+        self._operator.join()
+        assert self.process.stderr is not None
+        assert self.process.stdin is not None
+        self.complaint = self.process.stderr.read()
+        self.process.stderr.close()
+        self.process.stdin.close()
+        return code
+
+    def window_process(self) -> int:
+        """The id of the window's process, a child of the session's."""
+        children = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children")
+        for child in children.read_text().split():
+            command = Path(f"/proc/{child}/cmdline").read_bytes()
+            if b"participant-window" in command:
+                return int(child)
+        raise LookupError(f"{self.process.pid} has no window")
+
+    def _serve_the_rig(self) -> None:
+        assert self.process.stdout is not None
+        with self.process.stdout as lines:
+            for line in lines:
+                self.said.append(line)
+                if "Mount the beam" in line:
+                    self.type("\n")
+
+    def type(self, text: str) -> None:
+        """Type at the terminal."""
+        assert self.process.stdin is not None
+        with suppress(BrokenPipeError):
+            self.process.stdin.write(text)
+            self.process.stdin.flush()

@@ -1,0 +1,33 @@
+"""What is drawn stays within what was estimated, so that a text that fits on paper fits."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[3]
+
+
+@pytest.mark.parametrize(
+    ("language", "display", "width"),
+    [("en", "small_display", 800), ("zh", "large_display", 1920)],
+)
+def test_no_line_is_wider_on_the_screen_than_it_was_taken_for(
+    language: str, display: str, width: int, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    environment = {"DISPLAY": request.getfixturevalue(display), "HOME": str(tmp_path)}
+    drawn = subprocess.run(
+        [sys.executable, "-m", "tests.runner.window.drawn", language, str(tmp_path)],
+        env={**os.environ, **environment},
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    told = json.loads(drawn.stdout.splitlines()[-1])
+    assert told["screens"] > 15
+    assert told["too_wide"] == []
+    assert (tmp_path / f"score-chosen-{language}-{width}.png").stat().st_size < 50_000

@@ -6,13 +6,14 @@ PYTHON ?= $(or $(shell command -v python3.11),$(shell command -v python3.12),pyt
 BIN := .venv/bin
 READY := .venv/.ready
 
-.PHONY: demo test check bench soak clean
+.PHONY: demo test check bench pictures soak clean
 .DELETE_ON_ERROR:
 
 demo: $(READY)
 	@$(BIN)/touchbeam demo
 
 test: check
+	@.ci/window-libraries
 	$(BIN)/pytest
 
 check: $(READY)
@@ -23,6 +24,11 @@ check: $(READY)
 
 bench: $(READY)
 	$(BIN)/pytest benchmarks --benchmark-only
+
+# Pictures of every page of the participant's window, for the documentation.
+pictures: $(READY)
+	@.ci/window-libraries
+	$(BIN)/python -m tests.runner.window.pictures docs/window
 
 soak: $(READY)
 	$(BIN)/pytest -m soak -s

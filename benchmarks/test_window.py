@@ -1,0 +1,121 @@
+"""What the participant's window costs: its opening, and the frame before a touch begins."""
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from statistics import median
+
+import pytest
+from pytest_benchmark.fixture import BenchmarkFixture
+
+from protocol.study_file import parsed_study, template
+from runner.screens import Instruction, Pacing, Screen
+from runner.window.for_study import study_window
+from runner.window.opening import participant_window
+from runner.window.pages import Wording
+from runner.window.participant import WindowParticipant
+from runner.window.wire import Settings
+from tests.runner.window.person import virtual_display
+
+TOUCHBEAM = str(Path(sys.executable).with_name("touchbeam"))
+PAPER = parsed_study(template("paper"))
+FRAME_S = 1 / 60
+ROUNDS = 5
+TOUCHES = 60
+
+BARE = """
+from psychopy import visual
+window = visual.Window(size=(1920, 1080), fullscr=True, units="pix", checkTiming=False)
+window.flip()
+print("opened", flush=True)
+"""
+
+
+@pytest.fixture(scope="module")
+def display() -> Iterator[None]:
+    if shutil.which("Xvfb") is None:
+        pytest.skip("no Xvfb on this machine; make test installs it")
+    before = os.environ.get("DISPLAY")
+    with virtual_display(1920, 1080) as name:
+        os.environ["DISPLAY"] = name
+        yield
+    os.environ.pop("DISPLAY")
+    if before is not None:
+        os.environ["DISPLAY"] = before
+
+
+def _bare_window_s() -> float:
+    start = time.perf_counter()
+    with subprocess.Popen(
+        [sys.executable, "-c", BARE], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "opened\n"
+        return time.perf_counter() - start
+
+
+class _Seen(Exception):
+    """Enough was seen: nobody waits for the last page to be read."""
+
+
+def _first_screen_s() -> float:
+    start = time.perf_counter()
+    settings = Settings(wording=Wording())
+    with suppress(_Seen), participant_window([TOUCHBEAM, "participant-window"], settings):
+        took_s = time.perf_counter() - start
+        raise _Seen
+    return took_s
+
+
+@pytest.mark.usefixtures("display")
+def test_the_first_screen_takes_at_most_half_as_long_again_as_a_bare_window(
+    benchmark: BenchmarkFixture,
+) -> None:
+    _bare_window_s()
+    pairs = [(_first_screen_s(), _bare_window_s()) for _ in range(ROUNDS)]
+    ratio = median(ours for ours, _ in pairs) / median(bare for _, bare in pairs)
+    benchmark.extra_info["ratio to a bare window"] = round(ratio, 2)
+    benchmark.pedantic(_first_screen_s, rounds=1)
+    assert ratio <= 1.5
+
+
+@pytest.mark.usefixtures("display")
+def test_the_window_shows_a_touch_within_one_frame(
+    benchmark: BenchmarkFixture,
+) -> None:
+    window = study_window([TOUCHBEAM], PAPER, "en", None, screen=0, windowed=False)
+    with suppress(_Seen), window as participant:
+        _settled(participant)
+        waits = [_wait_s(participant) for _ in range(TOUCHES)]
+        benchmark.pedantic(_wait_s, args=(participant,), rounds=5)
+        raise _Seen
+    benchmark.extra_info["median ms"] = round(1000 * median(waits), 2)
+    benchmark.extra_info["largest ms"] = round(1000 * max(waits), 2)
+    assert median(waits) <= FRAME_S
+
+
+def _settled(participant: WindowParticipant) -> None:
+    """Until all that is foreseen was built."""
+    for _ in range(40):
+        _shown_s(participant, Instruction(text="remember"))
+
+
+def _wait_s(participant: WindowParticipant) -> float:
+    """Time from the session's wish to the touch's first frame, on the clock that is journalled."""
+    _shown_s(participant, Instruction(text="remember"))
+    pacing = Pacing(start_m=0.01, end_m=0.081, duration_s=1.775, force_n=0.5, direction="right")
+    asked_s = time.monotonic()
+    return _shown_s(participant, pacing) - asked_s
+
+
+def _shown_s(participant: WindowParticipant, screen: Screen) -> float:
+    participant.show(screen)
+    while participant.shown_s is None:
+        participant.poll()
+        time.sleep(0.002)
+    return participant.shown_s

@@ -14,7 +14,7 @@ from device.wire import fields, number, number_text, switch, whole
 MONITOR_REL_TOL = 0.05
 MONITOR_ABS_TOL_V = 2.0
 """How far the independent monitor may be from the amplitude that the board means to give."""
-_READ_BACK = "OUTP?;:VOLT?;:FREQ?;:MEAS:VOLT?;:MEAS:FORC?;:MEAS:POS?;:SYST:TIME?"
+_READ_BACK = "OUTP?;:VOLT:INST?;:VOLT?;:FREQ?;:MEAS:VOLT?;:MEAS:FORC?;:MEAS:POS?;:SYST:TIME?"
 _HEALTH = "OUTP?;:OUTP:PROT:CAUS?;:SYST:BOOT?;:VOLT?;:VOLT:INST?;:MEAS:VOLT?"
 _PROMISES = "OUTP:PROT:CAUS?;:SYST:BOOT?;:VOLT:LIM?;:SYST:WATC?"
 _CAUSES = {
@@ -87,7 +87,9 @@ class Board(Driver):
         if self.driven is None:
             self.send("OUTP ON")
         self.driven = setpoint
-        return self._as_driven(self.read_back())
+        read_back = self.read_back()
+        _kept("FREQ", setpoint.frequency_hz, read_back.frequency_hz)
+        return read_back
 
     def sweep(self, sweep: Sweep) -> None:
         """Let the frequency move while the output is on."""
@@ -100,8 +102,15 @@ class Board(Driver):
         self.send("FREQ:SWE:STAT ON")
 
     def read_back(self) -> ReadBack:
-        """Get the drive and the sensors, all of one moment."""
-        return self.link.query(_READ_BACK, _read_back)
+        """Get the drive and the sensors, all of one moment.
+
+        Raises:
+            DeviceError: something is driven, and the device says or its monitor shows otherwise.
+        """
+        read_back, instant_v = self.link.query(_READ_BACK, _read_back)
+        if self.driven is not None:
+            self._as_driven(read_back, instant_v)
+        return read_back
 
     def check(self) -> None:
         """See that the board does what it was told."""
@@ -116,7 +125,7 @@ class Board(Driver):
             raise DeviceError(_unexpected(health.output))
         if self.driven is not None:
             _kept("VOLT", self.driven.voltage_v, health.target_v)
-            _monitored(health)
+            _monitored(health.instant_v, health.monitor_v)
 
     def device_time_s(self) -> float:
         """Get the device's own time, s."""
@@ -136,15 +145,15 @@ class Board(Driver):
         _kept("VOLT:LIM", self.limits.max_voltage_v, number(limit_v))
         _kept("SYST:WATC", self.limits.watchdog_s, number(watchdog_s))
 
-    def _as_driven(self, read_back: ReadBack) -> ReadBack:
+    def _as_driven(self, read_back: ReadBack, instant_v: float) -> None:
         """Raise unless the device says that it does what it was told."""
         assert self.driven is not None
+        assert read_back.monitor_v is not None
         if not read_back.output:
             self.check()
             raise DeviceError(_unexpected(on=False))
         _kept("VOLT", self.driven.voltage_v, read_back.voltage_v)
-        _kept("FREQ", self.driven.frequency_hz, read_back.frequency_hz)
-        return read_back
+        _monitored(instant_v, read_back.monitor_v)
 
 
 def _kept(header: str, told: float, kept: float) -> None:
@@ -154,12 +163,10 @@ def _kept(header: str, told: float, kept: float) -> None:
         )
 
 
-def _monitored(health: Health) -> None:
-    allowed_v = MONITOR_ABS_TOL_V + MONITOR_REL_TOL * health.instant_v
-    if abs(health.monitor_v - health.instant_v) > allowed_v:
-        raise DeviceError(
-            f"the monitor must show {health.instant_v:.1f} V, got {health.monitor_v:.1f} V"
-        )
+def _monitored(instant_v: float, monitor_v: float) -> None:
+    allowed_v = MONITOR_ABS_TOL_V + MONITOR_REL_TOL * instant_v
+    if abs(monitor_v - instant_v) > allowed_v:
+        raise DeviceError(f"the monitor must show {instant_v:.1f} V, got {monitor_v:.1f} V")
 
 
 def _unexpected(on: bool) -> str:
@@ -168,10 +175,12 @@ def _unexpected(on: bool) -> str:
     return "the device turned its output off by itself"
 
 
-def _read_back(reply: str) -> ReadBack:
-    on, *numbers = fields(reply, 7)
-    voltage_v, frequency_hz, monitor_v, force_n, position_m, time_s = map(number, numbers)
-    return ReadBack(
+def _read_back(reply: str) -> tuple[ReadBack, float]:
+    on, *numbers = fields(reply, 8)
+    instant_v, voltage_v, frequency_hz, monitor_v, force_n, position_m, time_s = map(
+        number, numbers
+    )
+    read_back = ReadBack(
         output=switch(on),
         voltage_v=voltage_v,
         frequency_hz=frequency_hz,
@@ -180,6 +189,7 @@ def _read_back(reply: str) -> ReadBack:
         position_m=position_m,
         device_time_s=time_s,
     )
+    return read_back, instant_v
 
 
 def _health(reply: str) -> Health:

@@ -1,5 +1,7 @@
 """The README of an exported data set: what it holds, how to read it, what is not in it."""
 
+from html import escape
+
 from analysis.export_dataset import Dataset
 
 _REHEARSALS = (
@@ -60,4 +62,5 @@ def _facts(data: Dataset) -> list[str]:
 
 
 def _line(text: str) -> str:
-    return " ".join(text.split())
+    """The text as one line that stays text where the README is shown as a page."""
+    return escape(" ".join(text.split()), quote=False)

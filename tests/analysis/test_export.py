@@ -193,6 +193,15 @@ def test_rehearsals_come_only_when_asked_for_and_are_marked() -> None:
     assert 0 < asked["README.md"].index("**Rehearsals.**") < 100
 
 
+@pytest.mark.parametrize("export", [bids_export, psychds_export])
+def test_a_readme_shown_as_a_page_runs_nothing(
+    export: Callable[[Dataset], dict[str, str]],
+) -> None:
+    page = export(nasty())["README.md"]
+    assert "&lt;script&gt;alert(1)&lt;/script&gt;" in page
+    assert "<" not in page
+
+
 def test_participants_keep_their_pseudonyms_beside_labels_that_never_collide() -> None:
     people = tsv_rows(bids_export(nasty())["participants.tsv"])
     assert {row["pseudonym"]: row["participant_id"] for row in people} == {

@@ -64,9 +64,9 @@ def parsed_study(text: str, source: str = "study.toml") -> Study:
         study = Study.model_validate(document)
     except ValidationError as error:
         broken = schema_problems(document, error)
-        raise StudyError(source, _located(text, broken + _limits_broken(document))) from error
+        raise StudyError(source, located(text, broken + _limits_broken(document))) from error
     if found := problems(study):
-        raise StudyError(source, _located(text, found))
+        raise StudyError(source, located(text, found))
     return study
 
 
@@ -87,8 +87,8 @@ def _limits_broken(document: dict[str, Any]) -> list[Problem]:
     return problems(study) if study else []
 
 
-def _located(text: str, found: list[Problem]) -> list[Problem]:
-    """The problems with their lines, in the order of the file."""
+def located(text: str, found: list[Problem]) -> list[Problem]:
+    """Return the problems with their lines in the study file `text`, in its order."""
     lines = key_lines(text)
     located = [replace(problem, line=line_of(lines, problem.path)) for problem in found]
     return sorted(located, key=lambda problem: problem.line or 0)

@@ -11,9 +11,10 @@ from protocol.preview import Predict, Preview, preview, preview_record
 from protocol.preview_text import preview_lines
 from protocol.problem import Problem
 from protocol.study import Study
-from protocol.study_file import StudyError
+from protocol.study_file import StudyError, located
 from protocol.trial import Trial
 from runner.study_folder import StudyFolder
+from runner.window.fit import fit_problems
 
 
 def checked(
@@ -39,8 +40,9 @@ def checked(
         return _refused(source, error.problems, as_json=as_json)
     size = participants or study.design.participants or 1
     shown = preview(study, size)
-    if broken := cohort_problems(study, shown.plans):
-        return _refused(source, broken, as_json=as_json)
+    broken = [*cohort_problems(study, shown.plans), *fit_problems(study)]
+    if broken:
+        return _refused(source, located(folder.text(), broken), as_json=as_json)
     return _text(shown, as_json=as_json), [], True
 
 

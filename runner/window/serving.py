@@ -8,6 +8,8 @@ import queue
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
+from statistics import median
 from typing import Any, Protocol
 
 from runner.screens import Notice
@@ -95,13 +97,13 @@ class Serving:
 
     def _learn_pace(self) -> None:
         """Find out whether the screen holds flips back, and then how long a refresh takes."""
-        begun_s = self.now_s()
+        flipped_s = []
         for _ in range(_TRIAL_FLIPS):
             self.canvas.draw(self._page())
-            self.canvas.flip()
-        flip_s = (self.now_s() - begun_s) / _TRIAL_FLIPS
-        if flip_s >= _HELD_BACK * self._interval_s:
-            self._share, self._interval_s = _EARLY_SHARE, flip_s
+            flipped_s.append(self.canvas.flip())
+        flips_s = [later - earlier for earlier, later in pairwise(flipped_s)]
+        if min(flips_s) >= _HELD_BACK * self._interval_s:
+            self._share, self._interval_s = _EARLY_SHARE, median(flips_s)
         self._display["paced_by"] = "clock" if self._share == 1.0 else "screen"
         self._display["interval_ms"] = round(self._interval_s * 1000, 3)
 

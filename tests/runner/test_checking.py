@@ -134,3 +134,14 @@ def test_every_problem_is_listed_by_line(
     assert not found["ok"]
     assert [problem["line"] for problem in found["problems"]] == [17, 79]
     assert found["problems"][0].keys() >= {"where", "rule", "value", "hint"}
+
+
+def test_a_text_that_does_not_fit_the_participants_screen_is_found_by_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = study(tmp_path, "paper", ('en = "no effect"', 'en = "imperceptible"'))
+    assert typed("check", folder) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "rating.bands.0.en: a text must fit its place" in line
+    assert "got 'imperceptible'; shorten it" in line
+    assert ": rating" in line.split("study.toml:")[1]

@@ -140,6 +140,14 @@ class Person:
         """Press and release keys."""
         self.xdotool("key", *names)
 
+    def close_window(self) -> None:
+        """Destroy the window, and look whether it is gone."""
+        find = ["xdotool", "search", "--name", "touchbeam"]
+        environment = {**os.environ, "DISPLAY": self.display}
+        while subprocess.run(find, env=environment, capture_output=True, check=False).stdout:
+            subprocess.run([*find, "windowclose"], env=environment, check=False)
+            self.look_later()
+
     def xdotool(self, *arguments: str) -> None:
         """Move the real pointer and keyboard of the display."""
         subprocess.run(

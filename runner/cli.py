@@ -4,18 +4,30 @@ Heavy imports stand inside the commands, so that `touchbeam --help` answers at o
 """
 
 import sys
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from protocol.errors import BadInput
+from runner import cli_device, cli_journal
+from runner.cli_options import (
+    Format,
+    JsonOption,
+    Language,
+    Law,
+    Overlap,
+    Pace,
+    Ratings,
+    StudyArgument,
+    print_json,
+    study_journal,
+)
 from runner.complaint import complaint
+from runner.itself import touchbeam_command
 from runner.stopping import stops_raise
 
 if TYPE_CHECKING:
-    from runner.journal import Journal
     from runner.study_folder import StudyFolder
 
 app = typer.Typer(
@@ -26,77 +38,6 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
-
-
-class Ratings(StrEnum):
-    """Who answers."""
-
-    window = "window"
-    console = "console"
-    virtual = "virtual"
-
-
-class Pace(StrEnum):
-    """How time passes."""
-
-    wall = "wall"
-    stepped = "stepped"
-
-
-class Language(StrEnum):
-    """What the participant reads."""
-
-    en = "en"
-    zh = "zh"
-
-
-class Format(StrEnum):
-    """How data are handed on."""
-
-    csv = "csv"
-    bids = "bids"
-    psychds = "psychds"
-
-
-class Wire(StrEnum):
-    """How the simulated device is reached."""
-
-    pty = "pty"
-    tcp = "tcp"
-
-
-class Dialect(StrEnum):
-    """What the simulated device speaks."""
-
-    board = "board"
-    keysight = "keysight"
-    keysight_33220a = "keysight-33220A"
-
-
-device_commands = typer.Typer(help="The device: ports, identity and health, resonance.")
-app.add_typer(device_commands, name="device")
-
-
-class Law(StrEnum):
-    """A friction law."""
-
-    printed = "printed"
-    consistent = "consistent"
-    coulomb = "coulomb"
-
-
-class Overlap(StrEnum):
-    """Which pieces of Eq 15 hold where two overlap."""
-
-    first = "first"
-    last = "last"
-
-
-StudyArgument = Annotated[Path, typer.Argument(metavar="STUDY", help="The study's folder.")]
-UrlArgument = Annotated[
-    str, typer.Argument(metavar="URL", help="A serial port, socket://HOST:PORT, or sim.")
-]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON document instead.")]
 
 
 @app.command()
@@ -118,7 +59,7 @@ def demo(
 
     folder = StudyFolder(path=out or numbered(Path("demo")))
     with new_study(folder, template("paper")), progress("participants", participants) as step:
-        rehearsed_cohort(folder, participants, seed, _touchbeam(), step)
+        rehearsed_cohort(folder, participants, seed, touchbeam_command(), step)
     _report(folder, folder.report, rehearsals=True, as_json=False)
     typer.echo(f"Device off, read back after each of {participants} sessions.")
 
@@ -212,7 +153,7 @@ def run(
         windowed=windowed,
         consent=consent,
         seed=seed,
-        touchbeam=_touchbeam(),
+        touchbeam=touchbeam_command(),
     )
     state = sit(sitting, say=typer.echo)
     typer.echo(
@@ -280,186 +221,11 @@ def export(
     from runner.study_folder import StudyFolder
 
     source = StudyFolder(path=study)
-    with _journal(source) as journal:
+    with study_journal(source) as journal:
         chains = [journal.events(session) for session in journal.sessions()]
     data = dataset(chains, source.study(), version("touchbeam"), rehearsals=rehearsals)
     write_new_folder(EXPORTS[as_format.value](data), folder)
     typer.echo(f"Written: {folder}, {data.trials.summary()}")
-
-
-@app.command()
-def status(study: StudyArgument, as_json: JsonOption = False) -> None:
-    """Show who is done and what is next."""
-    from runner.cohort import slot_for, standings, states
-    from runner.study_folder import StudyFolder
-
-    with _journal(StudyFolder(path=study)) as journal:
-        sessions = states(journal)
-    lines = standings(sessions)
-    free = slot_for(sessions, "", "participant")
-    if as_json:
-        records = [line.record() for line in lines]
-        _print_json({"sessions": records, "next_slot": free})
-        return
-    for line in lines:
-        typer.echo(
-            f"{line.participant}/{line.session}  {line.kind}  {line.state}  "
-            f"{line.answered} of {line.planned} trials"
-            + (f", {line.excluded_trials} excluded" if line.excluded_trials else "")
-        )
-    typer.echo(f"The next participant takes slot {free} of the design.")
-
-
-@app.command()
-def verify(study: StudyArgument, as_json: JsonOption = False) -> None:
-    """Check that the journal is whole.
-
-    Chains unbroken, every transition allowed, each trial answered exactly once.
-    """
-    from runner.study_folder import StudyFolder
-    from runner.verification import STUDY_CHAIN, verdicts
-
-    with _journal(StudyFolder(path=study)) as journal:
-        found = verdicts(journal)
-    ok = all(verdict.ok for verdict in found)
-    if as_json:
-        sessions = [v.record() for v in found if v.participant != STUDY_CHAIN]
-        _print_json({"ok": ok, "sessions": sessions})
-    else:
-        for verdict in found:
-            typer.echo(verdict.line())
-    if not ok:
-        raise typer.Exit(1)
-
-
-ParticipantOption = Annotated[str, typer.Option(help="The pseudonym.")]
-SessionOption = Annotated[int, typer.Option(min=1)]
-ReasonOption = Annotated[str, typer.Option(help="Why; it is written into the journal.")]
-
-
-@app.command()
-def exclude(
-    study: StudyArgument,
-    participant: ParticipantOption,
-    reason: ReasonOption,
-    session: SessionOption = 1,
-    trial: Annotated[
-        int | None, typer.Option(min=0, help="Its index. [default: the whole session]")
-    ] = None,
-) -> None:
-    """Take a trial or a session out.
-
-    Reports leave it out and count it; an unfinished session gives its place in the design back.
-    """
-    from runner.amendments import exclude_session, exclude_trial
-    from runner.clock import WallClock
-    from runner.journal import session_name
-    from runner.study_folder import StudyFolder
-
-    name = session_name(participant, session)
-    with _journal(StudyFolder(path=study), to_write=True) as journal:
-        if trial is None:
-            exclude_session(journal, WallClock(), name, reason)
-        else:
-            exclude_trial(journal, WallClock(), name, trial, reason)
-    typer.echo(f"{name}{'' if trial is None else f', trial {trial}'} is excluded: {reason}")
-
-
-@app.command()
-def amend(study: StudyArgument, reason: ReasonOption) -> None:
-    """Accept a study.toml that has changed."""
-    from runner.amendments import amend as accept
-    from runner.clock import WallClock
-    from runner.study_folder import StudyFolder
-
-    folder = StudyFolder(path=study)
-    folder.study()
-    with _journal(folder, to_write=True) as journal:
-        accept(journal, WallClock(), folder.text(), reason)
-    typer.echo("The changed study.toml is accepted; sessions go on with it.")
-
-
-@app.command()
-def withdraw(study: StudyArgument, participant: ParticipantOption) -> None:
-    """Erase what a participant gave.
-
-    It cannot be undone. The journal keeps that there were events and when, not what they said.
-    """
-    from runner.amendments import withdraw as erase
-    from runner.clock import WallClock
-    from runner.study_folder import StudyFolder
-
-    folder = StudyFolder(path=study)
-    with _journal(folder, to_write=True) as journal:
-        sessions = erase(journal, WallClock(), participant)
-    typer.echo(
-        f"Erased: {', '.join(sessions)}. Make reports and exports again: old ones still hold it."
-    )
-
-
-@device_commands.command("list")
-def device_list(as_json: JsonOption = False) -> None:
-    """List the serial ports, without opening any."""
-    from runner.device_commands import ports
-
-    found = ports()
-    if as_json:
-        _print_json(found)
-        return
-    for port in found:
-        typer.echo("  ".join(text for text in port.values() if text))
-    if not found:
-        typer.echo("no serial ports; a generator on the network is socket://ADDRESS:5025")
-
-
-@device_commands.command("probe")
-def device_probe(url: UrlArgument, as_json: JsonOption = False) -> None:
-    """Say who answers, and how it is.
-
-    Nothing is set; the device's output stays as it is.
-    """
-    from runner.device_commands import probed
-
-    said = probed(url, _touchbeam())
-    if as_json:
-        _print_json(said)
-        return
-    for name, value in said.items():
-        typer.echo(f"{name:15} {value}")
-
-
-@device_commands.command("sweep")
-def device_sweep(
-    url: UrlArgument,
-    near: Annotated[float, typer.Option(min=100, max=95_000, metavar="HZ")] = 24_221.0,
-    dialect: Annotated[Dialect, typer.Option(help="What it speaks.")] = Dialect.board,
-    keep: Annotated[
-        Path | None, typer.Option(metavar="STUDY", help="Keep it as this study's calibration.")
-    ] = None,
-    as_json: JsonOption = False,
-) -> None:
-    """Find the resonance, untouched, at 10 V.
-
-    Looks within 5 % of --near and turns the output off again.
-    """
-    from runner.device_commands import kept, swept
-
-    found, idn = swept(url, near, dialect.value, _touchbeam())
-    file = kept(keep, found, idn) if keep else None
-    if as_json:
-        _print_json(
-            {
-                "idn": idn,
-                "frequency_hz": found.frequency_hz,
-                "tip_m_per_v": found.tip_m_per_v,
-                "kept": str(file) if file else None,
-            }
-        )
-        return
-    typer.echo(
-        f"resonance {found.frequency_hz:.1f} Hz, {1e9 * found.tip_m_per_v:.1f} nm per volt at the "
-        f"tip; device off (read back){f'; kept in {file}' if file else ''}"
-    )
 
 
 @app.command()
@@ -513,7 +279,7 @@ def ladder(
 
         _write(plot, panels_figure([ladder_panel(rows)], kind))
     if as_json:
-        _print_json(ladder_json(rows))
+        print_json(ladder_json(rows))
         return
     from runner.terminal_table import print_table
 
@@ -530,64 +296,11 @@ def claims(as_json: JsonOption = False) -> None:
 
     results = audit()
     if as_json:
-        _print_json(claims_json(results))
+        print_json(claims_json(results))
         return
     from runner.terminal_table import print_table
 
     print_table("Claims", claims_lines(results))
-
-
-@app.command("simulate-device")
-def simulate_device(
-    wire: Annotated[Wire, typer.Argument(help="pty or tcp")],
-    place: Annotated[str, typer.Argument(metavar="LINK|PORT", help="A path, or a loopback port.")],
-    dialect: Annotated[Dialect, typer.Option(help="What it speaks.")] = Dialect.board,
-    control: Annotated[
-        Path | None, typer.Option(metavar="SOCKET", help="A Unix socket to make.")
-    ] = None,
-    keep: Annotated[bool, typer.Option("--keep", help="Stay when the host is gone.")] = False,
-    seed: Annotated[int, typer.Option(min=0)] = 0,
-) -> None:
-    """Simulate the device, in the foreground.
-
-    Prints `ready URL` and ends when its host is gone.
-    """
-    from device.simulator.foreground import simulate
-
-    simulate(
-        wire.value, place, control, dialect=dialect.value, keep=keep, seed=seed, say=typer.echo
-    )
-
-
-@app.command("participant-window", hidden=True)
-def participant_window() -> None:
-    """Serve the participant's window; a session starts this and talks to it by its pipes."""
-    from runner.window.process import serve_window
-
-    serve_window()
-
-
-@app.command()
-def doctor(as_json: JsonOption = False) -> None:
-    """Look at what this machine offers a session."""
-    from runner.doctor import findings
-
-    found = findings()
-    if as_json:
-        _print_json([finding.record() for finding in found])
-    else:
-        for finding in found:
-            typer.echo(finding.line())
-    if not all(finding.ok for finding in found):
-        raise typer.Exit(1)
-
-
-def _journal(folder: "StudyFolder", *, to_write: bool = False) -> "Journal":
-    """The journal of a study that has one."""
-    from runner.journal import open_journal, read_journal
-
-    path = folder.existing_journal()
-    return open_journal(path) if to_write else read_journal(path)
 
 
 def _write(path: Path, data: bytes) -> None:
@@ -600,12 +313,6 @@ def _write(path: Path, data: bytes) -> None:
         part.unlink(missing_ok=True)
 
 
-def _print_json(document: object) -> None:
-    import json
-
-    typer.echo(json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False))
-
-
 def _report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json: bool) -> None:
     from analysis.report import friedman_line, json_text, report_json, write_report
     from analysis.report import report as made_report
@@ -613,7 +320,7 @@ def _report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json: bool
     from runner.terminal_table import print_table
     from runner.verification import readable_events
 
-    with _journal(folder) as journal:
+    with study_journal(folder) as journal:
         events = [readable_events(journal, session) for session in journal.sessions()]
     sessions = [[(event.tag, event.payload) for event in chain] for chain in events]
     result = made_report(folder.path.resolve().name, loaded(sessions, rehearsals=rehearsals))
@@ -627,10 +334,8 @@ def _report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json: bool
     )
 
 
-def _touchbeam() -> tuple[str, ...]:
-    """The command that starts this touchbeam again."""
-    beside = Path(sys.executable).with_name("touchbeam")
-    return (str(beside),)
+app.add_typer(cli_journal.app)
+app.add_typer(cli_device.app)
 
 
 def main() -> None:

@@ -212,7 +212,8 @@ def read_journal(path: Path) -> Journal:
         JournalError: it cannot be read, or another version of touchbeam made it.
     """
     try:
-        connection = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)
+        connection = sqlite3.connect(f"{path.absolute().as_uri()}?{_access(path)}", uri=True)
+        connection.execute("PRAGMA query_only = ON")
         try:
             version = connection.execute("PRAGMA user_version").fetchone()[0]
             if version not in {0, SCHEMA_VERSION}:
@@ -227,6 +228,16 @@ def read_journal(path: Path) -> Journal:
     except sqlite3.Error as error:
         raise JournalError(f"{path}: cannot be read as a journal ({error})") from error
     return Journal(connection, path)
+
+
+def _access(path: Path) -> str:
+    """How to open a journal that is only read: its folder may not be writable at all.
+
+    Where it is, SQLite tidies up its log behind us.
+    """
+    if os.access(path, os.W_OK) and os.access(path.parent, os.W_OK):
+        return "mode=rw"
+    return "mode=ro" if path.with_name(f"{path.name}-wal").exists() else "immutable=1"
 
 
 def _other_schema(version: int) -> str:

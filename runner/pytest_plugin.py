@@ -68,7 +68,7 @@ def simulated_rig(study: "Study") -> "Iterator[Rigged]":
     `simulated_rig.device` is what a session drives, over the real byte path;
     `simulated_rig.hand` moves the finger, lets time pass and swaps the beam.
     """
-    from runner.rehearsed import touchbeam_command
+    from runner.itself import touchbeam_command
     from runner.rigging import SIMULATED, rigged
 
     with rigged(SIMULATED, study.rig, touchbeam_command(), study.study.seed) as rig:

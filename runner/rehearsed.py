@@ -1,12 +1,11 @@
 """A whole session of a study in fake time: simulated device, virtual participant, no trace left."""
 
-import sys
 import tempfile
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from protocol.trial import Plan
+from runner.itself import touchbeam_command
 from runner.journal import open_journal, session_name
 from runner.session_state import Event, SessionState
 from runner.sitting import Sitting, sit
@@ -87,8 +86,3 @@ def rehearsed(study_text: str, plan: Plan, seed: int = 1) -> Rehearsed:
         with open_journal(folder.journal) as journal:
             events = tuple(journal.events(session_name("P01", 1)))
     return Rehearsed(plan=plan, events=events, state=state)
-
-
-def touchbeam_command() -> Sequence[str]:
-    """Return the command that starts the touchbeam of this environment."""
-    return (str(Path(sys.executable).with_name("touchbeam")),)

@@ -1,0 +1,98 @@
+"""What several commands share: arguments, options, and how a result is printed."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from runner.journal import Journal
+    from runner.study_folder import StudyFolder
+
+
+class Ratings(StrEnum):
+    """Who answers."""
+
+    window = "window"
+    console = "console"
+    virtual = "virtual"
+
+
+class Pace(StrEnum):
+    """How time passes."""
+
+    wall = "wall"
+    stepped = "stepped"
+
+
+class Language(StrEnum):
+    """What the participant reads."""
+
+    en = "en"
+    zh = "zh"
+
+
+class Format(StrEnum):
+    """How data are handed on."""
+
+    csv = "csv"
+    bids = "bids"
+    psychds = "psychds"
+
+
+class Wire(StrEnum):
+    """How the simulated device is reached."""
+
+    pty = "pty"
+    tcp = "tcp"
+
+
+class Dialect(StrEnum):
+    """What the simulated device speaks."""
+
+    board = "board"
+    keysight = "keysight"
+    keysight_33220a = "keysight-33220A"
+
+
+class Law(StrEnum):
+    """A friction law."""
+
+    printed = "printed"
+    consistent = "consistent"
+    coulomb = "coulomb"
+
+
+class Overlap(StrEnum):
+    """Which pieces of Eq 15 hold where two overlap."""
+
+    first = "first"
+    last = "last"
+
+
+StudyArgument = Annotated[Path, typer.Argument(metavar="STUDY", help="The study's folder.")]
+UrlArgument = Annotated[
+    str, typer.Argument(metavar="URL", help="A serial port, socket://HOST:PORT, or sim.")
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON document instead.")]
+
+
+ParticipantOption = Annotated[str, typer.Option(help="The pseudonym.")]
+SessionOption = Annotated[int, typer.Option(min=1)]
+ReasonOption = Annotated[str, typer.Option(help="Why; it is written into the journal.")]
+
+
+def print_json(document: object) -> None:
+    """Print `document` as the one JSON document of a command."""
+    import json
+
+    typer.echo(json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False))
+
+
+def study_journal(folder: "StudyFolder", *, to_write: bool = False) -> "Journal":
+    """Return the journal of a study that has one."""
+    from runner.journal import open_journal, read_journal
+
+    path = folder.existing_journal()
+    return open_journal(path) if to_write else read_journal(path)

@@ -91,7 +91,7 @@ class PsychopyCanvas:
         flipped_s = time.monotonic()
         if flipped_s - self._looked_s > LOOK_FOR_WINDOW_EVERY_S:
             self._looked_s = flipped_s
-            self.closed = self.closed or not self._is_there()
+            self.closed = self.closed or not self.is_there()
         return flipped_s
 
     def inputs(self) -> list[tuple[float, Input]]:
@@ -187,8 +187,8 @@ class PsychopyCanvas:
         rate = getattr(mode, "rate", None)
         return float(rate) if rate and 20 < rate < 1000 else None
 
-    def _is_there(self) -> bool:
-        """Whether the X server still has the window: nobody is told when it is destroyed."""
+    def is_there(self) -> bool:
+        """Return whether the X server still has the window: nobody is told when it is destroyed."""
         if not sys.platform.startswith("linux"):
             return True
         from pyglet.libs.x11 import xlib

@@ -68,6 +68,8 @@ class WindowParticipant:
     def _take(self, message: Mapping[str, Any]) -> None:
         if "closed" in message:
             raise WindowGone(f"the participant's window was closed; {GO_ON}")
+        if "broken" in message:
+            raise WindowGone(f"the participant's window cannot draw ({message['broken']}); {GO_ON}")
         if "operator" in message:
             self.call_operator()
         elif message.get("shown") == self._number:

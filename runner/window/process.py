@@ -34,7 +34,10 @@ def serve_window() -> None:
         display = os.environ.get("DISPLAY", "this screen")
         why = f"the participant's window cannot open on {display} ({_first_line(error)})"
         return send({"failed": why})
-    Serving(canvas, settings, _mailbox(sys.stdin), send).run()
+    try:
+        Serving(canvas, settings, _mailbox(sys.stdin), send).run()
+    except Exception as error:
+        return send({"broken": _first_line(error)} if canvas.is_there() else {"closed": True})
     return canvas.close()
 
 

@@ -2,7 +2,7 @@
 
 To the window: the settings first, then `{"show": id, "screen": …}`. From it: `opened` or `failed`
 once; then `alive` now and then, `shown` when a screen is first seen, `answer`, `operator` when
-Escape is pressed, and `closed`.
+Escape is pressed, and `closed` or `broken` at an end that nobody asked for.
 """
 
 import json

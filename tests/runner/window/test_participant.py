@@ -107,6 +107,12 @@ def test_a_closed_window_ends_the_session() -> None:
         at.poll({"closed": True})
 
 
+def test_a_window_that_cannot_draw_any_more_ends_the_session() -> None:
+    at = At()
+    with pytest.raises(WindowGone, match=r"cannot draw \(out of memory\); .*--ratings console"):
+        at.poll({"broken": "out of memory"})
+
+
 def test_escape_calls_the_operator_only() -> None:
     at = At()
     calls: list[str] = []

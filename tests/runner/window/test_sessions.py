@@ -93,7 +93,7 @@ def test_each_answer_says_how_it_came_about(
         for entry in done.seat.payloads("touch-started")
         for screen in entry["instruction"]["trace"]["screens"]
     ]
-    assert {"wait", "touch.smooth", "touch.right", "touch.left"} <= set(screens)
+    assert {"touch.smooth", "touch.right", "touch.left"} <= set(screens)
 
 
 def test_two_hundred_random_events_do_no_harm(small_display: str, tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ from device.errors import DeviceError, EmergencyStop, ForeignDevice, OutputUnkno
 from device.link import open_link
 from device.records import Identity, Limits, ReadBack, Setpoint, Sweep
 from device.sweep import Resonance, resonance
+from protocol.errors import BadInput
 
 FEEDS_PER_WATCHDOG = 5
 RAMP_STEP_S = 0.02
@@ -233,6 +234,11 @@ class Rig:
             raise
         except DeviceError as error:
             self._fault = self._made_safe(error)
+            raise self._fault from error
+        except BadInput:
+            raise  # refused before anything was sent
+        except Exception as error:
+            self._fault = self._made_safe(DeviceError(f"{type(error).__name__}: {error}"))
             raise self._fault from error
 
     def _stop_if_asked(self) -> None:

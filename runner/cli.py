@@ -305,6 +305,8 @@ def claims(as_json: JsonOption = False) -> None:
 
 def _write(path: Path, data: bytes) -> None:
     """Write a whole file or none."""
+    if path.is_dir():
+        raise BadInput(f"{path}: must be a file, got a folder")
     part = path.with_name(path.name + ".part")
     try:
         part.write_bytes(data)

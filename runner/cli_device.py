@@ -1,5 +1,6 @@
 """The commands about the device and this machine: device, simulate-device, doctor."""
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
@@ -65,8 +66,11 @@ def device_sweep(
     Looks within 5 % of --near and turns the output off again.
     """
     from runner.device_commands import kept, swept
+    from runner.holding import held
+    from runner.rigging import SIMULATED
 
-    found, idn = swept(url, near, dialect.value, touchbeam_command())
+    with nullcontext() if url == SIMULATED else held(url, "touchbeam device sweep"):
+        found, idn = swept(url, near, dialect.value, touchbeam_command())
     file = kept(keep, found, idn) if keep else None
     if as_json:
         print_json(

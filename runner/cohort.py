@@ -7,7 +7,7 @@ from typing import Any
 from protocol.slots import SlotState, next_slot
 from runner.journal import Journal
 from runner.session_state import SessionState, folded
-from runner.verification import STUDY_CHAIN
+from runner.verification import STUDY_CHAIN, readable_events
 
 _FINISHED = {"completed"}
 _GONE = {"excluded", "withdrawn"}
@@ -33,9 +33,8 @@ class SessionStanding:
 
 def states(journal: Journal) -> dict[str, SessionState]:
     """Return the state of every session by name, without the study's own chain."""
-    return {
-        name: folded(journal.events(name)) for name in journal.sessions() if name != STUDY_CHAIN
-    }
+    names = [name for name in journal.sessions() if name != STUDY_CHAIN]
+    return {name: folded(readable_events(journal, name)) for name in names}
 
 
 def standings(sessions: Mapping[str, SessionState]) -> list[SessionStanding]:
@@ -78,7 +77,7 @@ def _standing(name: str, state: SessionState) -> SessionStanding:
     opened = state.opened or {}
     return SessionStanding(
         participant=participant,
-        session=int(number),
+        session=int(number) if number.isdecimal() else 0,
         kind=opened.get("kind", "published" if "scores" in opened else "unknown"),
         state=state.name,
         slot=opened.get("slot"),

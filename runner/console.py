@@ -13,6 +13,7 @@ from protocol.errors import BadInput, WorkFailed
 from protocol.questions import ANSWERS
 from protocol.study import Language, Rating
 from protocol.texts import band_names
+from runner.operator_keys import OPERATOR_MARK
 from runner.screens import (
     AskChange,
     AskScore,
@@ -24,8 +25,6 @@ from runner.screens import (
     Welcome,
 )
 
-OPERATOR_MARK = ":"
-"""A typed line that begins with it is the operator's."""
 MOST_LINES = 1000
 
 
@@ -71,7 +70,7 @@ class TypedLines:
             self._ended = self._lines.get_nowait() is None
 
     def operator_typed(self, asked: bool) -> str:
-        """Return what the operator typed: `p` of a line `:p`, or, if `asked`, any line."""
+        """Return what the operator typed: a line with its mark, or, if `asked`, any line."""
         if not self._orders.empty():
             return self._orders.get_nowait()
         line = self.take() if asked else None
@@ -80,7 +79,7 @@ class TypedLines:
     def _read(self) -> None:
         for line in self._typed():
             if line.startswith(OPERATOR_MARK):
-                self._orders.put(line.removeprefix(OPERATOR_MARK))
+                self._orders.put(line)
             else:
                 self._lines.put(line)
         self._lines.put(None)

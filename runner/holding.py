@@ -45,6 +45,11 @@ def held(what: str, holder: str) -> Iterator[None]:
         lock.release()
 
 
+def session_of(session: str, study: Path) -> str:
+    """Return what is held of a session: its name and where its study lies."""
+    return f"session {session} of {study.resolve()}"
+
+
 def _holder(said: Path) -> str:
     try:
         holder = json.loads(said.read_text(encoding="utf-8"))

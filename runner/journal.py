@@ -23,36 +23,41 @@ SCHEMA_VERSION = 1
 FIRST_HASH = "0" * 64
 LOCK_WAIT_S = 2.0
 
-_SCHEMA = """
-CREATE TABLE event (
-    session TEXT NOT NULL,
-    seq INTEGER NOT NULL,
-    tag TEXT NOT NULL,
-    utc TEXT NOT NULL,
-    monotonic_s REAL NOT NULL,
-    payload_sha256 TEXT NOT NULL,
-    hash TEXT NOT NULL,
-    PRIMARY KEY (session, seq)
-) STRICT;
-CREATE TABLE payload (
-    session TEXT NOT NULL,
-    seq INTEGER NOT NULL,
-    body TEXT NOT NULL,
-    PRIMARY KEY (session, seq)
-) STRICT;
-CREATE TRIGGER event_is_not_updated BEFORE UPDATE ON event
-    BEGIN SELECT RAISE(ABORT, 'the journal is append-only'); END;
-CREATE TRIGGER event_is_not_deleted BEFORE DELETE ON event
-    BEGIN SELECT RAISE(ABORT, 'the journal is append-only'); END;
-CREATE TRIGGER payload_is_not_updated BEFORE UPDATE ON payload
-    BEGIN SELECT RAISE(ABORT, 'the journal is append-only'); END;
-"""
+_SCHEMA = (
+    """CREATE TABLE event (
+        session TEXT NOT NULL,
+        seq INTEGER NOT NULL,
+        tag TEXT NOT NULL,
+        utc TEXT NOT NULL,
+        monotonic_s REAL NOT NULL,
+        payload_sha256 TEXT NOT NULL,
+        hash TEXT NOT NULL,
+        PRIMARY KEY (session, seq)
+    ) STRICT""",
+    """CREATE TABLE payload (
+        session TEXT NOT NULL,
+        seq INTEGER NOT NULL,
+        body TEXT NOT NULL,
+        PRIMARY KEY (session, seq)
+    ) STRICT""",
+    """CREATE TRIGGER event_is_not_updated BEFORE UPDATE ON event
+        BEGIN SELECT RAISE(ABORT, 'the journal is append-only'); END""",
+    """CREATE TRIGGER event_is_not_deleted BEFORE DELETE ON event
+        BEGIN SELECT RAISE(ABORT, 'the journal is append-only'); END""",
+    """CREATE TRIGGER payload_is_not_updated BEFORE UPDATE ON payload
+        BEGIN SELECT RAISE(ABORT, 'the journal is append-only'); END""",
+)
 
 _JOINED = "FROM event LEFT JOIN payload USING (session, seq)"
 _CHAIN = (
     f"SELECT seq, tag, utc, monotonic_s, body, payload_sha256, hash {_JOINED} "
     "WHERE session = ? ORDER BY seq"
 )
+_SESSIONS = """
+SELECT session FROM (SELECT session, rowid AS place FROM event
+                     UNION ALL SELECT session, 1e18 FROM payload)
+GROUP BY session ORDER BY min(place), session
+"""
 _TAGGED = f"SELECT seq, tag, utc, monotonic_s, body {_JOINED} WHERE tag"
 
 ChainLink = tuple[Event, str, str]
@@ -84,9 +89,7 @@ class Journal:
     def sessions(self) -> list[str]:
         """Return the names of all chains in the order in which they were begun."""
         with self._explained("read"):
-            rows = self._connection.execute(
-                "SELECT session FROM event WHERE seq = 0 ORDER BY rowid"
-            )
+            rows = self._connection.execute(_SESSIONS)
             return [row[0] for row in rows]
 
     def events(self, session: str) -> list[Event]:
@@ -137,12 +140,17 @@ class Journal:
                     "DELETE FROM payload WHERE session = ?", [(name,) for name in sessions]
                 )
             self._connection.execute("VACUUM")
-        self.checkpoint()
+        if not self.checkpoint():
+            raise JournalError(
+                f"{self._path}: erased, but another program that reads it keeps an old copy alive; "
+                "end that program and do it again"
+            )
 
-    def checkpoint(self) -> None:
-        """Bring everything into the one file, so that it can be copied alone."""
+    def checkpoint(self) -> bool:
+        """Bring everything into the one file; return False if a reader is in the way."""
         with self._explained("written"):
-            self._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+            busy, _, _ = self._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
+            return not busy
 
     def _insert(self, fields: tuple[object, ...], body: str) -> None:
         session, seq = fields[:2]
@@ -166,18 +174,29 @@ class Journal:
     def _explained(self, what: str) -> Iterator[None]:
         try:
             yield
-        except sqlite3.Error as error:
+        except (sqlite3.Error, DamagedError) as error:
             raise JournalError(f"{self._path}: cannot be {what} ({error})") from error
+
+
+class DamagedError(Exception):
+    """An event that no touchbeam has written."""
 
 
 def _event(row: tuple[Any, ...]) -> Event:
     seq, tag, utc, monotonic_s, body = row
+    try:
+        payload = {} if body is None else json.loads(body)
+        when = datetime.fromisoformat(utc)
+    except ValueError as error:
+        raise DamagedError(f"event {seq} is damaged: {error}") from error
+    if not isinstance(payload, dict):
+        raise DamagedError(f"event {seq} is damaged: its payload must be an object")
     return Event(
         seq=seq,
         tag=tag,
-        utc=datetime.fromisoformat(utc),
+        utc=when,
         monotonic_s=monotonic_s,
-        payload={} if body is None else json.loads(body),
+        payload=payload,
         erased=body is None,
     )
 
@@ -221,7 +240,8 @@ def read_journal(path: Path) -> Journal:
             if version == 0:
                 connection.close()
                 connection = sqlite3.connect(":memory:")
-                connection.executescript(_SCHEMA)
+                for statement in _SCHEMA:
+                    connection.execute(statement)
         except sqlite3.Error:
             connection.close()
             raise
@@ -274,13 +294,16 @@ def open_journal(path: Path) -> Journal:
 
 
 def _ensure_schema(connection: sqlite3.Connection) -> None:
-    version = connection.execute("PRAGMA user_version").fetchone()[0]
-    if version == 0:
-        connection.executescript(
-            f"BEGIN IMMEDIATE; {_SCHEMA} PRAGMA user_version = {SCHEMA_VERSION}; COMMIT;"
-        )
-    elif version != SCHEMA_VERSION:
-        raise sqlite3.DatabaseError(_other_schema(version))
+    """Make the tables unless they are there; another process may be making them just now."""
+    with connection:
+        connection.execute("BEGIN IMMEDIATE")
+        version = connection.execute("PRAGMA user_version").fetchone()[0]
+        if version == 0:
+            for statement in _SCHEMA:
+                connection.execute(statement)
+            connection.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
+        elif version != SCHEMA_VERSION:
+            raise sqlite3.DatabaseError(_other_schema(version))
 
 
 def session_name(participant: str, number: int) -> str:

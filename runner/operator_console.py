@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
-from runner.operator_keys import HELP, OperatorKeys
+from runner.operator_keys import HELP, OPERATOR_MARK, OperatorKeys
 from runner.orders import Note, Order
 from runner.view import View
 
@@ -66,7 +66,7 @@ def panel_lines(view: View, question: str, typed: str | None) -> list[str]:
     """Return what stands in the panel; lines are short enough for a narrow terminal."""
     from rich.markup import escape
 
-    colour = "red" if view.device is not None and view.device.output else "green"
+    colour = "green" if view.output() == "off" else "red"
     lines = [
         f"{view.session}  {view.kind}  [bold]{view.state}[/]",
         view.progress(),
@@ -129,8 +129,6 @@ class OperatorConsole:
 
     def see(self, view: View) -> None:
         """Show `view`."""
-        if view.device is None and self._view is not None and view.state == "touching":
-            return
         self._view = view
         self._redraw()
 
@@ -142,7 +140,9 @@ class OperatorConsole:
 
     def _listen(self) -> None:
         characters = self.typed(bool(self._question))
-        if characters:
+        if characters.startswith(OPERATOR_MARK):
+            self._keys.feed_order(characters.removeprefix(OPERATOR_MARK))
+        elif characters:
             self._keys.feed(characters)
             self._redraw()
 

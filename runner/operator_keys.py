@@ -11,17 +11,22 @@ KEYS: dict[str, Order] = {
     "e": "emergency stop",
     " ": "emergency stop",
 }
-HELP = "p pause/go on   r repeat trial   n note   s stop   e or space EMERGENCY STOP"
+HELP = "p pause/go on   r repeat trial   n note   s stop   space or Ctrl-E EMERGENCY STOP"
+
+OPERATOR_MARK = ":"
+"""A line typed at the participant's terminal that begins with it is the operator's."""
 
 _ENTER = "\r\n"
 _BACKSPACE = "\x7f\b"
 _ESCAPE = "\x1b"
+_CTRL_E = "\x05"
 
 
 class OperatorKeys:
     """Characters in, orders and answers out.
 
-    A line is collected while something was asked or after `n`; otherwise each key is an order.
+    A line is collected while something was asked or after `n`; otherwise each key is an order. An
+    emergency stop is always one key away: Ctrl-E, or a space where nothing has been typed yet.
     """
 
     def __init__(self) -> None:
@@ -44,12 +49,24 @@ class OperatorKeys:
     def feed(self, characters: str) -> None:
         """Take what was typed."""
         for character in characters:
-            if self.line is not None:
+            if self._is_emergency(character):
+                self._orders.append("emergency stop")
+            elif self.line is not None:
                 self._collect(character)
             elif character == "n":
                 self._noting = True
             elif character in KEYS:
                 self._orders.append(KEYS[character])
+
+    def feed_order(self, line: str) -> None:
+        """Take a typed line that is an order, whatever was asked: `e`, or `n` and a note."""
+        asked, self._asked, self._line = self._asked, False, ""
+        self.feed(line)
+        self._asked = asked
+
+    def _is_emergency(self, character: str) -> bool:
+        """Ctrl-E anywhere; where a line is typed, a space that begins it, since none does."""
+        return character == _CTRL_E or (character == " " and self.line == "")
 
     def order(self) -> Order | Note | None:
         """Return the oldest order that was not returned yet; an emergency stop comes first."""

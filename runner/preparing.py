@@ -21,12 +21,13 @@ def prepare(room: Room) -> None:
         answers = {question: _told(room, question) for question in study.session.operator_asks}
         room.log.append("rig-described", answers=answers)
     mount(room, study.touch.beam)
-    show_where_we_are(room, warning="measuring the resonance: hands off the beam")
+    show_where_we_are(room, warning="measuring the resonance: hands off the beam", searching=True)
     found = room.device.resonance(
         study.rig.nominal_resonance_hz, lambda seconds: tick(room, seconds)
     )
     room.log.append("resonance-measured", **asdict(found))
     room.resonance_hz = found.frequency_hz
+    show_where_we_are(room)
     room.participant.show(Welcome(consent=room.session.consent))
     response(room)
 

@@ -64,7 +64,7 @@ class _Stimulus:
     def deliver(self, start: Setpoint) -> None:
         """Soft start, the touch itself with its ramp or sweep; the output stays on."""
         room, to_make = self._room, self._touch
-        room.device.drive(start)
+        show_where_we_are(room, device=room.device.drive(start))
         pass_time(room, start.voltage_v / start.ramp_v_per_s)
         room.participant.show(self.pacing)
         self._look()

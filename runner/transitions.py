@@ -3,6 +3,8 @@
 docs/journal.md draws the table.
 """
 
+from protocol.errors import WorkFailed
+
 _LIVING = ("idle", "armed", "paused", "trial", "touching", "completed")
 
 TRANSITIONS: dict[tuple[str, str], str] = {
@@ -38,7 +40,7 @@ TRANSITIONS: dict[tuple[str, str], str] = {
 """(state, event) → state. `armed`: the device may be driven. `idle`: it is off and not armed."""
 
 
-class NotAllowed(Exception):
+class NotAllowed(WorkFailed):
     """An event that the session's state does not permit."""
 
 

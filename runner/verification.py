@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from runner.journal import (
@@ -17,6 +17,7 @@ from runner.journal import (
 from runner.session_state import Event, SessionState, folded
 from runner.transitions import NotAllowed
 
+_OPENING = {"participant", "session", "kind", "conditions", "trials"}
 STUDY_CHAIN = "@study"
 """The chain of what was decided on the study as a whole."""
 
@@ -60,7 +61,15 @@ class SessionVerdict:
 
 def verdicts(journal: Journal) -> list[SessionVerdict]:
     """Return a verdict on every chain of `journal`."""
-    return [session_verdict(name, list(journal.chain(name))) for name in journal.sessions()]
+    return [_verdict(journal, name) for name in journal.sessions()]
+
+
+def _verdict(journal: Journal, name: str) -> SessionVerdict:
+    try:
+        return session_verdict(name, list(journal.chain(name)))
+    except JournalError as error:
+        verdict = session_verdict(name, [])
+        return replace(verdict, state="unreadable", problem=str(error))
 
 
 def session_verdict(name: str, chain: list[ChainLink]) -> SessionVerdict:
@@ -71,7 +80,7 @@ def session_verdict(name: str, chain: list[ChainLink]) -> SessionVerdict:
     erased = state.name == "withdrawn"
     return SessionVerdict(
         participant=participant or name,
-        session=int(number) if participant else 0,
+        session=int(number) if participant and number.isdecimal() else 0,
         state=state.name,
         events=len(chain),
         trials_planned=len(planned),
@@ -94,6 +103,14 @@ def readable_events(journal: Journal, session: str) -> list[Event]:
     withdrawn = any(event.tag == "withdrawn" for event in events)
     if any(event.erased for event in events) and not withdrawn:
         raise JournalError(f"session {session} has lost payloads; see touchbeam verify")
+    try:
+        state = folded(events)
+    except (NotAllowed, KeyError, TypeError, AttributeError) as error:
+        raise JournalError(f"session {session} is damaged; see touchbeam verify") from error
+    opened = state.opened or {}
+    lacking = _OPENING - opened.keys() if "scores" not in opened else set()
+    if lacking and not withdrawn and session != STUDY_CHAIN:
+        raise JournalError(f"session {session} does not say how it began; see touchbeam verify")
     return events
 
 
@@ -106,6 +123,7 @@ def chain_is_unbroken(name: str, chain: Iterable[ChainLink], *, erased: bool) ->
         erased: whether payloads may be missing, since the participant withdrew.
     """
     previous = FIRST_HASH
+    chain = list(chain)
     for place, (event, digest, chained) in enumerate(chain):
         if event.seq != place or chain_hash(previous, event_fields(name, event, digest)) != chained:
             return False
@@ -115,13 +133,13 @@ def chain_is_unbroken(name: str, chain: Iterable[ChainLink], *, erased: bool) ->
         elif hashlib.sha256(payload_text(event).encode()).hexdigest() != digest:
             return False
         previous = chained
-    return True
+    return bool(chain)
 
 
 def _folded(chain: list[ChainLink]) -> tuple[SessionState, str]:
     try:
         return folded(event for event, _, _ in chain), ""
-    except (NotAllowed, KeyError) as error:
+    except (NotAllowed, KeyError, TypeError, AttributeError) as error:
         return SessionState(name="impossible"), str(error)
 
 

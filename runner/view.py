@@ -18,6 +18,7 @@ class View:
     total: int
     left_s: float
     device: ReadBack | None
+    searching: bool
     watchdog_s: float
     last_answer: str
     warning: str
@@ -28,6 +29,8 @@ class View:
 
     def output(self) -> str:
         """Return what is on the device, in words."""
+        if self.searching:
+            return "ON, 10 V at most, searching"
         if self.device is None or not self.device.output:
             return "off"
         device = self.device

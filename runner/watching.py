@@ -9,7 +9,9 @@ from runner.view import View
 from runner.waiting import TICK_S, pass_time, response, tick
 
 
-def show_where_we_are(room: Room, device: ReadBack | None = None, warning: str = "") -> None:
+def show_where_we_are(
+    room: Room, device: ReadBack | None = None, warning: str = "", *, searching: bool = False
+) -> None:
     """Show the operator where the session stands."""
     state, session = room.log.state, room.session
     left = [entry for entry in session.plan.trials if entry.index not in state.answered]
@@ -26,6 +28,7 @@ def show_where_we_are(room: Room, device: ReadBack | None = None, warning: str =
             total=len(session.plan.trials),
             left_s=sum(trial_s(session.study, entry) for entry in left),
             device=device,
+            searching=searching,
             watchdog_s=session.study.rig.watchdog_s,
             last_answer=state.last_answer,
             warning=warning,

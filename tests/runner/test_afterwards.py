@@ -12,7 +12,7 @@ from protocol.study_file import template
 from runner.amendments import amend, exclude_session, exclude_trial, withdraw
 from runner.clock import WallClock
 from runner.cohort import slot_for, standings, states
-from runner.journal import Journal, open_journal
+from runner.journal import Journal, JournalError, open_journal, read_journal
 from runner.loop import run
 from runner.resuming import require_resumable
 from runner.session_log import SessionLog
@@ -190,3 +190,46 @@ def test_verify_counts_as_others_rely_on(tmp_path: Path) -> None:
     }
     assert expected.items() <= record.items()
     assert record["events"] > 40
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        "UPDATE payload SET body = '{' WHERE seq = 12",
+        "UPDATE payload SET body = '[1]' WHERE seq = 12",
+        "UPDATE payload SET body = '{}' WHERE seq = 0",
+        "UPDATE event SET utc = 'x' WHERE seq = 12",
+        "UPDATE event SET tag = 'session-completed' WHERE seq = 12",
+        "UPDATE event SET session = 'P01/x'",
+        "DELETE FROM event WHERE seq = 0",
+        "DELETE FROM event",
+    ],
+)
+def test_a_damaged_journal_fails_verification_and_is_not_reported(
+    tmp_path: Path, damage: str
+) -> None:
+    finished(tmp_path).__exit__(None, None, None)
+    with closing(sqlite3.connect(tmp_path / "study.db")) as other, other:
+        for trigger in ("event_is_not_updated", "event_is_not_deleted", "payload_is_not_updated"):
+            other.execute(f"DROP TRIGGER {trigger}")
+        other.execute(damage)
+    with read_journal(tmp_path / "study.db") as journal:
+        found = verdicts(journal)
+        assert found
+        assert not all(verdict.ok for verdict in found)
+        if "P01/x" not in damage and damage != "DELETE FROM event":
+            with pytest.raises(JournalError, match=r"damaged|lost|began"):
+                states(journal)
+
+
+def test_an_erasure_that_a_reader_prevents_is_not_called_done(tmp_path: Path) -> None:
+    with finished(tmp_path) as journal, closing(sqlite3.connect(tmp_path / "study.db")) as reader:
+        journal.checkpoint()
+        reader.execute("BEGIN")
+        reader.execute("SELECT count(*) FROM payload").fetchone()
+        with pytest.raises(JournalError, match="another program that reads it"):
+            withdraw(journal, CLOCK, "P01")
+        reader.rollback()
+        withdraw(journal, CLOCK, "P01")
+    held = b"".join(path.read_bytes() for path in tmp_path.iterdir())
+    assert b"smoother" not in held

@@ -83,7 +83,7 @@ def test_an_input_that_ends_is_somebody_gone() -> None:
 def test_a_line_with_a_colon_is_the_operators() -> None:
     terminal = Terminal(":p\n1\n")
     assert terminal.answer(AskChange(question="roughness")).answer == "smoother"
-    assert terminal.typed.operator_typed(asked=False) == "p\n"
+    assert terminal.typed.operator_typed(asked=False) == ":p\n"
 
 
 def test_what_the_operator_was_asked_is_answered_by_any_line() -> None:

@@ -1,6 +1,8 @@
 """The journal: append-only, chained, private, and never half-written."""
 
 import sqlite3
+import subprocess
+import sys
 from contextlib import closing
 from datetime import UTC, datetime
 from pathlib import Path
@@ -91,3 +93,15 @@ def test_a_journal_of_another_version_is_refused(tmp_path: Path) -> None:
         other.execute("PRAGMA user_version = 99")
     with pytest.raises(JournalError, match="schema 99; this touchbeam knows 1"):
         open_journal(path)
+
+
+def test_two_processes_may_make_it_at_once(tmp_path: Path) -> None:
+    program = (
+        "import sys; from pathlib import Path; from runner.journal import open_journal\n"
+        "for n in range(20): open_journal(Path(sys.argv[1], f'{n}.db')).__exit__(None, None, None)"
+    )
+    both = [
+        subprocess.Popen([sys.executable, "-c", program, str(tmp_path)], stderr=subprocess.PIPE)
+        for _ in range(2)
+    ]
+    assert [process.communicate()[1] for process in both] == [b"", b""]

@@ -31,6 +31,7 @@ def view(**changes: object) -> View:
         "total": 7,
         "left_s": 130.0,
         "device": ON,
+        "searching": False,
         "last_answer": "smoother, score 8",
         "warning": "",
     }
@@ -129,3 +130,25 @@ def test_nobody_answers_with_nothing_and_the_beam_is_swapped() -> None:
     console.mount("1.5 mm")
     assert console.answered() == ""
     assert swapped == ["1.5 mm"]
+
+
+def test_an_emergency_stop_is_one_key_away_while_a_line_is_typed() -> None:
+    keys = OperatorKeys()
+    keys.feed("n ")
+    assert keys.order() == "emergency stop"
+    keys.feed("skin\x05")
+    assert keys.order() == "emergency stop"
+
+
+@pytest.mark.parametrize(("line", "order"), [("e\n", "emergency stop"), ("s\n", "stop")])
+def test_an_order_never_answers_what_was_asked(line: str, order: str) -> None:
+    typed = iter([f":{line}", "", "dry\n"])
+    console = OperatorConsole(lambda _: next(typed), PlainDisplay(lambda _: None))
+    console.ask("skin state?")
+    assert console.answered() is None
+    assert console.order() == order
+    assert console.answered() == "dry"
+
+
+def test_the_search_for_the_resonance_is_shown_as_on() -> None:
+    assert view(device=None, searching=True).output().startswith("ON")

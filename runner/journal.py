@@ -39,7 +39,7 @@ _SCHEMA = (
         seq INTEGER NOT NULL,
         body TEXT NOT NULL,
         PRIMARY KEY (session, seq)
-    ) STRICT""",
+    ) STRICT, WITHOUT ROWID""",
     """CREATE TRIGGER event_is_not_updated BEFORE UPDATE ON event
         BEGIN SELECT RAISE(ABORT, 'the journal is append-only'); END""",
     """CREATE TRIGGER event_is_not_deleted BEFORE DELETE ON event
@@ -74,6 +74,7 @@ class Journal:
     def __init__(self, connection: sqlite3.Connection, path: Path) -> None:
         self._connection = connection
         self._path = path
+        self._last_hashes: dict[tuple[str, int], str] = {}
 
     def __enter__(self) -> Self:
         return self
@@ -114,7 +115,11 @@ class Journal:
         """Keep other writers out while the body looks and then appends."""
         with self._explained("written"), self._connection:
             self._connection.execute("BEGIN IMMEDIATE")
-            yield
+            try:
+                yield
+            except BaseException:
+                self._last_hashes.clear()
+                raise
 
     def append(self, session: str, event: Event) -> None:
         """Add `event` to the chain of `session`; it is on the disk when this returns.
@@ -159,10 +164,13 @@ class Journal:
             "INSERT INTO event VALUES (?, ?, ?, ?, ?, ?, ?)", (*fields, chained)
         )
         self._connection.execute("INSERT INTO payload VALUES (?, ?, ?)", (session, seq, body))
+        self._last_hashes = {(str(session), int(str(seq))): chained}
 
     def _hash_before(self, session: str, seq: int) -> str:
         if seq == 0:
             return FIRST_HASH
+        if (session, seq - 1) in self._last_hashes:  # events never change
+            return self._last_hashes[session, seq - 1]
         row = self._connection.execute(
             "SELECT hash FROM event WHERE session = ? AND seq = ?", (session, seq - 1)
         ).fetchone()

@@ -13,7 +13,7 @@ demo: $(READY)
 	@$(BIN)/touchbeam demo
 
 test: check
-	@.ci/window-libraries
+	@.ci/system-packages
 	$(BIN)/pytest
 
 check: $(READY)
@@ -27,7 +27,7 @@ bench: $(READY)
 
 # Pictures of every page of the participant's window, for the documentation.
 pictures: $(READY)
-	@.ci/window-libraries
+	@.ci/system-packages
 	$(BIN)/python -m tests.runner.window.pictures docs/window
 
 soak: $(READY)

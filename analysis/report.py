@@ -1,31 +1,61 @@
-"""The report of a study: Table 4, its test, a figure; as HTML, CSV and JSON."""
+"""The report of a study: Table 4 and all that follows, as page, tables, figures and data."""
 
 import json
-import math
 from dataclasses import dataclass
+from functools import cached_property
 from hashlib import sha256
-from importlib.metadata import version
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from analysis.figures import scores_figure
+from analysis.exclusion_rules import rules_in_words
+from analysis.export_text import json_text
+from analysis.latex import table4_tex
+from analysis.methods import limits, methods
 from analysis.no_answer import NoAnswer
+from analysis.page import Page, page_html
+from analysis.page_figures import FIGURES, Illustration, illustrations
+from analysis.provenance import Origin, provenance
+from analysis.report_json import (
+    left_out_json,
+    plain,
+    statistics_json,
+    table4_json,
+    trial_statistics_json,
+    trials_json,
+)
 from analysis.session_scores import Loaded
-from analysis.statistics.friedman import Friedman, friedman
-from analysis.table4 import Table4, table4, table4_csv
+from analysis.table4 import table4_csv
+from analysis.table_statistics import TableStatistics, table_statistics
+from analysis.trial_statistics import TrialStatistics, trial_statistics
+from protocol.study import Study
 
-MISSING_ON_PAGE = "–"
 
-
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Report:
     """Everything that is reported of one study."""
 
     title: str
     loaded: Loaded
-    table4: Table4
-    friedman: Friedman | NoAnswer
+    study: Study
+    origin: Origin
+    table: TableStatistics
+    trials: TrialStatistics
+
+    @cached_property
+    def trial_records(self) -> list[dict[str, Any]]:
+        """A record per trial that counts, with its predictions."""
+        return trials_json(self.loaded.rows, self.trials.contrasts)
+
+    @cached_property
+    def illustrations(self) -> dict[str, Illustration]:
+        """The figures by name."""
+        return illustrations(self.loaded, self.table, self.trials)
+
+    @cached_property
+    def provenance(self) -> dict[str, str]:
+        """What the report was made from, name by name."""
+        digest = sha256(json.dumps(self.trial_records, ensure_ascii=False).encode()).hexdigest()
+        return provenance(self.origin, self.loaded, self.study, digest)
 
     @property
     def rehearsals(self) -> bool:
@@ -33,120 +63,83 @@ class Report:
         return "rehearsal" in self.loaded.kinds
 
 
-def report(title: str, loaded: Loaded) -> Report:
-    """Return the report on what was `loaded`."""
+def report(title: str, loaded: Loaded, study: Study, origin: Origin) -> Report:
+    """Return the report on what was `loaded` of `study`."""
     return Report(
         title=title,
         loaded=loaded,
-        table4=table4(loaded.table),
-        friedman=friedman(loaded.table),
+        study=study,
+        origin=origin,
+        table=table_statistics(loaded.table),
+        trials=trial_statistics(loaded, study),
     )
 
 
 def report_json(result: Report) -> dict[str, Any]:
     """Return every number of the report; `null` where there is none, with the reason beside it."""
-    table = result.table4
+    loaded = result.loaded
     return {
         "title": result.title,
-        "kinds": list(result.loaded.kinds),
-        "unfinished": list(result.loaded.unfinished),
-        "left_out": left_out(result.loaded),
-        "table4": {
-            "columns": list(table.table.conditions),
-            "rows": [
-                {
-                    "subject": subject,
-                    "scores": [_number(score) for score in scores],
-                    "comprehensive": _number(mean),
-                }
-                for subject, scores, mean in zip(
-                    table.table.subjects, table.table.scores, table.row_means, strict=True
-                )
-            ],
-            "column_means": {
-                name: _number(mean)
-                for name, mean in zip(table.table.conditions, table.column_means, strict=True)
-            },
-            "grand_mean": _number(table.grand_mean),
-            "missing": table.table.missing_count,
-        },
-        "friedman": _friedman_json(result.friedman),
-        "provenance": provenance(result),
+        "kinds": list(loaded.kinds),
+        "rehearsals": result.rehearsals,
+        "unfinished": list(loaded.unfinished),
+        "left_out": left_out_json(loaded),
+        "exclusions": plain(loaded.left_out),
+        "incidents": plain(loaded.incidents),
+        "table4": table4_json(result.table.main.table4),
+        **statistics_json(result.table, loaded.table),
+        **trial_statistics_json(result.trials),
+        "trials": result.trial_records,
+        "provenance": result.provenance,
     }
 
 
 def report_html(result: Report) -> str:
     """Return the report as one page that needs no network."""
-    from jinja2 import Environment
-
-    environment = Environment(autoescape=True, trim_blocks=False)
-    source = (files("analysis") / "templates" / "report.html").read_text(encoding="utf-8")
-    return environment.from_string(source).render(
-        title=result.title,
-        rehearsals=result.rehearsals,
-        lines=result.table4.lines(MISSING_ON_PAGE),
-        missing=MISSING_ON_PAGE,
-        friedman=friedman_line(result.friedman),
-        figure=scores_figure(result.loaded.table),
-        provenance=provenance(result),
-        left_out={why: count for why, count in left_out(result.loaded).items() if count},
-        unfinished=result.loaded.unfinished,
+    return page_html(
+        Page(
+            title=result.title,
+            rehearsals=result.rehearsals,
+            loaded=result.loaded,
+            table=result.table,
+            trials=result.trials,
+            illustrations=result.illustrations,
+            no_sensitivity=[
+                f"{model} has no answer: {found.reason}."
+                for model, found in (("M1", result.trials.m1), ("M2", result.trials.m2))
+                if isinstance(found, NoAnswer)
+            ],
+            left_out=left_out_json(result.loaded),
+            rules=rules_in_words(result.study.exclusions),
+            methods=methods(result.loaded, result.study, result.trials),
+            limits=limits(result.loaded, result.trials),
+            provenance=result.provenance,
+            records=result.trial_records,
+        )
     )
 
 
 def write_report(result: Report, folder: Path) -> list[Path]:
-    """Write `table4.csv`, `report.html` and `report.json` into `folder`; return their paths."""
+    """Write page, tables, data and figures into `folder`; return the paths of all but figures."""
     contents = {
-        "table4.csv": table4_csv(result.table4),
+        "table4.csv": table4_csv(result.table.main.table4),
+        "table4.tex": table4_tex(result.table.main.table4),
         "report.html": report_html(result),
         "report.json": json_text(report_json(result)),
     }
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in contents.items():
         (folder / name).write_text(text, encoding="utf-8", newline="\n")
+    _write_figures(result, folder / "figures")
     return [folder / name for name in contents]
 
 
-def json_text(document: object) -> str:
-    """Return `document` as JSON for people and programs."""
-    return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-
-
-def left_out(loaded: Loaded) -> dict[str, int]:
-    """Return how much of the study the report leaves out, by reason."""
-    return {
-        "rehearsals": loaded.rehearsals_left_out,
-        "sessions excluded": loaded.sessions_excluded,
-        "sessions withdrawn": loaded.sessions_withdrawn,
-        "trials excluded": loaded.trials_excluded,
-    }
-
-
-def friedman_line(test: Friedman | NoAnswer) -> str:
-    """Return the omnibus test in one sentence."""
-    if isinstance(test, NoAnswer):
-        return f"Friedman's test: none ({test.reason})."
-    return (
-        f"Friedman's test of equal conditions: χ²({test.df}) = {test.chi2:.4f}, "
-        f"p = {test.p:.4g}; Kendall's W = {test.kendall_w:.3f}."
-    )
-
-
-def provenance(result: Report) -> dict[str, str]:
-    """Return what the report was made from."""
-    csv = table4_csv(result.table4)
-    return {
-        "scores": ", ".join(result.loaded.kinds),
-        "sha256 of table4.csv": sha256(csv.encode()).hexdigest(),
-        "touchbeam": version("touchbeam"),
-    }
-
-
-def _friedman_json(test: Friedman | NoAnswer) -> dict[str, Any]:
-    if isinstance(test, NoAnswer):
-        return {"chi2": None, "df": None, "p": None, "reason": test.reason}
-    return {"chi2": test.chi2, "df": test.df, "p": test.p}
-
-
-def _number(value: float) -> float | None:
-    return None if math.isnan(value) else float(value)
+def _write_figures(result: Report, folder: Path) -> None:
+    """Write the figures; those of an earlier report that are no longer drawn are taken away."""
+    folder.mkdir(exist_ok=True)
+    for name in FIGURES:
+        (folder / f"{name}.svg").unlink(missing_ok=True)
+        (folder / f"{name}.png").unlink(missing_ok=True)
+    for name, shown in result.illustrations.items():
+        (folder / f"{name}.svg").write_text(shown.drawing.svg, encoding="utf-8", newline="\n")
+        (folder / f"{name}.png").write_bytes(shown.drawing.png)

@@ -1,20 +1,18 @@
-"""From the journal's events to the table of scores. Knows tags and payloads, no code of a session.
+"""From the journal's events to the table of scores and the trials behind it."""
 
-docs/journal.md lists the tags.
-"""
-
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from statistics import fmean
-from typing import Any
 
 import numpy as np
 
+from analysis.answered_trials import Happened, TrialRow
+from analysis.exclusion_rules import LeftOut, ruled_out
 from analysis.scores import ScoreTable
+from analysis.session_story import Incident, SessionStory, session_story
+from protocol.conduct import Exclusions
 from protocol.errors import BadInput
 
-Happened = tuple[str, Mapping[str, Any]]
-"""An event as far as the analysis is concerned: its tag and its payload."""
+__all__ = ["Happened", "Loaded", "NothingToReport", "Recording", "loaded"]
 
 
 class NothingToReport(BadInput):
@@ -22,8 +20,21 @@ class NothingToReport(BadInput):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Recording:
+    """Under what the scores were recorded: each value once, in order of appearance."""
+
+    versions: tuple[str, ...] = ()
+    seeds: tuple[int, ...] = ()
+    studies: tuple[str, ...] = ()
+    sources: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
 class Loaded:
-    """What was found: the scores, whose kind they are, and what was left out."""
+    """What was found: scores and trials, whose kind they are, and what was left out and why.
+
+    `rows` are the trials that count: excluded ones are not among them.
+    """
 
     table: ScoreTable
     kinds: tuple[str, ...]
@@ -32,81 +43,90 @@ class Loaded:
     sessions_excluded: int = 0
     sessions_withdrawn: int = 0
     trials_excluded: int = 0
+    rows: tuple[TrialRow, ...] = ()
+    left_out: tuple[LeftOut, ...] = ()
+    incidents: tuple[Incident, ...] = ()
+    recording: Recording = Recording()
 
 
-def loaded(sessions: Iterable[Sequence[Happened]], *, rehearsals: bool) -> Loaded:
+def loaded(
+    sessions: Iterable[Sequence[Happened]],
+    *,
+    rehearsals: bool,
+    rules: Exclusions | None = None,
+) -> Loaded:
     """Return the scores of all sessions; of rehearsals too if asked for.
 
     A participant's score for a condition is the mean over that participant's trials.
 
+    Args:
+        sessions: the events of each session, read one session at a time.
+        rehearsals: whether rehearsals count.
+        rules: the study's rules on who and what is left out.
+
     Raises:
         NothingToReport: there are no sessions to report on.
     """
-    chains = [events for events in sessions if events and events[0][0] != "study-amended"]
-    gone = [_gone(events) for events in chains]
-    all_sessions = [
-        _Session.of(events) for events, why in zip(chains, gone, strict=True) if not why
-    ]
-    wanted = [s for s in all_sessions if rehearsals or s.kind != "rehearsal"]
+    found = _found(sessions, rehearsals=rehearsals)
+    wanted = found.records
     if not wanted:
         raise NothingToReport(
             "nothing but rehearsals here; name them with --rehearsals"
-            if all_sessions
+            if found.rehearsals_left_out
             else "no sessions here"
         )
-    conditions = _in_order(name for session in wanted for name in session.conditions)
-    subjects = _in_order(session.participant for session in wanted)
+    rows, by_rule = ruled_out([row for record in wanted for row in record.kept], _or_none(rules))
+    gone = {out.participant for out in by_rule if out.trial is None}
+    subjects = _in_order(r.participant for r in wanted if r.participant not in gone)
+    if not subjects:
+        raise NothingToReport(
+            f"the rules of [exclusions] leave nobody: {by_rule[-1].participant} has "
+            f"{by_rule[-1].why}"
+        )
+    conditions = _in_order(name for record in wanted for name in record.conditions)
     return Loaded(
         table=ScoreTable(
-            subjects=subjects,
-            conditions=conditions,
-            scores=np.array(
-                [[_mean(wanted, who, what) for what in conditions] for who in subjects]
-            ),
+            subjects=subjects, conditions=conditions, scores=_means(rows, subjects, conditions)
         ),
-        kinds=_in_order(session.kind for session in wanted),
-        rehearsals_left_out=len(all_sessions) - len(wanted),
-        unfinished=tuple(session.participant for session in wanted if not session.finished),
-        sessions_excluded=gone.count("session-excluded"),
-        sessions_withdrawn=gone.count("withdrawn"),
-        trials_excluded=sum(session.trials_excluded for session in wanted),
+        kinds=_in_order(record.kind for record in wanted),
+        rehearsals_left_out=found.rehearsals_left_out,
+        unfinished=tuple(record.participant for record in wanted if not record.finished),
+        sessions_excluded=found.excluded,
+        sessions_withdrawn=found.withdrawn,
+        trials_excluded=sum(len(record.excluded_trials) for record in wanted),
+        rows=rows,
+        left_out=(*found.left_out, *_trials_left_out(wanted), *by_rule),
+        incidents=tuple(incident for record in wanted for incident in record.incidents),
+        recording=_recording(wanted),
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Session:
-    participant: str
-    kind: str
-    conditions: tuple[str, ...]
-    scores: tuple[tuple[str, float], ...]
-    finished: bool
-    trials_excluded: int = 0
+@dataclass(kw_only=True)
+class _Found:
+    records: list[SessionStory]
+    left_out: list[LeftOut]
+    rehearsals_left_out: int = 0
+    excluded: int = 0
+    withdrawn: int = 0
 
-    @classmethod
-    def of(cls, events: Sequence[Happened]) -> "_Session":
-        tag, opened = events[0]
-        if tag == "scores-imported":
-            return cls(
-                participant=opened["participant"],
-                kind="published",
-                conditions=tuple(opened["conditions"]),
-                scores=_given(opened["scores"].items()),
-                finished=True,
-            )
-        excluded = {payload["index"] for tag, payload in events if tag == "trial-excluded"}
-        answers = [
-            payload
-            for tag, payload in events
-            if tag == "answered" and payload["kind"] == "trial" and payload["index"] not in excluded
-        ]
-        return cls(
-            participant=opened["participant"],
-            kind=opened["kind"],
-            conditions=tuple(opened["conditions"]),
-            scores=_given((answer["condition"], answer["score"]) for answer in answers),
-            finished=any(tag == "session-completed" for tag, _ in events),
-            trials_excluded=len(excluded),
-        )
+
+def _found(sessions: Iterable[Sequence[Happened]], *, rehearsals: bool) -> _Found:
+    """Read every session once and keep what the report needs of it."""
+    found = _Found(records=[], left_out=[])
+    for events in sessions:
+        if not events or events[0][0] == "study-amended":
+            continue
+        match _gone(events):
+            case "withdrawn":
+                found.withdrawn += 1
+            case "session-excluded":
+                found.excluded += 1
+                found.left_out += _session_left_out(events)
+            case _ if not rehearsals and events[0][1].get("kind") == "rehearsal":
+                found.rehearsals_left_out += 1
+            case _:
+                found.records.append(session_story(events))
+    return found
 
 
 def _gone(events: Sequence[Happened]) -> str:
@@ -115,23 +135,68 @@ def _gone(events: Sequence[Happened]) -> str:
     return tags[-1] if tags else ""
 
 
-def _given(scores: Iterable[tuple[str | None, float | None]]) -> tuple[tuple[str, float], ...]:
-    return tuple(
-        (condition, float(score))
-        for condition, score in scores
-        if condition is not None and score is not None
+def _session_left_out(events: Sequence[Happened]) -> list[LeftOut]:
+    opened = events[0][1]
+    return [
+        LeftOut(
+            participant=opened["participant"],
+            session=opened.get("session", 1),
+            by="operator",
+            why=payload.get("reason", ""),
+        )
+        for tag, payload in events
+        if tag == "session-excluded"
+    ]
+
+
+def _trials_left_out(records: Sequence[SessionStory]) -> list[LeftOut]:
+    return [
+        LeftOut(
+            participant=record.participant,
+            session=record.number,
+            trial=index,
+            by="operator",
+            why=why,
+        )
+        for record in records
+        for index, why in record.excluded_trials.items()
+    ]
+
+
+def _means(
+    rows: Sequence[TrialRow], subjects: tuple[str, ...], conditions: tuple[str, ...]
+) -> np.typing.NDArray[np.float64]:
+    """Return the mean score of each cell, NaN where no score was given."""
+    row_of = {name: row for row, name in enumerate(subjects)}
+    column_of = {name: column for column, name in enumerate(conditions)}
+    sums = np.zeros((len(subjects), len(conditions)))
+    counts = np.zeros_like(sums)
+    for row in rows:
+        if row.is_scored and row.condition is not None and not np.isnan(row.score):
+            cell = row_of[row.participant], column_of[row.condition]
+            sums[cell] += row.score
+            counts[cell] += 1
+    return np.divide(sums, counts, out=np.full_like(sums, np.nan), where=counts > 0)
+
+
+def _recording(records: Sequence[SessionStory]) -> Recording:
+    opened = [record.opened for record in records]
+    return Recording(
+        versions=_in_order(
+            ", ".join(f"{name} {number}" for name, number in o["versions"].items())
+            for o in opened
+            if "versions" in o
+        ),
+        seeds=tuple(dict.fromkeys(o["seed"] for o in opened if "seed" in o)),
+        studies=_in_order(o["study_sha256"] for o in opened if "study_sha256" in o),
+        sources=_in_order(
+            f"{o['source']} (SHA-256 {o['source_sha256']})" for o in opened if "source" in o
+        ),
     )
 
 
-def _mean(sessions: list[_Session], participant: str, condition: str) -> float:
-    scores = [
-        score
-        for session in sessions
-        if session.participant == participant
-        for name, score in session.scores
-        if name == condition
-    ]
-    return fmean(scores) if scores else float("nan")
+def _or_none(rules: Exclusions | None) -> Exclusions:
+    return Exclusions() if rules is None else rules
 
 
 def _in_order(names: Iterable[str]) -> tuple[str, ...]:

@@ -1,12 +1,11 @@
 """Table 4 of the paper: scores by subject and condition, with the means of both."""
 
-import csv
-import io
 import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from analysis.export_text import csv_cell, csv_text
 from analysis.scores import FloatArray, ScoreTable
 
 COMPREHENSIVE = "comprehensive"
@@ -51,9 +50,8 @@ def table4(table: ScoreTable) -> Table4:
 
 def table4_csv(result: Table4) -> str:
     """Return the table as CSV, a missing score as an empty cell."""
-    out = io.StringIO()
-    csv.writer(out, lineterminator="\n").writerows(result.lines())
-    return out.getvalue()
+    header, *rows = result.lines()
+    return csv_text([csv_cell(name) for name in header], rows)
 
 
 def _mean_given(scores: FloatArray) -> float:

@@ -316,23 +316,40 @@ def _write(path: Path, data: bytes) -> None:
 
 
 def _report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json: bool) -> None:
-    from analysis.report import friedman_line, json_text, report_json, write_report
+    import os
+
+    # Sums in one order, whatever the number of cores: the same input gives the same bytes.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    from analysis.export_text import json_text
+    from analysis.provenance import Origin
     from analysis.report import report as made_report
+    from analysis.report import report_json, write_report
     from analysis.session_scores import loaded
+    from analysis.wording import omnibus_line
+    from runner.session import text_digest
     from runner.terminal_table import print_table
     from runner.verification import readable_events
 
     with study_journal(folder) as journal:
-        events = [readable_events(journal, session) for session in journal.sessions()]
-    sessions = [[(event.tag, event.payload) for event in chain] for chain in events]
-    result = made_report(folder.path.resolve().name, loaded(sessions, rehearsals=rehearsals))
+        study = folder.study()
+        sessions = (
+            [(event.tag, event.payload) for event in readable_events(journal, name)]
+            for name in journal.sessions()
+        )
+        found = loaded(sessions, rehearsals=rehearsals, rules=study.exclusions)
+    title = folder.path.resolve().name
+    origin = Origin(
+        command=f"touchbeam report {title}{' --rehearsals' if rehearsals else ''}",
+        study_sha256=text_digest(folder.text()),
+    )
+    result = made_report(title, found, study, origin)
     written = write_report(result, out)
     if as_json:
         typer.echo(json_text(report_json(result)), nl=False)
         return
-    print_table("Table 4", result.table4.lines("–"))
+    print_table("Table 4", result.table.main.table4.lines("–"))
     typer.echo(
-        f"{friedman_line(result.friedman)}\nWritten: {', '.join(str(path) for path in written)}"
+        f"{omnibus_line(result.table.main)}\nWritten: {', '.join(str(path) for path in written)}"
     )
 
 

@@ -7,23 +7,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.report import Report, report, report_html, report_json, write_report
-from analysis.scores import ScoreTable
-from analysis.session_scores import Loaded
-
-
-def made(scores: object, kinds: tuple[str, ...] = ("participant",), who: str = "P0") -> Report:
-    array = np.array(scores, dtype=float)
-    rows, columns = array.shape
-    table = ScoreTable(
-        subjects=tuple(f"{who}{row}" for row in range(rows)),
-        conditions=tuple(f"c{column}" for column in range(columns)),
-        scores=array,
-    )
-    return report("a study", Loaded(table=table, kinds=kinds, rehearsals_left_out=0, unfinished=()))
-
-
-SCORES = [[5, 7, 9], [4, 8, 9], [6, 6, 10], [5, 9, 8]]
+from analysis.latex import table4_tex
+from analysis.page_figures import FIGURES
+from analysis.report import report, report_html, report_json, write_report
+from analysis.session_scores import loaded
+from tests.analysis.reports import (
+    ORIGIN,
+    PAPER,
+    SCORES,
+    made,
+    plain_report,
+    session_events,
+    study_report,
+)
 
 
 class Page(HTMLParser):
@@ -43,7 +39,7 @@ class Page(HTMLParser):
 
 
 def test_page_csv_and_json_say_the_same(tmp_path: Path) -> None:
-    result = made(SCORES)
+    result = plain_report()
     write_report(result, tmp_path)
     numbers = json.loads((tmp_path / "report.json").read_text())
     averages = (tmp_path / "table4.csv").read_text().splitlines()[-1].split(",")
@@ -54,10 +50,6 @@ def test_page_csv_and_json_say_the_same(tmp_path: Path) -> None:
     assert f"χ²(2) = {numbers['friedman']['chi2']:.4f}" in " ".join(words)
 
 
-def test_the_same_input_gives_the_same_bytes() -> None:
-    assert report_html(made(SCORES)) == report_html(made(SCORES))
-
-
 def test_a_missing_score_has_no_test_and_says_why() -> None:
     numbers = report_json(made([[5, 7, np.nan], *SCORES[1:]]))
     assert numbers["table4"]["rows"][0]["scores"] == [5, 7, None]
@@ -66,18 +58,19 @@ def test_a_missing_score_has_no_test_and_says_why() -> None:
 
 
 def test_a_subject_who_scored_nothing_is_still_a_row() -> None:
-    numbers = report_json(made([[np.nan] * 3, *SCORES[1:]]))
+    numbers = report_json(made([[np.nan] * 3, *SCORES[1:2]]))
     assert numbers["table4"]["rows"][0]["comprehensive"] is None
 
 
 def test_rehearsals_are_marked_on_top() -> None:
-    page = report_html(made(SCORES, kinds=("participant", "rehearsal")))
-    assert 0 < page.index("<strong>Rehearsals.") < page.index("<table>")
-    assert "<strong>Rehearsals." not in report_html(made(SCORES))
+    events = session_events(PAPER, 0, np.random.default_rng(1), kind="rehearsal")
+    page = report_html(report("a", loaded([events], rehearsals=True), PAPER, ORIGIN))
+    assert 0 < page.index("<strong>Rehearsals.") < page.index("<table")
+    assert "<strong>Rehearsals." not in report_html(plain_report())
 
 
 def test_the_page_needs_no_network_and_names_its_parts() -> None:
-    tags = Page(report_html(made(SCORES))).tags
+    tags = Page(report_html(plain_report())).tags
     sources = [v for _, attrs in tags for k, v in attrs.items() if k in {"src", "href"} and v]
     assert all(source.startswith("#") for source in sources)
     assert ("html", {"lang": "en"}) in tags
@@ -85,12 +78,89 @@ def test_the_page_needs_no_network_and_names_its_parts() -> None:
 
 
 def test_text_from_a_file_stays_text() -> None:
-    page = report_html(made(SCORES, who="<script>alert(1)</script>"))
+    page = report_html(made(SCORES[:1], who="<script>alert(1)</script>"))
     assert "<script>" not in page
 
 
 def test_nothing_is_written_where_nothing_can_be(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OSError, match="Not a directory"):
-        write_report(made(SCORES), tmp_path / "file" / "report")
+        write_report(plain_report(), tmp_path / "file" / "report")
     assert (tmp_path / "file").read_text() == ""
+
+
+def test_the_latex_table_has_the_rules_of_booktabs_and_escapes_names() -> None:
+    assert table4_tex(made(SCORES[:1], who="50 % of P_").table.main.table4).splitlines() == [
+        r"\begin{tabular}{lrrrr}",
+        r"\toprule",
+        r"subject & voltage & structure & pressure & comprehensive \\",
+        r"\midrule",
+        r"50 \% of P\_0 & 5 & 7 & 9 & 7.00 \\",
+        r"\midrule",
+        r"average & 5.00 & 7.00 & 9.00 & 7.00 \\",
+        r"\bottomrule",
+        r"\end{tabular}",
+    ]
+
+
+def test_a_cell_that_begins_like_a_formula_stays_text(tmp_path: Path) -> None:
+    write_report(made(SCORES[:1], names=("=cmd()", "@sum", "voltage")), tmp_path)
+    header = (tmp_path / "table4.csv").read_text().splitlines()[0]
+    assert header == "subject,'=cmd(),'@sum,voltage,comprehensive"
+
+
+def test_every_figure_is_there_as_svg_and_png_with_title_and_table(tmp_path: Path) -> None:
+    result = study_report()
+    write_report(result, tmp_path)
+    names = {path.name for path in (tmp_path / "figures").iterdir()}
+    assert names == {f"{name}.{kind}" for name in FIGURES for kind in ("svg", "png")}
+    page = Page((tmp_path / "report.html").read_text())
+    tables = [attrs.get("id") for tag, attrs in page.tags if tag == "table"]
+    for name, shown in result.illustrations.items():
+        svg = (tmp_path / "figures" / f"{name}.svg").read_text()
+        assert f'<title id="{name}-title">' in svg
+        assert f'<desc id="{name}-desc">' in svg
+        assert shown.table.name in tables
+    ids = [attrs["id"] for _, attrs in page.tags if "id" in attrs]
+    assert len(ids) == len(set(ids)), "figures keep their ids to themselves"
+
+
+def test_every_score_leads_to_its_trials_and_every_average_to_predictions() -> None:
+    page = Page(report_html(study_report()))
+    links = [attrs["href"] for tag, attrs in page.tags if tag == "a"]
+    targets = {f"#{attrs['id']}" for _, attrs in page.tags if "id" in attrs}
+    assert set(links) <= targets
+    assert {f"#trials-{row}-{column}" for row in range(1, 5) for column in range(1, 6)} <= set(
+        links
+    )
+    assert links.count("#predictions") == 5
+
+
+def test_names_that_the_figures_font_lacks_are_numbered_and_dollars_are_no_formulas() -> None:
+    svg = made(SCORES[:1], names=("电压", "$a^$", "pressure")).illustrations["scores"].drawing.svg
+    assert "<!-- condition 1 -->" in svg
+    assert "<!-- $a^$ -->" in svg
+
+
+def test_missing_scores_are_read_in_three_ways() -> None:
+    numbers = report_json(made([[5, 7, np.nan], [8, 6, 7], [6, 6, 10], [7, 9, 6]]))
+    means = {
+        name: reading["column_means"]["pressure"]
+        for name, reading in numbers["missing_readings"].items()
+    }
+    assert means == {"missing": pytest.approx(23 / 3), "zero": 5.75, "lowest": 7.0}
+    assert numbers["friedman"]["skillings_mack"]["df"] == 2
+    assert numbers["missing_readings"]["zero"]["friedman"]["chi2"] is not None
+
+
+def test_catch_and_opposite_trials_give_change_detection() -> None:
+    numbers = report_json(study_report())
+    detection = numbers["sensitivity_models"]["M3"]["detection"]
+    assert [entry["subject"] for entry in detection] == ["P01", "P02", "P03", "P04"]
+    assert numbers["checks"]["catch_trials"]["overall"]["false_alarms"]["trials"] == 16
+    assert numbers["checks"]["drift"]["df"] > 0
+
+
+def test_a_study_in_which_nobody_scored_still_has_a_report() -> None:
+    page = report_html(made([[np.nan] * 3]))
+    assert "no score was given" in page

@@ -1,0 +1,113 @@
+"""The methods paragraph of the report, and what its numbers cannot tell."""
+
+from analysis.exclusion_rules import rules_in_words
+from analysis.no_answer import NoAnswer
+from analysis.session_scores import Loaded
+from analysis.trial_contrasts import FORCE_STEP, PLACE_STEP_M
+from analysis.trial_ratings import LAW
+from analysis.trial_statistics import TrialStatistics
+from protocol.study import Study
+
+_CEILING = 0.05
+
+
+def methods(loaded: Loaded, study: Study, found: TrialStatistics) -> list[str]:
+    """Return how the numbers were made, a paragraph each."""
+    return [_data(loaded, study), _tests(found), _model(found)]
+
+
+def _data(loaded: Loaded, study: Study) -> str:
+    subjects, conditions = loaded.table.scores.shape
+    rules = rules_in_words(study.exclusions)
+    settled = "; ".join(rules) if rules else "none"
+    origin = (
+        "The scores are those of a published table."
+        if loaded.kinds == ("published",)
+        else "Each condition was a change of one parameter of the vibrating beam; participants "
+        "said what changed and, "
+        + (
+            "if that agreed with the expectation,"
+            if study.rating.score_when == "agrees"
+            else "whatever they said,"
+        )
+        + " scored the strength of the effect from 0 (no effect) to 10 (very effective)."
+    )
+    return (
+        f"{origin} {subjects} subjects and {conditions} conditions are analysed. A subject's score "
+        "for a condition is the mean over the trials that have one. A score that was not given is "
+        f"missing: it is no zero and drops no subject. Rules of exclusion settled beforehand: "
+        f"{settled}."
+    )
+
+
+def _tests(found: TrialStatistics) -> str:
+    unit = "single trials" if found.has_repeats else "one score per subject and condition"
+    return (
+        "Conditions were compared with Friedman's test corrected for ties, its exact p counting "
+        "all rearrangements of each subject's own scores where that can be listed (Skillings and "
+        "Mack's test where scores are missing), and pair by pair with Wilcoxon's signed rank test, "
+        "exact up to 200 differences, zeros dropped, p-values corrected by Holm. Intraclass "
+        "correlations and additive effects are by least squares with moment estimates of "
+        "variances; equal slopes were tested as Mandel does. The ordinal mixed model (cumulative "
+        f"link, random level of each subject, maximum likelihood) was fitted to {unit}. Carry-over "
+        "and order were tested by F tests within subjects, with condition allowed for."
+    )
+
+
+def _model(found: TrialStatistics) -> str:
+    measured = int(found.contrasts.measured.sum())
+    own = (
+        f"for {measured} of {len(found.contrasts.measured)} trials measured force or place was "
+        f"taken in place of the planned one, in steps of {FORCE_STEP:.0%} and "
+        f"{1000 * PLACE_STEP_M:g} mm; the drive was taken as read back, relative to the measured "
+        "resonance"
+        if measured
+        else "nothing was measured of the touches, so that planned or standard values were taken"
+    )
+    return (
+        "Contrasts were predicted trial by trial from the friction model under three laws; "
+        f"{own}. "
+        f"Sensitivities are under the law '{LAW}'. M1 is a linear mixed model, rating = bias + "
+        "gain × contrast; M2 puts it behind ordered thresholds that all subjects share, with a "
+        "discrepancy of each condition; M3 adds the answers, catch and opposite trials. Intervals "
+        "are integrated over the variances and not taken at their best values."
+    )
+
+
+def limits(loaded: Loaded, found: TrialStatistics) -> list[str]:
+    """Return what these data cannot tell, a sentence or two each."""
+    said = []
+    if not found.has_repeats:
+        said.append(
+            "There is one rating per subject and condition. Whether subjects differ in sensitivity "
+            "cannot be told then: a subject's gain is known only by pooling with the others, and "
+            "its own share shows how little of it is the subject's. With so few ratings the "
+            "intervals of M1 and M2 rest largely on their priors."
+        )
+    needed = [
+        score.order.needed
+        for score in found.laws
+        if not isinstance(score.order, NoAnswer) and not isinstance(score.order.needed, NoAnswer)
+    ]
+    if needed:
+        count = len(found.laws[0].predicted)
+        said.append(
+            f"{count} condition means need a correlation beyond {needed[0]:.3f} for p < .05: most "
+            "orders of the conditions are no evidence for or against a law."
+        )
+    ceiling = _share_at_ceiling(loaded)
+    if ceiling > _CEILING:
+        said.append(
+            f"{ceiling:.0%} of the scores are the highest possible. M1 knows no ceiling and makes "
+            "gains too small; M2 is for such ratings."
+        )
+    if isinstance(found.m3, NoAnswer):
+        said.append(
+            f"M3, change detection and rating in one model, has no answer: {found.m3.reason}."
+        )
+    return said
+
+
+def _share_at_ceiling(loaded: Loaded) -> float:
+    scores = [row.score for row in loaded.rows if row.is_scored and row.score == row.score]
+    return sum(score >= 10 for score in scores) / len(scores) if scores else 0.0

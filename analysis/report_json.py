@@ -1,0 +1,298 @@
+"""The report as data: every number of it, in the shape that programs rely on.
+
+A number that there is none of is `null`, with a `reason` beside it.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+import numpy as np
+
+from analysis.answered_trials import TrialRow
+from analysis.no_answer import NoAnswer
+from analysis.scores import ScoreTable
+from analysis.sensitivity.lines import Lines, SubjectLine
+from analysis.sensitivity.m1 import LinearSensitivity
+from analysis.sensitivity.m2 import OrdinalSensitivity
+from analysis.session_scores import Loaded
+from analysis.statistics.friedman import Friedman
+from analysis.statistics.icc import IntraclassCorrelation
+from analysis.statistics.ordinal import OrdinalEffects
+from analysis.statistics.signed_rank import PairwiseTest
+from analysis.statistics.skillings_mack import SkillingsMack
+from analysis.table4 import Table4
+from analysis.table_statistics import Reading, TableStatistics
+from analysis.trial_contrasts import TrialContrasts
+from analysis.trial_statistics import CatchAnswers, LawScore, TrialStatistics
+
+Json = dict[str, Any]
+
+
+def plain(value: object) -> Any:
+    """Return records, arrays and mappings as JSON can hold them; NaN is `null`."""
+    if isinstance(value, NoAnswer):
+        return {"reason": value.reason}
+    if is_dataclass(value):
+        return {entry.name: plain(getattr(value, entry.name)) for entry in fields(value)}
+    if isinstance(value, Mapping):
+        return {str(name): plain(entry) for name, entry in value.items()}
+    if isinstance(value, list | tuple | np.ndarray):
+        return [plain(entry) for entry in value]
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    return None if isinstance(value, float) and math.isnan(value) else value
+
+
+def or_null(value: object) -> Any:
+    """Return a number, or `None` where there is no answer."""
+    return None if isinstance(value, NoAnswer) else plain(value)
+
+
+def table4_json(result: Table4) -> Json:
+    """Return the table with its means; a missing score is `null`."""
+    table = result.table
+    return {
+        "columns": list(table.conditions),
+        "rows": [
+            {"subject": subject, "scores": plain(scores), "comprehensive": plain(mean)}
+            for subject, scores, mean in zip(
+                table.subjects, table.scores, result.row_means, strict=True
+            )
+        ],
+        "column_means": dict(zip(table.conditions, plain(result.column_means), strict=True)),
+        "grand_mean": plain(result.grand_mean),
+        "missing": table.missing_count,
+    }
+
+
+def statistics_json(found: TableStatistics, table: ScoreTable) -> Json:
+    """Return what was computed from the table of scores."""
+    main = found.main
+    test = main.friedman
+    return {
+        "friedman": friedman_json(main),
+        "skillings_mack": _skillings_mack_json(main.skillings_mack),
+        "kendall_w": test.kendall_w if isinstance(test, Friedman) else None,
+        "rank_sums": _rank_sums(test, table),
+        "pairwise": [_pair_json(pair) for pair in main.pairwise],
+        "icc": {
+            "subjects": _icc_json(found.icc_subjects),
+            "conditions": _icc_json(found.icc_conditions),
+        },
+        "additive": _additive_json(found),
+        "gain_heterogeneity": plain(found.heterogeneity),
+        "missing_readings": {
+            reading.name: {
+                "column_means": table4_json(reading.table4)["column_means"],
+                "grand_mean": plain(reading.table4.grand_mean),
+                "friedman": friedman_json(reading),
+                "pairwise": [_pair_json(pair) for pair in reading.pairwise],
+            }
+            for reading in found.readings
+        }
+        if len(found.readings) > 1
+        else {},
+    }
+
+
+def friedman_json(reading: Reading) -> Json:
+    """Return Friedman's test, or `null` with Skillings and Mack's where scores are missing."""
+    test = reading.friedman
+    if isinstance(test, NoAnswer):
+        return {
+            **dict.fromkeys(("chi2", "df", "p", "p_exact")),
+            "reason": test.reason,
+            "skillings_mack": _skillings_mack_json(reading.skillings_mack),
+        }
+    found: Json = {"chi2": test.chi2, "df": test.df, "p": test.p, "p_exact": or_null(test.p_exact)}
+    if isinstance(test.p_exact, NoAnswer):
+        found["p_exact_reason"] = test.p_exact.reason
+    return found
+
+
+def _skillings_mack_json(test: SkillingsMack | NoAnswer | None) -> Json | None:
+    if isinstance(test, NoAnswer):
+        return {**dict.fromkeys(("statistic", "df", "p")), "reason": test.reason}
+    return None if test is None else dict(plain(test))
+
+
+def _rank_sums(test: Friedman | NoAnswer, table: ScoreTable) -> Json | None:
+    if isinstance(test, NoAnswer):
+        return None
+    return dict(zip(table.conditions, test.rank_sums, strict=True))
+
+
+def _pair_json(pair: PairwiseTest) -> Json:
+    names = {"a": pair.a, "b": pair.b}
+    if isinstance(pair.test, NoAnswer):
+        nothing = dict.fromkeys(("statistic", "n", "n_zero", "p", "method", "p_holm"))
+        return {**names, **nothing, "reason": pair.test.reason}
+    return {**names, **plain(pair.test), "p_holm": or_null(pair.p_holm)}
+
+
+def _icc_json(found: IntraclassCorrelation | NoAnswer) -> Json:
+    if isinstance(found, NoAnswer):
+        return {**dict.fromkeys(("2,1", "3,1", "3,k")), "reason": found.reason}
+    return {
+        "2,1": or_null(found.agreement_single),
+        "3,1": or_null(found.consistency_single),
+        "3,k": or_null(found.consistency_mean),
+    }
+
+
+def _additive_json(found: TableStatistics) -> Json:
+    effects = found.additive
+    if isinstance(effects, NoAnswer):
+        nothing = dict.fromkeys(("residual_sd", "subject_sd", "shrinkage"))
+        return {"conditions": {}, "subjects": {}, **nothing, "reason": effects.reason}
+    return {
+        **plain(effects),
+        "shrinkage": or_null(effects.shrinkage),
+        "subject_shrinkage": {who: or_null(s) for who, s in effects.subject_shrinkage.items()},
+    }
+
+
+def trial_statistics_json(found: TrialStatistics) -> Json:
+    """Return what was computed from single trials."""
+    m1, m2, m3 = found.m1, found.m2, found.m3
+    return {
+        "ordinal": {link: _ordinal_json(effects) for link, effects in found.ordinal.items()},
+        "sensitivity": [
+            _line_json(line)
+            for line in (m1.lines.subjects if isinstance(m1, LinearSensitivity) else ())
+        ],
+        "sensitivity_models": {
+            "M1": m1_json(m1),
+            "M2": plain(m2) if isinstance(m2, NoAnswer) else _ordinal_model_json(m2),
+            "M3": plain(m3)
+            if isinstance(m3, NoAnswer)
+            else {
+                **_ordinal_model_json(m3.ratings),
+                "detection": plain(m3.detection),
+                "reference_contrast": m3.reference_contrast,
+            },
+        },
+        "laws": [_law_json(score) for score in found.laws],
+        "checks": {
+            "order": plain(found.order),
+            "carry_over": plain(found.carry_over),
+            "drift": plain(found.drift),
+            "catch_trials": catch_json(found.catch),
+        },
+        "signal": plain(found.signal),
+    }
+
+
+def m1_json(found: LinearSensitivity | NoAnswer) -> Json:
+    """Return the fit of M1."""
+    if isinstance(found, NoAnswer):
+        return {"reason": found.reason}
+    return {**_lines_json(found.lines), "residual_sd": found.residual_sd}
+
+
+def _ordinal_model_json(found: OrdinalSensitivity) -> Json:
+    return {
+        **_lines_json(found.lines),
+        "residual_sd": found.residual_sd,
+        "categories": list(found.categories),
+        "thresholds": list(found.thresholds),
+        "discrepancies": plain(found.discrepancies),
+    }
+
+
+def _lines_json(lines: Lines) -> Json:
+    return {
+        "subjects": [_line_json(line) for line in lines.subjects],
+        "population": {
+            name: plain(getattr(lines, name)) for name in ("bias", "gain", "bias_sd", "gain_sd")
+        }
+        | {
+            f"{name}_ci": plain(getattr(lines, f"{name}_interval"))
+            for name in ("bias", "gain", "bias_sd", "gain_sd")
+        },
+    }
+
+
+def _line_json(line: SubjectLine) -> Json:
+    return {
+        "subject": line.subject,
+        "bias": line.bias,
+        "bias_ci": list(line.bias_interval),
+        "gain": line.gain,
+        "gain_ci": list(line.gain_interval),
+        "shrinkage": line.shrinkage,
+        "trials": line.trials,
+    }
+
+
+def _ordinal_json(found: OrdinalEffects | NoAnswer) -> Json:
+    if isinstance(found, NoAnswer):
+        nothing = dict.fromkeys(("subject_sd", "log_likelihood"))
+        return {"effects": {}, **nothing, "reason": found.reason}
+    return dict(plain(found))
+
+
+def _law_json(score: LawScore) -> Json:
+    order = score.order
+    known: Json = (
+        {"spearman": None, "order": [], "reason": order.reason}
+        if isinstance(order, NoAnswer)
+        else {
+            "spearman": or_null(order.spearman),
+            "order": list(order.order),
+            "p": or_null(order.p),
+            "r_needed": or_null(order.needed),
+        }
+    )
+    return {
+        "law": score.law,
+        **known,
+        "predicted": plain(score.predicted),
+        "who_felt_what": plain(score.likelihood),
+    }
+
+
+def catch_json(found: CatchAnswers) -> Json:
+    """Return hits and false alarms, together and by subject."""
+    return {"overall": plain(found.overall), "subjects": plain(found.subjects)}
+
+
+def left_out_json(loaded: Loaded) -> Json:
+    """Return how much of the study the report leaves out, by reason, and each case."""
+    by_rule = [entry for entry in loaded.left_out if entry.by == "rule"]
+    return {
+        "rehearsals": loaded.rehearsals_left_out,
+        "sessions excluded": loaded.sessions_excluded,
+        "sessions withdrawn": loaded.sessions_withdrawn,
+        "trials excluded": loaded.trials_excluded,
+        "trials excluded by rule": sum(entry.trial is not None for entry in by_rule),
+        "participants excluded by rule": len(
+            {entry.participant for entry in by_rule if entry.trial is None}
+        ),
+    }
+
+
+def trials_json(rows: tuple[TrialRow, ...], contrasts: TrialContrasts) -> list[Json]:
+    """Return a record per trial that counts, with the contrast that each law predicts."""
+    by_law = {law: values.tolist() for law, values in contrasts.by_law.items()}
+    return [
+        {
+            "subject": row.participant,
+            "session": row.session,
+            "index": row.index,
+            "kind": row.kind,
+            "condition": row.condition,
+            "level": row.level,
+            "opposite": row.opposite,
+            "place": row.place,
+            "change": row.change,
+            "agrees": row.agrees,
+            "score": plain(row.score),
+            "reaction_s": row.reaction_s,
+            "measured": bool(contrasts.measured[number]),
+            "predicted": {law: plain(values[number]) for law, values in by_law.items()},
+        }
+        for number, row in enumerate(rows)
+    ]

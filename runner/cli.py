@@ -304,9 +304,12 @@ def claims(as_json: JsonOption = False) -> None:
 
 
 def _write(path: Path, data: bytes) -> None:
-    """Write a whole file or none."""
+    """Write a whole file or none; a pipe or a device is written to, never replaced."""
     if path.is_dir():
         raise BadInput(f"{path}: must be a file, got a folder")
+    if path.exists() and not path.is_file():
+        path.write_bytes(data)
+        return
     part = path.with_name(path.name + ".part")
     try:
         part.write_bytes(data)

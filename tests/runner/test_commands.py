@@ -1,6 +1,7 @@
 """The commands as a user types them: results, messages, exit codes, and nothing left behind."""
 
 import json
+import os
 import signal
 import sqlite3
 import subprocess
@@ -277,3 +278,13 @@ def test_the_doctor_sees_a_package_in_the_way() -> None:
     assert "FAIL  package analysis" in shown.stdout
     honest = subprocess.run([TOUCHBEAM, "doctor"], capture_output=True, text=True, check=False)
     assert honest.returncode == 0, "the command itself does not look into the current folder"
+
+
+def test_a_device_that_is_written_to_stays_a_device(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    Path("scenes.csv").write_text("voltage_v\n100\n")
+    reader = subprocess.Popen(["cat", str(pipe)], stdout=subprocess.PIPE, text=True)
+    assert typed("predict", "scenes.csv", "-o", str(pipe)) == 0
+    assert "mu_effective" in reader.communicate(timeout=20)[0]
+    assert pipe.is_fifo()

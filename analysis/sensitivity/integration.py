@@ -40,6 +40,7 @@ def weighted_points(log_density: LogDensity, start: FloatArray, count: int) -> W
     from the curvature there, at the points of an additive low-discrepancy sequence instead of
     random ones: the same input gives the same answer.
     """
+    log_density = _within_reach(log_density)
     mode = _mode(log_density, start)
     spread = _spread(log_density, mode)
     points, log_proposal = _t_points(mode, spread, count)

@@ -87,15 +87,18 @@ def session_events(
     }
     events: list[Happened] = [
         ("session-opened", opened),
+        ("device-armed", {"idn": "test"}),
         ("resonance-measured", {"frequency_hz": 24_000.0, "tip_m_per_v": 9e-9}),
     ]
     level = rng.normal(6.5, 1.0)
     for trial, made in zip(planned.trials, touches, strict=True):
         events.append(("trial-started", {"index": trial.index, "kind": trial.kind}))
         for number, touch in enumerate(made):
+            events.append(("touch-started", {"touch": number}))
             events.append(("touch-ended", _done(number, touch, study, rng, measured=measured)))
         events.append(("answered", _answer(trial, level, rng)))
-    return [*events, ("session-completed", {})]
+    off = {"confirmed": True, "why": "the session is over"}
+    return [*events, ("device-off", off), ("session-completed", {})]
 
 
 def trial_touches(trial: Trial) -> list[dict[str, Any]]:

@@ -4,7 +4,7 @@ from scipy import stats
 from scipy.stats import qmc
 
 from analysis.scores import FloatArray
-from analysis.sensitivity.integration import low_discrepancy, weighted_points
+from analysis.sensitivity.integration import REACH, low_discrepancy, weighted_points
 from analysis.sensitivity.mixture import intervals_95, mixture_quantile, weighted_quantile
 
 
@@ -55,3 +55,16 @@ def test_quantiles_of_a_mixture() -> None:
 def test_the_median_of_weighted_values() -> None:
     values = np.array([3.0, 1.0, 2.0])
     assert weighted_quantile(np.array([0.25, 0.25, 0.5]), values, 0.5) == 2.0
+
+
+def test_a_density_that_grows_without_end_is_asked_within_reach_alone() -> None:
+    asked = [0.0]
+
+    def rising(points: FloatArray) -> FloatArray:
+        asked.append(float(np.abs(points).max()))
+        return np.asarray(5.0 * points[:, 0] - points[:, 1] ** 2)
+
+    found = weighted_points(rising, np.zeros(2), 50)
+    assert max(asked) <= REACH
+    assert np.abs(found.points).max() <= REACH
+    assert found.mean(found.points)[0] > REACH - 1

@@ -1,0 +1,78 @@
+"""What the report costs as the cohort grows: time, memory, and how both follow its size."""
+
+import os
+import resource
+import subprocess
+import sys
+from datetime import UTC, datetime
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+from pytest_benchmark.fixture import BenchmarkFixture
+
+from protocol.study_file import parsed_study, template
+from runner.journal import open_journal
+from runner.session_state import Event
+from tests.analysis.reports import session_events
+
+TOUCHBEAM = str(Path(sys.executable).with_name("touchbeam"))
+TEXT = template("extended").replace("repeats = 4", "repeats = 8")
+STUDY = parsed_study(TEXT)
+COHORTS = (125, 250, 500, 1000)
+ARRANGEMENTS = 20
+WHEN = datetime(2026, 1, 1, tzinfo=UTC)
+
+
+def _study(folder: Path, participants: int) -> Path:
+    """A study in which everybody answered 40 scored trials, and catch and practice trials."""
+    folder.mkdir()
+    (folder / "study.toml").write_text(TEXT)
+    rng = np.random.default_rng(1)
+    # In one transaction: how long sessions take to be recorded is measured elsewhere.
+    with open_journal(folder / "study.db") as journal, journal.alone():
+        for number in range(participants):
+            name = f"P{number + 1:04d}"
+            events = session_events(STUDY, number % ARRANGEMENTS, rng, who=name)
+            for seq, (tag, payload) in enumerate(events):
+                event = Event(seq=seq, tag=tag, utc=WHEN, monotonic_s=float(seq), payload=payload)
+                journal.append(f"{name}/1", event)
+    return folder
+
+
+def _children_s() -> float:
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def _reported(folder: Path) -> tuple[float, float]:
+    """Report the study; return processor time and wall time, s."""
+    used_s, began_s = _children_s(), perf_counter()
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
+    subprocess.run(
+        [TOUCHBEAM, "report", str(folder)], check=True, capture_output=True, env=environment
+    )
+    return _children_s() - used_s, perf_counter() - began_s
+
+
+def test_1000_participants_of_40_trials_take_a_minute_and_2_gb_and_time_grows_linearly(
+    benchmark: BenchmarkFixture, tmp_path: Path
+) -> None:
+    folders = [_study(tmp_path / str(count), count) for count in COHORTS]
+
+    start_s, _ = _reported(_study(tmp_path / "few", 2))
+
+    def reported() -> list[tuple[float, float]]:
+        return [_reported(folder) for folder in folders]
+
+    took = benchmark.pedantic(reported, rounds=1)
+    beyond_start = [max(used_s - start_s, 0.1) for used_s, _ in took]
+    exponent = float(np.polyfit(np.log(COHORTS), np.log(beyond_start), 1)[0])
+    most_gb = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024**2
+    benchmark.extra_info["processor time by cohort, s"] = [round(used_s, 1) for used_s, _ in took]
+    benchmark.extra_info["wall time of the largest, s"] = round(took[-1][1], 1)
+    benchmark.extra_info["most memory, GB"] = round(most_gb, 2)
+    benchmark.extra_info["exponent"] = round(exponent, 2)
+    assert took[-1][1] <= 60
+    assert most_gb <= 2
+    assert exponent <= 1.1

@@ -19,6 +19,7 @@ from analysis.page_tables import (
     pairwise_table,
     prediction_table,
     readings_table,
+    subject_table,
 )
 from analysis.page_trials import subject_trials, table4_cells, trial_header
 from analysis.session_scores import Loaded
@@ -47,6 +48,7 @@ def tables(loaded: Loaded, table: TableStatistics, trials: TrialStatistics) -> T
         "pairwise": pairwise_table(table.main.pairwise) if table.main.pairwise else None,
         "icc": icc_table(table),
         "conditions": condition_table(loaded.table, table, trials.ordinal),
+        "subjects": subject_table(table),
         "predictions": prediction_table(loaded.table, trials.laws),
         "laws": law_table(trials.laws),
         "detection": None if isinstance(m3, NoAnswer) else detection_table(m3),

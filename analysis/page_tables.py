@@ -132,6 +132,30 @@ def _effect(found: OrdinalEffects | NoAnswer, name: str) -> str:
     return f"{number(found.effects[name])} ± {number(found.standard_errors[name])}"
 
 
+def subject_table(found: TableStatistics) -> PageTable | None:
+    """Return each subject's level and slope, None where there are none."""
+    effects, gains = found.additive, found.heterogeneity
+    if isinstance(effects, NoAnswer):
+        return None
+    slopes: Mapping[str, float] = {} if isinstance(gains, NoAnswer) else gains.gains
+    return PageTable(
+        name="subjects",
+        caption="Each subject's additive effect in rating points, the share of it that is to be "
+        "believed (shrinkage), and the slope of the subject's scores on the conditions' effects "
+        "(1 on average).",
+        header=["subject", "additive", "shrinkage", "slope"],
+        rows=[
+            [
+                name,
+                number(effect),
+                number(effects.subject_shrinkage[name]),
+                number(slopes.get(name)),
+            ]
+            for name, effect in effects.subjects.items()
+        ],
+    )
+
+
 def quartile_table(table: ScoreTable) -> PageTable:
     """Return what the clouds show: how many scores, and their spread, by condition."""
     import numpy as np

@@ -36,8 +36,10 @@ soak: $(READY)
 clean:
 	rm -rf .venv .uv dist
 
+# Compiled here once, so that no command starts slowly where Python may not write beside its modules.
 $(READY): pyproject.toml uv.lock | $(UV)
-	$(UV) sync --frozen --quiet
+	$(UV) sync --frozen --quiet --compile-bytecode
+	@$(BIN)/python -m compileall -q protocol device runner analysis
 	@touch $@
 
 # Debian ships Python without venv; the package that brings it is the only thing ever installed here.

@@ -1,8 +1,7 @@
 """`touchbeam check`: a study's problems, or the plan that it gives."""
 
 import json
-import os
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from typing import Any
 
 from device.trial_change import trial_change
@@ -10,9 +9,9 @@ from protocol.cohort_check import cohort_problems
 from protocol.preview import Predict, Preview, preview, preview_record
 from protocol.preview_text import preview_lines
 from protocol.problem import Problem
-from protocol.study import Study
 from protocol.study_file import StudyError, located
 from protocol.trial import Trial
+from runner.foretelling import Contrasts
 from runner.study_folder import StudyFolder
 from runner.window.fit import fit_problems
 
@@ -20,6 +19,7 @@ from runner.window.fit import fit_problems
 def checked(
     folder: StudyFolder,
     participants: int | None,
+    contrasts: Contrasts,
     *,
     as_json: bool,
 ) -> tuple[str, list[str], bool]:
@@ -28,6 +28,7 @@ def checked(
     Args:
         folder: the study.
         participants: size of the cohort; the study's own, or 1, without it.
+        contrasts: the friction model, to predict what is felt.
         as_json: whether to print one JSON document.
 
     Raises:
@@ -43,11 +44,10 @@ def checked(
     broken = [*cohort_problems(study, shown.plans), *fit_problems(study)]
     if broken:
         return _refused(source, located(folder.text(), broken), as_json=as_json)
-    return _text(shown, as_json=as_json), [], True
+    return _text(shown, _predict(shown, contrasts), as_json=as_json), [], True
 
 
-def _text(shown: Preview, *, as_json: bool) -> str:
-    predict = predictor(shown.study)
+def _text(shown: Preview, predict: Predict, *, as_json: bool) -> str:
     if as_json:
         return _json({"ok": True, "problems": [], **preview_record(shown, predict)})
     return "\n".join(preview_lines(shown, predict))
@@ -76,17 +76,18 @@ def _json(document: dict[str, Any]) -> str:
     return json.dumps(document, ensure_ascii=False, indent=1, allow_nan=False)
 
 
-def predictor(study: Study) -> Predict:
-    """Return the friction model's prediction of a trial of `study`."""
-    # One thread is enough for a few places, and a pool of them costs more than the rest of it.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    from device.contrast import predicted_contrast
+def _predict(shown: Preview, contrasts: Contrasts) -> Predict:
+    """The friction model's prediction of every trial in `shown`."""
+    trials = {_what_changes(trial): trial for plan in shown.plans for trial in plan.trials}
+    changes = {
+        what: trial_change(shown.study, trial.question, trial.expected, trial.touches)
+        for what, trial in trials.items()
+        if trial.question is not None
+    }
+    predicted = dict(zip(changes, contrasts(list(changes.values())), strict=True))
+    return lambda trial: predicted.get(_what_changes(trial))
 
-    def predicted(trial: Trial) -> float | None:
-        if trial.question is None:
-            return None
-        return predicted_contrast(
-            trial_change(study, trial.question, trial.expected, trial.touches)
-        )
 
-    return predicted
+def _what_changes(trial: Trial) -> Hashable:
+    """What a prediction depends on: many trials of a cohort share it."""
+    return trial.question, trial.expected, trial.touches

@@ -94,11 +94,15 @@ def check(
     as_json: JsonOption = False,
 ) -> None:
     """Show the plan that a study gives, or everything that is wrong with it."""
-    from runner.checking import checked
-    from runner.study_folder import StudyFolder
+    from runner.foretelling import foretelling
+    from runner.short_lived import short_lived
 
-    folder = StudyFolder(path=study)
-    shown, problems, in_order = checked(folder, participants, as_json=as_json)
+    with short_lived(), foretelling() as contrasts:
+        from runner.checking import checked
+        from runner.study_folder import StudyFolder
+
+        folder = StudyFolder(path=study)
+        shown, problems, in_order = checked(folder, participants, contrasts, as_json=as_json)
     for line in problems:
         typer.echo(f"touchbeam: {line}", err=True)
     if shown:

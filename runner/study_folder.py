@@ -10,7 +10,6 @@ from pathlib import Path
 from protocol.errors import BadInput
 from protocol.study import Study
 from protocol.study_file import parsed_study
-from runner.journal import has_events
 
 _PSEUDONYM = re.compile(r"(?=.*[0-9])[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
 
@@ -94,6 +93,8 @@ def new_study(folder: StudyFolder, text: str) -> Iterator[StudyFolder]:
         folder.study_file.write_text(text, encoding="utf-8")
         yield folder
     except BaseException:
+        from runner.journal import has_events
+
         if not has_events(folder.journal):
             shutil.rmtree(topmost)
         raise

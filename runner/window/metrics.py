@@ -6,7 +6,10 @@ that fits here fits on the screen.
 """
 
 import unicodedata
+from bisect import bisect_right
+from functools import cache
 from itertools import pairwise
+from typing import NamedTuple
 
 LINE_HEIGHT = 1.25
 """Distance of two lines, in ems."""
@@ -39,7 +42,7 @@ def text_width(text: str, size: float) -> float:
     >>> round(text_width("光滑", 20), 1)
     41.6
     """
-    return sum(_advance(character) for character in text) * size * ROUNDING
+    return _thousandths(text) * size * ROUNDING / 1000
 
 
 def text_height(lines: int, size: float) -> float:
@@ -51,35 +54,57 @@ def wrapped(text: str, size: float, width: float) -> tuple[str, ...]:
     """Return `text` in lines that are at most `width` wide, as far as it can be broken.
 
     Latin text breaks at spaces, Chinese text between any two characters but before closing marks;
-    the lines are made about equally long.
+    the lines are made about equally long: as narrow, in steps of half an em, as their number
+    allows.
     """
-    pieces = _pieces(text)
-    lines = _filled(pieces, size, width)
-    for halves in range(1, int(2 * width / size)):
-        narrower = _filled(pieces, size, width - halves * size / 2)
-        if len(narrower) > len(lines):
-            break
-        lines = narrower
-    return lines
+    if text_width(text.rstrip(), size) <= width:
+        return (text.strip(),)
+    pieces = [_piece(piece) for piece in _pieces(text)]
+
+    def lines(halves: int) -> tuple[str, ...]:
+        return _filled(pieces, (width - halves * size / 2) * 1000 / (size * ROUNDING))
+
+    fewest = len(lines(0))
+    narrower = range(1, int(2 * width / size))
+    return lines(bisect_right(narrower, fewest, key=lambda halves: len(lines(halves))))
 
 
-def _filled(pieces: list[str], size: float, width: float) -> tuple[str, ...]:
-    """Lines that each take as many pieces as they hold."""
-    lines = [""]
+class _Piece(NamedTuple):
+    """A part of a text that stays whole, and its width in thousandths of an em."""
+
+    text: str
+    advance: int
+    ink: int
+    """Without the space at its end."""
+
+
+def _piece(text: str) -> _Piece:
+    return _Piece(text, _thousandths(text), _thousandths(text.rstrip()))
+
+
+def _filled(pieces: list[_Piece], room: float) -> tuple[str, ...]:
+    """Lines that each take as many pieces as they hold; `room` in thousandths of an em."""
+    lines, taken = [""], 0
     for piece in pieces:
-        longer = lines[-1] + piece
-        if lines[-1] and text_width(longer.rstrip(), size) > width:
-            lines.append(piece.lstrip())
+        if lines[-1] and taken + piece.ink > room:
+            lines.append(piece.text)
+            taken = piece.advance
         else:
-            lines[-1] = longer
+            lines[-1] += piece.text
+            taken += piece.advance
     return tuple(line.strip() for line in lines)
 
 
-def _advance(character: str) -> float:
+def _thousandths(text: str) -> int:
+    return sum(map(_advance, text))
+
+
+@cache
+def _advance(character: str) -> int:
     if unicodedata.combining(character):
-        return 0.0
+        return 0
     index = ord(character) - _FIRST
-    return _ADVANCES[index] / 1000 if 0 <= index < len(_ADVANCES) else 1.0
+    return _ADVANCES[index] if 0 <= index < len(_ADVANCES) else 1000
 
 
 def _pieces(text: str) -> list[str]:

@@ -57,8 +57,8 @@ def verify(study: StudyArgument, as_json: JsonOption = False) -> None:
         sessions = [v.record() for v in found if v.participant != STUDY_CHAIN]
         print_json({"ok": ok, "sessions": sessions})
     else:
-        for verdict in found:
-            typer.echo(verdict.line())
+        for line in [verdict.line() for verdict in found] or ["The journal holds no session."]:
+            typer.echo(line)
     if not ok:
         raise typer.Exit(1)
 

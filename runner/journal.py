@@ -1,8 +1,8 @@
 """The journal: a study's events in one SQLite file, appended one by one and chained by hashes.
 
 The one module that imports sqlite3. Each session has a chain of its own. The chain hashes digests
-of the payloads, which stand in a table of their own: what a participant gave can be erased and
-the chain still verifies. docs/journal.md describes the file.
+of the payloads, not the payloads: what a participant gave can be erased and the chain still
+verifies. docs/journal.md describes the file.
 """
 
 import hashlib
@@ -19,7 +19,7 @@ from typing import Any, Self
 from protocol.errors import WorkFailed
 from runner.session_state import Event
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 FIRST_HASH = "0" * 64
 LOCK_WAIT_S = 2.0
 
@@ -32,33 +32,25 @@ _SCHEMA = (
         monotonic_s REAL NOT NULL,
         payload_sha256 TEXT NOT NULL,
         hash TEXT NOT NULL,
+        payload TEXT,
         PRIMARY KEY (session, seq)
     ) STRICT""",
-    """CREATE TABLE payload (
-        session TEXT NOT NULL,
-        seq INTEGER NOT NULL,
-        body TEXT NOT NULL,
-        PRIMARY KEY (session, seq)
-    ) STRICT, WITHOUT ROWID""",
-    """CREATE TRIGGER event_is_not_updated BEFORE UPDATE ON event
+    """CREATE TRIGGER event_is_erased_at_most BEFORE UPDATE ON event
+        WHEN NEW.payload IS NOT NULL
+        OR (NEW.rowid, NEW.session, NEW.seq, NEW.tag, NEW.utc, NEW.monotonic_s,
+            NEW.payload_sha256, NEW.hash)
+        IS NOT (OLD.rowid, OLD.session, OLD.seq, OLD.tag, OLD.utc, OLD.monotonic_s,
+            OLD.payload_sha256, OLD.hash)
         BEGIN SELECT RAISE(ABORT, 'the journal is append-only'); END""",
     """CREATE TRIGGER event_is_not_deleted BEFORE DELETE ON event
         BEGIN SELECT RAISE(ABORT, 'the journal is append-only'); END""",
-    """CREATE TRIGGER payload_is_not_updated BEFORE UPDATE ON payload
-        BEGIN SELECT RAISE(ABORT, 'the journal is append-only'); END""",
 )
 
-_JOINED = "FROM event LEFT JOIN payload USING (session, seq)"
-_CHAIN = (
-    f"SELECT seq, tag, utc, monotonic_s, body, payload_sha256, hash {_JOINED} "
-    "WHERE session = ? ORDER BY seq"
-)
-_SESSIONS = """
-SELECT session FROM (SELECT session, rowid AS place FROM event
-                     UNION ALL SELECT session, 1e18 FROM payload)
-GROUP BY session ORDER BY min(place), session
-"""
-_TAGGED = f"SELECT seq, tag, utc, monotonic_s, body {_JOINED} WHERE tag"
+_APPEND = "INSERT INTO event VALUES (?, ?, ?, ?, ?, ?, ?, ?)"
+_EVENT = "SELECT seq, tag, utc, monotonic_s, payload"
+_CHAIN = f"{_EVENT}, payload_sha256, hash FROM event WHERE session = ? ORDER BY seq"
+_SESSIONS = "SELECT session FROM event GROUP BY session ORDER BY min(rowid)"
+_TAGGED = f"{_EVENT} FROM event WHERE tag"
 
 ChainLink = tuple[Event, str, str]
 """An event, the digest of its payload, and its hash."""
@@ -101,7 +93,7 @@ class Journal:
         """Return the events with one of `tags`, of all sessions, in the order of writing."""
         names = ", ".join("?" * len(tags))
         with self._explained("read"):
-            rows = self._connection.execute(f"{_TAGGED} IN ({names}) ORDER BY event.rowid", tags)
+            rows = self._connection.execute(f"{_TAGGED} IN ({names}) ORDER BY rowid", tags)
             return [_event(row) for row in rows]
 
     def chain(self, session: str) -> Iterator[ChainLink]:
@@ -113,13 +105,13 @@ class Journal:
     @contextmanager
     def alone(self) -> Iterator[None]:
         """Keep other writers out while the body looks and then appends."""
-        with self._explained("written"), self._connection:
-            self._connection.execute("BEGIN IMMEDIATE")
-            try:
+        try:
+            with self._explained("written"), self._connection:
+                self._connection.execute("BEGIN IMMEDIATE")
                 yield
-            except BaseException:
-                self._last_hashes.clear()
-                raise
+        except BaseException:
+            self._last_hashes.clear()  # nothing of it was written
+            raise
 
     def append(self, session: str, event: Event) -> None:
         """Add `event` to the chain of `session`; it is on the disk when this returns.
@@ -130,20 +122,17 @@ class Journal:
         body = payload_text(event)
         fields = event_fields(session, event, hashlib.sha256(body.encode()).hexdigest())
         with self._explained("written"):
-            if self._connection.in_transaction:
-                self._insert(fields, body)
-                return
-            with self._connection:
-                self._connection.execute("BEGIN IMMEDIATE")
-                self._insert(fields, body)
+            chained = chain_hash(self._hash_before(session, event.seq), fields)
+            self._connection.execute(_APPEND, (*fields, chained, body))
+        self._last_hashes = {(session, event.seq): chained}
 
     def erase_payloads(self, sessions: Iterable[str]) -> None:
         """Erase what stands in the payloads of `sessions`, on the disk too."""
+        with self.alone():
+            self._connection.executemany(
+                "UPDATE event SET payload = NULL WHERE session = ?", [(name,) for name in sessions]
+            )
         with self._explained("written"):
-            with self._connection:
-                self._connection.executemany(
-                    "DELETE FROM payload WHERE session = ?", [(name,) for name in sessions]
-                )
             self._connection.execute("VACUUM")
         if not self.checkpoint():
             raise JournalError(
@@ -156,15 +145,6 @@ class Journal:
         with self._explained("written"):
             busy, _, _ = self._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
             return not busy
-
-    def _insert(self, fields: tuple[object, ...], body: str) -> None:
-        session, seq = fields[:2]
-        chained = chain_hash(self._hash_before(str(session), int(str(seq))), fields)
-        self._connection.execute(
-            "INSERT INTO event VALUES (?, ?, ?, ?, ?, ?, ?)", (*fields, chained)
-        )
-        self._connection.execute("INSERT INTO payload VALUES (?, ?, ?)", (session, seq, body))
-        self._last_hashes = {(str(session), int(str(seq))): chained}
 
     def _hash_before(self, session: str, seq: int) -> str:
         if seq == 0:
@@ -269,7 +249,10 @@ def _access(path: Path) -> str:
 
 
 def _other_schema(version: int) -> str:
-    return f"schema {version}; this touchbeam knows {SCHEMA_VERSION}"
+    return (
+        f"schema {version}; this touchbeam knows {SCHEMA_VERSION}; "
+        "use the touchbeam that made the journal"
+    )
 
 
 def open_journal(path: Path) -> Journal:
@@ -287,18 +270,32 @@ def open_journal(path: Path) -> Journal:
     except (OSError, sqlite3.Error) as error:
         raise JournalError(f"{path}: cannot be opened as a journal ({error})") from error
     try:
-        for setting in (
-            "journal_mode = WAL",
-            "synchronous = FULL",
-            "secure_delete = ON",
-            "wal_autocheckpoint = 0",
-        ):
+        _log_ahead(connection)
+        for setting in ("synchronous = FULL", "secure_delete = ON", "wal_autocheckpoint = 0"):
             connection.execute(f"PRAGMA {setting}")
         _ensure_schema(connection)
     except sqlite3.Error as error:
         connection.close()
         raise JournalError(f"{path}: cannot be opened as a journal ({error})") from error
     return Journal(connection, path)
+
+
+def _log_ahead(connection: sqlite3.Connection) -> None:
+    """Turn the write-ahead log on.
+
+    Of two processes that do so at once SQLite refuses one without waiting; it does wait to begin.
+    """
+    for _ in range(10):
+        try:
+            connection.execute("PRAGMA journal_mode = WAL")
+        except sqlite3.OperationalError as error:
+            if error.sqlite_errorcode != sqlite3.SQLITE_BUSY:
+                raise
+            connection.execute("BEGIN IMMEDIATE")
+            connection.execute("ROLLBACK")
+        else:
+            return
+    raise sqlite3.OperationalError("database is locked")
 
 
 def _ensure_schema(connection: sqlite3.Connection) -> None:

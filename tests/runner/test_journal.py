@@ -38,7 +38,13 @@ def test_events_come_back_as_they_went_in(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "statement",
-    ["UPDATE event SET tag = 'x'", "DELETE FROM event", "UPDATE payload SET body = '{}'"],
+    [
+        "UPDATE event SET tag = 'x'",
+        "UPDATE event SET payload = '{}'",
+        "UPDATE event SET payload = NULL, utc = '2027-01-01T00:00:00+00:00'",
+        "UPDATE event SET payload = NULL, rowid = rowid + 10",
+        "DELETE FROM event",
+    ],
 )
 def test_nothing_can_be_changed_afterwards(tmp_path: Path, statement: str) -> None:
     path = tmp_path / "study.db"
@@ -54,8 +60,9 @@ def test_each_event_is_chained_to_the_one_before(tmp_path: Path) -> None:
     path = tmp_path / "study.db"
     with filled(path), closing(sqlite3.connect(path)) as other:
         rows = other.execute("SELECT * FROM event WHERE session = 'P01/1' ORDER BY seq").fetchall()
-    assert rows[0][-1] == chain_hash(FIRST_HASH, rows[0][:-1])
-    assert rows[1][-1] == chain_hash(rows[0][-1], rows[1][:-1])
+    first, second = ((row[:-2], row[-2]) for row in rows)
+    assert first[1] == chain_hash(FIRST_HASH, first[0])
+    assert second[1] == chain_hash(first[1], second[0])
 
 
 def test_an_event_twice_is_refused_and_leaves_nothing(tmp_path: Path) -> None:
@@ -70,6 +77,24 @@ def test_a_gap_is_refused(tmp_path: Path) -> None:
     journal = filled(tmp_path / "study.db")
     with journal, pytest.raises(JournalError, match="P01/1 has no event 4"):
         journal.append("P01/1", event(5))
+
+
+def test_what_could_not_be_committed_is_forgotten(tmp_path: Path) -> None:
+    with filled(tmp_path / "study.db") as journal:
+        connection = journal._connection
+        connection.execute("PRAGMA foreign_keys = ON")
+        connection.execute("CREATE TABLE known (number INTEGER PRIMARY KEY)")
+        connection.execute(
+            "CREATE TABLE wrong (number REFERENCES known DEFERRABLE INITIALLY DEFERRED)"
+        )
+        connection.execute(
+            "CREATE TRIGGER breaks AFTER INSERT ON event BEGIN INSERT INTO wrong VALUES (1); END"
+        )
+        with pytest.raises(JournalError, match="FOREIGN KEY constraint failed"), journal.alone():
+            journal.append("P01/1", event(2))
+        assert len(journal.events("P01/1")) == 2
+        with pytest.raises(JournalError, match="P01/1 has no event 2"):
+            journal.append("P01/1", event(3))
 
 
 def test_it_is_readable_by_its_owner_alone(tmp_path: Path) -> None:
@@ -91,7 +116,7 @@ def test_a_journal_of_another_version_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "study.db"
     with closing(sqlite3.connect(path)) as other:
         other.execute("PRAGMA user_version = 99")
-    with pytest.raises(JournalError, match="schema 99; this touchbeam knows 1"):
+    with pytest.raises(JournalError, match="schema 99; this touchbeam knows 2"):
         open_journal(path)
 
 

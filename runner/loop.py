@@ -1,7 +1,6 @@
 """A session: every trial that is not answered yet, and the device off on every way out."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 
 from device.errors import OutputUnknown
 from protocol.trial import Trial
@@ -11,7 +10,7 @@ from runner.preparing import prepare
 from runner.room import Room
 from runner.screens import Notice
 from runner.session_log import SessionLog
-from runner.stopping import uninterrupted
+from runner.stopping import interruptible, uninterrupted
 from runner.touching import touch
 from runner.watching import pause_if_wanted, show_where_we_are
 
@@ -25,14 +24,17 @@ def run(room: Room) -> None:
         StoppedByOperator: likewise resumable.
     """
     _resume(room)
-    with _device_off_afterwards(room):
-        prepare(room)
-        while (trial := _next_trial(room)) is not None:
-            pause_if_wanted(room, trial)
-            _try(room, trial)
+    _device_off_after(_trials, room)
     room.log.append("session-completed")
     room.participant.show(Notice(text="thanks"))
     show_where_we_are(room)
+
+
+def _trials(room: Room) -> None:
+    prepare(room)
+    while (trial := _next_trial(room)) is not None:
+        pause_if_wanted(room, trial)
+        _try(room, trial)
 
 
 def _next_trial(room: Room) -> Trial | None:
@@ -72,17 +74,17 @@ def _renew_practice(room: Room) -> None:
         room.log.append("practice-renewed", indices=again)
 
 
-@contextmanager
-def _device_off_afterwards(room: Room) -> Iterator[None]:
-    """Whatever happens inside: the output goes off first, then the journal says so."""
+def _device_off_after(part: Callable[[Room], None], room: Room) -> None:
+    """Whatever happens in `part`: the output goes off first, then the journal says so."""
     why = "end of session"
-    try:
-        yield
-    except BaseException as error:
-        why = str(error) or type(error).__name__
-        raise
-    finally:
-        with uninterrupted():
+    with uninterrupted():
+        try:
+            with interruptible():
+                part(room)
+        except BaseException as error:
+            why = str(error) or type(error).__name__
+            raise
+        finally:
             _turn_off(room, why)
 
 

@@ -1,12 +1,21 @@
 """Signals: one exception, once, and never in the middle of what belongs together."""
 
+import itertools
 import os
 import signal
+import sys
 from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from types import FrameType
 
 import pytest
 
-from runner.stopping import Stopped, stops_raise, uninterrupted
+from runner.journal import open_journal
+from runner.loop import _device_off_after
+from runner.room import Room
+from runner.stopping import Stopped, interruptible, stops_raise, uninterrupted
+from tests.runner.people import FakeDevice, FakeParticipant, room
 
 SIGNALS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT]
 
@@ -56,6 +65,23 @@ def test_a_signal_waits_for_what_belongs_together() -> None:
     assert done == ["stored", "known"]
 
 
+def test_a_part_of_what_belongs_together_can_be_stopped() -> None:
+    done = []
+
+    def body() -> None:
+        with uninterrupted():
+            send(signal.SIGINT)
+            done.append("before")
+            try:
+                with interruptible():
+                    done.append("too late")
+            finally:
+                done.append("device off")
+
+    assert "SIGINT" in stopped_by(body)
+    assert done == ["before", "device off"]
+
+
 def test_an_error_of_the_body_is_not_hidden_by_a_signal() -> None:
     def body() -> None:
         with uninterrupted():
@@ -71,3 +97,51 @@ def test_handlers_are_as_before_afterwards() -> None:
     with stops_raise():
         assert signal.getsignal(signal.SIGTERM) != before
     assert signal.getsignal(signal.SIGTERM) == before
+
+
+class Tracer:
+    """Sends a signal before the n-th instruction of the loop and of what shields it."""
+
+    def __init__(self, instruction: int) -> None:
+        self.left = instruction
+
+    def __call__(self, frame: FrameType, event: str, _: object) -> "Tracer | None":
+        if Path(frame.f_code.co_filename).name not in {"loop.py", "stopping.py", "contextlib.py"}:
+            return None
+        frame.f_trace_opcodes = True
+        if event == "opcode":
+            self.left -= 1
+            if self.left == 0:
+                signal.raise_signal(signal.SIGINT)
+        return self
+
+
+def stopped_at(instruction: int, made: Room) -> bool:
+    """Whether there is such an instruction."""
+
+    def part(room: Room) -> None:
+        room.device.arm()
+        room.log.append("device-armed")
+
+    tracer, before = Tracer(instruction), sys.gettrace()
+    with suppress(Stopped), stops_raise():
+        sys.settrace(tracer)
+        try:
+            _device_off_after(part, made)
+        finally:
+            sys.settrace(before)
+    return tracer.left <= 0
+
+
+def test_a_signal_before_any_instruction_leaves_the_device_off(tmp_path: Path) -> None:
+    for instruction in itertools.count(1):
+        device = FakeDevice()
+        with open_journal(tmp_path / f"{instruction}.db") as journal:
+            made = room(journal, device, FakeParticipant())
+            more = stopped_at(instruction, made)
+            tags = [event.tag for event in journal.events("P01/1")]
+        assert device.calls in ([], ["off"], ["arm", "off"]), instruction
+        assert tags[1:] in ([], ["device-armed", "device-off"]), instruction
+        if not more:
+            break
+    assert instruction > 100

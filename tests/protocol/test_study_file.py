@@ -73,7 +73,7 @@ def test_an_unknown_template_is_refused() -> None:
         ('device = "sim"', "capacitance_nf = 2\nmax_current_ma = 50", "= 50 mA, got 60.87 mA"),
         ("participants = 9", "opposite_repeats = 1", "less than repeats = 1, got 1"),
         ("[rating]", "[texts.en]\nwelcom = 'Hi'\n[rating]", "'welcom'; did you mean 'welcome'"),
-        ("[rating]", "[texts.zh]\nconfirm = '{answr}'\n[rating]", "braces must be {answer}, got"),
+        ("[rating]", "[texts.zh]\nconsent = '{ref}'\n[rating]", "braces must be {reference}, got"),
         ("[rating]", "[texts.zh]\nwelcome = '{'\n[rating]", "braces must be none, got '{'"),
         (
             "press = 1.5",

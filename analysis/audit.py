@@ -3,15 +3,30 @@
 from collections.abc import Iterator
 from typing import Any
 
-from analysis.claims import eq15_claims, equations, parameters, study
+from analysis.claims import (
+    eq15_ratio,
+    equations,
+    fig12,
+    full_coverage,
+    hardware,
+    human_factors,
+    local_coverage,
+    sliding,
+    table4,
+)
 from analysis.claims.claim import Audited, Claim, Verdict, audited
 from device.laws import LAWS
 
 CLAIMS: tuple[Claim, ...] = (
     *equations.CLAIMS,
-    *eq15_claims.CLAIMS,
-    *parameters.CLAIMS,
-    *study.CLAIMS,
+    *eq15_ratio.CLAIMS,
+    *fig12.CLAIMS,
+    *hardware.CLAIMS,
+    *full_coverage.CLAIMS,
+    *local_coverage.CLAIMS,
+    *sliding.CLAIMS,
+    *table4.CLAIMS,
+    *human_factors.CLAIMS,
 )
 
 

@@ -1,7 +1,9 @@
 """Friction along the beam and under a whole hand, as the paper draws it (Figs 8, 12, 13, 14)."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 
@@ -15,6 +17,7 @@ PATCH_START_M = 0.081
 PLACES_M = np.linspace(0.0, 0.1, 2001)
 OPERATING_M = 0.0231  # where Eq 15 becomes periodic: what comes before is the first rise
 MU = 0.4
+CONTACT_M = 0.01
 
 
 def local_scene(*, voltage_v: float = 100.0, mode: int = 6, detuning: float = 1.0) -> Scene:
@@ -81,3 +84,13 @@ def swing(curve: FloatArray) -> float:
 def centre(curve: FloatArray) -> float:
     """The middle between a curve's highest and lowest value."""
     return float(curve.max() + curve.min()) / 2
+
+
+def falling(values: Sequence[float]) -> bool:
+    """Whether each value lies below the one before."""
+    return all(b < a for a, b in pairwise(values))
+
+
+def spread(values: Sequence[float]) -> float:
+    """The distance of the largest value from the smallest."""
+    return max(values) - min(values)

@@ -1,4 +1,4 @@
-"""Claims about Eqs 13 to 15 and what is drawn from them: Figs 11 and 12."""
+"""Claims about Eqs 13 to 15, the paper's a/u along the beam, and its Fig 11."""
 
 import math
 
@@ -6,28 +6,21 @@ import numpy as np
 
 from analysis.claims.claim import Claim, Finding, without_law
 from analysis.claims.curves import (
-    MU,
+    CONTACT_M,
     PATCH_START_M,
-    PLACES_M,
-    centre,
-    operating,
-    trough_places_m,
 )
 from device.beam import Beam
 from device.eq15 import WAVELENGTH_M, same_direction_ratio
-from device.friction import friction_coefficient
 from device.mode_shapes import FloatArray, mode_constants
-from device.prediction import LawChoice
 from device.response import natural_frequency_hz
-from device.scenes import Scene
 from device.segmented_beam import sections, waves
 from device.windows import mode_window
 from device.zones import zones
 
-_CONTACT_M = 0.01
 _LENGTH_M = Beam().length_m
+
+
 _FINE_M = np.linspace(0.0, 0.1, 100_001)
-_TROUGHS_M = np.array([0.0137, 0.0275, 0.0422])
 
 
 def _mode_wavelength_m(mode: int = 6) -> float:
@@ -35,7 +28,7 @@ def _mode_wavelength_m(mode: int = 6) -> float:
 
 
 def _mode_ratio(places_m: FloatArray) -> FloatArray:
-    return mode_window(6, _LENGTH_M, places_m, np.minimum(places_m, _CONTACT_M)).right
+    return mode_window(6, _LENGTH_M, places_m, np.minimum(places_m, CONTACT_M)).right
 
 
 def _wavelength_at(frequency_hz: float, *, shear: bool) -> float:
@@ -67,8 +60,8 @@ def _first_rise() -> Finding:
 
 def _largest_ratio() -> Finding:
     ratio = _mode_ratio(operating_places())
-    printed = WAVELENGTH_M / (4 * _CONTACT_M)
-    repaired = _mode_wavelength_m() / (4 * _CONTACT_M)
+    printed = WAVELENGTH_M / (4 * CONTACT_M)
+    repaired = _mode_wavelength_m() / (4 * CONTACT_M)
     exact = float(ratio.max())
     return Finding(
         parts=(abs(printed / exact - 1) < 0.01, abs(repaired / exact - 1) < 0.01),
@@ -83,8 +76,8 @@ def _largest_ratio() -> Finding:
 def _smallest_ratio() -> Finding:
     inner = (operating_places() > 0.03) & (operating_places() < PATCH_START_M)
     exact = float(_mode_ratio(operating_places())[inner].min())
-    printed = 1 - WAVELENGTH_M / (4 * _CONTACT_M)
-    repaired = 1 - _mode_wavelength_m() / (4 * _CONTACT_M)
+    printed = 1 - WAVELENGTH_M / (4 * CONTACT_M)
+    repaired = 1 - _mode_wavelength_m() / (4 * CONTACT_M)
     return Finding(
         parts=(abs(printed - exact) < 0.01, abs(repaired - exact) < 0.01),
         computed={
@@ -103,7 +96,7 @@ def operating_places() -> FloatArray:
 def _continuous() -> Finding:
     step = 1e-9
     breaks = np.array([0.0131, 0.0218, 0.0231, 0.0318, 0.0331, 0.0418])
-    ends = same_direction_ratio(np.array([*(breaks - step), *(breaks + step)]), _CONTACT_M)
+    ends = same_direction_ratio(np.array([*(breaks - step), *(breaks + step)]), CONTACT_M)
     jumps = np.abs(ends[6:] - ends[:6])
     return Finding(
         parts=tuple((jumps < 1e-3).tolist()),
@@ -122,7 +115,7 @@ def _period() -> Finding:
 
 def _breakpoints() -> Finding:
     """Where the pieces should end: ramps of λ/4, plateaus of l_s - λ/4."""
-    quarter, plateau = WAVELENGTH_M / 4, _CONTACT_M - WAVELENGTH_M / 4
+    quarter, plateau = WAVELENGTH_M / 4, CONTACT_M - WAVELENGTH_M / 4
     start = 0.0218
     right = {
         "end_of_maximum_m": start + plateau,
@@ -156,7 +149,7 @@ def _stage_text() -> Finding:
 def _gammas() -> Finding:
     last_start = 0.0218 + WAVELENGTH_M / 2 * np.arange(6)
     used = int((last_start <= 0.1).sum())
-    ratio = same_direction_ratio(_FINE_M, _CONTACT_M)
+    ratio = same_direction_ratio(_FINE_M, CONTACT_M)
     return Finding(
         parts=(bool(np.isfinite(ratio).all()), used == 6),
         computed={"gamma_that_begin_within_0.1_m": used, "gamma_named": 6},
@@ -167,7 +160,7 @@ def _fig11_range() -> Finding:
     ranges = {
         overlap: (float(ratio.min()), float(ratio.max()))
         for overlap in ("first", "last")
-        for ratio in [same_direction_ratio(_FINE_M, _CONTACT_M, overlap)]
+        for ratio in [same_direction_ratio(_FINE_M, CONTACT_M, overlap)]
     }
     return Finding(
         parts=tuple(abs(low) < 0.01 and abs(high - 0.87) < 0.01 for low, high in ranges.values()),
@@ -185,77 +178,8 @@ def _fig11_plateaus() -> Finding:
     )
 
 
-def _curve(law: str, overlap: str = "first") -> FloatArray:
-    choice = LawChoice(name=law, overlap="last" if overlap == "last" else "first")
-    return friction_coefficient(Scene(), law=choice, x_m=PLACES_M)
-
-
-def _fig12_range(law: str) -> Finding:
-    curve = operating(_curve(law))
-    low, high = float(curve.min()), float(curve.max())
-    return Finding(
-        parts=(abs(low - 0.2) < 0.02, abs(high - 0.6) < 0.02),
-        computed={"lowest": low, "highest": high},
-    )
-
-
-def _fig12_range_continuous(law: str) -> Finding:
-    """The range if Eq 15's breakpoints are repaired, its λ kept."""
-    ratios = np.array([WAVELENGTH_M / (4 * _CONTACT_M), 1 - WAVELENGTH_M / (4 * _CONTACT_M)])
-    curve = [
-        float(
-            friction_coefficient(
-                Scene(coverage="full", same_direction_fraction=float(ratio)), law=law
-            )[0]
-        )
-        for ratio in ratios
-    ]
-    return Finding(
-        parts=(abs(curve[0] - 0.2) < 0.02, abs(curve[1] - 0.6) < 0.02),
-        computed={"lowest": curve[0], "highest": curve[1]},
-    )
-
-
-def _fig12_centre(law: str) -> Finding:
-    middle = centre(operating(_curve(law)))
-    return Finding(parts=(abs(middle - MU) < 0.02,), computed={"centre": middle})
-
-
-def _left_troughs(law: str) -> FloatArray:
-    found = trough_places_m(_curve(law))
-    return found[found < PATCH_START_M]
-
-
-def _four_troughs(law: str) -> Finding:
-    found = _left_troughs(law)
-    return Finding(parts=(found.size == 4,), computed={"troughs_m": found.tolist()})
-
-
-def _trough_places(law: str) -> Finding:
-    found = _left_troughs(law)[:3]
-    off = np.abs(found - _TROUGHS_M[: found.size])
-    return Finding(
-        parts=tuple((off < 1e-3).tolist()) or (False,),
-        computed={"troughs_m": found.tolist(), "paper_m": _TROUGHS_M.tolist()},
-    )
-
-
-def _trough_gaps() -> Finding:
-    gaps = np.diff(_TROUGHS_M)
-    return Finding(
-        parts=tuple((np.abs(gaps - WAVELENGTH_M / 2) < 1e-3).tolist()),
-        computed={"gaps_m": gaps.tolist(), "half_wavelength_m": WAVELENGTH_M / 2},
-    )
-
-
-def _fourth_trough_near_patch(law: str) -> Finding:
-    found = _left_troughs(law)
-    gap = float(PATCH_START_M - found[-1]) if found.size else math.nan
-    return Finding(parts=(gap < _CONTACT_M,), computed={"last_trough_to_patch_m": gap})
-
-
 def _local_periodic_at_zero() -> Finding:
-    start = same_direction_ratio(np.linspace(0, 0.0130, 50), _CONTACT_M)
+    start = same_direction_ratio(np.linspace(0, 0.0130, 50), CONTACT_M)
     exact = _mode_ratio(np.linspace(0, 0.0130, 50))
     return Finding(
         parts=(float(start.max()) == 0.0, float(exact.max()) == 0.0),
@@ -373,62 +297,5 @@ CLAIMS = (
         expected="1.3 mm against 8.7 mm",
         find=without_law(_fig11_plateaus),
         lawless=True,
-    ),
-    Claim(
-        id="fig12-range",
-        place="Fig 12",
-        claim="μ' fluctuates from about 0.2 to 0.6 along the beam",
-        check="lowest and highest μ' beyond 23.1 mm, each within 0.02",
-        expected="0.2 and 0.6",
-        find=_fig12_range,
-    ),
-    Claim(
-        id="fig12-range-repaired",
-        place="Fig 12",
-        claim="the range 0.2 to 0.6 follows from Eqs 12 to 14",
-        check="μ' at the a/u of Eqs 13 and 14, each within 0.02",
-        expected="0.2 and 0.6",
-        find=_fig12_range_continuous,
-    ),
-    Claim(
-        id="fig12-centre",
-        place="Fig 12",
-        claim="μ' is centred at 0.4",
-        check="middle between lowest and highest μ' beyond 23.1 mm, within 0.02",
-        expected="0.4",
-        find=_fig12_centre,
-    ),
-    Claim(
-        id="fig12-four-troughs",
-        place="Fig 12",
-        claim="there are four troughs left of the piezoelectric sheet",
-        check="minima of μ' at x below 81 mm",
-        expected="4",
-        find=_four_troughs,
-    ),
-    Claim(
-        id="fig12-troughs",
-        place="Fig 12, Section 6",
-        claim="the first three troughs lie at 13.7, 27.5 and 42.2 mm",
-        check="the first three minima of μ', each within 1 mm",
-        expected="0.0137, 0.0275, 0.0422 m",
-        find=_trough_places,
-    ),
-    Claim(
-        id="fig12-trough-gaps",
-        place="Fig 12",
-        claim="troughs repeat with the period of Eq 15",
-        check="gaps between the printed troughs against λ/2, within 1 mm",
-        expected="0.0174 m",
-        find=without_law(_trough_gaps),
-        lawless=True,
-    ),
-    Claim(
-        id="fig12-fourth-trough",
-        place="Fig 12",
-        claim="the fourth trough is so near the sheet that a finger can hardly move there",
-        check="the last trough left of the sheet is less than a contact length from it",
-        expected="below 10 mm",
-        find=_fourth_trough_near_patch,
     ),
 )

@@ -1,0 +1,165 @@
+"""Claims about the device itself: the drive, the patches, the bodies (Tables 1 to 3)."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from analysis.claims.claim import Claim, Finding, without_law
+from device.beam import Beam, Patches
+from device.response import modal_force_n_per_v
+from device.rungs import TOP_RUNG, rung_resonance_hz
+from device.zones import zones
+
+_RUNGS = ("mode", "euler-patched", "timoshenko", TOP_RUNG)
+
+
+_FREQUENCY_HZ = 24221.0
+
+
+_BEAM = Beam()
+
+
+def _near_natural(frequency_hz: float) -> Finding:
+    """Whether a drive lies within the half-power bandwidth 2ζf of the nearest resonance."""
+    found, parts = {}, []
+    for rung in _RUNGS:
+        resonances = np.array([rung_resonance_hz(rung, _BEAM, mode) for mode in range(4, 9)])
+        nearest = float(resonances[np.argmin(np.abs(resonances - frequency_hz))])
+        found[f"{rung}_hz"] = nearest
+        parts.append(abs(frequency_hz / nearest - 1) <= _BEAM.damping_ratio)
+    return Finding(parts=tuple(parts), computed=found)
+
+
+def _patch_at(centre_m: float) -> Beam:
+    return replace(_BEAM, patches=replace(Patches(), centre_m=centre_m))
+
+
+def _from_patch_position() -> Finding:
+    places = [float(place) for place in zones(6, 0.1).antinodes_m if 5e-3 <= place <= 95e-3]
+    found = {
+        rung: [rung_resonance_hz(rung, _patch_at(place), 6) for place in places]
+        for rung in ("euler-patched", TOP_RUNG)
+    }
+    closest = {rung: min(abs(f - _FREQUENCY_HZ) for f in values) for rung, values in found.items()}
+    return Finding(
+        parts=tuple(gap < 10.0 for gap in closest.values()),
+        computed={"patch_at_m": places, **found, "closest_hz": closest},
+    )
+
+
+def _patch_on_peak() -> Finding:
+    peak = float(zones(6, 0.1).antinodes_m[-1])
+    places = np.linspace(peak - 6e-3, peak + 6e-3, 121)
+    forces = np.array([abs(modal_force_n_per_v(_patch_at(float(p)), 6)) for p in places])
+    best = float(places[np.argmax(forces)])
+    return Finding(
+        parts=(abs(best - peak) < 1e-3,),
+        computed={"fifth_peak_m": peak, "strongest_drive_at_m": best},
+    )
+
+
+def _bodies_are_light() -> Finding:
+    bodies_kg = 20 * 0.01
+    return Finding(
+        parts=(bodies_kg < _BEAM.mass_kg,),
+        computed={
+            "bodies_kg": bodies_kg,
+            "beam_kg": _BEAM.mass_kg,
+            "ratio": bodies_kg / _BEAM.mass_kg,
+        },
+    )
+
+
+def _beam_bears_the_load() -> Finding:
+    load_n_per_m = 20 * 20.0 / _BEAM.length_m
+    rigidity = _BEAM.youngs_modulus_pa * _BEAM.second_moment_m4
+    deflection_m = load_n_per_m * _BEAM.length_m**4 / (8 * rigidity)
+    moment = load_n_per_m * _BEAM.length_m**2 / 2
+    stress_pa = moment * _BEAM.thickness_m / 2 / _BEAM.second_moment_m4
+    return Finding(
+        parts=(deflection_m < 1e-3, stress_pa < 350e6),
+        computed={"tip_deflection_m": deflection_m, "stress_at_clamp_pa": stress_pa},
+    )
+
+
+def _number_of_bodies_is_dense() -> Finding:
+    spacing_m, zone_m = _BEAM.length_m / 20, float(np.diff(zones(6, 0.1).edges_m).mean())
+    return Finding(
+        parts=(spacing_m < 0.1 * zone_m,), computed={"spacing_m": spacing_m, "zone_m": zone_m}
+    )
+
+
+def _single_finger_is_local() -> Finding:
+    half_wave_m = 2 * float(np.diff(zones(6, 0.1).edges_m)[2:-2].mean())
+    return Finding(
+        parts=(half_wave_m > 0.01,),
+        computed={"contact_m": 0.01, "half_wave_m": half_wave_m},
+    )
+
+
+CLAIMS = (
+    Claim(
+        id="drive-near-natural-frequency",
+        place="Section 2, Table 3",
+        claim="24,221 Hz is near the beam's natural frequency",
+        check="within the half-power bandwidth of the nearest resonance of four beam models",
+        expected="within 0.5 %",
+        find=without_law(lambda: _near_natural(_FREQUENCY_HZ)),
+        remark="damping ratio 0.005 is assumed; the paper gives none",
+        lawless=True,
+    ),
+    Claim(
+        id="drive-from-patch-position",
+        place="Section 2, Table 3",
+        claim="24,221 Hz is the resonance of a beam with sheets at a peak of its mode",
+        check="mode 6 with the sheets at each peak in turn, two patched models, within 10 Hz",
+        expected="24,221 Hz",
+        find=without_law(_from_patch_position),
+        lawless=True,
+    ),
+    Claim(
+        id="patch-on-peak",
+        place="Section 2, Fig 3",
+        claim="the sheets are pasted on a peak of the mode function",
+        check="the place near the fifth peak where they drive mode 6 most is the peak, to 1 mm",
+        expected="the peak",
+        find=without_law(_patch_on_peak),
+        lawless=True,
+    ),
+    Claim(
+        id="body-mass",
+        place="Table 3",
+        claim="a ciliary body has a mass of 0.01 kg",
+        check="the mass of 20 bodies is below that of the beam that carries them",
+        expected="a part of the beam's mass",
+        find=without_law(_bodies_are_light),
+        lawless=True,
+    ),
+    Claim(
+        id="body-load",
+        place="Table 3",
+        claim="the skin presses each of 20 bodies with 20 N",
+        check="the cantilever's deflection stays below 1 mm, its stress below 350 MPa",
+        expected="a load that the beam bears",
+        find=without_law(_beam_bears_the_load),
+        lawless=True,
+    ),
+    Claim(
+        id="bodies-dense",
+        place="Section 2, before Fig 5",
+        claim="20 bodies on the beam are dense enough to count as continuous",
+        check="their spacing is below a tenth of a zone of mode 6",
+        expected="much smaller than a zone",
+        find=without_law(_number_of_bodies_is_dense),
+        lawless=True,
+    ),
+    Claim(
+        id="single-finger-is-local",
+        place="Section 2",
+        claim="a single finger covers less than half a wavelength",
+        check="10 mm against mode 6's half wave",
+        expected="less",
+        find=without_law(_single_finger_is_local),
+        lawless=True,
+    ),
+)

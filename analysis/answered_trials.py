@@ -6,10 +6,13 @@ Knows the tags and payloads of docs/journal.md, and no code of a session.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from statistics import median
 from typing import Any
 
 from protocol.questions import Question
+from protocol.study import Study
+from protocol.study_file import StudyError, parsed_study
 from protocol.touch import Touch
 
 Happened = tuple[str, Mapping[str, Any]]
@@ -44,7 +47,8 @@ class TrialRow:
 
     `place` counts a session's scored trials from 1 in the order in which they were answered, and
     `previous` is the condition of the scored trial right before; both are None where the order is
-    not known or the trial is not scored. `score` is NaN where none was given.
+    not known or the trial is not scored. `score` is NaN where none was given. `study` is the one in
+    force, which may have been amended since; None where the journal does not hold it.
     """
 
     participant: str
@@ -63,6 +67,7 @@ class TrialRow:
     place: int | None = None
     previous: str | None = None
     touches: tuple[TouchDone, ...] = ()
+    study: Study | None = field(default=None, repr=False, compare=False)
 
     @property
     def is_scored(self) -> bool:
@@ -107,16 +112,21 @@ class _Reading:
     opened: Mapping[str, Any]
     rows: dict[int, TrialRow] = field(default_factory=dict)
     _planned: dict[int, Mapping[str, Any]] = field(init=False)
+    _study: Study | None = field(init=False)
     _resonance_hz: float | None = None
     _touches: list[Mapping[str, Any]] = field(default_factory=list)
     _places: int = 0
     _last: TrialRow | None = None
 
     def __post_init__(self) -> None:
-        self._planned = {trial["index"]: trial for trial in self.opened.get("trials", ())}
+        self._planned = {}
+        self._study = None
+        self._under(self.opened)
 
     def take(self, tag: str, payload: Mapping[str, Any]) -> None:
         match tag:
+            case "session-resumed":
+                self._under(payload)
             case "resonance-measured":
                 self._resonance_hz = payload["frequency_hz"]
             case "trial-started":
@@ -125,6 +135,11 @@ class _Reading:
                 self._touches.append(payload)
             case "answered":
                 self._answered(payload)
+
+    def _under(self, begun: Mapping[str, Any]) -> None:
+        """Go on under the study and the plan that the session was opened or resumed with."""
+        self._planned |= {trial["index"]: trial for trial in begun.get("trials", ())}
+        self._study = _study(begun.get("study_text")) or self._study
 
     def _answered(self, answer: Mapping[str, Any]) -> None:
         planned = self._planned.get(answer["index"], {})
@@ -148,6 +163,7 @@ class _Reading:
             place=self._places if scored else None,
             previous=self._previous(scored=scored),
             touches=self._done(planned),
+            study=self._study,
         )
         self.rows.pop(row.index, None)
         self.rows[row.index] = self._last = row
@@ -163,6 +179,15 @@ class _Reading:
             _touch_done(_touch(touch), made, self._resonance_hz)
             for touch, made in zip(touches, measured, strict=True)
         )
+
+
+@lru_cache(maxsize=16)
+def _study(text: str | None) -> Study | None:
+    """The study of a file's text; None where there is none, or another touchbeam read it."""
+    try:
+        return None if text is None else parsed_study(text)
+    except StudyError:
+        return None
 
 
 _KNOWN_TOUCHES: dict[tuple[tuple[str, Any], ...], Touch] = {}

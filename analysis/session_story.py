@@ -58,8 +58,10 @@ def session_story(events: Sequence[Happened]) -> SessionStory:
             if tag == "trial-excluded"
         },
         incidents=tuple(_incidents(opened, events)),
-        # The plan is long and has been read.
-        opened={name: value for name, value in opened.items() if name != "trials"},
+        # The plan and the study are long and have been read.
+        opened={
+            name: value for name, value in opened.items() if name not in {"trials", "study_text"}
+        },
     )
 
 

@@ -40,12 +40,12 @@ class TrialContrasts:
 def trial_contrasts(study: Study, rows: Sequence[TrialRow]) -> TrialContrasts:
     """Return the contrasts of all trials under every law.
 
-    The study gives the finger's force, place, path and speed; where the rig measured force, place,
-    amplitude and frequency (relative to its own resonance), those are taken instead, force and
-    place in steps. For
+    The study that was in force (`study` where the journal does not hold it) gives the finger's
+    force, place, path and speed; where the rig measured force, place, amplitude and frequency
+    (relative to its own resonance), those are taken instead, force and place in steps. For
     published scores nothing of this is known: the condition's standard scenes are taken.
     """
-    changes = [_change(study, row) for row in rows]
+    changes = [_change(row.study or study, row) for row in rows]
     by_law = {}
     for law in LAWS:
         # Trials whose touches were alike share a prediction.

@@ -183,6 +183,10 @@ class _Course:
             for index, begun in sorted(self._begun.items())
         )
 
+    def _session_resumed(self, event: Recorded) -> None:
+        """The study may have been amended meanwhile, and what is to be touched with it."""
+        self._planned |= {trial["index"]: trial for trial in event.payload.get("trials", ())}
+
     def _device_armed(self, event: Recorded) -> None:
         self._device = event.payload.get("idn")
 
@@ -199,6 +203,7 @@ class _Course:
         index = event.payload["index"]
         before_any = self._now.notes if not self._begun else []
         self._now = self._begun.setdefault(index, _Begun(planned=self._planned[index]))
+        self._now.planned = self._planned[index]
         self._now.notes.extend(before_any)
         self._now.start(event, self._resonance)
 
@@ -236,6 +241,7 @@ class _Course:
 
 
 _TAKEN: Mapping[str, Callable[[_Course, Recorded], None]] = {
+    "session-resumed": _Course._session_resumed,
     "device-armed": _Course._device_armed,
     "rig-described": _Course._rig_described,
     "beam-mounted": _Course._beam_mounted,

@@ -31,6 +31,8 @@ class Session:
         """Return what the journal says of the session when it is taken up again."""
         return {
             "study_sha256": text_digest(self.study_text),
+            "study_text": self.study_text,
+            "trials": [trial_record(trial) for trial in self.plan.trials],
             "language": self.language,
             "consent": self.consent,
             "seed": self.seed,
@@ -47,7 +49,6 @@ class Session:
             "slot": self.plan.slot,
             "sequence": list(self.plan.sequence),
             "conditions": list(self.study.conditions),
-            "trials": [trial_record(trial) for trial in self.plan.trials],
             **self.resumption(),
         }
 

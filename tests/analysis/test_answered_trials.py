@@ -11,6 +11,7 @@ from analysis.session_scores import Happened, NothingToReport, loaded
 from analysis.trial_contrasts import stepped, trial_contrasts
 from device.conditions import predicted_contrast
 from protocol.conduct import Exclusions
+from protocol.study_file import parsed_study, template
 from tests.analysis.reports import EXTENDED, PAPER, imported, session_events
 
 FORCE = {"planned": 0.5, "measured": 0.75}
@@ -61,6 +62,38 @@ def test_measured_force_is_taken_in_place_of_the_planned_one() -> None:
         signal = next(number for number, row in enumerate(rows) if row.kind == "signal")
         found.append(trial_contrasts(PAPER, rows).by_law["consistent"][signal])
     assert found[1] > found[0], "the inertial load counts less under a heavier finger"
+
+
+def under(text: str, events: list[Happened]) -> list[Happened]:
+    return [(events[0][0], {**events[0][1], "study_text": text}), *events[1:]]
+
+
+def test_a_trial_is_predicted_under_the_study_that_was_in_force() -> None:
+    text = template("paper")
+    heavy = text.replace("force_n = 0.5", "force_n = 2.0")
+    assert parsed_study(heavy).touch.force_n == 2.0
+    plain = paper_session(measured=False)
+    resumed: list[Happened] = [*plain[:3], ("session-resumed", {"study_text": heavy}), *plain[3:]]
+    found = [
+        trial_contrasts(PAPER, answered_trials(events)).by_law["consistent"][1]
+        for events in (plain, under(text, plain), under(heavy, plain), under(text, resumed))
+    ]
+    assert found[0] == found[1] != found[2] == found[3]
+
+
+def test_a_resumed_session_goes_on_under_the_amended_plan() -> None:
+    plain = paper_session(measured=False)
+    last = plain[0][1]["trials"][-1]
+    amended = {**last, "touches": [{**touch, "press": 2.0} for touch in last["touches"]]}
+    resumed: list[Happened] = [*plain[:3], ("session-resumed", {"trials": [amended]}), *plain[3:]]
+    before, after = answered_trials(plain), answered_trials(resumed)
+    assert before[:-1] == after[:-1]
+    assert {done.planned.press for done in after[-1].touches} == {2.0}
+
+
+def test_a_study_that_cannot_be_read_any_more_gives_way_to_the_present_one() -> None:
+    plain = paper_session(measured=False)
+    assert answered_trials(under("[study]\nfuture = 1", plain)) == answered_trials(plain)
 
 
 def test_measured_values_count_in_steps_from_the_planned_one() -> None:

@@ -77,6 +77,22 @@ def test_practice_that_is_asked_again_counts_as_answered_last() -> None:
     assert (record.attempts, record.answer["score"]) == (2, 8)
 
 
+def test_a_trial_is_as_planned_when_it_was_last_begun() -> None:
+    session = Written("P01")
+    session.arm()
+    trial = session.plan.trials[2]
+    session.start(trial)
+    session.add("trial-aborted", index=trial.index, why="a break")
+    session.add("device-off", confirmed=True, why="a break")
+    planned = {**session.events[0].payload["trials"][2], "level": 0.5}
+    session.add("session-resumed", trials=[planned])
+    session.arm()
+    session.start(trial)
+    session.answer(trial, 8)
+    (record,) = found([session.events])
+    assert record.planned["level"] == 0.5
+
+
 def test_notes_stand_with_the_trial_they_were_typed_at() -> None:
     records = found(events("P-01"))
     assert [record.notes for record in records[:3]] == [

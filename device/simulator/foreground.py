@@ -38,8 +38,9 @@ def simulate(
     Raises:
         BadInput: the place is taken or cannot be used.
     """
+    ending = _Ending()
     for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, _end)
+        signal.signal(number, ending.ask)
     parent = os.getppid()
     with ExitStack() as stack:
         line = _line(wire, place)
@@ -50,14 +51,35 @@ def simulate(
             stack.callback(door.close)
         server = Server(simulated_device(seed, dialect=dialect), line, door)
         say(f"ready {line.url}")
+        ending.ends(lambda: server.serve(keep=keep, orphaned=lambda: os.getppid() != parent))
+
+
+class _Ending:
+    """The wish that the device ends: heeded while it serves, not while it is made or cleared away.
+
+    One that comes before ends it as soon as it would serve.
+    """
+
+    def __init__(self) -> None:
+        self._asked = False
+        self._serving = False
+
+    def ask(self, _number: int, _frame: FrameType | None) -> None:
+        """Take a signal."""
+        self._asked = True
+        if self._serving:
+            self._serving = False
+            raise KeyboardInterrupt
+
+    def ends(self, serve: Callable[[], None]) -> None:
+        """Serve until it is over or a signal comes."""
         try:
-            server.serve(keep=keep, orphaned=lambda: os.getppid() != parent)
+            self._serving = True
+            if not self._asked:
+                serve()
+            self._serving = False
         except KeyboardInterrupt:
             return
-
-
-def _end(_number: int, _frame: FrameType | None) -> None:
-    raise KeyboardInterrupt
 
 
 def _line(wire: str, place: str) -> Line:

@@ -1,6 +1,10 @@
-"""What is decided afterwards: exclusions, an amended study, a withdrawal. All of it is added."""
+"""What is decided afterwards: exclusions, an amended study, a withdrawal. All of it is added.
+
+Whoever excludes from a session or withdraws it holds that session: no process is running it.
+"""
 
 from protocol.errors import BadInput
+from runner.abandoned import close_abandoned
 from runner.journal import Journal
 from runner.ports import Clock
 from runner.session import text_digest
@@ -19,12 +23,16 @@ def exclude_trial(journal: Journal, clock: Clock, session: str, index: int, reas
     """Take a trial out of the analysis.
 
     Raises:
-        BadInput: there is no such session or trial, or it is running.
+        BadInput: there is no such session or trial, or it is excluded already.
     """
     log = _log(journal, clock, session)
     planned = {trial["index"] for trial in (log.state.opened or {}).get("trials", ())}
     if index not in planned:
         raise BadInput(f"{session} has no trial {index}; it has {_span(planned)}")
+    if index in log.state.excluded:
+        why = log.state.excluded[index]
+        raise BadInput(f"trial {index} of {session} is excluded already: {why}")
+    close_abandoned(log)
     _append(log, session, "trial-excluded", index=index, reason=reason)
 
 
@@ -32,9 +40,11 @@ def exclude_session(journal: Journal, clock: Clock, session: str, reason: str) -
     """Take a session out of the analysis; an unfinished one gives its slot back.
 
     Raises:
-        BadInput: there is no such session, or it is running.
+        BadInput: there is no such session, or it is excluded or withdrawn already.
     """
-    _append(_log(journal, clock, session), session, "session-excluded", reason=reason)
+    log = _log(journal, clock, session)
+    close_abandoned(log)
+    _append(log, session, "session-excluded", reason=reason)
 
 
 def amend(journal: Journal, clock: Clock, study_text: str, reason: str) -> None:
@@ -81,14 +91,7 @@ def _append(log: SessionLog, session: str, tag: str, **payload: object) -> None:
     try:
         log.append(tag, **payload)
     except NotAllowed:
-        raise BadInput(
-            f"{session} is {log.state.name}; it cannot be excluded now"
-            + (
-                "; resume or stop it first"
-                if log.state.name not in {"excluded", "withdrawn"}
-                else ""
-            )
-        ) from None
+        raise BadInput(f"{session} is {log.state.name}; it cannot be excluded now") from None
 
 
 def _span(indices: set[int]) -> str:

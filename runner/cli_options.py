@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from protocol.errors import BadInput
+
 if TYPE_CHECKING:
     from runner.journal import Journal
     from runner.study_folder import StudyFolder
@@ -80,7 +82,17 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON documen
 
 ParticipantOption = Annotated[str, typer.Option(help="The pseudonym.")]
 SessionOption = Annotated[int, typer.Option(min=1)]
-ReasonOption = Annotated[str, typer.Option(help="Why; it is written into the journal.")]
+
+
+def _reason(given: str) -> str:
+    if not given.strip():
+        raise BadInput("--reason must say why, got nothing")
+    return given
+
+
+ReasonOption = Annotated[
+    str, typer.Option(help="Why; it is written into the journal.", callback=_reason)
+]
 
 
 def print_json(document: object) -> None:

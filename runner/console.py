@@ -79,7 +79,7 @@ class TypedLines:
     def _read(self) -> None:
         for line in self._typed():
             if line.startswith(OPERATOR_MARK):
-                self._orders.put(line)
+                self._orders.put(line.rstrip("\r\n") + "\n")
             else:
                 self._lines.put(line)
         self._lines.put(None)

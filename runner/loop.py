@@ -4,12 +4,12 @@ from collections.abc import Callable
 
 from device.errors import OutputUnknown
 from protocol.trial import Trial
+from runner.abandoned import close_abandoned, leave_trial
 from runner.asking import answers
 from runner.orders import RepeatTrial
 from runner.preparing import prepare
 from runner.room import Room
 from runner.screens import Notice
-from runner.session_log import SessionLog
 from runner.stopping import interruptible, uninterrupted
 from runner.touching import touch
 from runner.watching import pause_if_wanted, show_where_we_are
@@ -51,7 +51,7 @@ def _try(room: Room, trial: Trial) -> None:
         room.log.append("answered", **answers(room, trial), judged=done)
     except RepeatTrial:
         room.device.off()
-        _leave_trial(room.log, "repeated at the operator's wish")
+        leave_trial(room.log, "repeated at the operator's wish")
 
 
 def _resume(room: Room) -> None:
@@ -59,9 +59,7 @@ def _resume(room: Room) -> None:
     log = room.log
     if room.opened_now:
         return
-    _leave_trial(log, "the session was interrupted")
-    if log.state.name in {"armed", "paused"}:
-        log.append("device-off", confirmed=False, why="the session was interrupted")
+    close_abandoned(log)
     log.append("session-resumed", **room.session.resumption())
     _renew_practice(room)
 
@@ -96,14 +94,9 @@ def _turn_off(room: Room, why: str) -> None:
     except OutputUnknown as error:
         unknown = error
     try:
-        _leave_trial(room.log, why)
+        leave_trial(room.log, why)
         if room.log.state.name in {"armed", "paused"}:
             room.log.append("device-off", confirmed=unknown is None, why=why)
     finally:
         if unknown is not None:
             raise unknown
-
-
-def _leave_trial(log: SessionLog, why: str) -> None:
-    if log.state.trial is not None:
-        log.append("trial-aborted", index=log.state.trial, why=why)

@@ -140,7 +140,7 @@ class OperatorConsole:
 
     def _listen(self) -> None:
         characters = self.typed(bool(self._question))
-        if characters.startswith(OPERATOR_MARK):
+        if characters.startswith(OPERATOR_MARK) and characters.endswith("\n"):
             self._keys.feed_order(characters.removeprefix(OPERATOR_MARK))
         elif characters:
             self._keys.feed(characters)

@@ -59,10 +59,18 @@ class OperatorKeys:
                 self._orders.append(KEYS[character])
 
     def feed_order(self, line: str) -> None:
-        """Take a typed line that is an order, whatever was asked: `e`, or `n` and a note."""
-        asked, self._asked, self._line = self._asked, False, ""
-        self.feed(line)
-        self._asked = asked
+        """Take a typed line that is an order, whatever was asked: `e`, or `n` and a note.
+
+        The line is over when it comes: what stands in it is told apart without a second key, and
+        only an empty line with a space in it means what the space alone means.
+        """
+        order = line.strip() or line.rstrip(_ENTER)[:1]
+        if order.startswith("n"):
+            self._note(order.removeprefix("note").removeprefix("n"))
+        elif order[:1] in KEYS:
+            self._orders.append(KEYS[order[0]])
+        elif order.startswith(_CTRL_E):
+            self._orders.append("emergency stop")
 
     def _is_emergency(self, character: str) -> bool:
         """Ctrl-E anywhere; where a line is typed, a space that begins it, since none does."""
@@ -94,7 +102,10 @@ class OperatorKeys:
 
     def _finish_note(self) -> None:
         self._noting = False
-        if text := self._finished():
+        self._note(self._finished())
+
+    def _note(self, text: str) -> None:
+        if text := text.strip():
             self._orders.append(Note(text=text))
 
     def _finished(self) -> str:

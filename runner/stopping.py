@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-from protocol.errors import WorkFailed
+from protocol.errors import BadInput, WorkFailed
 
 # SIGHUP and SIGQUIT do not exist on Windows.
 _SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT")
@@ -39,18 +39,38 @@ class _Stop:
 _stop = _Stop()
 
 
+def heed_stop() -> None:
+    """Raise the wish to stop again, if there is one and nothing is shielded.
+
+    An exception that a signal raises in somebody else's code, such as a finalizer, can get lost.
+    """
+    if _stop.wish is not None and _stop.shields == 0:
+        raise _stop.wish
+
+
 @contextmanager
 def stops_raise() -> Iterator[None]:
-    """Raise `Stopped` in the body on the first SIGINT, SIGTERM, SIGHUP or SIGQUIT."""
+    """Raise `Stopped` in the body on the first SIGINT, SIGTERM, SIGHUP or SIGQUIT.
+
+    An internal error of a body that was to stop is told as the stop: an import that is cut short,
+    for one, makes an error of its own of it.
+    """
     global _stop  # noqa: PLW0603 - see _Stop
     _stop = _Stop()
     numbers = [getattr(signal, name) for name in _SIGNALS if hasattr(signal, name)]
     before = {number: signal.signal(number, _stop.ask) for number in numbers}
     try:
         yield
+    except (WorkFailed, BadInput, OSError):
+        raise
+    except Exception as error:
+        if _stop.wish is None:
+            raise
+        raise _stop.wish from error
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+        _stop = _Stop()
 
 
 @contextmanager

@@ -6,6 +6,7 @@ from typing import TypeVar
 from runner.orders import obey
 from runner.room import Room
 from runner.screens import Response
+from runner.stopping import heed_stop
 
 TICK_S = 0.05
 
@@ -50,7 +51,9 @@ def tick(room: Room, seconds: float) -> None:
     Raises:
         DeviceError: the device failed meanwhile.
         StoppedByOperator, RepeatTrial: the operator ordered so.
+        Stopped: a signal did.
     """
+    heed_stop()
     room.device.beat()
     obey(room)
     room.clock.sleep(seconds)

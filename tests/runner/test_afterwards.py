@@ -53,6 +53,33 @@ def test_a_session_is_excluded_once(tmp_path: Path) -> None:
             exclude_session(journal, CLOCK, "P01/1", "ill")
 
 
+def test_a_trial_is_excluded_once(tmp_path: Path) -> None:
+    with finished(tmp_path) as journal:
+        exclude_trial(journal, CLOCK, "P01/1", 3, "noise")
+        with pytest.raises(BadInput, match="trial 3 of P01/1 is excluded already: noise"):
+            exclude_trial(journal, CLOCK, "P01/1", 3, "more noise")
+
+
+@pytest.mark.parametrize("last", ["device-armed", "trial-started", "touch-started", "paused"])
+def test_a_session_that_nobody_runs_any_more_can_be_excluded(tmp_path: Path, last: str) -> None:
+    (tmp_path / "done").mkdir()
+    with finished(tmp_path / "done") as done:
+        events = done.events("P01/1")
+    until = next((n for n, event in enumerate(events) if event.tag == last), None)
+    with open_journal(tmp_path / "study.db") as journal:
+        log = SessionLog(journal, "P01/1", CLOCK)
+        for event in events[: 2 if until is None else until + 1]:
+            log.append(event.tag, **event.payload)
+        if until is None:
+            log.append(last)
+        exclude_session(journal, CLOCK, "P01/1", "did not come back")
+        (verdict,) = verdicts(journal)
+        assert (verdict.state, verdict.ok) == ("excluded", True)
+        off = next(e for e in reversed(journal.events("P01/1")) if e.tag == "device-off")
+        assert off.payload["confirmed"] is False
+        assert slot_for(states(journal), "P02", "participant") == 0
+
+
 def test_a_dropouts_slot_is_given_out_again_and_a_finished_one_is_not(tmp_path: Path) -> None:
     with open_journal(tmp_path / "study.db") as journal:
         room(journal, FakeDevice(), FakeParticipant())

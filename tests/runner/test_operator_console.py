@@ -150,5 +150,35 @@ def test_an_order_never_answers_what_was_asked(line: str, order: str) -> None:
     assert console.answered() == "dry"
 
 
+@pytest.mark.parametrize(
+    ("line", "order"),
+    [
+        ("n skin dry\n", Note(text="skin dry")),
+        ("note skin dry\n", Note(text="skin dry")),
+        ("nskin dry\n", Note(text="skin dry")),
+        (" n skin dry\n", Note(text="skin dry")),
+        (" p\n", "pause"),
+        ("stop\n", "stop"),
+        (" \n", "emergency stop"),
+        ("\x05\n", "emergency stop"),
+        ("n\n", None),
+        ("\n", None),
+        ("x\n", None),
+    ],
+)
+def test_a_typed_line_is_one_order(line: str, order: object) -> None:
+    keys = OperatorKeys()
+    keys.feed_order(line)
+    assert keys.order() == order
+    assert keys.order() is None
+    assert keys.line is None
+
+
+def test_a_colon_in_a_note_is_part_of_it() -> None:
+    typed = iter(["n", "at 3", ":", "15\n"])
+    console = OperatorConsole(lambda _: next(typed), PlainDisplay(lambda _: None))
+    assert [console.order() for _ in range(4)] == [None, None, None, Note(text="at 3:15")]
+
+
 def test_the_search_for_the_resonance_is_shown_as_on() -> None:
     assert view(device=None, searching=True).output().startswith("ON")

@@ -14,7 +14,13 @@ import pytest
 from runner.journal import open_journal
 from runner.loop import _device_off_after
 from runner.room import Room
-from runner.stopping import Stopped, interruptible, stops_raise, uninterrupted
+from runner.stopping import (
+    Stopped,
+    heed_stop,
+    interruptible,
+    stops_raise,
+    uninterrupted,
+)
 from tests.runner.people import FakeDevice, FakeParticipant, room
 
 SIGNALS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT]
@@ -80,6 +86,42 @@ def test_a_part_of_what_belongs_together_can_be_stopped() -> None:
 
     assert "SIGINT" in stopped_by(body)
     assert done == ["before", "device off"]
+
+
+def test_a_stop_that_got_lost_is_raised_again() -> None:
+    done = []
+
+    def body() -> None:
+        with suppress(Stopped):
+            send(signal.SIGTERM)
+        with uninterrupted():
+            heed_stop()
+            done.append("shielded")
+        heed_stop()
+        done.append("too late")
+
+    assert "SIGTERM" in stopped_by(body)
+    assert done == ["shielded"]
+
+
+def test_what_others_make_of_a_stop_is_told_as_the_stop() -> None:
+    def imports() -> None:
+        try:
+            send(signal.SIGTERM)
+        except Stopped as error:
+            raise ImportError("failed to import") from error
+
+    assert "SIGTERM" in stopped_by(imports)
+
+
+def test_an_error_without_a_stop_stays_what_it_is() -> None:
+    with pytest.raises(ImportError, match="no module of that name"), stops_raise():
+        raise ImportError("no module of that name")
+
+
+def test_a_stop_is_forgotten_with_what_it_stopped() -> None:
+    stopped_by(lambda: send(signal.SIGTERM))
+    heed_stop()
 
 
 def test_an_error_of_the_body_is_not_hidden_by_a_signal() -> None:

@@ -72,11 +72,13 @@ def withdraw(journal: Journal, clock: Clock, participant: str) -> list[str]:
     sessions = [name for name in journal.sessions() if name.rpartition("/")[0] == participant]
     if not sessions:
         raise BadInput(f"{participant} has no sessions here")
-    for session in sessions:
-        log = SessionLog(journal, session, clock)
-        if log.state.name != "withdrawn":
-            log.append("withdrawn")
-    journal.erase_payloads(sessions)
+    with journal.alone():
+        for session in sessions:
+            log = SessionLog(journal, session, clock)
+            if log.state.name != "withdrawn":
+                log.append("withdrawn")
+        journal.erase_payloads(sessions)
+    journal.forget_erased()
     return sessions
 
 

@@ -10,8 +10,8 @@ import pickle
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, BinaryIO, NoReturn
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING, BinaryIO, NamedTuple, NoReturn
 
 if TYPE_CHECKING:
     from device.change import Change
@@ -23,23 +23,16 @@ Contrasts = Callable[[Sequence["Change"]], list[float]]
 @contextmanager
 def foretelling() -> Iterator[Contrasts]:
     """Yield the model's contrasts, while it loads; afterwards its process is gone."""
-    if not hasattr(os, "fork") or threading.active_count() > 1:
+    model = _forked() if hasattr(os, "fork") and threading.active_count() == 1 else None
+    if model is None:
         yield contrasts
         return
-    to_read, questions = os.pipe()
-    answers, to_write = os.pipe()
-    process = os.fork()
-    if process == 0:
-        os.close(questions)
-        _answer(to_read, to_write)
-    os.close(to_read)
-    os.close(to_write)
-    with os.fdopen(answers, "rb") as told, os.fdopen(questions, "wb") as asked:
+    with os.fdopen(model.answers, "rb") as answers, os.fdopen(model.questions, "wb") as questions:
         try:
-            yield lambda changes: _told(changes, asked, told)
+            yield lambda changes: _told(changes, questions, answers)
         finally:
-            os.kill(process, signal.SIGKILL)
-            os.waitpid(process, 0)
+            os.kill(model.process, signal.SIGKILL)
+            os.waitpid(model.process, 0)
 
 
 def contrasts(changes: Sequence["Change"]) -> list[float]:
@@ -56,23 +49,56 @@ def _model() -> Callable[["Change"], float]:
     return predicted_contrast
 
 
-def _answer(to_read: int, to_write: int) -> NoReturn:
+class _Forked(NamedTuple):
+    """The model's process: where to write the changes to, and to read the contrasts from."""
+
+    process: int
+    questions: int
+    answers: int
+
+
+def _forked() -> _Forked | None:
+    """The model in a process of its own; None where there can be no more processes or files."""
+    with ExitStack() as unless_forked:
+        try:
+            asked, questions = _pipe(unless_forked)
+            answers, told = _pipe(unless_forked)
+            process = os.fork()
+        except OSError:
+            return None
+        unless_forked.pop_all()
+    if process == 0:
+        os.close(questions)
+        _answer(asked, told)
+    os.close(asked)
+    os.close(told)
+    return _Forked(process, questions, answers)
+
+
+def _pipe(closing: ExitStack) -> tuple[int, int]:
+    ends = os.pipe()
+    for end in ends:
+        closing.callback(os.close, end)
+    return ends
+
+
+def _answer(asked: int, told: int) -> NoReturn:
     """Load the model, read the question, answer it, and end, in silence whatever happens."""
     try:
         _model()
-        with os.fdopen(to_read, "rb") as asked:
-            changes = pickle.load(asked)  # noqa: S301 - written by the process that forked this one
-        with os.fdopen(to_write, "wb") as told:
-            pickle.dump(contrasts(changes), told)
+        with os.fdopen(asked, "rb") as questions:
+            changes = pickle.load(questions)  # noqa: S301 - written by the process that forked this
+        with os.fdopen(told, "wb") as answers:
+            pickle.dump(contrasts(changes), answers)
     finally:
         os._exit(0)
 
 
-def _told(changes: Sequence["Change"], asked: BinaryIO, told: BinaryIO) -> list[float]:
+def _told(changes: Sequence["Change"], questions: BinaryIO, answers: BinaryIO) -> list[float]:
     try:
-        pickle.dump(changes, asked)
-        asked.close()
-        answer: list[float] = pickle.load(told)  # noqa: S301 - written by the forked process
+        pickle.dump(changes, questions)
+        questions.close()
+        found: list[float] = pickle.load(answers)  # noqa: S301 - written by the forked process
     except (OSError, EOFError):
         return contrasts(changes)
-    return answer
+    return found

@@ -42,6 +42,9 @@ _SCHEMA = (
         IS NOT (OLD.rowid, OLD.session, OLD.seq, OLD.tag, OLD.utc, OLD.monotonic_s,
             OLD.payload_sha256, OLD.hash)
         BEGIN SELECT RAISE(ABORT, 'the journal is append-only'); END""",
+    """CREATE TRIGGER event_is_not_replaced BEFORE INSERT ON event
+        WHEN EXISTS (SELECT 1 FROM event WHERE session = NEW.session AND seq = NEW.seq)
+        BEGIN SELECT RAISE(ABORT, 'the journal is append-only'); END""",
     """CREATE TRIGGER event_is_not_deleted BEFORE DELETE ON event
         BEGIN SELECT RAISE(ABORT, 'the journal is append-only'); END""",
 )
@@ -127,11 +130,18 @@ class Journal:
         self._last_hashes = {(session, event.seq): chained}
 
     def erase_payloads(self, sessions: Iterable[str]) -> None:
-        """Erase what stands in the payloads of `sessions`, on the disk too."""
-        with self.alone():
+        """Erase what stands in the payloads of `sessions`; `forget_erased` makes it final."""
+        with self._explained("written"):
             self._connection.executemany(
                 "UPDATE event SET payload = NULL WHERE session = ?", [(name,) for name in sessions]
             )
+
+    def forget_erased(self) -> None:
+        """Leave nothing on the disk of what was erased.
+
+        Raises:
+            JournalError: it could not be done; an old copy may still be there.
+        """
         with self._explained("written"):
             self._connection.execute("VACUUM")
         if not self.checkpoint():
@@ -226,6 +236,7 @@ def read_journal(path: Path) -> Journal:
             if version not in {0, SCHEMA_VERSION}:
                 raise sqlite3.DatabaseError(_other_schema(version))
             if version == 0:
+                _require_empty(connection)
                 connection.close()
                 connection = sqlite3.connect(":memory:")
                 for statement in _SCHEMA:
@@ -298,12 +309,18 @@ def _log_ahead(connection: sqlite3.Connection) -> None:
     raise sqlite3.OperationalError("database is locked")
 
 
+def _require_empty(connection: sqlite3.Connection) -> None:
+    if connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
+        raise sqlite3.DatabaseError("it has tables that no touchbeam has made, or is damaged")
+
+
 def _ensure_schema(connection: sqlite3.Connection) -> None:
     """Make the tables unless they are there; another process may be making them just now."""
     with connection:
         connection.execute("BEGIN IMMEDIATE")
         version = connection.execute("PRAGMA user_version").fetchone()[0]
         if version == 0:
+            _require_empty(connection)
             for statement in _SCHEMA:
                 connection.execute(statement)
             connection.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")

@@ -138,9 +138,12 @@ def chain_is_unbroken(name: str, chain: Iterable[ChainLink], *, erased: bool) ->
 
 def _folded(chain: list[ChainLink]) -> tuple[SessionState, str]:
     try:
-        return folded(event for event, _, _ in chain), ""
+        state = folded(event for event, _, _ in chain)
     except (NotAllowed, KeyError, TypeError, AttributeError) as error:
         return SessionState(name="impossible"), str(error)
+    if state.name == "withdrawn" and not all(event.erased for event, _, _ in chain):
+        return state, "withdrawn, but not erased: run touchbeam withdraw again"
+    return state, ""
 
 
 def _planned(state: SessionState) -> set[int]:

@@ -119,6 +119,23 @@ def test_nobody_withdraws_who_did_not_take_part(tmp_path: Path) -> None:
         withdraw(journal, CLOCK, "P09")
 
 
+def test_a_withdrawal_that_was_cut_short_erases_all_or_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with finished(tmp_path) as journal:
+        with monkeypatch.context() as patched:
+            patched.setattr(Journal, "erase_payloads", lambda *_: (_ for _ in ()).throw(KeyError))
+            with pytest.raises(KeyError):
+                withdraw(journal, CLOCK, "P01")
+        assert verdicts(journal)[0].state == "completed"
+        SessionLog(journal, "P01/1", CLOCK).append("withdrawn")
+        (verdict,) = verdicts(journal)
+        assert not verdict.ok
+        assert verdict.problem == "withdrawn, but not erased: run touchbeam withdraw again"
+        withdraw(journal, CLOCK, "P01")
+        assert verdicts(journal)[0].ok
+
+
 def test_a_withdrawal_can_be_repeated(tmp_path: Path) -> None:
     with finished(tmp_path) as journal:
         withdraw(journal, CLOCK, "P01")

@@ -1,8 +1,10 @@
 """Predictions made aside: the same numbers, the same errors, and no process left behind."""
 
+import errno
 import os
 import threading
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -117,3 +119,19 @@ def test_beside_another_thread_nothing_is_forked(forked: list[int]) -> None:
         over.set()
         other.join()
     assert forked == []
+
+
+@pytest.mark.parametrize("call", ["pipe", "fork"])
+def test_where_nothing_can_be_forked_the_answer_is_made_here(
+    monkeypatch: pytest.MonkeyPatch, call: str
+) -> None:
+    def refused() -> None:
+        raise BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable")
+
+    before = len(list(Path("/proc/self/fd").glob("*")))
+    with monkeypatch.context() as patched:
+        patched.setattr(os, call, refused)
+        with foretelling() as told:
+            assert told([DRIVEN]) == contrasts([DRIVEN])
+    after = len(list(Path("/proc/self/fd").glob("*")))
+    assert after == before, "no pipe is left open"

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from runner.journal import FIRST_HASH, Journal, JournalError, chain_hash, open_journal
+from runner.journal import FIRST_HASH, Journal, JournalError, chain_hash, open_journal, read_journal
 from runner.session_state import Event
 
 NOON = datetime(2026, 1, 1, 12, tzinfo=UTC)
@@ -44,6 +44,7 @@ def test_events_come_back_as_they_went_in(tmp_path: Path) -> None:
         "UPDATE event SET payload = NULL, utc = '2027-01-01T00:00:00+00:00'",
         "UPDATE event SET payload = NULL, rowid = rowid + 10",
         "DELETE FROM event",
+        "INSERT OR REPLACE INTO event SELECT * FROM event WHERE seq = 0",
     ],
 )
 def test_nothing_can_be_changed_afterwards(tmp_path: Path, statement: str) -> None:
@@ -67,7 +68,7 @@ def test_each_event_is_chained_to_the_one_before(tmp_path: Path) -> None:
 
 def test_an_event_twice_is_refused_and_leaves_nothing(tmp_path: Path) -> None:
     with filled(tmp_path / "study.db") as journal:
-        with pytest.raises(JournalError, match=r"cannot be written \(UNIQUE"):
+        with pytest.raises(JournalError, match=r"cannot be written \(the journal is append-only"):
             journal.append("P01/1", event(1))
         assert len(journal.events("P01/1")) == 2
         journal.append("P01/1", event(2))
@@ -118,6 +119,15 @@ def test_a_journal_of_another_version_is_refused(tmp_path: Path) -> None:
         other.execute("PRAGMA user_version = 99")
     with pytest.raises(JournalError, match="schema 99; this touchbeam knows 2"):
         open_journal(path)
+
+
+def test_a_journal_that_has_lost_its_version_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "study.db"
+    with filled(path), closing(sqlite3.connect(path)) as other:
+        other.execute("PRAGMA user_version = 0")
+    for opened in (open_journal, read_journal):
+        with pytest.raises(JournalError, match="tables that no touchbeam has made, or is damaged"):
+            opened(path)
 
 
 def test_two_processes_may_make_it_at_once(tmp_path: Path) -> None:

@@ -79,14 +79,14 @@ def exclude(
     """
     from runner.amendments import exclude_session, exclude_trial
     from runner.clock import WallClock
-    from runner.holding import held, session_of
+    from runner.holding import session_held
     from runner.journal import session_name
     from runner.study_folder import StudyFolder
 
     name = session_name(participant, session)
     with (
         study_journal(StudyFolder(path=study), to_write=True) as journal,
-        held(session_of(name, study), "touchbeam exclude"),
+        session_held(name, study, "touchbeam exclude"),
     ):
         if trial is None:
             exclude_session(journal, WallClock(), name, reason)
@@ -117,14 +117,14 @@ def withdraw(study: StudyArgument, participant: ParticipantOption) -> None:
     """
     from runner.amendments import withdraw as erase
     from runner.clock import WallClock
-    from runner.holding import held, session_of
+    from runner.holding import session_held
     from runner.study_folder import StudyFolder
 
     folder = StudyFolder(path=study)
     with study_journal(folder, to_write=True) as journal, ExitStack() as stack:
         for name in journal.sessions():
             if name.rpartition("/")[0] == participant:
-                stack.enter_context(held(session_of(name, study), "touchbeam withdraw"))
+                stack.enter_context(session_held(name, study, "touchbeam withdraw"))
         sessions = erase(journal, WallClock(), participant)
     typer.echo(
         f"Erased: {', '.join(sessions)}. Make reports and exports again: old ones still hold it."

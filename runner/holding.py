@@ -18,7 +18,7 @@ class RigHeld(WorkFailed):
 
 
 @contextmanager
-def held(what: str, holder: str) -> Iterator[None]:
+def held(what: str, holder: str, *, known_as: str | None = None) -> Iterator[None]:
     """Hold `what`, a rig's address or a session of a study, while the body runs.
 
     The lock ends with the process, however it ends.
@@ -26,12 +26,13 @@ def held(what: str, holder: str) -> Iterator[None]:
     Args:
         what: the thing of which there is one.
         holder: what somebody else is told, such as the session's name and the study's folder.
+        known_as: what tells it from others, if that is not its name.
 
     Raises:
         RigHeld: another process has it; the message says which session.
     """
     folder = _folder()
-    name = hashlib.sha256(what.encode()).hexdigest()[:24]
+    name = hashlib.sha256((known_as or what).encode()).hexdigest()[:24]
     lock, said = FileLock(folder / f"{name}.lock"), folder / f"{name}.json"
     try:
         lock.acquire(timeout=0)
@@ -45,9 +46,17 @@ def held(what: str, holder: str) -> Iterator[None]:
         lock.release()
 
 
-def session_of(session: str, study: Path) -> str:
-    """Return what is held of a session: its name and where its study lies."""
-    return f"session {session} of {study.resolve()}"
+@contextmanager
+def session_held(session: str, study: Path, holder: str) -> Iterator[None]:
+    """Hold a session of the study in the folder `study`, by whatever path one comes to it.
+
+    Raises:
+        RigHeld: another process has it.
+    """
+    place = study.stat()
+    known_as = f"session {session} of {place.st_dev}:{place.st_ino}"
+    with held(f"session {session} of {study.resolve()}", holder, known_as=known_as):
+        yield
 
 
 def _holder(said: Path) -> str:
@@ -59,8 +68,12 @@ def _holder(said: Path) -> str:
 
 
 def _folder() -> Path:
-    """A folder that belongs to this user alone and is emptied by the system."""
+    """A folder that belongs to this user alone and is emptied by the system.
+
+    Everybody must come to the same one, so that it does not follow TMPDIR where there is a /tmp.
+    """
     user = os.getuid() if hasattr(os, "getuid") else os.environ.get("USERNAME", "user")
-    folder = Path(tempfile.gettempdir(), f"touchbeam-held-{user}")
+    common = Path("/tmp")  # noqa: S108 - the folder in it is the user's own
+    folder = (common if common.is_dir() else Path(tempfile.gettempdir())) / f"touchbeam-held-{user}"
     folder.mkdir(mode=0o700, exist_ok=True)
     return folder

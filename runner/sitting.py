@@ -15,7 +15,7 @@ from runner.calibration import kept_calibration
 from runner.clock import SteppedClock, WallClock
 from runner.cohort import slot_for, states
 from runner.console import ConsoleParticipant, TypedLines
-from runner.holding import held, session_of
+from runner.holding import held, session_held
 from runner.journal import Journal, open_journal, session_name
 from runner.journal_place import checked_place, mounts_of_this_machine
 from runner.loop import run
@@ -72,7 +72,7 @@ def sit(sitting: Sitting, say: Say) -> SessionState:
     checked_place(sitting.folder.path, mounts_of_this_machine())
     with ExitStack() as stack:
         place = sitting.folder.path.resolve()
-        stack.enter_context(held(session_of(name, place), name))
+        stack.enter_context(session_held(name, place, name))
         if url != SIMULATED:
             stack.enter_context(held(url, f"{name} of {place}"))
         window = stack.enter_context(_window(sitting, study))

@@ -2,12 +2,13 @@
 
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
 
 from protocol.errors import BadInput
-from runner.holding import RigHeld, held
+from runner.holding import RigHeld, held, session_held
 from runner.journal_place import checked_place, mounts_of_this_machine
 
 MOUNTS = [("/", "ext4"), ("/net/lab", "nfs4"), ("/net/lab/local", "xfs"), ("/media/share", "cifs")]
@@ -68,3 +69,24 @@ def test_a_dead_holder_holds_nothing() -> None:
     subprocess.run([sys.executable, "-c", program], check=False)
     with held("/dev/test-rig-3", "alive"):
         pass
+
+
+def test_a_session_is_held_wherever_its_folder_is_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    study, other = tmp_path / "study", tmp_path / "other"
+    study.mkdir()
+    other.mkdir()
+    (tmp_path / "link").symlink_to(study)
+    with session_held("P01/1", study, "the first"):
+        monkeypatch.setenv("TMPDIR", str(other))
+        monkeypatch.setattr(tempfile, "tempdir", None)
+        study.rename(tmp_path / "renamed")
+        (tmp_path / "renamed").rename(study)
+        with (
+            pytest.raises(RigHeld, match=r"session P01/1 of .*study is held by the first"),
+            session_held("P01/1", tmp_path / "link", "the second"),
+        ):
+            pass
+        with session_held("P01/1", other, "another study"), session_held("P02/1", study, "P02"):
+            pass

@@ -24,7 +24,8 @@ _PATHS_GIVEN_WRONG = {
 def complaint(error: BaseException) -> tuple[str, int]:
     """Return the line that tells a user what `error` means, and the exit code of the command."""
     line, code = _told(error)
-    return " ".join(line.split()), code
+    notes = [note for note in getattr(error, "__notes__", ()) if note not in line]
+    return " ".join("; ".join([line, *notes]).split()), code
 
 
 def _told(error: BaseException) -> tuple[str, int]:

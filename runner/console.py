@@ -32,6 +32,17 @@ class ParticipantGone(WorkFailed):
     """Nobody types any more."""
 
 
+def require_typist(source: TextIO | None) -> TextIO:
+    """Return where somebody types.
+
+    Raises:
+        BadInput: standard input is closed.
+    """
+    if source is None:
+        raise BadInput("--ratings console needs somebody who types: standard input is closed")
+    return source
+
+
 class TypedLines:
     """Lines from a terminal, read by a thread so that nobody waits for them.
 
@@ -39,8 +50,7 @@ class TypedLines:
     """
 
     def __init__(self, source: TextIO | None) -> None:
-        if source is None:
-            raise BadInput("--ratings console needs somebody who types: standard input is closed")
+        source = require_typist(source)
         if isinstance(source, io.TextIOWrapper):
             source.reconfigure(errors="replace")
         self._source = source

@@ -14,6 +14,9 @@ from runner.stopping import interruptible, uninterrupted
 from runner.touching import touch
 from runner.watching import pause_if_wanted, show_where_we_are
 
+_OFF = "output off, read back"
+_GOES_ON = "run it again to go on"
+
 
 def run(room: Room) -> None:
     """Take the session from where its log says it is to its end.
@@ -74,16 +77,16 @@ def _renew_practice(room: Room) -> None:
 
 def _device_off_after(part: Callable[[Room], None], room: Room) -> None:
     """Whatever happens in `part`: the output goes off first, then the journal says so."""
-    why = "end of session"
     with uninterrupted():
         try:
             with interruptible():
                 part(room)
         except BaseException as error:
-            why = str(error) or type(error).__name__
+            _turn_off(room, str(error) or type(error).__name__)
+            error.add_note(_OFF)
+            error.add_note(_GOES_ON)
             raise
-        finally:
-            _turn_off(room, why)
+        _turn_off(room, "end of session")
 
 
 def _turn_off(room: Room, why: str) -> None:
@@ -97,6 +100,10 @@ def _turn_off(room: Room, why: str) -> None:
         leave_trial(room.log, why)
         if room.log.state.name in {"armed", "paused"}:
             room.log.append("device-off", confirmed=unknown is None, why=why)
-    finally:
+    except Exception as error:
         if unknown is not None:
-            raise unknown
+            raise unknown from error
+        error.add_note(_OFF)
+        raise
+    if unknown is not None:
+        raise unknown

@@ -34,9 +34,9 @@ def obey(room: Room) -> None:
     match room.operator.order():
         case "emergency stop":
             room.device.emergency_stop()
-            raise StoppedByOperator("emergency stop; a session goes on with the same command")
+            raise StoppedByOperator("emergency stop")
         case "stop":
-            raise StoppedByOperator("stopped by the operator; go on with the same command")
+            raise StoppedByOperator("stopped by the operator")
         case "repeat" if room.log.state.trial is not None:
             raise RepeatTrial
         case "pause":

@@ -14,7 +14,7 @@ from protocol.texts import study_texts
 from runner.calibration import kept_calibration
 from runner.clock import SteppedClock, WallClock
 from runner.cohort import slot_for, states
-from runner.console import ConsoleParticipant, TypedLines
+from runner.console import ConsoleParticipant, TypedLines, require_typist
 from runner.holding import held, session_held
 from runner.journal import Journal, open_journal, session_name
 from runner.journal_place import checked_place, mounts_of_this_machine
@@ -27,6 +27,7 @@ from runner.room import Room
 from runner.session import Kind, Session
 from runner.session_log import SessionLog
 from runner.session_state import SessionState
+from runner.stopping import Stopped
 from runner.study_folder import StudyFolder, pseudonym
 from runner.terminal_keys import terminal_keys
 from runner.virtual import VirtualParticipant, drawn_character, swapping
@@ -70,7 +71,10 @@ def sit(sitting: Sitting, say: Say) -> SessionState:
     kind = _checked_kind(sitting, study, url)
     name = session_name(pseudonym(sitting.participant), sitting.number)
     checked_place(sitting.folder.path, mounts_of_this_machine())
+    if sitting.ratings == "console":
+        require_typist(sys.stdin)
     with ExitStack() as stack:
+        told_of = stack.enter_context(_complete_at_last())
         place = sitting.folder.path.resolve()
         stack.enter_context(session_held(name, place, name))
         if url != SIMULATED:
@@ -88,6 +92,7 @@ def sit(sitting: Sitting, say: Say) -> SessionState:
             _people(sitting, session, rig, clock, say, window)
         )
         stack.callback(journal.checkpoint)
+        told_of.append(log.state)
         run(
             Room(
                 session=session,
@@ -100,6 +105,21 @@ def sit(sitting: Sitting, say: Say) -> SessionState:
             )
         )
         return log.state
+
+
+@contextmanager
+def _complete_at_last() -> Iterator[list[SessionState]]:
+    """Tell a stop that comes after the last answer what it is: nothing is left to go on with.
+
+    The session's state is to be put into what is yielded.
+    """
+    told_of: list[SessionState] = []
+    try:
+        yield told_of
+    except Stopped as stop:
+        if any(state.name == "completed" for state in told_of):
+            stop.add_note("the session is complete")
+        raise
 
 
 def _window(sitting: Sitting, study: Study) -> AbstractContextManager[WindowParticipant | None]:

@@ -26,7 +26,7 @@ class _Stop:
     def ask(self, number: int, _frame: FrameType | None = None) -> None:
         """Take the first signal; later ones change nothing."""
         if self.wish is None:
-            self.wish = Stopped(f"stopped by {signal.Signals(number).name}; run it again to go on")
+            self.wish = Stopped(f"stopped by {signal.Signals(number).name}")
         self.raise_wish()
 
     def raise_wish(self) -> None:

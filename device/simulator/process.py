@@ -45,24 +45,29 @@ def simulator_process(
         control = Path(folder, "control")
         place = str(Path(folder, "port")) if wire == "pty" else "0"
         options = ["--control", str(control), "--seed", str(seed), "--dialect", dialect]
-        process = subprocess.Popen(
-            [*touchbeam, "simulate-device", wire, place, *options, *(["--keep"] if keep else [])],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            text=True,
-            start_new_session=True,  # Ctrl-C is ours to handle: the device must outlive it
-        )
+        complaints = Path(folder, "complaints")
+        with complaints.open("wb") as stderr:
+            process = subprocess.Popen(
+                [*touchbeam, "simulate-device", wire, place, *options, *(["--keep"] * keep)],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=stderr,
+                text=True,
+                start_new_session=True,  # Ctrl-C is ours to handle: the device must outlive it
+            )
         try:
-            yield Endpoints(url=_ready_url(process), control=control)
+            yield Endpoints(url=_ready_url(process, complaints), control=control)
         finally:
             _end(process)
 
 
-def _ready_url(process: "subprocess.Popen[str]") -> str:
+def _ready_url(process: "subprocess.Popen[str]", complaints: Path) -> str:
     assert process.stdout is not None
     word, _, url = process.stdout.readline().strip().partition(" ")
     if word != "ready":
-        raise DeviceError("the simulated device did not start; try touchbeam simulate-device")
+        said = complaints.read_text(encoding="utf-8", errors="replace").strip().splitlines()
+        why = said[-1].removeprefix("touchbeam: ") if said else "it said nothing"
+        raise DeviceError(f"the simulated device did not start ({why})")
     return url
 
 

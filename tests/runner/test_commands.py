@@ -150,7 +150,7 @@ def test_a_signal_turns_the_device_off_and_the_session_goes_on_later(number: int
     _, said = process.communicate(timeout=20)
     assert process.returncode == 1
     assert said.strip() == f"touchbeam: stopped by {signal.Signals(number).name}; " + (
-        "run it again to go on"
+        "output off, read back; run it again to go on"
     )
     assert recorded()[-2:] == ["trial-aborted", "device-off"]
     assert subprocess.run(command, check=True, capture_output=True, text=True).stderr == ""

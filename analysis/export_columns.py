@@ -293,7 +293,7 @@ _SETTING = (
     Column(
         name="study_sha256",
         description="Digest of the study file that the session began with.",
-        of=_opened("study_sha256"),
+        of=lambda trial: trial.study_sha256,
     ),
     Column(
         name="touchbeam_version",

@@ -37,7 +37,7 @@ class TrialRecord:
     """One trial: its plan, its last attempt, and what was decided afterwards.
 
     `answer` is empty if the trial was begun and never answered. `exclusion` is why the trial, not
-    its whole session, was taken out.
+    its whole session, was taken out. `study_sha256` is the digest of the study that was in force.
     """
 
     session: SessionRecord
@@ -53,6 +53,7 @@ class TrialRecord:
     resonance: Mapping[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     exclusion: str | None = None
+    study_sha256: str | None = None
 
     @property
     def excluded(self) -> str:

@@ -115,6 +115,7 @@ class _Begun:
     touches: list[TouchRecord] = field(default_factory=list)
     answer: Mapping[str, Any] = field(default_factory=dict)
     resonance: Mapping[str, float] = field(default_factory=dict)
+    study_sha256: str | None = None
     started: Recorded | None = None
     answered: Recorded | None = None
 
@@ -140,6 +141,7 @@ class _Begun:
             resonance=self.resonance,
             notes=tuple(self.notes),
             exclusion=exclusion,
+            study_sha256=self.study_sha256,
         )
 
 
@@ -149,6 +151,7 @@ class _Course:
     def __init__(self, opened: Mapping[str, Any]) -> None:
         self._opened = opened
         self._planned = {trial["index"]: trial for trial in opened["trials"]}
+        self._study_sha256: str | None = opened.get("study_sha256")
         self._begun: dict[int, _Begun] = {}
         self._now = _Begun(planned={})
         self._excluded: dict[int, str] = {}
@@ -185,6 +188,7 @@ class _Course:
 
     def _session_resumed(self, event: Recorded) -> None:
         """The study may have been amended meanwhile, and what is to be touched with it."""
+        self._study_sha256 = event.payload.get("study_sha256", self._study_sha256)
         self._planned |= {trial["index"]: trial for trial in event.payload.get("trials", ())}
 
     def _device_armed(self, event: Recorded) -> None:
@@ -203,7 +207,7 @@ class _Course:
         index = event.payload["index"]
         before_any = self._now.notes if not self._begun else []
         self._now = self._begun.setdefault(index, _Begun(planned=self._planned[index]))
-        self._now.planned = self._planned[index]
+        self._now.planned, self._now.study_sha256 = self._planned[index], self._study_sha256
         self._now.notes.extend(before_any)
         self._now.start(event, self._resonance)
 

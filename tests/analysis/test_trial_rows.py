@@ -85,12 +85,12 @@ def test_a_trial_is_as_planned_when_it_was_last_begun() -> None:
     session.add("trial-aborted", index=trial.index, why="a break")
     session.add("device-off", confirmed=True, why="a break")
     planned = {**session.events[0].payload["trials"][2], "level": 0.5}
-    session.add("session-resumed", trials=[planned])
+    session.add("session-resumed", trials=[planned], study_sha256="amended")
     session.arm()
     session.start(trial)
     session.answer(trial, 8)
     (record,) = found([session.events])
-    assert record.planned["level"] == 0.5
+    assert (record.planned["level"], record.study_sha256) == (0.5, "amended")
 
 
 def test_notes_stand_with_the_trial_they_were_typed_at() -> None:

@@ -292,7 +292,7 @@ _SETTING = (
     ),
     Column(
         name="study_sha256",
-        description="Digest of the study file that the session began with.",
+        description="Digest of the study file that was in force when the trial was last begun.",
         of=lambda trial: trial.study_sha256,
     ),
     Column(

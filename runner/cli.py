@@ -12,6 +12,7 @@ import typer
 from protocol.errors import BadInput
 from runner import cli_device, cli_journal
 from runner.cli_options import (
+    ConsentOption,
     Format,
     JsonOption,
     Language,
@@ -134,7 +135,7 @@ def run(
     windowed: Annotated[
         bool, typer.Option("--windowed", help="A small window instead of the full screen.")
     ] = False,
-    consent: Annotated[str | None, typer.Option(help="Reference of the signed consent.")] = None,
+    consent: ConsentOption = None,
     seed: Annotated[int | None, typer.Option(min=0, help="[default: the study's]")] = None,
 ) -> None:
     """Run a session, or go on with one.

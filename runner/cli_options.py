@@ -84,12 +84,23 @@ ParticipantOption = Annotated[str, typer.Option(help="The pseudonym.")]
 SessionOption = Annotated[int, typer.Option(min=1)]
 
 
-def _reason(given: str) -> str:
+def _reason(given: str) -> str | None:
     if not given.strip():
         raise BadInput("--reason must say why, got nothing")
-    return given
+    return _text(given)
 
 
+def _text(given: str | None) -> str | None:
+    """Refuse bytes that are no text: nothing else can be written into the journal."""
+    try:
+        return given if given is None else given.encode().decode()
+    except UnicodeEncodeError:
+        raise BadInput(f"a text must be UTF-8, got {given!r}") from None
+
+
+ConsentOption = Annotated[
+    str | None, typer.Option(help="Reference of the signed consent.", callback=_text)
+]
 ReasonOption = Annotated[
     str, typer.Option(help="Why; it is written into the journal.", callback=_reason)
 ]

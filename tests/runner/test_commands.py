@@ -118,6 +118,7 @@ def test_a_study_is_looked_after(capsys: pytest.CaptureFixture[str]) -> None:
     assert typed("exclude", "study", "--participant", "P09", "--reason", "noise") == 2
     assert typed("amend", "study", "--reason", "why not") == 2
     assert typed("exclude", "study", *of, "--reason", " ") == 2
+    assert typed("exclude", "study", *of, "--reason", "\udcff") == 2
     capsys.readouterr()
     assert typed("report", "study", "--rehearsals", "--json") == 0
     assert json.loads(capsys.readouterr().out)["left_out"]["trials excluded"] == 1

@@ -90,9 +90,10 @@ def uninterrupted() -> Iterator[None]:
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """Let signals end the body, inside what is `uninterrupted`.
+    """Let signals end the body, within what is `uninterrupted`.
 
-    What a signal would else skip, if it came just as the shield goes up, stands behind the shield.
+    What has to follow the body, such as turning the device off, is then shielded before the body is
+    over: no instruction lies between the two at which a signal could skip it.
     """
     stop = _stop
     stop.shields -= 1

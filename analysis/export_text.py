@@ -95,6 +95,16 @@ def _no_formula(text: str) -> str:
     return f"'{text}" if _FORMULA.match(text) else text
 
 
+def unguarded(text: str) -> str:
+    """Return `text` without the apostrophe that `csv_cell` puts before what looks like a formula.
+
+    >>> unguarded("'=1+1"), unguarded("'s")
+    ('=1+1', "'s")
+    """
+    bare = text.removeprefix("'")
+    return bare if _FORMULA.match(bare) else text
+
+
 def _escape(match: re.Match[str]) -> str:
     return ascii(match[0])[1:-1]
 

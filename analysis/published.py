@@ -7,6 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from analysis.export_text import unguarded
+from analysis.published_means import mean_column, named_as_mean
 from analysis.scores import ScoreTable
 from protocol.errors import BadInput
 
@@ -21,32 +23,36 @@ class TableError(BadInput):
 def published_table(text: str, source: str = "scores.csv") -> ScoreTable:
     """Return the scores in `text`: first column `subject`, then one column per condition.
 
-    A blank cell is a missing score. Scores lie in [0, 10].
+    A blank cell is a missing score. Scores lie in [0, 10]. An apostrophe before `=`, `+`, `-` or
+    `@` is the guard of an exported name and no part of it.
 
     Args:
         text: the file's text, with or without a byte order mark, comma-separated.
         source: what to call it in messages.
 
     Raises:
-        TableError: no header, a row of another length, a repeated name, or a cell that is neither
-            blank nor a score; the message gives line, column, value and rule.
+        TableError: no header, a row of another length, a repeated name, a cell that is neither
+            blank nor a score, or a column or row of means; the message gives line, column, value
+            and rule.
     """
     rows = _rows(text.removeprefix("\ufeff"), source)
     if len(rows) < 2 or len(rows[0]) < 2:
         raise TableError(f"{source}: must have a header and at least one row and one condition")
-    header = [name.strip() for name in rows[0]]
+    header = [_name(cell) for cell in rows[0]]
     if header[0].casefold() not in {"subject", "subjects", "participant"}:
         raise TableError(f"{source}, line 1: the first column must be 'subject', got {header[0]!r}")
     if not all(header):
         raise TableError(f"{source}, line 1: every condition must have a name, got {header[1:]!r}")
+    for name in filter(named_as_mean, header):
+        raise TableError(f"{source}, line 1, column {name}: holds no scores; remove the column")
     subjects, scores = [], []
     for line, row in enumerate(rows[1:], start=2):
         _require_length(row, header, f"{source}, line {line}")
-        if not row[0].strip():
-            raise TableError(f"{source}, line {line}: a subject must have a name, got {row[0]!r}")
-        subjects.append(row[0].strip())
+        subjects.append(_subject(row[0], f"{source}, line {line}"))
         scores.append(_scores(row[1:], header[1:], f"{source}, line {line}"))
-    return _table(subjects, header[1:], scores, source)
+    table = _table(subjects, header[1:], scores, source)
+    _require_no_means(table, source)
+    return table
 
 
 def _rows(text: str, source: str) -> list[list[str]]:
@@ -54,6 +60,32 @@ def _rows(text: str, source: str) -> list[list[str]]:
         return [row for row in csv.reader(io.StringIO(text)) if any(row)]
     except csv.Error as error:
         raise TableError(f"{source}: cannot be read as CSV ({error})") from error
+
+
+def _name(cell: str) -> str:
+    return unguarded(cell.strip())
+
+
+def _subject(cell: str, where: str) -> str:
+    name = _name(cell)
+    if not name:
+        raise TableError(f"{where}: a subject must have a name, got {cell!r}")
+    if named_as_mean(name):
+        raise TableError(f"{where}: the row {name!r} holds no scores of a subject; remove the row")
+    return name
+
+
+def _require_no_means(table: ScoreTable, source: str) -> None:
+    """Refuse means under another name."""
+    column, row = mean_column(table.scores), mean_column(table.scores.T)
+    if column is not None:
+        name = table.conditions[column]
+        raise TableError(
+            f"{source}, line 1, column {name}: is the mean of all other columns; remove the column"
+        )
+    if row is not None:
+        name = table.subjects[row]
+        raise TableError(f"{source}: the row {name!r} is the mean of all others; remove the row")
 
 
 def _require_length(row: Sequence[str], header: Sequence[str], where: str) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.published import TableError, published_table
+from analysis.published_means import mean_column
 from analysis.statistics.friedman import Friedman, friedman
 from analysis.table4 import table4, table4_csv
 
@@ -39,6 +40,83 @@ def test_a_blank_cell_is_a_missing_score_and_no_zero() -> None:
 def test_a_byte_order_mark_and_windows_line_ends_do_no_harm() -> None:
     text = "\ufeff" + PUBLISHED.replace("\n", "\r\n")
     assert np.array_equal(published_table(text).scores, published_table(PUBLISHED).scores)
+
+
+def with_means(column: str | None, row: str | None) -> str:
+    """The published table with its means as printed, under these names."""
+    lines = table4(published_table(PUBLISHED)).lines()
+    named = [[*lines[0][:-1], column or ""], *lines[1:-1], [row or "", *lines[-1][1:]]]
+    wanted = named if row else named[:-1]
+    return "".join(",".join(line if column else line[:-1]) + "\n" for line in wanted)
+
+
+@pytest.mark.parametrize(
+    ("column", "row", "message"),
+    [
+        ("Comprehensive", None, "line 1, column Comprehensive: holds no scores; remove the column"),
+        (
+            None,
+            "AVERAGE",
+            "line 11: the row 'AVERAGE' holds no scores .*; remove the row",
+        ),
+        ("total", "mean", "line 1, column total"),
+        ("overall", None, "column overall: is the mean of all other columns; remove the column"),
+        (None, "all 9", "the row 'all 9' is the mean of all others; remove the row"),
+        ("overall", "all 9", "column overall: is the mean of all other columns"),
+    ],
+)
+def test_printed_means_are_not_taken_for_scores(
+    column: str | None, row: str | None, message: str
+) -> None:
+    with pytest.raises(TableError, match=message):
+        published_table(with_means(column, row))
+
+
+def test_our_own_table_4_is_refused_and_read_without_its_means() -> None:
+    written = table4_csv(table4(published_table(PUBLISHED)))
+    with pytest.raises(TableError, match="column comprehensive"):
+        published_table(written)
+    rows = [line.rpartition(",")[0] for line in written.splitlines()[:-1]]
+    assert np.array_equal(
+        published_table("\n".join(rows)).scores, published_table(PUBLISHED).scores
+    )
+
+
+@pytest.mark.parametrize(
+    "scores",
+    [
+        [[6, 6, 6, 6, 6]] * 5,
+        [[3, 3, 3, 3], [4, 4, 4, 4], [5, 5, 5, 5]],
+        [[4, 7, 7, 6], [1, 4, 4, 3]],
+        [[5, 7, 6], [2, 4, 3], [1, 3, 2]],
+        [[np.nan] * 4] * 4,
+        [[4, 7, 7, 6], [1, 4, 4, 3], [3, 3, 0, np.nan]],
+    ],
+    ids=["all alike", "rows alike", "two rows", "two others", "none given", "one missing"],
+)
+def test_scores_that_meet_their_mean_by_chance_are_scores(scores: list[list[float]]) -> None:
+    assert mean_column(np.array(scores)) is None
+
+
+@pytest.mark.parametrize(
+    "scores",
+    [
+        [[4, 7, 7, 6], [1, 4, 4, 3], [3, 3, 0, 2]],
+        [[5, 7, 7, 6.33]],
+        [[5, 7, np.nan, 6], [2, 5, 3, 3.33], [np.nan] * 4],
+    ],
+    ids=["three rows", "a fraction", "missing scores"],
+)
+def test_a_column_of_means_is_found(scores: list[list[float]]) -> None:
+    assert mean_column(np.array(scores)) == 3
+
+
+def test_the_guard_of_an_exported_name_is_taken_off_again() -> None:
+    table = published_table("subject,'=a,'s,'-b\n'+1,3,4,5\n'2,6,7,8\n")
+    assert (table.conditions, table.subjects) == (("=a", "'s", "-b"), ("+1", "'2"))
+    lines = table4_csv(table4(table)).splitlines()
+    again = published_table("\n".join(line.rpartition(",")[0] for line in lines[:-1]))
+    assert (again.conditions, again.subjects) == (table.conditions, table.subjects)
 
 
 @pytest.mark.parametrize(

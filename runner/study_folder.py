@@ -1,5 +1,6 @@
 """A study on disk: its file, its journal, and what is made from them."""
 
+import os
 import re
 import shutil
 from collections.abc import Iterator
@@ -101,10 +102,12 @@ def new_study(folder: StudyFolder, text: str) -> Iterator[StudyFolder]:
 
 
 def _made(path: Path) -> Path:
-    """Make `path` and what is missing above it; return the topmost folder made."""
-    path = path.absolute()
-    if ".." in path.parts:
-        raise BadInput(f"{path}: cannot be made (it leads back); name the folder itself")
+    """Make `path` and what is missing above it; return the topmost folder made.
+
+    What to take away again is known only of the folder that is really meant: where `..` and links
+    lead is found out first.
+    """
+    path = Path(os.path.realpath(path))
     missing = [path, *(parent for parent in path.parents if not parent.exists())]
     try:
         path.mkdir(mode=0o700, parents=True)

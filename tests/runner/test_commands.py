@@ -230,6 +230,38 @@ def test_bad_input_is_one_clear_line_and_changes_nothing(
     assert everything(tmp_path) == before
 
 
+@pytest.mark.parametrize(
+    "command",
+    [("new", "../study"), ("import", str(PUBLISHED), "../study"), ("new", "../a/../study")],
+)
+def test_a_study_can_be_made_beside_this_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: tuple[str, ...]
+) -> None:
+    for name in ("here", "a"):
+        Path(name).mkdir()
+    monkeypatch.chdir("here")
+    assert typed(*command) == 0
+    assert (tmp_path / "study" / "study.toml").is_file()
+    assert not everything(tmp_path / "here")
+
+
+@pytest.mark.parametrize("place", ["missing/../study", "missing/../../study", "link/../study"])
+def test_what_cannot_be_made_by_going_back_leaves_nothing(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    place: str,
+) -> None:
+    Path("here").mkdir()
+    Path("there").mkdir()
+    Path("here/link").symlink_to(tmp_path / "missing")
+    monkeypatch.chdir("here")
+    before = everything(tmp_path)
+    assert typed("new", place) == 2
+    assert capsys.readouterr().err.endswith(f"{place}/study.toml: No such file or directory\n")
+    assert everything(tmp_path) == before
+
+
 def assert_matches(pattern: str, text: str) -> None:
     import re
 

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from analysis.export_text import unguarded
+from analysis.published_conditions import condition_name
 from analysis.published_means import mean_column, named_as_mean
 from analysis.scores import ScoreTable
 from protocol.errors import BadInput
@@ -24,7 +25,8 @@ def published_table(text: str, source: str = "scores.csv") -> ScoreTable:
     """Return the scores in `text`: first column `subject`, then one column per condition.
 
     A blank cell is a missing score. Scores lie in [0, 10]. An apostrophe before `=`, `+`, `-` or
-    `@` is the guard of an exported name and no part of it.
+    `@` is the guard of an exported name and no part of it. A condition that the friction model
+    knows is called as the model calls it, whatever the case.
 
     Args:
         text: the file's text, with or without a byte order mark, comma-separated.
@@ -38,7 +40,7 @@ def published_table(text: str, source: str = "scores.csv") -> ScoreTable:
     rows = _rows(text.removeprefix("\ufeff"), source)
     if len(rows) < 2 or len(rows[0]) < 2:
         raise TableError(f"{source}: must have a header and at least one row and one condition")
-    header = [_name(cell) for cell in rows[0]]
+    header = [condition_name(_name(cell)) for cell in rows[0]]
     if header[0].casefold() not in {"subject", "subjects", "participant"}:
         raise TableError(f"{source}, line 1: the first column must be 'subject', got {header[0]!r}")
     if not all(header):

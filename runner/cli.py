@@ -177,12 +177,16 @@ def import_scores(
     SCORES.csv has a column `subject` and one per condition; a blank cell is a missing score.
     """
     from analysis.published import published_table
+    from analysis.published_conditions import unpredicted_note
     from runner.importing import bytes_of, import_table, text_of
     from runner.study_folder import StudyFolder
 
     content = bytes_of(scores)
     table = published_table(text_of(content, scores), str(scores))
     import_table(StudyFolder(path=study), table.by_subject(), scores.name, content)
+    note = unpredicted_note(table.conditions)
+    if note:
+        typer.echo(note)
     typer.echo(f"{len(table.subjects)} subjects imported; next: touchbeam report {study}")
 
 

@@ -55,7 +55,10 @@ class Axes:
 def axes_of(trials: Ratings) -> Axes | NoAnswer:
     """Return centre and scale of the trials' contrasts and ratings, or why no line fits them."""
     if len(trials.rating) < 3:
-        return NoAnswer(reason=f"a line needs at least 3 ratings, got {len(trials.rating)}")
+        return NoAnswer(
+            reason="a line needs at least 3 ratings with a predicted contrast, "
+            f"got {len(trials.rating)}"
+        )
     x_sd, y_sd = float(trials.contrast.std()), float(trials.rating.std())
     if x_sd <= 1e-9 * float(np.abs(trials.contrast).max()):
         return NoAnswer(reason="all predicted contrasts are equal, so that no gain can be seen")

@@ -111,6 +111,13 @@ def test_a_column_of_means_is_found(scores: list[list[float]]) -> None:
     assert mean_column(np.array(scores)) == 3
 
 
+def test_the_models_conditions_are_known_in_any_case() -> None:
+    table = published_table("Subject, FREQUENCY ,Voltage,Colour\n1,3,4,5\n")
+    assert table.conditions == ("frequency", "voltage", "Colour")
+    with pytest.raises(TableError, match="each condition must be named once, got 'voltage' 2"):
+        published_table("subject,voltage,Voltage\n1,3,4\n")
+
+
 def test_the_guard_of_an_exported_name_is_taken_off_again() -> None:
     table = published_table("subject,'=a,'s,'-b\n'+1,3,4,5\n'2,6,7,8\n")
     assert (table.conditions, table.subjects) == (("=a", "'s", "-b"), ("+1", "'2"))

@@ -230,6 +230,24 @@ def test_bad_input_is_one_clear_line_and_changes_nothing(
     assert everything(tmp_path) == before
 
 
+def test_conditions_that_the_model_does_not_know_are_named_at_import(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    Path("scores.csv").write_text("subject,频率,Voltage,电压\n1,3,4,5\n2,6,8,8\n", encoding="utf-8")
+    assert typed("import", "scores.csv", "published") == 0
+    said = capsys.readouterr()
+    assert said.out.splitlines()[0] == (
+        "No contrast is predicted for 频率, 电压: the friction model knows signal, frequency, "
+        "structure, voltage, direction, pressure."
+    )
+    assert said.err == ""
+    assert typed("report", "published", "--json") == 0
+    reason = json.loads(capsys.readouterr().out)["sensitivity_models"]["M1"]["reason"]
+    assert reason == "a line needs at least 3 ratings with a predicted contrast, got 2"
+    assert typed("import", str(PUBLISHED), "another") == 0
+    assert "predicted" not in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     "command",
     [("new", "../study"), ("import", str(PUBLISHED), "../study"), ("new", "../a/../study")],

@@ -171,11 +171,15 @@ def test_units_of_contrast_and_rating_only_rescale(extended_study: StudyOf) -> N
 @pytest.mark.parametrize(
     ("contrast", "rating", "reason"),
     [
-        ([0.1, 0.2], [1.0, 2.0], "at least 3 ratings, got 2"),
+        ([0.1, 0.2], [1.0, 2.0], "at least 3 ratings with a predicted contrast, got 2"),
         ([0.1, 0.1, 0.1], [1.0, 2.0, 3.0], "all predicted contrasts are equal"),
         ([0.1, 0.2, 0.3], [7.0, 7.0, 7.0], "all ratings are equal, namely 7"),
         ([0.1, 0.2, 0.3], [1.0, 2.0, 3.0], "on a line of their own"),
-        ([0.1, 0.2, 0.3], [1.0, 2.0, np.nan], "at least 3 ratings, got 2"),
+        (
+            [0.1, 0.2, 0.3],
+            [1.0, 2.0, np.nan],
+            "at least 3 ratings with a predicted contrast, got 2",
+        ),
     ],
 )
 def test_ratings_without_a_line_say_why(

@@ -240,7 +240,9 @@ def export(
 @app.command()
 def predict(
     scenes: Annotated[Path, typer.Argument(metavar="SCENES.csv", help="A row per scene.")],
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="OUT.csv")],
+    out: Annotated[
+        Path, typer.Option("-o", "--out", metavar="OUT.csv", help="- is standard output.")
+    ],
     law: Annotated[Law, typer.Option()] = Law.consistent,
     rung: Annotated[str, typer.Option(help="auto, or a rung of `touchbeam ladder`.")] = "auto",
     tolerance: Annotated[float, typer.Option(help="Largest error in μ' that auto makes.")] = 0.01,
@@ -254,6 +256,7 @@ def predict(
     """
     from analysis.predict import PredictOptions, study_defaults
     from analysis.predict import predict as predicted
+    from analysis.whole_file import is_stream, write_whole
     from runner.importing import bytes_of, text_of
     from runner.study_folder import StudyFolder
 
@@ -262,8 +265,15 @@ def predict(
     )
     defaults = study_defaults(StudyFolder(path=study).study()) if study else None
     text = predicted(str(scenes), text_of(bytes_of(scenes), scenes), options, defaults)
-    _write(out, text.encode())
-    typer.echo(f"{text.count(chr(10)) - 1} scenes predicted: {out}")
+    to_stdout = str(out) == "-"
+    if to_stdout:
+        typer.echo(text, nl=False)
+    else:
+        write_whole(out, text.encode())
+    # What is read as a table must hold nothing else.
+    streamed = to_stdout or is_stream(out)
+    if not streamed or sys.stderr.isatty():
+        typer.echo(f"{text.count(chr(10)) - 1} scenes predicted: {out}", err=streamed)
 
 
 @app.command()
@@ -285,8 +295,9 @@ def ladder(
     rows = measured_ladder()
     if plot:
         from analysis.figures import panels_figure
+        from analysis.whole_file import write_whole
 
-        _write(plot, panels_figure([ladder_panel(rows)], kind))
+        write_whole(plot, panels_figure([ladder_panel(rows)], kind))
     if as_json:
         print_json(ladder_json(rows))
         return
@@ -310,21 +321,6 @@ def claims(as_json: JsonOption = False) -> None:
     from runner.terminal_table import print_table
 
     print_table("Claims", claims_lines(results))
-
-
-def _write(path: Path, data: bytes) -> None:
-    """Write a whole file or none; a pipe or a device is written to, never replaced."""
-    if path.is_dir():
-        raise BadInput(f"{path}: must be a file, got a folder")
-    if path.exists() and not path.is_file():
-        path.write_bytes(data)
-        return
-    part = path.with_name(path.name + ".part")
-    try:
-        part.write_bytes(data)
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def _report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json: bool) -> None:

@@ -39,4 +39,6 @@ def _told(error: BaseException) -> tuple[str, int]:
         case OSError(filename=str() as path, strerror=str() as why):
             code = BAD_INPUT if error.errno in _PATHS_GIVEN_WRONG else WORK_FAILED
             return f"{path}: {why}", code
+        case OSError(errno=errno.ENOSPC | errno.EFBIG | errno.EDQUOT, strerror=str() as why):
+            return f"standard output cannot be written ({why})", WORK_FAILED
     return f"internal error, {type(error).__name__}: {error} (--debug shows where)", WORK_FAILED

@@ -338,3 +338,44 @@ def test_a_device_that_is_written_to_stays_a_device(tmp_path: Path) -> None:
     assert typed("predict", "scenes.csv", "-o", str(pipe)) == 0
     assert "mu_effective" in reader.communicate(timeout=20)[0]
     assert pipe.is_fifo()
+
+
+def test_standard_output_gets_the_predictions_and_nothing_else(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    Path("scenes.csv").write_text("voltage_v\n100\n")
+    assert typed("predict", "scenes.csv", "-o", "out.csv") == 0
+    assert capsys.readouterr().out == "1 scenes predicted: out.csv\n"
+    assert typed("predict", "scenes.csv", "-o", "-") == 0
+    assert capsys.readouterr() == (Path("out.csv").read_text(), "")
+    with Path("redirected.csv").open("w") as redirected:
+        subprocess.run(
+            [TOUCHBEAM, "predict", "scenes.csv", "-o", "/dev/stdout"], stdout=redirected, check=True
+        )
+    assert Path("redirected.csv").read_text() == Path("out.csv").read_text()
+    assert not Path("-").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("predict", "scenes.csv", "-o", "/dev/full"), "/dev/full: No space left on device"),
+        (
+            ("predict", "scenes.csv", "-o", "-"),
+            "standard output cannot be written (No space left on device)",
+        ),
+        (
+            ("report", "published", "--json"),
+            "standard output cannot be written (No space left on device)",
+        ),
+        (("report", "published"), "standard output cannot be written (No space left on device)"),
+    ],
+)
+def test_a_full_disk_is_one_clear_line(arguments: tuple[str, ...], message: str) -> None:
+    Path("scenes.csv").write_text("voltage_v\n100\n")
+    typed("import", str(PUBLISHED), "published")
+    with Path("/dev/full").open("w") as full:
+        said = subprocess.run(
+            [TOUCHBEAM, *arguments], stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert (said.returncode, said.stderr) == (1, f"touchbeam: {message}\n")

@@ -1,10 +1,11 @@
 """The one place where an export touches the disk: a new folder, there as a whole or not at all."""
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+import os
+from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from analysis.made_folder import made_folder
 from protocol.errors import BadInput
 
 
@@ -16,13 +17,21 @@ def write_new_folder(contents: Mapping[str, str], folder: Path) -> Path:
 
     Raises:
         BadInput: the folder is there and not empty, or is no folder.
-        OSError: it cannot be written.
+        OSError: it cannot be written; the error names `folder`.
     """
-    place = folder.resolve()
+    place = Path(os.path.realpath(folder))
     _require_free(place, folder)
+    try:
+        _write(contents, place)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(folder)) from error
+    return folder
+
+
+def _write(contents: Mapping[str, str], place: Path) -> None:
     with (
-        _folders_above(place.parent),
-        TemporaryDirectory(prefix=f".{place.name}-", dir=place.parent) as beside,
+        made_folder(place.parent) as parent,
+        TemporaryDirectory(prefix=".touchbeam-", dir=parent) as beside,
     ):
         whole = Path(beside) / "whole"
         for name, text in contents.items():
@@ -32,7 +41,6 @@ def write_new_folder(contents: Mapping[str, str], folder: Path) -> Path:
         if place.exists():
             place.rmdir()  # empty; Windows renames no folder onto another
         whole.rename(place)
-    return folder
 
 
 def _require_free(place: Path, given: Path) -> None:
@@ -40,16 +48,3 @@ def _require_free(place: Path, given: Path) -> None:
         raise BadInput(f"{given}: is a file; name a folder to make")
     if place.exists() and any(place.iterdir()):
         raise BadInput(f"{given}: is there already and not empty; name a folder to make")
-
-
-@contextmanager
-def _folders_above(parent: Path) -> Iterator[None]:
-    """Make what is missing of `parent`; if the body fails, it is missing again."""
-    missing = [path for path in (parent, *parent.parents) if not path.exists()]
-    parent.mkdir(parents=True, exist_ok=True)
-    try:
-        yield
-    except BaseException:
-        for path in missing:
-            path.rmdir()
-        raise

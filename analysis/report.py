@@ -10,6 +10,7 @@ from typing import Any
 from analysis.exclusion_rules import rules_in_words
 from analysis.export_text import json_text
 from analysis.latex import table4_tex
+from analysis.made_folder import made_folder
 from analysis.methods import limits, methods
 from analysis.no_answer import NoAnswer
 from analysis.page import Page, page_html
@@ -27,6 +28,8 @@ from analysis.session_scores import Loaded
 from analysis.table4 import table4_csv
 from analysis.table_statistics import TableStatistics, table_statistics
 from analysis.trial_statistics import TrialStatistics, trial_statistics
+from analysis.whole_file import write_whole
+from protocol.errors import BadInput
 from protocol.study import Study
 
 
@@ -120,26 +123,40 @@ def report_html(result: Report) -> str:
 
 
 def write_report(result: Report, folder: Path) -> list[Path]:
-    """Write page, tables, data and figures into `folder`; return the paths of all but figures."""
+    """Write page, tables, data and figures into `folder`; return the paths of all but figures.
+
+    All is made before anything is written, and each file is replaced as a whole.
+
+    Raises:
+        BadInput: `folder` is a file.
+        OSError: something cannot be written; the error names it.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise BadInput(f"{folder}: is a file; name a folder for the report")
     contents = {
         "table4.csv": table4_csv(result.table.main.table4),
         "table4.tex": table4_tex(result.table.main.table4),
         "report.html": report_html(result),
         "report.json": json_text(report_json(result)),
     }
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, text in contents.items():
-        (folder / name).write_text(text, encoding="utf-8", newline="\n")
-    _write_figures(result, folder / "figures")
+    figures = _figures(result)
+    with made_folder(folder), made_folder(folder / "figures"):
+        for name, text in contents.items():
+            write_whole(folder / name, text.encode())
+        for name in _FIGURE_FILES - figures.keys():
+            (folder / "figures" / name).unlink(missing_ok=True)  # an earlier report's
+        for name, data in figures.items():
+            write_whole(folder / "figures" / name, data)
     return [folder / name for name in contents]
 
 
-def _write_figures(result: Report, folder: Path) -> None:
-    """Write the figures; those of an earlier report that are no longer drawn are taken away."""
-    folder.mkdir(exist_ok=True)
-    for name in FIGURES:
-        (folder / f"{name}.svg").unlink(missing_ok=True)
-        (folder / f"{name}.png").unlink(missing_ok=True)
+_FIGURE_FILES = {f"{name}.{kind}" for name in FIGURES for kind in ("svg", "png")}
+
+
+def _figures(result: Report) -> dict[str, bytes]:
+    """The figures by the names of their files."""
+    found: dict[str, bytes] = {}
     for name, shown in result.illustrations.items():
-        (folder / f"{name}.svg").write_text(shown.drawing.svg, encoding="utf-8", newline="\n")
-        (folder / f"{name}.png").write_bytes(shown.drawing.png)
+        found[f"{name}.svg"] = shown.drawing.svg.encode()
+        found[f"{name}.png"] = shown.drawing.png
+    return found

@@ -21,6 +21,7 @@ from runner.cli_options import (
     Pace,
     Ratings,
     StudyArgument,
+    named_folder,
     print_json,
     study_journal,
 )
@@ -193,7 +194,10 @@ def import_scores(
 @app.command()
 def report(
     study: StudyArgument,
-    out: Annotated[Path | None, typer.Option(help="[default: STUDY/report]")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(parser=named_folder, metavar="DIR", help="[default: STUDY/report]"),
+    ] = None,
     rehearsals: Annotated[
         bool, typer.Option("--rehearsals", help="Report rehearsals too, marked as such.")
     ] = False,
@@ -212,7 +216,9 @@ def report(
 @app.command()
 def export(
     study: StudyArgument,
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="A folder to make.")],
+    folder: Annotated[
+        Path, typer.Argument(parser=named_folder, metavar="DIR", help="A folder to make.")
+    ],
     as_format: Annotated[Format, typer.Option("--format", help="csv is one tidy table.")],
     rehearsals: Annotated[
         bool, typer.Option("--rehearsals", help="Export rehearsals too, marked as such.")

@@ -73,6 +73,13 @@ class Overlap(StrEnum):
     last = "last"
 
 
+def named_folder(text: str) -> Path:
+    """Return the folder of that name; no name is no folder, although Path takes it for this one."""
+    if not text.strip():
+        raise typer.BadParameter(f"must name a folder, got {text!r}")
+    return Path(text)
+
+
 StudyArgument = Annotated[Path, typer.Argument(metavar="STUDY", help="The study's folder.")]
 UrlArgument = Annotated[
     str, typer.Argument(metavar="URL", help="A serial port, socket://HOST:PORT, or sim.")

@@ -1,5 +1,8 @@
 """An export is there as a whole or not at all, and never over something else."""
 
+import resource
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -40,6 +43,31 @@ def test_a_file_is_refused(tmp_path: Path) -> None:
 
 def test_what_fails_on_the_way_leaves_nothing_behind(tmp_path: Path) -> None:
     clash = {"a": "a file\n", "a/b": "in a folder of the same name\n"}
-    with pytest.raises(FileExistsError, match="whole/a"):
-        write_new_folder(clash, tmp_path / "deep" / "er" / "new")
+    place = tmp_path / "deep" / "er" / "new"
+    with pytest.raises(FileExistsError, match=f"File exists: '{place}'"):
+        write_new_folder(clash, place)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_full_disk_is_told_of_the_folder_that_was_named(tmp_path: Path) -> None:
+    place = tmp_path / "deep" / "new"
+    program = f"""
+from pathlib import Path
+from analysis.export_folder import write_new_folder
+write_new_folder({{"a": 9_999 * " "}}, Path({str(place)!r}))
+"""
+    said = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=Path(__file__).parents[2],
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (9_000, 9_000)),
+    )
+    assert said.stderr.endswith(f"OSError: [Errno 27] File too large: '{place}'\n")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_long_name_is_no_hindrance(tmp_path: Path) -> None:
+    write_new_folder(CONTENTS, tmp_path / ("x" * 255))
+    assert [path.name for path in tmp_path.iterdir()] == ["x" * 255]

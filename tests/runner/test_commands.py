@@ -2,6 +2,7 @@
 
 import json
 import os
+import resource
 import signal
 import sqlite3
 import subprocess
@@ -291,6 +292,42 @@ def test_a_report_that_cannot_be_written_says_where(capsys: pytest.CaptureFixtur
     Path("file").write_text("")
     assert typed("report", "published", "--out", "file/report") == 2
     assert "file/report: Not a directory" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("command", "message"),
+    [
+        (("report", "published", "--out", ""), "--out': must name a folder, got ''"),
+        (("report", "published", "--out", "file"), "file: is a file; name a folder for the report"),
+        (("export", "published", " ", "--format", "csv"), "'DIR': must name a folder, got ' '"),
+    ],
+)
+def test_a_place_for_results_must_be_a_folder(
+    capsys: pytest.CaptureFixture[str], command: tuple[str, ...], message: str
+) -> None:
+    typed("import", str(PUBLISHED), "published")
+    Path("file").write_text("")
+    capsys.readouterr()
+    before = everything(Path())
+    assert typed(*command) == 2
+    assert message in capsys.readouterr().err
+    assert everything(Path()) == before
+
+
+def test_a_disk_that_fills_up_leaves_no_part_of_a_report() -> None:
+    typed("import", str(PUBLISHED), "published")
+    assert typed("report", "published", "--out", "before") == 0, "fonts are known from here on"
+    before = everything(Path())
+    said = subprocess.run(
+        [TOUCHBEAM, "report", "published", "--out", "deep/out"],
+        capture_output=True,
+        text=True,
+        check=False,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, 40_000)),
+    )
+    assert_matches(r"^touchbeam: deep/out/report\.\w+: File too large\n$", said.stderr)
+    assert said.returncode == 1
+    assert everything(Path()) == before
 
 
 def test_an_unknown_key_names_the_near_miss(capsys: pytest.CaptureFixture[str]) -> None:

@@ -153,7 +153,7 @@ def test_a_published_table_comes_out_as_it_went_in(
         (("nowhere", "out", "--format", "csv"), "nowhere: no sessions here"),
         (("study", "full", "--format", "csv"), "full: is there already and not empty"),
         (("study", "file", "--format", "csv"), "file: is a file; name a folder to make"),
-        (("study", "file/out", "--format", "csv"), "file: File exists"),
+        (("study", "file/out", "--format", "csv"), "file/out: Not a directory"),
         (("study", "out", "--format", "xlsx"), "'xlsx' is not one of 'csv', 'bids', 'psychds'"),
         (("study", "out"), "Missing option '--format'"),
         (("study", "--format", "csv"), "Missing argument 'DIR'"),

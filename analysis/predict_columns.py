@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from device.conditions import SMOOTH_PLACE_M
 from device.mode_shapes import FloatArray
+from device.rungs import HIGHEST_MODE
 from device.scenes import Scene
 from protocol.errors import BadInput
 
@@ -20,11 +21,16 @@ _LENGTH_M = _SCENE.structure.beam.length_m
 
 @dataclass(frozen=True, kw_only=True)
 class NumberColumn:
-    """A column of numbers: its default (nan: none) and what a value must keep to."""
+    """A column of numbers: its default (nan: none) and what a value must keep to.
+
+    `reach`: the least and the largest size of a value that is not 0. Far beyond what any device
+    does, and so that no product of them leaves the range of numbers.
+    """
 
     default: float
     rule: str
     keeps: Callable[[FloatArray], BoolArray]
+    reach: tuple[float, float] = (1e-9, 1e9)
     word: str = ""
     """What may stand for a number, read as nan."""
 
@@ -67,6 +73,7 @@ COLUMNS: Mapping[str, NumberColumn | WordColumn] = {
         default=np.nan,
         rule="must be `resonance` or a finite number above 0",
         keeps=_finite_above(0),
+        reach=(1e-9, 1e8),  # above, the segmented beam has millions of zones
         word="resonance",
     ),
     "x_m": NumberColumn(
@@ -78,7 +85,7 @@ COLUMNS: Mapping[str, NumberColumn | WordColumn] = {
     "direction": WordColumn(words=("right", "left")),
     "coverage": WordColumn(words=("local", "full")),
     "same_direction_fraction": NumberColumn(
-        default=np.nan, rule="must lie in [0, 1]", keeps=_between(0.0, 1.0)
+        default=np.nan, rule="must lie in [0, 1]", keeps=_between(0.0, 1.0), reach=(0.0, 1.0)
     ),
     "ratio": WordColumn(words=("eq15", "mode")),
     "body_count": NumberColumn(default=_STRUCTURE.body_count, rule=_COUNT, keeps=_whole),
@@ -95,7 +102,9 @@ COLUMNS: Mapping[str, NumberColumn | WordColumn] = {
         rule="must lie between 0 and 1",
         keeps=lambda values: (values > 0) & (values < 1),
     ),
-    "mode": NumberColumn(default=_SCENE.drive.mode, rule=_COUNT, keeps=_whole),
+    "mode": NumberColumn(
+        default=_SCENE.drive.mode, rule=_COUNT, keeps=_whole, reach=(1, HIGHEST_MODE)
+    ),
     "sliding_speed_m_s": NumberColumn(
         default=_TOUCH.sliding_speed_m_s, rule=_POSITIVE, keeps=_finite_above(0)
     ),
@@ -177,6 +186,11 @@ def _numbers(source: str, name: str, cells: Sequence[str], lines: Sequence[int])
     wrong = np.flatnonzero(given & ~column.keeps(np.where(given, values, 0.5)))
     if wrong.size:
         raise bad_cell(source, lines[wrong[0]], name, column.rule, cells[wrong[0]])
+    low, high = column.reach
+    beyond = np.flatnonzero(given & (values != 0) & ~((values >= low) & (values <= high)))
+    if beyond.size:
+        rule = f"a value other than 0 must lie in [{low:g}, {high:g}]"
+        raise bad_cell(source, lines[beyond[0]], name, rule, cells[beyond[0]])
     return values
 
 

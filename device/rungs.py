@@ -80,6 +80,9 @@ def _modes(count: int) -> FieldOf:
     """The field of a rung that adds up the first `count` modes of the bare beam."""
 
     def field_of(beam: Beam, drive: Drive) -> Field:
+        if drive.mode > count:
+            rule = f"must be at most {count} on the rung modes:{count}; take modes:{drive.mode}"
+            raise OutOfRangeError("mode", rule, drive.mode)
         frequency_hz = _frequency_hz(drive) or natural_frequency_hz(beam, drive.mode)
         return _driven(_modal_summary(beam, frequency_hz, count), frequency_hz, drive.voltage_v)
 
@@ -102,6 +105,10 @@ SEGMENTED_RUNGS: Mapping[str, FieldOf] = MappingProxyType(
         TOP_RUNG: _segmented(patched=True, shear=True),
     }
 )
+HIGHEST_MODE = 999
+"""The highest mode that `modes:N` can add up."""
+_LOWEST_SUM = Drive().mode
+"""The reference scene's own mode: a sum without it has no tip speed to relate others to."""
 RUNG_NAMES = (*MODAL_RUNGS, "modes:N", *SEGMENTED_RUNGS)
 
 
@@ -112,13 +119,15 @@ def check_rung(name: str) -> None:
         OutOfRangeError: there is no such rung.
     """
     if name not in MODAL_RUNGS and name not in SEGMENTED_RUNGS and not _mode_count(name):
-        raise OutOfRangeError("rung", f"must be one of {', '.join(RUNG_NAMES)}", repr(name))
+        names = ", ".join(RUNG_NAMES).replace(":N", f":N (N from {_LOWEST_SUM} to {HIGHEST_MODE})")
+        raise OutOfRangeError("rung", f"must be one of {names}", repr(name))
 
 
 def _mode_count(name: str) -> int:
     """The N of `modes:N`, or 0."""
     found = re.fullmatch(r"modes:([1-9]\d{0,2})", name)
-    return int(found.group(1)) if found else 0
+    count = int(found.group(1)) if found else 0
+    return count if _LOWEST_SUM <= count <= HIGHEST_MODE else 0
 
 
 def rung_field(name: str, beam: Beam, drive: Drive, overlap: Overlap = "first") -> Field:
@@ -131,7 +140,7 @@ def rung_field(name: str, beam: Beam, drive: Drive, overlap: Overlap = "first") 
         overlap: which pieces of Eq 15 hold where two overlap, for `eq15`.
 
     Raises:
-        OutOfRangeError: there is no such rung, or the mode lies beyond its cut-off.
+        OutOfRangeError: there is no such rung, or the mode lies beyond its cut-off or its sum.
     """
     check_rung(name)
     if name in MODAL_RUNGS:

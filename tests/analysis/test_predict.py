@@ -2,11 +2,13 @@
 
 import csv
 import io
+import math
 import re
+from random import Random
 
 import pytest
 
-from analysis.predict import PredictOptions, predict, study_defaults
+from analysis.predict import OUTPUTS, PredictOptions, predict, study_defaults
 from device.friction import friction_coefficient
 from device.scenes import Drive, Scene, Touch
 from protocol.study_file import parsed_study, template
@@ -84,6 +86,15 @@ def test_a_table_without_scenes_gives_a_table_without_predictions() -> None:
         ("direction\nup\n", "column direction: must be one of right, left, got 'up'"),
         ("mode\n1.5\n", "column mode: must be a whole number of at least 1, got '1.5'"),
         ("mode\n30\n", "line 2, column mode: must lie below the beam's cut-off at 218 kHz"),
+        (
+            "x_m,mode\n0,6\n0,1000\n",
+            "line 3, column mode: a value other than 0 must lie in [1, 999]",
+        ),
+        ("mode\n1e300\n", "line 2, column mode: a value"),
+        ("frequency_hz\n1e-300\n", "line 2, column frequency_hz: a value"),
+        ("frequency_hz\n1e300\n", "must lie in [1e-09, 1e+08], got '1e300'"),
+        ("voltage_v\n1e308\n", "must lie in [1e-09, 1e+09], got '1e308'"),
+        ("x_m\n5e-324\n", "column x_m: a value other than 0 must lie in [1e-09, 1e+09]"),
         ("volts\n1\n", "s.csv, line 1: unknown column 'volts'"),
         ("x_m,x_m\n0,0\n", "s.csv, line 1: column 'x_m' stands twice"),
         ("x_m,mode\n0.01\n", "s.csv, line 2: 2 cells are due, got 1"),
@@ -98,3 +109,48 @@ def test_a_bad_cell_is_named(text: str, message: str) -> None:
 def test_an_unknown_rung_is_refused() -> None:
     with pytest.raises(ValueError, match="timoshenko-patched, got 'exact'"):
         PredictOptions(rung="exact")
+
+
+_SIZES: dict[str, tuple[str, ...]] = {
+    "voltage_v": ("0", "1e-9", "100", "1e9"),
+    "frequency_hz": ("resonance", "1e-9", "24000", "1e6"),
+    "x_m": ("0", "1e-9", "0.05", "0.1"),
+    "contact_m": ("1e-9", "0.01", "1e9"),
+    "direction": ("left", "right"),
+    "coverage": ("local", "full"),
+    "ratio": ("eq15", "mode"),
+    "body_count": ("1", "1e9"),
+    "body_load_n": ("1e-9", "20", "1e9"),
+    "finger_load_n": ("", "1e-9", "1e9"),
+    "body_mass_kg": ("0", "1e-9", "1e9"),
+    "friction_coefficient": ("1e-9", "0.4", "1e9"),
+    "damping_ratio": ("1e-9", "0.999999999"),
+    "mode": ("1", "6", "12"),
+    "sliding_speed_m_s": ("1e-9", "0.04", "1e9"),
+    "body_height_m": ("0", "1e-9", "1e9"),
+}
+
+
+@pytest.mark.parametrize("law", ["printed", "consistent", "coulomb"])
+@pytest.mark.parametrize("rung", ["auto", "eq15", "mode", "modes:12", "timoshenko-patched"])
+def test_every_value_within_reach_gives_finite_numbers(law: str, rung: str) -> None:
+    choice = Random(1)
+    rows = [",".join(choice.choice(sizes) for sizes in _SIZES.values()) for _ in range(200)]
+    text = "\n".join([",".join(_SIZES), *rows]) + "\n"
+    for row in _rows(predict("s.csv", text, PredictOptions(law=law, rung=rung))):
+        assert all(math.isfinite(float(row[name])) for name in OUTPUTS), row
+
+
+def test_the_highest_frequency_and_mode_are_within_reach() -> None:
+    text = "frequency_hz,mode\n1e8,1\nresonance,999\n"
+    rows = _rows(predict("s.csv", text, PredictOptions(rung="mode")))
+    assert [round(float(row["mu_effective"]), 3) for row in rows] == [0.4, 0.504]
+
+
+def test_a_sum_without_the_driven_mode_is_refused() -> None:
+    message = "line 2, column mode: must be at most 12 on the rung modes:12; take modes:13, got 13"
+    with pytest.raises(ValueError, match=message):
+        predict("s.csv", "mode\n13\n", PredictOptions(rung="modes:12"))
+    assert _rows(predict("s.csv", "mode\n13\n", PredictOptions(rung="modes:13")))
+    with pytest.raises(ValueError, match=r"modes:N \(N from 6 to 999\), .* got 'modes:5'"):
+        PredictOptions(rung="modes:5")

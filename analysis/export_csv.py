@@ -3,13 +3,21 @@
 from analysis.export_column import Column
 from analysis.export_columns import COLUMNS, cells
 from analysis.export_dataset import Dataset
+from analysis.export_readme import changed
 from analysis.export_text import BETWEEN_TOUCHES, csv_text, json_text
 
 
 def csv_export(data: Dataset) -> dict[str, str]:
-    """Return `trials.csv`, and `trials.json` that describes each of its columns."""
+    """Return `trials.csv`, and `trials.json` that describes each of its columns.
+
+    Data of a journal that was changed come with a `README.md` that says so.
+    """
     described = {column.name: _described(column, data) for column in COLUMNS}
-    return {"trials.csv": trials_csv(data), "trials.json": json_text(described)}
+    return {
+        **({"README.md": changed(data)} if data.broken_chains else {}),
+        "trials.csv": trials_csv(data),
+        "trials.json": json_text(described),
+    }
 
 
 def trials_csv(data: Dataset) -> str:

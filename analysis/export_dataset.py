@@ -20,13 +20,15 @@ UNNAMED_TASK = "touch"
 class Dataset:
     """A study's trials with the study file that they belong to.
 
-    `source_sha256` is the digest of all the events that they were read from.
+    `source_sha256` is the digest of all the events that they were read from, `broken_chains` are
+    the sessions whose events are not as they were recorded.
     """
 
     study: Study
     trials: Trials
     source_sha256: str
     touchbeam: str
+    broken_chains: tuple[str, ...] = ()
 
     @property
     def facts(self) -> Publication:
@@ -90,7 +92,12 @@ class Dataset:
 
 
 def dataset(
-    chains: Iterable[Sequence[Recorded]], study: Study, touchbeam: str, *, rehearsals: bool
+    chains: Iterable[Sequence[Recorded]],
+    study: Study,
+    touchbeam: str,
+    *,
+    rehearsals: bool,
+    broken_chains: Iterable[str] = (),
 ) -> Dataset:
     """Return what is to be exported of the sessions in `chains`.
 
@@ -99,6 +106,7 @@ def dataset(
         study: the study file as it is now.
         touchbeam: the version that exports.
         rehearsals: whether dry runs are wanted too.
+        broken_chains: the sessions whose chain of hashes is broken.
 
     Raises:
         NothingToExport: there is no trial.
@@ -109,6 +117,7 @@ def dataset(
         trials=trials(sessions, rehearsals=rehearsals),
         source_sha256=_digest(sessions),
         touchbeam=touchbeam,
+        broken_chains=tuple(broken_chains),
     )
 
 

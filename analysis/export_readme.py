@@ -2,6 +2,7 @@
 
 from html import escape
 
+from analysis.changed_journal import changed_journal
 from analysis.export_dataset import Dataset
 
 _REHEARSALS = (
@@ -19,6 +20,7 @@ def readme(data: Dataset, tables: str) -> str:
     """
     parts = [
         f"# {_line(data.title)}\n",
+        *([changed(data)] if data.broken_chains else []),
         *([_REHEARSALS] if "rehearsal" in data.kinds else []),
         f"{_line(data.description())}\n",
         f"{tables}\n",
@@ -33,6 +35,11 @@ def readme(data: Dataset, tables: str) -> str:
         f"(SHA-256 of its events: {data.source_sha256}).\n",
     ]
     return "\n".join(parts)
+
+
+def changed(data: Dataset) -> str:
+    """Return what a reader of data from a changed journal must know first."""
+    return f"**Changed journal.** {_line(changed_journal(data.broken_chains))}\n"
 
 
 def _counts(data: Dataset) -> str:

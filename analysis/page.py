@@ -150,6 +150,7 @@ class Page:
 
     title: str
     rehearsals: bool
+    changed: str
     loaded: Loaded
     table: TableStatistics
     trials: TrialStatistics

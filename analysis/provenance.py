@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 
+from analysis.changed_journal import changed_journal
 from analysis.session_scores import Loaded
 from analysis.trial_contrasts import RUNG
 from analysis.trial_ratings import LAW
@@ -17,10 +18,14 @@ LIBRARIES = ("touchbeam", "numpy", "scipy", "matplotlib")
 
 @dataclass(frozen=True, kw_only=True)
 class Origin:
-    """What a report was asked for with, and the digest of the study file."""
+    """What a report was asked for with, and the digest of the study file.
+
+    `broken_chains` are the sessions whose events are not as they were recorded.
+    """
 
     command: str
     study_sha256: str
+    broken_chains: tuple[str, ...] = ()
 
 
 def provenance(origin: Origin, loaded: Loaded, study: Study, trials_sha256: str) -> dict[str, str]:
@@ -35,6 +40,7 @@ def provenance(origin: Origin, loaded: Loaded, study: Study, trials_sha256: str)
     recording = loaded.recording
     return {
         "command": origin.command,
+        **({"journal": changed_journal(origin.broken_chains)} if origin.broken_chains else {}),
         "scores": ", ".join(loaded.kinds),
         "input, SHA-256 of all trials that count": trials_sha256,
         "study file, SHA-256": origin.study_sha256,

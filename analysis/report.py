@@ -7,6 +7,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+from analysis.changed_journal import changed_journal
 from analysis.exclusion_rules import rules_in_words
 from analysis.export_text import json_text
 from analysis.latex import table4_tex
@@ -85,6 +86,7 @@ def report_json(result: Report) -> dict[str, Any]:
         "title": result.title,
         "kinds": list(loaded.kinds),
         "rehearsals": result.rehearsals,
+        "broken_chains": list(result.origin.broken_chains),
         "unfinished": list(loaded.unfinished),
         "left_out": left_out_json(loaded),
         "exclusions": plain(loaded.left_out),
@@ -99,10 +101,12 @@ def report_json(result: Report) -> dict[str, Any]:
 
 def report_html(result: Report) -> str:
     """Return the report as one page that needs no network."""
+    broken = result.origin.broken_chains
     return page_html(
         Page(
             title=result.title,
             rehearsals=result.rehearsals,
+            changed=changed_journal(broken) if broken else "",
             loaded=result.loaded,
             table=result.table,
             trials=result.trials,

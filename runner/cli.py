@@ -30,6 +30,8 @@ from runner.itself import touchbeam_command
 from runner.stopping import stops_raise
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from runner.study_folder import StudyFolder
 
 app = typer.Typer(
@@ -234,11 +236,16 @@ def export(
     from analysis.export_dataset import dataset
     from analysis.export_folder import write_new_folder
     from runner.study_folder import StudyFolder
+    from runner.verification import readable_chains
 
     source = StudyFolder(path=study)
+    broken: list[str] = []
     with study_journal(source) as journal:
-        chains = [journal.events(session) for session in journal.sessions()]
-    data = dataset(chains, source.study(), version("touchbeam"), rehearsals=rehearsals)
+        chains = list(readable_chains(journal, broken))
+    data = dataset(
+        chains, source.study(), version("touchbeam"), rehearsals=rehearsals, broken_chains=broken
+    )
+    _warn_of_broken(broken, study)
     write_new_folder(EXPORTS[as_format.value](data), folder)
     typer.echo(f"Written: {folder}, {data.trials.summary()}")
 
@@ -342,20 +349,23 @@ def _report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json: bool
     from analysis.wording import omnibus_line
     from runner.session import text_digest
     from runner.terminal_table import print_table
-    from runner.verification import readable_events
+    from runner.verification import readable_chains
 
+    broken: list[str] = []
     with study_journal(folder) as journal:
         study = folder.study()
         sessions = (
-            [(event.tag, event.payload) for event in readable_events(journal, name)]
-            for name in journal.sessions()
+            [(event.tag, event.payload) for event in events]
+            for events in readable_chains(journal, broken)
         )
         found = loaded(sessions, rehearsals=rehearsals, rules=study.exclusions)
     title = folder.path.resolve().name
     origin = Origin(
         command=f"touchbeam report {title}{' --rehearsals' if rehearsals else ''}",
         study_sha256=text_digest(folder.text()),
+        broken_chains=tuple(broken),
     )
+    _warn_of_broken(broken, folder.path)
     result = made_report(title, found, study, origin)
     written = write_report(result, out)
     if as_json:
@@ -364,6 +374,17 @@ def _report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json: bool
     print_table("Table 4", result.table.main.table4.lines("–"))
     typer.echo(
         f"{omnibus_line(result.table.main)}\nWritten: {', '.join(str(path) for path in written)}"
+    )
+
+
+def _warn_of_broken(sessions: "Sequence[str]", study: Path) -> None:
+    if not sessions:
+        return
+    named = ", ".join(sessions[:10]) + (f" and {len(sessions) - 10} more" if sessions[10:] else "")
+    typer.echo(
+        f"touchbeam: warning: the journal was changed by other means than touchbeam, in {named}; "
+        f"see touchbeam verify {study}",
+        err=True,
     )
 
 

@@ -1,7 +1,7 @@
 """Whether a journal is what it claims to be: chains unbroken, every trial answered exactly once."""
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -100,7 +100,31 @@ def readable_events(journal: Journal, session: str) -> list[Event]:
         JournalError: some are missing, so that nothing can be said about the session.
     """
     events = journal.events(session)
-    withdrawn = any(event.tag == "withdrawn" for event in events)
+    _require_readable(session, events)
+    return events
+
+
+def readable_chains(journal: Journal, broken: list[str]) -> Iterator[list[Event]]:
+    """Yield the events of each chain of `journal`; name those that are not whole in `broken`.
+
+    Raises:
+        JournalError: of a session too much is missing for anything to be said about it.
+    """
+    for name in journal.sessions():
+        chain = list(journal.chain(name))
+        events = [event for event, _, _ in chain]
+        _require_readable(name, events)
+        if not chain_is_unbroken(name, chain, erased=_is_withdrawn(events)):
+            broken.append(name)
+        yield events
+
+
+def _is_withdrawn(events: Iterable[Event]) -> bool:
+    return any(event.tag == "withdrawn" for event in events)
+
+
+def _require_readable(session: str, events: list[Event]) -> None:
+    withdrawn = _is_withdrawn(events)
     if any(event.erased for event in events) and not withdrawn:
         raise JournalError(f"session {session} has lost payloads; see touchbeam verify")
     try:
@@ -111,7 +135,6 @@ def readable_events(journal: Journal, session: str) -> list[Event]:
     lacking = _OPENING - opened.keys() if "scores" not in opened else set()
     if lacking and not withdrawn and session != STUDY_CHAIN:
         raise JournalError(f"session {session} does not say how it began; see touchbeam verify")
-    return events
 
 
 def chain_is_unbroken(name: str, chain: Iterable[ChainLink], *, erased: bool) -> bool:

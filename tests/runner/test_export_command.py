@@ -3,8 +3,10 @@
 import json
 import re
 import shutil
+import sqlite3
 import subprocess
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -145,6 +147,59 @@ def test_a_published_table_comes_out_as_it_went_in(
         who, *given = subject.values()
         mine = {row["condition"]: row["score"] for row in rows if row["participant"] == who}
         assert [float(mine[name]) for name in list(subject)[1:]] == [float(x) for x in given]
+
+
+def test_a_changed_journal_is_reported_and_exported_with_a_warning(
+    study: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with closing(sqlite3.connect(study / "study.db")) as other, other:
+        other.execute("DROP TRIGGER event_is_erased_at_most")
+        other.execute(
+            "UPDATE event SET payload = json_set(payload, '$.score', 9) "
+            "WHERE tag = 'answered' AND session IN ('P-01/1', 'P01/2')"
+        )
+    warning = (
+        "touchbeam: warning: the journal was changed by other means than touchbeam, in P-01/1, "
+        "P01/2; see touchbeam verify study\n"
+    )
+    for name in ("csv", "bids", "psychds"):
+        assert typed("export", study.name, name, "--format", name) == 0
+        assert capsys.readouterr().err == warning
+        page = contents(Path(name))["README.md"]
+        assert 0 <= page.index("**Changed journal.**") < 100
+        assert "broken in P-01/1, P01/2;" in page
+    assert typed("report", study.name, "--json") == 0
+    said = capsys.readouterr()
+    assert said.err == warning
+    found = json.loads(said.out)
+    assert found["broken_chains"] == ["P-01/1", "P01/2"]
+    assert "broken in P-01/1, P01/2;" in found["provenance"]["journal"]
+    page = (study / "report" / "report.html").read_text()
+    assert page.index("<strong>Changed journal.</strong>") < page.index("<nav")
+
+
+def test_a_whole_journal_gives_no_warning(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert typed("export", study, "csv", "--format", "csv") == 0
+    assert capsys.readouterr().err == ""
+    assert set(contents(Path("csv"))) == {"trials.csv", "trials.json"}
+    assert typed("report", study, "--json") == 0
+    said = capsys.readouterr()
+    assert (said.err, json.loads(said.out)["broken_chains"]) == ("", [])
+    assert "Changed journal" not in (study / "report" / "report.html").read_text()
+
+
+def test_many_changed_sessions_are_one_short_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    rows = "".join(f"{who},3,4\n" for who in range(12))
+    Path("scores.csv").write_text(f"subject,voltage,pressure\n{rows}")
+    assert typed("import", "scores.csv", "study") == 0
+    with closing(sqlite3.connect("study/study.db")) as other, other:
+        other.execute("DROP TRIGGER event_is_erased_at_most")
+        other.execute("UPDATE event SET utc = '2026-01-01T00:00:00+00:00'")
+    assert typed("export", "study", "csv", "--format", "csv") == 0
+    assert "9/1 and 2 more; see touchbeam verify study" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

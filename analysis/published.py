@@ -37,31 +37,56 @@ def published_table(text: str, source: str = "scores.csv") -> ScoreTable:
             blank nor a score, or a column or row of means; the message gives line, column, value
             and rule.
     """
-    rows = _rows(text.removeprefix("\ufeff"), source)
-    if len(rows) < 2 or len(rows[0]) < 2:
+    (start, first), *rows = _rows(text.removeprefix("\ufeff"), source)
+    at_header = f"{source}, line {start}"
+    _require_commas(first, at_header)
+    if not rows or len(first) < 2:
         raise TableError(f"{source}: must have a header and at least one row and one condition")
-    header = [condition_name(_name(cell)) for cell in rows[0]]
+    header = [condition_name(_name(cell)) for cell in first]
     if header[0].casefold() not in {"subject", "subjects", "participant"}:
-        raise TableError(f"{source}, line 1: the first column must be 'subject', got {header[0]!r}")
+        raise TableError(f"{at_header}: the first column must be 'subject', got {header[0]!r}")
     if not all(header):
-        raise TableError(f"{source}, line 1: every condition must have a name, got {header[1:]!r}")
+        raise TableError(f"{at_header}: every condition must have a name, got {header[1:]!r}")
     for name in filter(named_as_mean, header):
-        raise TableError(f"{source}, line 1, column {name}: holds no scores; remove the column")
+        raise TableError(f"{at_header}, column {name}: holds no scores; remove the column")
     subjects, scores = [], []
-    for line, row in enumerate(rows[1:], start=2):
+    for line, row in rows:
         _require_length(row, header, f"{source}, line {line}")
         subjects.append(_subject(row[0], f"{source}, line {line}"))
         scores.append(_scores(row[1:], header[1:], f"{source}, line {line}"))
     table = _table(subjects, header[1:], scores, source)
-    _require_no_means(table, source)
+    _require_no_means(table, at_header)
     return table
 
 
-def _rows(text: str, source: str) -> list[list[str]]:
+def _rows(text: str, source: str) -> list[tuple[int, list[str]]]:
+    """The rows that are not blank, at least one, each with its line in the file."""
+    reader = csv.reader(io.StringIO(text, newline=None), strict=True)
+    rows, line = [], 1
     try:
-        return [row for row in csv.reader(io.StringIO(text)) if any(row)]
+        for row in reader:
+            if any(row):
+                rows.append((reader.line_num, row))
+            line = reader.line_num + 1
     except csv.Error as error:
-        raise TableError(f"{source}: cannot be read as CSV ({error})") from error
+        if reader.line_num >= line and "end of data" in str(error):
+            raise TableError(
+                f"{source}, line {line}: a quotation mark is opened and never closed; close it"
+            ) from error
+        raise TableError(f"{source}, line {line}: cannot be read as CSV ({error})") from error
+    if not rows:
+        raise TableError(f"{source}: must have a header and at least one row and one condition")
+    return rows
+
+
+def _require_commas(header: Sequence[str], where: str) -> None:
+    """Refuse a table whose cells something else separates."""
+    for mark, name in ((";", "semicolons"), ("\t", "tabs")):
+        if len(header) == 1 and mark in header[0]:
+            raise TableError(
+                f"{where}: the cells are separated by {name}; save the table with commas between "
+                "them, and points in numbers"
+            )
 
 
 def _name(cell: str) -> str:
@@ -77,17 +102,19 @@ def _subject(cell: str, where: str) -> str:
     return name
 
 
-def _require_no_means(table: ScoreTable, source: str) -> None:
+def _require_no_means(table: ScoreTable, at_header: str) -> None:
     """Refuse means under another name."""
     column, row = mean_column(table.scores), mean_column(table.scores.T)
     if column is not None:
         name = table.conditions[column]
         raise TableError(
-            f"{source}, line 1, column {name}: is the mean of all other columns; remove the column"
+            f"{at_header}, column {name}: is the mean of all other columns; remove the column"
         )
     if row is not None:
         name = table.subjects[row]
-        raise TableError(f"{source}: the row {name!r} is the mean of all others; remove the row")
+        raise TableError(
+            f"{at_header} and after: the row {name!r} is the mean of all others; remove the row"
+        )
 
 
 def _require_length(row: Sequence[str], header: Sequence[str], where: str) -> None:

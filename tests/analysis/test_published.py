@@ -37,8 +37,11 @@ def test_a_blank_cell_is_a_missing_score_and_no_zero() -> None:
     assert table4_csv(result).splitlines()[1] == "1,,8,10,10,5,8.25"
 
 
-def test_a_byte_order_mark_and_windows_line_ends_do_no_harm() -> None:
+def test_a_byte_order_mark_and_other_line_ends_do_no_harm() -> None:
     text = "\ufeff" + PUBLISHED.replace("\n", "\r\n")
+    assert np.array_equal(
+        published_table(PUBLISHED.replace("\n", "\r")).scores, published_table(PUBLISHED).scores
+    )
     assert np.array_equal(published_table(text).scores, published_table(PUBLISHED).scores)
 
 
@@ -141,6 +144,14 @@ def test_the_guard_of_an_exported_name_is_taken_off_again() -> None:
         (PUBLISHED.replace("\n3,", "\n ,"), "line 4: a subject must have a name, got ' '"),
         (PUBLISHED.replace("pressure", ""), "every condition must have a name"),
         ("subject,a\n1," + "9" * 200_000, "cannot be read as CSV"),
+        ("\n\nsubject,a\n\n1,3\n2,x\n", "scores.csv, line 6, column a: .* got 'x'"),
+        ('subject,"a\nb"\n1,x\n', "line 3, column a\nb: .* got 'x'"),
+        ("\nwho,a\n1,3\n", "line 2: the first column must be 'subject', got 'who'"),
+        (PUBLISHED.replace(",", ";"), "line 1: the cells are separated by semicolons; .* commas"),
+        (PUBLISHED.replace(",", "\t"), "line 1: the cells are separated by tabs; .* commas"),
+        ('subject,"a,b\n1,3,4\n', "line 1: a quotation mark is opened and never closed"),
+        ('subject,a\n\n1,"3\n2,4\n', "line 3: a quotation mark is opened and never closed"),
+        ('subject,a\n1,"3"4\n', "line 2: cannot be read as CSV"),
         ("", "must have a header and at least one row"),
         ("subject,voltage\n", "must have a header and at least one row"),
     ],

@@ -1,6 +1,7 @@
 """Table 4 in LaTeX, with the rules of the booktabs package."""
 
 from analysis.table4 import Table4
+from protocol.unprintable import printable
 
 MISSING = "--"
 _ESCAPED = {
@@ -26,12 +27,12 @@ _ESCAPED = {
 
 
 def escaped(text: str) -> str:
-    r"""Return `text` so that LaTeX prints it letter by letter.
+    r"""Return `text` so that LaTeX prints it letter by letter; U+FFFD is what cannot be printed.
 
     >>> escaped("50 % of P_1")
     '50 \\% of P\\_1'
     """
-    return "".join(_ESCAPED.get(letter, letter) for letter in text)
+    return "".join(_ESCAPED.get(letter, letter) for letter in printable(text))
 
 
 def table4_tex(result: Table4) -> str:

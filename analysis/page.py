@@ -35,6 +35,7 @@ from analysis.wording import (
     p_value,
     share,
 )
+from protocol.unprintable import printable
 
 Tables = Mapping[str, PageTable | None]
 
@@ -164,11 +165,18 @@ class Page:
     records: Sequence[Mapping[str, Any]]
 
 
+def _printable(value: object) -> object:
+    """A text without what would make a browser show something else; markup stays markup."""
+    return type(value)(printable(value)) if isinstance(value, str) else value
+
+
 def page_html(page: Page) -> str:
     """Return the page: one file that needs no network. Every text in it is escaped."""
     from jinja2 import Environment
 
-    environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    environment = Environment(
+        autoescape=True, trim_blocks=True, lstrip_blocks=True, finalize=_printable
+    )
     source = (files("analysis") / "templates" / "report.html").read_text(encoding="utf-8")
     main = page.table.main.table4
     trials = subject_trials(main, page.records)

@@ -12,6 +12,8 @@ from analysis.published_conditions import condition_name
 from analysis.published_means import mean_column, named_as_mean
 from analysis.scores import ScoreTable
 from protocol.errors import BadInput
+from protocol.record import LONGEST_NAME
+from protocol.unprintable import unprintable
 
 SCALE = (0.0, 10.0)
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
@@ -42,7 +44,7 @@ def published_table(text: str, source: str = "scores.csv") -> ScoreTable:
     _require_commas(first, at_header)
     if not rows or len(first) < 2:
         raise TableError(f"{source}: must have a header and at least one row and one condition")
-    header = [condition_name(_name(cell)) for cell in first]
+    header = [condition_name(_name(cell, at_header)) for cell in first]
     if header[0].casefold() not in {"subject", "subjects", "participant"}:
         raise TableError(f"{at_header}: the first column must be 'subject', got {header[0]!r}")
     if not all(header):
@@ -55,7 +57,7 @@ def published_table(text: str, source: str = "scores.csv") -> ScoreTable:
         subjects.append(_subject(row[0], f"{source}, line {line}"))
         scores.append(_scores(row[1:], header[1:], f"{source}, line {line}"))
     table = _table(subjects, header[1:], scores, source)
-    _require_no_means(table, at_header)
+    _require_no_means(table, source, [start, *(line for line, _ in rows)])
     return table
 
 
@@ -89,12 +91,23 @@ def _require_commas(header: Sequence[str], where: str) -> None:
             )
 
 
-def _name(cell: str) -> str:
-    return unguarded(cell.strip())
+def _name(cell: str, where: str) -> str:
+    name = unguarded(cell.strip())
+    if len(name) > LONGEST_NAME:
+        raise TableError(
+            f"{where}: a name must have at most {LONGEST_NAME} characters, "
+            f"got {len(name)}, {name[:20]!r}..."
+        )
+    if unprintable(name):
+        raise TableError(
+            f"{where}: a name must hold no control characters and none that turn the direction "
+            f"of writing, got {name!r}; remove them"
+        )
+    return name
 
 
 def _subject(cell: str, where: str) -> str:
-    name = _name(cell)
+    name = _name(cell, where)
     if not name:
         raise TableError(f"{where}: a subject must have a name, got {cell!r}")
     if named_as_mean(name):
@@ -102,18 +115,20 @@ def _subject(cell: str, where: str) -> str:
     return name
 
 
-def _require_no_means(table: ScoreTable, at_header: str) -> None:
+def _require_no_means(table: ScoreTable, source: str, lines: Sequence[int]) -> None:
     """Refuse means under another name."""
     column, row = mean_column(table.scores), mean_column(table.scores.T)
     if column is not None:
         name = table.conditions[column]
         raise TableError(
-            f"{at_header}, column {name}: is the mean of all other columns; remove the column"
+            f"{source}, line {lines[0]}, column {name}: is the mean of all other columns; "
+            "remove the column"
         )
     if row is not None:
         name = table.subjects[row]
         raise TableError(
-            f"{at_header} and after: the row {name!r} is the mean of all others; remove the row"
+            f"{source}, line {lines[row + 1]}: the row {name!r} is the mean of all others; "
+            "remove the row"
         )
 
 

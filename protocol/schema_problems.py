@@ -8,6 +8,7 @@ from pydantic import BaseModel, ValidationError
 
 from protocol.problem import Path, Problem
 from protocol.study import Study
+from protocol.unprintable import unprintable
 
 _RULES = {
     "less_than_equal": "must be at most {le:g}",
@@ -89,7 +90,7 @@ def place(document: Mapping[str, Any], path: Path) -> str:
 def _named(document: Mapping[str, Any], kind: str | int, number: int) -> str:
     item = document[str(kind)][number]
     name = item.get("name", item.get("kind")) if isinstance(item, dict) else None
-    return name if isinstance(name, str) else str(number + 1)
+    return name if isinstance(name, str) and not unprintable(name) else str(number + 1)
 
 
 def _near_miss(path: Path) -> str:

@@ -1,6 +1,7 @@
 """The report: every form of it says the same, keeps its bytes, and trusts no text."""
 
 import json
+import re
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -164,3 +165,14 @@ def test_catch_and_opposite_trials_give_change_detection() -> None:
 def test_a_study_in_which_nobody_scored_still_has_a_report() -> None:
     page = report_html(made([[np.nan] * 3]))
     assert "no score was given" in page
+
+
+def test_what_would_show_something_else_is_not_in_the_page_nor_in_latex() -> None:
+    found = made(names=("vol\x1btage", "\u202eerutcurts", "pressure"))
+    page, tex = report_html(found), table4_tex(found.table.main.table4)
+    for text in (page, tex):
+        assert not re.search(
+            "[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]", text
+        )
+        assert "vol\ufffdtage" in text
+    assert "<svg" in page

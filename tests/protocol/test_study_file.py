@@ -57,6 +57,8 @@ def test_an_unknown_template_is_refused() -> None:
         ('beam = "1 mm"        ', 'beam = "2 mm"       ', "touch.beam: .* got '2 mm'"),
         ('beam = "1 mm"        ', "#", "touch.beam: must be given when a touch names a beam"),
         ('"swapped"', '"swappd"', "one of swapped, not swapped .* got 'swappd'"),
+        ('name = "voltage"', r'name = "vol\u001btage"', r"n 3, name: .* got 'vol.x1btage'"),
+        ('name = "voltage"', r'name = "vol\u202etage"', "condition 3, name: must hold no control"),
         ('name = "voltage"', 'name = "pressure"', "names must differ, got 'pressure'"),
         ("[study]", "[study", "study.toml:4: file: must be TOML"),
         ("voltage_v = 100", "voltage_v = nan", "must be a finite number, got nan"),

@@ -28,7 +28,7 @@ def published_table(text: str, source: str = "scores.csv") -> ScoreTable:
 
     A blank cell is a missing score. Scores lie in [0, 10]. An apostrophe before `=`, `+`, `-` or
     `@` is the guard of an exported name and no part of it. A condition that the friction model
-    knows is called as the model calls it, whatever the case.
+    knows is called as the model calls it, whatever the case. A subject is a pseudonym with a digit.
 
     Args:
         text: the file's text, with or without a byte order mark, comma-separated.
@@ -112,6 +112,12 @@ def _subject(cell: str, where: str) -> str:
         raise TableError(f"{where}: a subject must have a name, got {cell!r}")
     if named_as_mean(name):
         raise TableError(f"{where}: the row {name!r} holds no scores of a subject; remove the row")
+    # It becomes the name of a session, which no withdrawal erases.
+    if not any(letter.isdigit() for letter in name):
+        raise TableError(
+            f"{where}: participants must be pseudonyms with a digit, such as P01; names are not "
+            f"kept, got {name!r}; number them"
+        )
     return name
 
 

@@ -177,7 +177,8 @@ def import_scores(
 ) -> None:
     """Make a study of published scores.
 
-    SCORES.csv has a column `subject` and one per condition; a blank cell is a missing score.
+    SCORES.csv has a column `subject`, of pseudonyms with a digit, and one per condition; a blank
+    cell is a missing score.
     """
     from analysis.published import published_table
     from analysis.published_conditions import unpredicted_note

@@ -121,6 +121,12 @@ def test_the_models_conditions_are_known_in_any_case() -> None:
         published_table("subject,voltage,Voltage\n1,3,4\n")
 
 
+def test_pseudonyms_of_every_script_are_taken() -> None:
+    names = ("1", "S1", "受试者1", "مشارك٢", "a-b 3", "７")
+    table = published_table("subject,a\n" + "".join(f"{name},3\n" for name in names))
+    assert table.subjects == names
+
+
 def test_the_guard_of_an_exported_name_is_taken_off_again() -> None:
     table = published_table("subject,'=a,'s,'-b\n'+1,3,4,5\n'2,6,7,8\n")
     assert (table.conditions, table.subjects) == (("=a", "'s", "-b"), ("+1", "'2"))
@@ -148,6 +154,7 @@ def test_the_guard_of_an_exported_name_is_taken_off_again() -> None:
         ("subject,a\n" + "1" * 5000 + ",3\n", "line 2: .* at most 64 .* got 5000, '1{20}'...$"),
         ("subject,vol\x1btage\n1,3\n", r"line 1: .* no control .* got 'vol\\x1btage'"),
         ("subject,a\nP\u202e1,3\n", r"line 2: .* direction of writing, got 'P\\u202e1'"),
+        ("subject,a\n1,3\nAnna Schmidt,4\n", "line 3: .* digit, .* got 'Anna Schmidt'; number"),
         ("\n\nsubject,a\n\n1,3\n2,x\n", "scores.csv, line 6, column a: .* got 'x'"),
         ('subject,"a\nb"\n1,x\n', "line 3, column a\nb: .* got 'x'"),
         ("\nwho,a\n1,3\n", "line 2: the first column must be 'subject', got 'who'"),

@@ -101,6 +101,7 @@ _PLAN = (
             "practice": "not analysed",
             "trial": "a parameter changes; its effect is scored",
             "catch": "at 0 V: nothing changes",
+            "published": "a score of a published table, of which nothing else is known",
         },
         of=_planned("kind"),
     ),

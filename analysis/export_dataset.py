@@ -55,6 +55,21 @@ class Dataset:
         """Which kinds of sessions there are, in order of appearance."""
         return _once(trial.session.kind for trial in self.trials.trials)
 
+    @property
+    def published(self) -> bool:
+        """Whether all scores come from published tables: nobody was asked, nothing was touched."""
+        return self.kinds == ("published",)
+
+    @cached_property
+    def sources(self) -> tuple[str, ...]:
+        """The files that published scores come from, with their digests."""
+        opened = (trial.session.opened for trial in self.trials.trials)
+        return _once(
+            f"{table['source']} (SHA-256 {table['source_sha256']})"
+            for table in opened
+            if "source" in table
+        )
+
     @cached_property
     def conditions(self) -> tuple[str, ...]:
         """All conditions of the sessions, in order of appearance."""
@@ -75,15 +90,29 @@ class Dataset:
             condition.name: f"asks about {condition.question}; expected: {condition.expected}"
             for condition in self.study.condition
         }
+        if self.published:
+            return dict.fromkeys(self.conditions, "a condition of the published table")
         return {name: asked.get(name, "a parameter that changes") for name in self.conditions}
 
     def description(self) -> str:
-        """Return what was done, in two sentences that hold for every study."""
+        """Return what was done, in two or three sentences that hold for every study."""
+        conditions, imported = ", ".join(self.conditions), "; ".join(self.sources)
+        if self.published:
+            return (
+                f"Published scores, from 0 to 10, of subjects under the conditions {conditions}, "
+                f"imported from {imported}. No session was run: how the scores were given is not "
+                "known."
+            )
         return (
             f"Study {self.study.study.name!r} of a touch device whose friction is changed by "
-            f"vibration. In each trial a parameter changes ({', '.join(self.conditions)}), the "
+            f"vibration. In each trial a parameter changes ({conditions}), the "
             "participant touches and says what changed, and scores how strong the effect is, "
             "from 0 to 10."
+            + (
+                f" Sessions of the kind `published` are imported from {imported}."
+                if imported
+                else ""
+            )
         )
 
     def instructions(self, language: Language | None) -> str | None:

@@ -10,6 +10,20 @@ _REHEARSALS = (
     "are marked `rehearsal` in the column `session_kind` and are no results.\n"
 )
 
+_ROWS = (
+    "A row is a trial that was begun. A column that holds a value for each touch of the trial "
+    "has semicolons between them. Voltages are amplitudes (peak), lengths, forces and times "
+    "are in SI units. A score that was not asked for or not given is missing, never zero. "
+    "Trials that were taken out afterwards are still here, marked in the column `excluded` "
+    "with the reason; the analysis leaves them out.\n"
+)
+_PUBLISHED_ROWS = (
+    "A row is the score of a subject under a condition; columns about touches and answers are "
+    "empty. A score that was not given is missing, never zero. Subjects that were taken out "
+    "afterwards are still here, marked in the column `excluded` with the reason; the analysis "
+    "leaves them out.\n"
+)
+
 
 def readme(data: Dataset, tables: str) -> str:
     """Return the text of the README.
@@ -24,11 +38,7 @@ def readme(data: Dataset, tables: str) -> str:
         *([_REHEARSALS] if "rehearsal" in data.kinds else []),
         f"{_line(data.description())}\n",
         f"{tables}\n",
-        "A row is a trial that was begun. A column that holds a value for each touch of the trial "
-        "has semicolons between them. Voltages are amplitudes (peak), lengths, forces and times "
-        "are in SI units. A score that was not asked for or not given is missing, never zero. "
-        "Trials that were taken out afterwards are still here, marked in the column `excluded` "
-        "with the reason; the analysis leaves them out.\n",
+        _PUBLISHED_ROWS if data.published else _ROWS,
         _counts(data),
         *_facts(data),
         f"Written by touchbeam {data.touchbeam} from the study's journal "

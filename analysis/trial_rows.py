@@ -92,7 +92,7 @@ def _published_trials(chain: Sequence[Recorded]) -> tuple[TrialRecord, ...]:
     return tuple(
         TrialRecord(
             session=session,
-            planned={"kind": "trial", "condition": condition, "touches": ()},
+            planned={"kind": "published", "condition": condition, "touches": ()},
             answer={"score": table["scores"].get(condition)},
         )
         for condition in session.conditions

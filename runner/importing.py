@@ -1,11 +1,14 @@
 """Published scores become a study: one completed session per subject."""
 
+import json
 from collections.abc import Mapping
 from hashlib import sha256
 from pathlib import Path
 
 from protocol.errors import BadInput
+from protocol.record import LONGEST_NAME
 from protocol.study_file import template
+from protocol.unprintable import printable
 from runner.clock import WallClock
 from runner.journal import open_journal, session_name
 from runner.session_log import SessionLog
@@ -49,13 +52,13 @@ def import_table(
     Args:
         folder: where to make it.
         scores: condition → score, None for a missing one, by subject.
-        source: the name of the file they come from.
+        source: the name of the file they come from; the study is named after it.
         content: what stood in it, for its digest.
     """
     clock = WallClock()
     digest = sha256(content).hexdigest()
     with (
-        new_study(folder, template("paper")),
+        new_study(folder, _named(template("paper"), source)),
         open_journal(folder.journal) as journal,
         journal.alone(),
     ):
@@ -70,3 +73,11 @@ def import_table(
                 source=source,
                 source_sha256=digest,
             )
+
+
+def _named(study_text: str, source: str) -> str:
+    """The paper's study under the name of the file that its scores come from."""
+    stem = Path(source).stem.encode(errors="replace").decode()
+    name = printable(stem)[:LONGEST_NAME]
+    # A string of JSON is one of TOML.
+    return study_text.replace('name = "paper"', f"name = {json.dumps(name, ensure_ascii=False)}", 1)

@@ -286,12 +286,33 @@ def test_a_published_table_says_what_it_knows_and_no_more() -> None:
         "session": "1",
         "session_kind": "published",
         "session_completed": "true",
-        "trial_kind": "trial",
+        "trial_kind": "published",
         "condition": "voltage",
         "score": "9",
         "excluded": "no",
     }
     assert "score" not in known[1]
+
+
+def test_nobody_is_said_to_have_touched_anything_for_a_published_table() -> None:
+    data = published("1")
+    files = bids_export(data)
+    page, sidecar = files["README.md"], files["sub-1/beh/sub-1_task-touch1_beh.json"]
+    described = json.loads(psychds_export(data)["dataset_description.json"])["description"]
+    for text in (page, json.loads(sidecar)["TaskDescription"], described):
+        assert "imported from scores.csv (SHA-256 0)" in text
+        assert "the participant touches" not in text
+    assert "A row is the score of a subject under a condition" in page
+    assert set(data.condition_levels().values()) == {"a condition of the published table"}
+
+
+def test_published_scores_among_sessions_are_named_as_such() -> None:
+    played = Written("P01")
+    played.whole({})
+    chains = [played.events, imported("1", {"voltage": 9})]
+    data = dataset(chains, played.study, "0", rehearsals=False)
+    assert "the participant touches" in data.description()
+    assert "`published` are imported from scores.csv (SHA-256 0)" in data.description()
 
 
 def test_an_erased_session_is_passed_over() -> None:

@@ -149,6 +149,28 @@ def test_a_published_table_comes_out_as_it_went_in(
         assert [float(mine[name]) for name in list(subject)[1:]] == [float(x) for x in given]
 
 
+@pytest.mark.parametrize(
+    ("file", "name"),
+    [
+        ("Table 4.csv", "Table 4"),
+        ('a "b" \\c\x1b.csv', 'a "b" \\c\ufffd'),
+        ("x" * 200 + ".csv", "x" * 64),
+        ("触觉.csv", "触觉"),
+        (".csv", ".csv"),
+    ],
+)
+def test_an_imported_study_is_named_after_its_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, file: str, name: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path(file).write_text(PUBLISHED.read_text())
+    assert typed("import", file, "published") == 0
+    assert typed("export", "published", "out", "--format", "bids") == 0
+    described = json.loads(Path("out/dataset_description.json").read_text(encoding="utf-8"))
+    assert described["Name"] == name
+    assert list(bids_slips(contents(Path("out")))) == []
+
+
 def test_a_changed_journal_is_reported_and_exported_with_a_warning(
     study: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -189,7 +189,8 @@ def _numbers(source: str, name: str, cells: Sequence[str], lines: Sequence[int])
     low, high = column.reach
     beyond = np.flatnonzero(given & (values != 0) & ~((values >= low) & (values <= high)))
     if beyond.size:
-        rule = f"a value other than 0 must lie in [{low:g}, {high:g}]"
+        zero = "be 0 or " if column.keeps(np.zeros(1))[0] else ""
+        rule = f"must {zero}lie in [{low:g}, {high:g}]"
         raise bad_cell(source, lines[beyond[0]], name, rule, cells[beyond[0]])
     return values
 

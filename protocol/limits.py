@@ -6,22 +6,26 @@ from protocol.impossible import design_problems
 from protocol.problem import Path, Problem
 from protocol.programme import current_ma, driven_s, slew_v_per_us, touch_s
 from protocol.study import Condition, Item, Study, Touch
-from protocol.texts import text_problems
+from protocol.texts import instruction_problem, text_problems
 from protocol.variants import scaled
 
-__all__ = ["Problem", "problems"]
+__all__ = ["Problem", "limit_problems", "problems"]
 
 
 def problems(study: Study) -> list[Problem]:
     """Return everything in `study` that breaks a limit, cannot be met or names nothing there is."""
+    return limit_problems(study) or design_problems(study)
+
+
+def limit_problems(study: Study) -> list[Problem]:
+    """Return everything in `study` that breaks a limit or names nothing there is."""
     found = [*_duplicates(study), *_missing_beam(study, "touch.beam", ("touch",), study.touch.beam)]
     for where, path, item in _items(study):
         level = max(item.levels) if isinstance(item, Condition) else 1.0
         for number, touch in enumerate(item.touches):
             place = (f"{where}, touch {number + 1}", (*path, "touches", number))
             found += _touch_problems(study, *place, touch, level)
-    found += [*_unnamed_beam(study), *text_problems(study)]
-    return found or design_problems(study)
+    return [*found, *_unnamed_beam(study), *text_problems(study)]
 
 
 def _items(study: Study) -> Iterator[tuple[str, Path, Item]]:
@@ -54,6 +58,8 @@ def _touch_problems(
     ):
         yield Problem(where=where, rule=rule, value=value, hint=hint, path=(*path, key))
     yield from _missing_beam(study, where, path, touch.beam)
+    if textless := instruction_problem(study, where, path, touch):
+        yield textless
 
 
 _Broken = tuple[str, str, str, str]
@@ -63,17 +69,18 @@ def _drive(study: Study, touch: Touch, peak_v: float) -> Iterator[_Broken]:
     rig = study.rig
     if peak_v > rig.max_voltage_v:
         key = "ramp_to_v" if touch.end_voltage_v > touch.voltage_v else "voltage_v"
+        shown = _above(peak_v, rig.max_voltage_v)
         yield (
-            f"the amplitude must not exceed rig.max_voltage_v = {rig.max_voltage_v:g} V",
-            f"{peak_v:g} V",
-            f"amplitudes are peak, not peak-to-peak: {peak_v:g} V peak-to-peak is {peak_v / 2:g} V",
+            f"the amplitude must not exceed rig.max_voltage_v = {rig.max_voltage_v:.15g} V",
+            f"{shown} V",
+            f"amplitudes are peak, not peak-to-peak: {shown} V peak-to-peak is {peak_v / 2:g} V",
             key,
         )
     frequency_hz = touch.peak_frequency * rig.nominal_resonance_hz
     if frequency_hz > rig.max_frequency_hz:
         yield (
-            f"the drive must not exceed rig.max_frequency_hz = {rig.max_frequency_hz:g} Hz",
-            f"{frequency_hz:g} Hz",
+            f"the drive must not exceed rig.max_frequency_hz = {rig.max_frequency_hz:.15g} Hz",
+            f"{_above(frequency_hz, rig.max_frequency_hz)} Hz",
             "frequency is relative to the resonance: 1.0 drives the beam there",
             "sweep_to" if touch.end_frequency > touch.frequency else "frequency",
         )
@@ -85,8 +92,8 @@ def _amplifier(study: Study, touch: Touch, peak_v: float) -> Iterator[_Broken]:
     slew = slew_v_per_us(peak_v, frequency_hz)
     if slew > rig.max_slew_v_per_us:
         yield (
-            f"2 pi f V must not exceed rig.max_slew_v_per_us = {rig.max_slew_v_per_us:g} V/us",
-            f"{slew:.4g} V/us",
+            f"2 pi f V must not exceed rig.max_slew_v_per_us = {rig.max_slew_v_per_us:.15g} V/us",
+            f"{_above(slew, rig.max_slew_v_per_us, 4)} V/us",
             "lower the amplitude or the frequency",
             "voltage_v",
         )
@@ -94,16 +101,16 @@ def _amplifier(study: Study, touch: Touch, peak_v: float) -> Iterator[_Broken]:
     if vpp > rig.generator_max_vpp:
         yield (
             f"2 V / amplifier_gain must not exceed rig.generator_max_vpp = "
-            f"{rig.generator_max_vpp:g} V peak-to-peak",
-            f"{vpp:g} V",
+            f"{rig.generator_max_vpp:.15g} V peak-to-peak",
+            f"{_above(vpp, rig.generator_max_vpp)} V",
             "the generator gives half of its peak-to-peak value as amplitude",
             "voltage_v",
         )
     current = current_ma(peak_v, frequency_hz, rig.capacitance_nf or 0.0)
     if rig.max_current_ma is not None and current > rig.max_current_ma:
         yield (
-            f"2 pi f C V must not exceed rig.max_current_ma = {rig.max_current_ma:g} mA",
-            f"{current:.4g} mA",
+            f"2 pi f C V must not exceed rig.max_current_ma = {rig.max_current_ma:.15g} mA",
+            f"{_above(current, rig.max_current_ma, 4)} mA",
             "lower the amplitude or the frequency",
             "voltage_v",
         )
@@ -114,19 +121,25 @@ def _times(study: Study, touch: Touch, level: float) -> Iterator[_Broken]:
     slope = abs(touch.end_voltage_v - touch.voltage_v) * level / touch_s(touch, study.touch)
     if slope > rig.ramp_v_per_s:
         yield (
-            f"a ramp must not be steeper than rig.ramp_v_per_s = {rig.ramp_v_per_s:g} V/s",
-            f"{slope:.4g} V/s",
+            f"a ramp must not be steeper than rig.ramp_v_per_s = {rig.ramp_v_per_s:.15g} V/s",
+            f"{_above(slope, rig.ramp_v_per_s, 4)} V/s",
             "let the touch last longer: duration_s",
             "ramp_to_v",
         )
     driven = driven_s(scaled(touch, level), study.touch, rig)
     if driven > rig.max_drive_s:
         yield (
-            f"a touch must not be driven longer than rig.max_drive_s = {rig.max_drive_s:g} s",
-            f"{driven:.4g} s",
+            f"a touch must not be driven longer than rig.max_drive_s = {rig.max_drive_s:.15g} s",
+            f"{_above(driven, rig.max_drive_s, 4)} s",
             "shorten duration_s",
             "duration_s",
         )
+
+
+def _above(value: float, limit: float, digits: int = 6) -> str:
+    """`value`, which is above `limit`, with as many digits as show it."""
+    shown = (f"{value:.{many}g}" for many in range(digits, 17))
+    return next((text for text in shown if float(text) > limit), repr(value))
 
 
 def _unnamed_beam(study: Study) -> Iterator[Problem]:
@@ -139,7 +152,7 @@ def _unnamed_beam(study: Study) -> Iterator[Problem]:
             rule="must be given when a touch names a beam",
             value="nothing",
             hint=f"one of {', '.join(study.beams)}",
-            path=("touch",),
+            path=("touch", "beam"),
         )
 
 

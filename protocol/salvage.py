@@ -15,6 +15,8 @@ from protocol.study import Study
 _TOUCH = {"place": "smooth", "voltage_v": 0}
 _ITEM = {"touches": [_TOUCH]}
 _ASKED = {"question": "roughness", "expected": "smoother"}
+_NAMED = {"beams": (2, 0.0), "texts": (3, "text")}
+"""How deep a name stands, and what may stand beside it."""
 _ROUNDS = 8
 
 
@@ -36,8 +38,20 @@ def salvaged(document: dict[str, Any]) -> Study | None:
 def _mend(document: dict[str, Any], places: Iterable[Path]) -> None:
     for place in places:
         path = tuple(part for part in place if part != "[key]")
+        if "[key]" not in place and _replaced_named(document, path):
+            continue
         if not _replaced_item(document, path):
             _drop(document, path)
+
+
+def _replaced_named(document: dict[str, Any], path: Path) -> bool:
+    """Keep the name of a beam or text that is wrong: the touches that name it still find it."""
+    depth, harmless = _NAMED.get(str(path[0]), (0, None))
+    holder = _holder(document, path)
+    if len(path) != depth or not isinstance(holder, dict):
+        return False
+    holder[path[-1]] = harmless
+    return True
 
 
 def _replaced_item(document: dict[str, Any], path: Path) -> bool:
@@ -69,10 +83,11 @@ def _mended_part(item: dict[str, Any], rest: list[str | int], harmless: dict[str
 
 
 def _harmless(kind: str, number: int, item: Any) -> dict[str, Any]:
-    kept = {"touches": item["touches"]} if isinstance(item, dict) and "touches" in item else _ITEM
+    own = item if isinstance(item, dict) else {}
+    kept = {key: value for key, value in own.items() if key not in _ASKED}
     if kind == "opening":
-        return {"kind": "baseline", **deepcopy(kept)}
-    return {"name": f"condition {number + 1}", **_ASKED, **deepcopy(kept)}
+        return deepcopy({"kind": "baseline", **_ITEM, **kept})
+    return deepcopy({"name": f"condition {number + 1}", **_ITEM, **kept, **_ASKED})
 
 
 def _drop(document: dict[str, Any], path: Path) -> None:

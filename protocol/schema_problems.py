@@ -11,10 +11,10 @@ from protocol.study import Study
 from protocol.unprintable import unprintable
 
 _RULES = {
-    "less_than_equal": "must be at most {le:g}",
-    "less_than": "must be below {lt:g}",
-    "greater_than_equal": "must be at least {ge:g}",
-    "greater_than": "must be above {gt:g}",
+    "less_than_equal": "must be at most {le:.15g}",
+    "less_than": "must be below {lt:.15g}",
+    "greater_than_equal": "must be at least {ge:.15g}",
+    "greater_than": "must be above {gt:.15g}",
     "finite_number": "must be a finite number",
     "float_type": "must be a number",
     "int_type": "must be a whole number",
@@ -28,6 +28,7 @@ _RULES = {
     "too_short": "must have at least {min_length} entries",
     "too_long": "must have at most {max_length} entries",
 }
+_UNKNOWN = "unknown key"
 _PEAK = "amplitudes are peak: half of the peak-to-peak value, as a plain number in V"
 
 
@@ -50,16 +51,31 @@ def _problem(document: Mapping[str, Any], entry: Any) -> Problem:
     if entry["type"] == "extra_forbidden":
         return Problem(
             where=where,
-            rule="unknown key",
+            rule=_UNKNOWN,
             value=repr(path[-1]),
             hint=_near_miss(path),
             path=path,
         )
     if entry["type"] == "missing":
         return Problem(where=where, rule="must be given", value="nothing", path=path)
-    value = repr(entry["input"])
-    shown = value if len(value) <= 80 else f"{value[:77]}..."
-    return Problem(where=where, rule=_rule(entry), value=shown, hint=_hint(path), path=path)
+    if entry["type"] == "value_error" and isinstance(entry["input"], Mapping):
+        return _disagreement(document, path, entry)
+    value = _shown(entry["input"])
+    return Problem(where=where, rule=_rule(entry), value=value, hint=_hint(path), path=path)
+
+
+def _disagreement(document: Mapping[str, Any], path: Path, entry: Any) -> Problem:
+    """A table whose keys do not fit together: its message says `key rule, got value`."""
+    rule, _, value = _rule(entry).partition(", got ")
+    key, _, of_key = rule.partition(" ")
+    if key in entry["input"]:
+        path, rule = (*path, key), of_key
+    return Problem(where=place(document, path), rule=rule, value=value, path=path)
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 80 else f"{text[:77]}..."
 
 
 def _rule(entry: Any) -> str:
@@ -98,8 +114,23 @@ def _near_miss(path: Path) -> str:
     key, names = str(path[-1]), _keys_at(path[:-1])
     if any(mark in key.lower() for mark in ("vpp", "peak", "_pp")):
         return f"{_PEAK}; known: {', '.join(names)}"
-    close = get_close_matches(key, names, n=1)
-    return f"did you mean {close[0]!r}?" if close else f"known: {', '.join(names)}"
+    close = _meant(path)
+    return f"did you mean {close!r}?" if close else f"known: {', '.join(names)}"
+
+
+def _meant(path: Path) -> str | None:
+    return next(iter(get_close_matches(str(path[-1]), _keys_at(path[:-1]), n=1)), None)
+
+
+def unreadable(problem: Problem) -> Path:
+    """Return the path of what is not known because of `problem`: of a misspelt key, its right one.
+
+    Args:
+        problem: one of `schema_problems`.
+    """
+    if problem.rule != _UNKNOWN:
+        return problem.path
+    return (*problem.path[:-1], _meant(problem.path) or problem.path[-1])
 
 
 def _keys_at(path: Path) -> list[str]:

@@ -9,14 +9,17 @@ from typing import Any
 from pydantic import ValidationError
 
 from protocol.errors import BadInput
-from protocol.limits import problems
-from protocol.problem import Problem
+from protocol.impossible import design_problems
+from protocol.limits import limit_problems, problems
+from protocol.problem import Path, Problem
 from protocol.salvage import salvaged
-from protocol.schema_problems import schema_problems
+from protocol.schema_problems import schema_problems, unreadable
 from protocol.study import Study
 from protocol.toml_lines import key_lines, line_of
 
 TEMPLATES = ("paper", "extended")
+_OF_THE_DESIGN = frozenset({"touch", "beams", "design", "timing", "opening", "condition"})
+"""What the wishes of a design are counted from."""
 
 
 class StudyError(BadInput):
@@ -64,7 +67,9 @@ def parsed_study(text: str, source: str = "study.toml") -> Study:
         study = Study.model_validate(document)
     except ValidationError as error:
         broken = schema_problems(document, error)
-        raise StudyError(source, located(text, broken + _limits_broken(document))) from error
+        raise StudyError(
+            source, located(text, broken + _limits_broken(document, broken))
+        ) from error
     if found := problems(study):
         raise StudyError(source, located(text, found))
     return study
@@ -81,10 +86,24 @@ def _syntax_problem(error: tomllib.TOMLDecodeError) -> Problem:
     )
 
 
-def _limits_broken(document: dict[str, Any]) -> list[Problem]:
-    """What else is wrong in the part of the document that fits the schema."""
+def _limits_broken(document: dict[str, Any], broken: list[Problem]) -> list[Problem]:
+    """What else is wrong in the part of the document that fits the schema.
+
+    What follows from nothing but the harmless values in the place of broken ones is left out.
+    """
     study = salvaged(document)
-    return problems(study) if study else []
+    if study is None:
+        return []
+    unknown = [unreadable(problem) for problem in broken]
+    found = limit_problems(study)
+    if not found and _OF_THE_DESIGN.isdisjoint(path[0] for path in unknown if path):
+        found = design_problems(study)
+    return [problem for problem in found if not _rests_on(problem.path, unknown)]
+
+
+def _rests_on(path: Path, unknown: list[Path]) -> bool:
+    """Whether one of the unknown values lies at `path`, above it or below it."""
+    return any(path[: len(other)] == other[: len(path)] for other in unknown)
 
 
 def located(text: str, found: list[Problem]) -> list[Problem]:

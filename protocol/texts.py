@@ -10,10 +10,18 @@ from string import Formatter
 from types import MappingProxyType
 from typing import get_args
 
-from protocol.problem import Problem
+from protocol.problem import Path, Problem
 from protocol.study import Language, Rating, Study, Touch
 
-__all__ = ["TEXTS", "Language", "band_names", "study_texts", "text_problems", "touch_text"]
+__all__ = [
+    "TEXTS",
+    "Language",
+    "band_names",
+    "instruction_problem",
+    "study_texts",
+    "text_problems",
+    "touch_text",
+]
 
 _ENGLISH = {
     "welcome": "Thank you for taking part. You will touch a beam and say what you feel.",
@@ -132,13 +140,34 @@ def text_problems(study: Study) -> Iterator[Problem]:
         own = study.texts.get(language, {})
         for key in own:
             yield from _override_problems(language, key, own[key], named)
-        for key in sorted(named - own.keys() - TEXTS[language].keys()):
-            yield Problem(
-                where=f"texts.{language}",
-                rule="an instruction that a touch names must have a text",
-                value=f"none for {key!r}",
-                path=("texts", language),
-            )
+
+
+def instruction_problem(study: Study, where: str, path: Path, touch: Touch) -> Problem | None:
+    """Return what is wrong with the instruction that `touch` names, if a language lacks its text.
+
+    Args:
+        study: whose texts are looked at.
+        where: the touch, in words.
+        path: where the touch stands in the study file.
+        touch: one of the study's.
+    """
+    key = touch.instruction
+    lacking = (
+        []
+        if key is None
+        else [
+            language for language in get_args(Language) if key not in study_texts(study, language)
+        ]
+    )
+    if not lacking:
+        return None
+    return Problem(
+        where=where,
+        rule="an instruction that a touch names must have a text",
+        value=f"none for {key!r} in {' and '.join(lacking)}",
+        hint=f"give it in {' and '.join(f'[texts.{language}]' for language in lacking)}",
+        path=(*path, "instruction"),
+    )
 
 
 def _override_problems(

@@ -1,8 +1,8 @@
 """One touch of the beam: what the finger does and what the device does meanwhile."""
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator
 
 from protocol.record import Name, NotNegative, Positive, Record
 
@@ -30,11 +30,12 @@ class TouchDefaults(Record):
         Name | None, Field(description="mounted unless a touch names another of `[beams]`")
     ] = None
 
-    @model_validator(mode="after")
-    def _path_leads_right(self) -> Self:
-        if self.path_m[0] >= self.path_m[1]:
-            raise ValueError(f"path_m must lead from left to right, got {list(self.path_m)}")
-        return self
+    @field_validator("path_m")
+    @classmethod
+    def _leads_right(cls, path_m: tuple[float, float]) -> tuple[float, float]:
+        if path_m[0] >= path_m[1]:
+            raise ValueError("must lead from left to right")
+        return path_m
 
 
 class Touch(Record):

@@ -67,7 +67,7 @@ def test_an_unknown_template_is_refused() -> None:
         ("seed = 1", "seed = -1", "study.seed: must be at least 0, got -1"),
         ('order = "williams"', 'order = "latin"', "'williams', 'blocks', .* got 'latin'"),
         ("path_m = [0.010, 0.081]", "path_m = [0.081, 0.010]", "left to right, got .0.081"),
-        ("to = 4", "to = 3", "bands must follow one another from 0 to 10, got 0-0, 1-3"),
+        ("to = 4", "to = 3", "rating.bands: must follow one another from 0 to 10, got 0-0, 1-3"),
         ("duration_s = 6", "duration_s = 0.4", "steeper than rig.ramp_v_per_s = 400 V/s, got 500"),
         ("duration_s = 6", "duration_s = 60", "rig.max_drive_s = 30 s, got 60.5 s"),
         ("max_slew_v_per_us = 40", "max_slew_v_per_us = 30", "= 30 V/us, got 30.44 V/us"),
@@ -80,7 +80,8 @@ def test_an_unknown_template_is_refused() -> None:
         (
             "press = 1.5",
             "instruction = 'hard'",
-            "touch names must have a text, got none for 'hard'",
+            r"study.toml:96: condition pressure, touch 2: .* must have a text, got none for 'hard' "
+            r"in en and zh; give it in \[texts.en\] and \[texts.zh\]$",
         ),
     ],
 )
@@ -129,6 +130,60 @@ def test_all_problems_are_found_at_once_with_their_lines() -> None:
     for (_, line), part in zip(found, ["max_volt", "score_then", "2 mm", "201"], strict=True):
         assert line is not None
         assert part in lines[line - 1]
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "line"),
+    [
+        ("[0.010, 0.081]", "[0.081, 0.01]", "23: touch.path_m: must lead from left to right, got"),
+        ("force_n = 0.5", "force_n = -1", "20: touch.force_n: must be above 0, got -1"),
+        ("\nbeam = ", "\nbeem = ", "26: touch.beem: unknown key, got 'beem'; did you mean 'beam'?"),
+        ('"1 mm" = 0.001', '"1 mm" = "x"', "31: beams.1 mm: must be a number, got 'x'"),
+        ("participants = 9", "opposite_repeats = 1", "34: design.opposite_repeats: must be less"),
+        ('"swapped"', '"swap"', "84: condition direction, expected: must be one of swapped, not"),
+        ("to = 4", "to = 3", "39: rating.bands: must follow one another from 0 to 10, got 0-0, 1"),
+        ("[rating]", "[texts]\nen = {welcome = 1}\n[rating]", "38: texts.en.welcome: must be a te"),
+    ],
+)
+def test_one_mistake_is_one_problem_that_says_once_what_it_got(
+    right: str, wrong: str, line: str
+) -> None:
+    assert right in PAPER
+    with pytest.raises(StudyError, match=r"study\.toml:") as caught:
+        parsed_study(PAPER.replace(right, wrong, 1))
+    (found,) = [problem.located("study.toml") for problem in caught.value.problems]
+    assert f"study.toml:{line}" in found
+    assert found.count("got") == 1
+
+
+def test_what_rests_on_a_broken_design_is_not_a_problem_of_its_own() -> None:
+    with pytest.raises(StudyError, match=r"design\.repeats: must be a whole number, got '4'$"):
+        parsed_study(EXTENDED.replace("\nrepeats = 4", "\nrepeats = '4'"))
+
+
+def test_a_condition_keeps_its_name_where_something_else_is_wrong_with_it() -> None:
+    text = PAPER.replace('"swapped"', '"swap"').replace('"right" }', '"right", duration_s = 50 }')
+    with pytest.raises(StudyError, match="and 1 more") as caught:
+        parsed_study(text)
+    assert [problem.where for problem in caught.value.problems] == [
+        "condition direction, expected",
+        "condition direction, touch 1",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "message"),
+    [
+        ("ramp_to_v = 200", "ramp_to_v = 200.0000001", "= 200 V, got 200.0000001 V"),
+        ("max_voltage_v = 200", "max_voltage_v = 199.99999999", "= 199.99999999 V, got 200 V"),
+        ("max_voltage_v = 200", "max_voltage_v = 200.0000001", "at most 200, got 200.0000001"),
+    ],
+)
+def test_what_exceeds_a_limit_by_a_hair_is_shown_to_exceed_it(
+    right: str, wrong: str, message: str
+) -> None:
+    with pytest.raises(StudyError, match=message):
+        parsed_study(PAPER.replace(right, wrong, 1))
 
 
 def test_a_mistaken_key_is_named_first_and_nothing_is_named_twice() -> None:

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from protocol.impossible import design_problems
+from protocol.openings import opening_problems
 from protocol.problem import Path, Problem
 from protocol.programme import current_ma, driven_s, slew_v_per_us, touch_s
 from protocol.study import Condition, Item, Study, Touch
@@ -25,7 +26,8 @@ def limit_problems(study: Study) -> list[Problem]:
         for number, touch in enumerate(item.touches):
             place = (f"{where}, touch {number + 1}", (*path, "touches", number))
             found += _touch_problems(study, *place, touch, level)
-    return [*found, *_unnamed_beam(study), *text_problems(study)]
+    found += [*opening_problems(study), *_unnamed_beam(study)]
+    return [*found, *text_problems(study)]
 
 
 def _items(study: Study) -> Iterator[tuple[str, Path, Item]]:

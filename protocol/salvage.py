@@ -65,7 +65,7 @@ def _replaced_item(document: dict[str, Any], path: Path) -> bool:
     if not isinstance(items[number], dict) or len(rest) == 1:
         items[number] = _harmless(str(kind), number, items[number])
         return True
-    return _mended_part(items[number], rest[1:], _harmless(str(kind), number, {}))
+    return _mended_part(items[number], rest[1:], _harmless(str(kind), number, items[number]))
 
 
 def _mended_part(item: dict[str, Any], rest: list[str | int], harmless: dict[str, Any]) -> bool:
@@ -86,8 +86,17 @@ def _harmless(kind: str, number: int, item: Any) -> dict[str, Any]:
     own = item if isinstance(item, dict) else {}
     kept = {key: value for key, value in own.items() if key not in _ASKED}
     if kind == "opening":
-        return deepcopy({"kind": "baseline", **_ITEM, **kept})
+        return deepcopy({"kind": _fitting_kind(own), **_ITEM, **kept})
     return deepcopy({"name": f"condition {number + 1}", **_ITEM, **kept, **_ASKED})
+
+
+def _fitting_kind(opening: dict[str, Any]) -> str:
+    touches = opening.get("touches")
+    driven = any(
+        isinstance(touch, dict) and (touch.get("voltage_v") or touch.get("ramp_to_v"))
+        for touch in (touches if isinstance(touches, list) else ())
+    )
+    return "signal" if driven else "baseline"
 
 
 def _drop(document: dict[str, Any], path: Path) -> None:

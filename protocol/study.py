@@ -68,7 +68,8 @@ class Opening(Item):
     """A trial that every session begins with; it is not scored."""
 
     kind: Annotated[
-        Literal["baseline", "signal"], Field(description="without a signal, or with the first one")
+        Literal["baseline", "signal"],
+        Field(description="without a signal (0 V), or with the first one"),
     ]
 
 

@@ -36,11 +36,14 @@ class Exclusions(Record):
     max_missing_scores: Annotated[
         Share | None, Field(description="share of a participant's scores that is missing")
     ] = None
+    # A limit of more than half a minute would leave out everybody: it is in ms.
     min_reaction_s: Annotated[
-        Positive | None, Field(description="a trial answered sooner is left out")
+        Positive | None, Field(le=30, description="a trial answered sooner is left out")
     ] = None
+    # Nobody answers within 0.1 s, and 600 s leave out nobody.
     max_reaction_s: Annotated[
-        Positive | None, Field(description="a trial answered later is left out")
+        Positive | None,
+        Field(ge=0.1, le=600, description="a trial answered later is left out"),
     ] = None
     min_trials: Annotated[
         Count | None, Field(description="a participant with fewer valid trials is left out")

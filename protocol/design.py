@@ -8,6 +8,10 @@ from protocol.record import Count, NotNegative, Positive, Record, Whole
 
 Order = Literal["williams", "blocks", "random", "fixed"]
 Grouping = Literal["no", "block", "session"]
+Pause = Annotated[NotNegative, Field(le=600)]
+"""Within a trial or before it, s: more than 10 minutes are in ms."""
+LongPause = Annotated[NotNegative, Field(le=3_600)]
+"""Between trials, s: more than an hour ends the session."""
 
 
 class Design(Record):
@@ -54,7 +58,7 @@ class Design(Record):
         Field(description="per session; trials are grouped further if this needs it"),
     ] = None
     break_every_blocks: Annotated[Whole, Field(description="0: no break")] = 0
-    break_s: Annotated[NotNegative, Field(description="shortest duration of a break")] = 60.0
+    break_s: Annotated[LongPause, Field(description="shortest duration of a break")] = 60.0
     sessions: Annotated[Count, Field(le=50, description="of each participant")] = 1
     participants: Annotated[
         Count | None, Field(le=10_000, description="planned size of the cohort")
@@ -73,12 +77,12 @@ class Design(Record):
 class Timing(Record):
     """Pauses that the session keeps, and assumptions from which its duration is estimated."""
 
-    between_touches_s: Annotated[NotNegative, Field(description="pause within a trial")] = 1.0
-    inter_trial_s: Annotated[NotNegative, Field(description="pause before a trial")] = 2.0
-    reading_s: Annotated[NotNegative, Field(description="assumed, to read an instruction")] = 4.0
-    answer_s: Annotated[NotNegative, Field(description="assumed, to answer a question")] = 5.0
-    score_s: Annotated[NotNegative, Field(description="assumed, to give a score")] = 5.0
-    beam_swap_s: Annotated[NotNegative, Field(description="assumed, to mount another beam")] = 60.0
+    between_touches_s: Annotated[Pause, Field(description="pause within a trial")] = 1.0
+    inter_trial_s: Annotated[Pause, Field(description="pause before a trial")] = 2.0
+    reading_s: Annotated[Pause, Field(description="assumed, to read an instruction")] = 4.0
+    answer_s: Annotated[Pause, Field(description="assumed, to answer a question")] = 5.0
+    score_s: Annotated[Pause, Field(description="assumed, to give a score")] = 5.0
+    beam_swap_s: Annotated[LongPause, Field(description="assumed, to mount another beam")] = 60.0
     max_session_s: Annotated[
         Positive, Field(le=14_400, description="longest session that may be planned")
     ] = 5_400.0

@@ -8,6 +8,7 @@ from protocol.problem import Path, Problem
 from protocol.programme import current_ma, driven_s, slew_v_per_us, touch_s
 from protocol.study import Condition, Item, Study, Touch
 from protocol.texts import instruction_problem, text_problems
+from protocol.units import unit_hint
 from protocol.variants import scaled
 
 __all__ = ["Problem", "limit_problems", "problems"]
@@ -54,6 +55,7 @@ def _touch_problems(
 ) -> Iterator[Problem]:
     peak_v = touch.peak_voltage_v * level
     for rule, value, hint, key in (
+        *_finger(study, touch),
         *_drive(study, touch, peak_v),
         *_amplifier(study, touch, peak_v),
         *_times(study, touch, level),
@@ -65,6 +67,19 @@ def _touch_problems(
 
 
 _Broken = tuple[str, str, str, str]
+MAX_FORCE_N = 20.0
+"""A finger that carries 2 kg: more than anybody is to press on a beam that is driven."""
+
+
+def _finger(study: Study, touch: Touch) -> Iterator[_Broken]:
+    force_n = touch.press * study.touch.force_n
+    if force_n > MAX_FORCE_N:
+        yield (
+            f"press x touch.force_n must not exceed {MAX_FORCE_N:g} N",
+            f"{_above(force_n, MAX_FORCE_N)} N",
+            unit_hint(("press",)),
+            "press",
+        )
 
 
 def _drive(study: Study, touch: Touch, peak_v: float) -> Iterator[_Broken]:

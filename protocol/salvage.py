@@ -36,12 +36,15 @@ def salvaged(document: dict[str, Any]) -> Study | None:
 
 
 def _mend(document: dict[str, Any], places: Iterable[Path]) -> None:
+    gone: list[Path] = []
     for place in places:
         path = tuple(part for part in place if part != "[key]")
+        if any(path[: len(above)] == above for above in gone):
+            continue
         if "[key]" not in place and _replaced_named(document, path):
             continue
         if not _replaced_item(document, path):
-            _drop(document, path)
+            gone.append(_drop(document, path))
 
 
 def _replaced_named(document: dict[str, Any], path: Path) -> bool:
@@ -99,8 +102,12 @@ def _fitting_kind(opening: dict[str, Any]) -> str:
     return "signal" if driven else "baseline"
 
 
-def _drop(document: dict[str, Any], path: Path) -> None:
-    """Take away the innermost key on `path`, and give what a study cannot do without."""
+def _drop(document: dict[str, Any], path: Path) -> Path:
+    """Take away the innermost key on `path`, and give what a study cannot do without.
+
+    Returns the path of what has been taken away.
+    """
+    length = 0
     for length in range(len(path), 0, -1):
         holder = _holder(document, path[:length])
         if isinstance(holder, dict) and path[length - 1] in holder:
@@ -108,6 +115,7 @@ def _drop(document: dict[str, Any], path: Path) -> None:
             break
     document.setdefault("study", {"name": "unnamed"})
     document.setdefault("condition", [_harmless("condition", 0, {})])
+    return path[:length]
 
 
 def _holder(document: dict[str, Any], path: Path) -> Any:

@@ -8,6 +8,7 @@ from pydantic import BaseModel, ValidationError
 
 from protocol.problem import Path, Problem
 from protocol.study import Study
+from protocol.units import unit_hint
 from protocol.unprintable import unprintable
 
 _RULES = {
@@ -28,6 +29,7 @@ _RULES = {
     "too_short": "must have at least {min_length} entries",
     "too_long": "must have at most {max_length} entries",
 }
+_OUT_OF_RANGE = {"less_than_equal", "greater_than_equal", "float_type"}
 _UNKNOWN = "unknown key"
 _PEAK = "amplitudes are peak: half of the peak-to-peak value, as a plain number in V"
 
@@ -61,7 +63,8 @@ def _problem(document: Mapping[str, Any], entry: Any) -> Problem:
     if entry["type"] == "value_error" and isinstance(entry["input"], Mapping):
         return _disagreement(document, path, entry)
     value = _shown(entry["input"])
-    return Problem(where=where, rule=_rule(entry), value=value, hint=_hint(path), path=path)
+    hint = _hint(path) or _unit_hint(path, entry)
+    return Problem(where=where, rule=_rule(entry), value=value, hint=hint, path=path)
 
 
 def _disagreement(document: Mapping[str, Any], path: Path, entry: Any) -> Problem:
@@ -88,6 +91,13 @@ def _rule(entry: Any) -> str:
 def _hint(path: Path) -> str:
     key = str(path[-1])
     return _PEAK if key.endswith("_v") or key == "voltages_are" else ""
+
+
+def _unit_hint(path: Path, entry: Any) -> str:
+    """The unit of a number that is out of its range, or is none."""
+    if entry["type"] not in _OUT_OF_RANGE:
+        return ""
+    return unit_hint(path, entry["input"], too_large=entry["type"] == "less_than_equal")
 
 
 def place(document: Mapping[str, Any], path: Path) -> str:

@@ -37,6 +37,10 @@ __all__ = [
 ]
 
 Language = Literal["en", "zh"]
+Level = Annotated[Positive, Field(ge=0.001, le=200)]
+"""Of an amplitude: 200 makes 1 V the largest there is, and a thousandth drives nothing."""
+Spacing = Annotated[NotNegative, Field(le=0.05)]
+"""Of ciliary bodies, m: at more than 50 mm there are not two under a finger."""
 
 
 class Item(Record):
@@ -80,7 +84,7 @@ class Condition(Item):
     question: Annotated[Question, Field(description="what is asked after the last touch")]
     expected: Annotated[str, Field(description="the answer that agrees with the expectation")]
     levels: Annotated[
-        tuple[Positive, ...],
+        tuple[Level, ...],
         Field(
             min_length=1,
             max_length=20,
@@ -111,10 +115,10 @@ class Study(Record):
         TouchDefaults, Field(description="How the finger touches unless a trial says otherwise.")
     ] = TouchDefaults()
     beams: Annotated[
-        dict[Name, NotNegative],
+        dict[Name, Spacing],
         Field(
-            description="Beams by name, each with the spacing of its ciliary bodies in m; "
-            "0 means none."
+            description="Beams by name, each with the spacing of its ciliary bodies in m, "
+            "at most 0.05; 0 means none."
         ),
     ] = Field(default_factory=dict)
     design: Annotated[Design, Field(description="Which trials there are, and their order.")] = (

@@ -128,7 +128,7 @@ def _kind(entry: _Schema) -> str:
 
 def _list_kind(entry: _Schema) -> str:
     if "prefixItems" in entry:
-        return f"list of {len(entry['prefixItems'])} numbers"
+        return f"list of {len(entry['prefixItems'])} numbers{_range(entry['prefixItems'][0])}"
     items = entry["items"]
     return f"list of: {'tables' if '$ref' in items else _kind(items)}"
 
@@ -139,7 +139,9 @@ def _range(entry: _Schema) -> str:
         "minimum": "at least",
         "maximum": "at most",
     }
-    parts = [f"{word} {entry[key]:g}" for key, word in words.items() if key in entry]
+    if "minimum" in entry:
+        del words["exclusiveMinimum"]
+    parts = [f"{word} {entry[key]:.15g}" for key, word in words.items() if key in entry]
     return f", {', '.join(parts)}" if parts else ""
 
 

@@ -8,24 +8,37 @@ from protocol.record import Name, NotNegative, Positive, Record
 
 Direction = Literal["right", "left"]
 Programme = Literal["hold", "ramp", "sweep", "ramp and sweep"]
+Place = Annotated[NotNegative, Field(le=1)]
+"""On a beam, m: one that is longer than 1 m does not vibrate at an ultrasonic frequency."""
+TouchTime = Annotated[Positive, Field(ge=0.1, le=600)]
+"""Of a touch, s: nothing is felt in less than 0.1 s, and nothing may be driven for over 600 s."""
+Relative = Annotated[Positive, Field(ge=0.1, le=10)]
+"""To a resonance or a force: a tenth or ten times of it is another experiment."""
 
 
 class TouchDefaults(Record):
     """How the finger touches unless a trial says otherwise."""
 
-    force_n: Annotated[Positive, Field(description="of the finger on the beam")] = 0.5
-    contact_m: Annotated[Positive, Field(description="length of beam under one finger")] = 0.010
+    # Touch is studied at 0.1 to 5 N; 10 N is a finger that carries 1 kg, 0.01 N hardly a touch.
+    force_n: Annotated[Positive, Field(ge=0.01, le=10, description="of the finger on the beam")] = (
+        0.5
+    )
+    # A fingertip covers some 10 mm, a probe 1 mm, a flat hand 100 mm.
+    contact_m: Annotated[
+        Positive, Field(ge=0.001, le=0.1, description="length of beam under one finger")
+    ] = 0.010
+    # Fingers explore at 10 to 200 mm/s; at 1 mm/s nobody slides, at 1 m/s nobody feels.
     sliding_speed_m_s: Annotated[
-        Positive, Field(description="of the mark that paces the finger")
+        Positive, Field(ge=0.001, le=1, description="of the mark that paces the finger")
     ] = 0.04
     path_m: Annotated[
-        tuple[NotNegative, Positive],
+        tuple[Place, Place],
         Field(description="the finger's way, right edge of the finger, clamp at 0"),
     ] = (0.010, 0.081)
     smooth_place_m: Annotated[
-        NotNegative, Field(description="where a place is touched, right edge of the finger")
+        Place, Field(description="where a place is touched, right edge of the finger")
     ] = 0.0414
-    hold_s: Annotated[Positive, Field(description="how long a place is touched")] = 2.0
+    hold_s: Annotated[TouchTime, Field(description="how long a place is touched")] = 2.0
     beam: Annotated[
         Name | None, Field(description="mounted unless a touch names another of `[beams]`")
     ] = None
@@ -54,23 +67,23 @@ class Touch(Record):
         NotNegative | None, Field(description="amplitude (peak) at the end of a ramp")
     ] = None
     frequency: Annotated[
-        Positive, Field(description="of the drive, relative to the resonance that is measured")
+        Relative, Field(description="of the drive, relative to the resonance that is measured")
     ] = 1.0
     sweep_to: Annotated[
-        Positive | None, Field(description="frequency at the end of a sweep, likewise relative")
+        Relative | None, Field(description="frequency at the end of a sweep, likewise relative")
     ] = None
     direction: Annotated[Direction, Field(description="of the sliding finger")] = "right"
     coverage: Annotated[
         Literal["local", "full"], Field(description="one finger, or several that cover the beam")
     ] = "local"
     press: Annotated[
-        Positive, Field(description="touch force, relative to `touch.force_n`; above 1 is harder")
+        Relative, Field(description="touch force, relative to `touch.force_n`; above 1 is harder")
     ] = 1.0
     beam: Annotated[
         Name | None, Field(description="one of `[beams]`; the operator mounts it first")
     ] = None
     duration_s: Annotated[
-        Positive | None, Field(description="instead of `touch.hold_s` or the time the path takes")
+        TouchTime | None, Field(description="instead of `touch.hold_s` or the time the path takes")
     ] = None
     instruction: Annotated[
         Name | None, Field(description="key of the text that replaces the built-in instruction")

@@ -27,7 +27,7 @@ def limit_problems(study: Study) -> list[Problem]:
         for number, touch in enumerate(item.touches):
             place = (f"{where}, touch {number + 1}", (*path, "touches", number))
             found += _touch_problems(study, *place, touch, level)
-    found += [*opening_problems(study), *_unnamed_beam(study)]
+    found += [*opening_problems(study), *_unnamed_beam(study), *_unknown_gain(study)]
     return [*found, *text_problems(study)]
 
 
@@ -170,6 +170,18 @@ def _unnamed_beam(study: Study) -> Iterator[Problem]:
             value="nothing",
             hint=f"one of {', '.join(study.beams)}",
             path=("touch", "beam"),
+        )
+
+
+def _unknown_gain(study: Study) -> Iterator[Problem]:
+    """A generator is set in volts before the amplifier: without its gain nothing is driven."""
+    if study.rig.dialect != "board" and study.rig.amplifier_gain is None:
+        yield Problem(
+            where="rig.amplifier_gain",
+            rule=f"must be given where rig.dialect = {study.rig.dialect!r}",
+            value="nothing",
+            hint="volts at the beam per volt of the generator",
+            path=("rig", "amplifier_gain"),
         )
 
 

@@ -6,6 +6,9 @@ from pydantic import Field
 
 from protocol.record import Line, Positive, Record
 
+Dialect = Literal["board", "keysight"]
+"""Each is a driver of that name; what is no board is a generator with an amplifier behind it."""
+
 
 class Rig(Record):
     """The device and the limits that no trial may exceed."""
@@ -15,7 +18,7 @@ class Rig(Record):
         Field(description="`sim`, or a serial URL: `/dev/ttyUSB0`, `COM3`, `socket://host:5025`"),
     ] = "sim"
     dialect: Annotated[
-        Line, Field(description="what the device speaks: `board`, or `keysight` for a generator")
+        Dialect, Field(description="what the device speaks: `keysight` is a generator")
     ] = "board"
     voltages_are: Annotated[
         Literal["peak"],

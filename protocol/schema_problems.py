@@ -1,5 +1,6 @@
 """The errors that pydantic finds in a study file, in our words."""
 
+import re
 from collections.abc import Mapping
 from difflib import get_close_matches
 from typing import Any, get_args
@@ -63,7 +64,7 @@ def _problem(document: Mapping[str, Any], entry: Any) -> Problem:
     if entry["type"] == "value_error" and isinstance(entry["input"], Mapping):
         return _disagreement(document, path, entry)
     value = _shown(entry["input"])
-    hint = _hint(path) or _unit_hint(path, entry)
+    hint = _hint(path) or _unit_hint(path, entry) or _meant_choice(entry)
     return Problem(where=where, rule=_rule(entry), value=value, hint=hint, path=path)
 
 
@@ -91,6 +92,15 @@ def _rule(entry: Any) -> str:
 def _hint(path: Path) -> str:
     key = str(path[-1])
     return _PEAK if key.endswith("_v") or key == "voltages_are" else ""
+
+
+def _meant_choice(entry: Any) -> str:
+    """A hint that names the word that was probably meant where only some words will do."""
+    if entry["type"] != "literal_error" or not isinstance(entry["input"], str):
+        return ""
+    words = re.findall(r"'([^']*)'", entry["ctx"]["expected"])
+    close = get_close_matches(entry["input"].lower(), words, n=1)
+    return f"did you mean {close[0]!r}?" if close else ""
 
 
 def _unit_hint(path: Path, entry: Any) -> str:

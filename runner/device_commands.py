@@ -6,7 +6,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from device.drivers import driver_for
+from device.drivers import driver_for, driver_of
 from device.errors import LinkTimeout
 from device.link import HANDSHAKE_S, open_link
 from device.port import described_ports
@@ -64,11 +64,11 @@ def swept(
     The simulated device's time is stepped, so that nobody waits for it.
 
     Raises:
-        AddressError: `url` is no address of a device.
+        AddressError: `url` is no address of a device, or there is no such dialect.
         DeviceError: the device does not work, or there is no resonance near `near_hz`.
         OutputUnknown: the output could not be read back as off.
     """
-    settings = RigSettings(nominal_resonance_hz=near_hz, dialect=dialect)
+    settings = RigSettings.model_validate({"dialect": driver_of(dialect).dialect})
     with rigged(url, settings, touchbeam, seed) as rig:
         sleep = rig.hand.advance if rig.hand is not None else time.sleep
         identity = rig.device.arm()

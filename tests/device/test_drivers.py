@@ -2,6 +2,7 @@
 
 import sys
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
@@ -15,6 +16,7 @@ from device.link import Link
 from device.records import Limits, Setpoint, Sweep
 from device.simulator.hand import Hand
 from device.simulator.process import simulator_process
+from protocol.rig import Dialect
 from tests.device.rigs import DRIVE, LIMITS, TOUCHBEAM, opened, until
 from tests.device.scripted import ScriptedPort, ticking
 
@@ -39,6 +41,10 @@ def test_dialects_are_found_by_name_and_by_who_answers() -> None:
         driver_of("rigol")
     with pytest.raises(ForeignDevice, match="got 'Rigol,DG1022,1,2'; nothing else was sent"):
         driver_for("Rigol,DG1022,1,2")
+
+
+def test_a_study_may_name_every_dialect_that_there_is() -> None:
+    assert set(get_args(Dialect)) == set(drivers())
 
 
 def test_the_next_dialect_is_one_new_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

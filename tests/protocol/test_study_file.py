@@ -64,6 +64,17 @@ def test_an_unknown_template_is_refused() -> None:
         ("[study]", "[study", "study.toml:4: file: must be TOML"),
         ("voltage_v = 100", "voltage_v = nan", "must be a finite number, got nan"),
         ("voltage_v = 100", "voltage_v = -1", "must be at least 0, got -1"),
+        (
+            'device = "sim"',
+            'dialect = "boards"',
+            "'board' or 'keysight', got 'boards'; did you mean",
+        ),
+        ('device = "sim"', 'dialect = "Keysight"', "got 'Keysight'; did you mean 'keysight'.$"),
+        (
+            'device = "sim"',
+            'dialect = "keysight"',
+            r"study.toml:9: rig.amplifier_gain: must be given where rig.dialect = 'keysight', got",
+        ),
         ("seed = 1", "seed = 1.5", "study.seed: must be a whole number, got 1.5"),
         ("seed = 1", "seed = -1", "study.seed: must be at least 0, got -1"),
         ('order = "williams"', 'order = "latin"', "'williams', 'blocks', .* got 'latin'"),

@@ -5,6 +5,7 @@ turns it off at once, and latches: nothing is driven again before somebody arms 
 """
 
 import contextlib
+import math
 import queue
 import threading
 import time
@@ -80,8 +81,11 @@ class Rig:
             return self._calibration
 
         def settled(seconds: float) -> None:
-            self.beat()
-            sleep(seconds)
+            """Beat as often as the watchdog is fed: one that is short hears of every wait."""
+            pieces = math.ceil(seconds * FEEDS_PER_WATCHDOG / self._watchdog_s)
+            for _ in range(pieces):
+                self.beat()
+                sleep(seconds / pieces)
 
         try:
             return resonance(self.drive, self._vibration_m, settled, near_hz, self._limits)

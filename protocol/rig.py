@@ -88,5 +88,10 @@ class Rig(Record):
     ] = None
     watchdog_s: Annotated[
         Positive,
-        Field(ge=0.1, le=5, description="the device turns off when the session is silent so long"),
+        Field(
+            ge=0.1,
+            le=5,
+            description="the device turns off when the session is silent so long; "
+            "less than 0.2 asks for a machine that does nothing else",
+        ),
     ] = 0.5

@@ -9,6 +9,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -16,7 +17,7 @@ import pytest
 from device.errors import DeviceError, EmergencyStop, OutputUnknown
 from device.link import open_link
 from device.records import Limits
-from device.rig import open_rig
+from device.rig import FEEDS_PER_WATCHDOG, open_rig
 from device.simulator.hand import Hand
 from device.simulator.process import Endpoints, simulator_process
 from tests.device.rigs import DRIVE, LIMITS, TOUCHBEAM, driven_on, opened, until
@@ -90,6 +91,24 @@ def test_a_session_that_hangs_is_ended_by_the_watchdog(simulator: Endpoints, han
             driven_on(rig, hand)
         rig.arm()
         assert rig.drive(DRIVE).output, "armed anew, it drives again"
+
+
+def test_the_search_for_the_resonance_never_waits_longer_than_the_watchdog_is_fed(
+    simulator: Endpoints, hand: Hand
+) -> None:
+    waits: list[float] = []
+
+    def sleep(seconds: float) -> None:
+        waits.append(seconds)
+        hand.advance(seconds)
+
+    limits = replace(LIMITS, watchdog_s=0.4)
+    with opened(simulator.url, limits=limits) as rig:
+        rig.arm()
+        found = rig.resonance(24_221.0, sleep)
+    assert found.frequency_hz == pytest.approx(24_221, rel=0.02)
+    assert sum(waits) > 42 * 0.1
+    assert max(waits) <= limits.watchdog_s / FEEDS_PER_WATCHDOG
 
 
 def test_a_generator_is_turned_off_when_the_session_hangs() -> None:

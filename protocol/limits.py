@@ -1,6 +1,6 @@
 """What a study may not ask of its rig, whatever the schema lets through."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from protocol.impossible import design_problems
 from protocol.openings import opening_problems
@@ -14,9 +14,14 @@ from protocol.variants import scaled
 __all__ = ["Problem", "limit_problems", "problems"]
 
 
-def problems(study: Study) -> list[Problem]:
-    """Return everything in `study` that breaks a limit, cannot be met or names nothing there is."""
-    return limit_problems(study) or design_problems(study)
+def problems(study: Study, further: Iterable[Problem] = ()) -> list[Problem]:
+    """Return everything in `study` that breaks a limit, cannot be met or names nothing there is.
+
+    Args:
+        study: that fits the schema.
+        further: what else is wrong with it; wishes are counted only where nothing is.
+    """
+    return [*limit_problems(study), *further] or design_problems(study)
 
 
 def limit_problems(study: Study) -> list[Problem]:

@@ -2,6 +2,7 @@
 
 import re
 import tomllib
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from importlib.resources import files
 from typing import Any
@@ -18,6 +19,7 @@ from protocol.study import Study
 from protocol.toml_lines import key_lines, line_of
 
 TEMPLATES = ("paper", "extended")
+Further = Callable[[Study], Iterable[Problem]]
 _OF_THE_DESIGN = frozenset({"touch", "beams", "design", "timing", "opening", "condition"})
 """What the wishes of a design are counted from."""
 
@@ -48,12 +50,13 @@ def template_tests() -> str:
     return (files("protocol") / "templates" / "test_study.py.txt").read_text(encoding="utf-8")
 
 
-def parsed_study(text: str, source: str = "study.toml") -> Study:
+def parsed_study(text: str, source: str = "study.toml", further: Further = lambda _: ()) -> Study:
     """Return the study that `text` describes.
 
     Args:
         text: a study file in TOML.
         source: what to call it in messages.
+        further: finds what else is wrong with the study, where more is known than its file says.
 
     Raises:
         StudyError: the text is no TOML, breaks the schema, asks for more than the rig allows or
@@ -68,9 +71,9 @@ def parsed_study(text: str, source: str = "study.toml") -> Study:
     except ValidationError as error:
         broken = schema_problems(document, error)
         raise StudyError(
-            source, located(text, broken + _limits_broken(document, broken))
+            source, located(text, broken + _limits_broken(document, broken, further))
         ) from error
-    if found := problems(study):
+    if found := problems(study, further(study)):
         raise StudyError(source, located(text, found))
     return study
 
@@ -86,7 +89,9 @@ def _syntax_problem(error: tomllib.TOMLDecodeError) -> Problem:
     )
 
 
-def _limits_broken(document: dict[str, Any], broken: list[Problem]) -> list[Problem]:
+def _limits_broken(
+    document: dict[str, Any], broken: list[Problem], further: Further
+) -> list[Problem]:
     """What else is wrong in the part of the document that fits the schema.
 
     What follows from nothing but the harmless values in the place of broken ones is left out.
@@ -95,7 +100,7 @@ def _limits_broken(document: dict[str, Any], broken: list[Problem]) -> list[Prob
     if study is None:
         return []
     unknown = [unreadable(problem) for problem in broken]
-    found = limit_problems(study)
+    found = [*limit_problems(study), *further(study)]
     if not found and _OF_THE_DESIGN.isdisjoint(path[0] for path in unknown if path):
         found = design_problems(study)
     return [problem for problem in found if not _rests_on(problem.path, unknown)]

@@ -9,7 +9,7 @@ from protocol.record import Name, NotNegative, Positive, Record
 Direction = Literal["right", "left"]
 Programme = Literal["hold", "ramp", "sweep", "ramp and sweep"]
 Place = Annotated[NotNegative, Field(le=1)]
-"""On a beam, m: one that is longer than 1 m does not vibrate at an ultrasonic frequency."""
+"""On a beam, m, which is never longer than 1 m; where this one ends, `device.reach` knows."""
 TouchTime = Annotated[Positive, Field(ge=0.1, le=600)]
 """Of a touch, s: nothing is felt in less than 0.1 s, and nothing may be driven for over 600 s."""
 Relative = Annotated[Positive, Field(ge=0.1, le=10)]
@@ -33,7 +33,9 @@ class TouchDefaults(Record):
     ] = 0.04
     path_m: Annotated[
         tuple[Place, Place],
-        Field(description="the finger's way, right edge of the finger, clamp at 0"),
+        Field(
+            description="the finger's way on the beam (0.1 m), right edge of the finger, clamp at 0"
+        ),
     ] = (0.010, 0.081)
     smooth_place_m: Annotated[
         Place, Field(description="where a place is touched, right edge of the finger")

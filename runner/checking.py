@@ -13,6 +13,7 @@ from protocol.study_file import StudyError, located
 from protocol.trial import Trial
 from runner.foretelling import Contrasts
 from runner.study_folder import StudyFolder
+from runner.usable import usable_study
 from runner.window.fit import fit_problems
 
 
@@ -36,7 +37,7 @@ def checked(
     """
     source = str(folder.study_file)
     try:
-        study = folder.study()
+        study = usable_study(folder)
     except StudyError as error:
         return _refused(source, error.problems, as_json=as_json)
     size = participants or study.design.participants or 1

@@ -38,10 +38,11 @@ def study_text(request: pytest.FixtureRequest) -> str:
 @pytest.fixture(scope="module")
 def study(study_text: str) -> "Study":
     """Return the checked study; what is wrong with it fails the test, line by line."""
-    from protocol.study_file import StudyError, parsed_study
+    from protocol.study_file import StudyError
+    from runner.usable import usable
 
     try:
-        return parsed_study(study_text, STUDY_FILE)
+        return usable(study_text, STUDY_FILE)
     except StudyError as error:
         found = [problem.located(STUDY_FILE) for problem in error.problems]
         pytest.fail("\n".join(["the study cannot be used:", *found]), pytrace=False)

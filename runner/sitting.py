@@ -30,6 +30,7 @@ from runner.session_state import SessionState
 from runner.stopping import Stopped
 from runner.study_folder import StudyFolder, pseudonym
 from runner.terminal_keys import terminal_keys
+from runner.usable import usable_study
 from runner.virtual import VirtualParticipant, drawn_character, swapping
 from runner.window.for_study import study_window
 from runner.window.participant import WindowParticipant
@@ -65,7 +66,7 @@ def sit(sitting: Sitting, say: Say) -> SessionState:
         BadInput, StudyError, AddressError: something given is wrong; nothing was changed.
         DeviceError, JournalError, ParticipantGone, RigHeld: the work failed; it can be resumed.
     """
-    study = sitting.folder.study()
+    study = usable_study(sitting.folder)
     url = sitting.device or study.rig.device
     pace = _checked_pace(sitting, url)
     kind = _checked_kind(sitting, study, url)

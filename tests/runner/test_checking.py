@@ -103,6 +103,19 @@ def test_the_preview_can_be_read(tmp_path: Path, capsys: pytest.CaptureFixture[s
         ),
         (('beam = "1.5 mm"', 'beam = "2 mm"'), "the beam must be one of [beams], got '2 mm'"),
         (("participants = 9", "repeats = 2\nmax_beam_swaps = 3"), "may need 6 beam swaps"),
+        (
+            ("smooth_place_m = 0.0414", "smooth_place_m = 0.414"),
+            "study.toml:24: touch.smooth_place_m: must lie on the beam, which ends at 0.1 m, "
+            "got 0.414 m; that is 414 mm; the beam is 100 mm long",
+        ),
+        (
+            ("path_m = [0.010, 0.081]", "path_m = [0.010, 0.2]"),
+            "study.toml:23: touch.path_m.1: must lie on the beam, which ends at 0.1 m, got 0.2 m",
+        ),
+        (
+            ("path_m = [0.010, 0.081]", "path_m = [10, 81]"),
+            "study.toml:23: touch.path_m.0: must be at most 1, got 10; in m: 10 mm is 0.01",
+        ),
     ],
 )
 def test_check_and_run_refuse_the_same(
@@ -123,16 +136,21 @@ def test_check_and_run_refuse_the_same(
 def test_every_problem_is_listed_by_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    changes = (("ramp_to_v = 200", "ramp_to_v = 201"), ("watchdog_s", "watchdg_s"))
+    changes = (
+        ("ramp_to_v = 200", "ramp_to_v = 201"),
+        ("watchdog_s", "watchdg_s"),
+        ("0.081]", "0.1001]"),
+    )
     folder = study(tmp_path, "paper", *changes)
     assert typed("check", folder) == 2
-    first, second = capsys.readouterr().err.splitlines()
+    first, second, third = capsys.readouterr().err.splitlines()
     assert "study.toml:17: rig.watchdg_s: unknown key" in first
-    assert "study.toml:79: condition voltage, touch 1: " in second
+    assert "study.toml:23: touch.path_m.1: must lie on the beam" in second
+    assert "study.toml:79: condition voltage, touch 1: " in third
     assert typed("check", folder, "--json") == 2
     found = document(capsys)
     assert not found["ok"]
-    assert [problem["line"] for problem in found["problems"]] == [17, 79]
+    assert [problem["line"] for problem in found["problems"]] == [17, 23, 79]
     assert found["problems"][0].keys() >= {"where", "rule", "value", "hint"}
 
 

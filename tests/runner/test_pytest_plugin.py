@@ -43,11 +43,16 @@ def test_a_new_study_passes_its_own_tests(tmp_path: Path) -> None:
 
 
 def test_a_study_made_wrong_fails_and_says_why(tmp_path: Path) -> None:
-    text = PAPER.replace("ramp_to_v = 200", "ramp_to_v = 201").replace("watchdog_s", "watchdg_s")
+    text = (
+        PAPER.replace("ramp_to_v = 200", "ramp_to_v = 201")
+        .replace("watchdog_s", "watchdg_s")
+        .replace("0.081]", "0.2]")
+    )
     done = pytest_run(tmp_path, text)
     assert done.returncode == 1
     assert "study.toml:17: rig.watchdg_s: unknown key, got 'watchdg_s'; did you" in done.stdout
     assert "study.toml:79: condition voltage, touch 1: the amplitude must not" in done.stdout
+    assert "study.toml:23: touch.path_m.1: must lie on the beam, which ends at 0.1" in done.stdout
     assert "Traceback" not in done.stdout
 
 

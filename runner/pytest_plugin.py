@@ -4,7 +4,7 @@ Nothing is imported before a fixture is asked for: other people's tests are not 
 """
 
 import random
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from runner.virtual import VirtualParticipant
 
 STUDY_FILE = "study.toml"
+UNUSABLE = "the study cannot be used:"
+_TOLD = pytest.StashKey[set[str]]()
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -26,13 +28,32 @@ def pytest_configure(config: pytest.Config) -> None:
         config.option.importmode = "importlib"
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(
+    item: pytest.Item, call: "pytest.CallInfo[None]"
+) -> "Generator[None, pytest.TestReport, pytest.TestReport]":
+    """Tell once why a study cannot be used: every test that needs it fails for the same reason."""
+    report = yield
+    if call.excinfo is None or not str(call.excinfo.value).startswith(UNUSABLE):
+        return report
+    told = item.config.stash.setdefault(_TOLD, set())
+    if report.longreprtext in told:
+        report.longrepr = f"{UNUSABLE} see above"
+    told.add(report.longreprtext)
+    return report
+
+
 @pytest.fixture(scope="module")
 def study_text(request: pytest.FixtureRequest) -> str:
     """Return the text of the study file beside the test."""
-    path = Path(str(request.path)).parent / STUDY_FILE
-    if not path.is_file():
-        pytest.fail(f"{path}: there is no study beside this test", pytrace=False)
-    return path.read_text(encoding="utf-8")
+    from protocol.errors import BadInput
+    from runner.study_folder import StudyFolder
+
+    try:
+        return StudyFolder(path=Path(str(request.path)).parent).text()
+    except BadInput as error:
+        found = str(error)
+    pytest.fail(f"{UNUSABLE} {found}", pytrace=False)  # outside, or pytest shows what led to it
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +66,7 @@ def study(study_text: str) -> "Study":
         return usable(study_text, STUDY_FILE)
     except StudyError as error:
         found = [problem.located(STUDY_FILE) for problem in error.problems]
-        pytest.fail("\n".join(["the study cannot be used:", *found]), pytrace=False)
+    pytest.fail("\n".join([UNUSABLE, *found]), pytrace=False)  # outside, likewise
 
 
 @pytest.fixture(scope="module")

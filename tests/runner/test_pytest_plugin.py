@@ -25,9 +25,10 @@ def study_text() -> str:
     return PAPER
 
 
-def pytest_run(folder: Path, text: str) -> subprocess.CompletedProcess[str]:
+def pytest_run(folder: Path, text: str | bytes) -> subprocess.CompletedProcess[str]:
     """Run plain pytest in a study's folder, as its author does."""
-    (folder / "study.toml").write_text(text, encoding="utf-8")
+    content = text.encode() if isinstance(text, str) else text
+    (folder / "study.toml").write_bytes(content)
     (folder / "test_study.py").write_text(template_tests(), encoding="utf-8")
     command = [PYTEST, "-q", "-p", "no:cacheprovider", "-p", "no:benchmark"]
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
@@ -54,6 +55,38 @@ def test_a_study_made_wrong_fails_and_says_why(tmp_path: Path) -> None:
     assert "study.toml:79: condition voltage, touch 1: the amplitude must not" in done.stdout
     assert "study.toml:23: touch.path_m.1: must lie on the beam, which ends at 0.1" in done.stdout
     assert "Traceback" not in done.stdout
+    assert "During handling" not in done.stdout
+    assert "pydantic" not in done.stdout
+    assert done.stdout.count("rig.watchdg_s") == 1, "said once, not for every test"
+    assert done.stdout.count("the study cannot be used: see above") == 4
+    assert "5 errors in" in done.stdout
+    assert "passed" not in done.stdout
+
+
+def test_a_study_that_begins_with_a_byte_order_mark_is_read_as_check_reads_it(
+    tmp_path: Path,
+) -> None:
+    done = pytest_run(tmp_path, b"\xef\xbb\xbf" + PAPER.encode())
+    assert done.returncode == 0, done.stdout
+    assert "5 passed" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("content", "why"),
+    [
+        (PAPER.encode().replace(b"paper", b"\xff", 1), "codec can't decode byte 0xff"),
+        (b"[study]\nname = ,", "study.toml:2: file: must be TOML, got Invalid value"),
+    ],
+)
+def test_a_file_that_cannot_be_read_is_one_clear_line(
+    tmp_path: Path, content: bytes, why: str
+) -> None:
+    done = pytest_run(tmp_path, content)
+    assert done.returncode == 1
+    assert done.stdout.count(why) == 1
+    assert "5 errors in" in done.stdout
+    for noise in ("Traceback", "During handling", "direct cause", "passed"):
+        assert noise not in done.stdout
 
 
 def test_the_rehearsal_is_a_whole_session(rehearsal: Rehearsed) -> None:

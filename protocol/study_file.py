@@ -1,7 +1,5 @@
 """From the text of a study file to a checked study, with everything that is wrong at once."""
 
-import re
-import tomllib
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from importlib.resources import files
@@ -17,6 +15,7 @@ from protocol.salvage import salvaged
 from protocol.schema_problems import schema_problems, unreadable
 from protocol.study import Study
 from protocol.toml_lines import key_lines, line_of
+from protocol.toml_reading import toml_document
 
 TEMPLATES = ("paper", "extended")
 Further = Callable[[Study], Iterable[Problem]]
@@ -62,10 +61,9 @@ def parsed_study(text: str, source: str = "study.toml", further: Further = lambd
         StudyError: the text is no TOML, breaks the schema, asks for more than the rig allows or
             for what cannot be met.
     """
-    try:
-        document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise StudyError(source, [_syntax_problem(error)]) from error
+    document = toml_document(text)
+    if isinstance(document, Problem):
+        raise StudyError(source, located(text, [document]) if document.path else [document])
     try:
         study = Study.model_validate(document)
     except ValidationError as error:
@@ -76,17 +74,6 @@ def parsed_study(text: str, source: str = "study.toml", further: Further = lambd
     if found := problems(study, further(study)):
         raise StudyError(source, located(text, found))
     return study
-
-
-def _syntax_problem(error: tomllib.TOMLDecodeError) -> Problem:
-    line = re.search(r"at line (\d+)", str(error))
-    return Problem(
-        where="file",
-        rule="must be TOML",
-        value=str(error),
-        hint="mend the line",
-        line=int(line[1]) if line else None,
-    )
 
 
 def _limits_broken(

@@ -122,6 +122,36 @@ def test_peak_to_peak_taken_for_peak_is_caught(right: str, wrong: str, message: 
         raise AssertionError(found)
 
 
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (
+            "7" * 5000,
+            r"study\.toml:7: file: .* fit into 64 bits, got one of 5000 digits; shorten it",
+        ),
+        ("7" * 4000, r"study\.toml:7: study\.seed: .* 64 bits, got one of 13288 bits; shorten it"),
+        ("0x" + "f" * 5000, r"study\.toml:7: study\.seed: .* 64 bits, got one of 20000 bits"),
+        ("9223372036854775808", r"study\.toml:7: study\.seed: .* 64 bits, got one of 64 bits"),
+        ("[" * 17 + "]" * 17, r"study\.toml:7: file: nothing may be nested more than 16 deep, got"),
+        ("[" * 400 + "]" * 400, r"study\.toml:7: file: nothing may be nested more than 16 deep"),
+        ("[" * 9999 + "]" * 9999, r"study\.toml:7: file: nothing may be nested more than 16 deep"),
+        ("{a = " * 999 + "1" + "}" * 999, r"study\.toml:7: file: nothing may be nested more than"),
+        ("1\n" + "a." * 999 + "a = 1", r"study\.toml:8: file: nothing may be nested more than 16"),
+        ("1\n[" + "a." * 999 + "a]", r"study\.toml:8: file: nothing may be nested more than 16"),
+        ('"' + "[" * 99 + '"', r"study\.toml:7: study\.seed: must be a whole number, got '\[\["),
+    ],
+)
+def test_what_no_reader_expects_is_one_line_all_the_same(wrong: str, message: str) -> None:
+    with pytest.raises(StudyError, match=message) as caught:
+        parsed_study(PAPER.replace("seed = 1", f"seed = {wrong}", 1))
+    assert len(str(caught.value)) < 200
+
+
+def test_a_file_that_ends_too_soon_is_named_by_its_last_line() -> None:
+    with pytest.raises(StudyError, match=r"study\.toml:2: file: must be TOML, got .* end of docum"):
+        parsed_study("[study]\nname = [1,\n\n")
+
+
 def test_all_problems_are_found_at_once_with_their_lines() -> None:
     text = (
         PAPER.replace("max_voltage_v", "max_volt", 1)

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+from analysis.catch_answers import CatchAnswers
 from analysis.figure_data import Course, Gains
 from analysis.no_answer import NoAnswer
 from analysis.scores import ScoreTable
@@ -12,7 +13,7 @@ from analysis.statistics.icc import IntraclassCorrelation
 from analysis.statistics.ordinal import OrdinalEffects
 from analysis.statistics.signed_rank import PairwiseTest, SignedRank
 from analysis.table_statistics import Reading, TableStatistics
-from analysis.trial_statistics import CatchAnswers, LawScore
+from analysis.trial_statistics import LawScore
 from analysis.wording import interval, number, omnibus_line, p_value, share
 
 Line = Sequence[str]
@@ -306,8 +307,9 @@ def catch_table(found: CatchAnswers) -> PageTable:
         rows.append([who, *told, number(answers.d_prime, 2), number(answers.criterion, 2)])
     return PageTable(
         name="catch",
-        caption="Answers as expected to scored trials (hits) and changes reported at 0 V (false "
-        "alarms), with exact 95 % intervals; d′ and criterion from counts alone.",
+        caption="Trials on which a change was reported, whichever it was: scored trials (hits) and "
+        "catch trials at 0 V (false alarms), with exact 95 % intervals; d′ and criterion from "
+        "counts alone.",
         header=["subject", "hits", "false alarms", "d′", "criterion"],
         rows=rows,
     )

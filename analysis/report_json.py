@@ -11,8 +11,10 @@ from typing import Any
 import numpy as np
 
 from analysis.answered_trials import TrialRow
+from analysis.catch_answers import CatchAnswers
 from analysis.no_answer import NoAnswer
 from analysis.scores import ScoreTable
+from analysis.sensitivity.checks import Discrimination, Proportion
 from analysis.sensitivity.lines import Lines, SubjectLine
 from analysis.sensitivity.m1 import LinearSensitivity
 from analysis.sensitivity.m2 import OrdinalSensitivity
@@ -25,7 +27,7 @@ from analysis.statistics.skillings_mack import SkillingsMack
 from analysis.table4 import Table4
 from analysis.table_statistics import Reading, TableStatistics
 from analysis.trial_contrasts import TrialContrasts
-from analysis.trial_statistics import CatchAnswers, LawScore, TrialStatistics
+from analysis.trial_statistics import LawScore, TrialStatistics
 
 Json = dict[str, Any]
 
@@ -255,8 +257,28 @@ def _law_json(score: LawScore) -> Json:
 
 
 def catch_json(found: CatchAnswers) -> Json:
-    """Return hits and false alarms, together and by subject."""
-    return {"overall": plain(found.overall), "subjects": plain(found.subjects)}
+    """Return hits and false alarms, pooled and by subject."""
+    return {
+        "overall": _discrimination_json(found.overall),
+        "subjects": {who: _discrimination_json(said) for who, said in found.subjects.items()},
+    }
+
+
+def _discrimination_json(found: Discrimination | NoAnswer) -> Json:
+    if isinstance(found, NoAnswer):
+        return {"reason": found.reason}
+    return {
+        **plain(found),
+        "hits": _proportion_json(found.hits),
+        "false_alarms": _proportion_json(found.false_alarms),
+    }
+
+
+def _proportion_json(found: Proportion) -> Json:
+    known: Json = {**plain(found), "interval": or_null(found.interval)}
+    if isinstance(found.interval, NoAnswer):
+        known["interval_reason"] = found.interval.reason
+    return known
 
 
 def left_out_json(loaded: Loaded) -> Json:

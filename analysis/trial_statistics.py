@@ -1,21 +1,19 @@
 """Everything that is computed from single trials: sensitivities, laws, and checks."""
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from analysis.answered_trials import TrialRow
+from analysis.catch_answers import CatchAnswers, catch_answers
 from analysis.no_answer import NoAnswer
 from analysis.scores import FloatArray
 from analysis.sensitivity.checks import (
-    Discrimination,
     Drift,
     FTest,
     Proportion,
     carry_over,
-    discrimination,
     drift,
     order_effect,
     proportion,
@@ -55,14 +53,6 @@ class LawScore:
     predicted: Mapping[str, float]
     order: LawOrder | NoAnswer
     likelihood: LawLikelihood | NoAnswer
-
-
-@dataclass(frozen=True, kw_only=True)
-class CatchAnswers:
-    """Answers to catch trials (0 V) and to signal trials, together and by subject."""
-
-    overall: Discrimination | NoAnswer
-    subjects: Mapping[str, Discrimination | NoAnswer]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,7 +104,7 @@ def trial_statistics(loaded: Loaded, study: Study) -> TrialStatistics:
         drift=drift(scored.every, scored.place) if ordered else _UNORDERED,
         order=order_effect(scored.every, scored.place) if ordered else _UNORDERED,
         carry_over=carry_over(scored.every, scored.previous) if ordered else _UNORDERED,
-        catch=_catch(loaded.rows),
+        catch=catch_answers(loaded.rows),
         signal=_signal(loaded.rows, contrasts),
     )
 
@@ -173,25 +163,6 @@ def _mean_by_condition(
     sums = np.bincount(condition, weights=values, minlength=count)
     counts = np.bincount(condition, minlength=count)
     return np.asarray(np.divide(sums, counts, out=np.full(count, np.nan), where=counts > 0))
-
-
-def _catch(rows: Sequence[TrialRow]) -> CatchAnswers:
-    """Hits are answers as expected to scored trials, false alarms changes reported at 0 V."""
-    hits, signals, alarms, catches = Counter[str](), Counter[str](), Counter[str](), Counter[str]()
-    for row in rows:
-        if row.kind == "trial" and row.agrees is not None:
-            signals[row.participant] += 1
-            hits[row.participant] += row.agrees
-        elif row.kind == "catch" and row.agrees is not None:
-            catches[row.participant] += 1
-            alarms[row.participant] += not row.agrees
-    return CatchAnswers(
-        overall=discrimination((hits.total(), signals.total()), (alarms.total(), catches.total())),
-        subjects={
-            who: discrimination((hits[who], signals[who]), (alarms[who], catches[who]))
-            for who in catches
-        },
-    )
 
 
 def _signal(rows: Sequence[TrialRow], contrasts: TrialContrasts) -> SignalAnswers:

@@ -89,8 +89,9 @@ def f_line(name: str, found: FTest | NoAnswer) -> str:
 
 
 def share(found: Proportion) -> str:
-    """Return a share with its counts and interval."""
-    return f"{found.count} of {found.trials} ({found.share:.0%}, {interval(found.interval)})"
+    """Return a share with its counts, and with its interval if it has one."""
+    ends = "" if isinstance(found.interval, NoAnswer) else f", {interval(found.interval)}"
+    return f"{found.count} of {found.trials} ({found.share:.0%}{ends})"
 
 
 def catch_line(found: Discrimination | NoAnswer) -> str:
@@ -98,7 +99,12 @@ def catch_line(found: Discrimination | NoAnswer) -> str:
     if isinstance(found, NoAnswer):
         return f"Catch trials: nothing to tell ({found.reason})."
     return (
-        f"Catch trials (0 V): a change was reported on {share(found.false_alarms)}, against "
-        f"answers as expected on {share(found.hits)} of the scored trials; "
-        f"d′ = {number(found.d_prime, 2)}, criterion {number(found.criterion, 2)}."
+        f"Catch trials (0 V): a change, whichever it was, was reported on "
+        f"{share(found.false_alarms)} of them, and on {share(found.hits)} of the scored trials; "
+        f"d′ = {number(found.d_prime, 2)}, criterion {number(found.criterion, 2)}{_pooled(found)}."
     )
+
+
+def _pooled(found: Discrimination) -> str:
+    unknown = found.hits.interval
+    return f" (no intervals: {unknown.reason})" if isinstance(unknown, NoAnswer) else ""

@@ -1,6 +1,6 @@
 """Did anything but the condition move the ratings: time, the trial before, nothing at all?"""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import betaincinv, fdtrc, ndtri, stdtr, stdtrit
@@ -9,6 +9,10 @@ from analysis.no_answer import NoAnswer
 from analysis.scores import FloatArray
 from analysis.sensitivity.mixture import Interval
 from analysis.sensitivity.ratings import IntArray, Ratings
+
+_POOLED = NoAnswer(
+    reason="trials of several subjects are pooled, and those of one are not independent"
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,17 +36,17 @@ class FTest:
 
 @dataclass(frozen=True, kw_only=True)
 class Proportion:
-    """A share of trials with its exact 95 % interval (Clopper and Pearson 1934)."""
+    """A share of independent trials with its exact 95 % interval (Clopper and Pearson 1934)."""
 
     count: int
     trials: int
     share: float
-    interval: Interval
+    interval: Interval | NoAnswer
 
 
 @dataclass(frozen=True, kw_only=True)
 class Discrimination:
-    """Hits, false alarms, d′ and criterion of one subject, from counts alone.
+    """Changes reported with a signal (hits) and without, d′ and criterion, from counts alone.
 
     Rates are (count + 0.5) / (trials + 1), so that none is 0 or 1 (Hautus, Behavior Research
     Methods 27, 1995). d′ = z(hits) - z(false alarms), c = -(z(hits) + z(false alarms)) / 2.
@@ -120,9 +124,12 @@ def proportion(count: int, trials: int) -> Proportion | NoAnswer:
 
 
 def discrimination(
-    hits: tuple[int, int], false_alarms: tuple[int, int]
+    hits: tuple[int, int], false_alarms: tuple[int, int], *, people: int = 1
 ) -> Discrimination | NoAnswer:
     """Return d′ and criterion from (count, trials) of signal and of catch trials.
+
+    Both count the same event: a change was reported. The trials of more than one of the `people`
+    are pooled without an interval.
 
     >>> found = discrimination((18, 20), (1, 4))
     >>> round(found.d_prime, 3), round(found.criterion, 3)
@@ -135,8 +142,8 @@ def discrimination(
         return NoAnswer(reason="there were no catch trials")
     z_hit, z_alarm = (float(ndtri((p.count + 0.5) / (p.trials + 1))) for p in (hit, alarm))
     return Discrimination(
-        hits=hit,
-        false_alarms=alarm,
+        hits=hit if people == 1 else replace(hit, interval=_POOLED),
+        false_alarms=alarm if people == 1 else replace(alarm, interval=_POOLED),
         d_prime=z_hit - z_alarm,
         criterion=-(z_hit + z_alarm) / 2,
     )

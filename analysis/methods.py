@@ -1,5 +1,6 @@
 """The methods paragraph of the report, and what its numbers cannot tell."""
 
+from analysis.empty_cells import unscored
 from analysis.exclusion_rules import rules_in_words
 from analysis.no_answer import NoAnswer
 from analysis.session_scores import Loaded
@@ -17,7 +18,8 @@ def methods(loaded: Loaded, study: Study, found: TrialStatistics) -> list[str]:
 
 
 def _data(loaded: Loaded, study: Study) -> str:
-    subjects, conditions = loaded.table.scores.shape
+    given = loaded.table.given
+    subjects, conditions = int(given.any(axis=1).sum()), int(given.any(axis=0).sum())
     rules = rules_in_words(study.exclusions)
     settled = "; ".join(rules) if rules else "none"
     origin = (
@@ -33,11 +35,19 @@ def _data(loaded: Loaded, study: Study) -> str:
         + " scored the strength of the effect from 0 (no effect) to 10 (very effective)."
     )
     return (
-        f"{origin} {subjects} subjects and {conditions} conditions are analysed. A subject's score "
+        f"{origin} {subjects} {'subject' if subjects == 1 else 'subjects'} and {conditions} "
+        f"{'condition' if conditions == 1 else 'conditions'} have scores and are analysed"
+        f"{_unscored(loaded)}. A subject's score "
         "for a condition is the mean over the trials that have one. A score that was not given is "
         f"missing: it is no zero and drops no subject. Rules of exclusion settled beforehand: "
         f"{settled}."
     )
+
+
+def _unscored(loaded: Loaded) -> str:
+    subjects, conditions = unscored(loaded.table)
+    names = (*subjects, *conditions)
+    return f"; without any score: {', '.join(names)}" if names else ""
 
 
 def _tests(found: TrialStatistics) -> str:

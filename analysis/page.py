@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from importlib.resources import files
 from typing import Any
 
+from analysis.empty_cells import withheld
 from analysis.no_answer import NoAnswer
 from analysis.page_figures import Illustration
 from analysis.page_tables import (
@@ -43,7 +44,7 @@ Tables = Mapping[str, PageTable | None]
 def tables(loaded: Loaded, table: TableStatistics, trials: TrialStatistics) -> Tables:
     """Return the page's tables by name, None for one that has nothing to show."""
     m3 = trials.m3
-    repeated = len(table.readings) > 1
+    repeated = len(table.readings) > 1 and bool(withheld(loaded.table, loaded.empty).any())
     return {
         "readings": readings_table(table.readings) if repeated else None,
         "pairwise": pairwise_table(table.main.pairwise) if table.main.pairwise else None,
@@ -154,6 +155,7 @@ class Page:
     changed: str
     loaded: Loaded
     table: TableStatistics
+    table_notes: Sequence[str]
     trials: TrialStatistics
     illustrations: Mapping[str, Illustration]
     no_sensitivity: Sequence[str]
@@ -184,7 +186,7 @@ def page_html(page: Page) -> str:
         page=page,
         missing=MISSING,
         header=main.lines(MISSING)[0],
-        table4=table4_cells(main, trials),
+        table4=table4_cells(main, trials, page.loaded.empty),
         tables=tables(page.loaded, page.table, page.trials),
         said=sentences(page.table, page.trials),
         trial_header=trial_header(tuple(page.trials.contrasts.by_law)),

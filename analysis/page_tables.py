@@ -30,14 +30,16 @@ class PageTable:
 
 
 def readings_table(readings: Sequence[Reading]) -> PageTable:
-    """Return the means and the omnibus test under each reading of missing scores."""
+    """Return the means and the omnibus test under each reading of withheld scores."""
     words = {"missing": "left missing", "zero": "as 0", "lowest": "as the lowest score given"}
     first = readings[0].table4.table
     return PageTable(
         name="readings",
-        caption="What follows if missing scores are left missing, read as 0 (no effect), or read "
-        "as the lowest score that anybody gave: mean of each condition, and the omnibus test.",
-        header=["missing scores", *first.conditions, "all", "pairs that differ (Holm)", "test"],
+        caption="What follows if scores that were withheld, as the answer disagreed, are left "
+        "missing, read as 0 (no effect), or read as the lowest score that anybody gave: mean of "
+        "each condition, and the omnibus test. Blank cells of a published table are taken for "
+        "such; cells whose trials are excluded or were never reached stay missing throughout.",
+        header=["withheld scores", *first.conditions, "all", "pairs that differ (Holm)", "test"],
         rows=[
             [
                 words[reading.name],

@@ -4,16 +4,21 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from analysis.empty_cells import LABELS, EmptyCells, marks
 from analysis.table4 import Table4
 from analysis.wording import MISSING, number
 
 
 @dataclass(frozen=True, kw_only=True)
 class Cell:
-    """A cell of Table 4 and where it leads; no `target` where there is no trial."""
+    """A cell of Table 4 and where it leads; no `target` where there is no trial.
+
+    `why` says in words why there is no score, empty where there is one.
+    """
 
     text: str
     target: str = ""
+    why: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,17 +94,23 @@ def _cells(record: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def table4_cells(table: Table4, trials: Sequence[SubjectTrials]) -> list[list[Cell]]:
+def table4_cells(
+    table: Table4, trials: Sequence[SubjectTrials], empty: EmptyCells
+) -> list[list[Cell]]:
     """Return the lines of Table 4; each score leads to its trials, each mean to predictions."""
     targets = {line.target for subject in trials for line in subject.lines}
-    _, *rows, averages = table.lines(MISSING)
+    _, *rows, averages = table.lines(MISSING, marks(empty))
     found = []
     for row, texts in enumerate(rows):
         names = ["", *(cell_name(row, column) for column in range(len(texts) - 2)), ""]
         found.append(
             [
-                Cell(text=text, target=name if name in targets else "")
-                for text, name in zip(texts, names, strict=True)
+                Cell(
+                    text=text,
+                    target=name if name in targets else "",
+                    why=LABELS[empty[row, place - 1]] if (row, place - 1) in empty else "",
+                )
+                for place, (text, name) in enumerate(zip(texts, names, strict=True))
             ]
         )
     leads = ["", *["predictions"] * (len(averages) - 2), ""]

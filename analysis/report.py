@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from analysis.changed_journal import changed_journal
+from analysis.empty_cells import notes, withheld
 from analysis.exclusion_rules import rules_in_words
 from analysis.export_text import json_text
 from analysis.latex import table4_tex
@@ -18,6 +19,7 @@ from analysis.page import Page, page_html
 from analysis.page_figures import FIGURES, Illustration, illustrations
 from analysis.provenance import Origin, provenance
 from analysis.report_json import (
+    empty_json,
     left_out_json,
     plain,
     statistics_json,
@@ -61,6 +63,11 @@ class Report:
         digest = sha256(json.dumps(self.trial_records, ensure_ascii=False).encode()).hexdigest()
         return provenance(self.origin, self.loaded, self.study, digest)
 
+    @cached_property
+    def table_notes(self) -> list[str]:
+        """What stands under Table 4."""
+        return notes(self.loaded.table, self.loaded.empty)
+
     @property
     def rehearsals(self) -> bool:
         """Whether any of the scores come from a rehearsal."""
@@ -74,7 +81,7 @@ def report(title: str, loaded: Loaded, study: Study, origin: Origin) -> Report:
         loaded=loaded,
         study=study,
         origin=origin,
-        table=table_statistics(loaded.table),
+        table=table_statistics(loaded.table, withheld(loaded.table, loaded.empty)),
         trials=trial_statistics(loaded, study),
     )
 
@@ -91,7 +98,7 @@ def report_json(result: Report) -> dict[str, Any]:
         "left_out": left_out_json(loaded),
         "exclusions": plain(loaded.left_out),
         "incidents": plain(loaded.incidents),
-        "table4": table4_json(result.table.main.table4),
+        "table4": {**table4_json(result.table.main.table4), **empty_json(loaded)},
         **statistics_json(result.table, loaded.table),
         **trial_statistics_json(result.trials),
         "trials": result.trial_records,
@@ -109,6 +116,7 @@ def report_html(result: Report) -> str:
             changed=changed_journal(broken) if broken else "",
             loaded=result.loaded,
             table=result.table,
+            table_notes=result.table_notes,
             trials=result.trials,
             illustrations=result.illustrations,
             no_sensitivity=[

@@ -12,6 +12,7 @@ import numpy as np
 
 from analysis.answered_trials import TrialRow
 from analysis.catch_answers import CatchAnswers
+from analysis.empty_cells import unscored
 from analysis.no_answer import NoAnswer
 from analysis.scores import ScoreTable
 from analysis.sensitivity.checks import Discrimination, Proportion
@@ -66,6 +67,20 @@ def table4_json(result: Table4) -> Json:
         "column_means": dict(zip(table.conditions, plain(result.column_means), strict=True)),
         "grand_mean": plain(result.grand_mean),
         "missing": table.missing_count,
+    }
+
+
+def empty_json(loaded: Loaded) -> Json:
+    """Return why cells of the table have no score, and who and what has none at all."""
+    table = loaded.table
+    subjects, conditions = unscored(table)
+    return {
+        "empty": [
+            {"subject": table.subjects[row], "condition": table.conditions[column], "why": str(why)}
+            for (row, column), why in loaded.empty.items()
+        ],
+        "unscored_subjects": list(subjects),
+        "unscored_conditions": list(conditions),
     }
 
 

@@ -1,11 +1,12 @@
 """From the journal's events to the table of scores and the trials behind it."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from analysis.answered_trials import Happened, TrialRow
+from analysis.empty_cells import EmptyCells, empty_cells
 from analysis.exclusion_rules import LeftOut, ruled_out
 from analysis.scores import ScoreTable
 from analysis.session_story import Incident, SessionStory, session_story
@@ -33,7 +34,8 @@ class Recording:
 class Loaded:
     """What was found: scores and trials, whose kind they are, and what was left out and why.
 
-    `rows` are the trials that count: excluded ones are not among them.
+    `rows` are the trials that count: excluded ones are not among them. `empty` says why a cell of
+    the table has no score.
     """
 
     table: ScoreTable
@@ -47,6 +49,7 @@ class Loaded:
     left_out: tuple[LeftOut, ...] = ()
     incidents: tuple[Incident, ...] = ()
     recording: Recording = Recording()
+    empty: EmptyCells = field(default_factory=dict)
 
 
 def loaded(
@@ -84,10 +87,11 @@ def loaded(
             f"{by_rule[-1].why}"
         )
     conditions = _in_order(name for record in wanted for name in record.conditions)
+    table = ScoreTable(
+        subjects=subjects, conditions=conditions, scores=_means(rows, subjects, conditions)
+    )
     return Loaded(
-        table=ScoreTable(
-            subjects=subjects, conditions=conditions, scores=_means(rows, subjects, conditions)
-        ),
+        table=table,
         kinds=_in_order(record.kind for record in wanted),
         rehearsals_left_out=found.rehearsals_left_out,
         unfinished=tuple(record.participant for record in wanted if not record.finished),
@@ -98,6 +102,7 @@ def loaded(
         left_out=(*found.left_out, *_trials_left_out(wanted), *by_rule),
         incidents=tuple(incident for record in wanted for incident in record.incidents),
         recording=_recording(wanted),
+        empty=empty_cells(table, rows, _taken_out(wanted, rows)),
     )
 
 
@@ -160,6 +165,17 @@ def _trials_left_out(records: Sequence[SessionStory]) -> list[LeftOut]:
         )
         for record in records
         for index, why in record.excluded_trials.items()
+    ]
+
+
+def _taken_out(records: Sequence[SessionStory], counted: Sequence[TrialRow]) -> list[TrialRow]:
+    """The answered trials that do not count, by the operator's word or by a rule."""
+    kept = {(row.participant, row.session, row.index) for row in counted}
+    return [
+        row
+        for record in records
+        for row in record.rows
+        if (row.participant, row.session, row.index) not in kept
     ]
 
 

@@ -1,7 +1,9 @@
 """Table 4 of the paper: scores by subject and condition, with the means of both."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
@@ -22,16 +24,26 @@ class Table4:
     column_means: FloatArray
     grand_mean: float
 
-    def lines(self, missing: str = MISSING) -> list[list[str]]:
+    def lines(
+        self, missing: str = MISSING, marks: Mapping[tuple[int, int], str] = MappingProxyType({})
+    ) -> list[list[str]]:
         """Return header, a row per subject and the row of averages, to two decimals.
 
-        Whole scores are written as such; `missing` stands where no score was given.
+        Whole scores are written as such; `missing` stands where no score was given, unless
+        `marks` has something else for that row and column.
         """
         names = ["subject", *self.table.conditions, COMPREHENSIVE]
         rows = [
-            [subject, *(_score(score, missing) for score in scores), _mean(mean, missing)]
-            for subject, scores, mean in zip(
-                self.table.subjects, self.table.scores, self.row_means, strict=True
+            [
+                subject,
+                *(
+                    _score(score, marks.get((row, column), missing))
+                    for column, score in enumerate(scores)
+                ),
+                _mean(mean, missing),
+            ]
+            for row, (subject, scores, mean) in enumerate(
+                zip(self.table.subjects, self.table.scores, self.row_means, strict=True)
             )
         ]
         means = (_mean(mean, missing) for mean in self.column_means)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from analysis.no_answer import NoAnswer
-from analysis.scores import ScoreTable
+from analysis.scores import BoolArray, ScoreTable
 from analysis.statistics.additive import (
     AdditiveEffects,
     GainHeterogeneity,
@@ -20,7 +20,7 @@ from analysis.table4 import Table4, table4
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """Table 4 with its missing scores read in one way, and what follows for the conditions.
+    """Table 4 with its withheld scores read in one way, and what follows for the conditions.
 
     `skillings_mack` is None where no score is missing: it is Friedman's test then.
     """
@@ -36,8 +36,8 @@ class Reading:
 class TableStatistics:
     """The statistics of one table.
 
-    `readings` has the table with missing scores left missing and, if there are any, as 0 and as
-    the lowest score observed; the first one is what everything else is computed from.
+    `readings` has the table as it is and, if scores are missing, with the withheld ones as 0 and
+    as the lowest score observed; the first one is what everything else is computed from.
     """
 
     readings: tuple[Reading, ...]
@@ -52,10 +52,15 @@ class TableStatistics:
         return self.readings[0]
 
 
-def table_statistics(table: ScoreTable) -> TableStatistics:
-    """Return the statistics of the table; missing scores stay missing but for the readings."""
+def table_statistics(table: ScoreTable, withheld: BoolArray) -> TableStatistics:
+    """Return the statistics of the table; missing scores stay missing but for the readings.
+
+    Parameters:
+        table: the scores.
+        withheld: shape (subjects, conditions), the empty cells that the readings fill in.
+    """
     return TableStatistics(
-        readings=tuple(_reading(name, read) for name, read in _read(table)),
+        readings=tuple(_reading(name, read) for name, read in _read(table, withheld)),
         icc_subjects=intraclass_correlation(table, target="subjects"),
         icc_conditions=intraclass_correlation(table, target="conditions"),
         additive=additive_effects(table),
@@ -63,8 +68,8 @@ def table_statistics(table: ScoreTable) -> TableStatistics:
     )
 
 
-def _read(table: ScoreTable) -> list[tuple[str, ScoreTable]]:
-    read = missing_scores(table)
+def _read(table: ScoreTable, withheld: BoolArray) -> list[tuple[str, ScoreTable]]:
+    read = missing_scores(table, withheld)
     if table.is_complete or isinstance(read, NoAnswer):
         return [("missing", table)]
     return [("missing", read.missing), ("zero", read.zero), ("lowest", read.lowest)]

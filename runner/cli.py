@@ -342,6 +342,7 @@ def _report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json: bool
 
     # Sums in one order, whatever the number of cores: the same input gives the same bytes.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    from analysis.empty_cells import marks
     from analysis.export_text import json_text
     from analysis.provenance import Origin
     from analysis.report import report as made_report
@@ -372,7 +373,9 @@ def _report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json: bool
     if as_json:
         typer.echo(json_text(report_json(result)), nl=False)
         return
-    print_table("Table 4", result.table.main.table4.lines("–"))
+    print_table("Table 4", result.table.main.table4.lines("–", marks(result.loaded.empty)))
+    for note in result.table_notes:
+        typer.echo(note)
     typer.echo(
         f"{omnibus_line(result.table.main)}\nWritten: {', '.join(str(path) for path in written)}"
     )

@@ -58,8 +58,9 @@ def _tests(found: TrialStatistics) -> str:
         "Mack's test where scores are missing), and pair by pair with Wilcoxon's signed rank test, "
         "exact up to 200 differences, zeros dropped, p-values corrected by Holm. Intraclass "
         "correlations and additive effects are by least squares with moment estimates of "
-        "variances; equal slopes were tested as Mandel does. The ordinal mixed model (cumulative "
-        f"link, random level of each subject, maximum likelihood) was fitted to {unit}. Carry-over "
+        "variances; equal slopes (Mandel) were tested by their extra sum of squares. The ordinal "
+        "mixed model (cumulative link, random level of each subject, maximum likelihood) was "
+        f"fitted to {unit}. Carry-over "
         "and order were tested by F tests within subjects, with condition allowed for."
     )
 

@@ -7,7 +7,8 @@ import numpy as np
 from scipy.special import fdtrc
 
 from analysis.no_answer import NoAnswer
-from analysis.scores import FloatArray, ScoreTable
+from analysis.scores import BoolArray, FloatArray, ScoreTable
+from analysis.statistics.ranks import IntArray
 from analysis.statistics.two_way import TwoWay, two_way
 
 
@@ -35,8 +36,9 @@ class AdditiveEffects:
 class GainHeterogeneity:
     """Whether subjects differ in how strongly the conditions' effects show in their scores.
 
-    `gains` has each subject's slope on the condition effects (1 on average); `tau` is the moment
-    estimate of the standard deviation of the true slopes, 0 when they spread no more than chance.
+    `gains` has each subject's slope on the condition effects (1 on average), without the subjects
+    whose slope cannot be compared with the others'; `tau` is the moment estimate of the standard
+    deviation of the true slopes, 0 when they spread no more than chance.
     """
 
     f: float
@@ -71,36 +73,32 @@ def additive_effects(table: ScoreTable) -> AdditiveEffects | NoAnswer:
 def gain_heterogeneity(table: ScoreTable) -> GainHeterogeneity | NoAnswer:
     """Return the test of equal slopes on the condition effects, or why there is none.
 
-    Each subject's scores are regressed on the additive condition effects (Mandel's bundle of
-    straight lines, Technometrics 3, 1961; after Tukey's one degree of freedom). The spread of the
-    slopes is DerSimonian and Laird's moment estimate.
+    To the additive fit a slope of each subject on the fitted condition effects is added (Mandel's
+    bundle of straight lines, Technometrics 3, 1961; after Tukey's one degree of freedom). F is of
+    the extra sum of squares Q, given levels of subjects and of conditions, so that cells may be
+    missing; the effects and the residuals that Q is made of are independent, which makes it exact.
+    τ² = (Q - df σ²) / trace of the slopes' information (Henderson's method III).
     """
     fit = two_way(table)
     if isinstance(fit, NoAnswer):
         return fit
-    leverage, slopes = _excess_slopes(fit)
-    sloped = leverage > 1e-12 * max(1.0, float(leverage.max()))
-    df = (int(sloped.sum()) - 1, fit.residual_df - int(sloped.sum()) + 1)
-    if not (fit.columns**2).sum() > 0 or not sloped.any():
-        return NoAnswer(reason="the conditions do not differ, so that no slope can be seen")
+    slopes = _slopes(fit)
+    if isinstance(slopes, NoAnswer):
+        return slopes
+    df = (slopes.rank, fit.residual_df - slopes.rank)
     if min(df) < 1:
         return NoAnswer(reason=f"slopes and residual have {df[0]} and {df[1]} degrees of freedom")
-    between = float((leverage * slopes**2)[sloped].sum())
-    within = fit.residual_squares - between
+    within = fit.residual_squares - slopes.squares
     if within <= 1e-12 * fit.residual_squares:
         return NoAnswer(reason="the slopes explain the scores entirely, no residual is left")
     variance = within / df[1]
-    f = between / df[0] / variance
+    f = slopes.squares / df[0] / variance
     return GainHeterogeneity(
         f=f,
         df=df,
         p=float(fdtrc(*df, f)),
-        gains={
-            name: 1.0 + float(slope)
-            for name, slope, known in zip(fit.table.subjects, slopes, sloped, strict=True)
-            if known
-        },
-        tau=_moment_tau(leverage[sloped] / variance, slopes[sloped]),
+        gains={fit.table.subjects[row]: 1.0 + excess for row, excess in slopes.excess.items()},
+        tau=float(np.sqrt(max(0.0, (slopes.squares - df[0] * variance) / slopes.information))),
     )
 
 
@@ -114,18 +112,73 @@ def _shrinkage(variance: float, residual: float, count: int) -> float | NoAnswer
     return variance / (variance + residual / count)
 
 
-def _excess_slopes(fit: TwoWay) -> tuple[FloatArray, FloatArray]:
-    """Return each subject's sum of squared condition effects and slope minus 1."""
-    given = fit.table.given
-    effects = np.where(given, fit.columns, 0.0)
-    effects = np.where(given, effects - (effects.sum(1) / given.sum(1))[:, None], 0.0)
-    leverage = (effects**2).sum(axis=1)
-    products = (effects * np.where(given, fit.residuals, 0.0)).sum(axis=1)
-    slopes = np.divide(products, leverage, out=np.zeros_like(products), where=leverage > 0)
-    return leverage, slopes
+@dataclass(frozen=True, kw_only=True)
+class _Slopes:
+    """What slopes on the condition effects add to the additive fit.
+
+    `squares` is their extra sum of squares and `rank` its degrees of freedom; `information` the
+    trace of their information matrix; `excess` each slope minus 1 by row of the table, 0 on
+    average, of the rows whose slopes can be compared.
+    """
+
+    squares: float
+    rank: int
+    information: float
+    excess: Mapping[int, float]
 
 
-def _moment_tau(precision: FloatArray, excess: FloatArray) -> float:
-    heterogeneity = (precision * excess**2).sum() - (len(precision) - 1)
-    scale = precision.sum() - (precision**2).sum() / precision.sum()
-    return float(np.sqrt(max(0.0, heterogeneity / scale)))
+def _slopes(fit: TwoWay) -> _Slopes | NoAnswer:
+    """Return the slopes by least squares, subjects and conditions allowed for.
+
+    With E the effects about each subject's own mean over the cells given, their information is
+    G = diag(E E') - E L⁺ E', L that of the conditions. In units of √diag(E E') it is I - U U', so
+    that the singular values of U, few as the conditions, solve it; those of 1 are what a level of
+    each condition does as well as slopes.
+    """
+    own = _about_row_means(fit.columns, fit.table.given)
+    lengths = np.sqrt((own**2).sum(axis=1))
+    rows = np.flatnonzero(lengths > 1e-6 * max(1.0, float(lengths.max())))
+    if not (fit.columns**2).sum() > 0 or not rows.size:
+        return NoAnswer(reason="the conditions do not differ, so that no slope can be seen")
+    own, lengths = own[rows], lengths[rows]
+    residuals = np.where(fit.table.given, fit.residuals, 0.0)[rows]
+    products = (own * residuals).sum(axis=1) / lengths
+    turned, sizes, _ = np.linalg.svd(
+        own / lengths[:, None] @ _root_of_inverse(fit.table.given), full_matrices=False
+    )
+    left = 1 - sizes**2
+    absorbed = left < 1e-9
+    along = turned.T @ products
+    weights = np.where(absorbed, -1.0, 1 / np.where(absorbed, 1.0, left) - 1)
+    excess = (products + turned @ (weights * along)) / lengths
+    comparable = _largest_group(turned[:, absorbed] / lengths[:, None])
+    excess -= excess[comparable].mean()
+    return _Slopes(
+        squares=float(products @ products + weights @ along**2),
+        rank=len(rows) - int(absorbed.sum()),
+        information=float((lengths**2 * (1 - (turned**2 @ sizes**2))).sum()),
+        excess={int(rows[place]): float(excess[place]) for place in comparable},
+    )
+
+
+def _about_row_means(columns: FloatArray, given: BoolArray) -> FloatArray:
+    """The columns' values about their mean over the cells given in each row, 0 elsewhere."""
+    values = np.where(given, columns, 0.0)
+    return np.where(given, values - (values.sum(axis=1) / given.sum(axis=1))[:, None], 0.0)
+
+
+def _root_of_inverse(given: BoolArray) -> FloatArray:
+    """Return R with R R' the inverse of the conditions' information, given levels of subjects."""
+    weights = given.astype(np.float64)
+    own = weights / weights.sum(axis=1, keepdims=True)
+    values, vectors = np.linalg.eigh(np.diag(weights.sum(axis=0)) - weights.T @ own)
+    # All conditions raised alike is what a level of the subjects does: its value is 0.
+    return np.asarray(vectors[:, 1:] / np.sqrt(values[1:]))
+
+
+def _largest_group(free: FloatArray) -> IntArray:
+    """Return the rows that move alike in every direction that the data leave free."""
+    if free.shape[1] == 1:
+        return np.arange(len(free))
+    alike = (np.abs(free[:, None] - free[None]) < 1e-6 * np.abs(free).max()).all(axis=2)
+    return np.flatnonzero(alike[alike.sum(axis=1).argmax()])

@@ -151,25 +151,71 @@ def test_gain_heterogeneity_of_table_4(published: ScoreTable) -> None:
     assert np.mean(list(result.gains.values())) == pytest.approx(1.0, abs=1e-12)
 
 
-def test_gain_heterogeneity_agrees_with_nested_regressions(table_of: TableOf) -> None:
+def dense_slopes(scores: FloatArray) -> tuple[float, tuple[int, int], float, FloatArray]:
+    """F, degrees of freedom, moment τ and slopes less 1 of a regression with every column written.
+
+    The slopes are the shortest ones: any number may be added to them.
+    """
+    row, column = np.nonzero(~np.isnan(scores))
+    y = scores[row, column]
+    levels = np.hstack([np.eye(scores.shape[0])[row], np.eye(scores.shape[1])[column]])
+    effects = np.linalg.lstsq(levels, y)[0][scores.shape[0] :]
+    onto_levels = levels @ np.linalg.pinv(levels)
+    slopes = np.eye(scores.shape[0])[row] * effects[column][:, None]
+    slopes -= onto_levels @ slopes
+    residuals = y - onto_levels @ y
+    found = np.linalg.lstsq(slopes, residuals, rcond=1e-8)[0]
+    left = residuals - slopes @ found
+    added = int((np.linalg.svd(slopes, compute_uv=False) > 1e-8).sum())
+    df = (added, len(y) - int(np.linalg.matrix_rank(levels)) - added)
+    variance = (left @ left) / df[1]
+    extra = residuals @ residuals - left @ left
+    tau = np.sqrt(max(0.0, (extra - added * variance) / (slopes**2).sum()))
+    return float(extra / added / variance), df, float(tau), np.asarray(found, dtype=np.float64)
+
+
+@pytest.mark.parametrize("missing", [0.0, 0.15, 0.4])
+def test_gain_heterogeneity_agrees_with_every_column_written(
+    table_of: TableOf, missing: float
+) -> None:
     rng = np.random.default_rng(8)
     scores = rng.normal(size=(8, 1)) + np.outer(rng.uniform(0, 3, 8), np.arange(5.0))
     scores += rng.normal(0.0, 0.5, (8, 5))
-    scores[rng.random((8, 5)) < 0.15] = np.nan
-    table = table_of(scores)
-    fit, result = two_way(table), gain_heterogeneity(table)
-    assert isinstance(fit, TwoWay)
+    scores[rng.random((8, 5)) < missing] = np.nan
+    result = gain_heterogeneity(table_of(scores))
+    f, df, tau, excess = dense_slopes(scores)
     assert isinstance(result, GainHeterogeneity)
-    bundle = sum(
-        float(np.polyfit(fit.columns[seen], row[seen], 1, full=True)[1].sum())
-        for row in scores
-        if (seen := ~np.isnan(row)).sum() > 2
+    assert result.df == df == (7, int((~np.isnan(scores)).sum()) - 12 - 7)
+    assert result.f == pytest.approx(f, rel=1e-9)
+    assert result.p == pytest.approx(stats.f.sf(f, *df), rel=1e-9)
+    assert result.tau == pytest.approx(tau, rel=1e-9)
+    assert list(result.gains.values()) == pytest.approx(1 + excess - excess.mean(), rel=1e-8)
+
+
+def test_equal_slopes_are_rejected_as_often_as_chance_has_it(table_of: TableOf) -> None:
+    rng = np.random.default_rng(6)
+    found = []
+    for _ in range(600):
+        scores = np.array([0.1, 0.6, 1.4, 0.0, -2.1]) + rng.normal(0.0, 1.0, (9, 5))
+        scores[rng.random((9, 5)) < 0.3] = np.nan
+        result = gain_heterogeneity(table_of(scores))
+        if isinstance(result, GainHeterogeneity):
+            found.append(result.p)
+    assert len(found) > 590
+    assert stats.kstest(found, "uniform").pvalue > 0.01
+    assert stats.binomtest(sum(p < 0.05 for p in found), len(found), 0.05).pvalue > 0.01
+
+
+def test_a_slope_that_only_one_condition_tells_is_not_compared(table_of: TableOf) -> None:
+    # Nobody else scored the last condition, so that its own level says what s0's slope would.
+    scores = np.array(
+        [[2.0, np.nan, np.nan, 9.0], [1, 4, 6, np.nan], [3, 4, 8, np.nan], [2, 6, 6, np.nan]]
     )
-    df2 = int((~np.isnan(scores)).sum()) - 2 * 8 - 3
-    f = (fit.residual_squares - bundle) / 7 / (bundle / df2)
-    assert result.df == (7, df2)
-    assert result.f == pytest.approx(f, rel=1e-10)
-    assert result.p == pytest.approx(stats.f.sf(f, 7, df2), rel=1e-10)
+    result = gain_heterogeneity(table_of(scores))
+    assert isinstance(result, GainHeterogeneity)
+    assert list(result.gains) == ["s1", "s2", "s3"]
+    assert result.df == (2, 2)
+    assert np.mean(list(result.gains.values())) == pytest.approx(1.0, rel=1e-12)
 
 
 def test_a_known_spread_of_gains_is_recovered(table_of: TableOf) -> None:

@@ -3,6 +3,11 @@
 from analysis.empty_cells import unscored
 from analysis.exclusion_rules import rules_in_words
 from analysis.no_answer import NoAnswer
+from analysis.sensitivity.laws import (
+    LawOrder,
+    critical_correlation,
+    critical_rank_correlation,
+)
 from analysis.session_scores import Loaded
 from analysis.trial_contrasts import FORCE_STEP, PLACE_STEP_M
 from analysis.trial_ratings import LAW
@@ -95,17 +100,9 @@ def limits(loaded: Loaded, found: TrialStatistics) -> list[str]:
             "its own share shows how little of it is the subject's. With so few ratings the "
             "intervals of M1 and M2 rest largely on their priors."
         )
-    needed = [
-        score.order.needed
-        for score in found.laws
-        if not isinstance(score.order, NoAnswer) and not isinstance(score.order.needed, NoAnswer)
-    ]
-    if needed:
-        count = len(found.laws[0].predicted)
-        said.append(
-            f"{count} condition means need a correlation beyond {needed[0]:.3f} for p < .05: most "
-            "orders of the conditions are no evidence for or against a law."
-        )
+    rated = [score.order.rated for score in found.laws if isinstance(score.order, LawOrder)]
+    if rated:
+        said.append(_too_few_means(rated[0]))
     ceiling = _share_at_ceiling(loaded)
     if ceiling > _CEILING:
         said.append(
@@ -117,6 +114,27 @@ def limits(loaded: Loaded, found: TrialStatistics) -> list[str]:
             f"M3, change detection and rating in one model, has no answer: {found.m3.reason}."
         )
     return said
+
+
+def _too_few_means(count: int) -> str:
+    """What so many condition means can say of a law, by either correlation."""
+    ranks, moments = critical_rank_correlation(count), critical_correlation(count)
+    if isinstance(ranks, NoAnswer):
+        reached = "has p < .05 in no order, not even a perfect one"
+    elif ranks >= 1:
+        reached = "has p < .05 only if it is 1 or −1"
+    else:
+        reached = f"must reach {ranks:.3f} for p < .05"
+    products = (
+        ""
+        if isinstance(moments, NoAnswer)
+        else f" (Pearson's, of the contrasts and means themselves, must exceed {moments:.3f})"
+    )
+    return (
+        f"With {count} condition means Spearman's rank correlation, the one shown, {reached}"
+        f"{products}; ties make that harder. Most orders of the conditions are no evidence for or "
+        "against a law."
+    )
 
 
 def _share_at_ceiling(loaded: Loaded) -> float:

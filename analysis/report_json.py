@@ -16,6 +16,7 @@ from analysis.empty_cells import unscored
 from analysis.no_answer import NoAnswer
 from analysis.scores import ScoreTable
 from analysis.sensitivity.checks import Discrimination, Proportion
+from analysis.sensitivity.laws import LawOrder
 from analysis.sensitivity.lines import Lines, SubjectLine
 from analysis.sensitivity.m1 import LinearSensitivity
 from analysis.sensitivity.m2 import OrdinalSensitivity
@@ -254,15 +255,22 @@ def _ordinal_json(found: OrdinalEffects | NoAnswer) -> Json:
 def _law_json(score: LawScore) -> Json:
     order = score.order
     known: Json = (
-        {"spearman": None, "order": [], "reason": order.reason}
+        {
+            **dict.fromkeys(("spearman", "p", "rho_needed", "r_needed")),
+            "order": [],
+            "reason": order.reason,
+        }
         if isinstance(order, NoAnswer)
         else {
             "spearman": or_null(order.spearman),
             "order": list(order.order),
             "p": or_null(order.p),
+            "rho_needed": or_null(order.rank_needed),
             "r_needed": or_null(order.needed),
         }
     )
+    if isinstance(order, LawOrder) and isinstance(order.rank_needed, NoAnswer):
+        known["rho_needed_reason"] = order.rank_needed.reason
     return {
         "law": score.law,
         **known,

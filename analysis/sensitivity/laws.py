@@ -2,8 +2,8 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import permutations
-from math import factorial
 
 import numpy as np
 from scipy.optimize import minimize
@@ -26,14 +26,18 @@ class LawOrder:
     """How a law's predicted contrasts order the conditions, against the people's mean ratings.
 
     `order` has the conditions from the strongest predicted contrast to the weakest. `p` is
-    two-sided over all orders of the conditions (t approximation beyond eight conditions).
-    `needed` is the correlation that p < .05 would take in a sample of so many normal pairs.
+    two-sided over all orders of the conditions (t approximation beyond eight conditions), and
+    `rank_needed` the smallest correlation of these ranks, ties and all, that has p < .05.
+    `needed` is the product-moment correlation that p < .05 would take in a sample of so many
+    normal pairs. `rated` counts the conditions with a mean rating, which alone are compared.
     """
 
     order: tuple[str, ...]
     spearman: float | NoAnswer
     p: float | NoAnswer
+    rank_needed: float | NoAnswer
     needed: float | NoAnswer
+    rated: int
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,12 +82,22 @@ def law_order(
     squares = (deviations**2).sum(axis=1)
     if not squares.all():
         flat = NoAnswer(reason="all contrasts, or all mean ratings, are equal")
-        return LawOrder(order=order, spearman=flat, p=flat, needed=flat)
+        return LawOrder(
+            order=order,
+            spearman=flat,
+            p=flat,
+            rank_needed=flat,
+            needed=flat,
+            rated=int(scored.sum()),
+        )
+    p, rank_needed = _over_all_orders(deviations)
     return LawOrder(
         order=order,
         spearman=float((deviations[0] @ deviations[1]) / np.sqrt(squares.prod())),
-        p=_order_p(deviations),
+        p=p,
+        rank_needed=rank_needed,
         needed=critical_correlation(int(scored.sum())),
+        rated=int(scored.sum()),
     )
 
 
@@ -97,6 +111,21 @@ def critical_correlation(pairs: int) -> float | NoAnswer:
         return NoAnswer(reason=f"a correlation is tested with at least 3 pairs, got {pairs}")
     t = float(stdtrit(pairs - 2, 0.975))
     return t / float(np.sqrt(pairs - 2 + t**2))
+
+
+@cache
+def critical_rank_correlation(pairs: int) -> float | NoAnswer:
+    """Return the least rank correlation without ties that has p < .05, two-sided.
+
+    Over all orders up to eight pairs, by the t approximation beyond.
+
+    >>> critical_rank_correlation(5)
+    1.0
+    """
+    if pairs < 3:
+        return NoAnswer(reason=f"a correlation is tested with at least 3 pairs, got {pairs}")
+    ranks = np.arange(pairs) - (pairs - 1) / 2
+    return _over_all_orders(np.stack([ranks, ranks]))[1]
 
 
 def law_likelihoods(
@@ -171,16 +200,31 @@ def _smallest(cost: Callable[[FloatArray], float], start: FloatArray) -> float:
     )
 
 
-def _order_p(deviations: FloatArray) -> float:
-    """Return the share of all orders that correlate as strongly, either way."""
+def _over_all_orders(deviations: FloatArray) -> tuple[float, float | NoAnswer]:
+    """Return the share of orders that correlate as strongly, either way, and what p < .05 takes.
+
+    Parameters:
+        deviations: shape (2, conditions), ranks about their mean.
+    """
     count = deviations.shape[1]
     observed = abs(float(deviations[0] @ deviations[1]))
+    largest = float(np.sqrt((deviations**2).sum(axis=1).prod()))
     if count <= MOST_ENUMERATED:
         orders = np.array(list(permutations(range(count))))
-        products = np.abs(deviations[1][orders] @ deviations[0])
-        return float((products >= observed - 1e-9).sum()) / factorial(count)
-    r = observed / float(np.sqrt((deviations**2).sum(axis=1).prod()))
+        products = np.sort(np.abs(deviations[1][orders] @ deviations[0]))
+        p = _share_from(products, observed)
+        rare = [value for value in np.unique(products) if _share_from(products, value) < 0.05]
+        if not rare:
+            return p, NoAnswer(reason=f"no order of these {count} conditions has p < .05")
+        return p, float(rare[0]) / largest
+    needed = critical_correlation(count)
+    r = observed / largest
     if r >= 1:
-        return 0.0
+        return 0.0, needed
     t = r * np.sqrt((count - 2) / (1 - r**2))
-    return float(2 * stdtr(count - 2, -t))
+    return float(2 * stdtr(count - 2, -t)), needed
+
+
+def _share_from(products: FloatArray, value: float) -> float:
+    """Return the share of the sorted products that reach the value."""
+    return float(len(products) - np.searchsorted(products, value - 1e-9)) / len(products)

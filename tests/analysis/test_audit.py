@@ -11,6 +11,7 @@ from analysis.claims.claim import Audited, Finding, Verdict
 from analysis.figures import panels_figure
 from analysis.ladder_report import LadderRow, ladder_json, ladder_lines, ladder_panel
 from analysis.model_figures import model_figures
+from analysis.sensitivity.laws import LawOrder, law_order
 
 REQUIRED = """
 eq4-static-load eq15-continuous eq15-period fig11-range fig12-range fig12-troughs
@@ -74,6 +75,17 @@ def test_known_numbers(results: tuple[Audited, ...]) -> None:
     assert numbers["body-load"]["tip_deflection_m"] == pytest.approx(9.1e-3, abs=1e-4)
     assert numbers["voltage-lowers-mu"]["printed"]["per_volt"] == pytest.approx(2.83e-5, abs=1e-7)
     assert numbers["ranking-follows-model"]["consistent"]["spearman"] == pytest.approx(0.3)
+
+
+def test_no_rank_correlation_of_five_means_but_a_perfect_one_is_evidence(
+    results: tuple[Audited, ...],
+) -> None:
+    remark = next(r.claim.remark for r in results if r.claim.id == "ranking-follows-model")
+    assert "only the two perfect ones have p < .05" in remark
+    law = law_order(tuple("abcde"), np.array([5.0, 4, 3, 1, 2]), np.array([5.0, 4, 3, 2, 1]))
+    assert isinstance(law, LawOrder)
+    assert law.spearman == pytest.approx(0.9)
+    assert law.p == pytest.approx(1 / 12)
 
 
 def test_the_records_are_json_without_nan(results: tuple[Audited, ...]) -> None:

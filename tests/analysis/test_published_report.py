@@ -2,6 +2,7 @@
 
 import json
 import sys
+from html import unescape
 from pathlib import Path
 from typing import Any
 
@@ -140,9 +141,18 @@ def test_every_law_is_scored_and_the_papers_own_claim(numbers: Any) -> None:
     assert consistent["order"] == ["direction", "voltage", "frequency", "structure", "pressure"]
     assert consistent["spearman"] == pytest.approx(0.3)
     assert round(consistent["r_needed"], 3) == 0.878
+    assert consistent["rho_needed"] == 1.0
     assert laws["paper's ranking"]["order"][0] == "voltage"
     assert laws["paper's ranking"]["order"][-1] == "pressure"
     assert all("log_likelihood" in laws[law]["who_felt_what"] for law in ("printed", "coulomb"))
+
+
+def test_the_threshold_on_the_page_is_that_of_the_correlation_shown(folder: Path) -> None:
+    page = unescape((folder / "report" / "report.html").read_text())
+    assert (
+        "With 5 condition means Spearman's rank correlation, the one shown, has p < .05 only if it "
+        "is 1 or −1 (Pearson's, of the contrasts and means themselves, must exceed 0.878)"
+    ) in page
 
 
 def test_every_subject_has_bias_and_gain_within_their_intervals(numbers: Any) -> None:

@@ -14,6 +14,7 @@ from analysis.sensitivity.laws import (
     LawLikelihood,
     LawOrder,
     critical_correlation,
+    critical_rank_correlation,
     law_likelihoods,
     law_order,
 )
@@ -50,6 +51,7 @@ def test_five_conditions_are_no_evidence_for_the_consistent_law() -> None:
     assert result.needed == pytest.approx(0.878, abs=5e-4)
     assert isinstance(result.p, float)
     assert result.p > 0.6
+    assert (result.rank_needed, result.rated) == (1.0, 5)
 
 
 @settings(max_examples=60, deadline=None)
@@ -65,6 +67,31 @@ def test_correlations_agree_with_scipy_and_every_order(pairs: list[tuple[int, in
     reached = np.abs(products) >= abs(np.dot(one - one.mean(), other)) - 1e-9
     assert result.p == pytest.approx(float(reached.mean()), abs=1e-12)
 
+    length = np.sqrt(((one - one.mean()) ** 2).sum() * ((other - other.mean()) ** 2).sum())
+    rare = [value for value in np.abs(products) if np.mean(np.abs(products) >= value - 1e-9) < 0.05]
+    if rare:
+        assert result.rank_needed == pytest.approx(min(rare) / length, abs=1e-12)
+    else:
+        assert isinstance(result.rank_needed, NoAnswer)
+
+
+@pytest.mark.parametrize(("pairs", "needed"), [(5, 1.0), (6, 31 / 35), (7, 11 / 14), (8, 31 / 42)])
+def test_what_a_rank_correlation_must_reach(pairs: int, needed: float) -> None:
+    # The tables of Zar (Biostatistical Analysis, B.20) have 1.000, .886, .786 and .738.
+    assert critical_rank_correlation(pairs) == pytest.approx(needed, abs=1e-12)
+
+
+@pytest.mark.parametrize("pairs", [3, 4])
+def test_no_order_of_four_conditions_is_evidence(pairs: int) -> None:
+    assert critical_rank_correlation(pairs) == NoAnswer(
+        reason=f"no order of these {pairs} conditions has p < .05"
+    )
+
+
+def test_ties_leave_five_conditions_no_order_that_is_evidence() -> None:
+    claimed = order_of(np.array([0.0, 0.0, 1.0, 0.0, -1.0]), MEANS)
+    assert isinstance(claimed.rank_needed, NoAnswer)
+
 
 def test_many_conditions_have_the_t_approximation() -> None:
     rng = np.random.default_rng(1)
@@ -76,7 +103,7 @@ def test_many_conditions_have_the_t_approximation() -> None:
 
 def test_conditions_nobody_rated_are_left_out_of_the_correlation() -> None:
     result = order_of(np.array([0.1, 0.3, 0.2, 0.9]), np.array([1.0, 3.0, 2.0, np.nan]))
-    assert (result.spearman, result.order[0]) == (1.0, "c3")
+    assert (result.spearman, result.order[0], result.rated) == (1.0, "c3", 3)
 
 
 def test_laws_without_an_order_say_why() -> None:

@@ -13,7 +13,7 @@ from analysis.statistics.icc import IntraclassCorrelation
 from analysis.statistics.ordinal import OrdinalEffects
 from analysis.statistics.signed_rank import PairwiseTest, SignedRank
 from analysis.table_statistics import Reading, TableStatistics
-from analysis.trial_statistics import LawScore
+from analysis.trial_statistics import PAPERS_RANKING, LawScore
 from analysis.wording import interval, number, omnibus_line, p_value, share
 
 Line = Sequence[str]
@@ -206,16 +206,30 @@ def law_table(laws: Sequence[LawScore]) -> PageTable:
         caption="Each friction law against the ratings: does it order the conditions as people "
         "did (Spearman's correlation of predicted contrasts with mean scores, p over all orders), "
         "and does it explain who felt what (largest log-likelihood of M1 with its contrasts, and "
-        "the gain over subjects who differ in level alone).",
+        "the gain over subjects who differ in level alone)." + _circular(laws),
         header=["law", "Spearman", "p", "order, strongest first", "log-likelihood", "gain"],
         rows=[[score.law, *_order_cells(score.order), *_felt(score.likelihood)] for score in laws],
+    )
+
+
+def _circular(laws: Sequence[LawScore]) -> str:
+    if all(score.law != PAPERS_RANKING for score in laws):
+        return ""
+    return (
+        " The paper's own ranking (voltage first, pressure last, nothing said of the others) was "
+        "read off the paper's Table 4: scored on those very data it is circular and no evidence."
     )
 
 
 def _order_cells(order: LawOrder | NoAnswer) -> Line:
     if isinstance(order, NoAnswer):
         return [number(None), number(None), f"none: {order.reason}"]
-    return [number(order.spearman, 2), p_value(order.p), " > ".join(order.order)]
+    return [number(order.spearman, 2), p_value(order.p), in_order(order)]
+
+
+def in_order(order: LawOrder) -> str:
+    """Return the conditions from the strongest predicted contrast on, `=` between equal ones."""
+    return " > ".join(" = ".join(group) for group in order.tied)
 
 
 def _felt(found: LawLikelihood | NoAnswer) -> Line:

@@ -258,12 +258,14 @@ def _law_json(score: LawScore) -> Json:
         {
             **dict.fromkeys(("spearman", "p", "rho_needed", "r_needed")),
             "order": [],
+            "order_tied": [],
             "reason": order.reason,
         }
         if isinstance(order, NoAnswer)
         else {
             "spearman": or_null(order.spearman),
             "order": list(order.order),
+            "order_tied": plain(order.tied),
             "p": or_null(order.p),
             "rho_needed": or_null(order.rank_needed),
             "r_needed": or_null(order.needed),

@@ -14,7 +14,7 @@ from analysis.scores import FloatArray
 from analysis.sensitivity.linear_likelihood import LineSums, line_posterior, line_sums
 from analysis.sensitivity.lines import axes_of, covariance_matrices
 from analysis.sensitivity.ratings import Ratings
-from analysis.statistics.ranks import doubled_midranks
+from analysis.statistics.ranks import DECIMALS, doubled_midranks
 
 MOST_ENUMERATED = 8
 # Logarithms of standard deviations, in those of the ratings, between which the best is sought.
@@ -25,19 +25,25 @@ FARTHEST = 8.0
 class LawOrder:
     """How a law's predicted contrasts order the conditions, against the people's mean ratings.
 
-    `order` has the conditions from the strongest predicted contrast to the weakest. `p` is
-    two-sided over all orders of the conditions (t approximation beyond eight conditions), and
-    `rank_needed` the smallest correlation of these ranks, ties and all, that has p < .05.
+    `tied` has the conditions from the strongest predicted contrast to the weakest, those of equal
+    contrast together. `p` is two-sided over all orders of the conditions (t approximation beyond
+    eight conditions), and `rank_needed` the smallest correlation of these ranks, ties and all,
+    that has p < .05.
     `needed` is the product-moment correlation that p < .05 would take in a sample of so many
     normal pairs. `rated` counts the conditions with a mean rating, which alone are compared.
     """
 
-    order: tuple[str, ...]
+    tied: tuple[tuple[str, ...], ...]
     spearman: float | NoAnswer
     p: float | NoAnswer
     rank_needed: float | NoAnswer
     needed: float | NoAnswer
     rated: int
+
+    @property
+    def order(self) -> tuple[str, ...]:
+        """The conditions from the strongest predicted contrast to the weakest."""
+        return tuple(name for group in self.tied for name in group)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,13 +83,12 @@ def law_order(
         return NoAnswer(reason=f"an order needs at least 3 conditions, got {int(scored.sum())}")
     ranks = doubled_midranks(np.stack([predicted[scored], observed[scored]]))
     deviations = ranks - ranks.mean(axis=1, keepdims=True)
-    strongest = np.argsort(-predicted, kind="stable")
-    order = tuple(conditions[place] for place in strongest)
+    tied = _by_strength(conditions, predicted)
     squares = (deviations**2).sum(axis=1)
     if not squares.all():
         flat = NoAnswer(reason="all contrasts, or all mean ratings, are equal")
         return LawOrder(
-            order=order,
+            tied=tied,
             spearman=flat,
             p=flat,
             rank_needed=flat,
@@ -92,12 +97,21 @@ def law_order(
         )
     p, rank_needed = _over_all_orders(deviations)
     return LawOrder(
-        order=order,
+        tied=tied,
         spearman=float((deviations[0] @ deviations[1]) / np.sqrt(squares.prod())),
         p=p,
         rank_needed=rank_needed,
         needed=critical_correlation(int(scored.sum())),
         rated=int(scored.sum()),
+    )
+
+
+def _by_strength(conditions: tuple[str, ...], predicted: FloatArray) -> tuple[tuple[str, ...], ...]:
+    """The conditions from the strongest contrast to the weakest, those ranked alike together."""
+    rounded = np.round(predicted, DECIMALS)
+    return tuple(
+        tuple(name for name, value in zip(conditions, rounded, strict=True) if value == contrast)
+        for contrast in np.unique(rounded)[::-1]
     )
 
 

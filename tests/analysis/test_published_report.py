@@ -147,6 +147,21 @@ def test_every_law_is_scored_and_the_papers_own_claim(numbers: Any) -> None:
     assert all("log_likelihood" in laws[law]["who_felt_what"] for law in ("printed", "coulomb"))
 
 
+def test_ties_are_no_order_and_the_papers_ranking_is_circular_on_its_own_data(
+    folder: Path, numbers: Any
+) -> None:
+    page = unescape((folder / "report" / "report.html").read_text())
+    laws = {score["law"]: score for score in numbers["laws"]}
+    assert laws["paper's ranking"]["order_tied"] == [
+        ["voltage"],
+        ["frequency", "structure", "direction"],
+        ["pressure"],
+    ]
+    assert "<td>voltage > frequency = structure = direction > pressure</td>" in page
+    assert "<td>direction > structure = pressure > frequency > voltage</td>" in page
+    assert "scored on those very data it is circular" in page
+
+
 def test_the_threshold_on_the_page_is_that_of_the_correlation_shown(folder: Path) -> None:
     page = unescape((folder / "report" / "report.html").read_text())
     assert (

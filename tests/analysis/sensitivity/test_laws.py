@@ -106,6 +106,13 @@ def test_conditions_nobody_rated_are_left_out_of_the_correlation() -> None:
     assert (result.spearman, result.order[0], result.rated) == (1.0, "c3", 3)
 
 
+def test_equal_contrasts_are_tied_in_the_order() -> None:
+    result = law_order(CONDITIONS, np.array([-0.1, 0.0, -0.2, 0.6, 1e-12]), MEANS)
+    assert isinstance(result, LawOrder)
+    assert result.tied == (("direction",), ("structure", "pressure"), ("frequency",), ("voltage",))
+    assert result.order == ("direction", "structure", "pressure", "frequency", "voltage")
+
+
 def test_laws_without_an_order_say_why() -> None:
     flat = order_of(np.array([0.2, 0.2, 0.2]), np.array([1.0, 2.0, 3.0]))
     assert isinstance(flat.spearman, NoAnswer)

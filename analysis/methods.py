@@ -3,11 +3,14 @@
 from analysis.empty_cells import unscored
 from analysis.exclusion_rules import rules_in_words
 from analysis.no_answer import NoAnswer
+from analysis.sensitivity.law_assignments import shared_contrasts
 from analysis.sensitivity.laws import (
+    LawLikelihood,
     LawOrder,
     critical_correlation,
     critical_rank_correlation,
 )
+from analysis.sensitivity.m1 import LinearSensitivity
 from analysis.session_scores import Loaded
 from analysis.trial_contrasts import FORCE_STEP, PLACE_STEP_M
 from analysis.trial_ratings import LAW
@@ -90,6 +93,24 @@ def _model(found: TrialStatistics) -> str:
     )
 
 
+def laws_line(found: TrialStatistics) -> str:
+    """Return how far the laws' log-likelihoods can be read, empty where there are none."""
+    if not any(isinstance(score.likelihood, LawLikelihood) for score in found.laws):
+        return ""
+    said = (
+        "The gain in log-likelihood is not penalised for the law's three parameters more (slope, "
+        "its spread, its correlation with level), so that chance alone makes it positive; beside a "
+        "large p it says that any contrasts would do."
+    )
+    scored = found.scored
+    if all(shared_contrasts(scored.ratings, x) for x in scored.contrasts.values()):
+        said += (
+            " All subjects have the same contrasts here, so that a law cannot say who felt what: "
+            "its gain is of the conditions' means, and of subjects who follow them more or less."
+        )
+    return said
+
+
 def limits(loaded: Loaded, found: TrialStatistics) -> list[str]:
     """Return what these data cannot tell, a sentence or two each."""
     said = []
@@ -99,6 +120,13 @@ def limits(loaded: Loaded, found: TrialStatistics) -> list[str]:
             "cannot be told then: a subject's gain is known only by pooling with the others, and "
             "its own share shows how little of it is the subject's. With so few ratings the "
             "intervals of M1 and M2 rest largely on their priors."
+        )
+    if isinstance(found.m1, LinearSensitivity):
+        said.append(
+            "M1 takes the predicted contrast for all in which conditions differ. Whatever else "
+            "sets them apart is noise to it, of single trials and not of conditions, so that its "
+            "intervals are too narrow, the group's most of all; M2 allows for a discrepancy of "
+            "each condition."
         )
     rated = [score.order.rated for score in found.laws if isinstance(score.order, LawOrder)]
     if rated:

@@ -6,6 +6,7 @@ from importlib.resources import files
 from typing import Any
 
 from analysis.empty_cells import withheld
+from analysis.methods import laws_line
 from analysis.no_answer import NoAnswer
 from analysis.page_figures import Illustration
 from analysis.page_tables import (
@@ -92,6 +93,7 @@ def sentences(table: TableStatistics, trials: TrialStatistics) -> dict[str, str]
         "additive": _additive_line(table),
         "ordinal": _ordinal_line(trials),
         "signal": _signal_line(trials),
+        "laws": laws_line(trials),
         "drift": drift_line(trials.drift),
         "order": f_line("Place in the session", trials.order),
         "carry_over": f_line("Carry-over from the trial before", trials.carry_over),

@@ -205,9 +205,18 @@ def law_table(laws: Sequence[LawScore]) -> PageTable:
         name="laws",
         caption="Each friction law against the ratings: does it order the conditions as people "
         "did (Spearman's correlation of predicted contrasts with mean scores, p over all orders), "
-        "and does it explain who felt what (largest log-likelihood of M1 with its contrasts, and "
-        "the gain over subjects who differ in level alone)." + _circular(laws),
-        header=["law", "Spearman", "p", "order, strongest first", "log-likelihood", "gain"],
+        "and does it explain who felt what (largest log-likelihood of M1 with its contrasts, the "
+        "gain over subjects who differ in level alone, and p of the gain: the share of all "
+        "assignments of its contrasts to the conditions that gain as much)." + _circular(laws),
+        header=[
+            "law",
+            "Spearman",
+            "p",
+            "order, strongest first",
+            "log-likelihood",
+            "gain",
+            "p of the gain",
+        ],
         rows=[[score.law, *_order_cells(score.order), *_felt(score.likelihood)] for score in laws],
     )
 
@@ -234,8 +243,10 @@ def in_order(order: LawOrder) -> str:
 
 def _felt(found: LawLikelihood | NoAnswer) -> Line:
     if isinstance(found, NoAnswer):
-        return [number(None), number(None)]
-    return [number(found.log_likelihood, 2), number(found.gain_over_none, 2)]
+        return [number(None)] * 3
+    gain_p = found.gain_p
+    told = f"none: {gain_p.reason}" if isinstance(gain_p, NoAnswer) else p_value(gain_p)
+    return [number(found.log_likelihood, 2), number(found.gain_over_none, 2), told]
 
 
 def gains_table(data: Gains) -> PageTable:

@@ -16,7 +16,7 @@ from analysis.empty_cells import unscored
 from analysis.no_answer import NoAnswer
 from analysis.scores import ScoreTable
 from analysis.sensitivity.checks import Discrimination, Proportion
-from analysis.sensitivity.laws import LawOrder
+from analysis.sensitivity.laws import LawLikelihood, LawOrder
 from analysis.sensitivity.lines import Lines, SubjectLine
 from analysis.sensitivity.m1 import LinearSensitivity
 from analysis.sensitivity.m2 import OrdinalSensitivity
@@ -277,8 +277,17 @@ def _law_json(score: LawScore) -> Json:
         "law": score.law,
         **known,
         "predicted": plain(score.predicted),
-        "who_felt_what": plain(score.likelihood),
+        "who_felt_what": _likelihood_json(score.likelihood),
     }
+
+
+def _likelihood_json(found: LawLikelihood | NoAnswer) -> Json:
+    if isinstance(found, NoAnswer):
+        return {"reason": found.reason}
+    known: Json = {**plain(found), "gain_p": or_null(found.gain_p)}
+    if isinstance(found.gain_p, NoAnswer):
+        known["gain_p_reason"] = found.gain_p.reason
+    return known
 
 
 def catch_json(found: CatchAnswers) -> Json:

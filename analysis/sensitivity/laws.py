@@ -11,6 +11,7 @@ from scipy.special import stdtr, stdtrit
 
 from analysis.no_answer import NoAnswer
 from analysis.scores import FloatArray
+from analysis.sensitivity.law_assignments import assignment_p
 from analysis.sensitivity.linear_likelihood import LineSums, line_posterior, line_sums
 from analysis.sensitivity.lines import axes_of, covariance_matrices
 from analysis.sensitivity.ratings import Ratings
@@ -51,11 +52,14 @@ class LawLikelihood:
     """How well a law explains who felt what, all laws given the same freedom.
 
     `log_likelihood` is the largest of M1 with the law's contrasts; `gain_over_none` is by how
-    much it exceeds that of subjects who differ in level alone.
+    much it exceeds that of subjects who differ in level alone, not penalised for the law's three
+    parameters more. `gain_p` is the share of all assignments of the contrasts to the conditions
+    that gain as much, see `assignment_p`.
     """
 
     log_likelihood: float
     gain_over_none: float
+    gain_p: float | NoAnswer
 
 
 def law_order(
@@ -174,7 +178,11 @@ def _law_likelihood(trials: Ratings, contrast: FloatArray) -> LawLikelihood | No
     scale = len(y) * np.log(axes.y_sd)
     with_law = _largest(line_sums(trials.subject, subjects, x, y)) - scale
     without = _largest_level(trials, y) - scale
-    return LawLikelihood(log_likelihood=float(with_law), gain_over_none=float(with_law - without))
+    return LawLikelihood(
+        log_likelihood=float(with_law),
+        gain_over_none=float(with_law - without),
+        gain_p=assignment_p(trials, contrast),
+    )
 
 
 def _largest(sums: LineSums) -> float:

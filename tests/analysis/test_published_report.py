@@ -162,6 +162,20 @@ def test_ties_are_no_order_and_the_papers_ranking_is_circular_on_its_own_data(
     assert "scored on those very data it is circular" in page
 
 
+def test_a_gain_of_a_law_comes_with_its_cautions(folder: Path, numbers: Any) -> None:
+    found = {score["law"]: score["who_felt_what"] for score in numbers["laws"]}
+    assert found["consistent"]["gain_over_none"] == pytest.approx(5.06, abs=5e-3)
+    assert found["consistent"]["gain_p"] == pytest.approx(37 / 120)
+    assert found["coulomb"]["gain_p"] == pytest.approx(30 / 120)
+    page = unescape((folder / "report" / "report.html").read_text())
+    for caution in (
+        "not penalised for the law's three parameters more",
+        "a law cannot say who felt what",
+        "M1 takes the predicted contrast for all in which conditions differ.",
+    ):
+        assert caution in page
+
+
 def test_the_threshold_on_the_page_is_that_of_the_correlation_shown(folder: Path) -> None:
     page = unescape((folder / "report" / "report.html").read_text())
     assert (

@@ -85,8 +85,8 @@ def _or_none(value: int | None) -> str:
     return MISSING if value is None else str(value)
 
 
-def sentences(table: TableStatistics, trials: TrialStatistics) -> dict[str, str]:
-    """Return the sentences that stand between the tables, by name."""
+def sentences(loaded: Loaded, table: TableStatistics, trials: TrialStatistics) -> dict[str, str]:
+    """Return the sentences that stand between the tables, by name; an empty one has no place."""
     return {
         "omnibus": omnibus_line(table.main),
         "pairs": _pairs_line(table),
@@ -98,7 +98,26 @@ def sentences(table: TableStatistics, trials: TrialStatistics) -> dict[str, str]
         "order": f_line("Place in the session", trials.order),
         "carry_over": f_line("Carry-over from the trial before", trials.carry_over),
         "catch": catch_line(trials.catch.overall),
+        "unfinished": _unfinished_line(loaded),
+        "interruptions": _interruptions_line(loaded),
     }
+
+
+def _unfinished_line(loaded: Loaded) -> str:
+    if loaded.kinds == ("published",):
+        return "not known of a published table"
+    return ", ".join(loaded.unfinished) or "none"
+
+
+def _interruptions_line(loaded: Loaded) -> str:
+    """Say that nothing interrupted the sessions where that is known and so."""
+    if loaded.kinds == ("published",):
+        return "What interrupted the sessions behind a published table is not known."
+    if loaded.incidents:
+        return ""
+    if loaded.unfinished:
+        return "Nothing was noted."
+    return "No session was interrupted, and nothing was noted."
 
 
 def _pairs_line(table: TableStatistics) -> str:
@@ -190,7 +209,7 @@ def page_html(page: Page) -> str:
         header=main.lines(MISSING)[0],
         table4=table4_cells(main, trials, page.loaded.empty),
         tables=tables(page.loaded, page.table, page.trials),
-        said=sentences(page.table, page.trials),
+        said=sentences(page.loaded, page.table, page.trials),
         trial_header=trial_header(tuple(page.trials.contrasts.by_law)),
         trials=trials,
     )

@@ -63,6 +63,22 @@ def test_a_subject_who_scored_nothing_is_still_a_row() -> None:
     assert numbers["table4"]["rows"][0]["comprehensive"] is None
 
 
+def test_a_session_counts_as_uninterrupted_only_where_that_is_known() -> None:
+    undisturbed = "No session was interrupted, and nothing was noted."
+    events = session_events(PAPER, 0, np.random.default_rng(1))
+    pages = [
+        report_html(report("a", loaded([found], rehearsals=False), PAPER, ORIGIN))
+        for found in (events, events[:-1])
+    ]
+    assert undisturbed in pages[0]
+    assert undisturbed not in pages[1]
+    assert "unfinished sessions: P01" in pages[1]
+    published = report_html(plain_report())
+    assert undisturbed not in published
+    assert "What interrupted the sessions behind a published table is not known." in published
+    assert "unfinished sessions: not known" in published
+
+
 def test_rehearsals_are_marked_on_top() -> None:
     events = session_events(PAPER, 0, np.random.default_rng(1), kind="rehearsal")
     page = report_html(report("a", loaded([events], rehearsals=True), PAPER, ORIGIN))

@@ -122,6 +122,8 @@ def _interruptions_line(loaded: Loaded) -> str:
 
 def _pairs_line(table: TableStatistics) -> str:
     found = [f"{pair.a} and {pair.b}" for pair in table.main.pairwise if differs(pair)]
+    if all(isinstance(pair.test, NoAnswer) for pair in table.main.pairwise):
+        return "No pair of conditions can be tested."
     if not found:
         return "No pair of conditions differs after Holm's correction."
     return f"After Holm's correction differ: {', '.join(found)}."

@@ -64,7 +64,7 @@ def pairwise_table(pairs: Sequence[PairwiseTest]) -> PageTable:
         name="pairwise",
         caption="Wilcoxon's signed rank test of each pair of conditions, two-sided. V is the sum "
         "of the ranks of positive differences; differences of zero are dropped and counted; "
-        "p (Holm) is corrected for the number of pairs.",
+        "p (Holm) is corrected for the number of pairs that have a test.",
         header=["pair", "V", "n", "zeros", "rank-biserial r", "p", "p (Holm)", "method"],
         rows=[[f"{pair.a} − {pair.b}", *_pair_cells(pair)] for pair in pairs],
     )

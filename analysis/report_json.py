@@ -145,7 +145,9 @@ def _rank_sums(test: Friedman | NoAnswer, table: ScoreTable) -> Json | None:
 def _pair_json(pair: PairwiseTest) -> Json:
     names = {"a": pair.a, "b": pair.b}
     if isinstance(pair.test, NoAnswer):
-        nothing = dict.fromkeys(("statistic", "n", "n_zero", "p", "method", "p_holm"))
+        nothing = dict.fromkeys(
+            ("statistic", "n", "n_zero", "p", "method", "rank_biserial", "p_holm")
+        )
         return {**names, **nothing, "reason": pair.test.reason}
     return {**names, **plain(pair.test), "p_holm": or_null(pair.p_holm)}
 

@@ -62,6 +62,8 @@ def friedman(table: ScoreTable) -> Friedman | NoAnswer:
 def _refusal(table: ScoreTable) -> NoAnswer | None:
     if len(table.conditions) < 2:
         return NoAnswer(reason="Friedman's test needs at least 2 conditions, got 1")
+    if len(table.subjects) < 2:
+        return NoAnswer(reason="Friedman's test needs at least 2 subjects to agree, got 1")
     if not table.is_complete:
         return NoAnswer(
             reason=f"Friedman's test needs every score, {table.missing_count} of "

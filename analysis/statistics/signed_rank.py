@@ -22,7 +22,7 @@ class SignedRank:
 
     `statistic` is V, the sum of the ranks of the positive differences; `n` counts the differences
     ranked and `n_zero` those of zero, which are dropped; `rank_biserial` is the effect size, from
-    -1 (all negative) to 1 (all positive), 0 when every difference is zero.
+    -1 (all negative) to 1 (all positive).
     """
 
     statistic: float
@@ -60,6 +60,8 @@ def signed_rank(differences: FloatArray) -> SignedRank | NoAnswer:
     if scored.size == 0:
         return NoAnswer(reason="no subject has both scores")
     changed = scored[np.round(scored, DECIMALS) != 0]
+    if changed.size == 0:
+        return NoAnswer(reason=f"no difference in any subject (zeros: {scored.size})")
     ranks = doubled_midranks(np.abs(changed))
     positive, total = int(ranks[changed > 0].sum()), int(ranks.sum())
     exact = len(ranks) <= LARGEST_EXACT
@@ -69,14 +71,15 @@ def signed_rank(differences: FloatArray) -> SignedRank | NoAnswer:
         n_zero=len(scored) - len(ranks),
         p=_exact_p(ranks, positive) if exact else _normal_p(ranks, positive),
         method="exact" if exact else "normal",
-        rank_biserial=(2 * positive - total) / total if total else 0.0,
+        rank_biserial=(2 * positive - total) / total,
     )
 
 
 def pairwise_signed_ranks(table: ScoreTable) -> tuple[PairwiseTest, ...]:
     """Return the signed rank test of every pair of conditions, with Holm's correction.
 
-    A pair that no subject scored has no test and does not count among the tests corrected for.
+    A pair that no subject scored, or that all who did scored alike, has no test and does not count
+    among the tests corrected for: whatever the signs of its differences, it could not be rejected.
     """
     pairs = list(combinations(range(len(table.conditions)), 2))
     tests = [signed_rank(table.scores[:, a] - table.scores[:, b]) for a, b in pairs]

@@ -52,6 +52,8 @@ def skillings_mack(table: ScoreTable) -> SkillingsMack | NoAnswer:
 def _refusal(table: ScoreTable, scores: FloatArray) -> NoAnswer | None:
     if not len(scores):
         return NoAnswer(reason="no subject scored two conditions")
+    if len(scores) < 2:
+        return NoAnswer(reason="at least 2 subjects who scored two conditions must agree, got 1")
     linked = linked_columns(~np.isnan(scores))
     if not linked.all():
         apart = [name for name, known in zip(table.conditions, linked, strict=True) if known]

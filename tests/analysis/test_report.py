@@ -63,6 +63,17 @@ def test_a_subject_who_scored_nothing_is_still_a_row() -> None:
     assert numbers["table4"]["rows"][0]["comprehensive"] is None
 
 
+def test_one_subject_agrees_with_nobody_and_equal_scores_are_no_test() -> None:
+    result = made([[7, 7, 7]])
+    numbers = report_json(result)
+    assert numbers["kendall_w"] is None
+    assert "at least 2 subjects" in numbers["friedman"]["reason"]
+    for pair in numbers["pairwise"]:
+        assert (pair["p"], pair["p_holm"]) == (None, None)
+        assert "no difference in any subject" in pair["reason"]
+    assert "No pair of conditions can be tested." in report_html(result)
+
+
 def test_a_session_counts_as_uninterrupted_only_where_that_is_known() -> None:
     undisturbed = "No session was interrupted, and nothing was noted."
     events = session_events(PAPER, 0, np.random.default_rng(1))

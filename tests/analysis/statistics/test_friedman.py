@@ -12,7 +12,7 @@ from analysis.no_answer import NoAnswer
 from analysis.scores import FloatArray, ScoreTable
 from analysis.statistics.friedman import Friedman, friedman
 
-SHAPES = st.tuples(st.integers(1, 4), st.integers(2, 4))
+SHAPES = st.tuples(st.integers(2, 4), st.integers(2, 4))
 SCORES = st.integers(0, 4).map(float)
 
 
@@ -105,6 +105,10 @@ def test_a_missing_score_is_no_answer_but_a_reason() -> None:
 
 def test_one_condition_is_nothing_to_compare() -> None:
     assert "at least 2 conditions, got 1" in reason(np.array([[1.0], [2.0]]))
+
+
+def test_one_subject_agrees_with_nobody() -> None:
+    assert "at least 2 subjects to agree, got 1" in reason(np.array([[1.0, 2.0, 3.0]]))
 
 
 def test_a_large_study_has_the_approximation_only() -> None:

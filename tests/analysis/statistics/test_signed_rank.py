@@ -3,7 +3,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import stats
@@ -61,6 +61,7 @@ def test_zeros_do_not_sharpen_frequency_against_voltage(published: ScoreTable) -
 @settings(max_examples=150, deadline=None)
 @given(arrays(np.float64, st.integers(1, 9), elements=st.integers(-4, 4).map(float)))
 def test_ties_and_zeros_agree_with_every_sign_pattern(differences: FloatArray) -> None:
+    assume(differences.any())
     statistic, p = brute_force(differences)
     result = answer_to(differences)
     assert result.statistic == statistic
@@ -87,9 +88,19 @@ def test_missing_scores_drop_their_own_pair_only() -> None:
     assert answer_to(np.array([1.0, np.nan, 2.0])) == answer_to(np.array([1.0, 2.0]))
 
 
-def test_all_zero_differences_are_no_evidence() -> None:
-    result = answer_to(np.zeros(4))
-    assert (result.p, result.n, result.n_zero, result.rank_biserial) == (1.0, 0, 4, 0.0)
+def test_without_any_difference_there_is_nothing_to_test() -> None:
+    assert signed_rank(np.array([0.0, 0.0, np.nan, 1e-12])) == NoAnswer(
+        reason="no difference in any subject (zeros: 3)"
+    )
+
+
+def test_a_pair_without_any_difference_is_not_counted_by_holm(
+    table_of: Callable[[FloatArray], ScoreTable],
+) -> None:
+    scores = np.array([[1.0, 2.0, 2.0], [1.0, 4.0, 4.0], [0.0, 3.0, 3.0]])
+    tests = pairwise_signed_ranks(table_of(scores))
+    assert isinstance(named(tests, "c1", "c2").p_holm, NoAnswer)
+    assert named(tests, "c0", "c1").p_holm == 2 * 0.25
 
 
 def test_a_pair_nobody_scored_is_not_counted_by_holm(

@@ -97,7 +97,8 @@ def test_leaving_out_what_says_nothing_changes_nothing(table_of: TableOf) -> Non
         ([[np.nan, np.nan]], "no score was given"),
         ([[1.0, np.nan], [np.nan, 2.0]], "no subject scored two conditions"),
         ([[1.0, 2.0, np.nan, np.nan], [np.nan, np.nan, 1.0, 2.0]], "compares c0, c1 with"),
-        ([[3.0, 3.0], [1.0, np.nan]], "every subject gave all conditions the same score"),
+        ([[3.0, 3.0, np.nan], [1.0] * 3], "every subject gave all conditions the same score"),
+        ([[3.0, 4.0, np.nan], [1.0, np.nan, np.nan]], "2 subjects who scored two conditions"),
     ],
 )
 def test_tables_without_a_test_say_why(

@@ -1,6 +1,7 @@
 """The report as data: every number of it, in the shape that programs rely on.
 
-A number that there is none of is `null`, with a `reason` beside it.
+A number that there is none of is `null`, with a `reason` beside it, called `<name>_reason` where
+only one of several numbers is lacking.
 """
 
 import math
@@ -92,8 +93,11 @@ def statistics_json(found: TableStatistics, table: ScoreTable) -> Json:
     return {
         "friedman": friedman_json(main),
         "skillings_mack": _skillings_mack_json(main.skillings_mack),
+        **_why("skillings_mack", main.skillings_mack or _COMPLETE),
         "kendall_w": test.kendall_w if isinstance(test, Friedman) else None,
+        **_why("kendall_w", test),
         "rank_sums": _rank_sums(test, table),
+        **_why("rank_sums", test),
         "pairwise": [_pair_json(pair) for pair in main.pairwise],
         "icc": {
             "subjects": _icc_json(found.icc_subjects),
@@ -115,6 +119,14 @@ def statistics_json(found: TableStatistics, table: ScoreTable) -> Json:
     }
 
 
+_COMPLETE = NoAnswer(reason="no score is missing, so that Friedman's test applies")
+
+
+def _why(name: str, found: object) -> Json:
+    """Return the reason for a `null` called `name`, nothing where `found` is an answer."""
+    return {f"{name}_reason": found.reason} if isinstance(found, NoAnswer) else {}
+
+
 def friedman_json(reading: Reading) -> Json:
     """Return Friedman's test, or `null` with Skillings and Mack's where scores are missing."""
     test = reading.friedman
@@ -124,10 +136,13 @@ def friedman_json(reading: Reading) -> Json:
             "reason": test.reason,
             "skillings_mack": _skillings_mack_json(reading.skillings_mack),
         }
-    found: Json = {"chi2": test.chi2, "df": test.df, "p": test.p, "p_exact": or_null(test.p_exact)}
-    if isinstance(test.p_exact, NoAnswer):
-        found["p_exact_reason"] = test.p_exact.reason
-    return found
+    return {
+        "chi2": test.chi2,
+        "df": test.df,
+        "p": test.p,
+        "p_exact": or_null(test.p_exact),
+        **_why("p_exact", test.p_exact),
+    }
 
 
 def _skillings_mack_json(test: SkillingsMack | NoAnswer | None) -> Json | None:
@@ -155,11 +170,14 @@ def _pair_json(pair: PairwiseTest) -> Json:
 def _icc_json(found: IntraclassCorrelation | NoAnswer) -> Json:
     if isinstance(found, NoAnswer):
         return {**dict.fromkeys(("2,1", "3,1", "3,k")), "reason": found.reason}
-    return {
-        "2,1": or_null(found.agreement_single),
-        "3,1": or_null(found.consistency_single),
-        "3,k": or_null(found.consistency_mean),
+    kinds = {
+        "2,1": found.agreement_single,
+        "3,1": found.consistency_single,
+        "3,k": found.consistency_mean,
     }
+    known: Json = {name: or_null(value) for name, value in kinds.items()}
+    lacking = [value.reason for value in kinds.values() if isinstance(value, NoAnswer)]
+    return {**known, "reason": lacking[0]} if lacking else known
 
 
 def _additive_json(found: TableStatistics) -> Json:
@@ -170,6 +188,7 @@ def _additive_json(found: TableStatistics) -> Json:
     return {
         **plain(effects),
         "shrinkage": or_null(effects.shrinkage),
+        **_why("shrinkage", effects.shrinkage),
         "subject_shrinkage": {who: or_null(s) for who, s in effects.subject_shrinkage.items()},
     }
 
@@ -273,8 +292,10 @@ def _law_json(score: LawScore) -> Json:
             "r_needed": or_null(order.needed),
         }
     )
-    if isinstance(order, LawOrder) and isinstance(order.rank_needed, NoAnswer):
-        known["rho_needed_reason"] = order.rank_needed.reason
+    if isinstance(order, LawOrder):
+        if isinstance(order.spearman, NoAnswer):
+            known["reason"] = order.spearman.reason
+        known |= _why("rho_needed", order.rank_needed)
     return {
         "law": score.law,
         **known,
@@ -286,10 +307,7 @@ def _law_json(score: LawScore) -> Json:
 def _likelihood_json(found: LawLikelihood | NoAnswer) -> Json:
     if isinstance(found, NoAnswer):
         return {"reason": found.reason}
-    known: Json = {**plain(found), "gain_p": or_null(found.gain_p)}
-    if isinstance(found.gain_p, NoAnswer):
-        known["gain_p_reason"] = found.gain_p.reason
-    return known
+    return {**plain(found), "gain_p": or_null(found.gain_p), **_why("gain_p", found.gain_p)}
 
 
 def catch_json(found: CatchAnswers) -> Json:
@@ -311,10 +329,8 @@ def _discrimination_json(found: Discrimination | NoAnswer) -> Json:
 
 
 def _proportion_json(found: Proportion) -> Json:
-    known: Json = {**plain(found), "interval": or_null(found.interval)}
-    if isinstance(found.interval, NoAnswer):
-        known["interval_reason"] = found.interval.reason
-    return known
+    ends = found.interval
+    return {**plain(found), "interval": or_null(ends), **_why("interval", ends)}
 
 
 def left_out_json(loaded: Loaded) -> Json:

@@ -4,6 +4,7 @@ import json
 import re
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -72,6 +73,52 @@ def test_one_subject_agrees_with_nobody_and_equal_scores_are_no_test() -> None:
         assert (pair["p"], pair["p_holm"]) == (None, None)
         assert "no difference in any subject" in pair["reason"]
     assert "No pair of conditions can be tested." in report_html(result)
+
+
+def nulls_without_reason(value: Any, path: str = "") -> list[str]:
+    """The numbers that are lacking although nothing beside them says why."""
+    if isinstance(value, list):
+        return [lost for entry in value for lost in nulls_without_reason(entry, path)]
+    if not isinstance(value, dict):
+        return []
+    silent = [
+        f"{path}.{name}"
+        for name, entry in value.items()
+        if entry is None and not {"reason", f"{name}_reason"} & value.keys()
+    ]
+    return silent + [
+        lost
+        for name, entry in value.items()
+        for lost in nulls_without_reason(entry, f"{path}.{name}")
+    ]
+
+
+@pytest.mark.parametrize(
+    "scores",
+    [
+        [[5, 5, 5]] * 3,
+        [[5, 5, 5], [6, 6, 6]],
+        [[5, 7, 9]],
+        [[5, 7, np.nan], *SCORES[1:]],
+        [[5, 7, np.nan], [6, 9, np.nan], [4, 4, np.nan]],
+    ],
+)
+def test_every_lacking_number_says_why(scores: list[list[float]]) -> None:
+    numbers = report_json(made(scores))
+    told = {name: entry for name, entry in numbers.items() if name not in {"trials", "table4"}}
+    lost = [path for path in nulls_without_reason(told) if "column_means" not in path]
+    # Each subject's shrinkage is lacking for the reason that stands beside the common one.
+    assert [path for path in lost if "subject_shrinkage" not in path] == []
+
+
+def test_equal_scores_say_why_there_is_no_correlation() -> None:
+    numbers = report_json(made([[5, 5, 5]] * 3))
+    assert numbers["icc"]["subjects"]["3,1"] is None
+    assert "do not vary" in numbers["icc"]["subjects"]["reason"]
+    law = numbers["laws"][0]
+    assert (law["spearman"], law["p"], law["r_needed"]) == (None, None, None)
+    assert law["reason"] == "all contrasts, or all mean ratings, are equal"
+    assert "same score" in numbers["kendall_w_reason"]
 
 
 def test_a_session_counts_as_uninterrupted_only_where_that_is_known() -> None:

@@ -1,6 +1,7 @@
 """How the report writes numbers, and the sentences that stand between its tables."""
 
 import math
+from collections.abc import Sequence
 
 from analysis.no_answer import NoAnswer
 from analysis.sensitivity.checks import Discrimination, Drift, FTest, Proportion
@@ -67,8 +68,13 @@ def omnibus_line(reading: Reading) -> str:
         return f"No omnibus test: {test.reason}."
     return (
         f"Scores are missing, so that Friedman's test does not apply; Skillings and Mack's test of "
-        f"equal conditions: T({test.df}) = {test.statistic:.4f}, p = {test.p:.4g}."
+        f"equal conditions{_without(test.left_out)}: T({test.df}) = {test.statistic:.4f}, "
+        f"p = {test.p:.4g}."
     )
+
+
+def _without(conditions: Sequence[str]) -> str:
+    return f", without {', '.join(conditions)}, which nobody scored" if conditions else ""
 
 
 def drift_line(found: Drift | NoAnswer) -> str:

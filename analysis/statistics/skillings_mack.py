@@ -16,13 +16,15 @@ class SkillingsMack:
     """The Skillings-Mack test of equal conditions; p is of the chi-square approximation.
 
     `statistic` is corrected for ties and so equals Friedman's χ² when no score is missing;
-    `untied` is the statistic as first published, which takes every score to differ.
+    `untied` is the statistic as first published, which takes every score to differ. `left_out` has
+    the conditions that nobody scored, which the test cannot speak of.
     """
 
     statistic: float
     df: int
     p: float
     untied: float
+    left_out: tuple[str, ...] = ()
 
 
 def skillings_mack(table: ScoreTable) -> SkillingsMack | NoAnswer:
@@ -46,7 +48,13 @@ def skillings_mack(table: ScoreTable) -> SkillingsMack | NoAnswer:
         return NoAnswer(reason="every subject gave all conditions the same score")
     tied, rank = _quadratic_form(total, _covariance(scores, variances / counts))
     untied, _ = _quadratic_form(total, _covariance(scores, np.ones(len(scores))))
-    return SkillingsMack(statistic=tied, df=rank, p=float(chdtrc(rank, tied)), untied=untied)
+    return SkillingsMack(
+        statistic=tied,
+        df=rank,
+        p=float(chdtrc(rank, tied)),
+        untied=untied,
+        left_out=tuple(name for name in table.conditions if name not in kept.conditions),
+    )
 
 
 def _refusal(table: ScoreTable, scores: FloatArray) -> NoAnswer | None:

@@ -14,6 +14,7 @@ from analysis.page_figures import FIGURES
 from analysis.report import report, report_html, report_json, write_report
 from analysis.session_scores import loaded
 from tests.analysis.reports import (
+    NAMES,
     ORIGIN,
     PAPER,
     SCORES,
@@ -226,6 +227,14 @@ def test_missing_scores_are_read_in_three_ways() -> None:
     assert means == {"missing": pytest.approx(23 / 3), "zero": 5.75, "lowest": 7.0}
     assert numbers["friedman"]["skillings_mack"]["df"] == 2
     assert numbers["missing_readings"]["zero"]["friedman"]["chi2"] is not None
+
+
+def test_a_condition_nobody_scored_is_named_beside_the_test_that_leaves_it_out() -> None:
+    result = made([[5, 7, np.nan, 8], [6, 9, np.nan, 7], [4, 5, np.nan, 9]], names=(*NAMES, "d"))
+    assert report_json(result)["skillings_mack"]["left_out"] == ["pressure"]
+    assert "equal conditions, without pressure, which nobody scored: T(2)" in report_html(result)
+    holed = report_html(made([[5, 7, np.nan], *SCORES[1:]]))
+    assert "test of equal conditions: T(2)" in holed
 
 
 def test_catch_and_opposite_trials_give_change_detection() -> None:

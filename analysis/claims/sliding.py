@@ -27,15 +27,19 @@ def _sliding_same_frequency() -> Finding:
 
 
 def _sliding_variation(law: str) -> Finding:
-    """Whether theory at the experiment's own drive and load still varies as at 24,221 Hz."""
+    """Whether theory at the experiment's own drive and load still varies as at 24,221 Hz.
+
+    If it does not, nothing that varies can match it; if it does, the measured curve must decide.
+    """
     path = np.linspace(*PATH_M, 711)
     touch = Touch(finger_load_n=0.56, x_m=SMOOTH_PLACE_M)
     drive = Drive(frequency_hz=23200.0)
     own = friction_coefficient(Scene(drive=drive, touch=touch), law=law, x_m=path)
     paper = friction_coefficient(Scene(), law=law, x_m=path)
     swings = float(np.ptp(own)) / 2, float(np.ptp(paper)) / 2
+    varies = swings[0] > 0.5 * swings[1]
     return Finding(
-        parts=(swings[0] > 0.5 * swings[1],),
+        parts=(None,) if varies else (False,),
         computed={"swing_at_23200_hz_0.56_n": swings[0], "swing_in_fig12": swings[1]},
     )
 
@@ -89,10 +93,11 @@ CLAIMS = (
         id="sliding-matches-theory",
         place="Section 5.1, Fig 16",
         claim="the friction measured varies as the theory says",
-        check="swing of μ' along the path at 23,200 Hz and 0.56 N over half of Fig 12's",
+        check="swing of μ' along the path at 23,200 Hz and 0.56 N: under half of Fig 12's it fails",
         expected="very close",
         find=_sliding_variation,
-        remark="the measured curve is not printed as numbers: only theory can be checked",
+        remark="the measured curve is not printed as numbers: only whether theory leaves anything "
+        "to match can be checked",
     ),
     Claim(
         id="bodies-outrun-the-finger",

@@ -55,6 +55,7 @@ def test_verdicts_follow_from_the_parts() -> None:
         ("table4-averages", "holds", "holds", "holds"),
         ("table4-lowest", "fails", "fails", "fails"),
         ("no-signal-no-change", "fails", "holds", "holds"),
+        ("sliding-matches-theory", "not testable", "fails", "fails"),
     ],
 )
 def test_known_verdicts(

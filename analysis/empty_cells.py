@@ -94,7 +94,7 @@ def notes(table: ScoreTable, empty: EmptyCells) -> list[str]:
     readable = _READ if table.given.any() else frozenset()
     said = [
         f"{MARKS[why]} {_TOLD[why]}: {'1 cell' if causes[why] == 1 else f'{causes[why]} cells'}, "
-        f"{'missing, or read as 0 or as the lowest score' if why in readable else 'missing'}."
+        + ("also read as 0 and as the lowest score." if why in readable else "missing throughout.")
         for why in Why
         if causes[why]
     ]

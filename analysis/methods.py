@@ -159,9 +159,8 @@ def _too_few_means(count: int) -> str:
         else f" (Pearson's, of the contrasts and means themselves, must exceed {moments:.3f})"
     )
     return (
-        f"With {count} condition means Spearman's rank correlation, the one shown, {reached}"
-        f"{products}; ties make that harder. Most orders of the conditions are no evidence for or "
-        "against a law."
+        f"With {count} condition means and no ties Spearman's rank correlation, the one shown, "
+        f"{reached}{products}. Most orders of the conditions are no evidence for or against a law."
     )
 
 

@@ -116,7 +116,7 @@ def _interruptions_line(loaded: Loaded) -> str:
     if loaded.incidents:
         return ""
     if loaded.unfinished:
-        return "Nothing was noted."
+        return "No other incident was recorded."
     return "No session was interrupted, and nothing was noted."
 
 

@@ -204,14 +204,16 @@ def law_table(laws: Sequence[LawScore]) -> PageTable:
     return PageTable(
         name="laws",
         caption="Each friction law against the ratings: does it order the conditions as people "
-        "did (Spearman's correlation of predicted contrasts with mean scores, p over all orders), "
-        "and does it explain who felt what (largest log-likelihood of M1 with its contrasts, the "
-        "gain over subjects who differ in level alone, and p of the gain: the share of all "
-        "assignments of its contrasts to the conditions that gain as much)." + _circular(laws),
+        "did (Spearman's correlation of predicted contrasts with mean scores, p over all orders, "
+        "and the least correlation of these ranks, ties and all, that has p < .05), and does it "
+        "explain who felt what (largest log-likelihood of M1 with its contrasts, the gain over "
+        "subjects who differ in level alone, and p of the gain: the share of all assignments of "
+        "its contrasts to the conditions that gain as much)." + _circular(laws),
         header=[
             "law",
             "Spearman",
             "p",
+            "p < .05 takes",
             "order, strongest first",
             "log-likelihood",
             "gain",
@@ -232,8 +234,14 @@ def _circular(laws: Sequence[LawScore]) -> str:
 
 def _order_cells(order: LawOrder | NoAnswer) -> Line:
     if isinstance(order, NoAnswer):
-        return [number(None), number(None), f"none: {order.reason}"]
-    return [number(order.spearman, 2), p_value(order.p), in_order(order)]
+        return [*[number(None)] * 3, f"none: {order.reason}"]
+    needed = order.rank_needed
+    return [
+        number(order.spearman, 2),
+        p_value(order.p),
+        "none" if isinstance(needed, NoAnswer) else number(needed, 2),
+        in_order(order),
+    ]
 
 
 def in_order(order: LawOrder) -> str:

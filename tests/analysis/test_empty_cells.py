@@ -94,9 +94,9 @@ def test_the_page_marks_and_counts_each_kind() -> None:
     assert page.count('title="excluded">×</td>') == 4
     assert page.count('title="not reached">○</td>') == 2
     for said in (
-        "– not given, as the answer disagreed with the expectation: 1 cell, missing, or read as 0",
-        "× without a score, as the trials are excluded: 4 cells, missing.",
-        "○ without a trial, as the session did not get there: 2 cells, missing.",
+        "– not given, as the answer disagreed with the expectation: 1 cell, also read as 0",
+        "× without a score, as the trials are excluded: 4 cells, missing throughout.",
+        "○ without a trial, as the session did not get there: 2 cells, missing throughout.",
         "No score at all, and not among the subjects analysed: P04.",
     ):
         assert said in page

@@ -90,8 +90,15 @@ def _cells(record: Mapping[str, Any]) -> list[str]:
         agrees,
         MISSING if record["score"] is None else f"{record['score']:g}",
         *(number(contrast, 4) for contrast in record["predicted"].values()),
-        "measured" if record["measured"] else "as planned",
+        _touch(record),
     ]
+
+
+def _touch(record: Mapping[str, Any]) -> str:
+    """Under what touch the contrast is predicted."""
+    if record["kind"] == "published":
+        return "standard"
+    return "measured" if record["measured"] else "as planned"
 
 
 def table4_cells(

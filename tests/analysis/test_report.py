@@ -122,6 +122,12 @@ def test_equal_scores_say_why_there_is_no_correlation() -> None:
     assert "same score" in numbers["kendall_w_reason"]
 
 
+def test_of_a_published_trial_no_plan_is_claimed() -> None:
+    published = report_html(plain_report())
+    assert "<td>standard</td>" in published
+    assert "<td>as planned</td>" not in published
+
+
 def test_a_session_counts_as_uninterrupted_only_where_that_is_known() -> None:
     undisturbed = "No session was interrupted, and nothing was noted."
     events = session_events(PAPER, 0, np.random.default_rng(1))

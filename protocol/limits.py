@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator
 
 from protocol.impossible import design_problems
+from protocol.naming import name_problems
 from protocol.openings import opening_problems
 from protocol.problem import Path, Problem
 from protocol.programme import current_ma, driven_s, slew_v_per_us, touch_s
@@ -26,7 +27,10 @@ def problems(study: Study, further: Iterable[Problem] = ()) -> list[Problem]:
 
 def limit_problems(study: Study) -> list[Problem]:
     """Return everything in `study` that breaks a limit or names nothing there is."""
-    found = [*_duplicates(study), *_missing_beam(study, "touch.beam", ("touch",), study.touch.beam)]
+    found = [
+        *name_problems(study),
+        *_missing_beam(study, "touch.beam", ("touch",), study.touch.beam),
+    ]
     for where, path, item in _items(study):
         level = max(item.levels) if isinstance(item, Condition) else 1.0
         for number, touch in enumerate(item.touches):
@@ -41,18 +45,6 @@ def _items(study: Study) -> Iterator[tuple[str, Path, Item]]:
         yield f"opening {opening.kind}", ("opening", number), opening
     for number, condition in enumerate(study.condition):
         yield f"condition {condition.name}", ("condition", number), condition
-
-
-def _duplicates(study: Study) -> Iterator[Problem]:
-    for number, name in enumerate(study.conditions):
-        if name in study.conditions[:number]:
-            yield Problem(
-                where="condition",
-                rule="names must differ",
-                value=repr(name),
-                hint="rename one",
-                path=("condition", number, "name"),
-            )
 
 
 def _touch_problems(

@@ -9,9 +9,12 @@ from protocol.trial import Trial
 
 def preview_lines(shown: Preview, predict: Predict) -> Iterator[str]:
     """Yield the preview line by line: the first participant's trials, then the cohort."""
-    yield f"Plan of the first of {len(shown.plans)} participants (session 1)"
+    yield f"Plan of the first of {_many(len(shown.plans), 'participant')} (session 1)"
     yield ""
     yield from _table(_trial_rows(shown, predict))
+    yield ""
+    yield "Amplitude (peak) and drive (1: at the resonance) of each touch; 0>200 changes during it."
+    yield "Predicted: by how much ln(friction) changes in the model, + in the expected direction."
     yield ""
     yield from _session_lines(shown)
     yield ""
@@ -20,8 +23,12 @@ def preview_lines(shown: Preview, predict: Predict) -> Iterator[str]:
     yield from _purchase_lines(shown, predict)
 
 
+def _many(number: int, one: str, more: str = "") -> str:
+    return f"{number} {one if number == 1 else more or one + 's'}"
+
+
 def _trial_rows(shown: Preview, predict: Predict) -> Iterator[tuple[str, ...]]:
-    yield ("#", "block", "kind", "condition", "amplitude V", "drive/f0", "predicted", "expected")
+    yield ("#", "block", "kind", "condition", "amplitude V", "drive", "predicted", "expected")
     for trial in shown.plans[0].trials:
         contrast = predict(trial)
         yield (
@@ -54,12 +61,21 @@ def _table(rows: Iterator[tuple[str, ...]]) -> Iterator[str]:
 def _session_lines(shown: Preview) -> Iterator[str]:
     rig, trials = shown.study.rig, shown.plans[0].trials
     touches = sum(len(trial.touches) for trial in trials)
-    yield f"Session     {_span([s / 60 for s in shown.durations_s])} min, {touches} touches, " + (
-        f"{sum(trial.scored for trial in trials)} scored trials, {_span(shown.swaps)} beam swaps"
+    scored = sum(trial.scored for trial in trials)
+    swaps = "1 beam swap" if set(shown.swaps) == {1} else f"{_span(shown.swaps)} beam swaps"
+    yield (
+        f"Session     {_span([s / 60 for s in shown.durations_s])} min, "
+        f"{_many(touches, 'touch', 'touches')}, {_many(scored, 'scored trial')}, {swaps}"
     )
-    yield f"Amplitude   {shown.max_voltage_v:g} V of {rig.max_voltage_v:g} V (peak)"
-    yield f"Drive       {shown.max_frequency_hz:.0f} Hz of {rig.max_frequency_hz:g} Hz (nominal)"
-    yield f"Slew        {shown.max_slew_v_per_us:.1f} V/us of {rig.max_slew_v_per_us:g} V/us"
+    yield f"Amplitude   up to {shown.max_voltage_v:g} V (peak); limit {rig.max_voltage_v:g} V"
+    yield (
+        f"Drive       up to {shown.max_frequency_hz:.0f} Hz if the resonance is at "
+        f"{rig.nominal_resonance_hz:g} Hz; limit {rig.max_frequency_hz:g} Hz"
+    )
+    yield (
+        f"Slew        up to {shown.max_slew_v_per_us:.1f} V/us; "
+        f"limit {rig.max_slew_v_per_us:g} V/us"
+    )
 
 
 def _span(values: Sequence[float]) -> str:
@@ -70,13 +86,14 @@ def _span(values: Sequence[float]) -> str:
 def _carryover_lines(shown: Preview) -> Iterator[str]:
     carryover, names = shown.carryover, shown.study.conditions
     if carryover.balanced:
-        yield f"Carry-over  balanced over {len(shown.plans)} participants"
+        yield f"Carry-over  balanced over {_many(len(shown.plans), 'participant')}"
     else:
         yield (
-            f"Carry-over  counts differ by up to {carryover.imbalance} over {len(shown.plans)} "
-            f"participants; {_advice(shown)}"
+            f"Carry-over  not balanced over {_many(len(shown.plans), 'participant')} "
+            f"(counts differ by up to {carryover.imbalance}): {_advice(shown)}"
         )
-    header = ("after", *names)
+    yield "How often the condition of a column comes directly after that of a row:"
+    header = ("", *names)
     rows = [
         (name, *("" if a == b else str(count) for b, count in enumerate(row)))
         for a, (name, row) in enumerate(zip(names, carryover.counts, strict=True))
@@ -87,16 +104,20 @@ def _carryover_lines(shown: Preview) -> Iterator[str]:
 def _advice(shown: Preview) -> str:
     design, number = shown.study.design, len(shown.study.condition)
     if design.order != "williams" or design.group_by_beam != "no":
-        return "this design does not balance them"
-    return f"a multiple of {number if number % 2 == 0 else 2 * number} is balanced"
+        return "this design does not balance it"
+    return f"take a multiple of {number if number % 2 == 0 else 2 * number}"
 
 
 def _purchase_lines(shown: Preview, predict: Predict) -> Iterator[str]:
-    yield "What the minutes buy: the 95 % interval of one person's sensitivity, from that person"
-    yield f"alone (residual SD {RESIDUAL_SD:.2f} scores, as in the paper's Table 4), is g +/-"
-    rows = [("repeats", "trials", "minutes", "scores per unit of contrast", "share of full scale")]
+    yield "What the minutes buy: how well a session of so many repeats tells one person's"
+    yield "sensitivity, which is the points of score that a unit of predicted change is worth."
+    yield "The 95 % interval goes this far to either side, from that person's scores alone:"
+    rows = [("repeats", "trials", "minutes", "points per unit", "of the scale")]
     rows += [_purchase_row(shown, bought) for bought in minutes_buy(shown, predict)]
     yield from _table(iter(rows))
+    yield "<: this study. Of the scale: what that is at the largest change predicted here."
+    scatter = f"Scores are taken to scatter by an SD of {RESIDUAL_SD:.2f} points"
+    yield f"{scatter}, as in the paper's Table 4."
 
 
 def _purchase_row(shown: Preview, bought: Purchase) -> tuple[str, str, str, str, str]:

@@ -82,15 +82,42 @@ def test_longer_sessions_of_widely_spread_contrasts_buy_precision(
     assert bought[1]["duration_s"] < bought[4]["duration_s"] < bought[16]["duration_s"]
 
 
+def test_what_the_minutes_buy_is_said_in_whole_sentences(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert typed("check", study(tmp_path)) == 0
+    lines = capsys.readouterr().out.splitlines()
+    table = next(n for n, line in enumerate(lines) if line.startswith("repeats"))
+    above, below = " ".join(lines[table - 3 : table]), " ".join(lines[-2:])
+    assert above.startswith("What the minutes buy: how well a session of so many repeats tells")
+    assert above.endswith("goes this far to either side, from that person's scores alone:")
+    assert below.startswith("<: this study. Of the scale: what that is at the largest change")
+    assert below.endswith("scatter by an SD of 0.97 points, as in the paper's Table 4.")
+    assert (
+        "Predicted: by how much ln(friction) changes in the model, + in the expected"
+        in " ".join(lines)
+    )
+
+
 def test_the_preview_can_be_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert typed("check", study(tmp_path, "extended")) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "Plan of the first of 20 participants (session 1)"
     assert any("opposite" in line and "rougher" in line for line in lines)
-    assert "Amplitude   200 V of 200 V (peak)" in lines
+    assert "Amplitude   up to 200 V (peak); limit 200 V" in lines
     assert "Carry-over  balanced over 20 participants" in lines
     assert any(line.startswith("4 <") and " 20 " in line for line in lines)
-    assert max(map(len, lines)) <= 110
+    assert max(map(len, lines)) <= 90
+
+
+def test_one_of_a_thing_is_not_many(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert typed("check", study(tmp_path), "--participants", "1") == 0
+    shown = capsys.readouterr().out
+    assert shown.startswith("Plan of the first of 1 participant (session 1)\n")
+    assert (
+        "Carry-over  not balanced over 1 participant (counts differ by up to 1): take a mul"
+        in shown
+    )
 
 
 @pytest.mark.parametrize(

@@ -50,7 +50,9 @@ def gain(ratings: Ratings, contrast: FloatArray) -> float:
     ],
 )
 def test_the_closed_form_orders_assignments_as_the_fitted_likelihood_does(study: Ratings) -> None:
-    gains = np.array([gain(study, np.array(x)[study.condition]) for x in permutations(CONTRASTS)])
+    study = study.where(study.condition < 3)
+    orders = permutations(CONTRASTS[:3])
+    gains = np.array([gain(study, np.array(x)[study.condition]) for x in orders])
     found = assignment_p(study, study.contrast)
     assert found == pytest.approx(float((gains >= gains[0] - 1e-4).mean()), abs=1e-12)
 

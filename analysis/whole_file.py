@@ -48,9 +48,8 @@ def _replaced(place: Path, data: bytes) -> None:
     """Put a file with `data` in the place of what was there, in one step."""
     there = place.exists() or place.is_symlink()
     if there:
-        os.close(
-            os.open(place, os.O_WRONLY)
-        )  # refuses a file that is not ours to write, and a link to itself
+        # Refuses a file that is not ours to write, and a link that leads to itself.
+        os.close(os.open(place, os.O_WRONLY))
     beside = place.with_name(f".touchbeam-{secrets.token_hex(8)}")
     try:
         with beside.open("xb") as file:

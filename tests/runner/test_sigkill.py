@@ -2,9 +2,11 @@
 
 import random
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -15,7 +17,8 @@ from runner.session_state import Event
 from runner.verification import verdicts
 
 TOUCHBEAM = str(Path(sys.executable).with_name("touchbeam"))
-LONGEST_S = 3.0
+EVENTS = 47
+"""How many a session of the paper's study has."""
 
 
 @pytest.mark.parametrize("draw", range(3))
@@ -36,10 +39,7 @@ def killed_and_resumed(folder: Path, draw: int) -> None:
     instants = random.Random(draw)
     acknowledged: list[Event] = []
     for _ in range(instants.choice((1, 2))):
-        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        time.sleep(instants.uniform(0, LONGEST_S))
-        process.send_signal(signal.SIGKILL)
-        process.wait()
+        kill_within_session(command, folder / "study.db", instants)
         events = recorded(folder)
         assert events[: len(acknowledged)] == acknowledged, "no acknowledged event is lost"
         acknowledged = events
@@ -52,6 +52,27 @@ def killed_and_resumed(folder: Path, draw: int) -> None:
     assert events[: len(acknowledged)] == acknowledged
     begun = sum(event.tag == "trial-started" for event in events)
     assert begun == 7 + verdict.trials_aborted, "an interrupted trial is marked"
+
+
+def kill_within_session(command: list[str], journal: Path, instants: random.Random) -> None:
+    """Kill the session at a drawn instant after a drawn number of its events."""
+    before = len_of(journal)
+    after = before + instants.randrange(max(1, EVENTS - before))
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    while process.poll() is None and len_of(journal) < after:
+        time.sleep(0.001)
+    time.sleep(instants.uniform(0, 0.02))
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+
+
+def len_of(journal: Path) -> int:
+    """How many events stand in the journal, looked at from outside while it is written."""
+    try:
+        with closing(sqlite3.connect(f"{journal.as_uri()}?mode=ro", uri=True)) as reader:
+            return int(reader.execute("SELECT count(*) FROM event").fetchone()[0])
+    except sqlite3.OperationalError:
+        return 0
 
 
 def finish(command: list[str], *, already: bool) -> None:

@@ -1,22 +1,26 @@
-"""The ladder's rungs: from the paper's piecewise-linear pattern up, each a field of the beam."""
+"""The ladder's rungs: from the paper's piecewise-linear pattern up, each a field of the beam.
+
+What solves the segmented beam is loaded by the rungs that need it: most predictions take one mode.
+"""
 
 import re
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from device.beam import Beam
 from device.eq15 import Overlap
 from device.fields import Field, Signal, modal_field
-from device.motion import modal_motion, segmented_motion
-from device.motion_pattern import MotionSummary, motion_summary
-from device.natural_frequencies import segmented_natural_frequency_hz
 from device.patterns import Eq15Pattern, ModePattern, Pattern, SinusoidPattern
 from device.ranges import OutOfRangeError
 from device.response import natural_frequency_hz
 from device.scenes import Drive
+
+if TYPE_CHECKING:
+    from device.motion_pattern import MotionSummary
 
 FieldOf = Callable[[Beam, Drive], Field]
 
@@ -40,18 +44,24 @@ def modal_rung_field(
 
 
 @lru_cache(maxsize=4096)
-def _summary(beam: Beam, frequency_hz: float, *, patched: bool, shear: bool) -> MotionSummary:
+def _summary(beam: Beam, frequency_hz: float, *, patched: bool, shear: bool) -> "MotionSummary":
     """The segmented beam's motion per volt, set up once for a beam and a frequency."""
+    from device.motion import segmented_motion
+    from device.motion_pattern import motion_summary
+
     return motion_summary(segmented_motion(beam, frequency_hz, patched=patched, shear=shear))
 
 
 @lru_cache(maxsize=256)
-def _modal_summary(beam: Beam, frequency_hz: float, count: int) -> MotionSummary:
+def _modal_summary(beam: Beam, frequency_hz: float, count: int) -> "MotionSummary":
     """The sum of the first `count` modes per volt, set up once for a beam and a frequency."""
+    from device.motion import modal_motion
+    from device.motion_pattern import motion_summary
+
     return motion_summary(modal_motion(beam, frequency_hz, count))
 
 
-def _driven(summary: MotionSummary, frequency_hz: float, voltage_v: float) -> Field:
+def _driven(summary: "MotionSummary", frequency_hz: float, voltage_v: float) -> Field:
     """The field of a motion per volt at a voltage."""
     return Field(
         pattern=summary.pattern,
@@ -67,6 +77,8 @@ def _segmented(*, patched: bool, shear: bool) -> FieldOf:
     def field_of(beam: Beam, drive: Drive) -> Field:
         frequency_hz = _frequency_hz(drive)
         if frequency_hz is None:
+            from device.natural_frequencies import segmented_natural_frequency_hz
+
             frequency_hz = segmented_natural_frequency_hz(
                 beam, drive.mode, patched=patched, shear=shear
             )
@@ -91,6 +103,8 @@ def _modes(count: int) -> FieldOf:
 
 def forget_set_ups() -> None:
     """Drop every set-up that is kept for later scenes, so that its cost can be measured again."""
+    from device.natural_frequencies import segmented_natural_frequency_hz
+
     _summary.cache_clear()
     _modal_summary.cache_clear()
     segmented_natural_frequency_hz.cache_clear()
@@ -154,6 +168,8 @@ def rung_resonance_hz(name: str, beam: Beam, mode: int) -> float:
     """The natural frequency of `mode` as the rung of that name computes it, Hz."""
     check_rung(name)
     if name in SEGMENTED_RUNGS:
+        from device.natural_frequencies import segmented_natural_frequency_hz
+
         patched, shear = name.endswith("patched"), name.startswith("timoshenko")
         return segmented_natural_frequency_hz(beam, mode, patched=patched, shear=shear)
     return natural_frequency_hz(beam, mode)

@@ -1,26 +1,22 @@
-"""From the text of a study file to a checked study, with everything that is wrong at once."""
+"""From the text of a study file to a checked study, with everything that is wrong at once.
+
+What finds and tells mistakes is loaded when there are any.
+"""
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from importlib.resources import files
-from typing import Any
 
 from pydantic import ValidationError
 
 from protocol.errors import BadInput
-from protocol.impossible import design_problems
-from protocol.limits import limit_problems, problems
-from protocol.problem import Path, Problem
-from protocol.salvage import salvaged
-from protocol.schema_problems import schema_problems, unreadable
+from protocol.limits import problems
+from protocol.problem import Problem
 from protocol.study import Study
-from protocol.toml_lines import key_lines, line_of
 from protocol.toml_reading import toml_document
 
 TEMPLATES = ("paper", "extended")
 Further = Callable[[Study], Iterable[Problem]]
-_OF_THE_DESIGN = frozenset({"touch", "beams", "design", "timing", "opening", "condition"})
-"""What the wishes of a design are counted from."""
 
 
 class StudyError(BadInput):
@@ -67,39 +63,18 @@ def parsed_study(text: str, source: str = "study.toml", further: Further = lambd
     try:
         study = Study.model_validate(document)
     except ValidationError as error:
-        broken = schema_problems(document, error)
-        raise StudyError(
-            source, located(text, broken + _limits_broken(document, broken, further))
-        ) from error
+        from protocol.mistakes import mistakes
+
+        raise StudyError(source, located(text, mistakes(document, error, further))) from error
     if found := problems(study, further(study)):
         raise StudyError(source, located(text, found))
     return study
 
 
-def _limits_broken(
-    document: dict[str, Any], broken: list[Problem], further: Further
-) -> list[Problem]:
-    """What else is wrong in the part of the document that fits the schema.
-
-    What follows from nothing but the harmless values in the place of broken ones is left out.
-    """
-    study = salvaged(document)
-    if study is None:
-        return []
-    unknown = [unreadable(problem) for problem in broken]
-    found = [*limit_problems(study), *further(study)]
-    if not found and _OF_THE_DESIGN.isdisjoint(path[0] for path in unknown if path):
-        found = design_problems(study)
-    return [problem for problem in found if not _rests_on(problem.path, unknown)]
-
-
-def _rests_on(path: Path, unknown: list[Path]) -> bool:
-    """Whether one of the unknown values lies at `path`, above it or below it."""
-    return any(path[: len(other)] == other[: len(path)] for other in unknown)
-
-
 def located(text: str, found: list[Problem]) -> list[Problem]:
     """Return the problems with their lines in the study file `text`, in its order."""
+    from protocol.toml_lines import key_lines, line_of
+
     lines = key_lines(text)
     located = [replace(problem, line=line_of(lines, problem.path)) for problem in found]
     return sorted(located, key=lambda problem: problem.line or 0)

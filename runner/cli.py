@@ -3,6 +3,7 @@
 Heavy imports stand inside the commands, so that `touchbeam --help` answers at once.
 """
 
+import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -338,8 +339,6 @@ def claims(as_json: JsonOption = False) -> None:
 
 
 def _report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json: bool) -> None:
-    import os
-
     # Sums in one order, whatever the number of cores: the same input gives the same bytes.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from analysis.empty_cells import marks
@@ -401,6 +400,8 @@ def main() -> None:
 
     Exit codes: 0 done, 1 the work failed, 2 wrong usage or bad input.
     """
+    # Looking for plugins of pydantic reads what is known of every package that is installed.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")
     arguments = [argument for argument in sys.argv[1:] if argument != "--debug"]
     debug = len(arguments) < len(sys.argv) - 1
     try:

@@ -55,6 +55,8 @@ _CHAIN = f"{_EVENT}, payload_sha256, hash FROM event WHERE session = ? ORDER BY 
 _SESSIONS = "SELECT session FROM event GROUP BY session ORDER BY min(rowid)"
 _TAGGED = f"{_EVENT} FROM event WHERE tag"
 
+_PAYLOAD = json.JSONEncoder(ensure_ascii=False, sort_keys=True, allow_nan=False)
+
 ChainLink = tuple[Event, str, str]
 """An event, the digest of its payload, and its hash."""
 
@@ -201,7 +203,7 @@ def _event(row: tuple[Any, ...]) -> Event:
 
 def payload_text(event: Event) -> str:
     """Return the payload of `event` as it is stored."""
-    return json.dumps(event.payload, ensure_ascii=False, sort_keys=True, allow_nan=False)
+    return _PAYLOAD.encode(event.payload)
 
 
 def event_fields(session: str, event: Event, digest: str) -> tuple[object, ...]:

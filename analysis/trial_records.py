@@ -81,9 +81,11 @@ class Trials:
         """Return in one line what is here and what is not."""
         excluded = sum(trial.excluded != "no" for trial in self.trials)
         return (
-            f"{len(self.trials)} trials of {len(self.participants)} participants "
-            f"({excluded} trials excluded, marked); left out: {self.rehearsals_left_out} "
-            f"rehearsals, {self.sessions_withdrawn} withdrawn sessions"
+            f"{_counted(len(self.trials), 'trial')} of "
+            f"{_counted(len(self.participants), 'participant')} "
+            f"({_counted(excluded, 'trial')} excluded, marked); left out: "
+            f"{_counted(self.rehearsals_left_out, 'rehearsal')}, "
+            f"{_counted(self.sessions_withdrawn, 'withdrawn session')}"
         )
 
     def by_session(self) -> dict[tuple[str, int], tuple[TrialRecord, ...]]:
@@ -93,3 +95,7 @@ class Trials:
             name = (trial.session.participant, trial.session.number)
             found[name] = (*found.get(name, ()), trial)
         return found
+
+
+def _counted(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"

@@ -125,7 +125,7 @@ def test_the_journal_gives_the_same_bytes_each_time(
     assert contents(Path("one")) == contents(Path("two"))
     assert capsys.readouterr().out.splitlines()[0] == (
         "Written: one, 37 trials of 5 participants (8 trials excluded, marked); left out: "
-        "1 rehearsals, 1 withdrawn sessions"
+        "1 rehearsal, 1 withdrawn session"
     )
 
 

@@ -16,6 +16,15 @@ class Band(Record):
     zh: Annotated[Line, Field(description="its name in Chinese")]
 
 
+PAPERS_BANDS = (
+    Band(first=0, last=0, en="no effect", zh="无效果"),
+    Band(first=1, last=4, en="very weak", zh="很弱"),
+    Band(first=5, last=7, en="general", zh="一般"),
+    Band(first=8, last=10, en="very effective", zh="非常有效"),
+)
+"""The paper's names of its scores (section 5.2)."""
+
+
 class Rating(Record):
     """When the effect is scored, and how the scores are named (0-10, paper section 5.2)."""
 

@@ -2,12 +2,14 @@
 
 from dataclasses import replace
 from itertools import pairwise
+from typing import Literal, get_args
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from protocol.errors import BadInput
+from protocol.rating import PAPERS_BANDS, Band
 from protocol.study import Rating, Study, Touch, TouchDefaults
 from protocol.study_file import TEMPLATES, parsed_study, template
 from protocol.texts import TEXTS, Language, touch_text
@@ -37,6 +39,30 @@ def study(**texts: str) -> Study:
 @pytest.mark.parametrize("name", TEMPLATES)
 def test_every_text_of_the_built_in_studies_fits(name: str) -> None:
     assert list(fit_problems(parsed_study(template(name)))) == []
+
+
+@pytest.mark.parametrize("ticks", ["all", "bands", "ends"])
+@pytest.mark.parametrize("bands", [(), PAPERS_BANDS])
+def test_every_built_in_text_fits_whatever_is_touched(
+    ticks: Literal["all", "bands", "ends"], bands: tuple[Band, ...]
+) -> None:
+    plain = parsed_study(template("paper"))
+    first = plain.condition[0]
+    touches = tuple(
+        Touch(place=place, voltage_v=0, direction=direction, coverage=coverage, press=press)
+        for place in get_args(Touch.model_fields["place"].annotation)
+        for direction in get_args(Touch.model_fields["direction"].annotation)
+        for coverage in get_args(Touch.model_fields["coverage"].annotation)
+        for press in (1.0, 1.5)
+    )
+    every = plain.model_copy(
+        update={
+            "condition": (first.model_copy(update={"touches": touches}), *plain.condition[1:]),
+            "rating": Rating(ticks=ticks, bands=bands),
+        }
+    )
+    assert plain.rating.bands == PAPERS_BANDS
+    assert list(fit_problems(every)) == []
 
 
 def test_a_text_that_is_too_long_is_found_with_its_place_in_the_study_file() -> None:

@@ -5,6 +5,7 @@ Heavy imports stand inside the commands, so that `touchbeam --help` answers at o
 
 import os
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -28,6 +29,7 @@ from runner.cli_options import (
 )
 from runner.complaint import complaint
 from runner.itself import touchbeam_command
+from runner.short_lived import short_lived
 from runner.stopping import stops_raise
 
 if TYPE_CHECKING:
@@ -100,9 +102,8 @@ def check(
 ) -> None:
     """Show the plan that a study gives, or everything that is wrong with it."""
     from runner.foretelling import foretelling
-    from runner.short_lived import short_lived
 
-    with short_lived(), foretelling() as contrasts:
+    with foretelling() as contrasts:
         from runner.checking import checked
         from runner.study_folder import StudyFolder
 
@@ -395,6 +396,10 @@ app.add_typer(cli_journal.app)
 app.add_typer(cli_device.app)
 
 
+_SHORT_LIVED = [["check"], ["new"], ["status"]]
+"""Commands that load modules for longer than they work."""
+
+
 def main() -> None:
     """Run the command line; errors are one line on standard error.
 
@@ -405,7 +410,7 @@ def main() -> None:
     arguments = [argument for argument in sys.argv[1:] if argument != "--debug"]
     debug = len(arguments) < len(sys.argv) - 1
     try:
-        with stops_raise():
+        with stops_raise(), short_lived() if arguments[:1] in _SHORT_LIVED else nullcontext():
             code = app(arguments or ["--help"], prog_name="touchbeam", standalone_mode=False)
     except Exception as error:
         if debug:

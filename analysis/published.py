@@ -13,7 +13,7 @@ from analysis.published_means import mean_column, named_as_mean
 from analysis.scores import ScoreTable
 from protocol.errors import BadInput
 from protocol.record import LONGEST_NAME
-from protocol.unprintable import unprintable
+from protocol.unprintable import require_printable
 
 SCALE = (0.0, 10.0)
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
@@ -98,12 +98,10 @@ def _name(cell: str, where: str) -> str:
             f"{where}: a name must have at most {LONGEST_NAME} characters, "
             f"got {len(name)}, {name[:20]!r}..."
         )
-    if unprintable(name):
-        raise TableError(
-            f"{where}: a name must hold no control characters and none that turn the direction "
-            f"of writing, got {name!r}; remove them"
-        )
-    return name
+    try:
+        return require_printable(name)
+    except ValueError as error:
+        raise TableError(f"{where}: a name {error}, got {name!r}; remove them") from None
 
 
 def _subject(cell: str, where: str) -> str:

@@ -12,16 +12,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from protocol.errors import BadInput
-from runner import cli_device, cli_journal
+from runner import cli_device, cli_journal, cli_study
 from runner.cli_options import (
-    ConsentOption,
     Format,
     JsonOption,
-    Language,
     Law,
     Overlap,
-    Pace,
-    Ratings,
     StudyArgument,
     named_folder,
     print_json,
@@ -71,105 +67,9 @@ def demo(
     typer.echo(f"Device off, read back after each of {participants} sessions.")
 
 
-@app.command()
-def new(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="A folder to make.")],
-    template: Annotated[str, typer.Option(help="The built-in study to start from.")] = "paper",
-) -> None:
-    """Make a study to edit."""
-    from protocol.study_file import TEMPLATES, template_tests
-    from protocol.study_file import template as template_text
-    from runner.study_folder import StudyFolder, new_study
-
-    if template not in TEMPLATES:
-        raise BadInput(f"--template must be one of {', '.join(TEMPLATES)}, got {template!r}")
-    study = StudyFolder(path=folder)
-    with new_study(study, template_text(template)):
-        study.test_file.write_text(template_tests(), encoding="utf-8")
-    typer.echo(
-        f"{study.study_file} is yours to edit; then: touchbeam check {folder}, "
-        f"touchbeam run {folder} --participant P01"
-    )
-
-
-@app.command()
-def check(
-    study: StudyArgument,
-    participants: Annotated[
-        int | None, typer.Option(min=1, max=10_000, help="[default: the study's]")
-    ] = None,
-    as_json: JsonOption = False,
-) -> None:
-    """Show the plan that a study gives, or everything that is wrong with it."""
-    from runner.foretelling import foretelling
-
-    with foretelling() as contrasts:
-        from runner.checking import checked
-        from runner.study_folder import StudyFolder
-
-        folder = StudyFolder(path=study)
-        shown, problems, in_order = checked(folder, participants, contrasts, as_json=as_json)
-    for line in problems:
-        typer.echo(f"touchbeam: {line}", err=True)
-    if shown:
-        typer.echo(shown)
-    if not in_order:
-        raise typer.Exit(2)
-
-
-@app.command()
-def run(
-    study: StudyArgument,
-    participant: Annotated[str, typer.Option(help="A pseudonym, such as P01.")],
-    session: Annotated[int, typer.Option(min=1)] = 1,
-    device: Annotated[
-        str | None, typer.Option(help="A serial URL, or sim. [default: the study's]")
-    ] = None,
-    ratings: Annotated[Ratings, typer.Option()] = Ratings.window,
-    pace: Annotated[
-        Pace | None,
-        typer.Option(help="[default: stepped if device and ratings are simulated, else wall]"),
-    ] = None,
-    rehearsal: Annotated[
-        bool, typer.Option("--rehearsal", help="Use no slot of the design; kept out of reports.")
-    ] = False,
-    language: Annotated[Language, typer.Option()] = Language.en,
-    screen: Annotated[
-        int, typer.Option(min=0, help="The participant's screen, counted from 0.")
-    ] = 0,
-    windowed: Annotated[
-        bool, typer.Option("--windowed", help="A small window instead of the full screen.")
-    ] = False,
-    consent: ConsentOption = None,
-    seed: Annotated[int | None, typer.Option(min=0, help="[default: the study's]")] = None,
-) -> None:
-    """Run a session, or go on with one.
-
-    A session that was interrupted goes on at the trial that it stopped in.
-    """
-    from runner.sitting import Sitting, sit
-    from runner.study_folder import StudyFolder
-
-    sitting = Sitting(
-        folder=StudyFolder(path=study),
-        participant=participant,
-        number=session,
-        device=device,
-        ratings=ratings.value,
-        pace=pace.value if pace else None,
-        rehearsal=rehearsal,
-        language=language.value,
-        screen=screen,
-        windowed=windowed,
-        consent=consent,
-        seed=seed,
-        touchbeam=touchbeam_command(),
-    )
-    state = sit(sitting, say=typer.echo)
-    typer.echo(
-        f"{participant}/{session} is complete: {len(state.answered)} trials answered, "
-        "device off (read back)."
-    )
+app.command()(cli_study.new)
+app.command()(cli_study.check)
+app.command()(cli_study.run)
 
 
 @app.command("import")
@@ -396,7 +296,7 @@ app.add_typer(cli_journal.app)
 app.add_typer(cli_device.app)
 
 
-_SHORT_LIVED = [["check"], ["new"], ["status"]]
+_SHORT_LIVED = {"check", "new", "status"}
 """Commands that load modules for longer than they work."""
 
 
@@ -410,7 +310,7 @@ def main() -> None:
     arguments = [argument for argument in sys.argv[1:] if argument != "--debug"]
     debug = len(arguments) < len(sys.argv) - 1
     try:
-        with stops_raise(), short_lived() if arguments[:1] in _SHORT_LIVED else nullcontext():
+        with stops_raise(), short_lived() if _SHORT_LIVED & {*arguments[:1]} else nullcontext():
             code = app(arguments or ["--help"], prog_name="touchbeam", standalone_mode=False)
     except Exception as error:
         if debug:

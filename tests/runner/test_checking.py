@@ -1,28 +1,15 @@
 """`touchbeam check`: the preview, its JSON contract, and refusals that list everything."""
 
 import json
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from protocol.study_file import template
-from runner.cli import main
+from tests.runner.command_line import typed
 
 KINDS = {"baseline", "signal", "practice", "trial", "catch"}
-
-
-def typed(*arguments: str) -> int:
-    before = sys.argv
-    sys.argv = ["touchbeam", *arguments]
-    try:
-        main()
-    except SystemExit as stop:
-        return int(stop.code or 0)
-    finally:
-        sys.argv = before
-    raise AssertionError("main always exits")
 
 
 def study(folder: Path, name: str = "paper", *changes: tuple[str, str]) -> str:

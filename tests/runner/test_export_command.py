@@ -11,12 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from runner.cli import main
 from runner.journal import open_journal, session_name
 from tests.analysis.data_slips import bids_slips, csv_rows, psychds_slips
 from tests.analysis.nasty import sessions, study_text
+from tests.runner.command_line import TOUCHBEAM, typed
 
-TOUCHBEAM = str(Path(sys.executable).with_name("touchbeam"))
 VALIDATOR = str(Path(sys.executable).with_name("bids-validator-deno"))
 PUBLISHED = Path(__file__).parents[1] / "data" / "published_scores.csv"
 
@@ -48,19 +47,6 @@ def study(recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Pa
     """A copy of the recorded study; the working folder is beside it."""
     monkeypatch.chdir(tmp_path)
     return Path(shutil.copytree(recorded, tmp_path / "study"))
-
-
-def typed(*arguments: str | Path) -> int:
-    """Run a command in this process; return its exit code."""
-    before = sys.argv
-    sys.argv = ["touchbeam", *map(str, arguments)]
-    try:
-        main()
-    except SystemExit as stop:
-        return int(stop.code or 0)
-    finally:
-        sys.argv = before
-    raise AssertionError("main always exits")
 
 
 def contents(folder: Path) -> dict[str, str]:

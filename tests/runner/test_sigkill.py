@@ -4,7 +4,6 @@ import random
 import signal
 import sqlite3
 import subprocess
-import sys
 import time
 from contextlib import closing
 from pathlib import Path
@@ -15,8 +14,8 @@ from protocol.study_file import template
 from runner.journal import open_journal
 from runner.session_state import Event
 from runner.verification import verdicts
+from tests.runner.command_line import TOUCHBEAM
 
-TOUCHBEAM = str(Path(sys.executable).with_name("touchbeam"))
 EVENTS = 47
 """How many a session of the paper's study has."""
 

@@ -1,6 +1,5 @@
 """The audit: every claim with its verdicts, as a table for a terminal and as JSON."""
 
-from collections.abc import Iterator
 from typing import Any
 
 from analysis.claims import (
@@ -51,10 +50,3 @@ def claims_lines(results: tuple[Audited, ...]) -> list[list[str]]:
 def _line(result: Audited) -> list[str]:
     verdicts = [result.findings[law].verdict.value for law in LAWS]
     return [result.claim.id, result.claim.place, *verdicts]
-
-
-def verdict_counts(results: tuple[Audited, ...]) -> Iterator[tuple[str, dict[str, int]]]:
-    """How many claims got each verdict, law by law."""
-    for law in LAWS:
-        verdicts = [result.findings[law].verdict.value for result in results]
-        yield law, {verdict: verdicts.count(verdict) for verdict in sorted(set(verdicts))}

@@ -7,11 +7,9 @@ from time import perf_counter
 import numpy as np
 
 from analysis.panels import Panel, Series
-from device.auto import auto_prediction
 from device.beam import Beam
-from device.friction import friction_coefficient, scene_batch
+from device.friction import friction_coefficient
 from device.mode_shapes import FloatArray
-from device.prediction import LawChoice
 from device.rungs import (
     MODAL_RUNGS,
     SEGMENTED_RUNGS,
@@ -86,14 +84,6 @@ def measured_ladder() -> tuple[LadderRow, ...]:
         reference_tip_speed_m_s(rung)
     top = friction_coefficient(scene, rung=TOP_RUNG, x_m=places_m)
     return tuple(_row(rung, scene, places_m, top) for rung in RUNGS)
-
-
-def auto_choices(tolerance: float) -> dict[str, int]:
-    """How many of the 1,000 places `auto` gives to each rung at a tolerance."""
-    batch = scene_batch(Scene(), np.linspace(0.0, Beam().length_m, POSITIONS))
-    chosen = auto_prediction(batch, LawChoice(), tolerance)
-    names, counts = np.unique(chosen.rung, return_counts=True)
-    return dict(zip(names.tolist(), counts.tolist(), strict=True))
 
 
 def ladder_json(rows: tuple[LadderRow, ...]) -> list[dict[str, object]]:

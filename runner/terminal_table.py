@@ -1,5 +1,6 @@
 """A table on standard output."""
 
+import sys
 from collections.abc import Sequence
 
 WIDE = 10_000
@@ -20,7 +21,5 @@ def print_table(title: str, lines: Sequence[Sequence[str]]) -> None:
         table.add_column(escape(name), escape(foot), justify="right" if place else "left")
     for row in rows:
         table.add_row(*(escape(cell) for cell in row))
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=WIDE)  # a pipe has no width to fit into
-    console.print(table)
+    width = None if sys.stdout.isatty() else WIDE  # a pipe has no width to fit into
+    Console(width=width).print(table)

@@ -40,7 +40,7 @@ def pytest_run(folder: Path, text: str | bytes) -> subprocess.CompletedProcess[s
     content = text.encode() if isinstance(text, str) else text
     (folder / "study.toml").write_bytes(content)
     (folder / "test_study.py").write_text(template_tests(), encoding="utf-8")
-    command = [PYTEST, "-q", "-p", "no:cacheprovider", "-p", "no:benchmark"]
+    command = [PYTEST, "-q", "--color=no", "-p", "no:cacheprovider", "-p", "no:benchmark"]
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
 
 

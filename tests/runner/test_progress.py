@@ -1,0 +1,27 @@
+"""Progress and tables: shown to a terminal, and to nothing that only looks like one."""
+
+import pytest
+
+from runner.progress import progress
+from runner.terminal_table import print_table
+
+
+@pytest.fixture(autouse=True)
+def colours_wanted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Some continuous integration sets this, though nothing there is a terminal."""
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("COLUMNS", "20")
+
+
+def test_no_progress_bar_where_there_is_no_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    with progress("participants", 2) as step:
+        step()
+        step()
+    assert capsys.readouterr() == ("", "")
+
+
+def test_a_pipe_gets_every_row_whole(capsys: pytest.CaptureFixture[str]) -> None:
+    header = ["participant", *(f"condition {number}" for number in range(9))]
+    print_table("Table 4", [header, ["P01", *"123456789"], ["mean", *"123456789"]])
+    lines = capsys.readouterr().out.splitlines()
+    assert any(all(name in line for name in header) for line in lines)

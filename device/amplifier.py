@@ -89,4 +89,4 @@ def current_a(amplitude_v: float, frequency_hz: float, load_f: float) -> float:
 
 def _within(name: str, value: float, most: float | None) -> None:
     if most is not None and value > most:
-        raise LimitExceeded(f"{name} must not exceed {most:g}, got {value:.4g}")
+        raise LimitExceeded(f"{name} must not exceed {most:.12g}, got {value:.12g}")

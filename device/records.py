@@ -90,4 +90,4 @@ class ReadBack:
 
 def _require(name: str, value: float, lowest: float, highest: float) -> None:
     if not (math.isfinite(value) and lowest <= value <= highest):
-        raise LimitExceeded(f"{name} must lie in [{lowest:g}, {highest:g}], got {value:g}")
+        raise LimitExceeded(f"{name} must lie in [{lowest:.12g}, {highest:.12g}], got {value:.12g}")

@@ -23,9 +23,9 @@ def assert_never_above(cohort: Sequence[Plan], voltage_v: float) -> None:
             for touch in trial.touches:
                 if touch.peak_voltage_v > voltage_v:
                     raise AssertionError(
-                        f"no amplitude may exceed {voltage_v:g} V, got {touch.peak_voltage_v:g} V "
-                        f"in trial {trial.index} ({trial.condition or trial.kind}) of "
-                        f"{_who(plan)}"
+                        f"no amplitude may exceed {voltage_v:.12g} V, "
+                        f"got {touch.peak_voltage_v:.12g} V in trial {trial.index} "
+                        f"({trial.condition or trial.kind}) of {_who(plan)}"
                     )
 
 

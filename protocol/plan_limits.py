@@ -19,7 +19,10 @@ def limits_broken(study: Study, plan: Plan) -> Broken:
         for touch in trial.touches:
             for rule, value, limit in _measures(study, touch):
                 if value > limit * _ROUNDING:
-                    yield f"{rule} must not exceed {limit:g}", f"{value:g} in trial {trial.index}"
+                    yield (
+                        f"{rule} must not exceed {limit:.12g}",
+                        f"{value:.12g} in trial {trial.index}",
+                    )
     yield from _beams(study, plan)
     duration_s = plan_s(study, plan)
     if duration_s > study.timing.max_session_s * _ROUNDING:

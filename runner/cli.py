@@ -75,7 +75,7 @@ app.command()(cli_study.run)
 @app.command("import")
 def import_scores(
     scores: Annotated[Path, typer.Argument(metavar="SCORES.csv", help="subject, then conditions.")],
-    study: Annotated[Path, typer.Argument(metavar="STUDY", help="A folder to make.")],
+    study: Annotated[Path, typer.Argument(metavar="STUDY", help="A new or an empty folder.")],
 ) -> None:
     """Make a study of published scores.
 
@@ -122,7 +122,7 @@ def report(
 def export(
     study: StudyArgument,
     folder: Annotated[
-        Path, typer.Argument(parser=named_folder, metavar="DIR", help="A folder to make.")
+        Path, typer.Argument(parser=named_folder, metavar="DIR", help="A new or an empty folder.")
     ],
     as_format: Annotated[Format, typer.Option("--format", help="csv is one tidy table.")],
     rehearsals: Annotated[

@@ -18,7 +18,7 @@ from runner.itself import touchbeam_command
 
 
 def new(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="A folder to make.")],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="A new or an empty folder.")],
     template: Annotated[str, typer.Option(help="The built-in study to start from.")] = "paper",
 ) -> None:
     """Make a study to edit."""

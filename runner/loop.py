@@ -27,8 +27,7 @@ def run(room: Room) -> None:
         StoppedByOperator: likewise resumable.
     """
     _resume(room)
-    _device_off_after(_trials, room)
-    room.log.append("session-completed")
+    _to_the_end(_trials, room)
     room.participant.show(Notice(text="thanks"))
     show_where_we_are(room)
 
@@ -75,8 +74,11 @@ def _renew_practice(room: Room) -> None:
         room.log.append("practice-renewed", indices=again)
 
 
-def _device_off_after(part: Callable[[Room], None], room: Room) -> None:
-    """Whatever happens in `part`: the output goes off first, then the journal says so."""
+def _to_the_end(part: Callable[[Room], None], room: Room) -> None:
+    """Whatever happens in `part`: the output goes off first, then the journal says so.
+
+    A signal that comes after the last answer is heeded when the session is complete.
+    """
     with uninterrupted():
         try:
             with interruptible():
@@ -87,6 +89,7 @@ def _device_off_after(part: Callable[[Room], None], room: Room) -> None:
             error.add_note(_GOES_ON)
             raise
         _turn_off(room, "end of session")
+        room.log.append("session-completed")
 
 
 def _turn_off(room: Room, why: str) -> None:

@@ -119,7 +119,7 @@ def _complete_at_last() -> Iterator[list[SessionState]]:
         yield told_of
     except Stopped as stop:
         if any(state.name == "completed" for state in told_of):
-            stop.add_note("the session is complete")
+            stop.add_note("output off, read back; the session is complete")
         raise
 
 

@@ -3,7 +3,7 @@
 import os
 import re
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -82,12 +82,12 @@ class StudyFolder:
 
 @contextmanager
 def new_study(folder: StudyFolder, text: str) -> Iterator[StudyFolder]:
-    """Make a study out of `text` for the body to go on with.
+    """Make a study out of `text`, in a new folder or an empty one, for the body to go on with.
 
     If the body fails before anything is journalled, nothing of it stays.
 
     Raises:
-        BadInput: the folder is there already, or cannot be made.
+        BadInput: the folder is there already and not empty, or cannot be made.
     """
     topmost = _made(folder.path)
     try:
@@ -97,27 +97,45 @@ def new_study(folder: StudyFolder, text: str) -> Iterator[StudyFolder]:
         from runner.journal import has_events
 
         if not has_events(folder.journal):
-            shutil.rmtree(topmost)
+            _take_away([topmost] if topmost else folder.path.iterdir())
         raise
 
 
-def _made(path: Path) -> Path:
-    """Make `path` and what is missing above it; return the topmost folder made.
+def _made(given: Path) -> Path | None:
+    """Make the folder `given` and what is missing above it; return the topmost one made, if any.
 
     What to take away again is known only of the folder that is really meant: where `..` and links
     lead is found out first.
     """
-    path = Path(os.path.realpath(path))
+    path = Path(os.path.realpath(given))
     missing = [path, *(parent for parent in path.parents if not parent.exists())]
     try:
         path.mkdir(mode=0o700, parents=True)
     except FileExistsError:
-        raise BadInput(f"{path}: is there already; name a folder that is not") from None
+        _require_empty(path)
+        return None
     except OSError as error:
         if missing[-1].exists() and missing[-1] != path:
             shutil.rmtree(missing[-1])
         raise BadInput(f"{path}: cannot be made ({error.strerror}); name another folder") from error
     return missing[-1]
+
+
+def _require_empty(path: Path) -> None:
+    try:
+        taken = any(path.iterdir())
+    except OSError as error:
+        raise BadInput(f"{path}: no folder for a study ({error.strerror}); name another") from error
+    if taken:
+        raise BadInput(f"{path}: is there already and not empty; name a new folder")
+
+
+def _take_away(paths: Iterable[Path]) -> None:
+    for path in list(paths):
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path)
+        else:
+            path.unlink()
 
 
 def numbered(path: Path) -> Path:

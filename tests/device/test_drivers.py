@@ -1,6 +1,7 @@
 """The drivers behind one interface: the registry, the amplifier's arithmetic, order of set-up."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
@@ -68,8 +69,8 @@ def test_the_papers_numbers_for_the_amplifier() -> None:
 @pytest.mark.parametrize(
     ("amplifier", "told"),
     [
-        (Amplifier(max_slew_v_per_us=15), "slew_v_per_us must not exceed 15, got 15.22"),
-        (Amplifier(max_current_a=0.1, load_f=10e-9), "current_a must not exceed 0.1, got 0.1522"),
+        (Amplifier(max_slew_v_per_us=15), "slew_v_per_us must not exceed 15, got 15.21"),
+        (Amplifier(max_current_a=0.1, load_f=10e-9), "current_a must not exceed 0.1, got 0.1521"),
         (Amplifier(gain=20, max_vpp=8), "peak-to-peak voltage must not exceed 8, got 10"),
     ],
 )
@@ -77,6 +78,12 @@ def test_what_the_amplifier_cannot_follow_is_refused(amplifier: Amplifier, told:
     limits = Limits(**{**LIMITS.__dict__, "amplifier": amplifier})
     with pytest.raises(LimitExceeded, match=told):
         DRIVE.checked(limits)
+
+
+def test_a_drive_that_is_a_hair_too_strong_is_told_from_the_limit() -> None:
+    drive = replace(DRIVE, voltage_v=LIMITS.max_voltage_v + 1e-7)
+    with pytest.raises(LimitExceeded, match=r"voltage_v must .*got \d+\.0000001$"):
+        drive.checked(LIMITS)
 
 
 def test_a_generator_without_a_known_gain_is_not_touched() -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from runner.session_log import SessionLog
 from tests.runner.command_line import TOUCHBEAM, assert_matches, everything, typed
 
 RUN = ("run", "study", "--participant", "P01", "--ratings")
@@ -140,6 +141,27 @@ def test_a_signal_turns_the_device_off_and_the_session_goes_on_later(number: int
     assert (tags.count("answered"), tags[-1]) == (7, "session-completed")
 
 
+@pytest.mark.parametrize("tag", ["device-off", "session-completed"])
+def test_a_signal_after_the_last_answer_finds_the_session_complete(
+    tag: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    typed("new", "study")
+    append = SessionLog.append
+
+    def append_and_signal(log: SessionLog, tag_of_event: str, **payload: object) -> None:
+        if tag_of_event == tag:
+            signal.raise_signal(signal.SIGTERM)
+        append(log, tag_of_event, **payload)
+
+    monkeypatch.setattr(SessionLog, "append", append_and_signal)
+    assert typed(*RUN, "virtual") == 1
+    assert capsys.readouterr().err == (
+        "touchbeam: stopped by SIGTERM; output off, read back; the session is complete\n"
+    )
+    assert recorded()[-2:] == ["device-off", "session-completed"]
+    assert typed("verify", "study") == 0
+
+
 def wait_for_event(tag: str) -> None:
     """Return once the journal holds `tag`."""
     import time
@@ -176,12 +198,15 @@ def recorded() -> list[str]:
         (("import", "nowhere.csv", "new"), 2, "nowhere.csv: no such file"),
         (("import", "binary.csv", "new"), 2, "binary.csv: cannot be read as UTF-8 text"),
         (("import", "scores.csv", "scores.csv/new"), 2, "scores.csv/new: cannot be made"),
-        (("import", "scores.csv", "study"), 2, "study: is there already"),
+        (("import", "scores.csv", "study"), 2, "study: is there already and not empty"),
         (("demo", "--out", "scores.csv/demo"), 2, "scores.csv/demo: cannot be made"),
         (("demo", "--participants", "0"), 2, "--participants"),
         (("report", "study"), 2, "no sessions here"),
         (("report", "nowhere"), 2, "nowhere: no sessions here"),
-        (("new", "study"), 2, "study: is there already"),
+        (("new", "study"), 2, "study: is there already and not empty"),
+        (("new", "scores.csv"), 2, "scores.csv: no folder for a study .Not a directory"),
+        (("import", "words.csv", "empty"), 2, "words.csv, line 2"),
+        (("demo", "--out", "empty", "--participants", "100"), 2, "--participants"),
         (("new", "other", "--template", "frob"), 2, "one of paper.*, got 'frob'"),
         (("simulate-device", "tcp", "x"), 2, "a port must be a whole number .* got 'x'"),
         (("simulate-device", "tcp", "70000"), 2, "a port must .* got '70000'"),
@@ -201,6 +226,7 @@ def test_bad_input_is_one_clear_line_and_changes_nothing(
     Path("elevens.csv").write_text("subject,a,b\n1,11,6\n")
     Path("words.csv").write_text("subject,a,b\n1,x,6\n")
     Path("binary.csv").write_bytes(b"\xff\xfe\x00")
+    Path("empty").mkdir()
     capsys.readouterr()
     before = everything(tmp_path)
     assert typed(*arguments) == code
@@ -209,6 +235,20 @@ def test_bad_input_is_one_clear_line_and_changes_nothing(
     assert said.err.count("\n") == 1
     assert_matches(message, said.err)
     assert everything(tmp_path) == before
+
+
+def test_an_empty_folder_is_as_good_as_a_new_one_and_stays_when_the_work_fails(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("study").mkdir()
+    assert typed("check", "study") == 2
+    assert "make one with: touchbeam new study" in capsys.readouterr().err
+    with monkeypatch.context() as patched:
+        patched.setattr("protocol.study_file.template_tests", lambda: 1 / 0)
+        assert typed("new", "study") == 1
+    assert everything(Path()) == {"study"}
+    assert typed("new", "study") == 0
+    assert typed("check", "study") == 0
 
 
 def test_conditions_that_the_model_does_not_know_are_named_at_import(

@@ -99,6 +99,6 @@ def _told(changes: Sequence["Change"], questions: BinaryIO, answers: BinaryIO) -
         pickle.dump(changes, questions)
         questions.close()
         found: list[float] = pickle.load(answers)  # noqa: S301 - written by the forked process
-    except (OSError, EOFError):
+    except (OSError, EOFError, pickle.UnpicklingError):
         return contrasts(changes)
     return found

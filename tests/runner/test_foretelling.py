@@ -2,9 +2,11 @@
 
 import errno
 import os
+import pickle
 import threading
 from dataclasses import replace
 from pathlib import Path
+from typing import BinaryIO
 
 import pytest
 
@@ -95,6 +97,24 @@ def test_a_process_that_dies_is_stood_in_for(
     with foretelling() as told:
         os.waitid(os.P_PID, forked[0], os.WEXITED | os.WNOWAIT)
         assert told([DRIVEN]) == contrasts([DRIVEN])
+
+
+def test_an_answer_cut_short_is_made_here_again(
+    monkeypatch: pytest.MonkeyPatch, forked: list[int]
+) -> None:
+    here, dump = os.getpid(), pickle.dump
+
+    def cut_short_elsewhere(what: object, file: BinaryIO) -> None:
+        if os.getpid() == here:
+            return dump(what, file)
+        file.write(pickle.dumps(what)[:-3])
+        file.flush()
+        os._exit(1)
+
+    monkeypatch.setattr(pickle, "dump", cut_short_elsewhere)
+    with foretelling() as told:
+        assert told([DRIVEN]) == contrasts([DRIVEN])
+    assert [_gone(process) for process in forked] == [True]
 
 
 def test_what_the_model_refuses_is_said_here(

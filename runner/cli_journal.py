@@ -101,11 +101,13 @@ def amend(study: StudyArgument, reason: ReasonOption) -> None:
     from runner.amendments import amend as accept
     from runner.clock import WallClock
     from runner.study_folder import StudyFolder
+    from runner.usable import usable
 
     folder = StudyFolder(path=study)
-    folder.study()
+    text = folder.text()
+    usable(text, str(folder.study_file))
     with study_journal(folder, to_write=True) as journal:
-        accept(journal, WallClock(), folder.text(), reason)
+        accept(journal, WallClock(), text, reason)
     typer.echo("The changed study.toml is accepted; sessions go on with it.")
 
 

@@ -121,6 +121,17 @@ def test_a_changed_study_does_not_go_on(capsys: pytest.CaptureFixture[str]) -> N
     assert "study.toml has changed since the last session" in capsys.readouterr().err
 
 
+def test_what_run_would_refuse_is_not_accepted(capsys: pytest.CaptureFixture[str]) -> None:
+    typed("new", "study")
+    assert typed(*RUN, "virtual") == 0
+    study, before = Path("study/study.toml"), recorded()
+    study.write_text(study.read_text().replace("0.0414", "0.2", 1))
+    capsys.readouterr()
+    assert typed("amend", "study", "--reason", "further out") == 2
+    assert "must lie on the beam, which ends at 0.1 m" in capsys.readouterr().err
+    assert recorded() == before
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_turns_the_device_off_and_the_session_goes_on_later(number: int) -> None:
     typed("new", "study")

@@ -21,5 +21,6 @@ def print_table(title: str, lines: Sequence[Sequence[str]]) -> None:
         table.add_column(escape(name), escape(foot), justify="right" if place else "left")
     for row in rows:
         table.add_row(*(escape(cell) for cell in row))
-    width = None if sys.stdout.isatty() else WIDE  # a pipe has no width to fit into
-    Console(width=width).print(table)
+    # A pipe has no width to fit into; rich heeds one only with a height, where TERM is dumb.
+    console = Console() if sys.stdout.isatty() else Console(width=WIDE, height=1)
+    console.print(table)

@@ -6,11 +6,12 @@ from runner.progress import progress
 from runner.terminal_table import print_table
 
 
-@pytest.fixture(autouse=True)
-def colours_wanted(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture(autouse=True, params=["xterm-256color", "dumb"])
+def colours_wanted(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Some continuous integration sets this, though nothing there is a terminal."""
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("COLUMNS", "20")
+    monkeypatch.setenv("TERM", request.param)
 
 
 def test_no_progress_bar_where_there_is_no_terminal(capsys: pytest.CaptureFixture[str]) -> None:

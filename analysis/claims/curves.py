@@ -48,7 +48,7 @@ def trough_places_m(curve: FloatArray) -> FloatArray:
     from scipy.signal import find_peaks
 
     found, _ = find_peaks(-np.round(curve, 9), prominence=0.01)
-    return PLACES_M[found]
+    return np.asarray(PLACES_M[found])
 
 
 def full_coverage(

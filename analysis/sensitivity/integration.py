@@ -103,7 +103,7 @@ def _t_points(mode: FloatArray, spread: FloatArray, count: int) -> tuple[FloatAr
     size = len(mode)
     cube = low_discrepancy(count, size + 1)
     normal = ndtri(cube[:, :size])
-    chi_square = 2 * gammaincinv(PROPOSAL_DF / 2, cube[:, size])
+    chi_square = 2 * np.asarray(gammaincinv(PROPOSAL_DF / 2, cube[:, size]))
     scaled = normal * np.sqrt(PROPOSAL_DF / chi_square)[:, None]
     log_proposal = -(PROPOSAL_DF + size) / 2 * np.log1p((scaled**2).sum(axis=1) / PROPOSAL_DF)
     return mode + scaled @ spread.T, log_proposal

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from device.amplifier import Amplifier
 from device.errors import LimitExceeded
 
+SLOWEST_RAMP_V_PER_S = 1e-3
+
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
@@ -34,7 +36,7 @@ class Setpoint:
         """
         _require("voltage_v", self.voltage_v, 0, limits.max_voltage_v)
         _require("frequency_hz", self.frequency_hz, 1, limits.max_frequency_hz)
-        _require("ramp_v_per_s", self.ramp_v_per_s, 1e-3, limits.ramp_v_per_s)
+        _require("ramp_v_per_s", self.ramp_v_per_s, SLOWEST_RAMP_V_PER_S, limits.ramp_v_per_s)
         limits.amplifier.check(self.voltage_v, self.frequency_hz)
         return self
 

@@ -1,9 +1,9 @@
 """One touch: the right beam, the instruction, the drive, the finger's way, and off again."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
-from device.records import Setpoint
+from device.records import SLOWEST_RAMP_V_PER_S, ReadBack, Setpoint
 from protocol.texts import touch_text
 from protocol.touch import Touch
 from runner.judging import Sample, judged, samples_of
@@ -16,6 +16,7 @@ from runner.watching import show_where_we_are
 
 SAMPLE_EVERY_S = 0.2
 SWEEP_STEP_S = 0.1
+LEAST_SWEEP_STEPS = 10
 
 
 def touch(room: Room, number: int, to_make: Touch) -> dict[str, Any]:
@@ -62,54 +63,61 @@ class _Stimulus:
         self.pacing = pacing(to_make, room.session.study.touch)
 
     def deliver(self, start: Setpoint) -> None:
-        """Soft start, the touch itself with its ramp or sweep; the output stays on."""
+        """Soft start, the touch itself with its ramp and sweep; the output stays on."""
         room, to_make = self._room, self._touch
         show_where_we_are(room, device=room.device.drive(start))
         pass_time(room, start.voltage_v / start.ramp_v_per_s)
         room.participant.show(self.pacing)
         self._look()
-        if to_make.end_voltage_v != to_make.voltage_v:
-            self._ramp()
+        if self._ramps:
+            self._move_on(0.0)
         self._began_s = room.clock.monotonic_s()
         pass_time(room, self.pacing.duration_s, self._meanwhile)
+        if to_make.sweep_to is not None:
+            self._move_on(1.0)
         self._look()
 
     def record(self) -> dict[str, Any]:
-        """Return what was read back: drive at start and end, the finger's trace in between."""
+        """Return what was read back: the drive from start to end, the finger's trace."""
         trace = [[entry.t_s, entry.force_n, entry.position_m] for entry in self.samples]
         return {"read_back": self._read_back, "trace": trace}
 
     def _look(self) -> None:
-        read_back = self._room.device.read_back()
-        self._read_back.append(asdict(read_back))
-        self.samples += samples_of(read_back)
-        show_where_we_are(self._room, device=read_back)
+        show_where_we_are(self._room, device=self._sampled(keep=True))
 
-    def _ramp(self) -> None:
-        change_v = abs(self._touch.end_voltage_v - self._touch.voltage_v)
-        end = _setpoint(self._room, self._touch.end_voltage_v, self._touch.frequency)
-        self._room.device.drive(
-            Setpoint(
-                voltage_v=end.voltage_v,
-                frequency_hz=end.frequency_hz,
-                ramp_v_per_s=change_v / self.pacing.duration_s,
-            )
-        )
+    def _sampled(self, *, keep: bool) -> ReadBack:
+        """Read the drive and the finger; a drive that stays as it was need not be kept."""
+        read_back = self._room.device.read_back()
+        if keep:
+            self._read_back.append(asdict(read_back))
+        self.samples += samples_of(read_back)
+        return read_back
+
+    @property
+    def _ramps(self) -> bool:
+        return self._touch.end_voltage_v != self._touch.voltage_v
 
     def _meanwhile(self) -> None:
         """Look at the finger now and then; move the frequency on if it sweeps."""
         passed_s = self._room.clock.monotonic_s() - self._began_s
+        sweeps = self._touch.sweep_to is not None
         if passed_s >= self._next_sample_s:
             self._next_sample_s += SAMPLE_EVERY_S
-            self.samples += samples_of(self._room.device.read_back())
-        if self._touch.sweep_to is not None and passed_s >= self._next_step_s:
-            self._next_step_s += SWEEP_STEP_S
-            self._step_frequency(min(passed_s / self.pacing.duration_s, 1.0))
+            self._sampled(keep=sweeps or self._ramps)
+        if sweeps and passed_s >= self._next_step_s:
+            self._next_step_s += min(SWEEP_STEP_S, self.pacing.duration_s / LEAST_SWEEP_STEPS)
+            self._move_on(min(passed_s / self.pacing.duration_s, 1.0))
 
-    def _step_frequency(self, share: float) -> None:
+    def _move_on(self, share: float) -> None:
+        """Go to this share of the sweep; the amplitude goes on towards the end of its ramp."""
         to_make = self._touch
         frequency = to_make.frequency + share * (to_make.end_frequency - to_make.frequency)
-        self._room.device.drive(_setpoint(self._room, to_make.end_voltage_v, frequency))
+        change_v = abs(to_make.end_voltage_v - to_make.voltage_v)
+        towards = _setpoint(self._room, to_make.end_voltage_v, frequency)
+        if self._ramps:
+            slope = max(change_v / self.pacing.duration_s, SLOWEST_RAMP_V_PER_S)
+            towards = replace(towards, ramp_v_per_s=min(slope, towards.ramp_v_per_s))
+        self._room.device.drive(towards)
 
 
 def _setpoint(room: Room, voltage_v: float, frequency: float) -> Setpoint:

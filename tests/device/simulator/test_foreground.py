@@ -38,7 +38,7 @@ def test_a_signal_while_it_is_cleared_away_changes_nothing() -> None:
 
 
 def test_a_signal_at_any_instruction_is_silent() -> None:
-    for instruction in itertools.count(1):
+    for instruction in itertools.count(0):  # Python 3.12 begins to count with the second call
         ending, left = _Ending(), [instruction]
 
         def tracer(frame: FrameType, event: str, _: object, left: list[int] = left) -> Any:
@@ -56,6 +56,6 @@ def test_a_signal_at_any_instruction_is_silent() -> None:
         finally:
             sys.settrace(before)
             signal.signal(SENT, handler)
-        if left[0] > 0:
+        if instruction and left[0] > 0:
             break
     assert instruction > 10

@@ -61,9 +61,11 @@ def resonance(
     answers = np.array([answer(frequency_hz) for frequency_hz in coarse])
     best = int(np.argmax(answers))
     if best in {0, _POINTS - 1} or answers[best] < LEAST_RISE * np.median(answers):
+        cut = limits.max_frequency_hz < (1 + HALF_WIDTH) * near_hz
+        ends = f", where max_frequency_hz = {limits.max_frequency_hz:g} ends the search"
         raise DeviceError(
-            f"no resonance between {coarse[0]:.0f} and {coarse[-1]:.0f} Hz: the vibration has no "
-            f"peak there; is nominal_resonance_hz = {near_hz:g} right?"
+            f"no resonance between {coarse[0]:.0f} and {coarse[-1]:.0f} Hz{ends if cut else ''}: "
+            f"the vibration has no peak there; is nominal_resonance_hz = {near_hz:g} right?"
         )
     fine = np.linspace(coarse[best - 1], coarse[best + 1], _POINTS)
     return _peak(fine, np.array([answer(frequency_hz) for frequency_hz in fine]))

@@ -25,15 +25,18 @@ class CarryOver:
 
     @property
     def balanced(self) -> bool:
-        """Whether every condition follows every other one equally often."""
-        return self.imbalance == 0
+        """Whether every condition follows every other one equally often, and at all."""
+        return self.imbalance == 0 and 0 not in self._pairs
 
     @property
     def imbalance(self) -> int:
         """Largest difference between two counts of different conditions."""
+        return max(self._pairs, default=0) - min(self._pairs, default=0)
+
+    @property
+    def _pairs(self) -> list[int]:
         size = range(len(self.counts))
-        pairs = [self.counts[a][b] for a in size for b in size if a != b]
-        return max(pairs) - min(pairs) if pairs else 0
+        return [self.counts[a][b] for a in size for b in size if a != b]
 
 
 def carry_over(study: Study, plans: Sequence[Plan]) -> CarryOver:
@@ -65,7 +68,12 @@ def balance_promised(study: Study, participants: int) -> bool:
     It is when the cohort is a multiple of n (n even) or 2n (n odd) conditions, in Williams order,
     and neither grouping nor a bound on beam swaps is asked for.
     """
-    design, conditions = study.design, len(study.condition)
-    sequences = conditions if conditions % 2 == 0 or conditions == 1 else 2 * conditions
+    design = study.design
     free = design.group_by_beam == "no" and design.max_beam_swaps is None
-    return design.order == "williams" and free and participants % sequences == 0
+    return design.order == "williams" and free and participants % sequences(study) == 0
+
+
+def sequences(study: Study) -> int:
+    """Return how many sequences a Williams design of the study's conditions has."""
+    conditions = len(study.condition)
+    return conditions if conditions % 2 == 0 or conditions == 1 else 2 * conditions

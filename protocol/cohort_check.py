@@ -12,6 +12,8 @@ from protocol.trial import Plan
 
 def cohort_problems(study: Study, plans: Sequence[Plan]) -> list[Problem]:
     """Return every promise that the plans of slots 0, 1, 2 and so on break."""
+    if not plans:
+        return [_problem("there must be at least one plan", "none")]
     found = [problem for plan in plans for problem in plan_problems(study, plan)]
     if [plan.slot for plan in plans] != list(range(len(plans))):
         found.append(_problem("slots must be numbered from 0", [plan.slot for plan in plans]))

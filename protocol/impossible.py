@@ -46,20 +46,35 @@ def _opposites(study: Study) -> Iterator[Problem]:
 
 
 def _catches(study: Study) -> Iterator[Problem]:
-    design = study.design
-    one_beam = sum(
-        len(beams_of(condition.touches, study.touch.beam)) == 1 for condition in study.condition
-    )
-    places = design.repeats * one_beam
-    most = 0 if not places else (places - 1) // design.catch_apart + 1
+    design, most = study.design, most_catches(study)
     if design.catch_trials > most:
+        sure = "" if design.order == "fixed" else ", whatever the order drawn,"
         yield _problem(
             "design.catch_trials",
-            f"at most {most} stay catch_apart = {design.catch_apart} trials apart among "
-            f"{places} trials on one beam",
+            f"at most {most}{sure} stay catch_apart = {design.catch_apart} trials apart and follow "
+            "a trial on one beam",
             design.catch_trials,
             "ask for fewer, or let them stand closer",
         )
+
+
+def most_catches(study: Study) -> int:
+    """Return how many catch trials stay as far apart as asked, whatever order is drawn.
+
+    A catch trial follows a trial on one beam. Unless the order is fixed, these may stand together.
+    """
+    design = study.design
+    on_one = [
+        len(beams_of(condition.touches, study.touch.beam)) == 1 for condition in study.condition
+    ]
+    if design.order != "fixed":
+        places = design.repeats * sum(on_one)
+        return (places - 1) // design.catch_apart + 1 if places else 0
+    most, last = 0, -design.catch_apart
+    for place, allowed in enumerate(on_one * design.repeats):
+        if allowed and place - last >= design.catch_apart:
+            most, last = most + 1, place
+    return most
 
 
 def _groups(study: Study) -> Iterator[Problem]:

@@ -11,6 +11,7 @@ from protocol.plan_content import content_broken
 from protocol.plan_limits import limits_broken
 from protocol.problem import Problem
 from protocol.study import Study
+from protocol.touch import Touch
 from protocol.trial import Plan, Trial
 
 Broken = Iterator[tuple[str, str]]
@@ -58,6 +59,9 @@ def _opening(study: Study, plan: Plan) -> Broken:
     first = plan.trials[: len(wanted)]
     if [(t.kind, t.touches, t.question, t.expected) for t in first] != wanted:
         yield "a session must begin with the study's opening", str([t.kind for t in first])
+    for trial in first:
+        if trial.scored or trial.opposite or trial.level != 1:
+            yield "an opening must be as in the file, and not scored", f"trial {trial.index}"
     if len(_kinds(plan, "baseline", "signal")) != len(wanted):
         yield "the opening must come once", str(len(_kinds(plan, "baseline", "signal")))
 
@@ -124,6 +128,8 @@ def _catches(study: Study, plan: Plan) -> Broken:
         before = plan.trials[trial.index - 1]
         if before.kind == "practice" or before.block != trial.block:
             yield "a catch trial must not open a block", f"trial {trial.index}"
+        if _beam_set(study, before.touches) != _beam_set(study, trial.touches):
+            yield "a catch trial must need the one beam that is mounted", f"trial {trial.index}"
 
 
 def _breaks(study: Study, plan: Plan) -> Broken:
@@ -154,6 +160,6 @@ def _groups(study: Study, plan: Plan) -> Broken:
             yield f"trials on the same beams must stand together per {asked}", str(seen)
 
 
-def _beam_set(study: Study, touches: Sequence[object]) -> tuple[object, ...]:
-    beams = [getattr(touch, "beam", None) or study.touch.beam for touch in touches]
+def _beam_set(study: Study, touches: Sequence[Touch]) -> tuple[str | None, ...]:
+    beams = [touch.beam or study.touch.beam for touch in touches]
     return tuple(beam for beam, _ in groupby(beams))

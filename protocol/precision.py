@@ -5,9 +5,11 @@ alone. Its interval is half as wide as t(n - 2) s / sqrt(sum (x - mean x)^2): fo
 trials buy half the width, and so does twice the spread of the contrasts.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import atan, cos, inf, pi, sin, sqrt
+
+from protocol.alternatives import Alternative
 
 RESIDUAL_SD = 0.971825
 """Of a score about its row and column in the paper's Table 4 (32 degrees of freedom)."""
@@ -17,6 +19,7 @@ RESIDUAL_SD = 0.971825
 class Purchase:
     """A session of so many repeats: how long it takes, and what it tells.
 
+    `whole` says that the study allows it as it is, but for `design.repeats`.
     `half_width` is in scores per unit of predicted contrast; `relative` is its share of the gain
     that would use the whole scale, from no contrast to the largest. Both are infinite where the
     trials do not determine a slope.
@@ -25,37 +28,35 @@ class Purchase:
     repeats: int
     trials: int
     duration_s: float
+    whole: bool
     half_width: float
     relative: float
 
 
 def purchases(
-    contrasts: Sequence[float], repeats: int, fixed_s: float, block_s: float
+    contrasts: Sequence[float], repeats: int, sessions: Iterable[Alternative]
 ) -> list[Purchase]:
-    """Return what this plan buys and what shorter and longer ones would, with the same spread.
+    """Return what sessions of other lengths buy, with the spread of contrasts of this one.
 
     Args:
         contrasts: predicted for the scored trials of a session of `repeats` repeats.
         repeats: of the plan at hand.
-        fixed_s: duration of what comes once per session, s.
-        block_s: duration of one repeat of all conditions, s.
+        sessions: to choose from.
     """
-    options = sorted({1, 2, max(1, repeats // 2), repeats, repeats + 1, 2 * repeats, 4 * repeats})
-    per_repeat = len(contrasts) / repeats
-    bought = []
-    for option in options:
-        trials = round(per_repeat * option)
-        half = half_width(squared_spread(contrasts) * option / repeats, trials)
-        bought.append(
-            Purchase(
-                repeats=option,
-                trials=trials,
-                duration_s=fixed_s + option * block_s,
-                half_width=half,
-                relative=half * max(map(abs, contrasts), default=0.0) / 10 if half < inf else inf,
-            )
-        )
-    return bought
+    return [_purchase(contrasts, session.repeats / repeats, session) for session in sessions]
+
+
+def _purchase(contrasts: Sequence[float], share: float, session: Alternative) -> Purchase:
+    trials = round(share * len(contrasts))
+    half = half_width(squared_spread(contrasts) * share, trials)
+    return Purchase(
+        repeats=session.repeats,
+        trials=trials,
+        duration_s=session.duration_s,
+        whole=session.whole,
+        half_width=half,
+        relative=half * max(map(abs, contrasts), default=0.0) / 10 if half < inf else inf,
+    )
 
 
 def squared_spread(contrasts: Sequence[float]) -> float:

@@ -4,8 +4,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from protocol.alternatives import alternatives
+from protocol.at_resonance import max_resonance_hz
 from protocol.carryover import CarryOver, carry_over
-from protocol.durations import plan_swaps, session_s, touches_s, trial_s
+from protocol.durations import plan_swaps, session_s, touches_s
 from protocol.plan import plan
 from protocol.precision import Purchase, purchases
 from protocol.programme import slew_v_per_us
@@ -29,6 +31,7 @@ class Preview:
     max_voltage_v: float
     max_frequency_hz: float
     max_slew_v_per_us: float
+    max_resonance_hz: float
 
 
 def preview(study: Study, participants: int) -> Preview:
@@ -45,6 +48,7 @@ def preview(study: Study, participants: int) -> Preview:
         max_voltage_v=max(touch.peak_voltage_v for touch in touches),
         max_frequency_hz=max(touch.peak_frequency for touch in touches) * nominal_hz,
         max_slew_v_per_us=max(_slew(touch, nominal_hz) for touch in touches),
+        max_resonance_hz=max_resonance_hz(study, touches),
     )
 
 
@@ -55,15 +59,11 @@ def _slew(touch: Touch, nominal_hz: float) -> float:
 def minutes_buy(shown: Preview, predict: Predict) -> list[Purchase]:
     """Return what sessions of this and other lengths tell of one person's sensitivity.
 
-    The first slot's plan is taken; every slot has the same trials in another order.
+    The first slot's plans are taken; every slot has the same trials in another order.
     """
-    trials, repeats = shown.plans[0].trials, shown.study.design.repeats
-    main = [trial for trial in trials if trial.kind == "trial"]
+    main = [trial for trial in shown.plans[0].trials if trial.kind == "trial"]
     contrasts = [contrast for trial in main if (contrast := predict(trial)) is not None]
-    block_s = sum(trial_s(shown.study, trial) for trial in main) / repeats
-    swaps_s = shown.swaps[0] * shown.study.timing.beam_swap_s / repeats
-    fixed_s = sum(trial_s(shown.study, trial) for trial in trials if trial.kind != "trial")
-    return purchases(contrasts, repeats, fixed_s, block_s + swaps_s)
+    return purchases(contrasts, shown.study.design.repeats, alternatives(shown.study))
 
 
 def preview_record(shown: Preview, predict: Predict) -> dict[str, Any]:
@@ -84,6 +84,7 @@ def preview_record(shown: Preview, predict: Predict) -> dict[str, Any]:
         "max_voltage_v": shown.max_voltage_v,
         "max_frequency_hz": shown.max_frequency_hz,
         "max_slew_v_per_us": shown.max_slew_v_per_us,
+        "max_resonance_hz": round(shown.max_resonance_hz, 1),
         "carryover": {
             "conditions": list(shown.study.conditions),
             "counts": [list(row) for row in shown.carryover.counts],
@@ -133,6 +134,7 @@ def _purchase_record(bought: Purchase) -> dict[str, Any]:
         "repeats": bought.repeats,
         "trials": bought.trials,
         "duration_s": round(bought.duration_s, 1),
+        "whole": bought.whole,
         "half_width": round(bought.half_width, 4) if known else None,
         "relative_half_width": round(bought.relative, 4) if known else None,
     }

@@ -10,6 +10,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from protocol.problem import Path
+from protocol.schema_problems import follows
 from protocol.study import Study
 
 _TOUCH = {"place": "smooth", "voltage_v": 0}
@@ -31,7 +32,8 @@ def salvaged(document: dict[str, Any]) -> Study | None:
         try:
             return Study.model_validate(sound)
         except ValidationError as error:
-            _mend(sound, [entry["loc"] for entry in error.errors(include_url=False)])
+            found = error.errors(include_url=False)
+            _mend(sound, [entry["loc"] for entry in found if not follows(entry)])
     return None
 
 
@@ -73,15 +75,22 @@ def _replaced_item(document: dict[str, Any], path: Path) -> bool:
 
 def _mended_part(item: dict[str, Any], rest: list[str | int], harmless: dict[str, Any]) -> bool:
     field = str(rest[0])
-    if len(rest) == 1 and field not in item and field in harmless:
-        item[field] = harmless[field]
-        return True
-    if field != "touches" or len(rest) == 1:
+    if len(rest) == 1:
+        return _given(item, field, harmless)
+    if field != "touches":
         return False
     touch = item["touches"][rest[1]]
-    if isinstance(touch, dict) and len(rest) > 2 and rest[2] in touch:
-        return False
+    if isinstance(touch, dict) and len(rest) > 2:
+        return _given(touch, str(rest[2]), _TOUCH)
     item["touches"][rest[1]] = dict(_TOUCH)
+    return True
+
+
+def _given(holder: dict[str, Any], field: str, harmless: dict[str, Any]) -> bool:
+    """Give what is missing a harmless value; whether it was missing and has one."""
+    if field in holder or field not in harmless:
+        return False
+    holder[field] = harmless[field]
     return True
 
 

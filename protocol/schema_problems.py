@@ -38,11 +38,11 @@ _PEAK = "amplitudes are peak: half of the peak-to-peak value, as a plain number 
 def schema_problems(document: Mapping[str, Any], error: ValidationError) -> list[Problem]:
     """Return a problem for each error found in `document`, unknown keys before missing ones."""
     entries = sorted(error.errors(include_url=False), key=lambda entry: entry["type"] == "missing")
-    return [_problem(document, entry) for entry in entries if not _follows(entry)]
+    return [_problem(document, entry) for entry in entries if not follows(entry)]
 
 
-def _follows(entry: Any) -> bool:
-    """Whether a list is called too short only because what it holds is wrong."""
+def follows(entry: Any) -> bool:
+    """Return whether a list is called too short only because what it holds is wrong."""
     if entry["type"] != "too_short":
         return False
     return bool(len(entry["input"]) >= entry["ctx"]["min_length"])

@@ -2,6 +2,8 @@
 
 from dataclasses import asdict
 
+from protocol.at_resonance import problems_at
+from protocol.errors import BadInput
 from runner.room import Room
 from runner.screens import Notice, Welcome
 from runner.waiting import operator_answer, response, tick
@@ -26,10 +28,21 @@ def prepare(room: Room) -> None:
         study.rig.nominal_resonance_hz, lambda seconds: tick(room, seconds)
     )
     room.log.append("resonance-measured", **asdict(found))
+    _require_within_limits(room, found.frequency_hz)
     room.resonance_hz = found.frequency_hz
     show_where_we_are(room)
     room.participant.show(Welcome(consent=room.session.consent))
     response(room)
+
+
+def _require_within_limits(room: Room, resonance_hz: float) -> None:
+    """See before the first touch that no touch will break a limit on this very beam.
+
+    Raises:
+        BadInput: one would.
+    """
+    for problem in problems_at(room.session.study, resonance_hz):
+        raise BadInput(f"the resonance of this beam is {resonance_hz:.0f} Hz: {problem}")
 
 
 def mount(room: Room, beam: str | None) -> None:

@@ -34,6 +34,11 @@ def test_a_sound_study_passes() -> None:
         (lambda: that.assert_beam_swaps(STUDY, COHORT, at_most=3), "at most 3 .* got 12 for part"),
         (lambda: that.assert_balanced(STUDY, COHORT[:9]), "over 9 participants, got counts that"),
         (
+            lambda: that.assert_proved(STUDY, []),
+            "cohort: there must be at least one plan, got none",
+        ),
+        (lambda: that.assert_balanced(STUDY, []), "balanced over 0 participants"),
+        (
             lambda: that.assert_proved(STUDY, [replace(COHORT[0], slot=1)]),
             r"slots must be numbered from 0, got \[1\]",
         ),

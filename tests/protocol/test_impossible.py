@@ -18,7 +18,10 @@ from tests.protocol.studies import small, small_document
     ("study", "message"),
     [
         (small(1, repeats=3), r"max_alike_in_row: the only condition comes up to 3 .* got 2"),
-        (small(3, repeats=2, catch_trials=4, catch_apart=2), "at most 3 stay catch_apart = 2 .* 6"),
+        (
+            small(3, repeats=2, catch_trials=4, catch_apart=2),
+            "at most 3, whatever the order drawn, stay .* got 4",
+        ),
         (small(3, 3, repeats=8, max_beam_swaps=1), "may need 2 beam swaps, .*: session, got 1"),
         (
             small(2, 2, repeats=3, group_by_beam="session"),
@@ -36,6 +39,26 @@ def test_an_impossible_wish_is_named(study: Study, message: str) -> None:
     found = "\n".join(map(str, problems(study)))
     with pytest.raises(AssertionError, match=message):
         raise AssertionError(found)
+
+
+@pytest.mark.parametrize(("catches", "allowed"), [(4, True), (5, False)])
+def test_where_the_order_is_fixed_catch_trials_are_counted_in_it(
+    catches: int, allowed: bool
+) -> None:
+    document = small_document(
+        4, order="fixed", repeats=4, catch_trials=catches, catch_apart=3, max_alike_in_row=1
+    )
+    for condition in document["condition"][1:]:
+        condition["touches"] *= 2
+        condition["touches"][1] = {**condition["touches"][1], "beam": "b1"}
+    document["beams"]["b1"] = 0.001
+    study = Study.model_validate(document)
+    found = problems(study)
+    assert (not found) == allowed
+    if allowed:
+        assert not plan_problems(study, plan(study, 0))
+    else:
+        assert "at most 4 stay catch_apart = 3 trials apart" in str(found[0])
 
 
 def test_levels_must_divide_the_repeats() -> None:

@@ -71,6 +71,13 @@ CASES: list[tuple[Callable[[Trial], bool], Change, str]] = [
     (lambda t: t.kind == "catch", lambda t: replace(t, kind="practice"), "practice must be trials"),
     (lambda t: t.break_s > 0, lambda t: replace(t, break_s=0.0), "a break must precede every 2"),
     (lambda t: t.kind == "signal", lambda t: replace(t, touches=()), "begin with the study's open"),
+    (
+        lambda t: t.kind == "signal",
+        lambda t: replace(t, scored=True),
+        "in the file, and not scored",
+    ),
+    (lambda t: t.kind == "signal", lambda t: replace(t, level=0.5), "in the file, and not scored"),
+    (lambda t: t.kind == "catch", elsewhere, "must need the one beam that is mounted, got trial"),
 ]
 
 

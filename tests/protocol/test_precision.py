@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import t
 
+from protocol.alternatives import Alternative
 from protocol.precision import RESIDUAL_SD, half_width, purchases, squared_spread, t_quantile
 
 
@@ -32,7 +33,10 @@ def test_the_interval_holds_the_true_gain_as_often_as_it_says() -> None:
 
 
 def test_longer_sessions_buy_narrower_intervals() -> None:
-    bought = purchases([0.1, 0.2, 0.3, 0.4] * 5, repeats=4, fixed_s=100, block_s=200)
+    sessions = [
+        Alternative(repeats=n, duration_s=100 + 200 * n, whole=True) for n in (1, 2, 4, 5, 8, 16)
+    ]
+    bought = purchases([0.1, 0.2, 0.3, 0.4] * 5, 4, sessions)
     assert [b.repeats for b in bought] == [1, 2, 4, 5, 8, 16]
     assert [b.duration_s for b in bought][2] == 900
     widths = [b.half_width for b in bought]
@@ -41,6 +45,6 @@ def test_longer_sessions_buy_narrower_intervals() -> None:
 
 
 def test_contrasts_that_do_not_differ_tell_nothing() -> None:
-    bought = purchases([0.3] * 5, repeats=1, fixed_s=0, block_s=60)
+    bought = purchases([0.3] * 5, 1, [Alternative(repeats=1, duration_s=60, whole=True)])
     assert all(isinf(b.half_width) and b.relative == inf for b in bought)
     assert half_width(1.0, 2) == inf

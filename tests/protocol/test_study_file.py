@@ -253,6 +253,27 @@ def test_a_mistaken_key_is_named_first_and_nothing_is_named_twice() -> None:
     assert [problem.line for problem in caught.value.problems] == [54, 54]
 
 
+@pytest.mark.parametrize(
+    "mistakes",
+    [
+        {"{ place": "{ duration = 2, place"},
+        {'question = "': 'level = [1]\nquestion = "'},
+        {'question = "': 'levels = [1, "2"]\nquestion = "'},
+        {'expected = "': 'expectd = "', "{ place": "{ plaice"},
+        {'kind = "': 'kind = "x', "watchdog_s": "watchdg_s"},
+    ],
+)
+def test_mistakes_everywhere_do_not_hide_a_voltage(mistakes: dict[str, str]) -> None:
+    """Also where nothing in a list is without a mistake."""
+    text = PAPER.replace("ramp_to_v = 200", "ramp_to_v = 250")
+    for right, wrong in mistakes.items():
+        text = text.replace(right, wrong)
+    with pytest.raises(StudyError) as caught:
+        parsed_study(text)
+    too_high = [problem for problem in caught.value.problems if problem.value == "250 V"]
+    assert [(problem.path[1], problem.path[-1]) for problem in too_high] == [(2, "ramp_to_v")]
+
+
 def _places(value: Any, above: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
     inner: Any = value.items() if isinstance(value, dict) else ()
     inner = enumerate(value) if isinstance(value, list) else inner

@@ -1,14 +1,27 @@
 """`touchbeam check`: the preview, its JSON contract, and refusals that list everything."""
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from protocol.study_file import template
-from tests.runner.command_line import typed
+from tests.runner.command_line import assert_matches, typed
 
+TWO_BEAMS = """
+[[condition]]
+name = "a"
+question = "roughness"
+expected = "smoother"
+touches = [{ place = "smooth", voltage_v = 100, beam = "1.5 mm" }]
+[[condition]]
+name = "b"
+question = "roughness"
+expected = "smoother"
+touches = [{ place = "smooth", voltage_v = 100, beam = "1 mm" }]
+"""
 KINDS = {"baseline", "signal", "practice", "trial", "catch"}
 
 
@@ -94,7 +107,64 @@ def test_the_preview_can_be_read(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert "Amplitude   up to 200 V (peak); limit 200 V" in lines
     assert "Carry-over  balanced over 20 participants" in lines
     assert any(line.startswith("4 <") and " 20 " in line for line in lines)
-    assert max(map(len, lines)) <= 90
+    assert any("right, left" in line for line in lines)
+    assert any("no bodies, 1.5 mm, 1 mm" in line for line in lines)
+    assert max(map(len, lines)) <= 102
+    (session,) = [line for line in lines if line.startswith("Session ")]
+    assert " 20 scored trials, " in session, "practice is not scored"
+
+
+def test_what_never_follows_within_a_block_is_not_called_balanced(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    changes = [("[design]", "[design]\nrepeats = 2\ngroup_by_beam = 'session'")]
+    text = template("paper").partition("[[condition]]")[0] + TWO_BEAMS
+    (tmp_path / "study.toml").write_text(text.replace(*changes[0], 1), encoding="utf-8")
+    assert typed("check", str(tmp_path), "--participants", "2", "--json") == 0
+    found = document(capsys)["carryover"]
+    assert (found["counts"], found["balanced"]) == ([[0, 0], [0, 0]], False)
+    assert typed("check", str(tmp_path), "--participants", "2") == 0
+    assert (
+        "Carry-over  not balanced over 2 participants (none directly follows another within a "
+        "block): this design does not balance it" in capsys.readouterr().out
+    )
+
+
+def test_a_bound_on_beam_swaps_is_not_told_to_be_balanced_by_a_larger_cohort(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    changed = study(tmp_path, "paper", ("[design]", "[design]\nmax_beam_swaps = 6"))
+    assert typed("check", changed, "--participants", "9") == 0
+    assert "this design does not balance it" in capsys.readouterr().out
+
+
+def test_columns_stand_under_one_another_in_chinese_as_well(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    changed = study(tmp_path, "paper", ('name = "voltage"', 'name = "电压"'))
+    assert typed("check", changed) == 0
+    rows = [row for row in capsys.readouterr().out.splitlines()[2:10] if "+0." in row]
+    begins = {row.index("+0.") + sum(row.count(sign) for sign in "电压") for row in rows}
+    assert len(begins) == 1
+
+
+def test_the_highest_resonance_that_keeps_the_limits_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    changed = study(tmp_path, "paper", ("max_slew_v_per_us = 40", "max_slew_v_per_us = 30.44"))
+    assert typed("check", changed, "--json") == 0
+    highest_hz = document(capsys)["max_resonance_hz"]
+    assert highest_hz == pytest.approx(30.44e6 / (2 * math.pi * 200), abs=0.1)
+    assert typed("check", changed) == 0
+    assert f"above {highest_hz:.0f} Hz a limit would end the session" in capsys.readouterr().out
+    run = ("run", changed, "--participant", "P01", "--ratings", "virtual", "--seed")
+    assert typed(*run, "2") == 2
+    told = capsys.readouterr().err
+    assert_matches(r"^touchbeam: the resonance of this beam is 242\d\d Hz: condition voltage", told)
+    assert "output off, read back" in told
+    assert typed("verify", changed, "--json") == 0
+    (session,) = document(capsys)["sessions"]
+    assert (session["state"], session["trials_answered"], session["chain_ok"]) == ("idle", 0, True)
 
 
 def test_one_of_a_thing_is_not_many(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

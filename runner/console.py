@@ -46,7 +46,8 @@ def require_typist(source: TextIO | None) -> TextIO:
 class TypedLines:
     """Lines from a terminal, read by a thread so that nobody waits for them.
 
-    No more than `MOST_LINES` are read ahead, whatever a pipe may hold.
+    No more than `MOST_LINES` are read ahead, whatever a pipe may hold. At a terminal, lines beyond
+    that are dropped: an order behind them is heard at once.
     """
 
     def __init__(self, source: TextIO | None) -> None:
@@ -90,7 +91,7 @@ class TypedLines:
         for line in self._typed():
             if line.startswith(OPERATOR_MARK):
                 self._orders.put(line.rstrip("\r\n") + "\n")
-            else:
+            elif not (self._source.isatty() and self._lines.full()):
                 self._lines.put(line)
         self._lines.put(None)
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
-from runner.operator_keys import HELP, OPERATOR_MARK, OperatorKeys
+from runner.operator_keys import HELP, HELP_TYPING, OPERATOR_MARK, OperatorKeys
 from runner.orders import Note, Order
 from runner.view import View
 
@@ -25,17 +25,18 @@ class PlainDisplay:
     """Plain lines, for a log or a pipe."""
 
     say: Callable[[str], None]
-    _last: str = field(default="", init=False)
+    _last: tuple[str, ...] = field(default=("", "", ""), init=False)
 
     def show(self, view: View, question: str, typed: str | None) -> None:
         """Print what has changed; what is being typed stands there already."""
         del typed
         where = f"{view.session} {view.state} {view.trial}".rstrip(" -")
         line = f"{where}; {view.progress()}; output {view.output()}"
-        for text in (line, view.warning and f"warning: {view.warning}", question):
-            if text and text != self._last:
+        now = (line, view.warning and f"warning: {view.warning}", question)
+        for text, before in zip(now, self._last, strict=True):
+            if text and text != before:
                 self.say(text)
-                self._last = text
+        self._last = now
 
 
 class LiveDisplay:
@@ -80,7 +81,7 @@ def panel_lines(view: View, question: str, typed: str | None) -> list[str]:
         lines.append(f"[bold]{escape(question)}[/] {escape(typed or '')}")
     elif typed is not None:
         lines.append(f"note: {escape(typed)}")
-    return [*lines, f"[dim]{HELP}[/]"]
+    return [*lines, f"[dim]{HELP if typed is None else HELP_TYPING}[/]"]
 
 
 @dataclass
@@ -88,13 +89,14 @@ class OperatorConsole:
     """An operator at a console.
 
     `typed` returns the characters typed since its last call; it is told whether something was
-    asked. `swap` mounts a simulated beam. Where nobody is there (`alone`), what is asked is
-    answered with nothing.
+    asked. `forget` drops what was typed before a question and can be no answer to it. `swap` mounts
+    a simulated beam. Where nobody is there (`alone`), what is asked is answered with nothing.
     """
 
     typed: Callable[[bool], str]
     display: Display
     swap: Callable[[str], None] = lambda _: None
+    forget: Callable[[], None] = lambda: None
     alone: bool = False
     _keys: OperatorKeys = field(default_factory=OperatorKeys, init=False)
     _view: View | None = field(default=None, init=False)
@@ -102,10 +104,21 @@ class OperatorConsole:
 
     def ask(self, text: str) -> None:
         """Ask the operator; a session without one goes on at once."""
+        self._ask(text, self._keys.expect_answer)
+
+    def _ask(self, text: str, expect: Callable[[], None]) -> None:
+        self._listen()  # what was typed before the question is no answer to it
+        self.forget()
         self._question = text
-        self._keys.expect_answer()
+        expect()
         if self.alone:
             self._keys.feed("\n")
+        self._redraw()
+
+    def unask(self) -> None:
+        """Take back what was asked: the session has gone elsewhere, or has ended."""
+        self._question = ""
+        self._keys.expect_nothing()
         self._redraw()
 
     def answered(self) -> str | None:
@@ -120,7 +133,8 @@ class OperatorConsole:
     def mount(self, beam: str) -> None:
         """Ask for a beam; the output is off."""
         self.swap(beam)
-        self.ask(f"The output is off. Mount the beam '{beam}', then press Enter.")
+        text = f"The output is off. Mount the beam '{beam}', then press Enter."
+        self._ask(text, self._keys.expect_confirmation)
 
     def order(self) -> Order | Note | None:
         """Return the next order."""
@@ -134,14 +148,18 @@ class OperatorConsole:
 
     def called(self) -> None:
         """Show that the participant calls, until there is something else to warn of."""
+        self._warn("the participant calls you (Escape)")
+
+    def _warn(self, text: str) -> None:
         if self._view is not None:
-            self._view = replace(self._view, warning="the participant calls you (Escape)")
+            self._view = replace(self._view, warning=text)
             self._redraw()
 
     def _listen(self) -> None:
         characters = self.typed(bool(self._question))
         if characters.startswith(OPERATOR_MARK) and characters.endswith("\n"):
-            self._keys.feed_order(characters.removeprefix(OPERATOR_MARK))
+            if not self._keys.feed_order(characters.removeprefix(OPERATOR_MARK)):
+                self._warn(f"{characters.strip()!r} is no order; {HELP}")
         elif characters:
             self._keys.feed(characters)
             self._redraw()

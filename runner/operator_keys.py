@@ -12,6 +12,8 @@ KEYS: dict[str, Order] = {
     " ": "emergency stop",
 }
 HELP = "p pause/go on   r repeat trial   n note   s stop   space or Ctrl-E EMERGENCY STOP"
+HELP_TYPING = "Enter when it is typed   Ctrl-C stop   Ctrl-E EMERGENCY STOP"
+_WORDS = {"pause": "p", "stop": "s", "repeat": "r", "emergency stop": "e"}
 
 OPERATOR_MARK = ":"
 """A line typed at the participant's terminal that begins with it is the operator's."""
@@ -25,8 +27,9 @@ _CTRL_E = "\x05"
 class OperatorKeys:
     """Characters in, orders and answers out.
 
-    A line is collected while something was asked or after `n`; otherwise each key is an order. An
-    emergency stop is always one key away: Ctrl-E, or a space where nothing has been typed yet.
+    A line is collected while an answer is expected or after `n`; otherwise each key is an order,
+    and Enter confirms where that is expected. An emergency stop is always one key away: Ctrl-E, or
+    a space where nothing has been typed yet.
     """
 
     def __init__(self) -> None:
@@ -35,6 +38,7 @@ class OperatorKeys:
         self._line = ""
         self._noting = False
         self._asked = False
+        self._confirming = False
 
     @property
     def line(self) -> str | None:
@@ -46,8 +50,22 @@ class OperatorKeys:
         self._asked = True
         self._answers.clear()
 
+    def expect_confirmation(self) -> None:
+        """Take Enter as an answer; all other keys stay what they are."""
+        self._confirming = True
+        self._answers.clear()
+
+    def expect_nothing(self) -> None:
+        """Forget what was asked, and what was typed of an answer."""
+        if not self._noting:
+            self._line = ""
+        self._asked = self._confirming = False
+        self._answers.clear()
+
     def feed(self, characters: str) -> None:
         """Take what was typed."""
+        if self._confirming and not self._noting:
+            characters = self._confirm(characters)
         for character in characters:
             if self._is_emergency(character):
                 self._orders.append("emergency stop")
@@ -58,19 +76,38 @@ class OperatorKeys:
             elif character in KEYS:
                 self._orders.append(KEYS[character])
 
-    def feed_order(self, line: str) -> None:
+    def _confirm(self, characters: str) -> str:
+        """Look for the confirmation in what was typed; return what else it is.
+
+        A whole line that is one of the keys is that order, and confirms nothing.
+        """
+        typed = characters.strip(_ENTER)
+        if _CTRL_E in typed:
+            return _CTRL_E
+        if typed == characters or typed in {*KEYS, "n"}:
+            return typed
+        self._answers.append("")
+        self._confirming = False
+        return ""
+
+    def feed_order(self, line: str) -> bool:
         """Take a typed line that is an order, whatever was asked: `e`, or `n` and a note.
 
         The line is over when it comes: what stands in it is told apart without a second key, and
-        only an empty line with a space in it means what the space alone means.
+        only an empty line with a space in it means what the space alone means. Returns whether it
+        is an order.
         """
         order = line.strip() or line.rstrip(_ENTER)[:1]
+        key = _WORDS.get(order, order)
         if order.startswith("n"):
             self._note(order.removeprefix("note").removeprefix("n"))
-        elif order[:1] in KEYS:
-            self._orders.append(KEYS[order[0]])
+        elif key in KEYS:
+            self._orders.append(KEYS[key])
         elif order.startswith(_CTRL_E):
             self._orders.append("emergency stop")
+        else:
+            return False
+        return True
 
     def _is_emergency(self, character: str) -> bool:
         """Ctrl-E anywhere; where a line is typed, a space that begins it, since none does."""

@@ -69,6 +69,10 @@ class Operator(Protocol):
         """Return what was typed in answer, maybe nothing; None while it was not answered."""
         ...
 
+    def unask(self) -> None:
+        """Take back what was asked and not answered."""
+        ...
+
     def mount(self, beam: str) -> None:
         """Ask for `beam` to be mounted; confirmed by an answer."""
         ...

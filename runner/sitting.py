@@ -223,7 +223,8 @@ def _people(
     lines = TypedLines(sys.stdin)
     texts = study_texts(session.study, session.language)
     participant = ConsoleParticipant(lines, say, session.language, texts)
-    yield participant, OperatorConsole(lines.operator_typed, PlainDisplay(say), swap)
+    display = PlainDisplay(say)
+    yield participant, OperatorConsole(lines.operator_typed, display, swap, lines.forget)
 
 
 @contextmanager

@@ -29,8 +29,21 @@ def terminal_keys() -> Iterator[Callable[[bool], str]]:
 
 
 def _typed(terminal: int) -> str:
+    _keep_single_keys(terminal)
     ready, _, _ = select.select([terminal], [], [], 0)
     return os.read(terminal, 1024).decode("utf-8", "replace") if ready else ""
+
+
+def _keep_single_keys(terminal: int) -> None:
+    """Have the terminal give single keys again if somebody took that back.
+
+    Shells do when a program goes on that was stopped by Ctrl-Z.
+    """
+    import termios
+    import tty
+
+    if termios.tcgetattr(terminal)[3] & termios.ICANON and os.tcgetpgrp(terminal) == os.getpgrp():
+        tty.setcbreak(terminal)
 
 
 def _windows_keys() -> str:

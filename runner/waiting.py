@@ -26,13 +26,20 @@ def response(room: Room) -> Response:
 
 
 def operator_answer(room: Room) -> str:
-    """Return what the operator answers; the participant is looked after meanwhile."""
+    """Return what the operator answers; the participant is looked after meanwhile.
+
+    A question that is left without an answer is taken back: nothing may be done about it any more.
+    """
 
     def poll() -> str | None:
         room.participant.poll()
         return room.operator.answered()
 
-    return awaited(room, poll)
+    try:
+        return awaited(room, poll)
+    except BaseException:
+        room.operator.unask()
+        raise
 
 
 def pass_time(room: Room, seconds: float, meanwhile: Callable[[], None] = lambda: None) -> None:

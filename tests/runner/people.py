@@ -138,6 +138,9 @@ class FakeOperator:
     def answered(self) -> str | None:
         return "fine"
 
+    def unask(self) -> None:
+        self.asked.append("")
+
     def order(self) -> Order | Note | None:
         if self.orders and self.seen and self.seen[-1].state == self.orders[0][0]:
             return self.orders.pop(0)[1]

@@ -113,6 +113,18 @@ def test_bytes_that_are_no_text_are_asked_about_again() -> None:
     assert answer.answer == "rougher"
 
 
+def test_an_order_is_heard_behind_a_key_that_got_stuck() -> None:
+    class Typist(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    typed = TypedLines(Typist("\n" * (2 * MOST_LINES) + ":e\n"))
+    until_s, order = time.monotonic() + 5, ""
+    while not order and time.monotonic() < until_s:
+        order = typed.operator_typed(asked=False)
+    assert order == ":e\n"
+
+
 def test_a_flood_of_lines_is_not_read_ahead() -> None:
     class Flood(io.StringIO):
         given = 0

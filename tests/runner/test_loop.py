@@ -143,6 +143,32 @@ def test_the_operator_stops_a_session_and_it_goes_on_later(tmp_path: Path) -> No
         assert carried_out(journal, device, FakeParticipant()).state.name == "completed"
 
 
+@pytest.mark.parametrize("order", ["stop", "repeat", "emergency stop"])
+def test_an_order_takes_back_what_was_asked(tmp_path: Path, order: Order) -> None:
+    """Nobody is to be told to mount a beam while the next touch drives it."""
+    device, asked = FakeDevice(), False
+
+    class Slow(FakeOperator):
+        def answered(self) -> str | None:
+            nonlocal asked
+            if not asked and self.mounts[-1:] == ["no bodies"]:
+                asked = True
+                self.orders.append(("trial", order))
+                return None
+            return "fine"
+
+    operator = Slow(device)
+    with open_journal(tmp_path / "study.db") as journal:
+        made = room(journal, device, FakeParticipant(), TEXT, operator)
+        if order == "repeat":
+            run(made)
+            assert made.log.state.answered == set(range(7))
+        else:
+            with pytest.raises(StoppedByOperator):
+                run(made)
+    assert operator.asked[-1] == "", "taken back"
+
+
 def test_an_emergency_stop_turns_off_before_anything_else(tmp_path: Path) -> None:
     device = FakeDevice()
     with open_journal(tmp_path / "study.db") as journal:

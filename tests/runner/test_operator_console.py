@@ -116,7 +116,7 @@ def test_plain_lines_come_only_when_something_changed() -> None:
 
 
 def test_a_question_waits_for_enter() -> None:
-    typed = iter(["d", "ry", "\n"])
+    typed = iter(["", "d", "ry", "\n"])
     console = OperatorConsole(lambda _: next(typed), PlainDisplay(lambda _: None))
     console.ask("skin state?")
     assert [console.answered() for _ in range(3)] == [None, None, "dry"]
@@ -142,7 +142,7 @@ def test_an_emergency_stop_is_one_key_away_while_a_line_is_typed() -> None:
 
 @pytest.mark.parametrize(("line", "order"), [("e\n", "emergency stop"), ("s\n", "stop")])
 def test_an_order_never_answers_what_was_asked(line: str, order: str) -> None:
-    typed = iter([f":{line}", "", "dry\n"])
+    typed = iter(["", f":{line}", "", "dry\n"])
     console = OperatorConsole(lambda _: next(typed), PlainDisplay(lambda _: None))
     console.ask("skin state?")
     assert console.answered() is None
@@ -164,6 +164,9 @@ def test_an_order_never_answers_what_was_asked(line: str, order: str) -> None:
         ("n\n", None),
         ("\n", None),
         ("x\n", None),
+        ("resume\n", None),
+        ("skip\n", None),
+        ("repeat\n", "repeat"),
     ],
 )
 def test_a_typed_line_is_one_order(line: str, order: object) -> None:
@@ -182,3 +185,97 @@ def test_a_colon_in_a_note_is_part_of_it() -> None:
 
 def test_the_search_for_the_resonance_is_shown_as_on() -> None:
     assert view(device=None, searching=True).output().startswith("ON")
+
+
+@pytest.mark.parametrize("enter", ["\n", "\r", "yes\n", "1\n"])
+def test_enter_confirms_a_beam(enter: str) -> None:
+    keys = OperatorKeys()
+    keys.expect_confirmation()
+    keys.feed(enter)
+    assert keys.answer() == ""
+    assert keys.order() is None
+
+
+@pytest.mark.parametrize(
+    ("typed", "order"),
+    [
+        ("s", "stop"),
+        ("s\n", "stop"),
+        ("p", "pause"),
+        ("r\n", "repeat"),
+        (" ", "emergency stop"),
+        (" \n", "emergency stop"),
+        ("mounted\x05\n", "emergency stop"),
+        ("x", None),
+    ],
+)
+def test_an_order_confirms_no_beam(typed: str, order: object) -> None:
+    keys = OperatorKeys()
+    keys.expect_confirmation()
+    keys.feed(typed)
+    assert (keys.order(), keys.answer()) == (order, None)
+    keys.feed("\n")
+    assert keys.answer() == ""
+
+
+def test_a_note_confirms_no_beam() -> None:
+    keys = OperatorKeys()
+    keys.expect_confirmation()
+    keys.feed("n")
+    keys.feed("beam is loose\r")
+    assert (keys.order(), keys.answer()) == (Note(text="beam is loose"), None)
+    keys.feed("\r")
+    assert keys.answer() == ""
+
+
+def test_what_was_typed_before_a_question_answers_nothing() -> None:
+    typed, forgotten = iter(["\n\n", "\n"]), []
+    console = OperatorConsole(
+        lambda _: next(typed), PlainDisplay(lambda _: None), forget=lambda: forgotten.append(True)
+    )
+    console.mount("1 mm")
+    assert forgotten == [True]
+    assert console._keys.answer() is None
+    assert console.answered() == ""
+
+
+def test_a_question_taken_back_is_neither_shown_nor_answered() -> None:
+    said: list[str] = []
+    typed = iter(["", "dr", "", "\n"])
+    console = OperatorConsole(lambda _: next(typed), PlainDisplay(said.append))
+    console.see(view(device=None))
+    console.ask("skin state?")
+    assert console.answered() is None
+    console.unask()
+    console.see(view())
+    assert said.count("skin state?") == 1
+    assert "skin state?" not in said[said.index("skin state?") + 1 :]
+    assert console.answered() is None
+    assert console.answered() is None
+
+
+def test_a_question_is_said_once_whatever_else_is_shown() -> None:
+    said: list[str] = []
+    console = OperatorConsole(lambda _: "", PlainDisplay(said.append))
+    console.see(view())
+    console.ask("skin state?")
+    for _ in range(3):
+        console.see(view())
+    console.see(view(done=4))
+    assert said.count("skin state?") == 1
+    assert len(said) == 3
+
+
+def test_what_is_no_order_is_said_to_be_none() -> None:
+    said: list[str] = []
+    typed = iter([":resume\n"])
+    console = OperatorConsole(lambda _: next(typed), PlainDisplay(said.append))
+    console.see(view())
+    assert console.order() is None
+    assert said[-1].startswith("warning: ':resume' is no order; p pause/go on")
+
+
+def test_while_a_line_is_typed_the_panel_says_what_keys_do_then() -> None:
+    assert "Ctrl-E EMERGENCY STOP" in panel_lines(view(), "skin state?", "dr")[-1]
+    assert "r repeat" not in panel_lines(view(), "skin state?", "dr")[-1]
+    assert "r repeat" in panel_lines(view(), "Mount the beam '1 mm'", None)[-1]

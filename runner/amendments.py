@@ -69,9 +69,9 @@ def withdraw(journal: Journal, clock: Clock, participant: str) -> list[str]:
     Raises:
         BadInput: nobody of that name took part.
     """
-    sessions = [name for name in journal.sessions() if name.rpartition("/")[0] == participant]
+    sessions = sessions_of(journal, participant)
     if not sessions:
-        raise BadInput(f"{participant} has no sessions here")
+        raise BadInput(f"{participant or 'a participant without a name'} has no sessions here")
     with journal.alone():
         for session in sessions:
             log = SessionLog(journal, session, clock)
@@ -80,6 +80,12 @@ def withdraw(journal: Journal, clock: Clock, participant: str) -> list[str]:
         journal.erase_payloads(sessions)
     journal.forget_erased()
     return sessions
+
+
+def sessions_of(journal: Journal, participant: str) -> list[str]:
+    """Return the names of the sessions of `participant`; the study's own chain is nobody's."""
+    names = [name for name in journal.sessions() if name != STUDY_CHAIN]
+    return [name for name in names if name.rpartition("/")[0] == participant]
 
 
 def _log(journal: Journal, clock: Clock, session: str) -> SessionLog:

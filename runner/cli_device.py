@@ -42,8 +42,11 @@ def device_probe(url: UrlArgument, as_json: JsonOption = False) -> None:
     Nothing is set; the device's output stays as it is.
     """
     from runner.device_commands import probed
+    from runner.holding import rig_held
+    from runner.rigging import SIMULATED
 
-    said = probed(url, touchbeam_command())
+    with nullcontext() if url == SIMULATED else rig_held(url, "touchbeam device probe"):
+        said = probed(url, touchbeam_command())
     if as_json:
         print_json(said)
         return
@@ -66,10 +69,10 @@ def device_sweep(
     Looks within 5 % of --near and turns the output off again.
     """
     from runner.device_commands import kept, swept
-    from runner.holding import held
+    from runner.holding import rig_held
     from runner.rigging import SIMULATED
 
-    with nullcontext() if url == SIMULATED else held(url, "touchbeam device sweep"):
+    with nullcontext() if url == SIMULATED else rig_held(url, "touchbeam device sweep"):
         found, idn = swept(url, near, dialect.value, touchbeam_command())
     file = kept(keep, found, idn) if keep else None
     if as_json:

@@ -117,6 +117,7 @@ def withdraw(study: StudyArgument, participant: ParticipantOption) -> None:
 
     It cannot be undone. The journal keeps that there were events and when, not what they said.
     """
+    from runner.amendments import sessions_of
     from runner.amendments import withdraw as erase
     from runner.clock import WallClock
     from runner.holding import session_held
@@ -124,9 +125,8 @@ def withdraw(study: StudyArgument, participant: ParticipantOption) -> None:
 
     folder = StudyFolder(path=study)
     with study_journal(folder, to_write=True) as journal, ExitStack() as stack:
-        for name in journal.sessions():
-            if name.rpartition("/")[0] == participant:
-                stack.enter_context(session_held(name, study, "touchbeam withdraw"))
+        for name in sessions_of(journal, participant):
+            stack.enter_context(session_held(name, study, "touchbeam withdraw"))
         sessions = erase(journal, WallClock(), participant)
     typer.echo(
         f"Erased: {', '.join(sessions)}. Make reports and exports again: old ones still hold it."

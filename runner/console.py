@@ -39,7 +39,7 @@ def require_typist(source: TextIO | None) -> TextIO:
         BadInput: standard input is closed.
     """
     if source is None:
-        raise BadInput("--ratings console needs somebody who types: standard input is closed")
+        raise BadInput("a session needs somebody who types: standard input is closed")
     return source
 
 

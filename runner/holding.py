@@ -3,36 +3,44 @@
 import hashlib
 import json
 import os
+import socket
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from filelock import FileLock, Timeout
 
 from protocol.errors import WorkFailed
 
+_ON_A_NETWORK = {"socket", "rfc2217"}
+
 
 class RigHeld(WorkFailed):
-    """Another session has the rig."""
+    """Another process has the rig, or the session."""
 
 
 @contextmanager
-def held(what: str, holder: str, *, known_as: str | None = None) -> Iterator[None]:
-    """Hold `what`, a rig's address or a session of a study, while the body runs.
-
-    The lock ends with the process, however it ends.
+def rig_held(url: str, holder: str) -> Iterator[None]:
+    """Hold the rig at `url`, by whatever address one comes to it, while the body runs.
 
     Args:
-        what: the thing of which there is one.
+        url: a serial port's path or URL.
         holder: what somebody else is told, such as the session's name and the study's folder.
-        known_as: what tells it from others, if that is not its name.
 
     Raises:
         RigHeld: another process has it; the message says which session.
     """
+    with _held(url, holder, known_as=_rig(url)):
+        yield
+
+
+@contextmanager
+def _held(what: str, holder: str, *, known_as: str) -> Iterator[None]:
+    """Hold `what`, which `known_as` tells from others; the lock ends with the process."""
     folder = _folder()
-    name = hashlib.sha256((known_as or what).encode()).hexdigest()[:24]
+    name = hashlib.sha256(known_as.encode()).hexdigest()[:24]
     lock, said = FileLock(folder / f"{name}.lock"), folder / f"{name}.json"
     try:
         lock.acquire(timeout=0)
@@ -55,8 +63,22 @@ def session_held(session: str, study: Path, holder: str) -> Iterator[None]:
     """
     place = study.stat()
     known_as = f"session {session} of {place.st_dev}:{place.st_ino}"
-    with held(f"session {session} of {study.resolve()}", holder, known_as=known_as):
+    with _held(f"session {session} of {study.resolve()}", holder, known_as=known_as):
         yield
+
+
+def _rig(url: str) -> str:
+    """What an address leads to: a host and a port by number, a device by its real path."""
+    if "://" not in url:
+        return os.path.realpath(url)
+    parts = urlsplit(url)
+    if parts.scheme not in _ON_A_NETWORK:
+        return url
+    try:
+        known = socket.getaddrinfo(parts.hostname, parts.port, type=socket.SOCK_STREAM)
+    except (OSError, ValueError):  # whoever opens it will say what is wrong with it
+        return url
+    return repr(min(known)[-1][:2])
 
 
 def _holder(said: Path) -> str:

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, NamedTuple, NoReturn, Self
 
 from protocol.errors import WorkFailed
 from runner.session_state import Event
@@ -57,8 +57,14 @@ _TAGGED = f"{_EVENT} FROM event WHERE tag"
 
 _PAYLOAD = json.JSONEncoder(ensure_ascii=False, sort_keys=True, allow_nan=False)
 
-ChainLink = tuple[Event, str, str]
-"""An event, the digest of its payload, and its hash."""
+
+class ChainLink(NamedTuple):
+    """An event, its payload as it is stored (None: erased), and what ties it to the others."""
+
+    event: Event
+    payload: str | None
+    payload_sha256: str
+    hash: str
 
 
 class JournalError(WorkFailed):
@@ -71,6 +77,7 @@ class Journal:
     def __init__(self, connection: sqlite3.Connection, path: Path) -> None:
         self._connection = connection
         self._path = path
+        self._file = _file_at(path)
         self._last_hashes: dict[tuple[str, int], str] = {}
 
     def __enter__(self) -> Self:
@@ -92,7 +99,7 @@ class Journal:
 
     def events(self, session: str) -> list[Event]:
         """Return the events of `session` in their order."""
-        return [event for event, _, _ in self.chain(session)]
+        return [link.event for link in self.chain(session)]
 
     def tagged(self, *tags: str) -> list[Event]:
         """Return the events with one of `tags`, of all sessions, in the order of writing."""
@@ -105,7 +112,7 @@ class Journal:
         """Yield the events of `session` with what ties them together."""
         with self._explained("read"):
             for row in self._connection.execute(_CHAIN, (session,)):
-                yield _event(row[:5]), row[5], row[6]
+                yield ChainLink(_event(row[:5]), *row[4:])
 
     @contextmanager
     def alone(self) -> Iterator[None]:
@@ -124,6 +131,7 @@ class Journal:
         Raises:
             JournalError: it could not be written; nothing of it was.
         """
+        self._require_in_place()
         body = payload_text(event)
         fields = event_fields(session, event, hashlib.sha256(body.encode()).hexdigest())
         with self._explained("written"):
@@ -154,9 +162,18 @@ class Journal:
 
     def checkpoint(self) -> bool:
         """Bring everything into the one file; return False if a reader is in the way."""
+        self._require_in_place()
         with self._explained("written"):
             busy, _, _ = self._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
             return not busy
+
+    def _require_in_place(self) -> None:
+        """Nothing is kept that is written to a file that is deleted, moved or replaced."""
+        if _file_at(self._path) != self._file:
+            raise JournalError(
+                f"{self._path}: is not the journal any more that was opened there (deleted, moved "
+                "or replaced by another); put it back"
+            )
 
     def _hash_before(self, session: str, seq: int) -> str:
         if seq == 0:
@@ -182,15 +199,33 @@ class DamagedError(Exception):
     """An event that no touchbeam has written."""
 
 
+def _no_number(text: str) -> NoReturn:
+    raise ValueError(f"{text} is no number")
+
+
+_STORED = json.JSONDecoder(parse_constant=_no_number)
+
+
+def _file_at(path: Path) -> tuple[int, int] | None:
+    """What tells the file at `path` from another one there, None if there is none."""
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_dev, found.st_ino
+
+
 def _event(row: tuple[Any, ...]) -> Event:
     seq, tag, utc, monotonic_s, body = row
     try:
-        payload = {} if body is None else json.loads(body)
+        payload = {} if body is None else _STORED.decode(body)
         when = datetime.fromisoformat(utc)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise DamagedError(f"event {seq} is damaged: {error}") from error
     if not isinstance(payload, dict):
         raise DamagedError(f"event {seq} is damaged: its payload must be an object")
+    if when.tzinfo is None:
+        raise DamagedError(f"event {seq} is damaged: its time must say its zone, got {utc}")
     return Event(
         seq=seq,
         tag=tag,

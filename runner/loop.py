@@ -107,6 +107,7 @@ def _turn_off(room: Room, why: str) -> None:
         if unknown is not None:
             raise unknown from error
         error.add_note(_OFF)
+        error.add_note(_GOES_ON)
         raise
     if unknown is not None:
         raise unknown

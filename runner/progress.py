@@ -11,7 +11,9 @@ def progress(what: str, total: int) -> Iterator[Callable[[], None]]:
     from rich.console import Console
     from rich.progress import Progress
 
-    shown = sys.stderr.isatty()  # rich also takes FORCE_COLOR for a terminal
+    shown = (
+        sys.stderr is not None and sys.stderr.isatty()
+    )  # rich also takes FORCE_COLOR for a terminal
     with Progress(console=Console(stderr=True), transient=True, disable=not shown) as bar:
         task = bar.add_task(what, total=total)
         yield lambda: bar.advance(task)

@@ -4,9 +4,10 @@ from datetime import datetime, timedelta
 
 from protocol.errors import BadInput
 from runner.amendments import accepted_digests
-from runner.journal import Journal, session_name
+from runner.journal import Journal, JournalError, session_name
 from runner.session import Session, text_digest, trial_record
 from runner.session_state import SessionState
+from runner.verification import chain_is_unbroken
 
 
 def require_resumable(
@@ -22,11 +23,13 @@ def require_resumable(
 
     Raises:
         BadInput: the message says why, and what can be done.
+        JournalError: what there is of the session has been changed.
     """
     name = session_name(session.participant, session.number)
     _require_accepted_study(journal, session)
     if before is None:
         return
+    _require_whole(journal, name)
     if before.name in {"completed", "excluded", "withdrawn"}:
         raise BadInput(f"{name} is {before.name}; take another participant or --session")
     opened = before.opened or {}
@@ -36,6 +39,15 @@ def require_resumable(
         )
     _require_same_trials(name, session, opened["trials"])
     _require_fresh(name, session, before.last_event_utc, now)
+
+
+def _require_whole(journal: Journal, name: str) -> None:
+    """What goes on goes on from what really happened."""
+    if not chain_is_unbroken(name, journal.chain(name), erased=True):
+        raise JournalError(
+            f"{name}: its chain of events is broken, so that it cannot go on; see touchbeam "
+            "verify, and take another participant or --session"
+        )
 
 
 def _require_accepted_study(journal: Journal, session: Session) -> None:
@@ -63,6 +75,11 @@ def _identity(trial: dict[str, object]) -> tuple[object, ...]:
 
 def _require_fresh(name: str, session: Session, last_event: datetime | None, now: datetime) -> None:
     limit_h = session.study.session.resume_within_h
+    if last_event is not None and last_event - now > timedelta(hours=limit_h):
+        raise BadInput(
+            f"{name} was interrupted at {last_event:%Y-%m-%d %H:%M} UTC, which is yet to come: "
+            "set this machine's clock"
+        )
     if last_event is not None and now - last_event > timedelta(hours=limit_h):
         hours = (now - last_event).total_seconds() / 3600
         raise BadInput(

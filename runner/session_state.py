@@ -54,8 +54,8 @@ class SessionState:
                 self.opened = payload
             case "study-amended":
                 self.amended_to.append(payload["study_sha256"])
-            case "beam-mounted":
-                self.beam = payload["beam"]
+            case "beam-mounted" | "session-resumed":  # meanwhile another may have been mounted
+                self.beam = payload.get("beam")
             case "practice-renewed":
                 self.answered.difference_update(payload["indices"])
             case "trial-excluded":

@@ -3,7 +3,7 @@
 import random
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from typing import Literal
 
@@ -15,8 +15,8 @@ from runner.calibration import kept_calibration
 from runner.clock import SteppedClock, WallClock
 from runner.cohort import slot_for, states
 from runner.console import ConsoleParticipant, TypedLines, require_typist
-from runner.holding import held, session_held
-from runner.journal import Journal, open_journal, session_name
+from runner.holding import rig_held, session_held
+from runner.journal import Journal, JournalError, open_journal, session_name
 from runner.journal_place import checked_place, mounts_of_this_machine
 from runner.loop import run
 from runner.operator_console import LiveDisplay, OperatorConsole, PlainDisplay
@@ -30,7 +30,7 @@ from runner.session_state import SessionState
 from runner.stopping import Stopped
 from runner.study_folder import StudyFolder, pseudonym
 from runner.terminal_keys import terminal_keys
-from runner.usable import usable_study
+from runner.usable import usable
 from runner.virtual import VirtualParticipant, drawn_character, swapping
 from runner.window.for_study import study_window
 from runner.window.participant import WindowParticipant
@@ -66,33 +66,34 @@ def sit(sitting: Sitting, say: Say) -> SessionState:
         BadInput, StudyError, AddressError: something given is wrong; nothing was changed.
         DeviceError, JournalError, ParticipantGone, RigHeld: the work failed; it can be resumed.
     """
-    study = usable_study(sitting.folder)
+    text = sitting.folder.text()
+    study = usable(text, str(sitting.folder.study_file))
     url = sitting.device or study.rig.device
     pace = _checked_pace(sitting, url)
     kind = _checked_kind(sitting, study, url)
     name = session_name(pseudonym(sitting.participant), sitting.number)
     checked_place(sitting.folder.path, mounts_of_this_machine())
-    if sitting.ratings == "console":
+    if sitting.ratings != "virtual":
         require_typist(sys.stdin)
     with ExitStack() as stack:
         told_of = stack.enter_context(_complete_at_last())
         place = sitting.folder.path.resolve()
         stack.enter_context(session_held(name, place, name))
         if url != SIMULATED:
-            stack.enter_context(held(url, f"{name} of {place}"))
+            stack.enter_context(rig_held(url, f"{name} of {place}"))
         window = stack.enter_context(_window(sitting, study))
-        seed = study.study.seed if sitting.seed is None else sitting.seed
+        seed = _seed(sitting, study)
         calibration = kept_calibration(sitting.folder.path)
         rig = stack.enter_context(rigged(url, study.rig, sitting.touchbeam, seed, calibration))
         clock = _clock(pace, rig)
         journal = stack.enter_context(open_journal(sitting.folder.journal))
         new = name not in journal.sessions()
-        session = _session(sitting, study, journal, kind, seed, clock)
+        session = _session(sitting, study, text, journal, kind, clock)
         log = SessionLog(journal, name, clock)
         participant, operator = stack.enter_context(
             _people(sitting, session, rig, clock, say, window)
         )
-        stack.callback(journal.checkpoint)
+        stack.enter_context(_checkpointed(journal))
         told_of.append(log.state)
         run(
             Room(
@@ -121,6 +122,18 @@ def _complete_at_last() -> Iterator[list[SessionState]]:
         if any(state.name == "completed" for state in told_of):
             stop.add_note("output off, read back; the session is complete")
         raise
+
+
+@contextmanager
+def _checkpointed(journal: Journal) -> Iterator[None]:
+    """Bring everything into the one file at last; what ended the session is told all the same."""
+    try:
+        yield
+    except BaseException:
+        with suppress(JournalError):
+            journal.checkpoint()
+        raise
+    journal.checkpoint()
 
 
 def _window(sitting: Sitting, study: Study) -> AbstractContextManager[WindowParticipant | None]:
@@ -158,6 +171,10 @@ def _checked_kind(sitting: Sitting, study: Study, url: str) -> Kind:
     return "participant"
 
 
+def _seed(sitting: Sitting, study: Study) -> int:
+    return study.study.seed if sitting.seed is None else sitting.seed
+
+
 def _clock(pace: Pace, rig: Rigged) -> Clock:
     if pace == "wall" or rig.hand is None:
         return WallClock()
@@ -165,13 +182,12 @@ def _clock(pace: Pace, rig: Rigged) -> Clock:
 
 
 def _session(
-    sitting: Sitting, study: Study, journal: Journal, kind: Kind, seed: int, clock: Clock
+    sitting: Sitting, study: Study, text: str, journal: Journal, kind: Kind, clock: Clock
 ) -> Session:
     """The session as it was opened, or as it is to be opened now.
 
     A slot counts as taken from the moment the session is opened, so both happen at once.
     """
-    text = sitting.folder.text()
     name = session_name(sitting.participant, sitting.number)
     with journal.alone():
         sessions = states(journal)
@@ -184,7 +200,7 @@ def _session(
             plan=plan(study, slot_for(sessions, sitting.participant, kind), sitting.number),
             language=sitting.language,
             consent=sitting.consent,
-            seed=seed,
+            seed=_seed(sitting, study),
         )
         require_resumable(journal, session, sessions.get(name), clock.utc())
         if name not in sessions:
@@ -230,7 +246,7 @@ def _people(
 @contextmanager
 def _typing_or_keys(say: Say) -> Iterator[tuple[Callable[[bool], str], LiveDisplay | PlainDisplay]]:
     """An operator who has the terminal to themselves; in a pipe, lines serve as well as keys."""
-    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+    if not _at_a_terminal():
         yield TypedLines(sys.stdin).operator_typed, PlainDisplay(say)
         return
     with _console(quiet=False, say=say) as console:
@@ -242,8 +258,13 @@ def _console(
     *, quiet: bool, say: Say
 ) -> Iterator[tuple[Callable[[bool], str], LiveDisplay | PlainDisplay]]:
     """The operator's keys and display: live on a terminal, plain lines elsewhere."""
-    if quiet or not (sys.stdin.isatty() and sys.stdout.isatty()):
+    if quiet or not _at_a_terminal():
         yield lambda _: "", PlainDisplay((lambda _: None) if quiet else say)
         return
     with terminal_keys() as typed, LiveDisplay() as display:
         yield typed, display
+
+
+def _at_a_terminal() -> bool:
+    """Whether somebody can press keys and see what they do; either stream may be closed."""
+    return all(stream is not None and stream.isatty() for stream in (sys.stdin, sys.stdout))

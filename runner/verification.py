@@ -12,7 +12,6 @@ from runner.journal import (
     JournalError,
     chain_hash,
     event_fields,
-    payload_text,
 )
 from runner.session_state import Event, SessionState, folded
 from runner.transitions import NotAllowed
@@ -112,7 +111,7 @@ def readable_chains(journal: Journal, broken: list[str]) -> Iterator[list[Event]
     """
     for name in journal.sessions():
         chain = list(journal.chain(name))
-        events = [event for event, _, _ in chain]
+        events = [link.event for link in chain]
         _require_readable(name, events)
         if not chain_is_unbroken(name, chain, erased=_is_withdrawn(events)):
             broken.append(name)
@@ -147,24 +146,27 @@ def chain_is_unbroken(name: str, chain: Iterable[ChainLink], *, erased: bool) ->
     """
     previous = FIRST_HASH
     chain = list(chain)
-    for place, (event, digest, chained) in enumerate(chain):
-        if event.seq != place or chain_hash(previous, event_fields(name, event, digest)) != chained:
+    for place, link in enumerate(chain):
+        fields = event_fields(name, link.event, link.payload_sha256)
+        if link.event.seq != place or chain_hash(previous, fields) != link.hash:
             return False
-        if event.erased:
-            if not erased:
-                return False
-        elif hashlib.sha256(payload_text(event).encode()).hexdigest() != digest:
+        if not (erased if link.payload is None else _is_its_payload(link.payload, link)):
             return False
-        previous = chained
+        previous = link.hash
     return bool(chain)
+
+
+def _is_its_payload(stored: str, link: ChainLink) -> bool:
+    digest = hashlib.sha256(stored.encode("utf-8", "surrogatepass")).hexdigest()
+    return digest == link.payload_sha256
 
 
 def _folded(chain: list[ChainLink]) -> tuple[SessionState, str]:
     try:
-        state = folded(event for event, _, _ in chain)
+        state = folded(link.event for link in chain)
     except (NotAllowed, KeyError, TypeError, AttributeError) as error:
         return SessionState(name="impossible"), str(error)
-    if state.name == "withdrawn" and not all(event.erased for event, _, _ in chain):
+    if state.name == "withdrawn" and not all(link.event.erased for link in chain):
         return state, "withdrawn, but not erased: run touchbeam withdraw again"
     return state, ""
 

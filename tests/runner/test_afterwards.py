@@ -101,6 +101,13 @@ def test_rehearsals_use_no_participants_slot(tmp_path: Path) -> None:
         assert slot_for(states(journal), "P02", "rehearsal") == 1
 
 
+def test_the_studys_own_chain_is_nobodys_to_withdraw(tmp_path: Path) -> None:
+    with finished(tmp_path) as journal:
+        amend(journal, CLOCK, amended(template("paper")), "longer touches")
+        with pytest.raises(BadInput, match="a participant without a name has no sessions here"):
+            withdraw(journal, CLOCK, "")
+
+
 def test_a_withdrawal_erases_what_was_said_and_the_chain_still_verifies(tmp_path: Path) -> None:
     with finished(tmp_path) as journal:
         log = SessionLog(journal, "P01/1", CLOCK)
@@ -208,6 +215,26 @@ def test_a_stale_session_is_not_resumed(tmp_path: Path) -> None:
             BadInput, match="interrupted 25 h ago and the study resumes within 24 h"
         ):
             require_resumable(journal, made.session, states(journal)["P01/1"], later.utc())
+
+
+def test_a_session_of_tomorrow_is_not_resumed(tmp_path: Path) -> None:
+    with open_journal(tmp_path / "study.db") as journal:
+        made = room(journal, FakeDevice(), FakeParticipant())
+        before = FakeClock(passed_s=-25 * 3600)
+        with pytest.raises(BadInput, match="which is yet to come: set this machine's clock"):
+            require_resumable(journal, made.session, states(journal)["P01/1"], before.utc())
+
+
+@pytest.mark.parametrize("column", ["utc = '2026-01-02T00:00:00+00:00'", "hash = 'x'"])
+def test_a_session_whose_chain_is_broken_does_not_go_on(tmp_path: Path, column: str) -> None:
+    path = tmp_path / "study.db"
+    with open_journal(path) as journal:
+        made = room(journal, FakeDevice(), FakeParticipant())
+        with closing(sqlite3.connect(path)) as other, other:
+            other.execute("DROP TRIGGER event_is_erased_at_most")
+            other.execute(f"UPDATE event SET {column} WHERE seq = 0")
+        with pytest.raises(JournalError, match="P01/1: its chain of events is broken, so that it"):
+            require_resumable(journal, made.session, states(journal)["P01/1"], FakeClock().utc())
 
 
 def test_a_participants_session_does_not_become_a_rehearsal(tmp_path: Path) -> None:

@@ -10,7 +10,11 @@ from pathlib import Path
 
 import pytest
 
+from runner import sitting
+from runner.journal import read_journal
+from runner.operator_console import PlainDisplay
 from runner.session_log import SessionLog
+from runner.study_folder import StudyFolder
 from tests.runner.command_line import TOUCHBEAM, assert_matches, everything, typed
 
 RUN = ("run", "study", "--participant", "P01", "--ratings")
@@ -150,6 +154,76 @@ def test_a_signal_turns_the_device_off_and_the_session_goes_on_later(number: int
     assert subprocess.run(command, check=True, capture_output=True, text=True).stderr == ""
     tags = recorded()
     assert (tags.count("answered"), tags[-1]) == (7, "session-completed")
+
+
+def test_what_is_run_is_what_the_journal_says_was_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A study file that is saved while the session begins is not half of it."""
+    typed("new", "study")
+    study = Path("study/study.toml")
+    first = study.read_text()
+    text = StudyFolder.text
+
+    def saved_meanwhile(folder: StudyFolder) -> str:
+        read = text(folder)
+        study.write_text(first.replace("voltage_v = 100", "voltage_v = 40"))
+        return read
+
+    monkeypatch.setattr(StudyFolder, "text", saved_meanwhile)
+    assert typed(*RUN, "virtual") == 0
+    with read_journal(Path("study/study.db")) as journal:
+        opened, *events = journal.events("P01/1")
+    commanded = [e.payload["commanded"] for e in events if e.tag == "touch-started"]
+    assert opened.payload["study_text"] == first
+    assert {drive["voltage_v"] for drive in commanded} == {0, 100}
+
+
+def test_a_journal_that_is_deleted_meanwhile_ends_the_session(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    typed("new", "study")
+    append = SessionLog.append
+
+    def append_and_delete(log: SessionLog, tag: str, **payload: object) -> None:
+        append(log, tag, **payload)
+        if tag == "touch-started":
+            Path("study/study.db").unlink(missing_ok=True)
+
+    monkeypatch.setattr(SessionLog, "append", append_and_delete)
+    assert typed(*RUN, "virtual") == 1
+    said = capsys.readouterr()
+    assert_matches(
+        r"study\.db: is not the journal any more .*put it back; output off, read", said.err
+    )
+    assert "complete" not in said.out
+
+
+@pytest.mark.parametrize(
+    ("closed", "arguments", "code"),
+    [
+        ("<&-", "--ratings virtual --pace stepped", 0),
+        (">&-", "--ratings virtual --pace stepped", 0),
+        ("<&-", "--ratings console", 2),
+        ("<&-", "--ratings window", 2),
+    ],
+)
+def test_a_closed_stream_is_no_error_of_ours(closed: str, arguments: str, code: int) -> None:
+    typed("new", "study")
+    command = f"{TOUCHBEAM} run study --participant P01 {arguments} {closed}"
+    done = subprocess.run(["sh", "-c", command], stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == code
+    assert "internal error" not in done.stderr
+    assert (code == 2) == ("needs somebody who types" in done.stderr)
+    assert Path("study/study.db").exists() == (code == 0)
+
+
+@pytest.mark.parametrize("closed", ["stdin", "stdout"])
+def test_nobody_is_at_a_terminal_that_is_closed(
+    closed: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, closed, None)
+    with sitting._console(quiet=False, say=lambda _: None) as (keys, display):
+        assert keys(False) == ""
+        assert isinstance(display, PlainDisplay)
 
 
 @pytest.mark.parametrize("tag", ["device-off", "session-completed"])

@@ -11,6 +11,7 @@ import pytest
 
 from runner.journal import FIRST_HASH, Journal, JournalError, chain_hash, open_journal, read_journal
 from runner.session_state import Event
+from runner.verification import verdicts
 
 NOON = datetime(2026, 1, 1, 12, tzinfo=UTC)
 TYPED = "粗糙 \"quoted\" '=cmd()'"
@@ -140,3 +141,55 @@ def test_two_processes_may_make_it_at_once(tmp_path: Path) -> None:
         for _ in range(2)
     ]
     assert [process.communicate()[1] for process in both] == [b"", b""]
+
+
+@pytest.mark.parametrize("what", ["deleted", "replaced", "moved with its folder"])
+def test_nothing_is_kept_in_a_file_that_nobody_will_find(tmp_path: Path, what: str) -> None:
+    folder = tmp_path / "study"
+    folder.mkdir()
+    path = folder / "study.db"
+    with filled(path) as journal:
+        if what == "deleted":
+            path.unlink()
+        elif what == "replaced":
+            path.rename(folder / "old.db")
+            path.write_bytes((folder / "old.db").read_bytes())
+        else:
+            folder.rename(tmp_path / "elsewhere")
+        with pytest.raises(JournalError, match=r"study\.db: is not the journal any more"):
+            journal.append("P01/1", event(2))
+        with pytest.raises(JournalError, match="put it back"):
+            journal.checkpoint()
+        if what == "moved with its folder":
+            (tmp_path / "elsewhere").rename(folder)
+            journal.append("P01/1", event(2))
+
+
+@pytest.mark.parametrize(
+    "payload",
+    ['{"a": NaN}', '{"a": 1e999}', '{"a": "\\ud800"}', "[" * 30_000, '{"a": ' * 30_000, "[]", ""],
+)
+def test_a_damaged_payload_is_one_session_s_own(tmp_path: Path, payload: str) -> None:
+    path = tmp_path / "study.db"
+    with filled(path) as journal:
+        journal.checkpoint()
+    with closing(sqlite3.connect(path)) as other, other:
+        other.execute("DROP TRIGGER event_is_erased_at_most")
+        other.execute("UPDATE event SET payload = ? WHERE session = 'P01/1' AND seq = 1", [payload])
+    with open_journal(path) as journal:
+        first, second = verdicts(journal)
+    assert (first.participant, first.ok, first.chain_ok) == ("P01", False, False)
+    assert (second.participant, second.chain_ok) == ("P02", True)
+
+
+def test_a_time_without_its_zone_is_damage(tmp_path: Path) -> None:
+    path = tmp_path / "study.db"
+    filled(path).__exit__(None, None, None)
+    with closing(sqlite3.connect(path)) as other, other:
+        other.execute("DROP TRIGGER event_is_erased_at_most")
+        other.execute("UPDATE event SET utc = '2026-01-01T12:00:00' WHERE session = 'P01/1'")
+    with (
+        open_journal(path) as journal,
+        pytest.raises(JournalError, match="event 0 is damaged: its time must say its zone"),
+    ):
+        journal.events("P01/1")

@@ -143,6 +143,17 @@ def test_the_operator_stops_a_session_and_it_goes_on_later(tmp_path: Path) -> No
         assert carried_out(journal, device, FakeParticipant()).state.name == "completed"
 
 
+def test_a_resumed_session_asks_for_its_beam_again(tmp_path: Path) -> None:
+    """Another participant may have been here meanwhile."""
+    device = FakeDevice()
+    with open_journal(tmp_path / "study.db") as journal:
+        with pytest.raises(StoppedByOperator):
+            carried_out(journal, device, FakeParticipant(), orders=[("trial", "stop")])
+        operator = FakeOperator(device)
+        run(room(journal, device, FakeParticipant(), TEXT, operator))
+    assert operator.mounts[0] == "1 mm"
+
+
 @pytest.mark.parametrize("order", ["stop", "repeat", "emergency stop"])
 def test_an_order_takes_back_what_was_asked(tmp_path: Path, order: Order) -> None:
     """Nobody is to be told to mount a beam while the next touch drives it."""

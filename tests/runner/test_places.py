@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from protocol.errors import BadInput
-from runner.holding import RigHeld, held, session_held
+from runner.holding import RigHeld, rig_held, session_held
 from runner.journal_place import checked_place, mounts_of_this_machine
 
 MOUNTS = [("/", "ext4"), ("/net/lab", "nfs4"), ("/net/lab/local", "xfs"), ("/media/share", "cifs")]
@@ -41,33 +41,57 @@ def test_this_machine_says_what_is_mounted() -> None:
 
 def test_a_second_session_is_told_who_holds_the_rig() -> None:
     program = (
-        "from runner.holding import held\nwith held('/dev/test-rig', 'P02/1 of /study'): pass\n"
+        "from runner.holding import rig_held\n"
+        "with rig_held('/dev/test-rig', 'P02/1 of /study'): pass\n"
     )
-    with held("/dev/test-rig", "P01/1 of /study"):
+    with rig_held("/dev/test-rig", "P01/1 of /study"):
         second = subprocess.run(
             [sys.executable, "-c", program], capture_output=True, text=True, check=False
         )
     assert "/dev/test-rig is held by P01/1 of /study (process" in second.stderr
-    with held("/dev/test-rig", "P03/1 of /study"):
+    with rig_held("/dev/test-rig", "P03/1 of /study"):
         pass
 
 
 def test_the_same_process_does_not_hold_it_twice() -> None:
     with (
-        held("/dev/test-rig-2", "first"),
+        rig_held("/dev/test-rig-2", "first"),
         pytest.raises(RigHeld, match="held by first"),
-        held("/dev/test-rig-2", "second"),
+        rig_held("/dev/test-rig-2", "second"),
     ):
+        pass
+
+
+def test_a_rig_is_held_by_whatever_address_one_comes_to_it(tmp_path: Path) -> None:
+    (tmp_path / "by-id").symlink_to("/dev/test-rig-4")
+    for first, second in [
+        ("/dev/test-rig-4", str(tmp_path / "by-id")),
+        ("socket://localhost:50251", "socket://127.0.0.1:50251"),
+        ("socket://127.0.0.1:50251", "rfc2217://localhost:50251"),
+    ]:
+        with (
+            rig_held(first, "first"),
+            pytest.raises(RigHeld, match="held by first"),
+            rig_held(second, "second"),
+        ):
+            pass
+    with rig_held("socket://localhost:50251", "one"), rig_held("socket://localhost:50252", "two"):
+        pass
+
+
+@pytest.mark.parametrize("url", ["socket://127.0.0.1:port", "socket://", "spy:///dev/x", ""])
+def test_an_address_that_leads_nowhere_is_for_others_to_refuse(url: str) -> None:
+    with rig_held(url, "first"), pytest.raises(RigHeld), rig_held(url, "second"):
         pass
 
 
 def test_a_dead_holder_holds_nothing() -> None:
     program = (
-        "import os\nfrom runner.holding import held\n"
-        "with held('/dev/test-rig-3', 'dead'): os._exit(1)\n"
+        "import os\nfrom runner.holding import rig_held\n"
+        "with rig_held('/dev/test-rig-3', 'dead'): os._exit(1)\n"
     )
     subprocess.run([sys.executable, "-c", program], check=False)
-    with held("/dev/test-rig-3", "alive"):
+    with rig_held("/dev/test-rig-3", "alive"):
         pass
 
 

@@ -1,8 +1,8 @@
 """How a session is conducted, who is excluded from the analysis, and what data for others say."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from protocol.record import Count, Line, Positive, Record, Share
 
@@ -48,6 +48,15 @@ class Exclusions(Record):
     min_trials: Annotated[
         Count | None, Field(description="a participant with fewer valid trials is left out")
     ] = None
+
+    @model_validator(mode="after")
+    def _some_time_is_left(self) -> Self:
+        fastest, slowest = self.min_reaction_s, self.max_reaction_s
+        if fastest is not None and slowest is not None and fastest >= slowest:
+            raise ValueError(
+                f"min_reaction_s must be less than max_reaction_s = {slowest:g}, got {fastest:g}"
+            )
+        return self
 
 
 class Publication(Record):

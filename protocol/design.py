@@ -21,20 +21,32 @@ class Design(Record):
         Order,
         Field(
             description="`williams`: balanced over the cohort; `blocks`: every block a random "
-            "order of all conditions; `random`: all trials shuffled; `fixed`: as in the file"
+            "order of all conditions; `random`: all trials shuffled, as many to a block as there "
+            "are conditions; `fixed`: as in the file"
         ),
     ] = "williams"
     repeats: Annotated[
         Count, Field(le=20, description="how often a participant gets each condition, per session")
     ] = 1
     max_alike_in_row: Annotated[
-        Count, Field(description="no more trials of one condition than this follow each other")
+        Count,
+        Field(description="no more scored trials of one condition than this follow each other"),
     ] = 2
     practice_trials: Annotated[
-        Whole, Field(le=20, description="before the first block; never analysed")
+        Whole,
+        Field(
+            le=20,
+            description="before the first block, of conditions on the study's own beam, at the "
+            "last of their levels; never analysed",
+        ),
     ] = 0
     catch_trials: Annotated[
-        Whole, Field(le=50, description="trials at 0 V among the others, where nothing changes")
+        Whole,
+        Field(
+            le=50,
+            description="trials at 0 V among the others, where nothing changes: of any condition "
+            "on the one beam that is mounted, also the one just felt",
+        ),
     ] = 0
     catch_apart: Annotated[
         Count, Field(description="at least so many other trials stand between two catch trials")

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from protocol.beams import beams_of, swap_count
-from protocol.programme import segments
+from protocol.programme import on_s
 from protocol.study import Study
 from protocol.touch import Touch
 from protocol.trial import Plan, Trial
@@ -11,11 +11,7 @@ from protocol.trial import Plan, Trial
 
 def touches_s(study: Study, touches: Sequence[Touch]) -> float:
     """Return how long the touches of a trial take, instructions and pauses included, s."""
-    device_s = sum(
-        segment.duration_s
-        for touch in touches
-        for segment in segments(touch, study.touch, study.rig)
-    )
+    device_s = sum(on_s(touch, study.touch, study.rig) for touch in touches)
     timing = study.timing
     return (
         device_s + len(touches) * timing.reading_s + (len(touches) - 1) * timing.between_touches_s

@@ -1,4 +1,7 @@
-"""Wishes of a design that cannot be met, or not together: found by counting, not by trying."""
+"""Wishes of a design that cannot be met, or not whatever the order drawn.
+
+Found by counting, not by trying: what most orders could meet is refused if one could not.
+"""
 
 from collections.abc import Iterator
 
@@ -14,6 +17,7 @@ from protocol.variants import at_level, opposite_expected
 def design_problems(study: Study) -> list[Problem]:
     """Return every wish of the design that cannot be met; none means that every slot has a plan."""
     found = [*_levels(study), *_opposites(study), *_catches(study), *_groups(study)]
+    found += _left_out(study)
     return found or [*_swaps(study), *_runs(study), *_duration(study)]
 
 
@@ -75,6 +79,17 @@ def most_catches(study: Study) -> int:
         if allowed and place - last >= design.catch_apart:
             most, last = most + 1, place
     return most
+
+
+def _left_out(study: Study) -> Iterator[Problem]:
+    design, fewest = study.design, study.exclusions.min_trials
+    planned = design.repeats * len(study.condition) * design.sessions
+    if fewest is not None and fewest > planned:
+        yield _problem(
+            "exclusions.min_trials",
+            f"a participant has {planned} trials, so that everybody would be left out",
+            fewest,
+        )
 
 
 def _groups(study: Study) -> Iterator[Problem]:

@@ -11,7 +11,9 @@ from types import MappingProxyType
 from typing import get_args
 
 from protocol.problem import Path, Problem
+from protocol.questions import ANSWERS
 from protocol.study import Language, Rating, Study, Touch
+from protocol.unprintable import UNWANTED, unprintable
 
 __all__ = [
     "TEXTS",
@@ -140,6 +142,7 @@ def text_problems(study: Study) -> Iterator[Problem]:
         own = study.texts.get(language, {})
         for key in own:
             yield from _override_problems(language, key, own[key], named)
+        yield from _alike_answers(study, language)
 
 
 def instruction_problem(study: Study, where: str, path: Path, touch: Touch) -> Problem | None:
@@ -179,11 +182,33 @@ def _override_problems(
         close = get_close_matches(key, [*known, *named], n=1)
         hint = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(known)}"
         yield Problem(where=where, rule="unknown key", value=repr(key), hint=hint, path=path)
+    elif not text.strip():
+        yield Problem(where=where, rule="a text must not be blank", value=repr(text), path=path)
+    elif unprintable(text):
+        yield Problem(where=where, rule=f"a text {UNWANTED}", value=repr(text), path=path)
     elif _fields(text) != _fields(known.get(key, "")):
         wanted = ", ".join(f"{{{name}}}" for name in _fields(known.get(key, ""))) or "none"
         yield Problem(
             where=where, rule=f"the fields in braces must be {wanted}", value=repr(text), path=path
         )
+
+
+def _alike_answers(study: Study, language: Language) -> Iterator[Problem]:
+    """Answers to one question that a participant could not tell apart."""
+    own, texts = study.texts.get(language, {}), study_texts(study, language)
+    for answers in ANSWERS.values():
+        keys = [f"answer.{answer}" for answer in answers]
+        for key, before in ((key, keys[:place]) for place, key in enumerate(keys)):
+            shown = texts[key].strip().casefold()
+            alike = [other for other in before if texts[other].strip().casefold() == shown]
+            changed = next((name for name in (key, *alike) if name in own), None)
+            if alike and changed:
+                yield Problem(
+                    where=f"texts.{language}.{changed}",
+                    rule="answers to one question must differ",
+                    value=f"{texts[key]!r} for {' and '.join([*alike, key])}",
+                    path=("texts", language, changed),
+                )
 
 
 def _fields(text: str) -> list[str]:

@@ -3,7 +3,7 @@
 import re
 
 _UNPRINTABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
-_IN_WORDS = "must hold no control characters and none that turn the direction of writing"
+UNWANTED = "must hold no control characters and none that turn the direction of writing"
 
 
 def unprintable(text: str) -> bool:
@@ -30,5 +30,5 @@ def require_printable(text: str) -> str:
         ValueError: it holds such characters.
     """
     if unprintable(text):
-        raise ValueError(_IN_WORDS)
+        raise ValueError(UNWANTED)
     return text

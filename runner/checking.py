@@ -1,7 +1,7 @@
 """`touchbeam check`: a study's problems, or the plan that it gives."""
 
 import json
-from collections.abc import Hashable, Iterable, Sequence
+from collections.abc import Hashable, Sequence
 from typing import Any
 
 from device.trial_change import trial_change
@@ -9,8 +9,6 @@ from protocol.cohort_check import cohort_problems
 from protocol.preview import Predict, Preview, preview, preview_record
 from protocol.preview_text import preview_lines
 from protocol.problem import Problem
-from protocol.rating import PAPERS_BANDS
-from protocol.study import Study
 from protocol.study_file import StudyError, located
 from protocol.trial import Trial
 from runner.foretelling import Contrasts
@@ -43,19 +41,10 @@ def checked(
         return _refused(source, error.problems, as_json=as_json)
     size = participants or study.design.participants or 1
     shown = preview(study, size)
-    broken = [*cohort_problems(study, shown.plans), *_misfits(study)]
+    broken = cohort_problems(study, shown.plans)
     if broken:
         return _refused(source, located(folder.text(), broken), as_json=as_json)
     return _text(shown, _predict(shown, contrasts), as_json=as_json), [], True
-
-
-def _misfits(study: Study) -> Iterable[Problem]:
-    """Own words that do not fit their places in the window; the built-in ones do, and are many."""
-    if not study.texts and study.rating.bands in ((), PAPERS_BANDS):
-        return ()
-    from runner.window.fit import fit_problems
-
-    return fit_problems(study)
 
 
 def _text(shown: Preview, predict: Predict, *, as_json: bool) -> str:

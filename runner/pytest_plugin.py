@@ -117,8 +117,15 @@ def virtual_participant(simulated_rig: "Rigged", study: "Study") -> "VirtualPart
 
 
 @pytest.fixture(scope="module")
-def rehearsal(study: "Study", study_text: str, plan: "Plan") -> "Rehearsed":
-    """Return a whole session, run in fake time on the simulated device by a virtual participant."""
+def rehearsal(
+    request: pytest.FixtureRequest, study: "Study", study_text: str, plan: "Plan"
+) -> "Rehearsed":
+    """Return a whole session, run in fake time on the simulated device by a virtual participant.
+
+    A calibration that is kept beside the study is used.
+    """
+    from runner.calibration import kept_calibration
     from runner.rehearsed import rehearsed
 
-    return rehearsed(study_text, plan, study.study.seed)
+    calibration = kept_calibration(Path(str(request.path)).parent)
+    return rehearsed(study_text, plan, study.study.seed, calibration)

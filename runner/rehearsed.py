@@ -4,6 +4,7 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+from device.sweep import Resonance
 from protocol.trial import Plan
 from runner.itself import touchbeam_command
 from runner.journal import open_journal, session_name
@@ -57,13 +58,16 @@ class Rehearsed:
             )
 
 
-def rehearsed(study_text: str, plan: Plan, seed: int = 1) -> Rehearsed:
+def rehearsed(
+    study_text: str, plan: Plan, seed: int = 1, calibration: Resonance | None = None
+) -> Rehearsed:
     """Run a rehearsal of the study in a folder of its own and return what happened.
 
     Args:
         study_text: the study file.
         plan: of the first slot, to compare with.
         seed: of the virtual participant and of the simulated device.
+        calibration: of the rig, where its device measures no vibration.
 
     Raises:
         StudyError: the study cannot be used.
@@ -80,6 +84,7 @@ def rehearsed(study_text: str, plan: Plan, seed: int = 1) -> Rehearsed:
             rehearsal=True,
             consent="rehearsal",
             seed=seed,
+            calibration=calibration,
             touchbeam=touchbeam_command(),
         )
         state = sit(sitting, say=lambda _: None)

@@ -7,6 +7,7 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager, nullco
 from dataclasses import dataclass
 from typing import Literal
 
+from device.sweep import Resonance
 from protocol.errors import BadInput
 from protocol.plan import plan
 from protocol.study import Language, Study
@@ -54,6 +55,7 @@ class Sitting:
     language: Language = "en"
     consent: str | None = None
     seed: int | None = None
+    calibration: Resonance | None = None
     screen: int = 0
     windowed: bool = False
     touchbeam: Sequence[str] = ("touchbeam",)
@@ -83,7 +85,7 @@ def sit(sitting: Sitting, say: Say) -> SessionState:
             stack.enter_context(rig_held(url, f"{name} of {place}"))
         window = stack.enter_context(_window(sitting, study))
         seed = _seed(sitting, study)
-        calibration = kept_calibration(sitting.folder.path)
+        calibration = sitting.calibration or kept_calibration(sitting.folder.path)
         rig = stack.enter_context(rigged(url, study.rig, sitting.touchbeam, seed, calibration))
         clock = _clock(pace, rig)
         journal = stack.enter_context(open_journal(sitting.folder.journal))

@@ -54,6 +54,10 @@ class StudyFolder:
                 f"{self.path}: no study here (study.toml is missing); "
                 f"make one with: touchbeam new {self.path}"
             ) from None
+        except NotADirectoryError:
+            raise BadInput(
+                f"{self.path}: is a file; give the folder that holds study.toml"
+            ) from None
         except (OSError, UnicodeDecodeError) as error:
             raise BadInput(f"{self.study_file}: cannot be read ({error})") from error
 

@@ -76,9 +76,20 @@ def test_opposites_need_a_change_of_touch() -> None:
     assert str(found).startswith("design.opposite_repeats: must be 0 where no condition has an")
 
 
+@pytest.mark.parametrize(
+    ("fewest", "sessions", "refused"), [(6, 1, False), (7, 1, True), (12, 2, False)]
+)
+def test_nobody_has_more_trials_than_are_planned(fewest: int, sessions: int, refused: bool) -> None:
+    document = small_document(3, repeats=2, sessions=sessions)
+    document["exclusions"] = {"min_trials": fewest}
+    found = problems(Study.model_validate(document))
+    told = "exclusions.min_trials: a participant has 6 trials, so that everybody would be left out"
+    assert [str(problem).startswith(told) for problem in found] == [True] * refused
+
+
 def test_a_session_that_is_too_long_is_refused() -> None:
     text = template("extended").replace("max_session_s = 5400", "max_session_s = 1500")
-    with pytest.raises(ValueError, match="a session may take 1602 s, got 1500 s"):
+    with pytest.raises(ValueError, match="a session may take 1571 s, got 1500 s"):
         parsed_study(text)
 
 

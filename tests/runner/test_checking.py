@@ -167,6 +167,32 @@ def test_the_highest_resonance_that_keeps_the_limits_is_told(
     assert (session["state"], session["trials_answered"], session["chain_ok"]) == ("idle", 0, True)
 
 
+def test_a_text_that_does_not_fit_is_told_with_everything_else_and_by_run_as_well(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    long = "[texts.en]\nwelcome = '" + "word " * 400 + "'\n"
+    changed = study(
+        tmp_path, "paper", ("[rating]", f"{long}[rating]"), ("[design]", "[design]\nx = 1")
+    )
+    assert typed("check", changed) == 2
+    told = capsys.readouterr().err
+    assert "unknown key, got 'x'" in told
+    assert "texts.en.welcome: a text must fit its place on the participant's screen" in told
+    file = tmp_path / "study.toml"
+    file.write_text(file.read_text().replace("\nx = 1", ""))
+    assert typed("run", changed, "--participant", "P01", "--ratings", "virtual") == 2
+    assert "a text must fit its place" in capsys.readouterr().err
+    assert not (tmp_path / "study.db").exists()
+
+
+def test_the_study_file_given_for_its_folder_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study(tmp_path)
+    assert typed("check", tmp_path / "study.toml") == 2
+    assert "study.toml: is a file; give the folder that holds study" in capsys.readouterr().err
+
+
 def test_one_of_a_thing_is_not_many(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert typed("check", study(tmp_path), "--participants", "1") == 0
     shown = capsys.readouterr().out

@@ -1,5 +1,6 @@
 """The tests that a new study gets: they pass as it is, and say what is wrong when it is not."""
 
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -7,9 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from device.sweep import Resonance
 from protocol.plan import plan
 from protocol.questions import ANSWERS
 from protocol.study_file import parsed_study, template, template_tests
+from runner.calibration import keep_calibration
 from runner.rehearsed import Rehearsed, rehearsed
 from runner.rigging import Rigged
 from runner.screens import AskChange, Pacing
@@ -100,6 +103,25 @@ def test_a_file_that_cannot_be_read_is_one_clear_line(
     assert "5 errors in" in done.stdout
     for noise in ("Traceback", "During handling", "direct cause", "passed"):
         assert noise not in done.stdout
+
+
+def test_a_study_for_a_generator_is_rehearsed_with_its_calibration(tmp_path: Path) -> None:
+    rig = 'dialect = "keysight"\namplifier_gain = 40\ngenerator_max_vpp = 10'
+    text = PAPER.replace('device = "sim"', f'device = "sim"\n{rig}')
+    assert "keep it as the rig's calibration" in pytest_run(tmp_path, text).stdout
+    measured = Resonance(frequency_hz=24_150.0, tip_m_per_v=1e-8)
+    keep_calibration(tmp_path, measured, "KEYSIGHT", "2026-01-01T00:00:00Z")
+    done = pytest_run(tmp_path, text)
+    assert done.returncode == 0, done.stdout
+
+
+def test_the_examples_of_the_documentation_pass(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "study-tests.md").read_text(encoding="utf-8")
+    examples = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    assert len(examples) == 2
+    (tmp_path / "test_driving.py").write_text(examples[1], encoding="utf-8")
+    done = pytest_run(tmp_path, PAPER)
+    assert "6 passed" in done.stdout
 
 
 def test_the_rehearsal_is_a_whole_session(rehearsal: Rehearsed) -> None:

@@ -24,7 +24,8 @@ def _orders(study: Study, group: Group, slot: int, session: int) -> tuple[tuple[
         repeats=study.design.repeats,
         max_run=study.design.max_alike_in_row,
     )
-    return block_orders(wanted, (study.study.seed, "order", session, *group.members), slot)
+    members = "/".join(map(str, group.members))
+    return block_orders(wanted, (study.study.seed, "order", session, members), slot)
 
 
 def _sections(study: Study, slot: int, session: int) -> list[tuple[int, Group]]:

@@ -3,23 +3,15 @@
 from protocol.beams import beams_of
 from protocol.grouping import practice_pool
 from protocol.shuffles import spaced_places
-from protocol.streams import Stream
+from protocol.streams import Name, Stream
 from protocol.study import Study
 from protocol.variants import opposite_expected
-
-Name = tuple[object, ...]
-
-
-def _stream(name: Name, *more: object) -> Stream:
-    seed, *rest = name
-    assert isinstance(seed, int)
-    return Stream(seed, *rest, *more)
 
 
 def level_draws(study: Study, name: Name) -> list[list[float]]:
     """Return for each condition its levels in random order, one per repeat, equally often."""
     return [
-        _stream(name, number).shuffled(
+        Stream(*name, number).shuffled(
             condition.levels * (study.design.repeats // len(condition.levels))
         )
         for number, condition in enumerate(study.condition)
@@ -33,14 +25,14 @@ def opposite_draws(study: Study, name: Name) -> list[list[bool]]:
     for number, condition in enumerate(study.condition):
         turned = study.design.opposite_repeats if opposite_expected(condition) else 0
         marks = [True] * turned + [False] * (repeats - turned)
-        drawn.append(_stream(name, number).shuffled(marks))
+        drawn.append(Stream(*name, number).shuffled(marks))
     return drawn
 
 
 def practised(study: Study, name: Name) -> list[int]:
     """Return the conditions to practise: all of the pool in turn, in random order."""
     pool, wanted = practice_pool(study), study.design.practice_trials
-    stream = _stream(name)
+    stream = Stream(*name)
     drawn: list[int] = []
     while len(drawn) < wanted:
         drawn += stream.shuffled(pool)
@@ -57,7 +49,7 @@ def catch_places(study: Study, order: list[int], name: Name) -> dict[int, int]:
         return {}
     beams = [beams_of(condition.touches, study.touch.beam) for condition in study.condition]
     allowed = [place for place, number in enumerate(order, start=1) if len(beams[number]) == 1]
-    stream = _stream(name)
+    stream = Stream(*name)
     places = spaced_places(allowed, study.design.catch_trials, study.design.catch_apart, stream)
     return {
         place: stream.one_of(

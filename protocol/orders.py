@@ -5,7 +5,7 @@ from functools import lru_cache
 
 from protocol.design import Order
 from protocol.shuffles import shuffle
-from protocol.streams import Stream
+from protocol.streams import Name, Stream
 from protocol.williams import williams_sequences
 
 Orders = tuple[tuple[int, ...], ...]
@@ -21,7 +21,7 @@ class Blocks:
     max_run: int
 
 
-def block_orders(wanted: Blocks, name: tuple[object, ...], slot: int) -> Orders:
+def block_orders(wanted: Blocks, name: Name, slot: int) -> Orders:
     """Return the order of the conditions, numbered from 0, in each block of one participant.
 
     `williams`: slots are dealt the sequences of a Williams design. Every run of as many slots as
@@ -41,14 +41,8 @@ def block_orders(wanted: Blocks, name: tuple[object, ...], slot: int) -> Orders:
         size = len(_design(wanted.conditions))
         cycle = _williams_cycle(wanted, name, slot // size)
         return tuple(block[slot % size] for block in cycle)
-    stream = Stream(*_seeded(name), "slot", slot)
+    stream = Stream(*name, "slot", slot)
     return _shuffled(wanted, stream) if wanted.order == "random" else _blocks(wanted, stream)
-
-
-def _seeded(name: tuple[object, ...]) -> tuple[int, *tuple[object, ...]]:
-    seed, *rest = name
-    assert isinstance(seed, int)
-    return (seed, *rest)
 
 
 @lru_cache(maxsize=64)
@@ -57,9 +51,9 @@ def _design(conditions: int) -> Orders:
 
 
 @lru_cache(maxsize=256)
-def _williams_cycle(wanted: Blocks, name: tuple[object, ...], cycle: int) -> tuple[Orders, ...]:
+def _williams_cycle(wanted: Blocks, name: Name, cycle: int) -> tuple[Orders, ...]:
     """The orders of as many slots as the design has sequences, block by block."""
-    stream = Stream(*_seeded(name), "cycle", cycle)
+    stream = Stream(*name, "cycle", cycle)
     blocks: list[Orders] = []
     while len(blocks) < wanted.repeats:
         drawn = _relabelled(wanted.conditions, stream)

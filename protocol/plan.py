@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 from protocol.blocks import ordered_conditions
 from protocol.extras import catch_places, level_draws, opposite_draws, practised
+from protocol.streams import Name
 from protocol.study import Condition, Opening, Study
 from protocol.trial import Plan, Trial
 from protocol.variants import at_level, catch_expected, opposite, opposite_expected
@@ -20,7 +21,7 @@ class Session:
     slot: int
     number: int
 
-    def name(self, purpose: str) -> tuple[object, ...]:
+    def name(self, purpose: str) -> Name:
         """Seed and name of the stream for `purpose`."""
         return (self.study.study.seed, purpose, self.number, self.slot)
 

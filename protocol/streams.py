@@ -9,6 +9,8 @@ from hashlib import sha256
 from typing import TypeVar
 
 T = TypeVar("T")
+Name = tuple[int, *tuple[object, ...]]
+"""A seed, and the words that name a stream of its own."""
 
 
 class Stream:

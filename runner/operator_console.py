@@ -64,24 +64,25 @@ class LiveDisplay:
 
 
 def panel_lines(view: View, question: str, typed: str | None) -> list[str]:
-    """Return what stands in the panel; lines are short enough for a narrow terminal."""
+    """Return what stands in the panel, what matters most first: a low terminal cuts the rest."""
     from rich.markup import escape
 
     colour = "green" if view.output() == "off" else "red"
-    lines = [
-        f"{view.session}  {view.kind}  [bold]{view.state}[/]",
-        view.progress(),
-        f"trial: {escape(view.trial)}   next: {escape(view.next_trial)}",
-        f"last answer: {escape(view.last_answer) or '-'}",
-        f"output: [bold {colour}]{view.output()}[/]   watchdog {view.watchdog_s:g} s",
-    ]
-    if view.warning:
-        lines.append(f"[yellow]warning: {escape(view.warning)}[/]")
+    lines = [f"output: [bold {colour}]{view.output()}[/]"]
     if question:
         lines.append(f"[bold]{escape(question)}[/] {escape(typed or '')}")
     elif typed is not None:
         lines.append(f"note: {escape(typed)}")
-    return [*lines, f"[dim]{HELP if typed is None else HELP_TYPING}[/]"]
+    if view.warning:
+        lines.append(f"[yellow]warning: {escape(view.warning)}[/]")
+    return [
+        *lines,
+        f"[dim]{HELP if typed is None else HELP_TYPING}[/]",
+        f"{view.session}  {view.kind}  [bold]{view.state}[/]",
+        view.progress(),
+        f"trial: {escape(view.trial)}   next: {escape(view.next_trial)}",
+        f"last answer: {escape(view.last_answer) or '-'}   watchdog {view.watchdog_s:g} s",
+    ]
 
 
 @dataclass
@@ -148,9 +149,10 @@ class OperatorConsole:
 
     def called(self) -> None:
         """Show that the participant calls, until there is something else to warn of."""
-        self._warn("the participant calls you (Escape)")
+        self.tell("the participant calls you (Escape)")
 
-    def _warn(self, text: str) -> None:
+    def tell(self, text: str) -> None:
+        """Show `text` until there is something else to warn of."""
         if self._view is not None:
             self._view = replace(self._view, warning=text)
             self._redraw()
@@ -159,7 +161,7 @@ class OperatorConsole:
         characters = self.typed(bool(self._question))
         if characters.startswith(OPERATOR_MARK) and characters.endswith("\n"):
             if not self._keys.feed_order(characters.removeprefix(OPERATOR_MARK)):
-                self._warn(f"{characters.strip()!r} is no order; {HELP}")
+                self.tell(f"{characters.strip()!r} is no order; {HELP}")
         elif characters:
             self._keys.feed(characters)
             self._redraw()

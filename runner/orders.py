@@ -39,7 +39,12 @@ def obey(room: Room) -> None:
             raise StoppedByOperator("stopped by the operator")
         case "repeat" if room.log.state.trial is not None:
             raise RepeatTrial
+        case "repeat":
+            room.operator.tell("no trial is running that could be repeated")
         case "pause":
             room.pause_wanted = not room.pause_wanted
+            room.operator.tell(
+                "a pause comes before the next trial" if room.pause_wanted else "no pause"
+            )
         case Note(text=text):
             room.log.append("note", text=text)

@@ -85,6 +85,10 @@ class Operator(Protocol):
         """Show where the session stands."""
         ...
 
+    def tell(self, text: str) -> None:
+        """Show what became of an order."""
+        ...
+
 
 class Clock(Protocol):
     """Time as the session sees it."""

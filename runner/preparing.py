@@ -17,8 +17,7 @@ def prepare(room: Room) -> None:
     study = room.session.study
     identity = room.device.arm()
     room.log.append("device-armed", **asdict(identity))
-    if identity.remarks:
-        show_where_we_are(room, warning="; ".join(identity.remarks))
+    show_where_we_are(room, warning="; ".join(identity.remarks))
     if study.session.operator_asks:
         answers = {question: _told(room, question) for question in study.session.operator_asks}
         room.log.append("rig-described", answers=answers)

@@ -46,12 +46,17 @@ class SessionVerdict:
     def line(self) -> str:
         """One line for a person."""
         chain = "chain whole" if self.chain_ok else "CHAIN BROKEN"
-        line = (
-            f"{'ok  ' if self.ok else 'FAIL'}  {self.participant}/{self.session}  {self.state}  "
-            f"{self.trials_answered} of {self.trials_planned} trials answered, "
-            f"{self.trials_aborted} aborted, {self.duplicates} twice, {chain}"
-        )
+        line = f"{'ok  ' if self.ok else 'FAIL'}  {self._told()}, {chain}"
         return f"{line}; {self.problem}" if self.problem else line
+
+    def _told(self) -> str:
+        if self.participant == STUDY_CHAIN:
+            return f"the study itself  {self.state}  {self.events} events"
+        return (
+            f"{self.participant}/{self.session}  {self.state}  "
+            f"{self.trials_answered} of {self.trials_planned} trials answered, "
+            f"{self.trials_aborted} aborted, {self.duplicates} twice"
+        )
 
     def record(self) -> dict[str, Any]:
         """The same for a program."""

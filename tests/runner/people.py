@@ -127,6 +127,7 @@ class FakeOperator:
     mounts: list[str] = field(default_factory=list)
     asked: list[str] = field(default_factory=list)
     seen: list[View] = field(default_factory=list)
+    told: list[str] = field(default_factory=list)
 
     def mount(self, beam: str) -> None:
         assert not self.device.on, "a beam is swapped with the output off"
@@ -148,6 +149,9 @@ class FakeOperator:
 
     def see(self, view: View) -> None:
         self.seen.append(view)
+
+    def tell(self, text: str) -> None:
+        self.told.append(text)
 
 
 def room(

@@ -195,6 +195,8 @@ def test_a_changed_study_needs_an_amendment(tmp_path: Path) -> None:
         with pytest.raises(BadInput, match="has changed since"):
             require_resumable(journal, session, state, FakeClock().utc())
         assert all(verdict.ok for verdict in verdicts(journal))
+        lines = [verdict.line() for verdict in verdicts(journal)]
+        assert "ok    the study itself  amended  1 events, chain whole" in lines
 
 
 def test_a_session_does_not_go_on_with_other_trials(tmp_path: Path) -> None:

@@ -143,6 +143,23 @@ def test_the_operator_stops_a_session_and_it_goes_on_later(tmp_path: Path) -> No
         assert carried_out(journal, device, FakeParticipant()).state.name == "completed"
 
 
+def test_the_operator_is_told_what_became_of_an_order(tmp_path: Path) -> None:
+    device = FakeDevice()
+    orders: list[tuple[str, Order | Note]] = [
+        ("armed", "repeat"),
+        ("trial", "pause"),
+        ("trial", "pause"),
+    ]
+    operator = FakeOperator(device, orders)
+    with open_journal(tmp_path / "study.db") as journal:
+        run(room(journal, device, FakeParticipant(), TEXT, operator))
+    assert operator.told == [
+        "no trial is running that could be repeated",
+        "a pause comes before the next trial",
+        "no pause",
+    ]
+
+
 def test_a_resumed_session_asks_for_its_beam_again(tmp_path: Path) -> None:
     """Another participant may have been here meanwhile."""
     device = FakeDevice()

@@ -1,5 +1,7 @@
 """The operator's console: keys, lines, and what is shown on wide and narrow terminals."""
 
+import io
+
 import pytest
 
 from device.records import ReadBack
@@ -100,8 +102,8 @@ def test_the_panel_says_what_the_device_really_does() -> None:
 
 def test_the_panel_keeps_markup_that_was_typed_as_text() -> None:
     lines = panel_lines(view(last_answer="[red]x"), "", "[bold]note")
-    assert "\\[red]x" in lines[3]
-    assert "\\[bold]note" in lines[-2]
+    assert "\\[red]x" in lines[-1]
+    assert "\\[bold]note" in lines[1]
 
 
 def test_plain_lines_come_only_when_something_changed() -> None:
@@ -276,6 +278,19 @@ def test_what_is_no_order_is_said_to_be_none() -> None:
 
 
 def test_while_a_line_is_typed_the_panel_says_what_keys_do_then() -> None:
-    assert "Ctrl-E EMERGENCY STOP" in panel_lines(view(), "skin state?", "dr")[-1]
-    assert "r repeat" not in panel_lines(view(), "skin state?", "dr")[-1]
-    assert "r repeat" in panel_lines(view(), "Mount the beam '1 mm'", None)[-1]
+    typing, mounting = panel_lines(view(), "skin state?", "dr"), panel_lines(view(), "Mount", None)
+    assert "Ctrl-E EMERGENCY STOP" in typing[2]
+    assert "r repeat" not in "".join(typing)
+    assert "r repeat" in mounting[2]
+
+
+def test_a_low_and_narrow_terminal_shows_the_output_and_what_is_asked() -> None:
+    from rich.console import Console
+    from rich.panel import Panel
+
+    terminal = Console(width=30, height=16, force_terminal=True, file=io.StringIO())
+    lines = panel_lines(view(warning="no watchdog"), "Mount the beam '1 mm', then Enter.", None)
+    shown = terminal.render_lines(Panel("\n".join(lines)))[:15]
+    text = "".join("".join(part.text for part in line) for line in shown)
+    for needed in ("output: ON", "200 V", "Mount the beam", "EMERGENCY"):
+        assert needed in text

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
-from runner.operator_keys import HELP, HELP_TYPING, OPERATOR_MARK, OperatorKeys
+from runner.operator_keys import HELP, HELP_LINES, HELP_TYPING, OPERATOR_MARK, OperatorKeys
 from runner.orders import Note, Order
 from runner.view import View
 
@@ -161,7 +161,7 @@ class OperatorConsole:
         characters = self.typed(bool(self._question))
         if characters.startswith(OPERATOR_MARK) and characters.endswith("\n"):
             if not self._keys.feed_order(characters.removeprefix(OPERATOR_MARK)):
-                self.tell(f"{characters.strip()!r} is no order; {HELP}")
+                self.tell(f"{characters.strip()!r} is no order; {HELP_LINES}")
         elif characters:
             self._keys.feed(characters)
             self._redraw()

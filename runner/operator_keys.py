@@ -13,6 +13,7 @@ KEYS: dict[str, Order] = {
 }
 HELP = "p pause/go on   r repeat trial   n note   s stop   space or Ctrl-E EMERGENCY STOP"
 HELP_TYPING = "Enter when it is typed   Ctrl-C stop   Ctrl-E EMERGENCY STOP"
+HELP_LINES = ":p pause or go on, :r repeat the trial, :n note, :s stop, :e EMERGENCY STOP"
 _WORDS = {"pause": "p", "stop": "s", "repeat": "r", "emergency stop": "e"}
 
 OPERATOR_MARK = ":"

@@ -274,7 +274,7 @@ def test_what_is_no_order_is_said_to_be_none() -> None:
     console = OperatorConsole(lambda _: next(typed), PlainDisplay(said.append))
     console.see(view())
     assert console.order() is None
-    assert said[-1].startswith("warning: ':resume' is no order; p pause/go on")
+    assert said[-1].startswith("warning: ':resume' is no order; :p pause or go on")
 
 
 def test_while_a_line_is_typed_the_panel_says_what_keys_do_then() -> None:

@@ -1,13 +1,15 @@
 """Sessions of other lengths: as long as they would really be."""
 
 import pytest
+from hypothesis import given, settings
 
 from protocol.alternatives import alternatives
 from protocol.durations import session_s
+from protocol.limits import problems
 from protocol.plan import plan
 from protocol.study import Study
 from protocol.study_file import StudyError, parsed_study, template
-from tests.protocol.studies import small_document
+from tests.protocol.studies import Document, documents, small_document
 
 
 def test_what_a_study_allows_is_told_from_what_it_does_not() -> None:
@@ -33,6 +35,19 @@ def test_breaks_and_beam_swaps_are_those_of_each_session(repeats: int) -> None:
             other = Study.model_validate(document)
             assert option.duration_s == session_s(other, plan(other, 0))
     assert [option.repeats for option in alternatives(study) if option.whole].count(repeats) == 1
+
+
+@settings(max_examples=60, deadline=None)
+@given(documents())
+def test_every_sound_study_has_shorter_or_longer_sessions(document: Document) -> None:
+    study = Study.model_validate(document)
+    if problems(study):
+        return
+    options = {option.repeats: option for option in alternatives(study)}
+    own = options[study.design.repeats]
+    assert own.whole
+    assert own.duration_s == session_s(study, plan(study, 0))
+    assert len(options) > 1
 
 
 def test_whatever_is_wished_for_there_is_a_shorter_and_a_longer_session() -> None:

@@ -22,6 +22,8 @@ from runner.session_state import Event
 SCHEMA_VERSION = 2
 FIRST_HASH = "0" * 64
 LOCK_WAIT_S = 2.0
+_ONE_PAGE = 4096
+"""Without a table in it."""
 
 _SCHEMA = (
     """CREATE TABLE event (
@@ -137,6 +139,7 @@ class Journal:
         with self._explained("written"):
             chained = chain_hash(self._hash_before(session, event.seq), fields)
             self._connection.execute(_APPEND, (*fields, chained, body))
+        self._require_in_place()
         self._last_hashes = {(session, event.seq): chained}
 
     def erase_payloads(self, sessions: Iterable[str]) -> None:
@@ -251,12 +254,40 @@ def chain_hash(previous: str, fields: tuple[object, ...]) -> str:
     return hashlib.sha256(json.dumps([previous, *fields]).encode()).hexdigest()
 
 
-def has_events(path: Path) -> bool:
-    """Return whether there is a journal at `path` that holds anything."""
+@contextmanager
+def journal_if_used(path: Path) -> Iterator[Journal]:
+    """Yield the journal at `path`, made if it is missing; one made for nothing does not stay.
+
+    Whoever has opened it meanwhile is told so at the next event.
+
+    Raises:
+        JournalError: it cannot be opened.
+    """
+    before = path.exists()
+    try:
+        with open_journal(path) as journal:
+            yield journal
+    except BaseException:
+        if not before and path.exists() and unused(path):
+            for name in (f"{path.name}-wal", f"{path.name}-shm", path.name):
+                path.with_name(name).unlink(missing_ok=True)
+        raise
+
+
+def unused(path: Path) -> bool:
+    """Return whether nothing was ever written to the journal at `path`, if there is one.
+
+    A full disk may keep it from being read: then its size tells.
+    """
     if not path.exists():
-        return False
-    with read_journal(path) as journal:
-        return bool(journal.sessions())
+        return True
+    try:
+        with read_journal(path) as journal:
+            return not journal.sessions()
+    except JournalError:
+        log = path.with_name(f"{path.name}-wal")
+        logged = log.stat().st_size if log.exists() else 0
+        return logged == 0 and path.stat().st_size <= _ONE_PAGE
 
 
 def read_journal(path: Path) -> Journal:

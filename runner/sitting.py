@@ -17,7 +17,7 @@ from runner.clock import SteppedClock, WallClock
 from runner.cohort import slot_for, states
 from runner.console import ConsoleParticipant, TypedLines, require_typist
 from runner.holding import rig_held, session_held
-from runner.journal import Journal, JournalError, open_journal, session_name
+from runner.journal import Journal, JournalError, journal_if_used, session_name
 from runner.journal_place import checked_place, mounts_of_this_machine
 from runner.loop import run
 from runner.operator_console import LiveDisplay, OperatorConsole, PlainDisplay
@@ -88,7 +88,7 @@ def sit(sitting: Sitting, say: Say) -> SessionState:
         calibration = sitting.calibration or kept_calibration(sitting.folder.path)
         rig = stack.enter_context(rigged(url, study.rig, sitting.touchbeam, seed, calibration))
         clock = _clock(pace, rig)
-        journal = stack.enter_context(open_journal(sitting.folder.journal))
+        journal = stack.enter_context(journal_if_used(sitting.folder.journal))
         new = name not in journal.sessions()
         session = _session(sitting, study, text, journal, kind, clock)
         log = SessionLog(journal, name, clock)

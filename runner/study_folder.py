@@ -98,9 +98,9 @@ def new_study(folder: StudyFolder, text: str) -> Iterator[StudyFolder]:
         folder.study_file.write_text(text, encoding="utf-8")
         yield folder
     except BaseException:
-        from runner.journal import has_events
+        from runner.journal import unused
 
-        if not has_events(folder.journal):
+        if unused(folder.journal):
             _take_away([topmost] if topmost else folder.path.iterdir())
         raise
 

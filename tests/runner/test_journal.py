@@ -9,7 +9,15 @@ from pathlib import Path
 
 import pytest
 
-from runner.journal import FIRST_HASH, Journal, JournalError, chain_hash, open_journal, read_journal
+from runner.journal import (
+    FIRST_HASH,
+    Journal,
+    JournalError,
+    chain_hash,
+    journal_if_used,
+    open_journal,
+    read_journal,
+)
 from runner.session_state import Event
 from runner.verification import verdicts
 
@@ -193,3 +201,77 @@ def test_a_time_without_its_zone_is_damage(tmp_path: Path) -> None:
         pytest.raises(JournalError, match="event 0 is damaged: its time must say its zone"),
     ):
         journal.events("P01/1")
+
+
+class NoRoomError(Exception):
+    pass
+
+
+def test_a_journal_made_for_nothing_does_not_stay(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "study.db"
+
+    def no_room(_: sqlite3.Connection) -> None:
+        raise sqlite3.OperationalError("database or disk is full")
+
+    with monkeypatch.context() as patched:
+        patched.setattr("runner.journal._ensure_schema", no_room)
+        with pytest.raises(JournalError, match="cannot be opened"), journal_if_used(path):
+            pass
+    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(NoRoomError), journal_if_used(path):
+        raise NoRoomError
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_journal_that_holds_something_or_was_there_stays(tmp_path: Path) -> None:
+    path = tmp_path / "study.db"
+
+    def fails_later() -> None:
+        with journal_if_used(path) as journal:
+            journal.append("P01/1", event(0))
+            raise NoRoomError
+
+    with pytest.raises(NoRoomError):
+        fails_later()
+    with read_journal(path) as journal:
+        assert journal.sessions() == ["P01/1"]
+    empty = tmp_path / "empty.db"
+    open_journal(empty).__exit__(None, None, None)
+    with pytest.raises(NoRoomError), journal_if_used(empty):
+        raise NoRoomError
+    assert empty.exists()
+
+
+def test_who_opened_a_journal_that_does_not_stay_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "study.db"
+    others: list[Journal] = []
+
+    def opened_by_two() -> None:
+        with journal_if_used(path):
+            others.append(open_journal(path))
+            raise NoRoomError
+
+    with pytest.raises(NoRoomError):
+        opened_by_two()
+    (other,) = others
+    with other, pytest.raises(JournalError, match="is not the journal any more"):
+        other.append("P01/1", event(0))
+
+
+def test_an_event_is_kept_only_if_the_file_is_still_there_afterwards(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Somebody may delete it between the look and the write."""
+    path = tmp_path / "study.db"
+    with filled(path) as journal:
+        hash_before = Journal._hash_before
+
+        def deleted_meanwhile(of: Journal, session: str, seq: int) -> str:
+            path.unlink()
+            return hash_before(of, session, seq)
+
+        monkeypatch.setattr(Journal, "_hash_before", deleted_meanwhile)
+        with pytest.raises(JournalError, match="is not the journal any more"):
+            journal.append("P01/1", event(2))

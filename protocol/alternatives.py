@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from protocol.design import MOST_REPEATS
 from protocol.durations import session_s
 from protocol.impossible import design_problems, most_catches
 from protocol.plan import plan
@@ -22,11 +23,13 @@ class Alternative:
 
 
 def alternatives(study: Study) -> Iterator[Alternative]:
-    """Yield sessions of fewer, of as many and of more repeats than the study's, first slot."""
+    """Yield sessions of fewer, of as many and of more repeats than the study's, first slot.
+
+    No more than a study file may ask for.
+    """
     repeats = study.design.repeats
-    for other in sorted(
-        {1, 2, max(1, repeats // 2), repeats, repeats + 1, 2 * repeats, 4 * repeats}
-    ):
+    others = {1, 2, max(1, repeats // 2), repeats, repeats + 1, 2 * repeats, 4 * repeats}
+    for other in sorted(other for other in others if other <= MOST_REPEATS):
         asked = _with(study, repeats=other)
         whole = study.design.opposite_repeats < other and not design_problems(asked)
         planned = asked if whole else _relaxed(asked)

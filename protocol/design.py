@@ -8,6 +8,8 @@ from protocol.record import Count, NotNegative, Positive, Record, Whole
 
 Order = Literal["williams", "blocks", "random", "fixed"]
 Grouping = Literal["no", "block", "session"]
+MOST_REPEATS = 20
+"""Of a condition in a session."""
 Pause = Annotated[NotNegative, Field(le=600)]
 """Within a trial or before it, s: more than 10 minutes are in ms."""
 LongPause = Annotated[NotNegative, Field(le=3_600)]
@@ -26,7 +28,10 @@ class Design(Record):
         ),
     ] = "williams"
     repeats: Annotated[
-        Count, Field(le=20, description="how often a participant gets each condition, per session")
+        Count,
+        Field(
+            le=MOST_REPEATS, description="how often a participant gets each condition, per session"
+        ),
     ] = 1
     max_alike_in_row: Annotated[
         Count,

@@ -9,6 +9,7 @@ from difflib import get_close_matches
 from string import Formatter
 from types import MappingProxyType
 from typing import get_args
+from unicodedata import category, normalize
 
 from protocol.problem import Path, Problem
 from protocol.questions import ANSWERS
@@ -182,8 +183,15 @@ def _override_problems(
         close = get_close_matches(key, [*known, *named], n=1)
         hint = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(known)}"
         yield Problem(where=where, rule="unknown key", value=repr(key), hint=hint, path=path)
-    elif not text.strip():
+    elif not _plain(text):
         yield Problem(where=where, rule="a text must not be blank", value=repr(text), path=path)
+    elif key.startswith("answer.") and (text.strip().isdecimal() or text.strip()[:1] == ":"):
+        yield Problem(
+            where=where,
+            rule="an answer must be no number, for these are typed to choose, nor begin with ':'",
+            value=repr(text),
+            path=path,
+        )
     elif unprintable(text):
         yield Problem(where=where, rule=f"a text {UNWANTED}", value=repr(text), path=path)
     elif _fields(text) != _fields(known.get(key, "")):
@@ -199,8 +207,7 @@ def _alike_answers(study: Study, language: Language) -> Iterator[Problem]:
     for answers in ANSWERS.values():
         keys = [f"answer.{answer}" for answer in answers]
         for key, before in ((key, keys[:place]) for place, key in enumerate(keys)):
-            shown = texts[key].strip().casefold()
-            alike = [other for other in before if texts[other].strip().casefold() == shown]
+            alike = [other for other in before if _plain(texts[other]) == _plain(texts[key])]
             changed = next((name for name in (key, *alike) if name in own), None)
             if alike and changed:
                 yield Problem(
@@ -209,6 +216,12 @@ def _alike_answers(study: Study, language: Language) -> Iterator[Problem]:
                     value=f"{texts[key]!r} for {' and '.join([*alike, key])}",
                     path=("texts", language, changed),
                 )
+
+
+def _plain(text: str) -> str:
+    """What is seen of `text`, in whichever way it is written."""
+    seen = "".join(sign for sign in normalize("NFKC", text) if category(sign) != "Cf")
+    return " ".join(seen.casefold().split())
 
 
 def _fields(text: str) -> list[str]:

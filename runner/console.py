@@ -73,7 +73,7 @@ class TypedLines:
         if line is None:
             self._ended = True
             raise ParticipantGone("the input has ended before the session did")
-        return line.strip()
+        return line.rstrip("\r\n")
 
     def forget(self) -> None:
         """Drop what was typed before it was asked for; lines from a file or pipe all count."""
@@ -128,7 +128,7 @@ class ConsoleParticipant:
         line = self.typed.take()
         if line is None:
             return None
-        answer = self._understood(line)
+        answer = self._understood(line.strip())
         if answer is None:
             return None
         self._screen = None
@@ -143,7 +143,7 @@ class ConsoleParticipant:
             case Instruction(text=text):
                 return [self.texts[text], self.texts["ready"]]
             case Pacing(duration_s=duration_s):
-                return [f"{self.texts['touch.now']} ({duration_s:.0f} s)"]
+                return [f"{self.texts['touch.now']} ({duration_s:.2g} s)"]
             case AskChange(question=question):
                 return [self.texts[f"question.{question}"], *self._choices(ANSWERS[question])]
             case AskScore(rating=rating):
@@ -160,7 +160,8 @@ class ConsoleParticipant:
 
     def _choice(self, line: str, answers: tuple[str, ...]) -> str | None:
         for number, answer in enumerate(answers, start=1):
-            if line.casefold() in {str(number), answer, self.texts[f"answer.{answer}"]}:
+            words = {str(number), answer, self.texts[f"answer.{answer}"].strip()}
+            if line.casefold() in {word.casefold() for word in words}:
                 return answer
         self.say(f"? {line!r}")
         for choice in self._choices(answers):

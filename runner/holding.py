@@ -71,10 +71,10 @@ def _rig(url: str) -> str:
     """What an address leads to: a host and a port by number, a device by its real path."""
     if "://" not in url:
         return os.path.realpath(url)
-    parts = urlsplit(url)
-    if parts.scheme not in _ON_A_NETWORK:
-        return url
     try:
+        parts = urlsplit(url)
+        if parts.scheme not in _ON_A_NETWORK:
+            return url
         known = socket.getaddrinfo(parts.hostname, parts.port, type=socket.SOCK_STREAM)
     except (OSError, ValueError):  # whoever opens it will say what is wrong with it
         return url

@@ -11,7 +11,7 @@ import os
 import sqlite3
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, NoReturn, Self
@@ -79,7 +79,7 @@ class Journal:
     def __init__(self, connection: sqlite3.Connection, path: Path) -> None:
         self._connection = connection
         self._path = path
-        self._file = _file_at(path)
+        self._files = _files_of(path)
         self._last_hashes: dict[tuple[str, int], str] = {}
 
     def __enter__(self) -> Self:
@@ -172,10 +172,11 @@ class Journal:
 
     def _require_in_place(self) -> None:
         """Nothing is kept that is written to a file that is deleted, moved or replaced."""
-        if _file_at(self._path) != self._file:
+        if _files_of(self._path) != self._files:
             raise JournalError(
-                f"{self._path}: is not the journal any more that was opened there (deleted, moved "
-                "or replaced by another); put it back"
+                f"{self._path}: is not the journal any more that was opened there, or its log "
+                f"{_log_of(self._path).name} is not (deleted, moved or replaced by another); put "
+                "both back before anything else"
             )
 
     def _hash_before(self, session: str, seq: int) -> str:
@@ -202,11 +203,25 @@ class DamagedError(Exception):
     """An event that no touchbeam has written."""
 
 
+def _with_zone(when: datetime) -> datetime:
+    """All times are UTC, also where somebody has taken away that it says so."""
+    return when if when.tzinfo else when.replace(tzinfo=UTC)
+
+
 def _no_number(text: str) -> NoReturn:
     raise ValueError(f"{text} is no number")
 
 
 _STORED = json.JSONDecoder(parse_constant=_no_number)
+
+
+def _log_of(path: Path) -> Path:
+    return path.with_name(f"{path.name}-wal")
+
+
+def _files_of(path: Path) -> tuple[tuple[int, int] | None, tuple[int, int] | None]:
+    """What tells the journal and its log from other files: until a session ends, all is in both."""
+    return _file_at(path), _file_at(_log_of(path))
 
 
 def _file_at(path: Path) -> tuple[int, int] | None:
@@ -222,13 +237,11 @@ def _event(row: tuple[Any, ...]) -> Event:
     seq, tag, utc, monotonic_s, body = row
     try:
         payload = {} if body is None else _STORED.decode(body)
-        when = datetime.fromisoformat(utc)
+        when = _with_zone(datetime.fromisoformat(utc))
     except (ValueError, RecursionError) as error:
         raise DamagedError(f"event {seq} is damaged: {error}") from error
     if not isinstance(payload, dict):
         raise DamagedError(f"event {seq} is damaged: its payload must be an object")
-    if when.tzinfo is None:
-        raise DamagedError(f"event {seq} is damaged: its time must say its zone, got {utc}")
     return Event(
         seq=seq,
         tag=tag,
@@ -285,7 +298,7 @@ def unused(path: Path) -> bool:
         with read_journal(path) as journal:
             return not journal.sessions()
     except JournalError:
-        log = path.with_name(f"{path.name}-wal")
+        log = _log_of(path)
         logged = log.stat().st_size if log.exists() else 0
         return logged == 0 and path.stat().st_size <= _ONE_PAGE
 
@@ -324,7 +337,7 @@ def _access(path: Path) -> str:
     """
     if os.access(path, os.W_OK) and os.access(path.parent, os.W_OK):
         return "mode=rw"
-    return "mode=ro" if path.with_name(f"{path.name}-wal").exists() else "immutable=1"
+    return "mode=ro" if _log_of(path).exists() else "immutable=1"
 
 
 def _other_schema(version: int) -> str:
@@ -343,6 +356,11 @@ def open_journal(path: Path) -> Journal:
     Raises:
         JournalError: it cannot be opened, or another version of touchbeam made it.
     """
+    if _log_of(path).exists() and not path.exists():
+        raise JournalError(
+            f"{path}: is missing, and its log {_log_of(path).name} is there, which holds what was "
+            "recorded last; put the journal back beside it"
+        )
     try:
         os.close(os.open(path, os.O_CREAT | os.O_RDWR, 0o600))
         connection = sqlite3.connect(path, timeout=LOCK_WAIT_S, isolation_level=None)

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 from device.errors import OutputUnknown
+from protocol.errors import BadInput
 from protocol.trial import Trial
 from runner.abandoned import close_abandoned, leave_trial
 from runner.asking import answers
@@ -86,7 +87,8 @@ def _to_the_end(part: Callable[[Room], None], room: Room) -> None:
         except BaseException as error:
             _turn_off(room, str(error) or type(error).__name__)
             error.add_note(_OFF)
-            error.add_note(_GOES_ON)
+            if not isinstance(error, BadInput):  # which would end it again
+                error.add_note(_GOES_ON)
             raise
         _turn_off(room, "end of session")
         room.log.append("session-completed")

@@ -91,13 +91,15 @@ class OperatorConsole:
 
     `typed` returns the characters typed since its last call; it is told whether something was
     asked. `forget` drops what was typed before a question and can be no answer to it. `swap` mounts
-    a simulated beam. Where nobody is there (`alone`), what is asked is answered with nothing.
+    a simulated beam. Where lines come from a file or a program (`piped`), any of them confirms a
+    beam. Where nobody is there (`alone`), what is asked is answered with nothing.
     """
 
     typed: Callable[[bool], str]
     display: Display
     swap: Callable[[str], None] = lambda _: None
     forget: Callable[[], None] = lambda: None
+    piped: bool = False
     alone: bool = False
     _keys: OperatorKeys = field(default_factory=OperatorKeys, init=False)
     _view: View | None = field(default=None, init=False)
@@ -135,7 +137,7 @@ class OperatorConsole:
         """Ask for a beam; the output is off."""
         self.swap(beam)
         text = f"The output is off. Mount the beam '{beam}', then press Enter."
-        self._ask(text, self._keys.expect_confirmation)
+        self._ask(text, lambda: self._keys.expect_confirmation(any_line=self.piped))
 
     def order(self) -> Order | Note | None:
         """Return the next order."""

@@ -14,7 +14,7 @@ KEYS: dict[str, Order] = {
 HELP = "p pause/go on   r repeat trial   n note   s stop   space or Ctrl-E EMERGENCY STOP"
 HELP_TYPING = "Enter when it is typed   Ctrl-C stop   Ctrl-E EMERGENCY STOP"
 HELP_LINES = ":p pause or go on, :r repeat the trial, :n note, :s stop, :e EMERGENCY STOP"
-_WORDS = {"pause": "p", "stop": "s", "repeat": "r", "emergency stop": "e"}
+_WORDS = {"pause": "p", "stop": "s", "repeat": "r", "note": "n"}
 
 OPERATOR_MARK = ":"
 """A line typed at the participant's terminal that begins with it is the operator's."""
@@ -23,6 +23,15 @@ _ENTER = "\r\n"
 _BACKSPACE = "\x7f\b"
 _ESCAPE = "\x1b"
 _CTRL_E = "\x05"
+
+
+def _key_of(line: str) -> str | None:
+    """The key that a whole line means; in doubt, an emergency stop is one."""
+    word = line.strip().lower()
+    if _CTRL_E in line or word.startswith("e") or (line.strip(_ENTER) and not word):
+        return _CTRL_E
+    key = _WORDS.get(word, word)
+    return key if key in KEYS or key == "n" else None
 
 
 class OperatorKeys:
@@ -39,7 +48,7 @@ class OperatorKeys:
         self._line = ""
         self._noting = False
         self._asked = False
-        self._confirming = False
+        self._confirming = self._any_line = False
 
     @property
     def line(self) -> str | None:
@@ -51,9 +60,9 @@ class OperatorKeys:
         self._asked = True
         self._answers.clear()
 
-    def expect_confirmation(self) -> None:
-        """Take Enter as an answer; all other keys stay what they are."""
-        self._confirming = True
+    def expect_confirmation(self, *, any_line: bool = False) -> None:
+        """Take Enter as an answer, or any line that is no order; other keys stay what they are."""
+        self._confirming, self._any_line = True, any_line
         self._answers.clear()
 
     def expect_nothing(self) -> None:
@@ -78,17 +87,19 @@ class OperatorKeys:
                 self._orders.append(KEYS[character])
 
     def _confirm(self, characters: str) -> str:
-        """Look for the confirmation in what was typed; return what else it is.
+        """Look for the confirmation in what was typed; return the keys that are orders.
 
-        A whole line that is one of the keys is that order, and confirms nothing.
+        A whole line is looked at as a line: one that is an order is that order and confirms
+        nothing, and but for `any_line` only an empty one confirms.
         """
-        typed = characters.strip(_ENTER)
-        if _CTRL_E in typed:
-            return _CTRL_E
-        if typed == characters or typed in {*KEYS, "n"}:
-            return typed
-        self._answers.append("")
-        self._confirming = False
+        line = characters.strip(_ENTER)
+        if line == characters:
+            return characters
+        if (key := _key_of(line)) is not None:
+            return key
+        if not line or self._any_line:
+            self._answers.append("")
+            self._confirming = False
         return ""
 
     def feed_order(self, line: str) -> bool:
@@ -98,14 +109,11 @@ class OperatorKeys:
         only an empty line with a space in it means what the space alone means. Returns whether it
         is an order.
         """
-        order = line.strip() or line.rstrip(_ENTER)[:1]
-        key = _WORDS.get(order, order)
+        order = line.strip()
         if order.startswith("n"):
             self._note(order.removeprefix("note").removeprefix("n"))
-        elif key in KEYS:
-            self._orders.append(KEYS[key])
-        elif order.startswith(_CTRL_E):
-            self._orders.append("emergency stop")
+        elif (key := _key_of(line)) is not None:
+            self._orders.append("emergency stop" if key == _CTRL_E else KEYS[key])
         else:
             return False
         return True

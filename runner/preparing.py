@@ -46,10 +46,12 @@ def _require_within_limits(room: Room, resonance_hz: float) -> None:
 
 def mount(room: Room, beam: str | None) -> None:
     """Have the operator swap beams, with the output off, unless the beam is there already."""
-    if beam is None or beam == room.log.state.beam:
+    if beam is None or (beam == room.log.state.beam and not room.beam_in_doubt):
         return
+    room.beam_in_doubt = True
     room.operator.mount(beam)
     operator_answer(room)
+    room.beam_in_doubt = False
     room.log.append("beam-mounted", beam=beam)
 
 

@@ -12,7 +12,8 @@ class Room:
     """Who and what is in the room.
 
     `opened_now` tells a new session from one that is taken up again; `resonance_hz` is known once
-    it was measured.
+    it was measured. `beam_in_doubt` says that the operator was asked for a beam and did not
+    confirm it.
     """
 
     session: Session
@@ -24,3 +25,4 @@ class Room:
     opened_now: bool
     resonance_hz: float = field(default=0.0, init=False)
     pause_wanted: bool = field(default=False, init=False)
+    beam_in_doubt: bool = field(default=False, init=False)

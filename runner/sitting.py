@@ -234,7 +234,7 @@ def _people(
         return
     if window is not None:
         with _typing_or_keys(say) as (typed, display):
-            operator = OperatorConsole(typed, display, swap)
+            operator = OperatorConsole(typed, display, swap, piped=not _at_a_terminal())
             window.call_operator = operator.called
             yield window, operator
         return
@@ -242,7 +242,12 @@ def _people(
     texts = study_texts(session.study, session.language)
     participant = ConsoleParticipant(lines, say, session.language, texts)
     display = PlainDisplay(say)
-    yield participant, OperatorConsole(lines.operator_typed, display, swap, lines.forget)
+    yield (
+        participant,
+        OperatorConsole(
+            lines.operator_typed, display, swap, lines.forget, piped=not sys.stdin.isatty()
+        ),
+    )
 
 
 @contextmanager

@@ -22,5 +22,5 @@ def print_table(title: str, lines: Sequence[Sequence[str]]) -> None:
     for row in rows:
         table.add_row(*(escape(cell) for cell in row))
     # A pipe has no width to fit into; rich heeds one only with a height, where TERM is dumb.
-    console = Console() if sys.stdout.isatty() else Console(width=WIDE, height=1)
+    console = Console() if sys.stdout and sys.stdout.isatty() else Console(width=WIDE, height=1)
     console.print(table)

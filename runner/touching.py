@@ -11,12 +11,14 @@ from runner.pacing import pacing
 from runner.preparing import mount
 from runner.room import Room
 from runner.screens import Instruction, Notice, Response
-from runner.waiting import pass_time, response
+from runner.waiting import TICK_S, pass_time, response
 from runner.watching import show_where_we_are
 
 SAMPLE_EVERY_S = 0.2
 SWEEP_STEP_S = 0.1
-LEAST_SWEEP_STEPS = 10
+SWEEP_STEPS = 10
+"""Of a sweep that is shorter than 1 s, as far as `FASTEST_STEP_S` allows."""
+FASTEST_STEP_S = 0.02
 
 
 def touch(room: Room, number: int, to_make: Touch) -> dict[str, Any]:
@@ -58,9 +60,9 @@ class _Stimulus:
         self._touch = to_make
         self._read_back: list[dict[str, Any]] = []
         self._next_sample_s = 0.0
-        self._next_step_s = 0.0
         self.samples: list[Sample] = []
         self.pacing = pacing(to_make, room.session.study.touch)
+        self._next_step_s = self._step_s
 
     def deliver(self, start: Setpoint) -> None:
         """Soft start, the touch itself with its ramp and sweep; the output stays on."""
@@ -72,7 +74,7 @@ class _Stimulus:
         if self._ramps:
             self._move_on(0.0)
         self._began_s = room.clock.monotonic_s()
-        pass_time(room, self.pacing.duration_s, self._meanwhile)
+        pass_time(room, self.pacing.duration_s, self._meanwhile, min(TICK_S, self._step_s))
         if to_make.sweep_to is not None:
             self._move_on(1.0)
         self._look()
@@ -94,6 +96,10 @@ class _Stimulus:
         return read_back
 
     @property
+    def _step_s(self) -> float:
+        return min(SWEEP_STEP_S, max(self.pacing.duration_s / SWEEP_STEPS, FASTEST_STEP_S))
+
+    @property
     def _ramps(self) -> bool:
         return self._touch.end_voltage_v != self._touch.voltage_v
 
@@ -105,7 +111,7 @@ class _Stimulus:
             self._next_sample_s += SAMPLE_EVERY_S
             self._sampled(keep=sweeps or self._ramps)
         if sweeps and passed_s >= self._next_step_s:
-            self._next_step_s += min(SWEEP_STEP_S, self.pacing.duration_s / LEAST_SWEEP_STEPS)
+            self._next_step_s += self._step_s
             self._move_on(min(passed_s / self.pacing.duration_s, 1.0))
 
     def _move_on(self, share: float) -> None:

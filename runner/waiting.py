@@ -42,13 +42,18 @@ def operator_answer(room: Room) -> str:
         raise
 
 
-def pass_time(room: Room, seconds: float, meanwhile: Callable[[], None] = lambda: None) -> None:
-    """Let `seconds` pass; the participant goes on touching, `meanwhile` is called every tick."""
+def pass_time(
+    room: Room,
+    seconds: float,
+    meanwhile: Callable[[], None] = lambda: None,
+    every_s: float = TICK_S,
+) -> None:
+    """Let `seconds` pass; the participant goes on touching, `meanwhile` is called `every_s`."""
     end_s = room.clock.monotonic_s() + seconds
     while (left_s := end_s - room.clock.monotonic_s()) > 1e-9:
         room.participant.poll()
         meanwhile()
-        tick(room, min(TICK_S, left_s))
+        tick(room, min(every_s, left_s))
     room.participant.poll()
 
 

@@ -118,7 +118,8 @@ class Keysight(Driver):
     def drive(self, setpoint: Setpoint) -> ReadBack:
         """Set `setpoint`, switch the output on, and return what the device says of it.
 
-        The amplitude starts at the smallest and moves on with `carry_on`.
+        The amplitude starts at the smallest and moves on with `carry_on`. Where it is on its way
+        there already, as fast, it goes on as it was.
         """
         self._checked(setpoint)
         if setpoint.voltage_v == 0 and self.driven is None:
@@ -130,12 +131,11 @@ class Keysight(Driver):
             self._set_amplitude(self._least_v)
             self.send(f"{self._output} ON")
         self.driven = setpoint
-        self._ramp = Ramp(
-            from_v=self._amplitude_v,
-            to_v=max(setpoint.voltage_v, self._least_v),
-            begin_s=self.monotonic(),
-            v_per_s=setpoint.ramp_v_per_s,
-        )
+        to_v, v_per_s = max(setpoint.voltage_v, self._least_v), setpoint.ramp_v_per_s
+        if self._ramp is None or (self._ramp.to_v, self._ramp.v_per_s) != (to_v, v_per_s):
+            self._ramp = Ramp(
+                from_v=self._amplitude_v, to_v=to_v, begin_s=self.monotonic(), v_per_s=v_per_s
+            )
         read_back = self.read_back()
         if not read_back.output:
             raise DeviceError("the generator's output is off, and was to be on")

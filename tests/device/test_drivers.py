@@ -14,13 +14,14 @@ from device.drivers.board import Board
 from device.drivers.keysight import Keysight, Ramp
 from device.errors import AddressError, ForeignDevice, LimitExceeded
 from device.link import Link
-from device.records import Limits, Setpoint, Sweep
+from device.records import Limits, ReadBack, Setpoint, Sweep
 from device.simulator.hand import Hand
 from device.simulator.process import simulator_process
 from protocol.rig import Dialect
 from tests.device.rigs import DRIVE, LIMITS, TOUCHBEAM, opened, until
 from tests.device.scripted import ScriptedPort, ticking
 
+ON = ReadBack(output=True, voltage_v=0.0, frequency_hz=1000.0)
 NEW_DIALECT = """
 import re
 from device.drivers.board import Board
@@ -151,6 +152,25 @@ def test_0_v_of_a_generator_is_off_and_too_little_is_refused() -> None:
     with pytest.raises(LimitExceeded, match=r"0 or at least the generator's 0.02, got 0.01"):
         generator.drive(Setpoint(voltage_v=0.01, frequency_hz=1000, ramp_v_per_s=100))
     assert not any(b"ON" in line for line in port.sent)
+
+
+def test_a_generators_ramp_goes_on_while_its_frequency_is_stepped(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    generator = Keysight(Link(ScriptedPort({}), monotonic=ticking()), LIMITS)
+    now_s = 0.0
+    for name in ("_as_set_up", "set_word", "set_number", "send"):
+        monkeypatch.setattr(generator, name, lambda *_: None)
+    monkeypatch.setattr(generator, "read_back", lambda: replace(ON, frequency_hz=1000.0))
+    monkeypatch.setattr(generator, "monotonic", lambda: now_s)
+    generator._least_v = 0.0
+    for step in range(21):
+        now_s = 0.1 * step
+        if step % 2:
+            generator.carry_on()
+        generator.drive(Setpoint(voltage_v=100, frequency_hz=1000 + step, ramp_v_per_s=50))
+    generator.carry_on()
+    assert generator._amplitude_v == pytest.approx(100)
 
 
 @pytest.mark.parametrize("dialect", ["board", "keysight", "keysight-33220A"])

@@ -50,6 +50,12 @@ def test_every_sound_study_has_shorter_or_longer_sessions(document: Document) ->
     assert len(options) > 1
 
 
+@pytest.mark.parametrize("order", ["random", "blocks"])
+def test_no_more_is_planned_than_a_study_may_ask_for(order: str) -> None:
+    study = Study.model_validate(small_document(2, repeats=12, order=order))
+    assert [option.repeats for option in alternatives(study)] == [1, 2, 6, 12, 13]
+
+
 def test_whatever_is_wished_for_there_is_a_shorter_and_a_longer_session() -> None:
     text = template("extended").replace("catch_trials = 4", "catch_trials = 6")
     options = list(alternatives(parsed_study(text)))

@@ -192,7 +192,7 @@ def test_a_journal_that_is_deleted_meanwhile_ends_the_session(
     assert typed(*RUN, "virtual") == 1
     said = capsys.readouterr()
     assert_matches(
-        r"study\.db: is not the journal any more .*put it back; output off, read", said.err
+        r"study\.db: is not the journal any more .*before anything else; output off, read", said.err
     )
     assert "complete" not in said.out
 

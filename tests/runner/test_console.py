@@ -42,6 +42,13 @@ def test_a_change_is_given_by_number_or_word(typed: str) -> None:
     assert Terminal(f"{typed}\n").answer(AskChange(question="roughness")).answer == "smoother"
 
 
+@pytest.mark.parametrize("typed", ["Glatter", "glatter", " GLATTER "])
+def test_a_studys_own_word_is_understood_in_any_case(typed: str) -> None:
+    terminal = Terminal(f"{typed}\n")
+    terminal.participant.texts = {**TEXTS["en"], "answer.smoother": "Glatter"}
+    assert terminal.answer(AskChange(question="roughness")).answer == "smoother"
+
+
 def test_chinese_words_are_understood() -> None:
     terminal = Terminal("没有互换\n", language="zh")
     assert terminal.answer(AskChange(question="places")).answer == "not swapped"

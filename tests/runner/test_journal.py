@@ -151,7 +151,7 @@ def test_two_processes_may_make_it_at_once(tmp_path: Path) -> None:
     assert [process.communicate()[1] for process in both] == [b"", b""]
 
 
-@pytest.mark.parametrize("what", ["deleted", "replaced", "moved with its folder"])
+@pytest.mark.parametrize("what", ["deleted", "replaced", "log deleted", "moved with its folder"])
 def test_nothing_is_kept_in_a_file_that_nobody_will_find(tmp_path: Path, what: str) -> None:
     folder = tmp_path / "study"
     folder.mkdir()
@@ -159,6 +159,8 @@ def test_nothing_is_kept_in_a_file_that_nobody_will_find(tmp_path: Path, what: s
     with filled(path) as journal:
         if what == "deleted":
             path.unlink()
+        elif what == "log deleted":
+            (folder / "study.db-wal").unlink()
         elif what == "replaced":
             path.rename(folder / "old.db")
             path.write_bytes((folder / "old.db").read_bytes())
@@ -166,7 +168,7 @@ def test_nothing_is_kept_in_a_file_that_nobody_will_find(tmp_path: Path, what: s
             folder.rename(tmp_path / "elsewhere")
         with pytest.raises(JournalError, match=r"study\.db: is not the journal any more"):
             journal.append("P01/1", event(2))
-        with pytest.raises(JournalError, match="put it back"):
+        with pytest.raises(JournalError, match="put both back"):
             journal.checkpoint()
         if what == "moved with its folder":
             (tmp_path / "elsewhere").rename(folder)
@@ -190,17 +192,30 @@ def test_a_damaged_payload_is_one_session_s_own(tmp_path: Path, payload: str) ->
     assert (second.participant, second.chain_ok) == ("P02", True)
 
 
-def test_a_time_without_its_zone_is_damage(tmp_path: Path) -> None:
+def test_a_time_without_its_zone_is_utc_as_all_are(tmp_path: Path) -> None:
     path = tmp_path / "study.db"
     filled(path).__exit__(None, None, None)
     with closing(sqlite3.connect(path)) as other, other:
         other.execute("DROP TRIGGER event_is_erased_at_most")
         other.execute("UPDATE event SET utc = '2026-01-01T12:00:00' WHERE session = 'P01/1'")
-    with (
-        open_journal(path) as journal,
-        pytest.raises(JournalError, match="event 0 is damaged: its time must say its zone"),
-    ):
-        journal.events("P01/1")
+    with open_journal(path) as journal:
+        assert journal.events("P01/1")[0].utc == NOON
+        assert [verdict.chain_ok for verdict in verdicts(journal)] == [True, True]
+
+
+def test_a_journal_whose_log_alone_is_there_is_not_begun_anew(tmp_path: Path) -> None:
+    """SQLite would throw the log away, and with it all that was recorded since the last end."""
+    path, moved = tmp_path / "study.db", tmp_path / "moved.db"
+    journal = filled(path)
+    path.rename(moved)
+    held = (tmp_path / "study.db-wal").read_bytes()
+    with pytest.raises(JournalError, match=r"is missing, and its log study\.db-wal is there"):
+        open_journal(path)
+    assert (tmp_path / "study.db-wal").read_bytes() == held
+    assert not path.exists()
+    moved.rename(path)
+    with journal, read_journal(path) as again:
+        assert again.sessions() == ["P01/1", "P02/1"]
 
 
 class NoRoomError(Exception):

@@ -191,6 +191,7 @@ def test_an_order_takes_back_what_was_asked(tmp_path: Path, order: Order) -> Non
         if order == "repeat":
             run(made)
             assert made.log.state.answered == set(range(7))
+            assert operator.mounts[:3] == ["1 mm", "no bodies", "no bodies"], "not sure any more"
         else:
             with pytest.raises(StoppedByOperator):
                 run(made)

@@ -167,6 +167,11 @@ def test_an_order_never_answers_what_was_asked(line: str, order: str) -> None:
         ("\n", None),
         ("x\n", None),
         ("resume\n", None),
+        ("ee\n", "emergency stop"),
+        ("E\n", "emergency stop"),
+        ("e!\n", "emergency stop"),
+        ("estop\n", "emergency stop"),
+        ("EMERGENCY STOP\n", "emergency stop"),
         ("skip\n", None),
         ("repeat\n", "repeat"),
     ],
@@ -189,13 +194,21 @@ def test_the_search_for_the_resonance_is_shown_as_on() -> None:
     assert view(device=None, searching=True).output().startswith("ON")
 
 
-@pytest.mark.parametrize("enter", ["\n", "\r", "yes\n", "1\n"])
+@pytest.mark.parametrize("enter", ["\n", "\r"])
 def test_enter_confirms_a_beam(enter: str) -> None:
     keys = OperatorKeys()
     keys.expect_confirmation()
     keys.feed(enter)
-    assert keys.answer() == ""
-    assert keys.order() is None
+    assert (keys.answer(), keys.order()) == ("", None)
+
+
+@pytest.mark.parametrize("line", ["yes\n", "1\n", "mounted\r"])
+def test_a_line_confirms_a_beam_only_where_no_one_types(line: str) -> None:
+    for any_line, answer in ((False, None), (True, "")):
+        keys = OperatorKeys()
+        keys.expect_confirmation(any_line=any_line)
+        keys.feed(line)
+        assert (keys.answer(), keys.order()) == (answer, None)
 
 
 @pytest.mark.parametrize(
@@ -207,15 +220,23 @@ def test_enter_confirms_a_beam(enter: str) -> None:
         ("r\n", "repeat"),
         (" ", "emergency stop"),
         (" \n", "emergency stop"),
+        ("  \n", "emergency stop"),
+        ("  ", "emergency stop"),
+        ("ee\n", "emergency stop"),
+        ("EMERGENCY\n", "emergency stop"),
         ("mounted\x05\n", "emergency stop"),
+        ("stop\n", "stop"),
+        ("pause\n", "pause"),
         ("x", None),
+        ("x \n", None),
     ],
 )
 def test_an_order_confirms_no_beam(typed: str, order: object) -> None:
     keys = OperatorKeys()
     keys.expect_confirmation()
     keys.feed(typed)
-    assert (keys.order(), keys.answer()) == (order, None)
+    ordered = keys.order()
+    assert (ordered, keys.answer()) == (order, None)
     keys.feed("\n")
     assert keys.answer() == ""
 

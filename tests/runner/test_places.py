@@ -79,7 +79,9 @@ def test_a_rig_is_held_by_whatever_address_one_comes_to_it(tmp_path: Path) -> No
         pass
 
 
-@pytest.mark.parametrize("url", ["socket://127.0.0.1:port", "socket://", "spy:///dev/x", ""])
+@pytest.mark.parametrize(
+    "url", ["socket://127.0.0.1:port", "socket://", "socket://[bad:5025", "spy:///dev/x", ""]
+)
 def test_an_address_that_leads_nowhere_is_for_others_to_refuse(url: str) -> None:
     with rig_held(url, "first"), pytest.raises(RigHeld), rig_held(url, "second"):
         pass

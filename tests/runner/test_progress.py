@@ -1,5 +1,7 @@
 """Progress and tables: shown to a terminal, and to nothing that only looks like one."""
 
+import sys
+
 import pytest
 
 from runner.progress import progress
@@ -26,3 +28,11 @@ def test_a_pipe_gets_every_row_whole(capsys: pytest.CaptureFixture[str]) -> None
     print_table("Table 4", [header, ["P01", *"123456789"], ["mean", *"123456789"]])
     lines = capsys.readouterr().out.splitlines()
     assert any(all(name in line for name in header) for line in lines)
+
+
+def test_a_closed_output_gets_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    for stream in ("stdout", "stderr"):
+        monkeypatch.setattr(sys, stream, None)
+    print_table("Table 4", [["participant"], ["P01"], ["mean"]])
+    with progress("participants", 1) as step:
+        step()

@@ -10,7 +10,7 @@ import json
 import os
 import sqlite3
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
@@ -79,7 +79,8 @@ class Journal:
     def __init__(self, connection: sqlite3.Connection, path: Path) -> None:
         self._connection = connection
         self._path = path
-        self._files = _files_of(path)
+        self._places = (str(path), str(_log_of(path)))
+        self._files = _files_at(self._places)
         self._last_hashes: dict[tuple[str, int], str] = {}
 
     def __enter__(self) -> Self:
@@ -139,7 +140,8 @@ class Journal:
         with self._explained("written"):
             chained = chain_hash(self._hash_before(session, event.seq), fields)
             self._connection.execute(_APPEND, (*fields, chained, body))
-        self._require_in_place()
+        if event.seq == 0:  # an unused journal may be taken away: see journal_if_used
+            self._require_in_place()
         self._last_hashes = {(session, event.seq): chained}
 
     def erase_payloads(self, sessions: Iterable[str]) -> None:
@@ -172,7 +174,7 @@ class Journal:
 
     def _require_in_place(self) -> None:
         """Nothing is kept that is written to a file that is deleted, moved or replaced."""
-        if _files_of(self._path) != self._files:
+        if _files_at(self._places) != self._files:
             raise JournalError(
                 f"{self._path}: is not the journal any more that was opened there, or its log "
                 f"{_log_of(self._path).name} is not (deleted, moved or replaced by another); put "
@@ -219,18 +221,14 @@ def _log_of(path: Path) -> Path:
     return path.with_name(f"{path.name}-wal")
 
 
-def _files_of(path: Path) -> tuple[tuple[int, int] | None, tuple[int, int] | None]:
+def _files_at(places: Iterable[str]) -> list[tuple[int, int]]:
     """What tells the journal and its log from other files: until a session ends, all is in both."""
-    return _file_at(path), _file_at(_log_of(path))
-
-
-def _file_at(path: Path) -> tuple[int, int] | None:
-    """What tells the file at `path` from another one there, None if there is none."""
-    try:
-        found = path.stat()
-    except OSError:
-        return None
-    return found.st_dev, found.st_ino
+    files = []
+    for place in places:
+        with suppress(OSError):
+            found = os.stat(place)  # noqa: PTH116 - a path would take as long again
+            files.append((found.st_dev, found.st_ino))
+    return files
 
 
 def _event(row: tuple[Any, ...]) -> Event:

@@ -275,10 +275,10 @@ def test_who_opened_a_journal_that_does_not_stay_is_told(tmp_path: Path) -> None
         other.append("P01/1", event(0))
 
 
-def test_an_event_is_kept_only_if_the_file_is_still_there_afterwards(
+def test_a_first_event_is_kept_only_if_the_file_is_still_there_afterwards(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Somebody may delete it between the look and the write."""
+    """Somebody may take an unused journal away between the look and the write."""
     path = tmp_path / "study.db"
     with filled(path) as journal:
         hash_before = Journal._hash_before
@@ -289,4 +289,4 @@ def test_an_event_is_kept_only_if_the_file_is_still_there_afterwards(
 
         monkeypatch.setattr(Journal, "_hash_before", deleted_meanwhile)
         with pytest.raises(JournalError, match="is not the journal any more"):
-            journal.append("P01/1", event(2))
+            journal.append("P03/1", event(0))

@@ -1,26 +1,31 @@
 """The journal: a study's events in one SQLite file, appended one by one and chained by hashes.
 
-The one module that imports sqlite3. Each session has a chain of its own. The chain hashes digests
-of the payloads, not the payloads: what a participant gave can be erased and the chain still
-verifies. docs/journal.md describes the file.
+The one module that imports sqlite3; `runner.stored_events` says how an event is stored.
+docs/journal.md describes the file.
 """
 
 import hashlib
-import json
 import os
 import sqlite3
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
-from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NamedTuple, NoReturn, Self
+from typing import Self
 
 from protocol.errors import WorkFailed
 from runner.session_state import Event
+from runner.stored_events import (
+    FIRST_HASH,
+    ChainLink,
+    DamagedError,
+    chain_hash,
+    event_fields,
+    payload_text,
+    stored_event,
+)
 
 SCHEMA_VERSION = 2
-FIRST_HASH = "0" * 64
 LOCK_WAIT_S = 2.0
 _ONE_PAGE = 4096
 """Without a table in it."""
@@ -56,17 +61,6 @@ _EVENT = "SELECT seq, tag, utc, monotonic_s, payload"
 _CHAIN = f"{_EVENT}, payload_sha256, hash FROM event WHERE session = ? ORDER BY seq"
 _SESSIONS = "SELECT session FROM event GROUP BY session ORDER BY min(rowid)"
 _TAGGED = f"{_EVENT} FROM event WHERE tag"
-
-_PAYLOAD = json.JSONEncoder(ensure_ascii=False, sort_keys=True, allow_nan=False)
-
-
-class ChainLink(NamedTuple):
-    """An event, its payload as it is stored (None: erased), and what ties it to the others."""
-
-    event: Event
-    payload: str | None
-    payload_sha256: str
-    hash: str
 
 
 class JournalError(WorkFailed):
@@ -109,13 +103,13 @@ class Journal:
         names = ", ".join("?" * len(tags))
         with self._explained("read"):
             rows = self._connection.execute(f"{_TAGGED} IN ({names}) ORDER BY rowid", tags)
-            return [_event(row) for row in rows]
+            return [stored_event(row) for row in rows]
 
     def chain(self, session: str) -> Iterator[ChainLink]:
         """Yield the events of `session` with what ties them together."""
         with self._explained("read"):
             for row in self._connection.execute(_CHAIN, (session,)):
-                yield ChainLink(_event(row[:5]), *row[4:])
+                yield ChainLink(stored_event(row[:5]), *row[4:])
 
     @contextmanager
     def alone(self) -> Iterator[None]:
@@ -201,22 +195,6 @@ class Journal:
             raise JournalError(f"{self._path}: cannot be {what} ({error})") from error
 
 
-class DamagedError(Exception):
-    """An event that no touchbeam has written."""
-
-
-def _with_zone(when: datetime) -> datetime:
-    """All times are UTC, also where somebody has taken away that it says so."""
-    return when if when.tzinfo else when.replace(tzinfo=UTC)
-
-
-def _no_number(text: str) -> NoReturn:
-    raise ValueError(f"{text} is no number")
-
-
-_STORED = json.JSONDecoder(parse_constant=_no_number)
-
-
 def _log_of(path: Path) -> Path:
     return path.with_name(f"{path.name}-wal")
 
@@ -229,40 +207,6 @@ def _files_at(places: Iterable[str]) -> list[tuple[int, int]]:
             found = os.stat(place)  # noqa: PTH116 - a path would take as long again
             files.append((found.st_dev, found.st_ino))
     return files
-
-
-def _event(row: tuple[Any, ...]) -> Event:
-    seq, tag, utc, monotonic_s, body = row
-    try:
-        payload = {} if body is None else _STORED.decode(body)
-        when = _with_zone(datetime.fromisoformat(utc))
-    except (ValueError, RecursionError) as error:
-        raise DamagedError(f"event {seq} is damaged: {error}") from error
-    if not isinstance(payload, dict):
-        raise DamagedError(f"event {seq} is damaged: its payload must be an object")
-    return Event(
-        seq=seq,
-        tag=tag,
-        utc=when,
-        monotonic_s=monotonic_s,
-        payload=payload,
-        erased=body is None,
-    )
-
-
-def payload_text(event: Event) -> str:
-    """Return the payload of `event` as it is stored."""
-    return _PAYLOAD.encode(event.payload)
-
-
-def event_fields(session: str, event: Event, digest: str) -> tuple[object, ...]:
-    """Return what of an event the chain's hash covers."""
-    return (session, event.seq, event.tag, event.utc.isoformat(), event.monotonic_s, digest)
-
-
-def chain_hash(previous: str, fields: tuple[object, ...]) -> str:
-    """Return the hash that ties an event to the one before it."""
-    return hashlib.sha256(json.dumps([previous, *fields]).encode()).hexdigest()
 
 
 @contextmanager

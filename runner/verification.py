@@ -5,15 +5,9 @@ from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from runner.journal import (
-    FIRST_HASH,
-    ChainLink,
-    Journal,
-    JournalError,
-    chain_hash,
-    event_fields,
-)
+from runner.journal import Journal, JournalError
 from runner.session_state import Event, SessionState, folded
+from runner.stored_events import FIRST_HASH, ChainLink, chain_hash, event_fields
 from runner.transitions import NotAllowed
 
 _OPENING = {"participant", "session", "kind", "conditions", "trials"}

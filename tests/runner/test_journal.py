@@ -10,15 +10,14 @@ from pathlib import Path
 import pytest
 
 from runner.journal import (
-    FIRST_HASH,
     Journal,
     JournalError,
-    chain_hash,
     journal_if_used,
     open_journal,
     read_journal,
 )
 from runner.session_state import Event
+from runner.stored_events import FIRST_HASH, chain_hash
 from runner.verification import verdicts
 
 NOON = datetime(2026, 1, 1, 12, tzinfo=UTC)

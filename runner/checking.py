@@ -13,7 +13,7 @@ from protocol.study_file import StudyError, located
 from protocol.trial import Trial
 from runner.foretelling import Contrasts
 from runner.study_folder import StudyFolder
-from runner.usable import usable_study
+from runner.usable import usable
 
 
 def checked(
@@ -34,16 +34,16 @@ def checked(
     Raises:
         BadInput: there is no study.
     """
-    source = str(folder.study_file)
+    source, text = str(folder.study_file), folder.text()
     try:
-        study = usable_study(folder)
+        study = usable(text, source)
     except StudyError as error:
         return _refused(source, error.problems, as_json=as_json)
     size = participants or study.design.participants or 1
     shown = preview(study, size)
     broken = cohort_problems(study, shown.plans)
     if broken:
-        return _refused(source, located(folder.text(), broken), as_json=as_json)
+        return _refused(source, located(text, broken), as_json=as_json)
     return _text(shown, _predict(shown, contrasts), as_json=as_json), [], True
 
 

@@ -13,6 +13,7 @@ import typer
 
 from protocol.errors import BadInput
 from runner import cli_device, cli_journal, cli_study
+from runner.at_terminal import at_terminal
 from runner.cli_options import (
     Format,
     JsonOption,
@@ -188,7 +189,7 @@ def predict(
         write_whole(out, text.encode())
     # What is read as a table must hold nothing else.
     streamed = to_stdout or is_stream(out)
-    if not streamed or sys.stderr.isatty():
+    if not streamed or at_terminal(sys.stderr):
         typer.echo(f"{text.count(chr(10)) - 1} scenes predicted: {out}", err=streamed)
 
 

@@ -1,6 +1,5 @@
 """The commands about the device and this machine: device, simulate-device, doctor."""
 
-from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
@@ -43,9 +42,8 @@ def device_probe(url: UrlArgument, as_json: JsonOption = False) -> None:
     """
     from runner.device_commands import probed
     from runner.holding import rig_held
-    from runner.rigging import SIMULATED
 
-    with nullcontext() if url == SIMULATED else rig_held(url, "touchbeam device probe"):
+    with rig_held(url, "touchbeam device probe"):
         said = probed(url, touchbeam_command())
     if as_json:
         print_json(said)
@@ -70,9 +68,8 @@ def device_sweep(
     """
     from runner.device_commands import kept, swept
     from runner.holding import rig_held
-    from runner.rigging import SIMULATED
 
-    with nullcontext() if url == SIMULATED else rig_held(url, "touchbeam device sweep"):
+    with rig_held(url, "touchbeam device sweep"):
         found, idn = swept(url, near, dialect.value, touchbeam_command())
     file = kept(keep, found, idn) if keep else None
     if as_json:

@@ -13,6 +13,7 @@ from protocol.errors import BadInput, WorkFailed
 from protocol.questions import ANSWERS
 from protocol.study import Language, Rating
 from protocol.texts import band_names
+from runner.at_terminal import at_terminal
 from runner.operator_keys import OPERATOR_MARK
 from runner.screens import (
     AskChange,
@@ -55,6 +56,7 @@ class TypedLines:
         if isinstance(source, io.TextIOWrapper):
             source.reconfigure(errors="replace")
         self._source = source
+        self.at_terminal = at_terminal(source)
         self._lines: queue.Queue[str | None] = queue.Queue(MOST_LINES)
         self._orders: queue.Queue[str] = queue.Queue(MOST_LINES)
         self._ended = False
@@ -77,7 +79,7 @@ class TypedLines:
 
     def forget(self) -> None:
         """Drop what was typed before it was asked for; lines from a file or pipe all count."""
-        while self._source.isatty() and not (self._ended or self._lines.empty()):
+        while self.at_terminal and not (self._ended or self._lines.empty()):
             self._ended = self._lines.get_nowait() is None
 
     def operator_typed(self, asked: bool) -> str:
@@ -91,7 +93,7 @@ class TypedLines:
         for line in self._typed():
             if line.startswith(OPERATOR_MARK):
                 self._orders.put(line.rstrip("\r\n") + "\n")
-            elif not (self._source.isatty() and self._lines.full()):
+            elif not (self.at_terminal and self._lines.full()):
                 self._lines.put(line)
         self._lines.put(None)
 

@@ -6,7 +6,7 @@ import os
 import socket
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -25,6 +25,8 @@ class RigHeld(WorkFailed):
 def rig_held(url: str, holder: str) -> Iterator[None]:
     """Hold the rig at `url`, by whatever address one comes to it, while the body runs.
 
+    A simulated one is everybody's own.
+
     Args:
         url: a serial port's path or URL.
         holder: what somebody else is told, such as the session's name and the study's folder.
@@ -32,7 +34,9 @@ def rig_held(url: str, holder: str) -> Iterator[None]:
     Raises:
         RigHeld: another process has it; the message says which session.
     """
-    with _held(url, holder, known_as=_rig(url)):
+    from runner.rigging import SIMULATED  # heavy, and loaded already where there is a rig
+
+    with nullcontext() if url == SIMULATED else _held(url, holder, known_as=_rig(url)):
         yield
 
 

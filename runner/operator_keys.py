@@ -110,8 +110,8 @@ class OperatorKeys:
         is an order.
         """
         order = line.strip()
-        if order.startswith("n"):
-            self._note(order.removeprefix("note").removeprefix("n"))
+        if order[:1] in {"n", "N"}:
+            self._note(order[4:] if order[:4].lower() == "note" else order[1:])
         elif (key := _key_of(line)) is not None:
             self._orders.append("emergency stop" if key == _CTRL_E else KEYS[key])
         else:

@@ -4,6 +4,8 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from runner.at_terminal import at_terminal
+
 
 @contextmanager
 def progress(what: str, total: int) -> Iterator[Callable[[], None]]:
@@ -11,9 +13,7 @@ def progress(what: str, total: int) -> Iterator[Callable[[], None]]:
     from rich.console import Console
     from rich.progress import Progress
 
-    shown = (
-        sys.stderr is not None and sys.stderr.isatty()
-    )  # rich also takes FORCE_COLOR for a terminal
+    shown = at_terminal(sys.stderr)
     with Progress(console=Console(stderr=True), transient=True, disable=not shown) as bar:
         task = bar.add_task(what, total=total)
         yield lambda: bar.advance(task)

@@ -12,6 +12,7 @@ from protocol.errors import BadInput
 from protocol.plan import plan
 from protocol.study import Language, Study
 from protocol.texts import study_texts
+from runner.at_terminal import at_terminal
 from runner.calibration import kept_calibration
 from runner.clock import SteppedClock, WallClock
 from runner.cohort import slot_for, states
@@ -81,8 +82,7 @@ def sit(sitting: Sitting, say: Say) -> SessionState:
         told_of = stack.enter_context(_complete_at_last())
         place = sitting.folder.path.resolve()
         stack.enter_context(session_held(name, place, name))
-        if url != SIMULATED:
-            stack.enter_context(rig_held(url, f"{name} of {place}"))
+        stack.enter_context(rig_held(url, f"{name} of {place}"))
         window = stack.enter_context(_window(sitting, study))
         seed = _seed(sitting, study)
         calibration = sitting.calibration or kept_calibration(sitting.folder.path)
@@ -233,31 +233,31 @@ def _people(
             yield virtual, OperatorConsole(typed, display, swap, alone=True)
         return
     if window is not None:
-        with _typing_or_keys(say) as (typed, display):
-            operator = OperatorConsole(typed, display, swap, piped=not _at_a_terminal())
+        with _operator(say, swap) as operator:
             window.call_operator = operator.called
             yield window, operator
         return
     lines = TypedLines(sys.stdin)
     texts = study_texts(session.study, session.language)
     participant = ConsoleParticipant(lines, say, session.language, texts)
-    display = PlainDisplay(say)
-    yield (
-        participant,
-        OperatorConsole(
-            lines.operator_typed, display, swap, lines.forget, piped=not sys.stdin.isatty()
-        ),
+    yield participant, _by_lines(lines, say, swap)
+
+
+def _by_lines(lines: TypedLines, say: Say, swap: Callable[[str], None]) -> OperatorConsole:
+    """An operator who types lines, or a file or program that does."""
+    return OperatorConsole(
+        lines.operator_typed, PlainDisplay(say), swap, lines.forget, piped=not lines.at_terminal
     )
 
 
 @contextmanager
-def _typing_or_keys(say: Say) -> Iterator[tuple[Callable[[bool], str], LiveDisplay | PlainDisplay]]:
+def _operator(say: Say, swap: Callable[[str], None]) -> Iterator[OperatorConsole]:
     """An operator who has the terminal to themselves; in a pipe, lines serve as well as keys."""
-    if not _at_a_terminal():
-        yield TypedLines(sys.stdin).operator_typed, PlainDisplay(say)
+    if not at_terminal(sys.stdin, sys.stdout):
+        yield _by_lines(TypedLines(sys.stdin), say, swap)
         return
-    with _console(quiet=False, say=say) as console:
-        yield console
+    with _console(quiet=False, say=say) as (typed, display):
+        yield OperatorConsole(typed, display, swap)
 
 
 @contextmanager
@@ -265,13 +265,8 @@ def _console(
     *, quiet: bool, say: Say
 ) -> Iterator[tuple[Callable[[bool], str], LiveDisplay | PlainDisplay]]:
     """The operator's keys and display: live on a terminal, plain lines elsewhere."""
-    if quiet or not _at_a_terminal():
+    if quiet or not at_terminal(sys.stdin, sys.stdout):
         yield lambda _: "", PlainDisplay((lambda _: None) if quiet else say)
         return
     with terminal_keys() as typed, LiveDisplay() as display:
         yield typed, display
-
-
-def _at_a_terminal() -> bool:
-    """Whether somebody can press keys and see what they do; either stream may be closed."""
-    return all(stream is not None and stream.isatty() for stream in (sys.stdin, sys.stdout))

@@ -3,6 +3,8 @@
 import sys
 from collections.abc import Sequence
 
+from runner.at_terminal import at_terminal
+
 WIDE = 10_000
 
 
@@ -22,5 +24,5 @@ def print_table(title: str, lines: Sequence[Sequence[str]]) -> None:
     for row in rows:
         table.add_row(*(escape(cell) for cell in row))
     # A pipe has no width to fit into; rich heeds one only with a height, where TERM is dumb.
-    console = Console() if sys.stdout and sys.stdout.isatty() else Console(width=WIDE, height=1)
+    console = Console() if at_terminal(sys.stdout) else Console(width=WIDE, height=1)
     console.print(table)

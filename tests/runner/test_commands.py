@@ -1,5 +1,6 @@
 """The commands as a user types them: results, messages, exit codes, and nothing left behind."""
 
+import io
 import json
 import signal
 import sqlite3
@@ -224,6 +225,21 @@ def test_nobody_is_at_a_terminal_that_is_closed(
     with sitting._console(quiet=False, say=lambda _: None) as (keys, display):
         assert keys(False) == ""
         assert isinstance(display, PlainDisplay)
+
+
+@pytest.mark.parametrize("somebody_types", [True, False])
+def test_who_types_is_no_pipe_though_the_output_is_one(
+    somebody_types: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As in `touchbeam run … | tee log`."""
+
+    class Typing(io.StringIO):
+        def isatty(self) -> bool:
+            return somebody_types
+
+    monkeypatch.setattr(sys, "stdin", Typing("\n"))
+    with sitting._operator(lambda _: None, lambda _: None) as operator:
+        assert operator.piped is not somebody_types
 
 
 @pytest.mark.parametrize("tag", ["device-off", "session-completed"])

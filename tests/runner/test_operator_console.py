@@ -157,6 +157,9 @@ def test_an_order_never_answers_what_was_asked(line: str, order: str) -> None:
     [
         ("n skin dry\n", Note(text="skin dry")),
         ("note skin dry\n", Note(text="skin dry")),
+        ("NOTE skin dry\n", Note(text="skin dry")),
+        ("N\n", None),
+        ("P\n", "pause"),
         ("nskin dry\n", Note(text="skin dry")),
         (" n skin dry\n", Note(text="skin dry")),
         (" p\n", "pause"),

@@ -43,7 +43,7 @@ def _with(study: Study, **design: object) -> Study:
 
 
 def _relaxed(study: Study) -> Study:
-    """The study with as many of its catch and opposite trials as its repeats allow."""
+    """The study with its other wishes as nearly met as its repeats allow."""
     design = study.design
     conditions = tuple(_of_one_level(condition, design.repeats) for condition in study.condition)
     return _with(

@@ -14,9 +14,10 @@ def preview_lines(shown: Preview, predict: Predict) -> Iterator[str]:
     yield ""
     yield from _table(_trial_rows(shown, predict))
     yield ""
-    yield "Peak V: the amplitude. Drive: 1 is at the resonance. 0>200 changes during a touch."
+    yield "Peak V: the amplitude. Drive: 1 is at the resonance. 0.98/1: one touch, then another;"
+    yield "0>200: during a touch."
     yield "Predicted: by how much ln(friction) changes in the model, + in the expected direction."
-    yield "Finger: what else changes from touch to touch; x 1.5 presses harder by that factor."
+    yield "Finger: what else changes from touch to touch; x1.5 presses harder by that factor."
     yield ""
     yield from _session_lines(shown)
     yield ""
@@ -35,9 +36,9 @@ def _trial_rows(shown: Preview, predict: Predict) -> Iterator[tuple[str, ...]]:
         "block",
         "kind",
         "condition",
-        "amplitude V",
+        "peak V",
         "drive",
-        "predicted",
+        "pred.",
         "expected",
         "finger",
     )
@@ -59,19 +60,19 @@ def _trial_rows(shown: Preview, predict: Predict) -> Iterator[tuple[str, ...]]:
 def _finger(trial: Trial) -> str:
     """What else changes from touch to touch: the direction, how hard to press, the beam."""
     set_by = levels(trial.touches)
-    courses = [set_by["direction"], [f"x {press:g}" for press in set_by["press"]], set_by["beam"]]
+    courses = [set_by["direction"], [f"x{press:g}" for press in set_by["press"]], set_by["beam"]]
     return "; ".join(
-        ", ".join(str(value) for value in course) for course in courses if len(set(course)) > 1
+        "/".join(str(value) for value in course) for course in courses if len(set(course)) > 1
     )
 
 
 def _courses(trial: Trial, key: str) -> str:
-    """`98, 100`, or `100` where all touches have the same; `0>200` where it changes in a touch."""
+    """`0.98/1`, or `100` where all touches have the same; `0>200` where it changes in a touch."""
     shown = [
         ">".join(f"{value:g}" for value in course) if isinstance(course, list) else f"{course:g}"
         for course in levels(trial.touches)[key]
     ]
-    return shown[0] if len(set(shown)) == 1 else ", ".join(shown)
+    return shown[0] if len(set(shown)) == 1 else "/".join(shown)
 
 
 def _table(rows: Iterator[tuple[str, ...]]) -> Iterator[str]:

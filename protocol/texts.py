@@ -6,6 +6,7 @@ is all that differs.
 
 from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
+from itertools import combinations
 from string import Formatter
 from types import MappingProxyType
 from typing import get_args
@@ -206,14 +207,13 @@ def _alike_answers(study: Study, language: Language) -> Iterator[Problem]:
     own, texts = study.texts.get(language, {}), study_texts(study, language)
     for answers in ANSWERS.values():
         keys = [f"answer.{answer}" for answer in answers]
-        for key, before in ((key, keys[:place]) for place, key in enumerate(keys)):
-            alike = [other for other in before if _plain(texts[other]) == _plain(texts[key])]
-            changed = next((name for name in (key, *alike) if name in own), None)
-            if alike and changed:
+        for one, other in combinations(keys, 2):
+            changed = next((key for key in (other, one) if key in own), None)
+            if changed and _plain(texts[one]) == _plain(texts[other]):
                 yield Problem(
                     where=f"texts.{language}.{changed}",
                     rule="answers to one question must differ",
-                    value=f"{texts[key]!r} for {' and '.join([*alike, key])}",
+                    value=f"{texts[other]!r} for {one} and {other}",
                     path=("texts", language, changed),
                 )
 

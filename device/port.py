@@ -12,6 +12,7 @@ from typing import Protocol
 import serial
 
 from device.errors import AddressError, DeviceError
+from protocol.address import ADDRESS_RULE, is_address
 
 try:
     from termios import error as _termios_error
@@ -56,7 +57,7 @@ class Port(Protocol):
 
 
 class SerialPort:
-    """A port of pySerial's: serial, `socket://`, or any other URL it knows."""
+    """A port of pySerial's: serial, `socket://` or `rfc2217://`."""
 
     def __init__(self, port: serial.SerialBase) -> None:
         self._port = port
@@ -93,12 +94,14 @@ def _descriptor(port: serial.SerialBase) -> int | None:
 
 
 def open_port(url: str) -> SerialPort:
-    """Return the serial port or pySerial URL `url`, opened for us alone.
+    """Return the serial port, `socket://` or `rfc2217://` at `url`, opened for us alone.
 
     Raises:
-        AddressError: `url` has a scheme that pySerial does not know, or is a plain file or folder.
+        AddressError: `url` is not an address (`is_address`), or is a plain file or folder.
         DeviceError: the port is missing, in use, or may not be opened; the message says what to do.
     """
+    if not is_address(url):
+        raise AddressError(f"{url}: not the address of a device; it {ADDRESS_RULE}")
     if Path(url).is_file() or Path(url).is_dir():
         kind = "file" if Path(url).is_file() else "folder"
         raise AddressError(f"{url}: a device must be a serial port, got a plain {kind}")

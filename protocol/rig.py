@@ -2,12 +2,19 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
+from protocol.address import ADDRESS_RULE, is_address
 from protocol.record import Line, Positive, Record
 
 Dialect = Literal["board", "keysight"]
 """Each is a driver of that name; what is no board is a generator with an amplifier behind it."""
+
+
+def _address(text: str) -> str:
+    if not is_address(text):
+        raise ValueError(ADDRESS_RULE)
+    return text
 
 
 class Rig(Record):
@@ -15,7 +22,11 @@ class Rig(Record):
 
     device: Annotated[
         Line,
-        Field(description="`sim`, or a serial URL: `/dev/ttyUSB0`, `COM3`, `socket://host:5025`"),
+        AfterValidator(_address),
+        Field(
+            description="`sim`, a serial port (`/dev/ttyUSB0`, `COM3`), `socket://host:5025` or "
+            "`rfc2217://host:5025`, without options"
+        ),
     ] = "sim"
     dialect: Annotated[
         Dialect, Field(description="what the device speaks: `keysight` is a generator")

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from protocol.address import ADDRESS_RULE, is_address
 from protocol.errors import BadInput
 
 if TYPE_CHECKING:
@@ -81,8 +82,20 @@ def named_folder(text: str) -> Path:
 
 
 StudyArgument = Annotated[Path, typer.Argument(metavar="STUDY", help="The study's folder.")]
+
+
+def address(given: str | None) -> str | None:
+    """Return the address of a device, if one is given; refuse what cannot be one."""
+    if given is not None and not is_address(given):
+        raise BadInput(f"{given}: not the address of a device; it {ADDRESS_RULE}")
+    return given
+
+
 UrlArgument = Annotated[
-    str, typer.Argument(metavar="URL", help="A serial port, socket://HOST:PORT, or sim.")
+    str,
+    typer.Argument(
+        metavar="URL", help="A serial port, socket://HOST:PORT, or sim.", callback=address
+    ),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON document instead.")]
 

@@ -13,6 +13,7 @@ from runner.cli_options import (
     Pace,
     Ratings,
     StudyArgument,
+    address,
 )
 from runner.itself import touchbeam_command
 
@@ -66,7 +67,11 @@ def run(
     participant: Annotated[str, typer.Option(help="A pseudonym, such as P01.")],
     session: Annotated[int, typer.Option(min=1)] = 1,
     device: Annotated[
-        str | None, typer.Option(help="A serial URL, or sim. [default: the study's]")
+        str | None,
+        typer.Option(
+            help="A serial port, socket://HOST:PORT, or sim. [default: the study's]",
+            callback=address,
+        ),
     ] = None,
     ratings: Annotated[Ratings, typer.Option()] = Ratings.window,
     pace: Annotated[

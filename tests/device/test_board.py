@@ -138,6 +138,8 @@ def test_off_is_off_only_when_read_back(answer: bytes) -> None:
         ("/dev/ttyNOPE", DeviceError, "no such port; is the device plugged in"),
         ("/dev/rfcomm7", DeviceError, "no such port; .*; a Bluetooth device must be paired"),
         ("frob://x", AddressError, "not the address of a device"),
+        ("loop://", AddressError, "loop://: not the address of a device"),
+        ("socket://127.0.0.1:1?logging=debug", AddressError, "not the address of a device"),
         ("socket://127.0.0.1:1", DeviceError, "cannot be opened: nobody listens there"),
         ("/dev", AddressError, "got a plain folder"),
         (__file__, AddressError, "got a plain file"),
@@ -148,6 +150,16 @@ def test_a_port_that_does_not_work_is_explained(
 ) -> None:
     with pytest.raises(kind, match=message):
         open_link(url)
+
+
+def test_opening_a_file_leaves_it_as_it_was(tmp_path: Path) -> None:
+    file, link = tmp_path / "thesis.tex", tmp_path / "ttyUSB0"
+    file.write_text("a chapter")
+    link.symlink_to(file)
+    for path in (file, link):
+        with pytest.raises(AddressError, match=f"{path}: .* got a plain file"):
+            open_link(str(path))
+    assert file.read_text() == "a chapter"
 
 
 def test_a_second_program_is_kept_off(simulator: Endpoints, board: Board) -> None:

@@ -92,6 +92,12 @@ def test_an_unknown_template_is_refused() -> None:
             'dialect = "keysight"',
             r"study.toml:9: rig.amplifier_gain: must be given where rig.dialect = 'keysight', got",
         ),
+        (
+            'device = "sim"',
+            'device = "spy:///dev/null?file=thesis.tex"',
+            r"study.toml:10: rig.device: must be sim, a serial port, socket://HOST:PORT or "
+            r"rfc2217://HOST:PORT, without options, got 'spy:///dev/null.file=thesis.tex'$",
+        ),
         ("seed = 1", "seed = 1.5", "study.seed: must be a whole number, got 1.5"),
         ("seed = 1", "seed = -1", "study.seed: must be at least 0, got -1"),
         ('order = "williams"', 'order = "latin"', "'williams', 'blocks', .* got 'latin'"),

@@ -15,10 +15,12 @@ from device.simulator.process import Endpoints, simulator_process
 from device.sweep import Resonance
 from protocol.errors import BadInput
 from protocol.rig import Rig as RigSettings
+from protocol.study_file import template
 from runner.calibration import keep_calibration, kept_calibration
 from runner.device_commands import probed, swept
 from runner.rigging import rigged
 from tests.device.rigs import TOUCHBEAM
+from tests.runner.command_line import typed
 
 FOUND = Resonance(frequency_hz=24_180.5, tip_m_per_v=2e-8)
 
@@ -113,3 +115,30 @@ def test_a_port_that_does_not_work_is_one_line(url: str, code: int, told: str) -
     assert (done.returncode, done.stdout) == (code, "")
     assert done.stderr.count("\n") == 1
     assert told in done.stderr
+
+
+def test_an_address_writes_into_no_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    url = "spy:///dev/null?file=thesis.tex"
+    Path("thesis.tex").write_text("a chapter")
+    for folder, device in (("study", "sim"), ("hostile", url)):
+        Path(folder).mkdir()
+        text = template("paper").replace('device = "sim"', f'device = "{device}"')
+        Path(folder, "study.toml").write_text(text, encoding="utf-8")
+    person = ("--participant", "P01", "--ratings", "console", "--rehearsal")
+    for command in (
+        ("check", "hostile"),
+        ("run", "hostile", *person),
+        ("run", "study", *person, "--device", url),
+        ("device", "probe", url),
+        ("device", "sweep", url),
+    ):
+        assert typed(*command) == 2
+        told = capsys.readouterr()
+        assert told.out == ""
+        assert told.err.count("\n") == 1
+        assert "must be sim, a serial port, socket://HOST:PORT or rfc2217://HOST:PORT" in told.err
+    assert Path("thesis.tex").read_text() == "a chapter"
+    assert not list(tmp_path.glob("*/study.db"))

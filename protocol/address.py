@@ -1,0 +1,26 @@
+"""The addresses of devices: which ones a study file or a command may name."""
+
+import re
+
+ADDRESS_RULE = (
+    "must be sim, a serial port, socket://HOST:PORT or rfc2217://HOST:PORT, without options"
+)
+_HOST = r"(?:[\w.-]+|\[[\w:.%]+\])"
+_ON_A_NETWORK = re.compile(rf"(?:socket|rfc2217)://{_HOST}:(\d{{1,5}})", re.ASCII | re.IGNORECASE)
+
+
+def is_address(text: str) -> bool:
+    """Return whether `text` may be the address of a device; whether one is there is not asked.
+
+    pySerial opens more than devices: `spy://` writes its traffic into any file that the address
+    names, and options after `?` change how a port works. A study file must not have such power.
+
+    >>> is_address("/dev/ttyUSB0"), is_address("socket://192.168.0.5:5025")
+    (True, True)
+    >>> is_address("spy:///dev/ttyUSB0?file=thesis.tex")
+    False
+    """
+    if "://" not in text:
+        return True
+    found = _ON_A_NETWORK.fullmatch(text)
+    return found is not None and 1 <= int(found[1]) <= 65_535

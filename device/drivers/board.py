@@ -13,7 +13,8 @@ from device.wire import fields, number, number_text, switch, whole
 
 MONITOR_REL_TOL = 0.05
 MONITOR_ABS_TOL_V = 2.0
-"""How far the independent monitor may be from the amplitude that the board means to give."""
+"""How far the independent monitor may be from the amplitude that the board means to give, and both
+above what was asked of it."""
 _READ_BACK = "OUTP?;:VOLT:INST?;:VOLT?;:FREQ?;:MEAS:VOLT?;:MEAS:FORC?;:MEAS:POS?;:SYST:TIME?"
 _HEALTH = "OUTP?;:OUTP:PROT:CAUS?;:SYST:BOOT?;:VOLT?;:VOLT:INST?;:MEAS:VOLT?"
 _PROMISES = "OUTP:PROT:CAUS?;:SYST:BOOT?;:VOLT:LIM?;:SYST:WATC?"
@@ -60,6 +61,8 @@ class Board(Driver):
         "errors_queued": "SYST:ERR:COUN?",
     }
     _boot = 0
+    _most_v = 0.0
+    """What the output may have while it is driven: the drive, or what it still comes down from."""
 
     def _prepared(self, idn: str, errors: tuple[str, ...]) -> Identity:
         self._boot = self.link.query("SYST:BOOT?", whole)
@@ -85,7 +88,9 @@ class Board(Driver):
         self.set_number("FREQ", setpoint.frequency_hz)
         self.set_number("VOLT", setpoint.voltage_v)
         if self.driven is None:
+            self._most_v = 0.0
             self.send("OUTP ON")
+        self._most_v = max(self._most_v, setpoint.voltage_v)
         self.driven = setpoint
         read_back = self.read_back()
         _kept("FREQ", setpoint.frequency_hz, read_back.frequency_hz)
@@ -124,8 +129,7 @@ class Board(Driver):
         if health.output != (self.driven is not None):
             raise DeviceError(_unexpected(health.output))
         if self.driven is not None:
-            _kept("VOLT", self.driven.voltage_v, health.target_v)
-            _monitored(health.instant_v, health.monitor_v)
+            self._gives(self.driven, health.target_v, health.instant_v, health.monitor_v)
 
     def device_time_s(self) -> float:
         """Get the device's own time, s."""
@@ -152,8 +156,18 @@ class Board(Driver):
         if not read_back.output:
             self.check()
             raise DeviceError(_unexpected(on=False))
-        _kept("VOLT", self.driven.voltage_v, read_back.voltage_v)
-        _monitored(instant_v, read_back.monitor_v)
+        self._gives(self.driven, read_back.voltage_v, instant_v, read_back.monitor_v)
+
+    def _gives(self, driven: Setpoint, target_v: float, instant_v: float, monitor_v: float) -> None:
+        """Raise unless the amplitude is the driven one, or on its way there from no higher up.
+
+        No drive exceeds the limits, so nothing here may exceed them by more than the tolerance.
+        """
+        _kept("VOLT", driven.voltage_v, target_v)
+        _not_above(self._most_v, "the amplitude", instant_v)
+        _monitored(instant_v, monitor_v)
+        _not_above(self._most_v, "the monitor", monitor_v)
+        self._most_v = max(driven.voltage_v, min(self._most_v, instant_v))
 
 
 def _kept(header: str, told: float, kept: float) -> None:
@@ -164,9 +178,17 @@ def _kept(header: str, told: float, kept: float) -> None:
 
 
 def _monitored(instant_v: float, monitor_v: float) -> None:
-    allowed_v = MONITOR_ABS_TOL_V + MONITOR_REL_TOL * instant_v
-    if abs(monitor_v - instant_v) > allowed_v:
+    if abs(monitor_v - instant_v) > _tolerance_v(instant_v):
         raise DeviceError(f"the monitor must show {instant_v:.1f} V, got {monitor_v:.1f} V")
+
+
+def _not_above(most_v: float, what: str, shown_v: float) -> None:
+    if shown_v > most_v + _tolerance_v(most_v):
+        raise DeviceError(f"{what} must not exceed {most_v:.1f} V, got {shown_v:.1f} V")
+
+
+def _tolerance_v(amplitude_v: float) -> float:
+    return MONITOR_ABS_TOL_V + MONITOR_REL_TOL * amplitude_v
 
 
 def _unexpected(on: bool) -> str:

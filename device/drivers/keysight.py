@@ -169,7 +169,17 @@ class Keysight(Driver):
         self.refuse_errors("*TRG")
 
     def read_back(self) -> ReadBack:
-        """Get the drive; a generator measures nothing."""
+        """Get the drive; a generator measures nothing.
+
+        Raises:
+            DeviceError: the output is on, and the drive is not what was set.
+        """
+        read_back = self._said()
+        if self.driven is not None and read_back.output:
+            self._as_set(read_back)
+        return read_back
+
+    def _said(self) -> ReadBack:
         query = f"{self._output}?;:{self._source}VOLT?;:{self._source}FREQ?"
         on, vpp, frequency_hz = self.link.query(query, _output_and_two)
         return ReadBack(
@@ -180,13 +190,13 @@ class Keysight(Driver):
 
     def check(self) -> None:
         """See that the output is as it was switched, and that nobody turned a knob."""
-        read_back = self.read_back()
+        read_back = self._said()
         if read_back.output != (self.driven is not None):
             state = "on" if read_back.output else "off"
             raise DeviceError(f"the generator's output is {state}, and nobody here switched it")
         self._as_set_up()
         if self.driven is not None:
-            self._kept(self._amplitude_v, read_back.voltage_v)
+            self._as_set(read_back)
 
     def off(self) -> None:
         """Turn the output off and read it back."""
@@ -206,7 +216,9 @@ class Keysight(Driver):
         self.set_number(f"{self._source}VOLT", vpp, AMPLITUDE_REL_TOL)
         self._amplitude_v = voltage_v
 
-    def _kept(self, told_v: float, kept_v: float) -> None:
+    def _as_set(self, read_back: ReadBack) -> None:
+        """Raise unless the drive is what was last set, for the ramp moves it step by step."""
+        told_v, kept_v = self._amplitude_v, read_back.voltage_v
         if not math.isclose(told_v, kept_v, rel_tol=AMPLITUDE_REL_TOL):
             raise DeviceError(f"the amplitude was set to {told_v:g} V and reads back as {kept_v:g}")
 

@@ -76,7 +76,7 @@ class BoardDialect(Dialect):
             "[SOURce#:]FREQuency[:CW]": self._set_frequency,
             f"{volts}[:LEVel][:IMMediate][:AMPLitude]?": self._voltage,
             f"{volts}[:LEVel][:IMMediate][:AMPLitude]": self._set_voltage,
-            f"{volts}:INSTant?": asked(lambda: number_text(self._instrument.voltage_v)),
+            f"{volts}:INSTant?": asked(lambda: number_text(self._instrument.meant_v)),
             **self._quantity(f"{volts}:RAMP", self._instrument, "ramp_v_per_s", ramp),
             "OUTPut#[:STATe]": lambda call: self._switch(boolean(call.argument)),
             "OUTPut#[:STATe]?": asked(lambda: str(int(self._instrument.output))),

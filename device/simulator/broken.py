@@ -73,6 +73,7 @@ class Broken:
             "endless-errors": self._complain_for_ever,
             "over-temperature": self._heat,
             "monitor-wrong": self._misread,
+            "scale-wrong": self._scale,
             "watchdog-trip": lambda on: self._trip("WATC") if on else None,
             "wrong-idn": self._rename,
             "limits-lost": lambda on: self._lose_limits() if on else None,
@@ -121,6 +122,9 @@ class Broken:
 
     def _double(self, on: bool) -> None:
         self.instrument.stage_gain = TOO_MUCH if on else 1.0
+
+    def _scale(self, on: bool) -> None:
+        self.instrument.scale = TOO_MUCH if on else 1.0
 
     def _press_output(self) -> None:
         self.instrument.cause = "NONE"

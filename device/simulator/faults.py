@@ -43,6 +43,7 @@ FAULTS = (
     Fault(number=15, name="endless-errors", what="the error queue never ends"),
     Fault(number=16, name="over-temperature", what="protection trips, and does not clear"),
     Fault(number=17, name="monitor-wrong", what="the monitor shows half of the voltage"),
+    Fault(number=17, name="scale-wrong", what="twice of what is set comes out, and is reported"),
     Fault(number=18, name="watchdog-trip", what="the watchdog trips"),
     Fault(number=20, name="opc-silent", what="*OPC? is not answered"),
     Fault(number=21, name="wrong-idn", what="*IDN? answers with another device's name"),

@@ -53,6 +53,8 @@ class Instrument:
     """What is kept of a drive, relative to what was asked: 1 unless something is broken."""
     stage_gain: float = 1.0
     """What comes out, relative to what is meant: 1 unless something is broken."""
+    scale: float = 1.0
+    """What it takes itself to give, relative to what was set: 1 unless something is broken."""
     heard_wall_s: float = 0.0
     tripped_wall_s: float | None = None
 
@@ -62,9 +64,14 @@ class Instrument:
         return self.cause != "NONE"
 
     @property
+    def meant_v(self) -> float:
+        """The amplitude that the device takes itself to give, V."""
+        return self.scale * self.voltage_v
+
+    @property
     def output_v(self) -> float:
         """The amplitude that is on the beam in truth, V."""
-        return self.stage_gain * self.voltage_v
+        return self.stage_gain * self.meant_v
 
     @property
     def temperature_c(self) -> float:

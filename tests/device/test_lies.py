@@ -1,0 +1,64 @@
+"""A device that reports what cannot be, or must not be: each answer is held against the drive."""
+
+from dataclasses import replace
+
+import pytest
+
+from device.errors import DeviceError
+from tests.device.lying import lying
+from tests.device.rigs import DRIVE, LIMITS
+
+
+@pytest.mark.parametrize("query", ["read_back", "check"])
+@pytest.mark.parametrize("shown_v", ["108", "126.5", "500"])
+def test_a_board_that_gives_more_than_was_asked_is_not_believed_to_be_right(
+    query: str, shown_v: str
+) -> None:
+    """Both readings agree: a wrong gain inside the board."""
+    board, port = lying(LIMITS)
+    board.drive(DRIVE)
+    port.lies = {"VOLT:INST?": [shown_v], "MEAS:VOLT?": [shown_v]}
+    with pytest.raises(DeviceError, match=rf"must not exceed 100\.0 V, got {float(shown_v):.1f} V"):
+        getattr(board, query)()
+
+
+@pytest.mark.parametrize("query", ["read_back", "check"])
+def test_two_small_errors_of_a_board_do_not_add_up(query: str) -> None:
+    board, port = lying(LIMITS)
+    board.drive(DRIVE)
+    port.lies = {"VOLT:INST?": ["106"], "MEAS:VOLT?": ["113"]}
+    with pytest.raises(DeviceError, match=r"must not exceed 100\.0 V, got 113\.0 V"):
+        getattr(board, query)()
+
+
+def test_a_board_may_give_what_it_comes_down_from_and_no_more_than_it_has_left_of_it() -> None:
+    board, port = lying(LIMITS)
+    board.drive(DRIVE)
+    port.advance(0.2)
+    board.drive(replace(DRIVE, voltage_v=20))
+    port.advance(0.05)
+    assert board.read_back().monitor_v == pytest.approx(60, abs=1)
+    board.check()
+    port.lies = {"VOLT:INST?": ["80"], "MEAS:VOLT?": ["80"]}
+    with pytest.raises(DeviceError, match=r"must not exceed 60\.0 V, got 80\.0 V"):
+        board.check()
+
+
+def test_a_board_that_was_off_comes_down_from_nothing() -> None:
+    board, port = lying(LIMITS)
+    board.drive(DRIVE)
+    port.advance(1)
+    board.off()
+    board.drive(replace(DRIVE, voltage_v=20))
+    port.lies = {"VOLT:INST?": ["80"], "MEAS:VOLT?": ["80"]}
+    with pytest.raises(DeviceError, match=r"must not exceed 20\.0 V, got 80\.0 V"):
+        board.read_back()
+
+
+@pytest.mark.parametrize("query", ["read_back", "check"])
+def test_a_generator_that_reports_another_amplitude_than_was_set_is_at_fault(query: str) -> None:
+    generator, port = lying(LIMITS, "keysight")
+    generator.drive(DRIVE)
+    port.lies = {"SOUR1:VOLT?": ["10"]}
+    with pytest.raises(DeviceError, match=r"amplitude was set to 0\.02 V and reads back as 100"):
+        getattr(generator, query)()

@@ -18,6 +18,8 @@ from device.wire import number, number_text, queued_error, switch
 
 MOST_QUEUED_ERRORS = 32
 """An error queue that is longer than this does not end."""
+REL_TOL = 1e-6
+"""How far what a device keeps may be from what it was told, where nothing else is said."""
 
 
 class Driver(ABC):
@@ -43,6 +45,8 @@ class Driver(ABC):
         self.monotonic = monotonic
         self.driven: Setpoint | None = None
         """What is on, None while the output is to be off."""
+        self.commanded_hz = (0.0, 0.0)
+        """The lowest and the highest frequency that what is on may have."""
         self.foreign = False
         """Whether somebody answered who is not ours to talk to."""
 
@@ -162,12 +166,23 @@ class Driver(ABC):
         """Get a number."""
         return self.link.query(query, number)
 
-    def set_number(self, header: str, value: float, rel_tol: float = 1e-6) -> None:
+    def set_number(self, header: str, value: float, rel_tol: float = REL_TOL) -> None:
         """Set a value, settle, and compare what the device kept."""
         self.send(f"{header} {number_text(value)}")
         kept = self.number(f"{header}?")
         if not math.isclose(kept, value, rel_tol=rel_tol, abs_tol=1e-6):
             raise DeviceError(f"{header} was set to {value:g} and reads back as {kept:g}")
+
+    def refuse_frequency(self, said_hz: float) -> None:
+        """See that the frequency is the one that was last commanded, or within its sweep.
+
+        Raises:
+            DeviceError: it is another one.
+        """
+        lowest_hz, highest_hz = self.commanded_hz
+        if not lowest_hz * (1 - REL_TOL) <= said_hz <= highest_hz * (1 + REL_TOL):
+            ends = " to ".join(dict.fromkeys(map(number_text, self.commanded_hz)))
+            raise DeviceError(f"FREQ was set to {ends} and reads back as {number_text(said_hz)}")
 
     def set_word(self, header: str, value: str) -> None:
         """Set a word, settle, and compare what the device kept."""

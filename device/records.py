@@ -49,6 +49,11 @@ class Sweep:
     stop_hz: float
     duration_s: float
 
+    @property
+    def range_hz(self) -> tuple[float, float]:
+        """The lowest and the highest frequency of it."""
+        return min(self.start_hz, self.stop_hz), max(self.start_hz, self.stop_hz)
+
     def checked(self, limits: Limits, voltage_v: float) -> "Sweep":
         """Return this sweep if both ends stay within `limits` at this amplitude.
 

@@ -16,7 +16,7 @@ MONITOR_ABS_TOL_V = 2.0
 """How far the independent monitor may be from the amplitude that the board means to give, and both
 above what was asked of it."""
 _READ_BACK = "OUTP?;:VOLT:INST?;:VOLT?;:FREQ?;:MEAS:VOLT?;:MEAS:FORC?;:MEAS:POS?;:SYST:TIME?"
-_HEALTH = "OUTP?;:OUTP:PROT:CAUS?;:SYST:BOOT?;:VOLT?;:VOLT:INST?;:MEAS:VOLT?"
+_HEALTH = "OUTP?;:OUTP:PROT:CAUS?;:SYST:BOOT?;:VOLT?;:VOLT:INST?;:FREQ?;:MEAS:VOLT?"
 _PROMISES = "OUTP:PROT:CAUS?;:SYST:BOOT?;:VOLT:LIM?;:SYST:WATC?"
 _CAUSES = {
     "WATC": "its watchdog tripped: nothing was heard of this program for too long",
@@ -34,6 +34,7 @@ class Health:
     boot: int
     target_v: float
     instant_v: float
+    frequency_hz: float
     monitor_v: float
 
 
@@ -92,9 +93,8 @@ class Board(Driver):
             self.send("OUTP ON")
         self._most_v = max(self._most_v, setpoint.voltage_v)
         self.driven = setpoint
-        read_back = self.read_back()
-        _kept("FREQ", setpoint.frequency_hz, read_back.frequency_hz)
-        return read_back
+        self.commanded_hz = (setpoint.frequency_hz, setpoint.frequency_hz)
+        return self.read_back()
 
     def sweep(self, sweep: Sweep) -> None:
         """Let the frequency move while the output is on."""
@@ -105,6 +105,7 @@ class Board(Driver):
         self.set_number("FREQ:SWE:STOP", sweep.stop_hz)
         self.set_number("FREQ:SWE:TIME", sweep.duration_s)
         self.send("FREQ:SWE:STAT ON")
+        self.commanded_hz = sweep.range_hz
 
     def read_back(self) -> ReadBack:
         """Get the drive and the sensors, all of one moment.
@@ -130,6 +131,7 @@ class Board(Driver):
             raise DeviceError(_unexpected(health.output))
         if self.driven is not None:
             self._gives(self.driven, health.target_v, health.instant_v, health.monitor_v)
+            self.refuse_frequency(health.frequency_hz)
 
     def device_time_s(self) -> float:
         """Get the device's own time, s."""
@@ -157,6 +159,7 @@ class Board(Driver):
             self.check()
             raise DeviceError(_unexpected(on=False))
         self._gives(self.driven, read_back.voltage_v, instant_v, read_back.monitor_v)
+        self.refuse_frequency(read_back.frequency_hz)
 
     def _gives(self, driven: Setpoint, target_v: float, instant_v: float, monitor_v: float) -> None:
         """Raise unless the amplitude is the driven one, or on its way there from no higher up.
@@ -215,13 +218,14 @@ def _read_back(reply: str) -> tuple[ReadBack, float]:
 
 
 def _health(reply: str) -> Health:
-    on, cause, boot, target_v, instant_v, monitor_v = fields(reply, 6)
+    on, cause, boot, target_v, instant_v, frequency_hz, monitor_v = fields(reply, 7)
     return Health(
         output=switch(on),
         cause=cause,
         boot=whole(boot),
         target_v=number(target_v),
         instant_v=number(instant_v),
+        frequency_hz=number(frequency_hz),
         monitor_v=number(monitor_v),
     )
 

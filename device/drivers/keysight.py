@@ -131,6 +131,7 @@ class Keysight(Driver):
             self._set_amplitude(self._least_v)
             self.send(f"{self._output} ON")
         self.driven = setpoint
+        self.commanded_hz = (setpoint.frequency_hz, setpoint.frequency_hz)
         to_v, v_per_s = max(setpoint.voltage_v, self._least_v), setpoint.ramp_v_per_s
         if self._ramp is None or (self._ramp.to_v, self._ramp.v_per_s) != (to_v, v_per_s):
             self._ramp = Ramp(
@@ -167,6 +168,9 @@ class Keysight(Driver):
         self.set_word(f"{source}SWE:STAT", "1")
         self.link.tell("*TRG")  # not with *OPC?, which would wait for the end of the sweep
         self.refuse_errors("*TRG")
+        lowest_hz, highest_hz = sweep.range_hz
+        carrier_hz = self.driven.frequency_hz  # which is what it may report while it sweeps
+        self.commanded_hz = (min(lowest_hz, carrier_hz), max(highest_hz, carrier_hz))
 
     def read_back(self) -> ReadBack:
         """Get the drive; a generator measures nothing.
@@ -221,6 +225,7 @@ class Keysight(Driver):
         told_v, kept_v = self._amplitude_v, read_back.voltage_v
         if not math.isclose(told_v, kept_v, rel_tol=AMPLITUDE_REL_TOL):
             raise DeviceError(f"the amplitude was set to {told_v:g} V and reads back as {kept_v:g}")
+        self.refuse_frequency(read_back.frequency_hz)
 
     def _as_set_up(self) -> None:
         """Load, unit, offset and limits are what every amplitude relies on: see them again.

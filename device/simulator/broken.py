@@ -15,6 +15,7 @@ WRONG_IDN = "ACME,Toaster 3000,0,1.0"
 KEPT_OF_SET = 0.9
 SHOWN_BY_MONITOR = 0.5
 TOO_MUCH = 2.0
+OTHER_HZ = 99_000.0
 _ERROR = ScpiError(-310, "System error")
 
 
@@ -78,6 +79,7 @@ class Broken:
             "wrong-idn": self._rename,
             "limits-lost": lambda on: self._lose_limits() if on else None,
             "panel-changed": lambda on: self._turn_knobs() if on else None,
+            "frequency-changed": lambda on: self._turn_frequency() if on else None,
             "off-ignored": self._ignore_off,
             "peak-to-peak": self._double,
             "panel-on": lambda on: self._press_output() if on else None,
@@ -116,6 +118,11 @@ class Broken:
         else:
             self._lose_limits()
             self.instrument.ramp_v_per_s = RAMP_RANGE_V_PER_S[1]
+
+    def _turn_frequency(self) -> None:
+        if isinstance(self.dialect, KeysightDialect):
+            self.dialect.channels[0].frequency_hz = OTHER_HZ
+        self.instrument.sweep, self.instrument.frequency_hz = None, OTHER_HZ
 
     def _ignore_off(self, on: bool) -> None:
         self.instrument.off_ignored = on

@@ -50,6 +50,7 @@ FAULTS = (
     Fault(number=23, name="deaf", what="the device stops reading"),
     Fault(number=24, name="limits-lost", what="limits go back to their defaults"),
     Fault(number=25, name="panel-changed", what="load, unit and offset are changed at the panel"),
+    Fault(number=25, name="frequency-changed", what="the frequency is changed at the panel"),
     Fault(number=27, name="silent", what="the device obeys and answers nothing"),
     Fault(number=28, name="off-ignored", what="OUTP OFF is ignored"),
     Fault(number=31, name="peak-to-peak", what="twice the amplitude that was set comes out"),

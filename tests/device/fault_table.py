@@ -79,6 +79,7 @@ BOARD = (
     Row(number=23, fault="deaf", error=OutputUnknown, told=_CUT),
     Row(number=24, fault="limits-lost", when="between", told="set to 120 .* as 200"),
     Row(number=25, fault="panel-changed", when="between", told="set to 120 .* as 200"),
+    Row(number=25, fault="frequency-changed", told=f"FREQ was set to .* as 99000; {_OFF}"),
     Row(number=27, fault="silent", error=OutputUnknown, told=_CUT),
     Row(number=28, fault="off-ignored", when="off", error=OutputUnknown, told=_CUT, still_on=True),
     Row(number=29, fault="vanish", when="between", error=OutputUnknown, told=_CUT),
@@ -105,6 +106,7 @@ GENERATOR = (
     _generator(24, "limits-lost", "between", "limits must be on"),
     _generator(25, "panel-changed", "driving", f"(load must be INF|reads back as).*; {_OFF}"),
     _generator(25, "panel-changed", "handshake", "", None),
+    _generator(25, "frequency-changed", "driving", f"FREQ was set to .* as 99000; {_OFF}"),
     _generator(32, "panel-on", "between", f"output is on, and nobody .*; {_OFF}"),
 )
 LEFT_ON = Row(

@@ -5,8 +5,12 @@ from dataclasses import replace
 import pytest
 
 from device.errors import DeviceError
+from device.records import Sweep
 from tests.device.lying import lying
 from tests.device.rigs import DRIVE, LIMITS
+
+FREQ = {"board": "FREQ?", "keysight": "SOUR1:FREQ?"}
+SWEEP = Sweep(start_hz=24_400, stop_hz=24_000, duration_s=2)
 
 
 @pytest.mark.parametrize("query", ["read_back", "check"])
@@ -62,3 +66,55 @@ def test_a_generator_that_reports_another_amplitude_than_was_set_is_at_fault(que
     port.lies = {"SOUR1:VOLT?": ["10"]}
     with pytest.raises(DeviceError, match=r"amplitude was set to 0\.02 V and reads back as 100"):
         getattr(generator, query)()
+
+
+@pytest.mark.parametrize("query", ["read_back", "check"])
+@pytest.mark.parametrize("dialect", FREQ)
+def test_a_frequency_that_was_not_commanded_is_a_fault(dialect: str, query: str) -> None:
+    driver, port = lying(LIMITS, dialect)
+    driver.drive(DRIVE)
+    port.lies = {FREQ[dialect]: ["99000"]}
+    with pytest.raises(DeviceError, match=r"FREQ was set to 24221\.37 and reads back as 99000"):
+        getattr(driver, query)()
+
+
+@pytest.mark.parametrize("dialect", FREQ)
+def test_a_stepped_frequency_is_held_against_its_last_step(dialect: str) -> None:
+    driver, port = lying(LIMITS, dialect)
+    for frequency_hz in (24_000.0, 24_100.0):
+        read_back = driver.drive(replace(DRIVE, frequency_hz=frequency_hz))
+        assert read_back.frequency_hz == frequency_hz
+        driver.check()
+    port.lies = {FREQ[dialect]: ["24000"]}
+    with pytest.raises(DeviceError, match="FREQ was set to 24100 and reads back as 24000"):
+        driver.check()
+
+
+@pytest.mark.parametrize("dialect", FREQ)
+@pytest.mark.parametrize("beyond_hz", ["23990", "24410"])
+def test_a_sweep_stays_between_its_ends_and_ends_with_the_next_drive(
+    dialect: str, beyond_hz: str
+) -> None:
+    driver, port = lying(LIMITS, dialect)
+    driver.drive(DRIVE)
+    driver.sweep(SWEEP)
+    for _ in range(4):
+        driver.check()
+        driver.read_back()
+        port.advance(0.7)
+    truth, port.lies = port.lies, {FREQ[dialect]: [beyond_hz]}
+    with pytest.raises(DeviceError, match=f"FREQ was set to 24000 to 24400 and .* {beyond_hz}"):
+        driver.check()
+    port.lies = truth
+    driver.drive(DRIVE)
+    port.lies = {FREQ[dialect]: ["24000"]}
+    with pytest.raises(DeviceError, match=r"FREQ was set to 24221\.37 and reads back as 24000"):
+        driver.check()
+
+
+def test_a_poll_of_a_board_is_one_question() -> None:
+    board, port = lying(LIMITS)
+    board.drive(DRIVE)
+    port.sent.clear()
+    board.check()
+    assert len(port.sent) == 1

@@ -150,13 +150,19 @@ class Driver(ABC):
             OutputUnknown: the device does not say so.
         """
         try:
-            on = self.output()
+            still_on = self.still_on()
         except DeviceError as error:
             raise OutputUnknown(str(error)) from error
-        if on:
-            raise OutputUnknown(
-                f"the device was told {self.off_command} and says that its output is on"
-            )
+        if still_on:
+            raise OutputUnknown(f"the device was told {self.off_command} and {still_on}")
+
+    def still_on(self) -> str:
+        """Return what shows that the output is not off after all; nothing if it is off.
+
+        Raises:
+            DeviceError: the device does not say.
+        """
+        return "says that its output is on" if self.output() else ""
 
     def close(self) -> None:
         """Give the port back."""
@@ -173,12 +179,14 @@ class Driver(ABC):
         if not math.isclose(kept, value, rel_tol=rel_tol, abs_tol=1e-6):
             raise DeviceError(f"{header} was set to {value:g} and reads back as {kept:g}")
 
-    def refuse_frequency(self, said_hz: float) -> None:
-        """See that the frequency is the one that was last commanded, or within its sweep.
+    def require_frequency(self, said_hz: float) -> None:
+        """See that what is driven has the frequency that was last set, or one within its sweep.
 
         Raises:
-            DeviceError: it is another one.
+            DeviceError: it has another one.
         """
+        if self.driven is None:
+            return
         lowest_hz, highest_hz = self.commanded_hz
         if not lowest_hz * (1 - REL_TOL) <= said_hz <= highest_hz * (1 + REL_TOL):
             ends = " to ".join(dict.fromkeys(map(number_text, self.commanded_hz)))

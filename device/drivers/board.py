@@ -15,6 +15,9 @@ MONITOR_REL_TOL = 0.05
 MONITOR_ABS_TOL_V = 2.0
 """How far the independent monitor may be from the amplitude that the board means to give, and both
 above what was asked of it."""
+DISCHARGE_S = 0.5
+"""How long the output may take to fall below `MONITOR_ABS_TOL_V` once it is off."""
+_OFF = "OUTP?;:MEAS:VOLT?"
 _READ_BACK = "OUTP?;:VOLT:INST?;:VOLT?;:FREQ?;:MEAS:VOLT?;:MEAS:FORC?;:MEAS:POS?;:SYST:TIME?"
 _HEALTH = "OUTP?;:OUTP:PROT:CAUS?;:SYST:BOOT?;:VOLT?;:VOLT:INST?;:FREQ?;:MEAS:VOLT?"
 _PROMISES = "OUTP:PROT:CAUS?;:SYST:BOOT?;:VOLT:LIM?;:SYST:WATC?"
@@ -111,11 +114,15 @@ class Board(Driver):
         """Get the drive and the sensors, all of one moment.
 
         Raises:
-            DeviceError: something is driven, and the device says or its monitor shows otherwise.
+            DeviceError: the device says or its monitor shows something else than what is driven.
         """
         read_back, instant_v = self.link.query(_READ_BACK, _read_back)
-        if self.driven is not None:
-            self._as_driven(read_back, instant_v)
+        assert read_back.monitor_v is not None
+        if read_back.output != (self.driven is not None):
+            self.check()
+            raise DeviceError(_unexpected(read_back.output))
+        self._require_amplitude(read_back.voltage_v, instant_v, read_back.monitor_v)
+        self.require_frequency(read_back.frequency_hz)
         return read_back
 
     def check(self) -> None:
@@ -129,9 +136,20 @@ class Board(Driver):
             raise DeviceError(f"the device: {_CAUSES.get(health.cause, health.cause)}")
         if health.output != (self.driven is not None):
             raise DeviceError(_unexpected(health.output))
-        if self.driven is not None:
-            self._gives(self.driven, health.target_v, health.instant_v, health.monitor_v)
-            self.refuse_frequency(health.frequency_hz)
+        self._require_amplitude(health.target_v, health.instant_v, health.monitor_v)
+        self.require_frequency(health.frequency_hz)
+
+    def still_on(self) -> str:
+        """Wait until the output has discharged; the switch alone proves nothing."""
+        deadline_s = self.monotonic() + DISCHARGE_S
+        while True:
+            on, monitor_v = self.link.query(_OFF, _output_and_monitor)
+            if on:
+                return "says that its output is on"
+            if abs(monitor_v) < MONITOR_ABS_TOL_V:
+                return ""
+            if self.monotonic() >= deadline_s:
+                return f"its monitor still shows {monitor_v:.1f} V after {DISCHARGE_S:g} s"
 
     def device_time_s(self) -> float:
         """Get the device's own time, s."""
@@ -151,26 +169,20 @@ class Board(Driver):
         _kept("VOLT:LIM", self.limits.max_voltage_v, number(limit_v))
         _kept("SYST:WATC", self.limits.watchdog_s, number(watchdog_s))
 
-    def _as_driven(self, read_back: ReadBack, instant_v: float) -> None:
-        """Raise unless the device says that it does what it was told."""
-        assert self.driven is not None
-        assert read_back.monitor_v is not None
-        if not read_back.output:
-            self.check()
-            raise DeviceError(_unexpected(on=False))
-        self._gives(self.driven, read_back.voltage_v, instant_v, read_back.monitor_v)
-        self.refuse_frequency(read_back.frequency_hz)
-
-    def _gives(self, driven: Setpoint, target_v: float, instant_v: float, monitor_v: float) -> None:
+    def _require_amplitude(self, target_v: float, instant_v: float, monitor_v: float) -> None:
         """Raise unless the amplitude is the driven one, or on its way there from no higher up.
 
         No drive exceeds the limits, so nothing here may exceed them by more than the tolerance.
         """
-        _kept("VOLT", driven.voltage_v, target_v)
+        if self.driven is None:
+            self._most_v = 0.0
+        else:
+            _kept("VOLT", self.driven.voltage_v, target_v)
         _not_above(self._most_v, "the amplitude", instant_v)
         _monitored(instant_v, monitor_v)
         _not_above(self._most_v, "the monitor", monitor_v)
-        self._most_v = max(driven.voltage_v, min(self._most_v, instant_v))
+        if self.driven is not None:
+            self._most_v = max(self.driven.voltage_v, min(self._most_v, instant_v))
 
 
 def _kept(header: str, told: float, kept: float) -> None:
@@ -215,6 +227,11 @@ def _read_back(reply: str) -> tuple[ReadBack, float]:
         device_time_s=time_s,
     )
     return read_back, instant_v
+
+
+def _output_and_monitor(reply: str) -> tuple[bool, float]:
+    on, monitor_v = fields(reply, 2)
+    return switch(on), number(monitor_v)
 
 
 def _health(reply: str) -> Health:

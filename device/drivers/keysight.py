@@ -225,7 +225,7 @@ class Keysight(Driver):
         told_v, kept_v = self._amplitude_v, read_back.voltage_v
         if not math.isclose(told_v, kept_v, rel_tol=AMPLITUDE_REL_TOL):
             raise DeviceError(f"the amplitude was set to {told_v:g} V and reads back as {kept_v:g}")
-        self.refuse_frequency(read_back.frequency_hz)
+        self.require_frequency(read_back.frequency_hz)
 
     def _as_set_up(self) -> None:
         """Load, unit, offset and limits are what every amplitude relies on: see them again.

@@ -15,6 +15,7 @@ WRONG_IDN = "ACME,Toaster 3000,0,1.0"
 KEPT_OF_SET = 0.9
 SHOWN_BY_MONITOR = 0.5
 TOO_MUCH = 2.0
+SHORTED_V = 150.0
 OTHER_HZ = 99_000.0
 _ERROR = ScpiError(-310, "System error")
 
@@ -81,6 +82,8 @@ class Broken:
             "panel-changed": lambda on: self._turn_knobs() if on else None,
             "frequency-changed": lambda on: self._turn_frequency() if on else None,
             "off-ignored": self._ignore_off,
+            "relay-stuck": self._stick,
+            "stage-shorted": self._short,
             "peak-to-peak": self._double,
             "panel-on": lambda on: self._press_output() if on else None,
         }
@@ -126,6 +129,12 @@ class Broken:
 
     def _ignore_off(self, on: bool) -> None:
         self.instrument.off_ignored = on
+
+    def _stick(self, on: bool) -> None:
+        self.instrument.relay_stuck, self.instrument.left_v = on, 0.0
+
+    def _short(self, on: bool) -> None:
+        self.instrument.left_v = SHORTED_V if on else 0.0
 
     def _double(self, on: bool) -> None:
         self.instrument.stage_gain = TOO_MUCH if on else 1.0

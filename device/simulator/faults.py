@@ -53,7 +53,9 @@ FAULTS = (
     Fault(number=25, name="frequency-changed", what="the frequency is changed at the panel"),
     Fault(number=27, name="silent", what="the device obeys and answers nothing"),
     Fault(number=28, name="off-ignored", what="OUTP OFF is ignored"),
+    Fault(number=28, name="relay-stuck", what="the voltage stays when the output is switched off"),
     Fault(number=31, name="peak-to-peak", what="twice the amplitude that was set comes out"),
     Fault(number=32, name="panel-on", what="the output is switched on at the panel"),
+    Fault(number=32, name="stage-shorted", what="150 V are at the output though it is off"),
 )
 NAMES = tuple(fault.name for fault in FAULTS)

@@ -49,6 +49,9 @@ class Instrument:
     cause: str = "NONE"
     hot: bool = False
     off_ignored: bool = False
+    relay_stuck: bool = False
+    left_v: float = 0.0
+    """What is at the output although it is off: 0 unless something is broken."""
     set_gain: float = 1.0
     """What is kept of a drive, relative to what was asked: 1 unless something is broken."""
     stage_gain: float = 1.0
@@ -71,7 +74,7 @@ class Instrument:
     @property
     def output_v(self) -> float:
         """The amplitude that is on the beam in truth, V."""
-        return self.stage_gain * self.meant_v
+        return self.stage_gain * self.meant_v + self.left_v
 
     @property
     def temperature_c(self) -> float:
@@ -92,6 +95,8 @@ class Instrument:
         """Control the output; off is immediate, on starts from 0 V."""
         if self.off_ignored and not on:
             return
+        if self.relay_stuck and not on:
+            self.left_v = max(self.left_v, self.voltage_v)
         if on != self.output:
             self.voltage_v = 0.0
         self.output = on

@@ -8,7 +8,7 @@ nothing is driven again before it is armed anew. Numbers are those of docs/wire-
 from dataclasses import dataclass
 from typing import Literal
 
-from device.errors import DeviceError, ForeignDevice, LinkTimeout, OutputUnknown, ProtocolError
+from device.errors import DeviceError, ForeignDevice, LinkTimeout, OutputUnknown
 
 Moment = Literal["driving", "between", "off", "handshake"]
 """While a drive is on; between two drives; while a drive is on, and off is asked for; before."""
@@ -45,12 +45,12 @@ BOARD = (
     Row(number=4, fault="late-reply-once", error=LinkTimeout, told=f"in time; {_OFF}"),
     Row(number=4, fault="late-reply", error=OutputUnknown, told=_CUT),
     Row(number=5, fault="truncated-reply", error=OutputUnknown, told=_CUT),
-    Row(number=6, fault="reply-nan", error=ProtocolError, told=f"'NAN'; {_OFF}"),
-    Row(number=6, fault="reply-inf", error=ProtocolError, told=f"'INF'; {_OFF}"),
-    Row(number=6, fault="reply-overflow", error=ProtocolError, told=f"'9.91E.37'; {_OFF}"),
-    Row(number=6, fault="reply-underscore", error=ProtocolError, told=f"'1_000'; {_OFF}"),
-    Row(number=6, fault="reply-empty", error=ProtocolError, told=f"''; {_OFF}"),
-    Row(number=7, fault="slow-drip", told="in time|step"),
+    Row(number=6, fault="reply-nan", error=OutputUnknown, told=f"{_CUT} .*'NAN'"),
+    Row(number=6, fault="reply-inf", error=OutputUnknown, told=f"{_CUT} .*'INF'"),
+    Row(number=6, fault="reply-overflow", error=OutputUnknown, told=f"{_CUT} .*'9.91E.37'"),
+    Row(number=6, fault="reply-underscore", error=OutputUnknown, told=f"{_CUT} .*'1_000'"),
+    Row(number=6, fault="reply-empty", error=OutputUnknown, told=f"{_CUT} .*''"),
+    Row(number=7, fault="slow-drip", error=OutputUnknown, told=f"{_CUT} .*(in time|step)"),
     Row(number=8, fault="flood", error=OutputUnknown, told="talks without being asked"),
     Row(number=9, fault="echo", when="handshake", error=OutputUnknown, told="echoes what it is"),
     Row(number=9, fault="echo", error=OutputUnknown, told=_CUT),
@@ -82,9 +82,13 @@ BOARD = (
     Row(number=25, fault="frequency-changed", told=f"FREQ was set to .* as 99000; {_OFF}"),
     Row(number=27, fault="silent", error=OutputUnknown, told=_CUT),
     Row(number=28, fault="off-ignored", when="off", error=OutputUnknown, told=_CUT, still_on=True),
+    Row(number=28, fault="relay-stuck", when="off", error=OutputUnknown, told="monitor still shows",
+        still_on=True),
     Row(number=29, fault="vanish", when="between", error=OutputUnknown, told=_CUT),
     Row(number=31, fault="peak-to-peak", told=f"the monitor must show .* V, got .* V; {_OFF}"),
     Row(number=32, fault="panel-on", when="between", told=f"nobody here switched it on; {_OFF}"),
+    Row(number=32, fault="stage-shorted", when="between", error=OutputUnknown, told=_CUT,
+        still_on=True),
 )  # fmt: skip
 
 

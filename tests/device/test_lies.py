@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import pytest
 
-from device.errors import DeviceError
+from device.driver import Driver
+from device.errors import DeviceError, OutputUnknown
 from device.records import Sweep
-from tests.device.lying import lying
+from tests.device.lying import LyingPort, lying
 from tests.device.rigs import DRIVE, LIMITS
 
 FREQ = {"board": "FREQ?", "keysight": "SOUR1:FREQ?"}
@@ -118,3 +119,64 @@ def test_a_poll_of_a_board_is_one_question() -> None:
     port.sent.clear()
     board.check()
     assert len(port.sent) == 1
+
+
+def off_at_first(*monitors: str) -> tuple[Driver, LyingPort]:
+    """A board that was driven, and its monitor's answers from then on."""
+    board, port = lying(LIMITS)
+    board.drive(DRIVE)
+    port.advance(1)
+    port.lies = {"MEAS:VOLT?": list(monitors)}
+    return board, port
+
+
+def test_a_board_is_off_when_its_output_has_discharged() -> None:
+    board, port = off_at_first("100", "60", "20", "2.1", "1.9")
+    port.sent.clear()
+    board.off()
+    assert len(port.sent) == 1 + 5, "off, and a look at each of the five"
+
+
+@pytest.mark.parametrize("monitor_v", ["150", "2.1", "-150"])
+def test_a_board_that_does_not_discharge_is_not_off(monitor_v: str) -> None:
+    """A shorted stage, or a relay that is stuck."""
+    board, port = off_at_first(monitor_v)
+    shown = float(monitor_v)
+    with pytest.raises(OutputUnknown, match=rf"UNKNOWN - cut .*monitor still shows {shown:.1f} V"):
+        board.off()
+    assert len(port.sent) < 1000, "it does not look for ever"
+
+
+def test_a_line_before_the_answer_does_not_make_a_board_off() -> None:
+    """The device says `0` unasked and then that it is on."""
+    board, port = lying(LIMITS)
+    board.drive(DRIVE)
+    port.lies = {"OUTP?": ["0\n1"]}
+    with pytest.raises(OutputUnknown, match="UNKNOWN - cut the amplifier"):
+        board.off()
+
+
+@pytest.mark.parametrize("query", ["read_back", "check"])
+def test_the_monitor_of_a_board_is_looked_at_while_it_is_off(query: str) -> None:
+    board, port = off_at_first()
+    board.off()
+    getattr(board, query)()
+    port.lies = {"MEAS:VOLT?": ["150"]}
+    with pytest.raises(DeviceError, match=r"the monitor must show 0\.0 V, got 150\.0 V"):
+        getattr(board, query)()
+
+
+def test_a_board_that_is_off_and_means_to_give_something_is_at_fault() -> None:
+    board, port = off_at_first()
+    board.off()
+    port.lies = {"VOLT:INST?": ["150"], "MEAS:VOLT?": ["150"]}
+    with pytest.raises(DeviceError, match=r"must not exceed 0\.0 V, got 150\.0 V"):
+        board.check()
+
+
+def test_arming_does_not_go_on_while_the_output_has_voltage() -> None:
+    board, port = off_at_first("150")
+    port.sent.clear()
+    with pytest.raises(OutputUnknown, match=r"monitor still shows 150\.0 V"):
+        board.arm()
+    assert not any(line.startswith("SYST:WATC") for line in port.sent)

@@ -111,6 +111,19 @@ def test_the_search_for_the_resonance_never_waits_longer_than_the_watchdog_is_fe
     assert max(waits) <= limits.watchdog_s / FEEDS_PER_WATCHDOG
 
 
+def test_a_search_after_which_the_voltage_stays_does_not_end_with_off(
+    simulator: Endpoints, hand: Hand
+) -> None:
+    def sleep(seconds: float) -> None:
+        hand.fault("relay-stuck")
+        hand.advance(seconds)
+
+    with opened(simulator.url) as rig:
+        rig.arm()
+        with pytest.raises(OutputUnknown, match=r"monitor still shows \d+\.\d V after 0.5 s"):
+            rig.resonance(24_221.0, sleep)
+
+
 def test_a_generator_is_turned_off_when_the_session_hangs() -> None:
     with (
         simulator_process(TOUCHBEAM, seed=1, dialect="keysight", wire="tcp") as other,

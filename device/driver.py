@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from typing import ClassVar
 
-from device.errors import DeviceError, ForeignDevice, OutputUnknown
+from device.errors import DeviceError, ForeignOutput, OutputUnknown
 from device.link import Link
 from device.records import Identity, Limits, ReadBack, Setpoint, Sweep
 from device.wire import number, number_text, queued_error, switch
@@ -47,23 +47,25 @@ class Driver(ABC):
         """What is on, None while the output is to be off."""
         self.commanded_hz = (0.0, 0.0)
         """The lowest and the highest frequency that what is on may have."""
-        self.foreign = False
-        """Whether somebody answered who is not ours to talk to."""
+        self.foreign: ForeignOutput | None = None
+        """What is to be said of who answered, if it is not ours to talk to."""
 
     def arm(self) -> Identity:
         """Turn the output off, see who answers, set limits and watchdog, and read them back.
 
         Raises:
-            ForeignDevice: it is another device; nothing else was sent.
+            ForeignOutput: it is another device; nothing else was sent.
             DeviceError: it reports an error, or does not keep what was set.
             OutputUnknown: its output cannot be read back as off.
         """
-        self.driven = None
+        self.driven, self.foreign = None, None
         self.send_off()
         idn = self.link.identify()
-        self.foreign = self.idn.match(idn) is None
-        if self.foreign:
-            raise ForeignDevice(f"expected {self.expected}, got {idn!r}; nothing else was sent")
+        if self.idn.match(idn) is None:
+            self.foreign = ForeignOutput(
+                f"expected {self.expected}, got {idn!r}; nothing else was sent"
+            )
+            raise self.foreign
         self.link.synchronise()
         self.off()
         errors = tuple(self.drained_errors())
@@ -132,11 +134,11 @@ class Driver(ABC):
         """Turn the output off and read it back. A device that is not ours is left alone.
 
         Raises:
-            OutputUnknown: the device does not confirm it.
+            OutputUnknown: the device does not confirm it, or was not asked.
         """
         self.driven = None
-        if self.foreign:
-            return
+        if self.foreign is not None:
+            raise self.foreign
         try:
             self.send_off()
         except DeviceError as error:

@@ -2,6 +2,9 @@
 
 from protocol.errors import BadInput, WorkFailed
 
+UNKNOWN = "output state UNKNOWN - cut the amplifier"
+"""What a person is told of an output that was not read back as off."""
+
 
 class AddressError(BadInput):
     """The address of a device, or its dialect, is not one that exists: the user's mistake."""
@@ -35,4 +38,8 @@ class OutputUnknown(DeviceError):
     """The output could not be read back as off: only cutting the amplifier is safe."""
 
     def __init__(self, why: str) -> None:
-        super().__init__(f"output state UNKNOWN - cut the amplifier ({why})")
+        super().__init__(f"{UNKNOWN} ({why})")
+
+
+class ForeignOutput(ForeignDevice, OutputUnknown):
+    """Another device is where ours was to be driven; its output is not ours to ask for."""

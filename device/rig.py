@@ -253,15 +253,17 @@ class Rig:
         """Send off once without waiting; return `error` with what is known of the output."""
         self._stopping, self._ramping, self._armed = False, False, False
         self._driver.link.go_on()
-        if self._driver.foreign:
-            return error
+        if self._driver.foreign is not None:
+            return self._driver.foreign
         with contextlib.suppress(DeviceError):  # what it does not take it does not confirm either
             self._driver.send_off()
         self._driver.driven = None
         try:
             self._driver.confirm_off()
         except OutputUnknown:
-            return OutputUnknown(str(error))
+            return error if isinstance(error, OutputUnknown) else OutputUnknown(str(error))
+        if isinstance(error, OutputUnknown):
+            return error  # it was asked before, and did not say so then
         return type(error)(f"{error}; output off, read back")
 
 

@@ -105,6 +105,8 @@ def _turn_off(room: Room, why: str) -> None:
         leave_trial(room.log, why)
         if room.log.state.name in {"armed", "paused"}:
             room.log.append("device-off", confirmed=unknown is None, why=why)
+        if unknown is not None:
+            show_where_we_are(room, unknown=True)
     except Exception as error:
         if unknown is not None:
             raise unknown from error

@@ -2,12 +2,17 @@
 
 from dataclasses import dataclass
 
+from device.errors import UNKNOWN
 from device.records import ReadBack
 
 
 @dataclass(frozen=True, kw_only=True)
 class View:
-    """Where the session stands and what the device really does, as it was last read back."""
+    """Where the session stands and what the device really does, as it was last read back.
+
+    Without a `device` the output was read back as off, unless it is `unknown` or the session is
+    idle: then nobody has asked yet.
+    """
 
     session: str
     kind: str
@@ -22,6 +27,7 @@ class View:
     watchdog_s: float
     last_answer: str
     warning: str
+    unknown: bool = False
 
     def progress(self) -> str:
         """Return how far the session is, such as `3 of 7 trials, about 2 min left`."""
@@ -29,8 +35,12 @@ class View:
 
     def output(self) -> str:
         """Return what is on the device, in words."""
+        if self.unknown:
+            return UNKNOWN.removeprefix("output ")
         if self.searching:
             return "ON, 10 V at most, searching"
+        if self.device is None and self.state == "idle":
+            return "not known yet"
         if self.device is None or not self.device.output:
             return "off"
         device = self.device

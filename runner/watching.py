@@ -10,9 +10,14 @@ from runner.waiting import TICK_S, pass_time, response, tick
 
 
 def show_where_we_are(
-    room: Room, device: ReadBack | None = None, warning: str = "", *, searching: bool = False
+    room: Room,
+    device: ReadBack | None = None,
+    warning: str = "",
+    *,
+    searching: bool = False,
+    unknown: bool = False,
 ) -> None:
-    """Show the operator where the session stands."""
+    """Show the operator where the session stands, and what `device` read back, if it is on."""
     state, session = room.log.state, room.session
     left = [entry for entry in session.plan.trials if entry.index not in state.answered]
     running = [entry for entry in left if entry.index == state.trial]
@@ -32,6 +37,7 @@ def show_where_we_are(
             watchdog_s=session.study.rig.watchdog_s,
             last_answer=state.last_answer,
             warning=warning,
+            unknown=unknown,
         )
     )
 

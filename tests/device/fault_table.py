@@ -8,7 +8,7 @@ nothing is driven again before it is armed anew. Numbers are those of docs/wire-
 from dataclasses import dataclass
 from typing import Literal
 
-from device.errors import DeviceError, ForeignDevice, LinkTimeout, OutputUnknown
+from device.errors import DeviceError, ForeignOutput, LinkTimeout, OutputUnknown
 
 Moment = Literal["driving", "between", "off", "handshake"]
 """While a drive is on; between two drives; while a drive is on, and off is asked for; before."""
@@ -74,8 +74,8 @@ BOARD = (
     Row(number=17, fault="scale-wrong", told=rf"must not exceed 100\.0 V, got .* V; {_OFF}"),
     Row(number=18, fault="watchdog-trip", told=f"its watchdog tripped: .*; {_OFF}"),
     Row(number=20, fault="opc-silent", error=LinkTimeout, told=rf"'\*OPC\?' in time; {_OFF}"),
-    Row(number=21, fault="wrong-idn", when="handshake", error=ForeignDevice,
-        told=r"expected a board \(TOUCHBEAM,BOARD,…\), got 'ACME,Toaster 3000,0,1.0'"),
+    Row(number=21, fault="wrong-idn", when="handshake", error=ForeignOutput,
+        told=rf"{_CUT} \(expected a board \(TOUCHBEAM,BOARD,…\), got 'ACME,Toaster 3000,0,1.0'"),
     Row(number=23, fault="deaf", error=OutputUnknown, told=_CUT),
     Row(number=24, fault="limits-lost", when="between", told="set to 120 .* as 200"),
     Row(number=25, fault="panel-changed", when="between", told="set to 120 .* as 200"),
@@ -105,7 +105,7 @@ GENERATOR = (
     _generator(12, "brown-out", "driving", f"(nobody here switched it|reads back as .*); {_OFF}"),
     _generator(13, "read-back-differs", "between", "reads back as"),
     _generator(14, "error-after-set", "driving", f"refused by the device: -310 .*; {_OFF}"),
-    _generator(21, "wrong-idn", "handshake", "expected a generator .*, got 'ACME", ForeignDevice),
+    _generator(21, "wrong-idn", "handshake", f"{_CUT} .*generator .*, got 'ACME", ForeignOutput),
     _generator(24, "limits-lost", "driving", f"limits must be on .*; {_OFF}"),
     _generator(24, "limits-lost", "between", "limits must be on"),
     _generator(25, "panel-changed", "driving", f"(load must be INF|reads back as).*; {_OFF}"),

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from device.drivers.board import Board
-from device.errors import AddressError, DeviceError, ForeignDevice, LimitExceeded, OutputUnknown
+from device.errors import AddressError, DeviceError, ForeignOutput, LimitExceeded, OutputUnknown
 from device.link import Link, open_link
 from device.records import Limits, Setpoint, Sweep
 from device.simulator.hand import Hand
@@ -119,15 +119,18 @@ def scripted(answers: dict[bytes, bytes]) -> tuple[Board, ScriptedPort]:
 
 def test_another_device_is_told_nothing_but_off() -> None:
     board, port = scripted({b"*IDN?\n": b"Rigol,DG1022,1,2\n"})
-    with pytest.raises(ForeignDevice, match=r"expected a board .* got 'Rigol,DG1022,1,2'"):
+    with pytest.raises(ForeignOutput, match=r"expected a board .* got 'Rigol,DG1022,1,2'"):
         board.arm()
-    board.off()
+    with pytest.raises(
+        OutputUnknown, match=r"^output state UNKNOWN - cut the amplifier \(expected"
+    ):
+        board.off()
     assert port.sent == [b"OUTP OFF\n", b"*IDN?\n"]
 
 
-@pytest.mark.parametrize("answer", [b"1\n", b"", b"what?\n", b"0"])
+@pytest.mark.parametrize("answer", [b"1;0\n", b"", b"what?;0\n", b"0\n", b"0;what?\n", b"0;0"])
 def test_off_is_off_only_when_read_back(answer: bytes) -> None:
-    board, _ = scripted({b"OUTP?\n": answer})
+    board, _ = scripted({b"OUTP?;:MEAS:VOLT?\n": answer})
     with pytest.raises(OutputUnknown, match="output state UNKNOWN - cut the amplifier"):
         board.off()
 

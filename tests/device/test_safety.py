@@ -180,6 +180,27 @@ def test_a_stop_by_hand_latches(simulator: Endpoints, hand: Hand) -> None:
         assert rig.drive(DRIVE).output
 
 
+def test_a_stop_by_hand_says_nothing_of_the_output_of_another_device(
+    simulator: Endpoints, hand: Hand
+) -> None:
+    hand.fault("wrong-idn")
+    with opened(simulator.url) as rig:
+        with pytest.raises(OutputUnknown, match="got 'ACME,Toaster 3000"):
+            rig.arm()
+        rig.emergency_stop()
+        with pytest.raises(OutputUnknown, match=r"cut the amplifier \((expected|stopped by hand)"):
+            rig.drive(DRIVE)
+        with pytest.raises(OutputUnknown, match=r"cut the amplifier \(expected"):
+            rig.off()
+
+
+def test_an_output_that_is_unknown_is_said_to_be_so_once(simulator: Endpoints, hand: Hand) -> None:
+    hand.fault("stage-shorted")
+    with opened(simulator.url) as rig, pytest.raises(OutputUnknown, match=r"150\.") as caught:
+        rig.arm()
+    assert str(caught.value).count("UNKNOWN") == 1
+
+
 def test_after_the_port_came_back_the_output_stays_off(simulator: Endpoints, hand: Hand) -> None:
     with opened(simulator.url) as rig:
         rig.arm()

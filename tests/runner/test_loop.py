@@ -133,6 +133,18 @@ def test_an_output_that_is_not_read_back_as_off_is_said_to_be_unknown(tmp_path: 
         assert (off.tag, off.payload["confirmed"]) == ("device-off", False)
 
 
+def test_the_console_says_at_last_that_an_output_is_unknown(tmp_path: Path) -> None:
+    device = FakeDevice(fails="off")
+    operator = FakeOperator(device)
+    with (
+        open_journal(tmp_path / "study.db") as journal,
+        pytest.raises(OutputUnknown, match="UNKNOWN - cut the amplifier"),
+    ):
+        run(room(journal, device, FakeParticipant(), TEXT, operator))
+    assert operator.seen[0].output() == "not known yet", "nobody has asked"
+    assert operator.seen[-1].output() == "state UNKNOWN - cut the amplifier"
+
+
 def test_the_operator_stops_a_session_and_it_goes_on_later(tmp_path: Path) -> None:
     device = FakeDevice()
     with open_journal(tmp_path / "study.db") as journal:

@@ -100,6 +100,13 @@ def test_the_panel_says_what_the_device_really_does() -> None:
     assert "output: [bold green]off" in "\n".join(panel_lines(view(device=None), "", None))
 
 
+@pytest.mark.parametrize("changes", [{"state": "idle"}, {"unknown": True}])
+def test_an_output_that_was_not_read_back_is_not_shown_as_off(changes: dict[str, object]) -> None:
+    first = panel_lines(view(device=None, **changes), "", None)[0]
+    assert first.startswith("output: [bold red]")
+    assert "off" not in first
+
+
 def test_the_panel_keeps_markup_that_was_typed_as_text() -> None:
     lines = panel_lines(view(last_answer="[red]x"), "", "[bold]note")
     assert "\\[red]x" in lines[-1]

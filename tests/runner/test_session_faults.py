@@ -5,7 +5,7 @@ trial and of the output, what the person is told, and the exit code.
 """
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -81,14 +81,16 @@ def hand(simulator: Endpoints) -> Iterator[Hand]:
         hand.reset()
 
 
-def on_the_rig(made: Room, device: Rig, hand: Hand, row: Row) -> Room:
+def on_the_rig(
+    made: Room, device: Rig, hand: Hand, row: Row, say: Callable[[str], None] = lambda _: None
+) -> Room:
     """`made` with a real byte path in place of its device."""
     clock = SteppedClock(datetime(2026, 1, 1, tzinfo=UTC), hand.advance)
     return Room(
         session=made.session,
         device=device,
         participant=Provoking(hand, row, FakeParticipant()),
-        operator=OperatorConsole(lambda _: "", PlainDisplay(lambda _: None), alone=True),
+        operator=OperatorConsole(lambda _: "", PlainDisplay(say), alone=True),
         clock=clock,
         log=made.log,
         opened_now=made.opened_now,
@@ -117,11 +119,36 @@ def test_a_fault_in_a_session(tmp_path: Path, simulator: Endpoints, hand: Hand, 
         resumes(journal)
 
 
+def test_nobody_is_told_that_the_output_of_another_device_is_off(
+    tmp_path: Path, simulator: Endpoints, hand: Hand
+) -> None:
+    """It does not understand OUTP OFF, and nothing else may be said to it."""
+    row = Row(number=21, fault="wrong-idn", when="handshake")
+    told: list[str] = []
+    with open_journal(tmp_path / "study.db") as journal:
+        made = room(journal, FakeDevice(), FakeParticipant(), STUDY)
+        for fault in (row.fault, "off-ignored", "panel-on"):
+            hand.fault(fault)
+        with (
+            opened(simulator.url, "board", limits(made.session.study.rig)) as device,
+            pytest.raises(OutputUnknown, match="expected a board") as caught,
+        ):
+            run(on_the_rig(made, device, hand, row, told.append))
+        assert hand.state()["output"] is True
+    line, code = complaint(caught.value)
+    assert code == WORK_FAILED
+    assert line.count("output state UNKNOWN - cut the amplifier") == 1
+    assert "got 'ACME,Toaster 3000,0,1.0'; nothing else was sent" in line
+    shown = [text.partition("; output ")[2] for text in told if "; output " in text]
+    assert shown == ["not known yet", "state UNKNOWN - cut the amplifier"]
+    assert "output off" not in line
+
+
 def _is_told(error: DeviceError, row: Row) -> None:
     line, code = complaint(error)
     assert code == WORK_FAILED
     assert "\n" not in line
-    if row.error is OutputUnknown:
+    if isinstance(error, OutputUnknown):
         assert "output state UNKNOWN - cut the amplifier" in line
 
 

@@ -1,1 +1,1 @@
-"""What came out: loading, statistics, predictions and reports."""
+"""What came out: loading, statistics, sensitivities, predictions, reports and exports."""

@@ -7,7 +7,7 @@ resonance, at every amplitude, finger load and direction; and the paper's freque
 
 import random
 
-from device.conditions import PATH_M, SMOOTH_PLACE_M
+from device.friction.contrasts import PATH_M, SMOOTH_PLACE_M
 
 RIGS = 20
 SCENES_PER_RIG = 50

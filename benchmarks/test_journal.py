@@ -12,8 +12,8 @@ from time import perf_counter
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from runner.journal import open_journal
-from runner.session_state import Event, folded
+from protocol.journal.state import Event, folded
+from runner.journal.store import open_journal
 
 NOON = datetime(2026, 1, 1, 12, tzinfo=UTC)
 PAYLOAD = {"index": 3, "change": "smoother", "agrees": True, "score": 8, "reaction_time_s": [1.2]}

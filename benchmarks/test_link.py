@@ -14,11 +14,11 @@ import pytest
 import serial
 
 from device.drivers.board import Board
-from device.link import open_link
-from device.port import SerialPort
-from device.records import Limits
-from device.simulator.process import Endpoints, simulator_process
-from device.wire import LineBuffer, text
+from device.drivers.setpoints import Limits
+from device.link.codec import LineBuffer, text
+from device.link.link import open_link
+from device.link.port import SerialPort
+from device.simulator.client import Endpoints, simulator_process
 
 TOUCHBEAM = (str(Path(sys.executable).with_name("touchbeam")),)
 LIMITS = Limits(max_voltage_v=120, max_frequency_hz=40_000, ramp_v_per_s=400, watchdog_s=5)

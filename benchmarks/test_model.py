@@ -9,13 +9,13 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 from scipy.integrate import quad
 
-from analysis.predict import PredictOptions, predict
+from analysis.model.predict import PredictOptions, predict
 from benchmarks.study_scenes import study_scenes
-from device.beam import Beam
-from device.friction import friction_coefficient
-from device.mode_shapes import mode_constants
-from device.rungs import TOP_RUNG, forget_set_ups, reference_tip_speed_m_s, rung_field
-from device.scenes import Drive, Scene
+from device.beam.beam import Beam
+from device.beam.modes import mode_constants
+from device.friction.coefficient import friction_coefficient
+from device.friction.rungs import TOP_RUNG, forget_set_ups, reference_tip_speed_m_s, rung_field
+from device.friction.scenes import Drive, Scene
 
 PLACES = np.linspace(0.0, 0.1, 1000)
 

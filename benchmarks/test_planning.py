@@ -9,9 +9,9 @@ from time import perf_counter
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from protocol.cohort_check import cohort_problems
-from protocol.plan import plan
-from protocol.study_file import parsed_study, template
+from protocol.plan.plan import plan
+from protocol.proof.cohort import cohort_problems
+from protocol.study_file.loading import parsed_study, template
 
 TOUCHBEAM = str(Path(sys.executable).with_name("touchbeam"))
 

@@ -11,9 +11,9 @@ from time import perf_counter
 import numpy as np
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from protocol.study_file import parsed_study, template
-from runner.journal import open_journal
-from runner.session_state import Event
+from protocol.journal.state import Event
+from protocol.study_file.loading import parsed_study, template
+from runner.journal.store import open_journal
 from tests.analysis.reports import session_events
 
 TOUCHBEAM = str(Path(sys.executable).with_name("touchbeam"))

@@ -8,9 +8,9 @@ from time import perf_counter
 
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from protocol.durations import session_s
-from protocol.plan import plan
-from protocol.study_file import parsed_study, template
+from protocol.plan.plan import plan
+from protocol.plan.trials import session_s
+from protocol.study_file.loading import parsed_study, template
 
 TOUCHBEAM = str(Path(sys.executable).with_name("touchbeam"))
 REPEATS = 8

@@ -13,13 +13,12 @@ from statistics import median
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from protocol.study_file import parsed_study, template
+from protocol.study_file.loading import parsed_study, template
 from runner.screens import Instruction, Pacing, Screen
-from runner.window.for_study import study_window
-from runner.window.opening import participant_window
+from runner.window.client import WindowParticipant, participant_window
+from runner.window.messages import Settings
 from runner.window.pages import Wording
-from runner.window.participant import WindowParticipant
-from runner.window.wire import Settings
+from runner.window.preflight import study_window
 from tests.runner.window.person import virtual_display
 
 TOUCHBEAM = str(Path(sys.executable).with_name("touchbeam"))

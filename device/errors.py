@@ -1,5 +1,8 @@
 """What can go wrong between us and the device."""
 
+import math
+from collections.abc import Collection
+
 from protocol.errors import BadInput, WorkFailed
 
 UNKNOWN = "output state UNKNOWN - cut the amplifier"
@@ -43,3 +46,49 @@ class OutputUnknown(DeviceError):
 
 class ForeignOutput(ForeignDevice, OutputUnknown):
     """Another device is where ours was to be driven; its output is not ours to ask for."""
+
+
+class OutOfRangeError(BadInput):
+    """A value breaks its rule: `name rule, got value`."""
+
+    def __init__(self, name: str, rule: str, value: object) -> None:
+        super().__init__(f"{name} {rule}, got {value}")
+        self.name = name
+        self.rule = rule
+        self.value = value
+
+
+def positive(name: str, value: float) -> None:
+    """Refuse a value that is not a finite number above 0."""
+    if not (math.isfinite(value) and value > 0):
+        raise OutOfRangeError(name, "must be a finite number above 0", value)
+
+
+def not_negative(name: str, value: float) -> None:
+    """Refuse a value that is not a finite number of at least 0."""
+    if not (math.isfinite(value) and value >= 0):
+        raise OutOfRangeError(name, "must be a finite number of at least 0", value)
+
+
+def within(name: str, value: float, low: float, high: float) -> None:
+    """Refuse a value outside the closed interval [low, high]."""
+    if not low <= value <= high:
+        raise OutOfRangeError(name, f"must lie in [{low:g}, {high:g}]", value)
+
+
+def below(name: str, value: float, low: float, high: float) -> None:
+    """Refuse a value outside the open interval (low, high)."""
+    if not low < value < high:
+        raise OutOfRangeError(name, f"must lie between {low:g} and {high:g}", value)
+
+
+def whole(name: str, value: float, low: int) -> None:
+    """Refuse a value that is not a whole number of at least `low`."""
+    if not (math.isfinite(value) and value == int(value) and value >= low):
+        raise OutOfRangeError(name, f"must be a whole number of at least {low}", value)
+
+
+def one_of(name: str, value: object, allowed: Collection[str]) -> None:
+    """Refuse a value that is not one of the allowed names."""
+    if value not in allowed:
+        raise OutOfRangeError(name, f"must be one of {', '.join(allowed)}", repr(value))

@@ -14,12 +14,12 @@ from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from device.driver import Driver
-from device.drivers import driver_of
+from device.drivers.driver import Driver
+from device.drivers.registry import driver_of
+from device.drivers.setpoints import Identity, Limits, ReadBack, Setpoint, Sweep
 from device.errors import DeviceError, EmergencyStop, ForeignDevice, OutputUnknown
-from device.link import open_link
-from device.records import Identity, Limits, ReadBack, Setpoint, Sweep
-from device.sweep import Resonance, resonance
+from device.link.link import open_link
+from device.resonance import Resonance, resonance
 from protocol.errors import BadInput
 
 FEEDS_PER_WATCHDOG = 5

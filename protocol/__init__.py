@@ -1,1 +1,1 @@
-"""What is asked: studies, conditions, trials, orders and ratings. Pure; knows no other package."""
+"""What is asked: studies, conditions, trials, orders, ratings. Pure; imports no other package."""

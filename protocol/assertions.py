@@ -3,11 +3,9 @@
 from collections import Counter
 from collections.abc import Sequence
 
-from protocol.carryover import carry_over
-from protocol.cohort_check import cohort_problems
-from protocol.durations import plan_swaps, session_s
-from protocol.study import Study
-from protocol.trial import Plan
+from protocol.plan.trials import Plan, plan_swaps, session_s
+from protocol.proof.cohort import carry_over, cohort_problems
+from protocol.study.study import Study
 
 
 def assert_proved(study: Study, cohort: Sequence[Plan]) -> None:

@@ -1,5 +1,7 @@
 """The two kinds of errors that are not ours, told apart by the exit code of a command."""
 
+from dataclasses import dataclass
+
 
 class BadInput(ValueError):
     """A file or value that was given is wrong; the message says what, where and what to do."""
@@ -7,3 +9,30 @@ class BadInput(ValueError):
 
 class WorkFailed(Exception):
     """Something that the work needs - a device, a port, a disk, a person - does not do its part."""
+
+
+Path = tuple[str | int, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Problem:
+    """Something wrong with a study: where it stands, the broken rule, the value, what to do.
+
+    `path` leads to the key in the study file, `line` says where that is, counted from 1.
+    """
+
+    where: str
+    rule: str
+    value: str
+    hint: str = ""
+    path: Path = ()
+    line: int | None = None
+
+    def __str__(self) -> str:
+        """One line for a person."""
+        line = f"{self.where}: {self.rule}, got {self.value}"
+        return f"{line}; {self.hint}" if self.hint else line
+
+    def located(self, source: str) -> str:
+        """The same line with the file, and the line in it, in front."""
+        return f"{source}:{self.line}: {self}" if self.line else f"{source}: {self}"

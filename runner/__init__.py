@@ -1,1 +1,1 @@
-"""A session: its loop, journal, participants and console. `runner.cli` puts everything together."""
+"""A session: its loop, journal, people, window and the command line."""

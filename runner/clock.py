@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
+from typing import Protocol
 
 
 class WallClock:
@@ -41,3 +42,19 @@ class SteppedClock:
         """Let `seconds` pass at once, here and in the device."""
         self._advance(seconds)
         self._passed_s += seconds
+
+
+class Clock(Protocol):
+    """Time as the session sees it."""
+
+    def utc(self) -> datetime:
+        """Return the date and time, UTC."""
+        ...
+
+    def monotonic_s(self) -> float:
+        """Return seconds that never run backwards."""
+        ...
+
+    def sleep(self, seconds: float) -> None:
+        """Let time pass."""
+        ...

@@ -15,7 +15,7 @@ from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
 
-from runner.window.fonts import FONTS, first_font, missing
+from runner.window.text_layout import FONTS, first_font, missing
 
 PACKAGES = ("protocol", "device", "runner", "analysis")
 DEPENDENCIES = ("psychopy", "pyserial", "numpy", "scipy", "matplotlib", "pydantic")
@@ -106,7 +106,7 @@ def _disk() -> Finding:
 
 
 def _ports() -> Finding:
-    from device.port import serial_ports
+    from device.link.port import serial_ports
 
     names = serial_ports()
     return Finding(

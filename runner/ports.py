@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from datetime import datetime
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
-    from device.records import Identity, ReadBack, Setpoint
-    from device.sweep import Resonance
-    from runner.orders import Note, Order
-    from runner.screens import Response, Screen
-    from runner.view import View
+    from device.drivers.setpoints import Identity, ReadBack, Setpoint
+    from device.resonance import Resonance
+    from runner.screens import Note, Order, Response, Screen, View
 
 
 class Device(Protocol):
@@ -87,20 +84,4 @@ class Operator(Protocol):
 
     def tell(self, text: str) -> None:
         """Show what became of an order."""
-        ...
-
-
-class Clock(Protocol):
-    """Time as the session sees it."""
-
-    def utc(self) -> datetime:
-        """Return the date and time, UTC."""
-        ...
-
-    def monotonic_s(self) -> float:
-        """Return seconds that never run backwards."""
-        ...
-
-    def sleep(self, seconds: float) -> None:
-        """Let time pass."""
         ...

@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
-    from protocol.study import Study
-    from protocol.trial import Plan
-    from runner.rehearsed import Rehearsed
-    from runner.rigging import Rigged
-    from runner.virtual import VirtualParticipant
+    from protocol.plan.trials import Plan
+    from protocol.study.study import Study
+    from runner.launch.rehearsal import Rehearsed
+    from runner.launch.rig import Rigged
+    from runner.people.virtual_participant import VirtualParticipant
+
 
 STUDY_FILE = "study.toml"
 UNUSABLE = "the study cannot be used:"
@@ -47,7 +48,7 @@ def pytest_runtest_makereport(
 def study_text(request: pytest.FixtureRequest) -> str:
     """Return the text of the study file beside the test."""
     from protocol.errors import BadInput
-    from runner.study_folder import StudyFolder
+    from runner.study.folder import StudyFolder
 
     try:
         return StudyFolder(path=Path(str(request.path)).parent).text()
@@ -59,8 +60,8 @@ def study_text(request: pytest.FixtureRequest) -> str:
 @pytest.fixture(scope="module")
 def study(study_text: str) -> "Study":
     """Return the checked study; what is wrong with it fails the test, line by line."""
-    from protocol.study_file import StudyError
-    from runner.usable import usable
+    from protocol.study_file.loading import StudyError
+    from runner.study.check import usable
 
     try:
         return usable(study_text, STUDY_FILE)
@@ -72,7 +73,7 @@ def study(study_text: str) -> "Study":
 @pytest.fixture(scope="module")
 def cohort(study: "Study") -> "tuple[Plan, ...]":
     """Return the plans of all participants, session 1: as many as the study plans, or 40."""
-    from protocol.plan import plan as drawn
+    from protocol.plan.plan import plan as drawn
 
     return tuple(drawn(study, slot) for slot in range(study.design.participants or 40))
 
@@ -90,8 +91,7 @@ def simulated_rig(study: "Study") -> "Iterator[Rigged]":
     `simulated_rig.device` is what a session drives, over the real byte path;
     `simulated_rig.hand` moves the finger, lets time pass and swaps the beam.
     """
-    from runner.itself import touchbeam_command
-    from runner.rigging import SIMULATED, rigged
+    from runner.launch.rig import SIMULATED, rigged, touchbeam_command
 
     with rigged(SIMULATED, study.rig, touchbeam_command(), study.study.seed) as rig:
         yield rig
@@ -103,7 +103,7 @@ def virtual_participant(simulated_rig: "Rigged", study: "Study") -> "VirtualPart
     from datetime import UTC, datetime
 
     from runner.clock import SteppedClock
-    from runner.virtual import VirtualParticipant, drawn_character
+    from runner.people.virtual_participant import VirtualParticipant, drawn_character
 
     hand = simulated_rig.hand
     assert hand is not None
@@ -124,8 +124,8 @@ def rehearsal(
 
     A calibration that is kept beside the study is used.
     """
-    from runner.calibration import kept_calibration
-    from runner.rehearsed import rehearsed
+    from runner.launch.rehearsal import rehearsed
+    from runner.launch.rig import kept_calibration
 
     calibration = kept_calibration(Path(str(request.path)).parent)
     return rehearsed(study_text, plan, study.study.seed, calibration)

@@ -2,10 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
-from protocol.questions import Question
-from protocol.study import Rating
+from device.drivers.setpoints import ReadBack
+from device.errors import UNKNOWN
+from protocol.study.questions import Question, Rating
+from protocol.study.touch import Touch, TouchDefaults, touch_s
+
+Order = Literal["pause", "stop", "repeat", "emergency stop"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,3 +92,69 @@ class Response:
     answer: str
     reaction_time_s: float
     trace: Mapping[str, Any] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """Where the session stands and what the device really does, as it was last read back.
+
+    Without a `device` the output was read back as off, unless it is `unknown` or the session is
+    idle: then nobody has asked yet.
+    """
+
+    session: str
+    kind: str
+    state: str
+    trial: str
+    next_trial: str
+    done: int
+    total: int
+    left_s: float
+    device: ReadBack | None
+    searching: bool
+    watchdog_s: float
+    last_answer: str
+    warning: str
+    unknown: bool = False
+
+    def progress(self) -> str:
+        """Return how far the session is, such as `3 of 7 trials, about 2 min left`."""
+        return f"{self.done} of {self.total} trials, about {max(self.left_s, 0) / 60:.0f} min left"
+
+    def output(self) -> str:
+        """Return what is on the device, in words."""
+        if self.unknown:
+            return UNKNOWN.removeprefix("output ")
+        if self.searching:
+            return "ON, 10 V at most, searching"
+        if self.device is None and self.state == "idle":
+            return "not known yet"
+        if self.device is None or not self.device.output:
+            return "off"
+        device = self.device
+        return f"ON {device.voltage_v:.0f} V {device.frequency_hz:.0f} Hz" + (
+            "" if device.monitor_v is None else f" (monitor {device.monitor_v:.0f} V)"
+        )
+
+
+def pacing(touch: Touch, finger: TouchDefaults) -> Pacing:
+    """Return the cue for `touch`: a place that is held, or a way at the study's sliding speed."""
+    start_m = end_m = finger.smooth_place_m
+    if touch.place == "path":
+        start_m, end_m = finger.path_m if touch.direction == "right" else finger.path_m[::-1]
+    return Pacing(
+        start_m=start_m,
+        end_m=end_m,
+        duration_s=touch_s(touch, finger),
+        force_n=finger.force_n * touch.press,
+        direction=touch.direction,
+        harder=touch.press > 1,
+        several=touch.coverage == "full",
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Note:
+    """Something the operator wants written down."""
+
+    text: str

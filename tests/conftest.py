@@ -1,6 +1,11 @@
 """Long runs: thousands of simulated studies, skipped unless they are asked for."""
 
+import shutil
+from collections.abc import Iterator
+
 import pytest
+
+from tests.runner.window.person import virtual_display
 
 REASON = "takes minutes; run it with `make soak`"
 
@@ -11,3 +16,23 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for item in items:
         if item.get_closest_marker("soak"):
             item.add_marker(pytest.mark.skip(reason=REASON))
+
+
+def _require_tools() -> None:
+    missing = [name for name in ("Xvfb", "xdotool") if shutil.which(name) is None]
+    if missing:
+        pytest.skip(f"no {' and no '.join(missing)} on this machine; make test installs them")
+
+
+@pytest.fixture(scope="session")
+def small_display() -> Iterator[str]:
+    _require_tools()
+    with virtual_display(800, 600) as name:
+        yield name
+
+
+@pytest.fixture(scope="session")
+def large_display() -> Iterator[str]:
+    _require_tools()
+    with virtual_display(1920, 1080) as name:
+        yield name

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
-from device.laws import LAWS
+from device.friction.laws import LAWS
 
 Computed = Mapping[str, Any]
 

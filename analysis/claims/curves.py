@@ -7,11 +7,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from device.beam import Beam
-from device.friction import friction_coefficient
-from device.mode_shapes import FloatArray
-from device.response import natural_frequency_hz
-from device.scenes import Drive, Scene, Structure, Touch
+from device.beam.beam import Beam
+from device.beam.modes import FloatArray, natural_frequency_hz
+from device.friction.coefficient import friction_coefficient
+from device.friction.scenes import Drive, Scene, Structure, Touch
 
 PATCH_START_M = 0.081
 PLACES_M = np.linspace(0.0, 0.1, 2001)

@@ -5,17 +5,13 @@ import math
 import numpy as np
 
 from analysis.claims.claim import Claim, Finding, without_law
-from analysis.claims.curves import (
-    CONTACT_M,
-    PATCH_START_M,
-)
-from device.beam import Beam
-from device.eq15 import WAVELENGTH_M, same_direction_ratio
-from device.mode_shapes import FloatArray, mode_constants
-from device.response import natural_frequency_hz
-from device.segmented_beam import sections, waves
-from device.windows import mode_window
-from device.zones import zones
+from analysis.claims.curves import CONTACT_M, PATCH_START_M
+from device.beam.beam import Beam
+from device.beam.eq15 import WAVELENGTH_M, same_direction_ratio
+from device.beam.modes import FloatArray, mode_constants, natural_frequency_hz
+from device.beam.timoshenko import sections, waves
+from device.beam.windows import mode_window
+from device.beam.zones import zones
 
 _LENGTH_M = Beam().length_m
 

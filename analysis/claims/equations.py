@@ -6,16 +6,15 @@ import numpy as np
 
 from analysis.claims.claim import Claim, Finding, without_law
 from analysis.claims.curves import MU, leftward, local_curve, local_scene, trough_places_m
-from device.beam import Beam
-from device.contact import contact_of, contact_state
-from device.friction import friction_coefficient
-from device.laws import LAWS, ContactTerms, anisotropy
-from device.mode_shapes import mode_shape
-from device.prediction import LawChoice
-from device.response import modal_displacement_m, natural_frequency_hz
-from device.rungs import TOP_RUNG, reference_tip_speed_m_s, rung_field
-from device.scenes import Drive, Scene, Touch
-from device.zones import zones
+from device.beam.beam import Beam
+from device.beam.modes import modal_displacement_m, mode_shape, natural_frequency_hz
+from device.beam.zones import zones
+from device.friction.coefficient import friction_coefficient
+from device.friction.contact import contact_of, contact_state
+from device.friction.laws import LAWS, ContactTerms, anisotropy
+from device.friction.prediction import LawChoice
+from device.friction.rungs import TOP_RUNG, reference_tip_speed_m_s, rung_field
+from device.friction.scenes import Drive, Scene, Touch
 
 _BEAM = Beam()
 _EXACT = 1e-9

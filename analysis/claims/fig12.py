@@ -14,11 +14,11 @@ from analysis.claims.curves import (
     operating,
     trough_places_m,
 )
-from device.eq15 import WAVELENGTH_M
-from device.friction import friction_coefficient
-from device.mode_shapes import FloatArray
-from device.prediction import LawChoice
-from device.scenes import Scene
+from device.beam.eq15 import WAVELENGTH_M
+from device.beam.modes import FloatArray
+from device.friction.coefficient import friction_coefficient
+from device.friction.prediction import LawChoice
+from device.friction.scenes import Scene
 
 _TROUGHS_M = np.array([0.0137, 0.0275, 0.0422])
 

@@ -3,12 +3,7 @@
 import numpy as np
 
 from analysis.claims.claim import Claim, Finding
-from analysis.claims.curves import (
-    MU,
-    falling,
-    full_coverage,
-    spread,
-)
+from analysis.claims.curves import MU, falling, full_coverage, spread
 
 
 def _fig8(law: str) -> np.ndarray[tuple[int], np.dtype[np.float64]]:

@@ -21,9 +21,9 @@ from analysis.claims.curves import (
     swing,
     trough_places_m,
 )
-from device.friction import friction_coefficient
-from device.prediction import LawChoice
-from device.scenes import Drive, Scene
+from device.friction.coefficient import friction_coefficient
+from device.friction.prediction import LawChoice
+from device.friction.scenes import Drive, Scene
 
 _VOLTAGES = (50.0, 100.0, 200.0)
 

@@ -1,1 +1,5 @@
-"""How strongly each person's ratings follow what the friction model predicts."""
+"""How strongly each person's ratings follow what the friction model predicts.
+
+Public face: `linear_model.linear_sensitivity`, `ordinal_model.ordinal_sensitivity`,
+`joint_model.joint_sensitivity`, `ratings.Ratings`.
+"""

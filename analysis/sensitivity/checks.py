@@ -5,9 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import betaincinv, fdtrc, ndtri, stdtr, stdtrit
 
-from analysis.no_answer import NoAnswer
-from analysis.scores import FloatArray
-from analysis.sensitivity.mixture import Interval
+from analysis.estimates import FloatArray, Interval, NoAnswer
 from analysis.sensitivity.ratings import IntArray, Ratings
 
 _POOLED = NoAnswer(

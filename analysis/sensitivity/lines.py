@@ -4,9 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.no_answer import NoAnswer
-from analysis.scores import FloatArray
-from analysis.sensitivity.mixture import Interval, intervals_95, mixture_mean, weighted_quantile
+from analysis.estimates import FloatArray, Interval, NoAnswer
+from analysis.sensitivity.integration import intervals_95, mixture_mean, weighted_quantile
 from analysis.sensitivity.ratings import Ratings
 
 

@@ -6,7 +6,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.scores import FloatArray
+from analysis.estimates import FloatArray
 
 IntArray: TypeAlias = NDArray[np.int64]
 

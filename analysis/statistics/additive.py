@@ -6,9 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import fdtrc
 
-from analysis.no_answer import NoAnswer
-from analysis.scores import BoolArray, FloatArray, ScoreTable
-from analysis.statistics.ranks import IntArray
+from analysis.estimates import FloatArray, IntArray, NoAnswer
+from analysis.loading.score_table import BoolArray, ScoreTable
 from analysis.statistics.two_way import TwoWay, two_way
 
 

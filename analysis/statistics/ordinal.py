@@ -7,8 +7,8 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.special import logit, ndtri
 
-from analysis.no_answer import NoAnswer
-from analysis.scores import FloatArray, ScoreTable
+from analysis.estimates import FloatArray, IntArray, NoAnswer
+from analysis.loading.score_table import ScoreTable
 from analysis.statistics.ordinal_likelihood import (
     Link,
     Parameters,
@@ -16,7 +16,7 @@ from analysis.statistics.ordinal_likelihood import (
     log_likelihood,
     unpacked,
 )
-from analysis.statistics.ranks import DECIMALS, IntArray
+from analysis.statistics.signed_rank import DECIMALS
 
 FIRST_NODES = 81
 MOST_NODES = 1296

@@ -6,7 +6,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from scipy.special import log_expit, log_ndtr, logsumexp
 
-from analysis.scores import FloatArray
+from analysis.estimates import FloatArray
 
 Link: TypeAlias = Literal["probit", "logit"]
 

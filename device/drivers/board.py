@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-from device.driver import Driver
+from device.drivers.driver import Driver
+from device.drivers.setpoints import Identity, ReadBack, Setpoint, Sweep
 from device.errors import DeviceError
-from device.records import Identity, ReadBack, Setpoint, Sweep
-from device.wire import fields, number, number_text, switch, whole
+from device.link.codec import fields, number, number_text, switch, whole
 
 MONITOR_REL_TOL = 0.05
 MONITOR_ABS_TOL_V = 2.0

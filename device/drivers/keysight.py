@@ -10,10 +10,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-from device.driver import Driver
+from device.drivers.driver import Driver
+from device.drivers.setpoints import Identity, ReadBack, Setpoint, Sweep
 from device.errors import DeviceError, LimitExceeded
-from device.records import Identity, ReadBack, Setpoint, Sweep
-from device.wire import fields, impedance, number, number_text, switch
+from device.link.codec import fields, impedance, number, number_text, switch
 
 AMPLITUDE_REL_TOL = 1e-3
 """They keep four digits of an amplitude (33220A User's Guide, "Output Amplitude")."""

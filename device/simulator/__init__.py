@@ -1,1 +1,5 @@
-"""A simulated device in a process of its own: the board's language, the beam's physics, faults."""
+"""A simulated device in a process of its own, which speaks over the same byte path.
+
+Public face: `server.simulate`, `client.simulator_process`, `device.simulated_device`,
+`faults.FAULTS`.
+"""

@@ -3,9 +3,8 @@
 import json
 from collections.abc import Callable
 
-from device.simulator.broken import Broken
-from device.simulator.clock import DeviceClock
-from device.simulator.faults import NAMES
+from device.simulator.faults import NAMES, Broken
+from device.simulator.models.power_stage import DeviceClock
 
 
 class Control:

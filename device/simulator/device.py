@@ -5,15 +5,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from device.errors import DeviceError
-from device.simulator.beam import SimulatedBeam
-from device.simulator.board import BoardDialect
-from device.simulator.broken import AnyDialect, Broken
-from device.simulator.clock import DeviceClock
+from device.link.codec import text
 from device.simulator.control import Control
-from device.simulator.instrument import Instrument
-from device.simulator.keysight import MODELS, KeysightDialect
-from device.simulator.values import ScpiError
-from device.wire import text
+from device.simulator.faults import AnyDialect, Broken
+from device.simulator.models.board_model import BoardDialect
+from device.simulator.models.keysight_model import MODELS, KeysightDialect
+from device.simulator.models.power_stage import DeviceClock, Instrument
+from device.simulator.models.scpi import ScpiError
+from device.simulator.models.simulated_beam import SimulatedBeam
 
 DIALECTS = ("board", *MODELS)
 _ERROR_AFTER_SET = ScpiError(-310, "System error")

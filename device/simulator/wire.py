@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Callable
 from itertools import cycle
 
-from device.simulator.lines import Line
+from device.simulator.transports import Line
 
 LATE_S = 0.6
 DRIP_S = 0.05

@@ -90,3 +90,34 @@ def pixels_per_unit(width_px: float, height_px: float) -> float:
     1.8
     """
     return min(width_px / CANVAS[0], height_px / CANVAS[1])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pressed:
+    """A mouse button or a fingertip goes down."""
+
+    x: float
+    y: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dragged:
+    """It moves while it is down."""
+
+    x: float
+    y: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Released:
+    """It goes up."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Key:
+    """A key goes down: a digit, left, right, up, down, enter, backspace or escape."""
+
+    name: str
+
+
+Input = Pressed | Dragged | Released | Key

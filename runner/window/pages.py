@@ -7,8 +7,9 @@ nor which answer is expected can be seen.
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from protocol.questions import ANSWERS
-from protocol.texts import TEXTS, Language
+from protocol.study.questions import ANSWERS
+from protocol.study.study import Language
+from protocol.study.texts import TEXTS
 from runner.screens import AskChange, AskScore, Instruction, Notice, Pacing, Screen, Welcome
 from runner.window.elements import (
     ACCENT,
@@ -22,8 +23,7 @@ from runner.window.elements import (
     Target,
     Text,
 )
-from runner.window.scale import scale, scale_room
-from runner.window.sketch import fingers, sketch
+from runner.window.widgets import fingers, scale, scale_room, sketch
 
 TITLE_SIZE, ANSWER_SIZE, BUTTON_SIZE, SMALL_SIZE = 30.0, 26.0, 24.0, 19.0
 _TITLE = Room(x=0, y=205, width=720, height=130)

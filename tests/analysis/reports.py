@@ -6,12 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from analysis.provenance import Origin
-from analysis.report import Report, report
-from analysis.session_scores import Happened, Loaded, loaded
-from protocol.plan import Trial, plan
-from protocol.study import Study
-from protocol.study_file import parsed_study, template
+from analysis.loading.sessions import Happened
+from analysis.loading.study_data import Loaded, loaded
+from analysis.report.provenance import Origin
+from analysis.report.report import Report, report
+from protocol.plan.plan import plan
+from protocol.plan.trials import Trial
+from protocol.study.study import Study
+from protocol.study_file.loading import parsed_study, template
 
 ORIGIN = Origin(command="touchbeam report study", study_sha256="1" * 64)
 PAPER = parsed_study(template("paper"))

@@ -1,9 +1,9 @@
 """A simulated device in the test's own process that can be made to lie, one answer at a time."""
 
-from device.driver import Driver
-from device.drivers import driver_of
-from device.link import Link
-from device.records import Limits
+from device.drivers.driver import Driver
+from device.drivers.registry import driver_of
+from device.drivers.setpoints import Limits
+from device.link.link import Link
 from device.simulator.device import simulated_device
 from tests.device.scripted import ticking
 

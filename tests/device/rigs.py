@@ -6,11 +6,10 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from device.amplifier import Amplifier
+from device.drivers.setpoints import Amplifier, Limits, ReadBack, Setpoint
 from device.errors import DeviceError
-from device.records import Limits, ReadBack, Setpoint
 from device.rig import Rig, open_rig
-from device.simulator.hand import Hand
+from device.simulator.client import Hand
 
 TOUCHBEAM = (str(Path(sys.executable).with_name("touchbeam")),)
 LIMITS = Limits(

@@ -4,7 +4,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from protocol.study import Study
+from protocol.study.study import Study
 
 Document = dict[str, Any]
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 import pytest
 
 from protocol import assertions as that
-from protocol.plan import plan
-from protocol.study_file import parsed_study, template
+from protocol.plan.plan import plan
+from protocol.study_file.loading import parsed_study, template
 
 STUDY = parsed_study(template("extended"))
 COHORT = [plan(STUDY, slot) for slot in range(10)]

@@ -8,15 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from device.sweep import Resonance
-from protocol.plan import plan
-from protocol.questions import ANSWERS
-from protocol.study_file import parsed_study, template, template_tests
-from runner.calibration import keep_calibration
-from runner.rehearsed import Rehearsed, rehearsed
-from runner.rigging import Rigged
+from device.resonance import Resonance
+from protocol.plan.plan import plan
+from protocol.study.questions import ANSWERS
+from protocol.study_file.loading import parsed_study, template, template_tests
+from runner.launch.rehearsal import Rehearsed, rehearsed
+from runner.launch.rig import Rigged, keep_calibration
+from runner.people.virtual_participant import VirtualParticipant
 from runner.screens import AskChange, Pacing
-from runner.virtual import VirtualParticipant
 
 PYTEST = str(Path(sys.executable).with_name("pytest"))
 SUMMARY = (

@@ -6,11 +6,15 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from analysis.scores import FloatArray
+from analysis.estimates import FloatArray
+from analysis.sensitivity.linear_model import LinearSensitivity, linear_sensitivity
 from analysis.sensitivity.lines import Lines
-from analysis.sensitivity.m1 import LinearSensitivity, linear_sensitivity
-from analysis.sensitivity.m2 import OrdinalSensitivity, ordinal_sensitivity
-from analysis.sensitivity.virtual import VirtualPopulation, VirtualStudy, virtual_study
+from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensitivity
+from tests.analysis.sensitivity.simulated_raters import (
+    VirtualPopulation,
+    VirtualStudy,
+    virtual_study,
+)
 
 STUDIES = 1000
 CONTRASTS = np.array([0.10, 0.15, 0.25, 0.35, 0.05])

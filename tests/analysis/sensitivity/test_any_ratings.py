@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis.no_answer import NoAnswer
+from analysis.estimates import NoAnswer
+from analysis.sensitivity.joint_model import JointSensitivity, joint_sensitivity
+from analysis.sensitivity.linear_model import LinearSensitivity, linear_sensitivity
 from analysis.sensitivity.lines import Lines
-from analysis.sensitivity.m1 import LinearSensitivity, linear_sensitivity
-from analysis.sensitivity.m2 import OrdinalSensitivity, ordinal_sensitivity
-from analysis.sensitivity.m3 import JointSensitivity, joint_sensitivity
+from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensitivity
 from analysis.sensitivity.ratings import Ratings
 
 

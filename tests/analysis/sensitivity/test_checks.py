@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from analysis.no_answer import NoAnswer
-from analysis.scores import FloatArray
+from analysis.estimates import FloatArray, NoAnswer
 from analysis.sensitivity.checks import (
     Discrimination,
     Drift,

@@ -3,9 +3,15 @@ import pytest
 from scipy import stats
 from scipy.stats import qmc
 
-from analysis.scores import FloatArray
-from analysis.sensitivity.integration import REACH, low_discrepancy, weighted_points
-from analysis.sensitivity.mixture import intervals_95, mixture_quantile, weighted_quantile
+from analysis.estimates import FloatArray
+from analysis.sensitivity.integration import (
+    REACH,
+    intervals_95,
+    low_discrepancy,
+    mixture_quantile,
+    weighted_points,
+    weighted_quantile,
+)
 
 
 def test_a_correlated_normal_is_integrated() -> None:

@@ -7,13 +7,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import integrate, stats
 
-from analysis.no_answer import NoAnswer
-from analysis.scores import FloatArray, ScoreTable
-from analysis.statistics.ordinal import (
-    OrdinalEffects,
-    ordinal_effects,
-    ordinal_effects_of_trials,
-)
+from analysis.estimates import FloatArray, NoAnswer
+from analysis.loading.score_table import ScoreTable
+from analysis.statistics.ordinal import OrdinalEffects, ordinal_effects, ordinal_effects_of_trials
 from analysis.statistics.ordinal_likelihood import Link, ScoreCounts, log_likelihood
 
 TableOf = Callable[[FloatArray], ScoreTable]

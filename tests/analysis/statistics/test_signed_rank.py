@@ -1,3 +1,5 @@
+"""."""
+
 from collections.abc import Callable
 from itertools import product
 
@@ -8,11 +10,12 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import stats
 
-from analysis.no_answer import NoAnswer
-from analysis.scores import FloatArray, ScoreTable
+from analysis.estimates import FloatArray, NoAnswer
+from analysis.loading.score_table import ScoreTable
 from analysis.statistics.signed_rank import (
     PairwiseTest,
     SignedRank,
+    doubled_midranks,
     holm,
     pairwise_signed_ranks,
     signed_rank,
@@ -127,3 +130,13 @@ def test_holm_is_monotone_and_never_smaller(p_values: list[float]) -> None:
     assert all(0.0 <= new <= 1.0 for new in corrected)
     order = np.argsort(p_values, kind="stable")
     assert list(np.array(corrected)[order]) == sorted(corrected)
+
+
+SHAPES = st.tuples(st.integers(1, 5), st.integers(1, 6))
+CELLS = st.integers(0, 4).map(float) | st.just(np.nan)
+
+
+@given(SHAPES.flatmap(lambda shape: arrays(np.float64, shape, elements=CELLS)))
+def test_ranks_agree_with_scipy(scores: FloatArray) -> None:
+    expected = 2 * stats.rankdata(scores, axis=1, nan_policy="omit")
+    assert np.array_equal(doubled_midranks(scores), np.nan_to_num(expected))

@@ -7,16 +7,20 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import stats
 
-from analysis.no_answer import NoAnswer
-from analysis.scores import FloatArray, ScoreTable
+from analysis.estimates import FloatArray, NoAnswer
+from analysis.loading.score_table import ScoreTable
 from analysis.statistics.additive import (
     AdditiveEffects,
     GainHeterogeneity,
     additive_effects,
     gain_heterogeneity,
 )
-from analysis.statistics.icc import IntraclassCorrelation, intraclass_correlation
-from analysis.statistics.two_way import TwoWay, two_way
+from analysis.statistics.two_way import (
+    IntraclassCorrelation,
+    TwoWay,
+    intraclass_correlation,
+    two_way,
+)
 
 TableOf = Callable[[FloatArray], ScoreTable]
 SHAPES = st.tuples(st.integers(1, 7), st.integers(1, 6))

@@ -13,17 +13,17 @@ from typing import Any
 
 from PIL import Image, ImageGrab
 
-from protocol.study import Study, Touch
-from protocol.study_file import parsed_study, template
-from protocol.texts import Language, study_texts
-from runner.pacing import pacing
-from runner.screens import AskChange, AskScore, Instruction, Notice, Screen, Welcome
-from runner.window.drawing import PsychopyCanvas
+from protocol.study.study import Language, Study
+from protocol.study.texts import study_texts
+from protocol.study.touch import Touch
+from protocol.study_file.loading import parsed_study, template
+from runner.screens import AskChange, AskScore, Instruction, Notice, Screen, Welcome, pacing
+from runner.window.canvas import PsychopyCanvas
 from runner.window.elements import Text
-from runner.window.foreseen import foreseen
-from runner.window.metrics import text_width, wrapped
+from runner.window.messages import Settings
 from runner.window.pages import View, Wording, page
-from runner.window.wire import Settings
+from runner.window.preflight import foreseen
+from runner.window.text_layout import text_width, wrapped
 
 Shown = tuple[str, Screen, View]
 

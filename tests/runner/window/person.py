@@ -13,8 +13,8 @@ from typing import Literal
 
 from PIL import Image, ImageGrab
 
-from runner.window.answering import EARLY_S
 from runner.window.elements import ACCENT, INK, PALE, WHITE, pixels_per_unit
+from runner.window.response import EARLY_S
 
 Sight = Literal["nothing", "button", "two", "three", "scale"]
 Hand = Literal["mouse", "keyboard"]

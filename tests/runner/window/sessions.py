@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
-from protocol.study_file import template
-from runner.journal import open_journal, session_name
-from runner.session_state import Event
+from protocol.journal.state import Event
+from protocol.study_file.loading import template
+from runner.journal.store import open_journal, session_name
 from tests.runner.window.person import Person
 
 TOUCHBEAM = str(Path(sys.executable).with_name("touchbeam"))

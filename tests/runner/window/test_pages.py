@@ -9,19 +9,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from protocol.errors import BadInput
-from protocol.rating import PAPERS_BANDS, Band
-from protocol.study import Rating, Study, Touch, TouchDefaults
-from protocol.study_file import TEMPLATES, parsed_study, template
-from protocol.texts import TEXTS, Language, touch_text
-from protocol.touch import Direction
-from runner.pacing import pacing
-from runner.screens import AskChange, AskScore, Instruction, Pacing, Way
+from protocol.study.questions import PAPERS_BANDS, Band, Rating
+from protocol.study.study import Language, Study
+from protocol.study.texts import TEXTS, touch_text
+from protocol.study.touch import Direction, Touch, TouchDefaults
+from protocol.study_file.loading import TEMPLATES, parsed_study, template
+from runner.screens import AskChange, AskScore, Instruction, Pacing, Way, pacing
 from runner.window.elements import CANVAS, Dot, Outline, Text
-from runner.window.fit import fit_problems, require_fit
-from runner.window.foreseen import foreseen
 from runner.window.pages import View, Wording, page, targets
-from runner.window.scale import look, marked
-from runner.window.sketch import beam_x, fingers
+from runner.window.preflight import fit_problems, foreseen, require_fit
+from runner.window.widgets import beam_x, fingers, look, marked
 
 LANGUAGES: tuple[Language, ...] = ("en", "zh")
 RIGHT = Pacing(start_m=0.01, end_m=0.081, duration_s=1.775, force_n=0.5, direction="right")

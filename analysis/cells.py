@@ -1,0 +1,118 @@
+r"""From cells to the text of a table: comma- or tab-separated, a line feed after each record.
+
+A text never becomes a formula in a spreadsheet, never breaks a record of a TSV file, and never
+reads as a missing value.
+"""
+
+import csv
+import io
+import json
+import re
+from collections.abc import Callable, Iterable, Sequence
+
+Scalar = str | int | float | bool | None
+
+
+Cell = Scalar | tuple[Scalar, ...]
+"""A value, None if there is none; a tuple holds one value per touch."""
+
+BETWEEN_TOUCHES = ";"
+NOT_AVAILABLE = "n/a"
+
+_FORMULA = re.compile(r"\s*[=+\-@＝＋－＠]")
+_CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\ufeff\ud800-\udfff]")
+
+
+def csv_text(header: Sequence[str], rows: Iterable[Sequence[Cell]]) -> str:
+    r"""Return a table as RFC 4180 has it, but with a line feed alone at the end of a record.
+
+    A missing value is an empty cell. A text that a spreadsheet would take for a formula gets an
+    apostrophe before it; a line feed within a text stays, quoted.
+
+    >>> csv_text(["condition", "note"], [["=1+1", None], ["a", "b, c"]])
+    'condition,note\n\'=1+1,\na,"b, c"\n'
+    """
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows([_cell_text(cell, csv_cell, missing="") for cell in row] for row in rows)
+    return out.getvalue()
+
+
+def tsv_text(header: Sequence[str], rows: Iterable[Sequence[Cell]]) -> str:
+    r"""Return a table as BIDS has it: a tab between cells, `n/a` for a missing value.
+
+    Quotes mean nothing there. In a text, `\\`, `\t` and `\n` stand for backslash, tab, line feed.
+
+    >>> tsv_text(["score", "note"], [[7, "a\tb\nc"], [None, None]])
+    'score\tnote\n7\ta\\tb\\nc\nn/a\tn/a\n'
+    """
+    lines = [
+        header,
+        *([_cell_text(cell, tsv_cell, missing=NOT_AVAILABLE) for cell in row] for row in rows),
+    ]
+    return "".join("\t".join(line) + "\n" for line in lines)
+
+
+def csv_cell(text: str) -> str:
+    """Return `text` as a cell of a CSV file holds it, before it is quoted."""
+    return _CONTROL.sub(_escape, _no_formula(_line_feeds(text)))
+
+
+def tsv_cell(text: str) -> str:
+    """Return `text` as a cell of a TSV file holds it."""
+    escaped = _line_feeds(text).replace("\\", "\\\\").replace("\t", "\\t").replace("\n", "\\n")
+    shown = _CONTROL.sub(_escape, _no_formula(escaped))
+    return f"'{shown}" if shown.strip() == NOT_AVAILABLE else shown
+
+
+def _cell_text(cell: Cell, written: Callable[[str], str], missing: str) -> str:
+    """A value as text; of a list, one value per touch, its texts with semicolons between.
+
+    A list without any value is missing as a whole.
+    """
+    if not isinstance(cell, tuple):
+        return _scalar_text(cell, written, missing)
+    if all(value is None for value in cell):
+        return missing
+    items = (_scalar_text(value, written, NOT_AVAILABLE) for value in cell)
+    return BETWEEN_TOUCHES.join(item.replace(BETWEEN_TOUCHES, "\\;") for item in items)
+
+
+def _scalar_text(value: Scalar, written: Callable[[str], str], missing: str) -> str:
+    match value:
+        case None:
+            return missing
+        case bool():
+            return "true" if value else "false"
+        case str():
+            return written(value) if value.strip() else missing
+        case _:
+            return repr(value)
+
+
+def _line_feeds(text: str) -> str:
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _no_formula(text: str) -> str:
+    return f"'{text}" if _FORMULA.match(text) else text
+
+
+def unguarded(text: str) -> str:
+    """Return `text` without the apostrophe that `csv_cell` puts before what looks like a formula.
+
+    >>> unguarded("'=1+1"), unguarded("'s")
+    ('=1+1', "'s")
+    """
+    bare = text.removeprefix("'")
+    return bare if _FORMULA.match(bare) else text
+
+
+def _escape(match: re.Match[str]) -> str:
+    return ascii(match[0])[1:-1]
+
+
+def json_text(document: object) -> str:
+    """Return `document` as JSON for people and programs."""
+    return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"

@@ -1,0 +1,4 @@
+"""A study's data for others: tidy CSV, BIDS and Psych-DS.
+
+Public face: `formats.EXPORTS`, `dataset.dataset`, `columns.COLUMNS`.
+"""

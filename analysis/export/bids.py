@@ -1,0 +1,138 @@
+"""The export as the Brain Imaging Data Structure has it, for behavioural data.
+
+Brain Imaging Data Structure 1.11.1, "Behavioral experiments (with no neural recordings)".
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from analysis.cells import BETWEEN_TOUCHES, Cell, json_text, tsv_cell, tsv_text
+from analysis.export.columns import COLUMNS, cells
+from analysis.export.dataset import Column, Dataset, language_of
+from analysis.export.readme import readme
+from analysis.loading.records import TrialRecord
+
+BIDS_VERSION = "1.11.1"
+
+_TABLES = (
+    "This is a BIDS data set. Each session is a table `sub-*/beh/*_beh.tsv` "
+    "(`sub-*/ses-*/beh/` if there are several sessions); the JSON file beside it describes its "
+    "columns. `n/a` is a missing value; in a text `\\t`, `\\n` and `\\\\` stand for a tab, a line "
+    "feed and a backslash; an apostrophe before `=`, `+`, `-` or `@` keeps spreadsheets from "
+    "taking a text for a formula. `participants.tsv` gives each participant's pseudonym."
+)
+
+_PARTICIPANT_COLUMNS = {
+    "pseudonym": {"Description": "What the study called the participant."},
+    "sessions": {"Description": "How many of the participant's sessions are here."},
+    "session_kinds": {
+        "Description": "Who gave the answers; several kinds with semicolons between.",
+        "Delimiter": BETWEEN_TOUCHES,
+        "Levels": next(column for column in COLUMNS if column.name == "session_kind").levels,
+    },
+}
+
+
+def bids_export(data: Dataset) -> dict[str, str]:
+    """Return the files of a BIDS data set by path.
+
+    What only the study's author knows stands there if the study file gives it, and else not at
+    all. A participant without trials is not there.
+    """
+    return {
+        "README.md": readme(data, _TABLES),
+        "dataset_description.json": json_text(_dataset_description(data)),
+        "participants.json": json_text(_PARTICIPANT_COLUMNS),
+        "participants.tsv": _participants(data),
+        **_sessions(data),
+    }
+
+
+def _dataset_description(data: Dataset) -> dict[str, Any]:
+    facts = data.facts
+    return _given(
+        {
+            "Name": data.title,
+            "BIDSVersion": BIDS_VERSION,
+            "DatasetType": "raw",
+            "License": facts.licence,
+            "Authors": facts.authors,
+            "Keywords": facts.keywords,
+            "Funding": facts.funding,
+            "EthicsApprovals": facts.ethics_approvals,
+            "ReferencesAndLinks": facts.references,
+            "DatasetDOI": _doi(facts.doi),
+            "GeneratedBy": [{"Name": "touchbeam", "Version": data.touchbeam}],
+            "SourceDatasets": [{"Version": f"sha256:{data.source_sha256}"}],
+        }
+    )
+
+
+def _doi(doi: str | None) -> str | None:
+    """The DOI as the URI that BIDS asks for."""
+    bare = doi is not None and doi.startswith("10.")
+    return f"doi:{doi}" if bare else doi
+
+
+def _participants(data: Dataset) -> str:
+    sessions: dict[str, list[str]] = {}
+    for (who, _), rows in data.trials.by_session().items():
+        sessions.setdefault(who, []).append(rows[0].session.kind)
+    lines: list[list[Cell]] = [
+        [f"sub-{name}", who, len(sessions[who]), tuple(dict.fromkeys(sessions[who]))]
+        for who, name in data.subject_labels().items()
+    ]
+    return tsv_text(["participant_id", *_PARTICIPANT_COLUMNS], lines)
+
+
+def _sessions(data: Dataset) -> dict[str, str]:
+    """Each session's table and its sidecar."""
+    names = data.subject_labels()
+    files: dict[str, str] = {}
+    for (who, number), rows in data.trials.by_session().items():
+        entities = [f"sub-{names[who]}", *([f"ses-{number}"] if data.several_sessions else [])]
+        stem = "/".join([*entities, "beh", "_".join([*entities, f"task-{data.task}", "beh"])])
+        files[f"{stem}.tsv"] = tsv_text([column.name for column in COLUMNS], map(cells, rows))
+        files[f"{stem}.json"] = json_text(_sidecar(data, rows))
+    return files
+
+
+def _sidecar(data: Dataset, rows: Sequence[TrialRecord]) -> dict[str, Any]:
+    facts = data.facts
+    task = {
+        "TaskName": data.task_name,
+        "TaskDescription": data.description(),
+        "Instructions": data.instructions(language_of(rows)),
+        "InstitutionName": facts.institution,
+        "InstitutionAddress": facts.institution_address,
+    }
+    return {**_given(task), **{column.name: _described(column, data) for column in COLUMNS}}
+
+
+def _described(column: Column, data: Dataset) -> dict[str, Any]:
+    """A column as a sidecar describes it.
+
+    Readers take `Units` to mean one number and `Levels` to mean one of them, so that a column with
+    a value per touch says both in words.
+    """
+    if column.per_touch:
+        return {"Description": _in_words(column), "Delimiter": BETWEEN_TOUCHES}
+    levels = data.condition_levels() if column.name == "condition" else column.levels
+    return _given(
+        {
+            "Description": column.description,
+            "Units": column.unit,
+            "Levels": {tsv_cell(level): meaning for level, meaning in levels.items()},
+        }
+    )
+
+
+def _in_words(column: Column) -> str:
+    unit = f" Unit: {column.unit}." if column.unit else ""
+    levels = "; ".join(f"{level} ({meaning})" for level, meaning in column.levels.items())
+    return f"{column.description} A value per touch.{unit}" + (f" {levels}." if levels else "")
+
+
+def _given(facts: Mapping[str, Any]) -> dict[str, Any]:
+    """Those of `facts` that are known."""
+    return {name: value for name, value in facts.items() if value}

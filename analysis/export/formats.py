@@ -1,0 +1,46 @@
+"""The formats of exported data by name."""
+
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+
+from analysis.cells import BETWEEN_TOUCHES, csv_text, json_text
+from analysis.export.bids import bids_export
+from analysis.export.columns import COLUMNS, cells
+from analysis.export.dataset import Column, Dataset
+from analysis.export.psychds import psychds_export
+from analysis.export.readme import changed
+
+
+def csv_export(data: Dataset) -> dict[str, str]:
+    """Return `trials.csv`, and `trials.json` that describes each of its columns.
+
+    Data of a journal that was changed come with a `README.md` that says so.
+    """
+    described = {column.name: _described(column, data) for column in COLUMNS}
+    return {
+        **({"README.md": changed(data)} if data.broken_chains else {}),
+        "trials.csv": trials_csv(data),
+        "trials.json": json_text(described),
+    }
+
+
+def trials_csv(data: Dataset) -> str:
+    """Return all trials as one table."""
+    rows = (cells(trial) for trial in data.trials.trials)
+    return csv_text([column.name for column in COLUMNS], rows)
+
+
+def _described(column: Column, data: Dataset) -> dict[str, object]:
+    levels = data.condition_levels() if column.name == "condition" else column.levels
+    return {
+        "description": column.description,
+        **({"unit": column.unit} if column.unit else {}),
+        **({"levels": dict(levels)} if levels else {}),
+        **({"one_per_touch_separated_by": BETWEEN_TOUCHES} if column.per_touch else {}),
+    }
+
+
+EXPORTS: Mapping[str, Callable[[Dataset], dict[str, str]]] = MappingProxyType(
+    {"csv": csv_export, "bids": bids_export, "psychds": psychds_export}
+)
+"""Each returns text by relative path; nothing is written."""

@@ -1,0 +1,88 @@
+"""The export as Psych-DS has it: tables with keywords in their names, described in JSON-LD.
+
+Psych-DS 1.5.0; the terms are those of schema.org.
+"""
+
+from typing import Any
+
+from analysis.cells import csv_cell, csv_text, json_text
+from analysis.export.columns import COLUMNS, cells
+from analysis.export.dataset import Column, Dataset
+from analysis.export.readme import readme
+
+SCHEMA_VERSION = "Psych-DS 1.5.0"
+
+_TABLES = (
+    "This is a Psych-DS data set. Each session is a table `data/*_data.csv`; "
+    "`dataset_description.json` describes its columns. An empty cell is a missing value. An "
+    "apostrophe before `=`, `+`, `-` or `@` keeps spreadsheets from taking a text for a formula."
+)
+
+
+def psychds_export(data: Dataset) -> dict[str, str]:
+    """Return the files of a Psych-DS data set by path.
+
+    What only the study's author knows stands there if the study file gives it, and else not at
+    all. A participant without trials is not there.
+    """
+    return {
+        "README.md": readme(data, _TABLES),
+        "dataset_description.json": json_text(_dataset_description(data)),
+        **_sessions(data),
+    }
+
+
+def _sessions(data: Dataset) -> dict[str, str]:
+    names = data.subject_labels()
+    files: dict[str, str] = {}
+    for (who, number), rows in data.trials.by_session().items():
+        session = f"_session-{number}" if data.several_sessions else ""
+        path = f"data/subject-{names[who]}{session}_task-{data.task}_data.csv"
+        files[path] = csv_text([column.name for column in COLUMNS], map(cells, rows))
+    return files
+
+
+def _dataset_description(data: Dataset) -> dict[str, Any]:
+    facts = data.facts
+    described = {
+        "@context": "https://schema.org/",
+        "@type": "Dataset",
+        "name": data.title,
+        "description": data.description(),
+        "schemaVersion": SCHEMA_VERSION,
+        "author": [{"@type": "Person", "name": name} for name in facts.authors],
+        "license": facts.licence,
+        "funder": list(facts.funding),
+        "citation": list(facts.references),
+        "identifier": facts.doi,
+        "keywords": list(facts.keywords),
+        "sourceOrganization": _institution(data),
+        "creativeWorkStatus": "contains rehearsals" if "rehearsal" in data.kinds else None,
+        "isBasedOn": f"study journal, SHA-256 of its events {data.source_sha256}",
+        "variableMeasured": [_variable(column, data) for column in COLUMNS],
+    }
+    return {name: value for name, value in described.items() if value}
+
+
+def _institution(data: Dataset) -> dict[str, str] | None:
+    facts = data.facts
+    if facts.institution is None:
+        return None
+    address = {"address": facts.institution_address} if facts.institution_address else {}
+    return {"@type": "Organization", "name": facts.institution, **address}
+
+
+def _variable(column: Column, data: Dataset) -> dict[str, Any]:
+    levels = data.condition_levels() if column.name == "condition" else column.levels
+    terms = [
+        {"@type": "DefinedTerm", "name": csv_cell(level), "description": meaning}
+        for level, meaning in levels.items()
+    ]
+    listed = " One value per touch, with semicolons between." if column.per_touch else ""
+    return {
+        "@type": "PropertyValue",
+        "name": column.name,
+        "description": column.description + listed,
+        **({"unitText": column.unit} if column.unit else {}),
+        **({"valueReference": terms} if terms else {}),
+    }

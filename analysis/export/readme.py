@@ -1,0 +1,83 @@
+"""The README of an exported data set: what it holds, how to read it, what is not in it."""
+
+from html import escape
+
+from analysis.export.dataset import Dataset
+from analysis.loading.study_data import changed_journal
+
+_REHEARSALS = (
+    "**Rehearsals.** Data of dry runs are among these: simulated device or virtual answers. They "
+    "are marked `rehearsal` in the column `session_kind` and are no results.\n"
+)
+
+_ROWS = (
+    "A row is a trial that was begun. A column that holds a value for each touch of the trial "
+    "has semicolons between them. Voltages are amplitudes (peak), lengths, forces and times "
+    "are in SI units. A score that was not asked for or not given is missing, never zero. "
+    "Trials that were taken out afterwards are still here, marked in the column `excluded` "
+    "with the reason; the analysis leaves them out.\n"
+)
+_PUBLISHED_ROWS = (
+    "A row is the score of a subject under a condition; columns about touches and answers are "
+    "empty. A score that was not given is missing, never zero. Subjects that were taken out "
+    "afterwards are still here, marked in the column `excluded` with the reason; the analysis "
+    "leaves them out.\n"
+)
+
+
+def readme(data: Dataset, tables: str) -> str:
+    """Return the text of the README.
+
+    Args:
+        data: what is exported.
+        tables: one paragraph on which files there are and how missing values are written.
+    """
+    parts = [
+        f"# {_line(data.title)}\n",
+        *([changed(data)] if data.broken_chains else []),
+        *([_REHEARSALS] if "rehearsal" in data.kinds else []),
+        f"{_line(data.description())}\n",
+        f"{tables}\n",
+        _PUBLISHED_ROWS if data.published else _ROWS,
+        _counts(data),
+        *_facts(data),
+        f"Written by touchbeam {data.touchbeam} from the study's journal "
+        f"(SHA-256 of its events: {data.source_sha256}).\n",
+    ]
+    return "\n".join(parts)
+
+
+def changed(data: Dataset) -> str:
+    """Return what a reader of data from a changed journal must know first."""
+    return f"**Changed journal.** {_line(changed_journal(data.broken_chains))}\n"
+
+
+def _counts(data: Dataset) -> str:
+    found = data.trials
+    people = len({trial.session.participant for trial in found.trials})
+    return (
+        f"- {people} participants, {len(found.by_session())} sessions, {len(found.trials)} trials\n"
+        f"- excluded: {sum(trial.excluded != 'no' for trial in found.trials)} trials\n"
+        f"- not here: {found.rehearsals_left_out} rehearsals, {found.sessions_withdrawn} sessions "
+        f"that were withdrawn, {found.sessions_without_trials} in which no trial was begun\n"
+    )
+
+
+def _facts(data: Dataset) -> list[str]:
+    """What the study's author gave, as a list each; nothing where nothing was given."""
+    facts = data.facts
+    lists = {
+        "Ethics approvals": facts.ethics_approvals,
+        "Funding": facts.funding,
+        "References": facts.references,
+    }
+    return [
+        f"{title}:\n\n" + "".join(f"- {_line(entry)}\n" for entry in entries)
+        for title, entries in lists.items()
+        if entries
+    ]
+
+
+def _line(text: str) -> str:
+    """The text as one line that stays text where the README is shown as a page."""
+    return escape(" ".join(text.split()), quote=False)

@@ -1,0 +1,236 @@
+"""Published tables of scores: a wide CSV file, a row per subject, a column per condition."""
+
+import csv
+import io
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from analysis.cells import unguarded
+from analysis.estimates import FloatArray
+from analysis.loading.score_table import ScoreTable
+from device.friction.contrasts import CONDITIONS
+from protocol.errors import BadInput
+from protocol.study.fields import LONGEST_NAME, require_printable
+
+NAMES = frozenset({"average", "comprehensive", "mean", "total"})
+LEAST_OTHERS = 3
+LEAST_ROWS = 3
+_PRINTED = 0.0101
+"""How far two means to two decimals may lie apart that were the same before rounding."""
+
+
+def named_as_mean(name: str) -> bool:
+    """Return whether a column or row is called as means and sums are."""
+    return name.casefold() in NAMES
+
+
+def mean_column(scores: FloatArray) -> int | None:
+    """Return the column that is the mean of all others in every row, None if none is.
+
+    It takes at least three others and three rows in which they differ: in fewer, and where all
+    are equal, scores meet their mean by chance. A value that only a mean can have - a fraction,
+    where all others are whole - is proof in a single row.
+
+    Args:
+        scores: shape (rows, columns), NaN where none was given.
+    """
+    if scores.shape[1] <= LEAST_OTHERS:
+        return None
+    return next((place for place in range(scores.shape[1]) if _is_mean(scores, place)), None)
+
+
+def _is_mean(scores: FloatArray, place: int) -> bool:
+    candidate, others = scores[:, place], np.delete(scores, place, axis=1)
+    given = ~np.isnan(others).all(axis=1)
+    if not given.any() or not np.array_equal(given, ~np.isnan(candidate)):
+        return False
+    candidate, others = candidate[given], others[given]
+    if (np.abs(candidate - np.nanmean(others, axis=1)) > _PRINTED).any():
+        return False
+    telling = np.nanmax(others, axis=1) > np.nanmin(others, axis=1)
+    proof = _has_fraction(candidate) and not _has_fraction(others)
+    return proof or int(telling.sum()) >= LEAST_ROWS
+
+
+def _has_fraction(values: FloatArray) -> bool:
+    return any(value % 1 > 0 for value in values.flat)
+
+
+_KNOWN = {name.casefold(): name for name in CONDITIONS}
+
+
+def condition_name(text: str) -> str:
+    """Return the model's name of a condition for one that differs from it in case only.
+
+    >>> condition_name("Frequency"), condition_name("Colour")
+    ('frequency', 'Colour')
+    """
+    return _KNOWN.get(text.casefold(), text)
+
+
+def unpredicted_note(conditions: Sequence[str]) -> str | None:
+    """Return in one line which conditions have no predicted contrast; None if all have one."""
+    others = [name for name in conditions if name not in CONDITIONS]
+    if not others:
+        return None
+    return (
+        f"No contrast is predicted for {', '.join(others)}: "
+        f"the friction model knows {', '.join(CONDITIONS)}."
+    )
+
+
+SCALE = (0.0, 10.0)
+_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
+
+
+class TableError(BadInput):
+    """A file of scores that cannot be used; the message says where."""
+
+
+def published_table(text: str, source: str = "scores.csv") -> ScoreTable:
+    """Return the scores in `text`: first column `subject`, then one column per condition.
+
+    A blank cell is a missing score. Scores lie in [0, 10]. An apostrophe before `=`, `+`, `-` or
+    `@` is the guard of an exported name and no part of it. A condition that the friction model
+    knows is called as the model calls it, whatever the case. A subject is a pseudonym with a digit.
+
+    Args:
+        text: the file's text, with or without a byte order mark, comma-separated.
+        source: what to call it in messages.
+
+    Raises:
+        TableError: no header, a row of another length, a repeated name, a cell that is neither
+            blank nor a score, or a column or row of means; the message gives line, column, value
+            and rule.
+    """
+    (start, first), *rows = _rows(text.removeprefix("\ufeff"), source)
+    at_header = f"{source}, line {start}"
+    _require_commas(first, at_header)
+    if not rows or len(first) < 2:
+        raise TableError(f"{source}: must have a header and at least one row and one condition")
+    header = [condition_name(_name(cell, at_header)) for cell in first]
+    if header[0].casefold() not in {"subject", "subjects", "participant"}:
+        raise TableError(f"{at_header}: the first column must be 'subject', got {header[0]!r}")
+    if not all(header):
+        raise TableError(f"{at_header}: every condition must have a name, got {header[1:]!r}")
+    for name in filter(named_as_mean, header):
+        raise TableError(f"{at_header}, column {name}: holds no scores; remove the column")
+    subjects, scores = [], []
+    for line, row in rows:
+        _require_length(row, header, f"{source}, line {line}")
+        subjects.append(_subject(row[0], f"{source}, line {line}"))
+        scores.append(_scores(row[1:], header[1:], f"{source}, line {line}"))
+    table = _table(subjects, header[1:], scores, source)
+    _require_no_means(table, source, [start, *(line for line, _ in rows)])
+    return table
+
+
+def _rows(text: str, source: str) -> list[tuple[int, list[str]]]:
+    """The rows that are not blank, at least one, each with its line in the file."""
+    reader = csv.reader(io.StringIO(text, newline=None), strict=True)
+    rows, line = [], 1
+    try:
+        for row in reader:
+            if any(row):
+                rows.append((reader.line_num, row))
+            line = reader.line_num + 1
+    except csv.Error as error:
+        if reader.line_num >= line and "end of data" in str(error):
+            raise TableError(
+                f"{source}, line {line}: a quotation mark is opened and never closed; close it"
+            ) from error
+        raise TableError(f"{source}, line {line}: cannot be read as CSV ({error})") from error
+    if not rows:
+        raise TableError(f"{source}: must have a header and at least one row and one condition")
+    return rows
+
+
+def _require_commas(header: Sequence[str], where: str) -> None:
+    """Refuse a table whose cells something else separates."""
+    for mark, name in ((";", "semicolons"), ("\t", "tabs")):
+        if len(header) == 1 and mark in header[0]:
+            raise TableError(
+                f"{where}: the cells are separated by {name}; save the table with commas between "
+                "them, and points in numbers"
+            )
+
+
+def _name(cell: str, where: str) -> str:
+    name = unguarded(cell.strip())
+    if len(name) > LONGEST_NAME:
+        raise TableError(
+            f"{where}: a name must have at most {LONGEST_NAME} characters, "
+            f"got {len(name)}, {name[:20]!r}..."
+        )
+    try:
+        return require_printable(name)
+    except ValueError as error:
+        raise TableError(f"{where}: a name {error}, got {name!r}; remove them") from None
+
+
+def _subject(cell: str, where: str) -> str:
+    name = _name(cell, where)
+    if not name:
+        raise TableError(f"{where}: a subject must have a name, got {cell!r}")
+    if named_as_mean(name):
+        raise TableError(f"{where}: the row {name!r} holds no scores of a subject; remove the row")
+    # It becomes the name of a session, which no withdrawal erases.
+    if not any(letter.isdigit() for letter in name):
+        raise TableError(
+            f"{where}: participants must be pseudonyms with a digit, such as P01; names are not "
+            f"kept, got {name!r}; number them"
+        )
+    return name
+
+
+def _require_no_means(table: ScoreTable, source: str, lines: Sequence[int]) -> None:
+    """Refuse means under another name."""
+    column, row = mean_column(table.scores), mean_column(table.scores.T)
+    if column is not None:
+        name = table.conditions[column]
+        raise TableError(
+            f"{source}, line {lines[0]}, column {name}: is the mean of all other columns; "
+            "remove the column"
+        )
+    if row is not None:
+        name = table.subjects[row]
+        raise TableError(
+            f"{source}, line {lines[row + 1]}: the row {name!r} is the mean of all others; "
+            "remove the row"
+        )
+
+
+def _require_length(row: Sequence[str], header: Sequence[str], where: str) -> None:
+    if len(row) != len(header):
+        raise TableError(f"{where}: must have {len(header)} cells as the header, got {len(row)}")
+
+
+def _scores(cells: Sequence[str], names: Sequence[str], where: str) -> list[float]:
+    return [
+        _score(cell.strip(), f"{where}, column {name}")
+        for cell, name in zip(cells, names, strict=True)
+    ]
+
+
+def _score(cell: str, where: str) -> float:
+    if not cell:
+        return float("nan")
+    if not _NUMBER.fullmatch(cell):
+        raise TableError(f"{where}: a score must be a number or blank, got {cell[:40]!r}")
+    value = float(cell)
+    if not SCALE[0] <= value <= SCALE[1]:
+        raise TableError(f"{where}: a score must lie in [0, 10], got {cell}")
+    return value
+
+
+def _table(
+    subjects: list[str], conditions: list[str], scores: list[list[float]], source: str
+) -> ScoreTable:
+    try:
+        return ScoreTable(
+            subjects=tuple(subjects), conditions=tuple(conditions), scores=np.array(scores)
+        )
+    except ValueError as error:
+        raise TableError(f"{source}: {error}") from error

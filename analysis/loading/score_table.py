@@ -1,0 +1,96 @@
+"""The table of scores, subject by condition, that every statistic of the analysis reads."""
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.estimates import FloatArray
+
+BoolArray: TypeAlias = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ScoreTable:
+    """Scores of subjects (rows) under conditions (columns); NaN is a score that was not given.
+
+    Parameters:
+        subjects: one name per row, each once.
+        conditions: one name per column, each once.
+        scores: shape (subjects, conditions), on the study's rating scale (0 to 10 in the paper),
+            finite or NaN. The record keeps its own read-only copy.
+
+    Raises:
+        ValueError: a name twice, an empty table, a shape that does not fit, an infinite score.
+
+    >>> table = ScoreTable(subjects=("1", "2"), conditions=("voltage", "pressure"),
+    ...                    scores=np.array([[10, 5], [9, np.nan]]))
+    >>> table.missing_count
+    1
+    """
+
+    subjects: tuple[str, ...]
+    conditions: tuple[str, ...]
+    scores: FloatArray
+
+    def __post_init__(self) -> None:
+        scores = np.array(self.scores, dtype=np.float64)
+        scores.flags.writeable = False
+        object.__setattr__(self, "subjects", tuple(self.subjects))
+        object.__setattr__(self, "conditions", tuple(self.conditions))
+        object.__setattr__(self, "scores", scores)
+        _check_names("subject", self.subjects)
+        _check_names("condition", self.conditions)
+        _check_scores(scores, (len(self.subjects), len(self.conditions)))
+
+    @property
+    def given(self) -> BoolArray:
+        """Which scores were given, shape (subjects, conditions)."""
+        return ~np.isnan(self.scores)
+
+    @property
+    def missing_count(self) -> int:
+        """How many cells have no score."""
+        return int(np.isnan(self.scores).sum())
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether every cell has a score."""
+        return self.missing_count == 0
+
+    def by_subject(self) -> dict[str, dict[str, float | None]]:
+        """Return condition → score by subject, None where none was given."""
+        return {
+            subject: {
+                name: None if math.isnan(score) else score
+                for name, score in zip(self.conditions, scores, strict=True)
+            }
+            for subject, scores in zip(self.subjects, self.scores.tolist(), strict=True)
+        }
+
+    @property
+    def transposed(self) -> "ScoreTable":
+        """The same scores with conditions as rows and subjects as columns."""
+        return ScoreTable(
+            subjects=self.conditions, conditions=self.subjects, scores=self.scores.T.copy()
+        )
+
+
+def _check_names(kind: str, names: Sequence[str]) -> None:
+    if not names:
+        raise ValueError(f"a score table needs at least one {kind}, got 0")
+    name, count = Counter(names).most_common(1)[0]
+    if count > 1:
+        raise ValueError(f"each {kind} must be named once, got {name!r} {count} times")
+
+
+def _check_scores(scores: FloatArray, shape: tuple[int, int]) -> None:
+    if scores.shape != shape:
+        raise ValueError(f"scores must have shape {shape}, got {scores.shape}")
+    infinite = scores[np.isinf(scores)]
+    if infinite.size:
+        raise ValueError(f"a score must be finite or missing, got {infinite[0]}")

@@ -1,0 +1,182 @@
+"""Batch prediction: a table of scenes in, the same table with friction coefficients out."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.model.scene_table import COLUMNS, SceneTable, WordColumn, scene_table
+from device.beam.beam import Beam
+from device.beam.eq15 import Overlap
+from device.beam.modes import FloatArray
+from device.errors import OutOfRangeError, positive
+from device.friction.coefficient import Chosen, auto_prediction, error_bounds
+from device.friction.contact import Contact
+from device.friction.prediction import Batch, LawChoice, Ratio, rung_prediction
+from device.friction.rungs import check_rung
+from device.friction.scenes import Coverage, Direction
+from protocol.study.study import Study
+
+OUTPUTS = (
+    "mu_effective",
+    "same_direction_ratio",
+    "anisotropy",
+    "inertial_ratio",
+    "inertial_load_n",
+    "displacement_m",
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PredictOptions:
+    """What `touchbeam predict` is asked for."""
+
+    law: str = "consistent"
+    rung: str = "auto"
+    tolerance: float = 0.01
+    eq15_overlap: Overlap = "first"
+
+    def __post_init__(self) -> None:
+        LawChoice(name=self.law, overlap=self.eq15_overlap)
+        positive("tolerance", self.tolerance)
+        if self.rung != "auto":
+            check_rung(self.rung)
+
+
+def study_defaults(study: Study) -> dict[str, float]:
+    """A study's touch as defaults for blank cells."""
+    touch = study.touch
+    return {
+        "x_m": touch.smooth_place_m,
+        "contact_m": touch.contact_m,
+        "finger_load_n": touch.force_n,
+        "sliding_speed_m_s": touch.sliding_speed_m_s,
+    }
+
+
+def _optional(values: FloatArray) -> FloatArray | None:
+    """A column of which a group has all values or none."""
+    return None if np.isnan(values[:1]).any() else values
+
+
+def _group_batch(table: SceneTable, rows: NDArray[np.intp]) -> Batch:
+    """The scenes of one group as a batch."""
+    number = {name: values[rows] for name, values in table.numbers.items()}
+    contact = Contact(
+        beam=Beam(),
+        coverage=cast(Coverage, str(table.words["coverage"][rows[0]])),
+        direction=cast(Direction, str(table.words["direction"][rows[0]])),
+        x_m=number["x_m"],
+        contact_m=number["contact_m"],
+        body_count=number["body_count"],
+        body_mass_kg=number["body_mass_kg"],
+        body_height_m=number["body_height_m"],
+        body_load_n=number["body_load_n"],
+        finger_load_n=_optional(number["finger_load_n"]),
+        sliding_speed_m_s=number["sliding_speed_m_s"],
+        friction_coefficient=number["friction_coefficient"],
+        same_direction_fraction=_optional(number["same_direction_fraction"]),
+    )
+    return Batch(
+        contact=contact,
+        mode=int(number["mode"][0]),
+        voltage_v=number["voltage_v"],
+        frequency_hz=number["frequency_hz"],
+        damping_ratio=number["damping_ratio"],
+    )
+
+
+def _groups(table: SceneTable) -> Iterator[NDArray[np.intp]]:
+    """Rows that can be computed in one pass: alike in mode, words and what is given at all."""
+    keys = [np.unique(words, return_inverse=True)[1] for words in table.words.values()]
+    keys.append(table.numbers["mode"].astype(np.intp))
+    given = (table.numbers[name] for name in ("finger_load_n", "same_direction_fraction"))
+    keys.extend(np.isnan(values).astype(np.intp) for values in given)
+    _, group = np.unique(np.stack(keys), axis=1, return_inverse=True)
+    order = np.argsort(group, kind="stable")
+    yield from np.split(order, np.flatnonzero(np.diff(group[order])) + 1)
+
+
+def _predicted(batch: Batch, options: PredictOptions, ratio: Ratio) -> Chosen:
+    """One group's predictions, rungs and bounds."""
+    choice = LawChoice(name=options.law, ratio=ratio, overlap=options.eq15_overlap)
+    if options.rung == "auto":
+        return auto_prediction(batch, choice, options.tolerance)
+    prediction = rung_prediction(batch, options.rung, choice)
+    bounds = error_bounds(batch, options.rung, choice, prediction.mu_effective)
+    rungs = np.full(batch.size, options.rung)
+    return Chosen(prediction=prediction, rung=rungs, error_bound=bounds)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PredictedTable:
+    """A table of scenes with its predictions, shape (n,) each."""
+
+    table: SceneTable
+    predictions: Mapping[str, FloatArray]
+    rung: NDArray[np.object_]
+    error_bound: FloatArray
+
+
+def predicted_table(table: SceneTable, options: PredictOptions) -> PredictedTable:
+    """The predictions for a table of scenes.
+
+    Raises:
+        BadInput: a mode lies beyond the cut-off of the rung it needs; names file and line.
+    """
+    count = len(table.lines)
+    columns = {name: np.empty(count) for name in OUTPUTS}
+    rung, bound = np.empty(count, dtype=np.object_), np.empty(count)
+    for rows in _groups(table) if count else ():
+        ratio = cast(Ratio, str(table.words["ratio"][rows[0]]))
+        try:
+            chosen = _predicted(_group_batch(table, rows), options, ratio)
+        except OutOfRangeError as error:
+            raise table.complaint(rows[0], error.name, error.rule, error.value) from None
+        for name, column in columns.items():
+            column[rows] = getattr(chosen.prediction, name)
+        rung[rows], bound[rows] = chosen.rung, chosen.error_bound
+    return PredictedTable(table=table, predictions=columns, rung=rung, error_bound=bound)
+
+
+def _texts(values: FloatArray, missing: str = "") -> list[str]:
+    """Numbers to 17 significant digits; what is not given is `missing`."""
+    return ["%.17g" % value if value == value else missing for value in values.tolist()]  # noqa: PLR0124,UP031 - nan is the only value unlike itself; % is twice as fast
+
+
+def csv_text(predicted: PredictedTable) -> str:
+    """The output table: every input column as used, then the predictions, rung and error bound."""
+    table = predicted.table
+    columns = [
+        table.words[name].tolist()
+        if isinstance(column, WordColumn)
+        else _texts(table.numbers[name], column.word)
+        for name, column in COLUMNS.items()
+    ]
+    columns += [_texts(predicted.predictions[name]) for name in OUTPUTS]
+    columns += [predicted.rung.tolist(), _texts(predicted.error_bound)]
+    header = ",".join((*COLUMNS, *OUTPUTS, "rung", "error_bound"))
+    return "\n".join([header, *map(",".join, zip(*columns, strict=True))]) + "\n"
+
+
+def predict(
+    source: str,
+    text: str,
+    options: PredictOptions | None = None,
+    defaults: Mapping[str, float] | None = None,
+) -> str:
+    """A CSV text of scenes with its predictions, as CSV text.
+
+    Args:
+        source: the file's name, for messages.
+        text: its contents; see `analysis.model.scene_table` for the columns.
+        options: law, rung, tolerance.
+        defaults: values for blank cells in place of the paper's.
+
+    Raises:
+        BadInput: a cell breaks its column's rule; names file, line, column, rule and value.
+    """
+    table = scene_table(source, text, defaults)
+    return csv_text(predicted_table(table, options or PredictOptions()))

@@ -1,0 +1,234 @@
+"""The columns of a table of scenes: their defaults, their rules, and the cells that break them."""
+
+import csv
+import io
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.estimates import BoolArray
+from device.beam.modes import FloatArray
+from device.friction.contrasts import SMOOTH_PLACE_M
+from device.friction.rungs import HIGHEST_MODE
+from device.friction.scenes import Scene
+from protocol.errors import BadInput
+
+_SCENE = Scene()
+_LENGTH_M = _SCENE.structure.beam.length_m
+
+
+@dataclass(frozen=True, kw_only=True)
+class NumberColumn:
+    """A column of numbers: its default (nan: none) and what a value must keep to.
+
+    `reach`: the least and the largest size of a value that is not 0. Far beyond what any device
+    does, and so that no product of them leaves the range of numbers.
+    """
+
+    default: float
+    rule: str
+    keeps: Callable[[FloatArray], BoolArray]
+    reach: tuple[float, float] = (1e-9, 1e9)
+    word: str = ""
+    """What may stand for a number, read as nan."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class WordColumn:
+    """A column of words: the default first."""
+
+    words: tuple[str, ...]
+
+
+def _finite_above(low: float) -> Callable[[FloatArray], BoolArray]:
+    return lambda values: np.isfinite(values) & (values > low)
+
+
+def _finite_from(low: float) -> Callable[[FloatArray], BoolArray]:
+    return lambda values: np.isfinite(values) & (values >= low)
+
+
+def _between(low: float, high: float) -> Callable[[FloatArray], BoolArray]:
+    return lambda values: (values >= low) & (values <= high)
+
+
+def _whole(values: FloatArray) -> BoolArray:
+    return np.asarray(np.isfinite(values) & (values >= 1) & (values == np.floor(values)))
+
+
+_POSITIVE, _NOT_NEGATIVE = (
+    "must be a finite number above 0",
+    "must be a finite number of at least 0",
+)
+_COUNT = "must be a whole number of at least 1"
+_STRUCTURE, _TOUCH = _SCENE.structure, _SCENE.touch
+
+COLUMNS: Mapping[str, NumberColumn | WordColumn] = {
+    "voltage_v": NumberColumn(
+        default=_SCENE.drive.voltage_v, rule=_NOT_NEGATIVE, keeps=_finite_from(0)
+    ),
+    "frequency_hz": NumberColumn(
+        default=np.nan,
+        rule="must be `resonance` or a finite number above 0",
+        keeps=_finite_above(0),
+        reach=(1e-9, 1e8),  # above, the segmented beam has millions of zones
+        word="resonance",
+    ),
+    "x_m": NumberColumn(
+        default=SMOOTH_PLACE_M,
+        rule=f"must lie in [0, {_LENGTH_M:g}]",
+        keeps=_between(0.0, _LENGTH_M),
+    ),
+    "contact_m": NumberColumn(default=_TOUCH.contact_m, rule=_POSITIVE, keeps=_finite_above(0)),
+    "direction": WordColumn(words=("right", "left")),
+    "coverage": WordColumn(words=("local", "full")),
+    "same_direction_fraction": NumberColumn(
+        default=np.nan, rule="must lie in [0, 1]", keeps=_between(0.0, 1.0), reach=(0.0, 1.0)
+    ),
+    "ratio": WordColumn(words=("eq15", "mode")),
+    "body_count": NumberColumn(default=_STRUCTURE.body_count, rule=_COUNT, keeps=_whole),
+    "body_load_n": NumberColumn(default=_TOUCH.body_load_n, rule=_POSITIVE, keeps=_finite_above(0)),
+    "finger_load_n": NumberColumn(default=np.nan, rule=_POSITIVE, keeps=_finite_above(0)),
+    "body_mass_kg": NumberColumn(
+        default=_STRUCTURE.body_mass_kg, rule=_NOT_NEGATIVE, keeps=_finite_from(0)
+    ),
+    "friction_coefficient": NumberColumn(
+        default=_STRUCTURE.friction_coefficient, rule=_POSITIVE, keeps=_finite_above(0)
+    ),
+    "damping_ratio": NumberColumn(
+        default=_STRUCTURE.beam.damping_ratio,
+        rule="must lie between 0 and 1",
+        keeps=lambda values: (values > 0) & (values < 1),
+    ),
+    "mode": NumberColumn(
+        default=_SCENE.drive.mode, rule=_COUNT, keeps=_whole, reach=(1, HIGHEST_MODE)
+    ),
+    "sliding_speed_m_s": NumberColumn(
+        default=_TOUCH.sliding_speed_m_s, rule=_POSITIVE, keeps=_finite_above(0)
+    ),
+    "body_height_m": NumberColumn(
+        default=_STRUCTURE.body_height_m, rule=_NOT_NEGATIVE, keeps=_finite_from(0)
+    ),
+}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SceneTable:
+    """Scenes read from a file: a column each, defaults filled in, and the line of each row."""
+
+    source: str
+    lines: tuple[int, ...]
+    numbers: Mapping[str, FloatArray]
+    words: Mapping[str, NDArray[np.str_]]
+
+    def complaint(self, row: int, column: str, rule: str, value: object) -> BadInput:
+        """The error that names file, line, column, rule and value."""
+        return bad_cell(self.source, self.lines[row], column, rule, value)
+
+
+def bad_cell(source: str, line: int, column: str, rule: str, value: object) -> BadInput:
+    """The error for one cell."""
+    return BadInput(f"{source}, line {line}, column {column}: {rule}, got {value!r}")
+
+
+def _checked_header(source: str, header: Sequence[str]) -> None:
+    """Refuse unknown and repeated columns."""
+    for name in header:
+        if name not in COLUMNS:
+            known = ", ".join(COLUMNS)
+            raise BadInput(f"{source}, line 1: unknown column {name!r}; known are {known}")
+        if list(header).count(name) > 1:
+            raise BadInput(f"{source}, line 1: column {name!r} stands twice")
+
+
+def _rows(source: str, text: str) -> tuple[list[str], list[list[str]], list[int]]:
+    """Header, rows of cells and their lines; blank lines are skipped."""
+    reader = csv.reader(io.StringIO(text.removeprefix("\ufeff"), newline=""), strict=True)
+    try:
+        header = [name.strip() for name in next(reader, [])]
+        if not header:
+            raise BadInput(f"{source}, line 1: a line of column names is due, got none")
+        _checked_header(source, header)
+        rows, lines = [], []
+        for row in reader:
+            if row:
+                rows.append(row)
+                lines.append(reader.line_num)
+    except csv.Error as error:
+        raise BadInput(f"{source}, line {reader.line_num}: {error}") from None
+    for row, line in zip(rows, lines, strict=True):
+        if len(row) != len(header):
+            raise BadInput(f"{source}, line {line}: {len(header)} cells are due, got {len(row)}")
+    return header, rows, lines
+
+
+def _number(text: str) -> float | None:
+    """The number that a cell holds, or None; Python's underscores are no number here."""
+    try:
+        return None if "_" in text else float(text)
+    except ValueError:
+        return None
+
+
+def _numbers(source: str, name: str, cells: Sequence[str], lines: Sequence[int]) -> FloatArray:
+    """A column of numbers; blank cells and the column's word take its default."""
+    column = COLUMNS[name]
+    assert isinstance(column, NumberColumn)
+    given = np.array([bool(cell) and cell != column.word for cell in cells], dtype=np.bool_)
+    values = np.full(len(cells), column.default, dtype=np.float64)
+    found = [_number(cells[row]) for row in np.flatnonzero(given)]
+    for row, number in zip(np.flatnonzero(given), found, strict=True):
+        if number is None:
+            raise bad_cell(source, lines[row], name, column.rule, cells[row])
+    values[given] = np.array(found, dtype=np.float64)
+    wrong = np.flatnonzero(given & ~column.keeps(np.where(given, values, 0.5)))
+    if wrong.size:
+        raise bad_cell(source, lines[wrong[0]], name, column.rule, cells[wrong[0]])
+    low, high = column.reach
+    beyond = np.flatnonzero(given & (values != 0) & ~((values >= low) & (values <= high)))
+    if beyond.size:
+        zero = "be 0 or " if column.keeps(np.zeros(1))[0] else ""
+        rule = f"must {zero}lie in [{low:g}, {high:g}]"
+        raise bad_cell(source, lines[beyond[0]], name, rule, cells[beyond[0]])
+    return values
+
+
+def _words(source: str, name: str, cells: Sequence[str], lines: Sequence[int]) -> NDArray[np.str_]:
+    """A column of words; blank cells take its default."""
+    column = COLUMNS[name]
+    assert isinstance(column, WordColumn)
+    for cell, line in zip(cells, lines, strict=True):
+        if cell and cell not in column.words:
+            rule = f"must be one of {', '.join(column.words)}"
+            raise bad_cell(source, line, name, rule, cell)
+    return np.array([cell or column.words[0] for cell in cells], dtype=np.str_)
+
+
+def scene_table(source: str, text: str, defaults: Mapping[str, float] | None = None) -> SceneTable:
+    """The scenes of a CSV text.
+
+    Args:
+        source: the file's name, for messages.
+        text: its contents; the first line names the columns, all of which are optional.
+        defaults: values for blank cells, such as a study's, in place of the paper's.
+
+    Raises:
+        BadInput: a column is unknown or repeated, a row too short or long, or a cell breaks its
+            column's rule; the message names file, line, column, rule and value.
+    """
+    header, rows, lines = _rows(source, text)
+    cells = dict(zip(header, zip(*rows, strict=True), strict=True)) if rows else {}
+    blank = ("",) * len(rows)
+    numbers, words = {}, {}
+    for name, column in COLUMNS.items():
+        texts = [cell.strip() for cell in cells.get(name, blank)]
+        if isinstance(column, WordColumn):
+            words[name] = _words(source, name, texts, lines)
+            continue
+        values = _numbers(source, name, texts, lines)
+        if defaults and name in defaults:
+            values[[not cell for cell in texts]] = defaults[name]
+        numbers[name] = values
+    return SceneTable(source=source, lines=tuple(lines), numbers=numbers, words=words)

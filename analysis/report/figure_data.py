@@ -1,0 +1,112 @@
+"""What the report's figures show, thinned where there is more than an eye can tell apart."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.estimates import FloatArray
+from analysis.loading.score_table import ScoreTable
+from analysis.sensitivity.linear_model import LinearSensitivity
+from analysis.sensitivity.lines import Lines
+from analysis.sensitivity.ordinal_model import OrdinalSensitivity
+from analysis.sensitivity.ratings import IntArray, Ratings
+from analysis.trials.trial_statistics import TrialStatistics
+
+MOST_LINES = 100
+MOST_POINTS = 2_000
+MOST_INTERVALS = 40
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Raincloud:
+    """Scores by condition: all of them for the clouds, those of some subjects as lines."""
+
+    table: ScoreTable
+    lines: FloatArray
+    means: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Scatter:
+    """Ratings against predicted contrasts, and the population's line if there is one."""
+
+    ratings: Ratings
+    of: int
+    line: tuple[float, float] | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gains:
+    """Lines of the same subjects under one or two models, by the model's name, and of how many."""
+
+    models: dict[str, Lines]
+    shown: tuple[int, ...]
+    of: int
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Course:
+    """Mean score, its standard error (NaN of one score) and count at each place in the session."""
+
+    places: IntArray
+    means: FloatArray
+    errors: FloatArray
+    counts: IntArray
+
+
+def thinned(count: int, most: int) -> IntArray:
+    """Return at most `most` of `count` positions, evenly spaced.
+
+    >>> thinned(9, 4)
+    array([0, 2, 4, 6])
+    """
+    if count <= most:
+        return np.arange(count)
+    return np.arange(most) * count // most
+
+
+def raincloud(table: ScoreTable, means: FloatArray) -> Raincloud:
+    """Return the scores with the lines of a part of the subjects."""
+    lines = table.scores[thinned(len(table.subjects), MOST_LINES)]
+    return Raincloud(table=table, lines=lines, means=means)
+
+
+def scatter(found: TrialStatistics) -> Scatter | None:
+    """Return ratings and contrasts, or None where no rated trial has a prediction."""
+    given = found.scored.ratings.given
+    count = len(given.rating)
+    if not count:
+        return None
+    chosen = np.isin(np.arange(count), thinned(count, MOST_POINTS))
+    m1 = found.m1
+    line = (m1.lines.bias, m1.lines.gain) if isinstance(m1, LinearSensitivity) else None
+    return Scatter(ratings=given.where(chosen), of=count, line=line)
+
+
+def gains(found: TrialStatistics) -> Gains | None:
+    """Return each model's lines, or None where neither has an answer."""
+    models = {}
+    if isinstance(found.m1, LinearSensitivity):
+        models["M1"] = found.m1.lines
+    if isinstance(found.m2, OrdinalSensitivity):
+        models["M2"] = found.m2.lines
+    if not models:
+        return None
+    count = len(next(iter(models.values())).subjects)
+    shown = tuple(int(place) for place in thinned(count, MOST_INTERVALS))
+    return Gains(models=models, shown=shown, of=count)
+
+
+def course(found: TrialStatistics) -> Course | None:
+    """Return the scores by place in the session, or None where the places are not known."""
+    ratings = found.scored.every
+    known = (found.scored.place > 0) & ~np.isnan(ratings.rating)
+    if not known.any():
+        return None
+    places, which = np.unique(found.scored.place[known], return_inverse=True)
+    counts = np.bincount(which)
+    means = np.bincount(which, weights=ratings.rating[known]) / counts
+    squares = np.bincount(which, weights=(ratings.rating[known] - means[which]) ** 2)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        errors = np.sqrt(squares / (counts - 1) / counts)
+    return Course(places=places, means=means, errors=errors, counts=counts)

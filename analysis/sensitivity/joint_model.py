@@ -1,0 +1,168 @@
+"""M3: noticing a change and rating it, as one ordered answer on one latent scale."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.estimates import FloatArray, Interval, NoAnswer
+from analysis.sensitivity.integration import intervals_95, mixture_mean
+from analysis.sensitivity.lines import Axes
+from analysis.sensitivity.ordinal_model import (
+    LatentPosterior,
+    OrdinalSensitivity,
+    PreparedTrials,
+    Scale,
+    fitted,
+    latent_posterior,
+    prepared,
+)
+from analysis.sensitivity.ratings import IntArray, Ratings
+
+OPPOSITE, SAME, EXPECTED = -1, 0, 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChangeDetection:
+    """How well one subject notices the expected change, 95 % intervals.
+
+    `d_prime` is the distance between the reference contrast and none in standard deviations of
+    the noise; `criterion` is how far above its own zero the latent value must be, in the same
+    unit, to be called the expected change: a false alarm has probability Φ(-criterion).
+    """
+
+    subject: str
+    d_prime: float
+    d_prime_interval: Interval
+    criterion: float
+    criterion_interval: Interval
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointSensitivity:
+    """The fit of M3; d′ is at `reference_contrast`, the mean contrast of expected changes."""
+
+    ratings: OrdinalSensitivity
+    detection: tuple[ChangeDetection, ...]
+    reference_contrast: float
+
+
+def joint_sensitivity(ratings: Ratings, answer: IntArray) -> JointSensitivity | NoAnswer:
+    """Return detection and rating of changes from one model, or why there is none.
+
+    The answers are ordered: opposite to the expected change < same < expected change, rated low
+    to high. They are the steps of M2's latent scale α_s + g_s x + δ_c + ε, so that a score
+    withheld because the answer disagreed is an answer and no longer missing, and catch (x = 0)
+    and opposite (x < 0) trials tell bias from gain.
+
+    Parameters:
+        ratings: all trials, contrasts signed by the condition's expected direction.
+        answer: shape (trials,), 1 the expected change, 0 the same, -1 the opposite change.
+
+    Raises:
+        ValueError: another answer, or not one per trial.
+    """
+    _check_answers(ratings, answer)
+    usable = (answer != EXPECTED) | ~np.isnan(ratings.rating)
+    trials, answer = ratings.where(usable), answer[usable]
+    refusal = _refusal(trials, answer)
+    if refusal is not None:
+        return refusal
+    scale, category = _scale(trials, answer)
+    ready = prepared(trials, category, scale, _axes(trials, answer))
+    posterior = latent_posterior(ready)
+    reference = float(trials.contrast[trials.contrast > 0].mean())
+    return JointSensitivity(
+        ratings=fitted(ready, posterior),
+        detection=_detection(
+            ready, posterior, reference, len(np.unique(answer[answer != EXPECTED])) - 1
+        ),
+        reference_contrast=reference,
+    )
+
+
+def _check_answers(ratings: Ratings, answer: IntArray) -> None:
+    if len(answer) != len(ratings.rating):
+        raise ValueError(f"answers need {len(ratings.rating)} trials, got {len(answer)}")
+    other = answer[~np.isin(answer, [OPPOSITE, SAME, EXPECTED])]
+    if other.size:
+        raise ValueError(f"an answer must be -1, 0 or 1, got {other[0]}")
+
+
+def _refusal(trials: Ratings, answer: IntArray) -> NoAnswer | None:
+    if not (trials.contrast <= 0).any():
+        return NoAnswer(reason="the study has no catch or opposite trials with an answer")
+    if not (trials.contrast > 0).any():
+        return NoAnswer(reason="no trial has an expected change")
+    if (answer == EXPECTED).all():
+        return NoAnswer(reason="every answer was the expected change, also without one")
+    different = len(np.unique(trials.rating[answer == EXPECTED]))
+    if different < 3:
+        return NoAnswer(reason=f"at least 3 different ratings are needed, got {different}")
+    return None
+
+
+def _axes(trials: Ratings, answer: IntArray) -> Axes:
+    """Return centre and scale of all contrasts and of the ratings of expected changes."""
+    rated = trials.rating[answer == EXPECTED]
+    return Axes(
+        x_mean=float(trials.contrast.mean()),
+        x_sd=float(trials.contrast.std()),
+        y_mean=float(rated.mean()),
+        y_sd=float(rated.std()),
+    )
+
+
+def _scale(trials: Ratings, answer: IntArray) -> tuple[Scale, IntArray]:
+    """Return the ordered answers and each trial's position among them."""
+    values = np.unique(trials.rating[answer == EXPECTED])
+    between = (values[1:] + values[:-1]) / 2
+    disagreeing = np.unique(answer[answer != EXPECTED])
+    names = {OPPOSITE: "opposite", SAME: "same"}
+    below = values[0] - np.arange(len(disagreeing), 0, -1.0)
+    rated = np.searchsorted(values, trials.rating) + len(disagreeing)
+    category = np.where(answer == EXPECTED, rated, np.searchsorted(disagreeing, answer))
+    edges = np.concatenate([below, between])
+    held = np.isin(np.arange(len(edges)), [len(below), len(edges) - 1])
+    return Scale(
+        categories=(*(names[int(a)] for a in disagreeing), *(f"{value:g}" for value in values)),
+        edges=edges,
+        held=held,
+    ), category.astype(np.int64)
+
+
+def _detection(
+    ready: PreparedTrials, posterior: LatentPosterior, reference: float, noticed: int
+) -> tuple[ChangeDetection, ...]:
+    """Return each subject's d′ and criterion; `noticed` is the threshold of a noticed change."""
+    slope = np.array([0.0, reference / ready.axes.x_sd])
+    at_zero = np.array([1.0, -ready.axes.x_mean / ready.axes.x_sd])
+    d_primes, d_intervals = _in_noise_units(ready, posterior, slope, None)
+    criteria, c_intervals = _in_noise_units(ready, posterior, -at_zero, noticed)
+    return tuple(
+        ChangeDetection(
+            subject=name,
+            d_prime=float(d_primes[row]),
+            d_prime_interval=d_intervals[row],
+            criterion=float(criteria[row]),
+            criterion_interval=c_intervals[row],
+        )
+        for row, name in enumerate(ready.subjects)
+    )
+
+
+def _in_noise_units(
+    ready: PreparedTrials, posterior: LatentPosterior, of_line: FloatArray, threshold: int | None
+) -> tuple[FloatArray, list[Interval]]:
+    """Return mean and interval of (threshold + of_line · line) / σ for each subject."""
+    means, sds = [], []
+    for mode, sigma in zip(posterior.modes, posterior.residual_sds, strict=True):
+        of_shared = np.zeros(len(mode.shared))
+        of_shared[ready.trials.line_columns] = of_line
+        if threshold is not None:
+            of_shared[threshold] = 1.0
+        mean, variance = mode.contrast(of_shared, of_line)
+        means.append(mean / sigma)
+        sds.append(np.sqrt(variance) / sigma)
+    weights = posterior.points.weights
+    centres = np.array(means)
+    return mixture_mean(weights, centres), intervals_95(weights, centres, np.array(sds))

@@ -1,0 +1,181 @@
+"""M1: ratings that rise with the predicted contrast along a line of each person's own."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.estimates import FloatArray, NoAnswer
+from analysis.sensitivity.integration import WeightedPoints, weighted_points
+from analysis.sensitivity.lines import (
+    Axes,
+    LineMixture,
+    Lines,
+    axes_of,
+    covariance_matrices,
+    log_prior_of_spread,
+    summary,
+)
+from analysis.sensitivity.ratings import IntArray, Ratings
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LineSums:
+    """What a straight line per subject needs to know of the trials.
+
+    `counts` (subjects,) trials; `gram` (subjects, 2, 2) = Z'Z and `products` (subjects, 2) = Z'y
+    with rows Z = (1, x); `squares` (subjects,) = y'y.
+    """
+
+    counts: FloatArray
+    gram: FloatArray
+    products: FloatArray
+    squares: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LinePosterior:
+    """Given variance components: log marginal likelihood and what is known of the lines.
+
+    `log_likelihood` (points,), the population's line integrated out; `profile` (points,), at the
+    best population line instead. `means` (points, subjects, 2) and `covariances` (points,
+    subjects, 2, 2) are of each subject's intercept and slope; `population` (points, 2) and
+    `population_covariance` (points, 2, 2) of the population's.
+    """
+
+    log_likelihood: FloatArray
+    profile: FloatArray
+    means: FloatArray
+    covariances: FloatArray
+    population: FloatArray
+    population_covariance: FloatArray
+
+
+def line_sums(subject: IntArray, subjects: int, x: FloatArray, y: FloatArray) -> LineSums:
+    """Return the sums of trials (subject, x, y) per subject."""
+
+    def total(values: FloatArray) -> FloatArray:
+        return np.bincount(subject, weights=values, minlength=subjects).astype(np.float64)
+
+    ones = np.ones_like(x)
+    gram = np.array([[total(ones), total(x)], [total(x), total(x * x)]])
+    return LineSums(
+        counts=total(ones),
+        gram=np.moveaxis(gram, -1, 0),
+        products=np.stack([total(y), total(x * y)], axis=-1),
+        squares=total(y * y),
+    )
+
+
+def line_posterior(sums: LineSums, residual_sd: FloatArray, between: FloatArray) -> LinePosterior:
+    """Return likelihood and lines at given variance components.
+
+    y = Z (β + u_s) + ε, u_s ~ N(0, T), ε ~ N(0, σ²), β flat. With A = Z'Z/σ² and c = Z'y/σ²:
+    Z'V⁻¹Z = A (I + T A)⁻¹, Z'V⁻¹y = (I + A T)⁻¹ c and y'V⁻¹y = y'y/σ² - c' (I + T A)⁻¹ T c
+    (Woodbury), so that each subject costs a few products of 2 x 2 matrices.
+
+    Parameters:
+        sums: of the trials.
+        residual_sd: shape (points,), σ.
+        between: shape (points, 2, 2), T.
+    """
+    variance = residual_sd[:, None] ** 2
+    a = sums.gram / variance[..., None, None]
+    c = sums.products / variance[..., None]
+    t = between[:, None]
+    keep = np.linalg.inv(np.eye(2) + t @ a)
+    shift = keep @ t
+    info = (a @ keep).sum(axis=1)
+    score = (np.swapaxes(keep, -1, -2) @ c[..., None])[..., 0].sum(axis=1)
+    covariance = np.linalg.inv(info)
+    population = (covariance @ score[..., None])[..., 0]
+    own = (shift @ c[..., None])[..., 0]
+    quadratic = (sums.squares / variance - (c * own).sum(-1)).sum(1) - (score * population).sum(-1)
+    log_det = (sums.counts * np.log(variance) - np.linalg.slogdet(keep)[1]).sum(axis=1)
+    profile = -(log_det + quadratic + sums.counts.sum() * np.log(2 * np.pi)) / 2
+    return LinePosterior(
+        log_likelihood=profile - np.linalg.slogdet(info)[1] / 2,
+        profile=profile,
+        means=own + (keep @ population[:, None, :, None])[..., 0],
+        covariances=shift + keep @ covariance[:, None] @ np.swapaxes(keep, -1, -2),
+        population=population,
+        population_covariance=covariance,
+    )
+
+
+POINTS = 200
+# log σ, log τ_bias, log τ_gain and artanh ρ, in standard deviations of the ratings.
+START = np.array([-0.5, -0.7, -0.7, 0.0])
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinearSensitivity:
+    """The fit of M1: per-subject and population lines, and how much noise is about them."""
+
+    lines: Lines
+    residual_sd: float
+
+
+def linear_sensitivity(ratings: Ratings) -> LinearSensitivity | NoAnswer:
+    """Return each subject's bias and gain by partial pooling, or why there are none.
+
+    y = α_s + g_s x + ε, (α_s, g_s) ~ N((α, g), T), ε ~ N(0, σ²). α and g have flat priors, σ has
+    one flat in log σ, the standard deviations in T that of `log_prior_of_spread`, their
+    correlation a uniform one. Intervals are integrated over σ and T, not taken at their best
+    values.
+
+    The model knows no ceiling: where many ratings are the largest possible, gains come out too
+    small. `ordinal_sensitivity` is for such ratings.
+    """
+    trials = ratings.given
+    axes = axes_of(trials)
+    if isinstance(axes, NoAnswer):
+        return axes
+    sums = _standardised_sums(trials, axes)
+    if not _has_residual(trials, sums):
+        return NoAnswer(
+            reason="each subject's ratings lie on a line of their own, no residual is left to "
+            "tell noise from differences between subjects"
+        )
+    posterior = weighted_points(lambda points: _log_posterior(points, sums), START, POINTS)
+    return _result(ratings, sums, posterior, axes)
+
+
+def _standardised_sums(trials: Ratings, axes: Axes) -> LineSums:
+    x = (trials.contrast - axes.x_mean) / axes.x_sd
+    y = (trials.rating - axes.y_mean) / axes.y_sd
+    return line_sums(trials.subject, len(trials.subjects), x, y)
+
+
+def _has_residual(trials: Ratings, sums: LineSums) -> bool:
+    """Whether some subject's ratings depart from the subject's own least-squares line."""
+    lines = np.linalg.pinv(sums.gram, rcond=1e-9, hermitian=True) @ sums.products[..., None]
+    explained = (sums.products * lines[..., 0]).sum(axis=1)
+    return bool((sums.squares - explained).sum() > 1e-9 * len(trials.rating))
+
+
+def _components(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return σ and T of points (log σ, log τ_bias, log τ_gain, artanh ρ)."""
+    return np.exp(points[:, 0]), covariance_matrices(points[:, 1:4])
+
+
+def _log_posterior(points: FloatArray, sums: LineSums) -> FloatArray:
+    residual_sd, between = _components(points)
+    prior = log_prior_of_spread(points[:, 1:3]).sum(axis=1) - 2 * np.log(np.cosh(points[:, 3]))
+    return np.asarray(line_posterior(sums, residual_sd, between).log_likelihood + prior)
+
+
+def _result(
+    ratings: Ratings, sums: LineSums, posterior: WeightedPoints, axes: Axes
+) -> LinearSensitivity:
+    residual_sd, between = _components(posterior.points)
+    known = line_posterior(sums, residual_sd, between)
+    mixture = LineMixture(
+        weights=posterior.weights,
+        means=np.concatenate([known.means, known.population[:, None]], axis=1),
+        covariances=np.concatenate([known.covariances, known.population_covariance[:, None]], 1),
+        between=between,
+    )
+    return LinearSensitivity(
+        lines=summary(ratings.subjects, sums.counts, mixture, axes),
+        residual_sd=float(posterior.mean(residual_sd)) * axes.y_sd,
+    )

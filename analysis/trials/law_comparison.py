@@ -1,0 +1,346 @@
+"""Each friction law against the ratings: does it order the conditions, does it know people?"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from itertools import permutations
+
+import numpy as np
+from scipy.optimize import minimize
+from scipy.special import stdtr, stdtrit
+
+from analysis.estimates import FloatArray, NoAnswer
+from analysis.sensitivity.linear_model import LineSums, line_posterior, line_sums
+from analysis.sensitivity.lines import axes_of, covariance_matrices
+from analysis.sensitivity.ratings import Ratings
+from analysis.statistics.signed_rank import DECIMALS, doubled_midranks
+
+MOST_CONDITIONS = 6
+# Of the ratings' variance; a fit is not told from a perfect one below it.
+_LEAST = np.exp(-16.0)
+
+
+def shared_contrasts(ratings: Ratings, contrast: FloatArray) -> bool:
+    """Whether all subjects have the same contrasts under the same conditions.
+
+    A subject who broke off may lack some of them.
+    """
+    if not len(contrast):
+        return False
+    trials = np.stack([ratings.subject, ratings.condition, np.round(contrast, DECIMALS)])
+    own = np.unique(trials, axis=1)
+    return len(np.unique(own[1:], axis=1).T) == int(np.unique(own[0], return_counts=True)[1].max())
+
+
+def assignment_p(trials: Ratings, contrast: FloatArray) -> float | NoAnswer:
+    """Return the share of all assignments of the contrasts to conditions that explain as much.
+
+    What explains is the largest log-likelihood of M1, as in `law_likelihoods`. Where all subjects
+    rated the same conditions at the same contrasts equally often it has a closed form, and no
+    subject's own contrasts are lost when they change places.
+
+    Parameters:
+        trials: the rated trials.
+        contrast: shape (trials,), what the law predicts.
+    """
+    cells = _cell_means(trials, contrast)
+    if isinstance(cells, NoAnswer):
+        return cells
+    means, values, repeats = cells
+    assigned = np.array(list(permutations(values)))
+    found = _log_likelihoods(means, assigned, repeats, float((trials.rating**2).sum()))
+    return float((found >= found[0] - 1e-9 * abs(found[0])).mean())
+
+
+def _cell_means(
+    trials: Ratings, contrast: FloatArray
+) -> tuple[FloatArray, FloatArray, int] | NoAnswer:
+    """Return mean ratings (subjects, conditions), each condition's contrast, ratings per cell."""
+    people, subject = np.unique(trials.subject, return_inverse=True)
+    names, condition = np.unique(trials.condition, return_inverse=True)
+    if not 3 <= len(names) <= MOST_CONDITIONS:
+        return NoAnswer(
+            reason=f"assignments are listed for 3 to {MOST_CONDITIONS} conditions, got {len(names)}"
+        )
+    counts, sums = np.zeros((2, len(people), len(names)))
+    np.add.at(counts, (subject, condition), 1)
+    np.add.at(sums, (subject, condition), trials.rating)
+    values = np.array([contrast[condition == place][0] for place in range(len(names))])
+    if not np.array_equal(np.round(contrast, DECIMALS), np.round(values, DECIMALS)[condition]):
+        return NoAnswer(reason="a condition has not the same contrast for everybody")
+    if (counts != counts[0, 0]).any():
+        return NoAnswer(reason="not every subject rated every condition equally often")
+    return sums / counts, values, int(counts[0, 0])
+
+
+def _log_likelihoods(
+    means: FloatArray, assigned: FloatArray, repeats: int, squares: float
+) -> FloatArray:
+    """Return the largest log-likelihood of M1 under each assignment, but for a constant.
+
+    In an orthonormal basis of level and slope, subjects' lines have covariance Ψ = T + σ²I and the
+    rest of each subject's ratings σ². The best Ψ has the eigenvectors of the lines' covariance;
+    an eigenvalue that would fall below σ² is pooled with it, so that T stays a covariance.
+
+    Parameters:
+        means: shape (subjects, conditions).
+        assigned: shape (assignments, conditions), contrasts.
+        repeats: ratings behind each mean.
+        squares: sum of all squared ratings.
+    """
+    subjects, conditions = means.shape
+    rest = conditions * repeats - 2
+    slopes = assigned - assigned.mean(axis=1, keepdims=True)
+    slopes /= np.sqrt((slopes**2).sum(axis=1, keepdims=True))
+    level = means.sum(axis=1) * np.sqrt(repeats / conditions)
+    slope = np.sqrt(repeats) * means @ slopes.T
+    residual = (squares - level @ level - (slope**2).sum(axis=0)) / (subjects * rest)
+    both = ((level - level.mean())[:, None] * (slope - slope.mean(axis=0))).mean(axis=0)
+    middle = (level.var() + slope.var(axis=0)) / 2
+    apart = np.hypot((level.var() - slope.var(axis=0)) / 2, both)
+    least = _LEAST * squares / (subjects * conditions * repeats)
+    large, small, noise = (
+        np.maximum(values, least) for values in (middle + apart, middle - apart, residual)
+    )
+    one = (rest * noise + small) / (rest + 1)
+    all_ = (rest * noise + small + large) / (rest + 2)
+    pooled = np.where(small < noise, one, noise)
+    pooled = np.where(large < pooled, all_, pooled)
+    spreads = [np.maximum(large, pooled), np.maximum(small, pooled)]
+    lines = sum(np.log(s) + v / s for s, v in zip(spreads, (large, small), strict=True))
+    return np.asarray(-subjects / 2 * (lines + rest * (np.log(pooled) + noise / pooled)))
+
+
+MOST_ENUMERATED = 8
+# Logarithms of standard deviations, in those of the ratings, between which the best is sought.
+FARTHEST = 8.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class LawOrder:
+    """How a law's predicted contrasts order the conditions, against the people's mean ratings.
+
+    `tied` has the conditions from the strongest predicted contrast to the weakest, those of equal
+    contrast together. `p` is two-sided over all orders of the conditions (t approximation beyond
+    eight conditions), and `rank_needed` the smallest correlation of these ranks, ties and all,
+    that has p < .05.
+    `needed` is the product-moment correlation that p < .05 would take in a sample of so many
+    normal pairs. `rated` counts the conditions with a mean rating, which alone are compared.
+    """
+
+    tied: tuple[tuple[str, ...], ...]
+    spearman: float | NoAnswer
+    p: float | NoAnswer
+    rank_needed: float | NoAnswer
+    needed: float | NoAnswer
+    rated: int
+
+    @property
+    def order(self) -> tuple[str, ...]:
+        """The conditions from the strongest predicted contrast to the weakest."""
+        return tuple(name for group in self.tied for name in group)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LawLikelihood:
+    """How well a law explains who felt what, all laws given the same freedom.
+
+    `log_likelihood` is the largest of M1 with the law's contrasts; `gain_over_none` is by how
+    much it exceeds that of subjects who differ in level alone, not penalised for the law's three
+    parameters more. `gain_p` is the share of all assignments of the contrasts to the conditions
+    that gain as much, see `assignment_p`.
+    """
+
+    log_likelihood: float
+    gain_over_none: float
+    gain_p: float | NoAnswer
+
+
+def law_order(
+    conditions: tuple[str, ...], predicted: FloatArray, observed: FloatArray
+) -> LawOrder | NoAnswer:
+    """Return Spearman's correlation of predicted contrasts and mean ratings over conditions.
+
+    Parameters:
+        conditions: names.
+        predicted: shape (conditions,), predicted contrast of each.
+        observed: shape (conditions,), mean rating of each; NaN leaves a condition out.
+
+    Raises:
+        ValueError: another number of contrasts or ratings than of conditions.
+
+    >>> law = law_order(("a", "b", "c"), np.array([0.1, 0.3, 0.2]), np.array([5.0, 9.0, 6.0]))
+    >>> law.order, law.spearman
+    (('b', 'c', 'a'), 1.0)
+    """
+    for values in (predicted, observed):
+        if values.shape != (len(conditions),):
+            raise ValueError(f"{len(conditions)} conditions need as many values, got {values.size}")
+    scored = ~np.isnan(observed)
+    if scored.sum() < 3:
+        return NoAnswer(reason=f"an order needs at least 3 conditions, got {int(scored.sum())}")
+    ranks = doubled_midranks(np.stack([predicted[scored], observed[scored]]))
+    deviations = ranks - ranks.mean(axis=1, keepdims=True)
+    tied = _by_strength(conditions, predicted)
+    squares = (deviations**2).sum(axis=1)
+    if not squares.all():
+        flat = NoAnswer(reason="all contrasts, or all mean ratings, are equal")
+        return LawOrder(
+            tied=tied,
+            spearman=flat,
+            p=flat,
+            rank_needed=flat,
+            needed=flat,
+            rated=int(scored.sum()),
+        )
+    p, rank_needed = _over_all_orders(deviations)
+    return LawOrder(
+        tied=tied,
+        spearman=float((deviations[0] @ deviations[1]) / np.sqrt(squares.prod())),
+        p=p,
+        rank_needed=rank_needed,
+        needed=critical_correlation(int(scored.sum())),
+        rated=int(scored.sum()),
+    )
+
+
+def _by_strength(conditions: tuple[str, ...], predicted: FloatArray) -> tuple[tuple[str, ...], ...]:
+    """The conditions from the strongest contrast to the weakest, those ranked alike together."""
+    rounded = np.round(predicted, DECIMALS)
+    return tuple(
+        tuple(name for name, value in zip(conditions, rounded, strict=True) if value == contrast)
+        for contrast in np.unique(rounded)[::-1]
+    )
+
+
+def critical_correlation(pairs: int) -> float | NoAnswer:
+    """Return the product-moment correlation beyond which p < .05, two-sided.
+
+    >>> round(critical_correlation(5), 3)
+    0.878
+    """
+    if pairs < 3:
+        return NoAnswer(reason=f"a correlation is tested with at least 3 pairs, got {pairs}")
+    t = float(stdtrit(pairs - 2, 0.975))
+    return t / float(np.sqrt(pairs - 2 + t**2))
+
+
+@cache
+def critical_rank_correlation(pairs: int) -> float | NoAnswer:
+    """Return the least rank correlation without ties that has p < .05, two-sided.
+
+    Over all orders up to eight pairs, by the t approximation beyond.
+
+    >>> critical_rank_correlation(5)
+    1.0
+    """
+    if pairs < 3:
+        return NoAnswer(reason=f"a correlation is tested with at least 3 pairs, got {pairs}")
+    ranks = np.arange(pairs) - (pairs - 1) / 2
+    return _over_all_orders(np.stack([ranks, ranks]))[1]
+
+
+def law_likelihoods(
+    ratings: Ratings, contrasts: Mapping[str, FloatArray]
+) -> dict[str, LawLikelihood | NoAnswer]:
+    """Return for each law how well its contrasts explain the ratings, by name.
+
+    Parameters:
+        ratings: the trials; their own contrasts are not used.
+        contrasts: by law, shape (trials,), the contrast it predicts under each participant's own
+            settings.
+
+    Raises:
+        ValueError: another number of contrasts than of trials.
+    """
+    scored = ~np.isnan(ratings.rating)
+    results: dict[str, LawLikelihood | NoAnswer] = {}
+    for law, contrast in contrasts.items():
+        if contrast.shape != ratings.rating.shape:
+            raise ValueError(f"{law} needs {ratings.rating.size} contrasts, got {contrast.size}")
+        results[law] = _law_likelihood(ratings.where(scored), contrast[scored])
+    return results
+
+
+def _law_likelihood(trials: Ratings, contrast: FloatArray) -> LawLikelihood | NoAnswer:
+    axes = axes_of(replace(trials, contrast=contrast))
+    if isinstance(axes, NoAnswer):
+        return axes
+    x = (contrast - axes.x_mean) / axes.x_sd
+    y = (trials.rating - axes.y_mean) / axes.y_sd
+    subjects = len(trials.subjects)
+    scale = len(y) * np.log(axes.y_sd)
+    with_law = _largest(line_sums(trials.subject, subjects, x, y)) - scale
+    without = _largest_level(trials, y) - scale
+    return LawLikelihood(
+        log_likelihood=float(with_law),
+        gain_over_none=float(with_law - without),
+        gain_p=assignment_p(trials, contrast),
+    )
+
+
+def _largest(sums: LineSums) -> float:
+    """Return the largest log-likelihood of partially pooled lines, population line included."""
+
+    def cost(point: FloatArray) -> float:
+        known = line_posterior(sums, np.exp(point[:1]), covariance_matrices(point[None, 1:]))
+        return -float(known.profile[0])
+
+    return -_smallest(cost, np.array([-0.5, -0.7, -0.7, 0.0]))
+
+
+def _largest_level(trials: Ratings, y: FloatArray) -> float:
+    """Return the largest log-likelihood of subjects who differ in level alone."""
+    counts = np.bincount(trials.subject, minlength=len(trials.subjects)).astype(np.float64)
+    sums = np.bincount(trials.subject, weights=y, minlength=len(counts))
+    squares = float((y**2).sum())
+
+    def cost(point: FloatArray) -> float:
+        noise, level = np.exp(2 * point)
+        weight = counts / (noise + counts * level)
+        mean = (sums / (noise + counts * level)).sum() / weight.sum()
+        within = squares - 2 * mean * sums.sum() + mean**2 * counts.sum()
+        shrunk = level / (noise + counts * level) * (sums - counts * mean) ** 2
+        log_det = counts.sum() * np.log(noise) + np.log1p(counts * level / noise).sum()
+        quadratic = (within - shrunk.sum()) / noise
+        return float(log_det + quadratic + counts.sum() * np.log(2 * np.pi)) / 2
+
+    return -_smallest(cost, np.array([-0.5, -0.7]))
+
+
+def _smallest(cost: Callable[[FloatArray], float], start: FloatArray) -> float:
+    bounds = [(-FARTHEST, FARTHEST)] * len(start)
+    return min(
+        float(minimize(cost, begin, method="L-BFGS-B", bounds=bounds).fun)
+        for begin in (start, np.where(start < 0, -3.0, start))
+    )
+
+
+def _over_all_orders(deviations: FloatArray) -> tuple[float, float | NoAnswer]:
+    """Return the share of orders that correlate as strongly, either way, and what p < .05 takes.
+
+    Parameters:
+        deviations: shape (2, conditions), ranks about their mean.
+    """
+    count = deviations.shape[1]
+    observed = abs(float(deviations[0] @ deviations[1]))
+    largest = float(np.sqrt((deviations**2).sum(axis=1).prod()))
+    if count <= MOST_ENUMERATED:
+        orders = np.array(list(permutations(range(count))))
+        products = np.sort(np.abs(deviations[1][orders] @ deviations[0]))
+        p = _share_from(products, observed)
+        rare = [value for value in np.unique(products) if _share_from(products, value) < 0.05]
+        if not rare:
+            return p, NoAnswer(reason=f"no order of these {count} conditions has p < .05")
+        return p, float(rare[0]) / largest
+    needed = critical_correlation(count)
+    r = observed / largest
+    if r >= 1:
+        return 0.0, needed
+    t = r * np.sqrt((count - 2) / (1 - r**2))
+    return float(2 * stdtr(count - 2, -t)), needed
+
+
+def _share_from(products: FloatArray, value: float) -> float:
+    """Return the share of the sorted products that reach the value."""
+    return float(len(products) - np.searchsorted(products, value - 1e-9)) / len(products)

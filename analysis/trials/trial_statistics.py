@@ -1,0 +1,215 @@
+"""Everything that is computed from single trials: sensitivities, laws, and checks."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.estimates import FloatArray, NoAnswer
+from analysis.loading.sessions import TrialRow
+from analysis.loading.study_data import Loaded
+from analysis.sensitivity.checks import (
+    Discrimination,
+    Drift,
+    FTest,
+    Proportion,
+    carry_over,
+    discrimination,
+    drift,
+    order_effect,
+    proportion,
+)
+from analysis.sensitivity.joint_model import JointSensitivity, joint_sensitivity
+from analysis.sensitivity.linear_model import LinearSensitivity, linear_sensitivity
+from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensitivity
+from analysis.statistics.ordinal import OrdinalEffects, ordinal_effects_of_trials
+from analysis.statistics.table4 import table4
+from analysis.trials.arrays import ScoredTrials, detection_trials, scored_trials
+from analysis.trials.contrasts import TrialContrasts, trial_contrasts
+from analysis.trials.law_comparison import LawLikelihood, LawOrder, law_likelihoods, law_order
+from device.friction.contrasts import condition_contrast
+from device.friction.laws import LAWS
+from protocol.study.questions import ANSWERS, no_change
+from protocol.study.study import Study
+
+_NO_CHANGE = frozenset(map(no_change, ANSWERS))
+
+
+@dataclass(frozen=True, kw_only=True)
+class CatchAnswers:
+    """Answers to catch trials (0 V) and to signal trials, pooled and by subject."""
+
+    overall: Discrimination | NoAnswer
+    subjects: Mapping[str, Discrimination | NoAnswer]
+
+
+def catch_answers(rows: Sequence[TrialRow]) -> CatchAnswers:
+    """Return how often a change was reported with a signal (hits) and without (false alarms).
+
+    Both rates count the same event, any answer but `same` or `not swapped`: a hit need not be in
+    the expected direction, as a false alarm has none. A scored trial whose condition expects no
+    change is neither.
+    """
+    hits, signals, alarms, catches = Counter[str](), Counter[str](), Counter[str](), Counter[str]()
+    for row in rows:
+        if row.change is None:
+            continue
+        if row.kind == "trial" and row.expected not in _NO_CHANGE:
+            signals[row.participant] += 1
+            hits[row.participant] += row.change not in _NO_CHANGE
+        elif row.kind == "catch":
+            catches[row.participant] += 1
+            alarms[row.participant] += row.change not in _NO_CHANGE
+    return CatchAnswers(
+        overall=discrimination(
+            (hits.total(), signals.total()),
+            (alarms.total(), catches.total()),
+            people=len(signals.keys() | catches.keys()),
+        ),
+        subjects={
+            who: discrimination((hits[who], signals[who]), (alarms[who], catches[who]))
+            for who in catches
+        },
+    )
+
+
+PAPERS_RANKING = "paper's ranking"
+_CLAIMED = {"voltage": 1.0, "pressure": -1.0}
+"""Section 5.2: voltage is best, touch pressure weakest; of the others it says nothing."""
+_UNORDERED = NoAnswer(reason="the order in which the scores were given is not known")
+
+
+@dataclass(frozen=True, kw_only=True)
+class LawScore:
+    """A law against the ratings; `predicted` has its mean contrast by condition.
+
+    The paper's own ranking has ranks in place of contrasts and says nothing of persons.
+    """
+
+    law: str
+    predicted: Mapping[str, float]
+    order: LawOrder | NoAnswer
+    likelihood: LawLikelihood | NoAnswer
+
+
+@dataclass(frozen=True, kw_only=True)
+class SignalAnswers:
+    """How many felt the first signal as expected, and the contrast that each law predicts."""
+
+    felt: Proportion | NoAnswer
+    predicted: Mapping[str, float]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TrialStatistics:
+    """The statistics of single trials; `ordinal` is by link, `laws` in a fixed order."""
+
+    contrasts: TrialContrasts
+    scored: ScoredTrials
+    ordinal: Mapping[str, OrdinalEffects | NoAnswer]
+    m1: LinearSensitivity | NoAnswer
+    m2: OrdinalSensitivity | NoAnswer
+    m3: JointSensitivity | NoAnswer
+    laws: tuple[LawScore, ...]
+    drift: Drift | NoAnswer
+    order: FTest | NoAnswer
+    carry_over: FTest | NoAnswer
+    catch: CatchAnswers
+    signal: SignalAnswers
+
+    @property
+    def has_repeats(self) -> bool:
+        """Whether some subject rated some condition more than once."""
+        ratings = self.scored.every.given
+        cells = np.stack([ratings.subject, ratings.condition])
+        return len(np.unique(cells, axis=1).T) < len(ratings.rating)
+
+
+def trial_statistics(loaded: Loaded, study: Study) -> TrialStatistics:
+    """Return the statistics of the trials that count."""
+    contrasts = trial_contrasts(study, loaded.rows)
+    scored = scored_trials(loaded, contrasts)
+    ordered = bool((scored.place > 0).any())
+    return TrialStatistics(
+        contrasts=contrasts,
+        scored=scored,
+        ordinal={link: _ordinal(scored, link) for link in ("probit", "logit")},
+        m1=linear_sensitivity(scored.ratings),
+        m2=ordinal_sensitivity(scored.ratings),
+        m3=joint_sensitivity(*detection_trials(loaded, contrasts, study)),
+        laws=_laws(loaded, scored),
+        drift=drift(scored.every, scored.place) if ordered else _UNORDERED,
+        order=order_effect(scored.every, scored.place) if ordered else _UNORDERED,
+        carry_over=carry_over(scored.every, scored.previous) if ordered else _UNORDERED,
+        catch=catch_answers(loaded.rows),
+        signal=_signal(loaded.rows, contrasts),
+    )
+
+
+def _ordinal(scored: ScoredTrials, link: str) -> OrdinalEffects | NoAnswer:
+    given = scored.every.given
+    return ordinal_effects_of_trials(
+        scores=given.rating,
+        subject=given.subject,
+        condition=given.condition,
+        conditions=given.conditions,
+        link="probit" if link == "probit" else "logit",
+    )
+
+
+def _laws(loaded: Loaded, scored: ScoredTrials) -> tuple[LawScore, ...]:
+    likelihoods = law_likelihoods(scored.ratings, scored.contrasts)
+    observed = table4(loaded.table).column_means
+    found = [
+        _law_score(
+            law,
+            loaded,
+            _mean_by_condition(scored.ratings.condition, values, observed.size),
+            observed,
+            likelihoods[law],
+        )
+        for law, values in scored.contrasts.items()
+    ]
+    if not loaded.table.conditions or not set(_CLAIMED) <= set(loaded.table.conditions):
+        return tuple(found)
+    claimed = np.array([_CLAIMED.get(name, 0.0) for name in loaded.table.conditions])
+    nobody = NoAnswer(reason="the claim ranks conditions and says nothing of single persons")
+    return (*found, _law_score(PAPERS_RANKING, loaded, claimed, observed, nobody))
+
+
+def _law_score(
+    law: str,
+    loaded: Loaded,
+    predicted: FloatArray,
+    observed: FloatArray,
+    likelihood: LawLikelihood | NoAnswer,
+) -> LawScore:
+    known = ~np.isnan(predicted)
+    names = tuple(np.array(loaded.table.conditions, dtype=object)[known])
+    return LawScore(
+        law=law,
+        predicted=dict(zip(names, predicted[known].tolist(), strict=True)),
+        order=law_order(names, predicted[known], observed[known]),
+        likelihood=likelihood,
+    )
+
+
+def _mean_by_condition(
+    condition: np.typing.NDArray[np.int64], values: FloatArray, count: int
+) -> FloatArray:
+    sums = np.bincount(condition, weights=values, minlength=count)
+    counts = np.bincount(condition, minlength=count)
+    return np.asarray(np.divide(sums, counts, out=np.full(count, np.nan), where=counts > 0))
+
+
+def _signal(rows: Sequence[TrialRow], contrasts: TrialContrasts) -> SignalAnswers:
+    answered = [n for n, row in enumerate(rows) if row.kind == "signal" and row.agrees is not None]
+    agreed = sum(bool(rows[number].agrees) for number in answered)
+    if not answered:
+        predicted = {law: condition_contrast("signal", law=law) for law in LAWS}
+    else:
+        predicted = {
+            law: float(np.mean(values[answered])) for law, values in contrasts.by_law.items()
+        }
+    return SignalAnswers(felt=proportion(agreed, len(answered)), predicted=predicted)

@@ -1,0 +1,103 @@
+"""Eq 15 of the paper as printed: a/u, piecewise linear in the finger's place.
+
+With the printed λ = 0.0348 m the pieces of one γ span 0.0200 m while the next γ begins after
+λ/2 = 0.0174 m, so neighbours overlap: `first` lets the lower γ hold there, `last` the higher. At
+0.0318 m and 0.0418 m (γ = 0) the printed pieces do not meet.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Literal
+
+import numpy as np
+
+from device.beam.modes import FloatArray
+from device.errors import OutOfRangeError, one_of
+
+Overlap = Literal["first", "last"]
+
+WAVELENGTH_M = 0.0348
+REACH_M = 0.1
+_PERIODS = 6
+_PERIOD_START_M = 0.0218
+_PERIOD_END_M = 0.0418
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Pieces:
+    """Pieces in force from `start_m`: constant + quarter·λ/4l_s + slope·(x - pivot)/l_s."""
+
+    start_m: FloatArray
+    constant: FloatArray
+    quarter: FloatArray
+    slope: FloatArray
+    pivot_m: FloatArray
+
+
+# start, constant, sign of λ/4l_s, slope, pivot; places of γ = 0, in metres
+_OPENING = ((0.0, 0.0, 0.0, 0.0, 0.0), (0.0131, 0.0, 0.0, 1.0, 0.0131))
+_PERIODIC = (
+    (0.0218, 0.0, 1.0, 0.0, 0.0),
+    (0.0231, 0.0, 1.0, -1.0, 0.0231),
+    (0.0318, 1.0, -1.0, 0.0, 0.0),
+    (0.0331, 1.0, -1.0, 1.0, 0.0331),
+)
+
+
+def _span(gamma: int, overlap: Overlap) -> tuple[float, float]:
+    """The interval in which the pieces of one γ are in force."""
+    shift = WAVELENGTH_M * gamma / 2
+    following = WAVELENGTH_M * (gamma + 1) / 2
+    if overlap == "last":
+        return _PERIOD_START_M + shift, _PERIOD_START_M + following
+    previous = WAVELENGTH_M * (gamma - 1) / 2
+    start_m = _PERIOD_END_M + previous if gamma else _PERIOD_START_M
+    return start_m, _PERIOD_END_M + shift
+
+
+@lru_cache(maxsize=2)
+def _pieces(overlap: Overlap) -> _Pieces:
+    """Eq 15's pieces in order, with the overlaps settled."""
+    rows = list(_OPENING)
+    for gamma in range(_PERIODS):
+        low, high = _span(gamma, overlap)
+        shift = WAVELENGTH_M * gamma / 2
+        ends = [piece[0] + shift for piece in _PERIODIC[1:]] + [_PERIOD_END_M + shift]
+        for (start, constant, quarter, slope, pivot), end in zip(_PERIODIC, ends, strict=True):
+            if end > low and start + shift < high:
+                rows.append((max(start + shift, low), constant, quarter, slope, pivot + shift))
+    columns = np.array(rows).T
+    return _Pieces(
+        start_m=columns[0],
+        constant=columns[1],
+        quarter=columns[2],
+        slope=columns[3],
+        pivot_m=columns[4],
+    )
+
+
+def same_direction_ratio(
+    x_m: FloatArray, contact_m: FloatArray | float, overlap: Overlap = "first"
+) -> FloatArray:
+    """a/u of Eq 15 as it stands, for a finger moving right.
+
+    Args:
+        x_m: the finger's right edge, shape (n,), in [0, 0.1] m.
+        contact_m: the covered length l_s, above 0. Below λ/4 the printed ratio exceeds 1.
+        overlap: which γ holds where two pieces overlap.
+
+    Raises:
+        OutOfRangeError: x lies outside [0, 0.1] m, where Eq 15 says nothing.
+
+    >>> same_direction_ratio(np.array([0.022]), 0.01)
+    array([0.87])
+    """
+    one_of("eq15_overlap", overlap, ("first", "last"))
+    outside = ~((x_m >= 0) & (x_m <= REACH_M))
+    if outside.any():
+        raise OutOfRangeError("x_m", f"must lie in [0, {REACH_M}] for Eq 15", x_m[outside][0])
+    pieces = _pieces(overlap)
+    piece = np.searchsorted(pieces.start_m[1:], x_m, side="right")
+    rise = pieces.slope.take(piece) * (x_m - pieces.pivot_m.take(piece))
+    rise += pieces.quarter.take(piece) * (WAVELENGTH_M / 4)
+    return pieces.constant.take(piece) + rise / contact_m

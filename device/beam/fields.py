@@ -1,0 +1,172 @@
+"""Patterns: what the surface under a window does, by the mode shape or a simpler stand-in."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from device.beam.beam import Beam
+from device.beam.eq15 import Overlap, same_direction_ratio
+from device.beam.modes import FloatArray, modal_displacement_m, mode_constants, natural_frequency_hz
+from device.beam.windows import Window, mode_window, window_width
+
+
+class Pattern(Protocol):
+    """The direction and relative magnitude of the motion along a beam."""
+
+    def window(self, x_m: FloatArray, contact_m: FloatArray | float) -> Window:
+        """What a finger of `contact_m` meets with its right edge at `x_m`, shape (n,)."""
+        ...
+
+    def whole(self) -> Window:
+        """What a hand that covers the whole beam meets, shape (1,)."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModePattern:
+    """The exact mode shape of a bare Euler-Bernoulli beam."""
+
+    mode: int
+    length_m: float
+
+    def window(self, x_m: FloatArray, contact_m: FloatArray | float) -> Window:
+        """See `Pattern`."""
+        return mode_window(self.mode, self.length_m, x_m, window_width(x_m, contact_m))
+
+    def whole(self) -> Window:
+        """See `Pattern`."""
+        return self.window(np.array([self.length_m]), self.length_m)
+
+
+def _folded_sine_integral(angle: FloatArray) -> FloatArray:
+    """∫₀^angle |sin|, for any sign of the angle."""
+    lobe = np.floor(angle / math.pi)
+    return np.asarray(2.0 * lobe + 1.0 - np.cos(angle - math.pi * lobe))
+
+
+@dataclass(frozen=True, kw_only=True)
+class SinusoidPattern:
+    """φ ≈ √2 sin(bξ - π/4), the mode shape far from both ends.
+
+    Zones of λ/4 begin at 3λ/8, with λ = 2πL/b; before 3λ/8 all moves left.
+    """
+
+    mode: int
+    length_m: float
+
+    @property
+    def _wave_number_per_m(self) -> float:
+        return mode_constants(self.mode).root / self.length_m
+
+    def window(self, x_m: FloatArray, contact_m: FloatArray | float) -> Window:
+        """See `Pattern`."""
+        width_m = window_width(x_m, contact_m)
+        places = np.concatenate([x_m - width_m, x_m])
+        width = np.where(width_m > 0, width_m, 1.0)
+        right = np.clip(_difference(self._right_before_m(places)) / width, 0.0, 1.0)
+        angles = places * self._wave_number_per_m - math.pi / 4
+        magnitude = _difference(_folded_sine_integral(angles)) / (width * self._wave_number_per_m)
+        mean = np.where(width_m > 0, math.sqrt(2.0) * magnitude, 1.0)  # √2 sin(-π/4) at the clamp
+        return Window(right=right, left=1.0 - right, mean=mean)
+
+    def whole(self) -> Window:
+        """See `Pattern`."""
+        return self.window(np.array([self.length_m]), self.length_m)
+
+    def _right_before_m(self, place_m: FloatArray) -> FloatArray:
+        """The right-moving length between the clamp and each place."""
+        half_wave_m = math.pi / self._wave_number_per_m
+        period = np.maximum(place_m / half_wave_m - 0.75, 0.0)
+        complete = np.floor(period)
+        return np.asarray(half_wave_m * (0.5 * complete + np.minimum(period - complete, 0.5)))
+
+
+def _difference(ends: FloatArray) -> FloatArray:
+    """The second half of an array less its first."""
+    half = ends.size // 2
+    return ends[half:] - ends[:half]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Eq15Pattern:
+    """Eq 15's piecewise-linear a/u with the far field's magnitude.
+
+    Eq 15 gives no magnitude and, for the whole beam, no ratio: both are the sinusoid's.
+    """
+
+    far_field: SinusoidPattern
+    overlap: Overlap = "first"
+
+    def window(self, x_m: FloatArray, contact_m: FloatArray | float) -> Window:
+        """See `Pattern`; a/u divides by the whole contact at the clamp too, as printed."""
+        ratio = same_direction_ratio(x_m, contact_m, self.overlap)
+        mean = self.far_field.window(x_m, contact_m).mean
+        return Window(right=ratio, left=1.0 - ratio, mean=mean)
+
+    def whole(self) -> Window:
+        """See `Pattern`."""
+        return self.far_field.whole()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Field:
+    """The driven beam's motion, as friction needs it.
+
+    Attributes:
+        pattern: directions, and magnitudes relative to `displacement_m`, along the beam.
+        frequency_hz: of the drive.
+        displacement_m: |q|, the rms amplitude over the beam (of one mode: its modal amplitude).
+        rotation: √(mean |ψ|²) of the section's rotation over the beam; b|q|/L for one mode.
+    """
+
+    pattern: Pattern
+    frequency_hz: FloatArray
+    displacement_m: FloatArray
+    rotation: FloatArray
+
+    @property
+    def angular_frequency_rad_s(self) -> FloatArray:
+        """2πf."""
+        return 2 * math.pi * self.frequency_hz
+
+    def scaled(self, factor: FloatArray) -> "Field":
+        """The field of a drive that is larger by a factor."""
+        return replace(
+            self,
+            displacement_m=self.displacement_m * factor,
+            rotation=self.rotation * factor,
+        )
+
+    def tip_speed_m_s(self, lever_m: FloatArray | float) -> FloatArray:
+        """√2 ω · lever · rotation, of a body whose tip is `lever_m` from the neutral axis."""
+        return math.sqrt(2.0) * self.angular_frequency_rad_s * lever_m * self.rotation
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Signal:
+    """The drive's voltage and frequency, numbers or arrays of shape (n,).
+
+    A `frequency_hz` of None is the resonance; a `damping_ratio` of None is the beam's own.
+    """
+
+    voltage_v: FloatArray | float
+    frequency_hz: FloatArray | float | None
+    damping_ratio: FloatArray | float | None = None
+
+
+def modal_field(beam: Beam, mode: int, pattern: Pattern, signal: Signal) -> Field:
+    """The field of one mode of the bare Euler-Bernoulli beam."""
+    frequency_hz = signal.frequency_hz
+    if frequency_hz is None:
+        frequency_hz = natural_frequency_hz(beam, mode)
+    displacement_m = modal_displacement_m(
+        beam, mode, signal.voltage_v, frequency_hz, signal.damping_ratio
+    )
+    return Field(
+        pattern=pattern,
+        frequency_hz=np.asarray(frequency_hz, dtype=np.float64),
+        displacement_m=displacement_m,
+        rotation=displacement_m * (mode_constants(mode).root / beam.length_m),
+    )

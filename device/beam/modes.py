@@ -1,0 +1,225 @@
+"""Mode shapes of a clamped-free beam, for any order, without the textbook form's cancellation.
+
+The textbook form cosh - cos - σ(sinh - sin) is a difference of large numbers: in double precision
+its error passes 1e-6 at mode 8 and 1 at mode 13. Written with decaying exponentials from either
+end it loses nothing:
+
+    φ(ξ) = c1 e^{-bξ} + c2 e^{-b(1-ξ)} - cos bξ + σ sin bξ,    ξ = x/L, ∫₀¹ φ² dξ = 1, |φ(1)| = 2
+
+with cos b cosh b = -1. The paper uses φ without printing it (Eq 1 and after).
+"""
+
+import math
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from device.beam.beam import Beam
+from device.errors import whole
+
+FloatArray = NDArray[np.float64]
+
+_LOW_ORDER = 12  # up to here bξ itself is good to 1e-14, at half the cost
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModeConstants:
+    """What the shape of mode `order` is made of; b = (order - ½)π + `root_offset`."""
+
+    order: int
+    root_offset: float
+    root: float
+    clamp_weight: float
+    tip_weight: float
+    one_minus_sigma: float
+
+    @property
+    def sigma(self) -> float:
+        """σ, the weight of the sine."""
+        return 1.0 - self.one_minus_sigma
+
+    @property
+    def amplitude(self) -> float:
+        """√(1 + σ²), the amplitude of the oscillating part."""
+        return math.hypot(1.0, self.sigma)
+
+    @property
+    def lag(self) -> float:
+        """The phase by which the oscillating part, a sine, lags bξ; near π/4."""
+        return math.atan2(1.0, self.sigma)
+
+
+def _root_offset(order: int) -> float:
+    """δ in b = (i-½)π + δ, from s sin δ = sech b, which has no cancellation at any order."""
+    sign = 1.0 if order % 2 else -1.0
+    offset = 0.0
+    for _ in range(60):
+        decay = math.exp(-(order - 0.5) * math.pi - offset)
+        offset = sign * math.asin(2 * decay / (1 + decay * decay))
+    return offset
+
+
+@lru_cache(maxsize=512)
+def mode_constants(order: int) -> ModeConstants:
+    """The constants of mode `order` (1, 2, …).
+
+    Raises:
+        OutOfRangeError: the order is not a whole number of at least 1.
+    """
+    whole("mode", order, 1)
+    order = int(order)
+    offset = _root_offset(order)
+    root = (order - 0.5) * math.pi + offset
+    sign, decay = (1.0 if order % 2 else -1.0), math.exp(-root)
+    tanh = math.tanh(root)
+    sech = 2 * decay / (1 + decay * decay)
+    tip = (sign * tanh + sech - decay) / ((1 - decay * decay) + 2 * decay * sign * tanh)
+    return ModeConstants(
+        order=order,
+        root_offset=offset,
+        root=root,
+        clamp_weight=1.0 - tip * decay,
+        tip_weight=tip,
+        one_minus_sigma=2 * tip * decay,
+    )
+
+
+def phase(constants: ModeConstants, xi: FloatArray, lag: float) -> FloatArray:
+    """Bξ minus a lag; at high orders whole turns are taken out before the factor π is applied."""
+    if constants.order <= _LOW_ORDER:
+        plain = constants.root * xi
+        plain -= lag
+        return plain
+    turns = (constants.order - 0.5) * xi
+    turns -= 2.0 * np.rint(0.5 * turns)
+    turns *= math.pi
+    turns += constants.root_offset * xi
+    turns -= lag
+    return turns
+
+
+def mode_shape(order: int, xi: ArrayLike) -> FloatArray:
+    """The mode shape φ(ξ) of a clamped-free beam, normalised to ∫₀¹ φ² dξ = 1.
+
+    Args:
+        order: the mode's number, from 1.
+        xi: places as fractions x/L of the length, in [0, 1], any shape.
+
+    Returns:
+        φ, dimensionless, of xi's shape; φ(1) = ±2. The absolute error is below 2e-14 at mode 60.
+
+    >>> float(abs(mode_shape(6, 1.0)))
+    2.0
+    """
+    place = np.asarray(xi, dtype=np.float64)
+    c = mode_constants(order)
+    return c.amplitude * np.sin(phase(c, place, c.lag)) + (
+        c.clamp_weight * np.exp(-c.root * place) + c.tip_weight * np.exp(-c.root * (1.0 - place))
+    )
+
+
+def mode_slope(order: int, xi: ArrayLike) -> FloatArray:
+    """The slope dφ/dξ of the mode shape, dimensionless, of xi's shape."""
+    place = np.asarray(xi, dtype=np.float64)
+    c = mode_constants(order)
+    return c.root * (
+        c.amplitude * np.cos(phase(c, place, c.lag))
+        - c.clamp_weight * np.exp(-c.root * place)
+        + c.tip_weight * np.exp(-c.root * (1.0 - place))
+    )
+
+
+def mode_integral(order: int, xi: FloatArray) -> FloatArray:
+    """∫₀^ξ φ dξ of the mode shape, dimensionless, to an absolute 3e-16/b or so."""
+    c = mode_constants(order)
+    decaying = c.tip_weight * np.exp(-c.root * (1.0 - xi))
+    decaying -= c.clamp_weight * np.exp(-c.root * xi)
+    decaying += c.amplitude * np.sin(phase(c, xi, c.lag + 0.5 * math.pi))
+    decaying += 2.0 * c.sigma
+    decaying /= c.root
+    return decaying
+
+
+ComplexArray = NDArray[np.complex128]
+
+
+def natural_frequency_hz(beam: Beam, mode: int) -> float:
+    """The bare Euler-Bernoulli beam's natural frequency b²/(2πL²) √(EI/ρA), Hz.
+
+    >>> round(natural_frequency_hz(Beam(), 6), 3)
+    24105.149
+    """
+    wave_number = mode_constants(mode).root / beam.length_m
+    return wave_number**2 * beam.wave_constant_m2_s / (2 * math.pi)
+
+
+def _exact_phase(constants: ModeConstants, xi: Fraction) -> float:
+    """The phase bξ - lag at one place, with whole turns taken out exactly."""
+    turns = float((Fraction(2 * constants.order - 1, 2) * xi) % 2)
+    return math.pi * turns + constants.root_offset * float(xi) - constants.lag
+
+
+@lru_cache(maxsize=1024)
+def modal_force_n_per_v(beam: Beam, mode: int) -> float:
+    """The modal force Q/V of the patches on one mode, N/V; signed.
+
+    The difference of slopes is taken as a product about the patches' middle, so that a patch at a
+    place where both slopes nearly agree loses no digits.
+    """
+    c, patches = mode_constants(mode), beam.patches
+    middle = Fraction(patches.centre_m) / Fraction(beam.length_m)
+    reach = Fraction(patches.length_m) / Fraction(beam.length_m) / 2
+    half = c.root * float(reach)
+    near_clamp = c.clamp_weight * math.exp(-c.root * float(middle - reach))
+    near_tip = c.tip_weight * math.exp(-c.root * float(1 - middle - reach))
+    waves = -2 * c.amplitude * math.sin(_exact_phase(c, middle))
+    swing = math.sin(
+        math.pi * float(Fraction(2 * c.order - 1, 2) * reach % 2) + (c.root_offset * float(reach))
+    )
+    difference = c.root * (waves * swing - (near_clamp + near_tip) * math.expm1(-2 * half))
+    return beam.patch_moment_n_m_per_v * difference / beam.length_m
+
+
+def _stiffness_terms(
+    beam: Beam, mode: int, frequency_hz: FloatArray, damping_ratio: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Real and imaginary part of (ω_i² - ω² + 2jζω_iω)/(2π)², without squaring first."""
+    natural_hz = natural_frequency_hz(beam, mode)
+    real = (natural_hz - frequency_hz) * (natural_hz + frequency_hz)
+    return real, 2 * damping_ratio * natural_hz * frequency_hz
+
+
+def modal_displacement_m(
+    beam: Beam,
+    mode: int,
+    voltage_v: ArrayLike,
+    frequency_hz: ArrayLike,
+    damping_ratio: ArrayLike | None = None,
+) -> FloatArray:
+    """The amplitude |q| of one mode, m, so that the tip moves by 2|q|.
+
+    Args:
+        beam: the beam; its damping ratio holds when none is given.
+        mode: the mode's number.
+        voltage_v: amplitude of the drive, at least 0; any shape that broadcasts.
+        frequency_hz: of the drive, above 0.
+        damping_ratio: of the mode, above 0.
+    """
+    damping = np.asarray(beam.damping_ratio if damping_ratio is None else damping_ratio)
+    frequency = np.asarray(frequency_hz, dtype=np.float64)
+    real, imaginary = _stiffness_terms(beam, mode, frequency, damping)
+    force = abs(modal_force_n_per_v(beam, mode)) * np.asarray(voltage_v, dtype=np.float64)
+    return force / (beam.mass_kg * (2 * math.pi) ** 2 * np.hypot(real, imaginary))
+
+
+def modal_amplitude_m_per_v(beam: Beam, mode: int, frequency_hz: float) -> complex:
+    """The complex amplitude q/V of one mode at the beam's own damping ratio, m/V."""
+    frequency, damping = np.asarray(frequency_hz), np.asarray(beam.damping_ratio)
+    real, imaginary = _stiffness_terms(beam, mode, frequency, damping)
+    force = modal_force_n_per_v(beam, mode)
+    return complex(
+        force / (beam.mass_kg * (2 * math.pi) ** 2 * complex(float(real), float(imaginary)))
+    )

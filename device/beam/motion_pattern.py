@@ -1,0 +1,218 @@
+"""The pattern of a complex motion, set up once and then read off at any number of places.
+
+|W| has no closed integral. It is kept as polynomials on cells that are halved towards its
+minima, where, with little damping, it turns as sharply as a corner; their sums give the mean
+over a window.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from device.beam.modes import FloatArray
+from device.beam.motion import Motion, direction, sample_places, zone_edges_m
+from device.beam.windows import Window, window_width
+
+BoolArray = NDArray[np.bool_]
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
+_CELLS_PER_RADIAN = 4
+_ROUGH, _FLOOR, _HALVINGS = 3e-8, 1e-11, 26
+_NARROW = 1e-5  # part of the length below which a window is summed on its own
+
+
+_MONOMIALS = np.linalg.inv(np.vander(_NODES, increasing=True))
+
+
+def _antiderivative_matrix() -> FloatArray:
+    """From values at the nodes of [-1, 1] to the antiderivative's coefficients of t⁰ … t⁶."""
+    powers = _MONOMIALS / np.arange(1, _NODES.size + 1)[:, None]
+    constant = -((-1.0) ** np.arange(1, _NODES.size + 1)) @ powers
+    return np.vstack([constant, powers])
+
+
+_ANTIDERIVATIVE = _antiderivative_matrix()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MotionPattern:
+    """Direction and magnitude of a motion along the beam; |W| is relative to its rms.
+
+    Attributes:
+        motion: the motion itself, for windows narrower than any cell.
+        rms_m_per_v: the rms of |W| over the beam.
+        edges_m: zone edges, from 0 to the length; `moves_right` tells of each zone.
+        right_before_m: the right-moving length before each zone.
+        cell_edges_m: the cells' inner edges; their middles and 2 over their widths follow.
+        coefficients: per cell, shape (7, cells), ∫|W|dx/rms from the clamp in t on [-1, 1].
+    """
+
+    motion: Motion
+    rms_m_per_v: float
+    edges_m: FloatArray
+    moves_right: FloatArray
+    right_before_m: FloatArray
+    cell_edges_m: FloatArray
+    cell_middles_m: FloatArray
+    cells_per_m: FloatArray
+    coefficients: FloatArray
+
+    def window(self, x_m: FloatArray, contact_m: FloatArray | float) -> Window:
+        """What a finger of `contact_m` meets with its right edge at `x_m`, shape (n,)."""
+        width_m = window_width(x_m, contact_m)
+        narrow = np.flatnonzero((width_m > 0) & (width_m < _NARROW * self.motion.length_m))
+        places = np.concatenate([x_m - width_m, x_m])
+        count = x_m.size
+        right, area = self._right_before(places), self._area_before(places)
+        width = np.where(width_m > 0, width_m, 1.0)
+        share = np.clip((right[count:] - right[:count]) / width, 0.0, 1.0)
+        mean = (area[count:] - area[:count]) / width
+        if narrow.size:
+            mean[narrow] = self._narrow_mean(x_m[narrow], width_m[narrow])
+        return Window(right=share, left=1.0 - share, mean=mean)
+
+    def whole(self) -> Window:
+        """What a hand that covers the whole beam meets, shape (1,)."""
+        length_m = self.motion.length_m
+        return self.window(np.array([length_m]), length_m)
+
+    def _right_before(self, place_m: FloatArray) -> FloatArray:
+        """The right-moving length between the clamp and each place."""
+        zone = np.searchsorted(self.edges_m[1:-1], place_m, side="right")
+        length = place_m - self.edges_m.take(zone)
+        length *= self.moves_right.take(zone)
+        length += self.right_before_m.take(zone)
+        return length
+
+    def _area_before(self, place_m: FloatArray) -> FloatArray:
+        """∫|W|dx/rms between the clamp and each place."""
+        cell = np.searchsorted(self.cell_edges_m, place_m, side="right")
+        t = place_m - self.cell_middles_m.take(cell)
+        t *= self.cells_per_m.take(cell)
+        total = self.coefficients[-1].take(cell)
+        for row in self.coefficients[-2::-1]:
+            total *= t
+            total += row.take(cell)
+        return np.asarray(total)
+
+    def _narrow_mean(self, x_m: FloatArray, width_m: FloatArray) -> FloatArray:
+        """The mean over narrow windows from the motion itself."""
+        places = x_m[:, None] + np.multiply.outer(width_m, (_NODES - 1) / 2)
+        order = np.argsort(places, axis=None)
+        magnitude = np.empty(places.size)
+        magnitude[order] = np.abs(self.motion.state(places.ravel()[order]).deflection)
+        means = magnitude.reshape(places.shape) @ _WEIGHTS / (2 * self.rms_m_per_v)
+        return np.asarray(means)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Cells:
+    """Cells with the motion's magnitudes at each cell's nodes, shape (cells, 6)."""
+
+    low_m: FloatArray
+    high_m: FloatArray
+    deflection: FloatArray
+    rotation: FloatArray
+
+    @property
+    def half_m(self) -> FloatArray:
+        """Half of each cell's width, shape (cells, 1)."""
+        return np.asarray((self.high_m - self.low_m)[:, None] / 2)
+
+    def rough(self, floor_m_per_v: float) -> BoolArray:
+        """Whether |W|'s highest coefficient is still large beside |W| in the cell."""
+        highest = np.abs(self.deflection @ _MONOMIALS[-1])
+        limit = np.maximum(_ROUGH * self.deflection.max(axis=1), floor_m_per_v)
+        return np.asarray(highest > limit)
+
+    def taken(self, which: BoolArray) -> "_Cells":
+        """Some of the cells."""
+        return _Cells(
+            low_m=self.low_m[which],
+            high_m=self.high_m[which],
+            deflection=self.deflection[which],
+            rotation=self.rotation[which],
+        )
+
+
+def _measured(motion: Motion, low_m: FloatArray, high_m: FloatArray) -> _Cells:
+    """Cells between `low_m` and `high_m`, in rising order, with the motion at their nodes."""
+    half = (high_m - low_m)[:, None] / 2
+    nodes = (high_m + low_m)[:, None] / 2 + half * _NODES
+    state = motion.state(nodes.ravel())
+    return _Cells(
+        low_m=low_m,
+        high_m=high_m,
+        deflection=np.abs(state.deflection).reshape(nodes.shape),
+        rotation=np.abs(state.rotation).reshape(nodes.shape),
+    )
+
+
+def _cells(motion: Motion) -> _Cells:
+    """Even cells, cut at the joints and halved until |W| is smooth in each."""
+    length_m = motion.length_m
+    count = int(motion.wave_number_per_m * length_m * _CELLS_PER_RADIAN) + 16
+    edges = np.union1d(np.linspace(0.0, length_m, count + 1), motion.joints_m)
+    open_cells, done = _measured(motion, edges[:-1], edges[1:]), []
+    floor = max(motion.rounding_m_per_v, _FLOOR * float(open_cells.deflection.max()))
+    for _ in range(_HALVINGS):
+        rough = open_cells.rough(floor)
+        done.append(open_cells.taken(~rough))
+        if not rough.any():
+            break
+        low, high = open_cells.low_m[rough], open_cells.high_m[rough]
+        middle = (low + high) / 2
+        ends = np.stack([low, middle, middle, high], axis=-1).reshape(-1, 2)
+        open_cells = _measured(motion, ends[:, 0], ends[:, 1])
+    else:
+        done.append(open_cells)
+    order = np.argsort(np.concatenate([cells.low_m for cells in done]))
+    return _Cells(
+        low_m=np.concatenate([cells.low_m for cells in done])[order],
+        high_m=np.concatenate([cells.high_m for cells in done])[order],
+        deflection=np.concatenate([cells.deflection for cells in done])[order],
+        rotation=np.concatenate([cells.rotation for cells in done])[order],
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MotionSummary:
+    """A motion's pattern with its rms deflection, m/V, and rms rotation, rad/V."""
+
+    pattern: MotionPattern
+    displacement_m_per_v: float
+    rotation_per_v: float
+
+
+def motion_summary(motion: Motion) -> MotionSummary:
+    """Set up the pattern of a motion; the work that all places share."""
+    places = sample_places(motion)
+    inner = zone_edges_m(motion, places)
+    edges = np.concatenate([[0.0], inner, [motion.length_m]])
+    moves_right = (direction(motion.state((edges[1:] + edges[:-1]) / 2))[0] > 0).astype(np.float64)
+    right_m = np.concatenate([[0.0], np.cumsum(np.diff(edges) * moves_right)])
+    cells = _cells(motion)
+    length_m = motion.length_m
+    rms = float(np.sqrt(np.sum(cells.half_m * cells.deflection**2 * _WEIGHTS) / length_m))
+    area = cells.half_m * cells.deflection / rms
+    coefficients = _ANTIDERIVATIVE @ area.T
+    coefficients[0, 1:] += np.cumsum(area @ _WEIGHTS)[:-1]
+    pattern = MotionPattern(
+        motion=motion,
+        rms_m_per_v=rms,
+        edges_m=edges,
+        moves_right=moves_right,
+        right_before_m=right_m[:-1],
+        cell_edges_m=cells.low_m[1:],
+        cell_middles_m=(cells.low_m + cells.high_m) / 2,
+        cells_per_m=2 / (cells.high_m - cells.low_m),
+        coefficients=np.ascontiguousarray(coefficients),
+    )
+    return MotionSummary(
+        pattern=pattern,
+        displacement_m_per_v=rms,
+        rotation_per_v=float(
+            np.sqrt(np.sum(cells.half_m * cells.rotation**2 * _WEIGHTS) / length_m)
+        ),
+    )

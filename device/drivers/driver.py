@@ -1,0 +1,228 @@
+"""What a driver is: one interface for every dialect, and what all of them do alike.
+
+Set, wait until it is done, drain the error queue, read back: the read-back is the contract.
+A new dialect is one new file in `device/drivers`, and its name in `protocol.study.rig.Dialect`.
+"""
+
+import math
+import re
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from typing import ClassVar
+
+from device.drivers.setpoints import Identity, Limits, ReadBack, Setpoint, Sweep
+from device.errors import DeviceError, ForeignOutput, OutputUnknown
+from device.link.codec import number, number_text, queued_error, switch
+from device.link.link import Link
+
+MOST_QUEUED_ERRORS = 32
+"""An error queue that is longer than this does not end."""
+REL_TOL = 1e-6
+"""How far what a device keeps may be from what it was told, where nothing else is said."""
+
+
+class Driver(ABC):
+    """Control a device over `link` within `limits`. Not thread-safe: one owner."""
+
+    dialect: ClassVar[str]
+    idn: ClassVar["re.Pattern[str]"]
+    """What the answer to `*IDN?` of these devices looks like."""
+    expected: ClassVar[str]
+    """The same for a person."""
+    has_watchdog: ClassVar[bool] = False
+    measures_vibration: ClassVar[bool] = False
+    health: ClassVar[Mapping[str, str]]
+    """What to ask somebody who wants to know how the device is: name → query."""
+    off_command: ClassVar[str] = "OUTP OFF"
+    output_query: ClassVar[str] = "OUTP?"
+
+    def __init__(
+        self, link: Link, limits: Limits, monotonic: Callable[[], float] = time.monotonic
+    ) -> None:
+        self.link = link
+        self.limits = limits
+        self.monotonic = monotonic
+        self.driven: Setpoint | None = None
+        """What is on, None while the output is to be off."""
+        self.commanded_hz = (0.0, 0.0)
+        """The lowest and the highest frequency that what is on may have."""
+        self.foreign: ForeignOutput | None = None
+        """What is to be said of who answered, if it is not ours to talk to."""
+
+    def arm(self) -> Identity:
+        """Turn the output off, see who answers, set limits and watchdog, and read them back.
+
+        Raises:
+            ForeignOutput: it is another device; nothing else was sent.
+            DeviceError: it reports an error, or does not keep what was set.
+            OutputUnknown: its output cannot be read back as off.
+        """
+        self.driven, self.foreign = None, None
+        self.send_off()
+        idn = self.link.identify()
+        if self.idn.match(idn) is None:
+            self.foreign = ForeignOutput(
+                f"expected {self.expected}, got {idn!r}; nothing else was sent"
+            )
+            raise self.foreign
+        self.link.synchronise()
+        self.off()
+        errors = tuple(self.drained_errors())
+        return self._prepared(idn, errors)
+
+    @abstractmethod
+    def _prepared(self, idn: str, errors: tuple[str, ...]) -> Identity:
+        """Set everything that a drive relies on, and read it back; the output stays off."""
+
+    @abstractmethod
+    def drive(self, setpoint: Setpoint) -> ReadBack:
+        """Set `setpoint`, switch the output on, and return what the device says of it.
+
+        A device that was driven already and is found off is not switched on again.
+
+        Raises:
+            LimitExceeded: the setpoint exceeds the limits; nothing was sent.
+            DeviceError: the device reports an error or something else than what was set.
+        """
+
+    @abstractmethod
+    def sweep(self, sweep: Sweep) -> None:
+        """Let the frequency move while the output is on.
+
+        Raises:
+            LimitExceeded: the sweep exceeds the limits; nothing was sent.
+            DeviceError: nothing is driven, or the device does not take it.
+        """
+
+    @abstractmethod
+    def read_back(self) -> ReadBack:
+        """Get the drive and the sensors as the device reports them."""
+
+    @abstractmethod
+    def check(self) -> None:
+        """See that the device does what it was told; any question keeps its watchdog quiet.
+
+        Raises:
+            DeviceError: it does not; the message says what it does instead.
+        """
+
+    def carry_on(self) -> bool:
+        """Take the next step of a ramp that the device cannot make; False when it is done."""
+        return False
+
+    def vibration_m(self) -> float:
+        """Measure the amplitude of the beam's tip, m."""
+        raise DeviceError(
+            f"a {self.dialect} device measures no vibration: find the resonance another way and "
+            "keep it as the rig's calibration"
+        )
+
+    def output(self) -> bool:
+        """Get whether the output is on."""
+        return self.link.query(self.output_query, switch)
+
+    def send_off(self) -> None:
+        """Send off once, without waiting for anything.
+
+        Raises:
+            DeviceError: the port is gone or does not take it.
+        """
+        self.link.tell(self.off_command)
+
+    def off(self) -> None:
+        """Turn the output off and read it back. A device that is not ours is left alone.
+
+        Raises:
+            OutputUnknown: the device does not confirm it, or was not asked.
+        """
+        self.driven = None
+        if self.foreign is not None:
+            raise self.foreign
+        try:
+            self.send_off()
+        except DeviceError as error:
+            raise OutputUnknown(str(error)) from error
+        self.confirm_off()
+
+    def confirm_off(self) -> None:
+        """See that the output is off.
+
+        Raises:
+            OutputUnknown: the device does not say so.
+        """
+        try:
+            still_on = self.still_on()
+        except DeviceError as error:
+            raise OutputUnknown(str(error)) from error
+        if still_on:
+            raise OutputUnknown(f"the device was told {self.off_command} and {still_on}")
+
+    def still_on(self) -> str:
+        """Return what shows that the output is not off after all; nothing if it is off.
+
+        Raises:
+            DeviceError: the device does not say.
+        """
+        return "says that its output is on" if self.output() else ""
+
+    def close(self) -> None:
+        """Give the port back."""
+        self.link.close()
+
+    def number(self, query: str) -> float:
+        """Get a number."""
+        return self.link.query(query, number)
+
+    def set_number(self, header: str, value: float, rel_tol: float = REL_TOL) -> None:
+        """Set a value, settle, and compare what the device kept."""
+        self.send(f"{header} {number_text(value)}")
+        kept = self.number(f"{header}?")
+        if not math.isclose(kept, value, rel_tol=rel_tol, abs_tol=1e-6):
+            raise DeviceError(f"{header} was set to {value:g} and reads back as {kept:g}")
+
+    def require_frequency(self, said_hz: float) -> None:
+        """See that what is driven has the frequency that was last set, or one within its sweep.
+
+        Raises:
+            DeviceError: it has another one.
+        """
+        if self.driven is None:
+            return
+        lowest_hz, highest_hz = self.commanded_hz
+        if not lowest_hz * (1 - REL_TOL) <= said_hz <= highest_hz * (1 + REL_TOL):
+            ends = " to ".join(dict.fromkeys(map(number_text, self.commanded_hz)))
+            raise DeviceError(f"FREQ was set to {ends} and reads back as {number_text(said_hz)}")
+
+    def set_word(self, header: str, value: str) -> None:
+        """Set a word, settle, and compare what the device kept."""
+        self.send(f"{header} {value}")
+        kept = self.link.ask(f"{header}?")
+        if kept != value:
+            raise DeviceError(f"{header} was set to {value} and reads back as {kept}")
+
+    def send(self, command: str) -> None:
+        """Send `command`, wait until the device has done it, and see whether it minded."""
+        self.link.tell(command)
+        self.link.ask("*OPC?")
+        self.refuse_errors(command)
+
+    def refuse_errors(self, command: str) -> None:
+        """See whether the device minded `command`."""
+        errors = self.drained_errors()
+        if errors:
+            raise DeviceError(
+                f"{command.split(maxsplit=1)[0]} was refused by the device: {'; '.join(errors)}"
+            )
+
+    def drained_errors(self) -> list[str]:
+        """Take what stands in the device's error queue.
+
+        An answer that is garbled is not asked for again: its error is lost, so that is an error.
+        """
+        errors: list[str] = []
+        while (error := queued_error(self.link.ask("SYST:ERR?"))) is not None:
+            errors.append(error)
+            if len(errors) >= MOST_QUEUED_ERRORS:
+                raise DeviceError(f"the device's error queue does not end: {error}")
+        return errors

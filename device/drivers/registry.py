@@ -1,0 +1,44 @@
+"""The drivers, one dialect a file. A module here that defines `DRIVER` is found by being here."""
+
+from functools import cache
+from importlib import import_module
+from pkgutil import iter_modules
+
+from device.drivers.driver import Driver
+from device.errors import AddressError, ForeignDevice
+
+
+@cache
+def drivers() -> dict[str, type[Driver]]:
+    """Return the drivers by dialect."""
+    room = import_module("device.drivers")
+    modules = [
+        import_module(f"{room.__name__}.{found.name}") for found in iter_modules(room.__path__)
+    ]
+    found = [module.DRIVER for module in modules if hasattr(module, "DRIVER")]
+    return {driver.dialect: driver for driver in found}
+
+
+def driver_of(dialect: str) -> type[Driver]:
+    """Return the driver of `dialect`.
+
+    Raises:
+        AddressError: there is none.
+    """
+    if dialect not in drivers():
+        known = ", ".join(drivers())
+        raise AddressError(f"the dialect must be one of {known}, got {dialect!r}")
+    return drivers()[dialect]
+
+
+def driver_for(idn: str) -> type[Driver]:
+    """Return the driver for a device that answers `*IDN?` with `idn`.
+
+    Raises:
+        ForeignDevice: there is none.
+    """
+    for driver in drivers().values():
+        if driver.idn.match(idn):
+            return driver
+    known = "; ".join(driver.expected for driver in drivers().values())
+    raise ForeignDevice(f"expected one of: {known}; got {idn!r}; nothing else was sent")

@@ -1,0 +1,180 @@
+"""What is asked of a device and what it says: plain records, SI units."""
+
+import math
+from dataclasses import dataclass, field
+
+from device.errors import LimitExceeded, not_negative, positive
+
+
+@dataclass(frozen=True, kw_only=True)
+class Amplifier:
+    """Its gain, and what it and the generator before it can do; None where nobody has said.
+
+    Attributes:
+        gain: output over input voltage, above 0; a board has its amplifier inside and needs none.
+        max_vpp: what the generator gives into an open circuit, V.
+        max_slew_v_per_us: from its datasheet, V/µs.
+        max_current_a: peak, from its datasheet, A.
+        load_f: capacitance of the actuators, F.
+    """
+
+    gain: float | None = None
+    max_vpp: float | None = None
+    max_slew_v_per_us: float | None = None
+    max_current_a: float | None = None
+    load_f: float = 0.0
+
+    def __post_init__(self) -> None:
+        not_negative("load_f", self.load_f)
+        for name in ("gain", "max_vpp", "max_slew_v_per_us", "max_current_a"):
+            if (value := getattr(self, name)) is not None:
+                positive(f"amplifier {name}", value)
+
+    def vpp(self, amplitude_v: float) -> float:
+        """Return the generator's peak-to-peak setting for an amplitude at the beam.
+
+        >>> Amplifier(gain=20).vpp(200.0)
+        20.0
+
+        Raises:
+            LimitExceeded: nobody has said what the gain is.
+        """
+        return 2 * amplitude_v / self._known_gain()
+
+    def amplitude_v(self, vpp: float) -> float:
+        """Return the amplitude at the beam for a peak-to-peak setting, V. Raises as `vpp`."""
+        return vpp * self._known_gain() / 2
+
+    def check(self, amplitude_v: float, frequency_hz: float) -> None:
+        """Refuse a drive that the amplifier cannot follow, or the generator cannot give.
+
+        Raises:
+            LimitExceeded: its slew, its current or the generator's voltage would be exceeded.
+        """
+        slew = slew_v_per_us(amplitude_v, frequency_hz)
+        _within("slew_v_per_us", slew, self.max_slew_v_per_us)
+        _within("current_a", current_a(amplitude_v, frequency_hz, self.load_f), self.max_current_a)
+        if self.gain is not None:
+            _within("peak-to-peak voltage", self.vpp(amplitude_v), self.max_vpp)
+
+    def _known_gain(self) -> float:
+        if self.gain is None:
+            raise LimitExceeded("a generator needs rig.amplifier_gain: volts out per volt in")
+        return self.gain
+
+
+def slew_v_per_us(amplitude_v: float, frequency_hz: float) -> float:
+    """Return the steepest slope of a sine, V/µs.
+
+    >>> round(slew_v_per_us(200.0, 24221.0), 1)
+    30.4
+    """
+    return 2 * math.pi * frequency_hz * amplitude_v * 1e-6
+
+
+def current_a(amplitude_v: float, frequency_hz: float, load_f: float) -> float:
+    """Return the peak current into a capacitance, A.
+
+    >>> round(current_a(200.0, 24221.0, 1e-9), 3)
+    0.03
+    """
+    return 2 * math.pi * frequency_hz * load_f * amplitude_v
+
+
+def _within(name: str, value: float, most: float | None) -> None:
+    if most is not None and value > most:
+        raise LimitExceeded(f"{name} must not exceed {most:.12g}, got {value:.12g}")
+
+
+SLOWEST_RAMP_V_PER_S = 1e-3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """What the driver never lets through, whoever asks."""
+
+    max_voltage_v: float
+    max_frequency_hz: float
+    ramp_v_per_s: float
+    watchdog_s: float
+    amplifier: Amplifier = field(default_factory=Amplifier)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setpoint:
+    """A drive: amplitude (peak, V), frequency (Hz), and how fast the amplitude moves there."""
+
+    voltage_v: float
+    frequency_hz: float
+    ramp_v_per_s: float
+
+    def checked(self, limits: Limits) -> "Setpoint":
+        """Return this setpoint if it stays within `limits`.
+
+        Raises:
+            LimitExceeded: it does not; nothing is clipped.
+        """
+        _require("voltage_v", self.voltage_v, 0, limits.max_voltage_v)
+        _require("frequency_hz", self.frequency_hz, 1, limits.max_frequency_hz)
+        _require("ramp_v_per_s", self.ramp_v_per_s, SLOWEST_RAMP_V_PER_S, limits.ramp_v_per_s)
+        limits.amplifier.check(self.voltage_v, self.frequency_hz)
+        return self
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sweep:
+    """A linear sweep of the frequency at the amplitude that is on; it ends at `stop_hz`."""
+
+    start_hz: float
+    stop_hz: float
+    duration_s: float
+
+    @property
+    def range_hz(self) -> tuple[float, float]:
+        """The lowest and the highest frequency of it."""
+        return min(self.start_hz, self.stop_hz), max(self.start_hz, self.stop_hz)
+
+    def checked(self, limits: Limits, voltage_v: float) -> "Sweep":
+        """Return this sweep if both ends stay within `limits` at this amplitude.
+
+        Raises:
+            LimitExceeded: it does not; nothing is clipped.
+        """
+        for frequency_hz in (self.start_hz, self.stop_hz):
+            _require("frequency_hz", frequency_hz, 1, limits.max_frequency_hz)
+            limits.amplifier.check(voltage_v, frequency_hz)
+        _require("duration_s", self.duration_s, 1e-3, 500)
+        return self
+
+
+@dataclass(frozen=True, kw_only=True)
+class Identity:
+    """Who answered, how often it has booted, its time, and what a person should know of it.
+
+    `cleared_errors` stood in the device's error queue before we came.
+    """
+
+    idn: str
+    boot: int | None
+    device_time_s: float | None
+    dialect: str = "board"
+    cleared_errors: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReadBack:
+    """The drive as the device reports it, its monitor and its sensors; None where it has none."""
+
+    output: bool
+    voltage_v: float
+    frequency_hz: float
+    monitor_v: float | None = None
+    force_n: float | None = None
+    position_m: float | None = None
+    device_time_s: float | None = None
+
+
+def _require(name: str, value: float, lowest: float, highest: float) -> None:
+    if not (math.isfinite(value) and lowest <= value <= highest):
+        raise LimitExceeded(f"{name} must lie in [{lowest:.12g}, {highest:.12g}], got {value:.12g}")

@@ -1,0 +1,256 @@
+"""What the top rung can say of a scene: certified ranges of its terms, from a table made once.
+
+The table (`certified_bounds.json`, made by `certify`) knows the paper's beam: at resonance the top
+rung's zone edges, areas, tip speed and inertia with the range they take over the domain; off
+resonance the most it can reach at each frequency.
+"""
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from device.beam.beam import Beam
+from device.beam.eq15 import same_direction_ratio
+from device.beam.modes import FloatArray, modal_displacement_m, mode_constants, natural_frequency_hz
+from device.beam.windows import window_width
+from device.friction.contact import same_direction_given
+from device.friction.laws import ContactTerms, law_by_name
+from device.friction.prediction import Batch, LawChoice
+from device.friction.rungs import TOP_RUNG, reference_tip_speed_m_s
+from device.friction.scenes import REFERENCE_SPEED_M_S
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Range:
+    """The lowest and the highest value, each of shape (n,)."""
+
+    low: FloatArray
+    high: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Resonance:
+    """The top rung at one mode's resonance: zones, area and their slack over the domain."""
+
+    edges_m: FloatArray
+    moves_right: FloatArray
+    right_before_m: FloatArray
+    slack_before_m: FloatArray
+    widest_slack_m: float
+    area_m: FloatArray
+    area_slack_m: float
+    speed_ratio: FloatArray
+    inertia_ratio: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TopTerms:
+    """Ranges of what decides the top rung's friction coefficient."""
+
+    same_direction: Range
+    relative_tip_speed: Range
+    inertial_ratio: Range
+    printed_inertial_ratio: Range
+
+
+@lru_cache(maxsize=1)
+def _table() -> Mapping[str, Any]:
+    """The table as made."""
+    text = files("device.friction").joinpath("certified_bounds.json").read_text(encoding="utf-8")
+    table: Mapping[str, Any] = json.loads(text)
+    return table
+
+
+@lru_cache(maxsize=32)
+def _resonance(mode: int) -> _Resonance:
+    """One mode's row, with its running sums."""
+    row = _table()["modes"][str(mode)]
+    edges, slack = np.array(row["edges_m"]), np.array(row["slack_m"])
+    moves_right = np.array(row["moves_right"])
+    return _Resonance(
+        edges_m=edges,
+        moves_right=moves_right,
+        right_before_m=np.concatenate([[0.0], np.cumsum(np.diff(edges) * moves_right)]),
+        slack_before_m=np.concatenate([[0.0], np.cumsum(slack[1:-1])]),
+        widest_slack_m=float(slack.max()),
+        area_m=np.array(row["area_m"]),
+        area_slack_m=row["area_slack_m"],
+        speed_ratio=np.array(row["speed_ratio"]),
+        inertia_ratio=np.array(row["inertia_ratio"]),
+    )
+
+
+def certified(batch: Batch) -> NDArray[np.bool_]:
+    """Which scenes lie in the table's domain, shape (n,)."""
+    table, beam = _table(), batch.beam
+    plain = replace(beam, damping_ratio=Beam().damping_ratio, frequency_scale=1.0)
+    if plain != Beam():
+        return np.zeros(batch.size, dtype=np.bool_)
+    low, high = table["damping_ratio"]
+    damped = (batch.damping_ratio >= low) & (batch.damping_ratio <= high)
+    resonant = np.isnan(batch.frequency_hz)
+    known = resonant & (str(batch.mode) in table["modes"])
+    bins = _bins(batch)
+    return np.asarray(damped & np.where(resonant, known, (bins >= 0) & (bins < _bin_count())))
+
+
+def _bin_count() -> int:
+    return len(_table()["envelope"]["speed_per_v_m"])
+
+
+def _bins(batch: Batch) -> NDArray[np.intp]:
+    """The envelope's bin of each drive frequency; bin 0 for resonance, which does not use it."""
+    envelope = _table()["envelope"]
+    scaled = batch.frequency_hz / (batch.beam.frequency_scale * envelope["low_hz"])
+    steps = np.log(np.where(np.isnan(scaled), 1.0, scaled)) / math.log(envelope["growth"])
+    return np.asarray(np.floor(steps), dtype=np.intp)
+
+
+def _speed_factor(batch: Batch) -> FloatArray:
+    """From a tip speed per metre of lever to the top rung's relative tip speed."""
+    contact = batch.contact
+    lever_m = batch.beam.thickness_m / 2 + contact.body_height_m
+    reference = reference_tip_speed_m_s(TOP_RUNG)
+    return np.asarray(lever_m / contact.sliding_speed_m_s * (REFERENCE_SPEED_M_S / reference))
+
+
+def _terms(
+    batch: Batch, same_direction: Range, tip_speed: Range, inertia_n_per_m: Range
+) -> TopTerms:
+    """The ranges in a law's terms: relative to speed, load per metre, and the paper's load."""
+    contact, factor = batch.contact, _speed_factor(batch)
+    full = contact.coverage == "full"
+    covered = batch.beam.length_m if full else window_width(contact.x_m, contact.contact_m)
+    per_metre = 1.0 / contact.load_n_per_m
+    printed = covered / (contact.body_count * contact.body_load_n)
+    return TopTerms(
+        same_direction=same_direction,
+        relative_tip_speed=_scaled(tip_speed, factor),
+        inertial_ratio=_scaled(inertia_n_per_m, per_metre),
+        printed_inertial_ratio=_scaled(inertia_n_per_m, printed),
+    )
+
+
+def _scaled(values: Range, factor: FloatArray | float) -> Range:
+    return Range(low=np.asarray(values.low * factor), high=np.asarray(values.high * factor))
+
+
+def _window_ranges(batch: Batch, top: _Resonance) -> tuple[Range, Range]:
+    """The top rung's right-moving part and mean |W|/rms over each window."""
+    contact, length_m = batch.contact, batch.beam.length_m
+    full = contact.coverage == "full"
+    end_m = np.full(batch.size, length_m) if full else contact.x_m
+    width_m = end_m if full else window_width(contact.x_m, contact.contact_m)
+    start_m, width = end_m - width_m, np.where(width_m > 0, width_m, 1e-12)
+    right_m = np.interp(end_m, top.edges_m, top.right_before_m)
+    right_m -= np.interp(start_m, top.edges_m, top.right_before_m)
+    inner = top.edges_m[1:-1]
+    last = np.searchsorted(inner, end_m + top.widest_slack_m)
+    first = np.searchsorted(inner, start_m - top.widest_slack_m)
+    slack = (top.slack_before_m[last] - top.slack_before_m[first]) / width
+    part = right_m / width
+    cells_m = np.linspace(0.0, length_m, top.area_m.size)
+    area_m = np.interp(end_m, cells_m, top.area_m) - np.interp(start_m, cells_m, top.area_m)
+    reach = 2 * top.area_slack_m
+    right = Range(low=np.maximum(part - slack, 0.0), high=np.minimum(part + slack, 1.0))
+    mean = Range(low=np.maximum(area_m - reach, 0.0) / width, high=(area_m + reach) / width)
+    return right, mean
+
+
+def _same_direction(batch: Batch, right: Range) -> Range:
+    """The range of r: right-moving for a finger that moves right, the rest for one moving left."""
+    given = same_direction_given(batch.contact)
+    if given is not None:
+        fraction = np.broadcast_to(np.asarray(given, dtype=np.float64), batch.voltage_v.shape)
+        return Range(low=fraction, high=fraction)
+    if batch.contact.direction == "right":
+        return right
+    return Range(low=1.0 - right.high, high=1.0 - right.low)
+
+
+def resonant_terms(batch: Batch) -> TopTerms:
+    """The ranges for scenes driven at resonance, of a mode that the table has."""
+    top, beam, mode = _resonance(batch.mode), batch.beam, batch.mode
+    omega = 2 * math.pi * natural_frequency_hz(beam, mode)
+    displacement_m = modal_displacement_m(
+        beam, mode, batch.voltage_v, omega / (2 * math.pi), batch.damping_ratio
+    )
+    speed = math.sqrt(2.0) * omega * displacement_m * (mode_constants(mode).root / beam.length_m)
+    right, mean = _window_ranges(batch, top)
+    inertia = omega**2 * displacement_m * batch.contact.body_mass_kg / math.pi
+    return _terms(
+        batch,
+        _same_direction(batch, right),
+        Range(low=speed * top.speed_ratio[0], high=speed * top.speed_ratio[1]),
+        Range(
+            low=inertia * top.inertia_ratio[0] * mean.low,
+            high=inertia * top.inertia_ratio[1] * mean.high,
+        ),
+    )
+
+
+def driven_terms(batch: Batch) -> TopTerms:
+    """The ranges for scenes driven at a stated frequency: directions unknown, motion bounded."""
+    envelope, bins, scale = _table()["envelope"], _bins(batch), batch.beam.frequency_scale
+    speed = np.array(envelope["speed_per_v_m"])[bins] * batch.voltage_v / scale
+    acceleration = np.array(envelope["acceleration_per_v"])[bins] * batch.voltage_v
+    inertia = acceleration * batch.contact.body_mass_kg / math.pi
+    still = np.zeros(batch.size)
+    return _terms(
+        batch,
+        _same_direction(batch, Range(low=still, high=np.ones(batch.size))),
+        Range(low=still, high=speed),
+        Range(low=still, high=inertia),
+    )
+
+
+def _corner(terms: TopTerms, speed: FloatArray, batch: Batch, *, lowest: bool) -> ContactTerms:
+    """The corner of the ranges at which a law is lowest (or highest) for one tip speed."""
+    ratio = terms.same_direction.high if lowest else terms.same_direction.low
+    inertia, printed = terms.inertial_ratio, terms.printed_inertial_ratio
+    return ContactTerms(
+        friction_coefficient=np.asarray(batch.contact.friction_coefficient),
+        same_direction=ratio,
+        opposing=1.0 - ratio,
+        relative_tip_speed=speed,
+        inertial_ratio=inertia.low if lowest else inertia.high,
+        printed_inertial_ratio=printed.low if lowest else printed.high,
+    )
+
+
+def _with_printed_ratio(terms: TopTerms, batch: Batch, choice: LawChoice) -> TopTerms:
+    """The terms with Eq 15's a/u, which is the same on every rung, where the law takes it."""
+    contact = batch.contact
+    if choice.name != "printed" or choice.ratio != "eq15" or contact.coverage == "full":
+        return terms
+    ratio = same_direction_ratio(contact.x_m, contact.contact_m, choice.overlap)
+    ratio = ratio if contact.direction == "right" else 1.0 - ratio
+    return replace(terms, same_direction=Range(low=ratio, high=ratio))
+
+
+def top_rung_range(batch: Batch, choice: LawChoice, *, resonant: bool) -> Range:
+    """Between which values the top rung's friction coefficient lies, for certified scenes.
+
+    Every law falls with r, rises with p and is monotonic in the tip speed at fixed r, so its
+    extremes are at corners.
+
+    Args:
+        batch: scenes for which `certified` holds, all at resonance or none.
+        choice: the law.
+        resonant: whether the scenes are driven at resonance.
+    """
+    terms = resonant_terms(batch) if resonant else driven_terms(batch)
+    terms = _with_printed_ratio(terms, batch, choice)
+    law, speed = law_by_name(choice.name), terms.relative_tip_speed
+    ends = (speed.low, speed.high)
+    return Range(
+        low=np.minimum(*(law(_corner(terms, end, batch, lowest=True)) for end in ends)),
+        high=np.maximum(*(law(_corner(terms, end, batch, lowest=False)) for end in ends)),
+    )

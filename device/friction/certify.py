@@ -1,0 +1,143 @@
+"""Make the table of certified bounds: how far cheap rungs are from the top rung, and where.
+
+`python -m device.friction.certify > device/friction/certified_bounds.json` writes it anew. For each
+mode at resonance the top rung is solved over the damping ratios of the domain; the table keeps its
+zone edges, its running area ∫|W|, and its tip speed and inertia beside `mode`'s, each with the
+range they take. For a drive at a stated frequency it keeps, bin by bin, what the top rung can reach
+at most. Drawing new scenes (`tests/device/friction/test_coefficient.py`) checks that nothing
+exceeds the bounds.
+"""
+
+import json
+import math
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from device.beam.beam import Beam
+from device.beam.modes import FloatArray, modal_displacement_m, mode_constants, natural_frequency_hz
+from device.beam.motion import segmented_motion
+from device.beam.motion_pattern import MotionPattern, MotionSummary, motion_summary
+from device.beam.timoshenko import segmented_natural_frequency_hz
+
+DAMPING_RATIOS = np.geomspace(0.002, 0.02, 9)
+MODES = range(1, 21)
+AREA_CELLS = 128
+LOW_HZ, HIGH_HZ, BIN_GROWTH = 200.0, 100e3, 1.01
+_SAMPLES_PER_BIN = 20
+_MARGIN = 0.02  # of each range, for damping ratios between those solved
+
+
+def _solved(damping_ratio: float, frequency_hz: float) -> MotionSummary:
+    beam = replace(Beam(), damping_ratio=damping_ratio)
+    return motion_summary(segmented_motion(beam, frequency_hz, patched=True, shear=True))
+
+
+def _range(values: Sequence[float]) -> list[float]:
+    """The range of values, widened by the margin."""
+    low, high = min(values), max(values)
+    widening = _MARGIN * (high - low) + 1e-6 * abs(high)
+    return [low - widening, high + widening]
+
+
+def _area(pattern: MotionPattern, places_m: FloatArray) -> FloatArray:
+    """The running area ∫₀ˣ|W|dx / rms at each place, metres."""
+    return pattern.window(places_m, places_m[-1]).mean * places_m
+
+
+def _speed_ratio(summary: MotionSummary, frequency_hz: float, beam: Beam, mode: int) -> float:
+    """The top rung's tip speed over `mode`'s, both at their resonance."""
+    own_hz = natural_frequency_hz(beam, mode)
+    displacement_m = float(modal_displacement_m(beam, mode, 1.0, own_hz))
+    own = own_hz * displacement_m * mode_constants(mode).root / beam.length_m
+    return summary.rotation_per_v * frequency_hz / own
+
+
+def _inertia_ratio(summary: MotionSummary, frequency_hz: float, beam: Beam, mode: int) -> float:
+    """The top rung's ω² rms|W| over `mode`'s ω²|q|, both at their resonance."""
+    own_hz = natural_frequency_hz(beam, mode)
+    displacement_m = float(modal_displacement_m(beam, mode, 1.0, own_hz))
+    return summary.displacement_m_per_v * frequency_hz**2 / (own_hz**2 * displacement_m)
+
+
+def _mode_row(mode: int) -> dict[str, object] | None:
+    """One mode's row, or None where its zones do not keep their number over the domain."""
+    frequency_hz = segmented_natural_frequency_hz(Beam(), mode, patched=True, shear=True)
+    beams = [replace(Beam(), damping_ratio=float(ratio)) for ratio in DAMPING_RATIOS]
+    solved = [_solved(beam.damping_ratio, frequency_hz) for beam in beams]
+    if len({summary.pattern.edges_m.size for summary in solved}) > 1:
+        return None
+    pairs = list(zip(solved, beams, strict=True))
+    edges = np.array([summary.pattern.edges_m for summary in solved])
+    fine = np.linspace(0.0, Beam().length_m, 20 * AREA_CELLS + 1)
+    areas = np.array([_area(summary.pattern, fine) for summary in solved])
+    middle = (areas.max(axis=0) + areas.min(axis=0)) / 2
+    coarse = middle[::20]
+    off = np.abs(areas - np.interp(fine, fine[::20], coarse)).max()
+    return {
+        "edges_m": ((edges.max(axis=0) + edges.min(axis=0)) / 2).tolist(),
+        "slack_m": ((0.5 + _MARGIN) * np.ptp(edges, axis=0) + 1e-8).tolist(),
+        "moves_right": solved[0].pattern.moves_right.tolist(),
+        "area_m": coarse.tolist(),
+        "area_slack_m": float(off * (1 + _MARGIN)),
+        "speed_ratio": _range([_speed_ratio(s, frequency_hz, b, mode) for s, b in pairs]),
+        "inertia_ratio": _range([_inertia_ratio(s, frequency_hz, b, mode) for s, b in pairs]),
+    }
+
+
+def _reach(frequency_hz: float, damping_ratio: float) -> tuple[float, float]:
+    """The top rung's tip speed per volt and metre of lever, and ω² max|W| per volt."""
+    beam = replace(Beam(), damping_ratio=damping_ratio)
+    motion = segmented_motion(beam, frequency_hz, patched=True, shear=True)
+    state = motion.state(np.linspace(0.0, beam.length_m, 401))
+    omega = 2 * math.pi * frequency_hz
+    rotation = math.sqrt(float(np.mean(np.abs(state.rotation) ** 2)))
+    return math.sqrt(2) * omega * rotation, omega**2 * float(np.abs(state.deflection).max())
+
+
+def _envelope() -> dict[str, object]:
+    """The most the top rung reaches within each bin of drive frequency."""
+    bins = math.ceil(math.log(HIGH_HZ / LOW_HZ) / math.log(BIN_GROWTH))
+    steps = np.arange(bins * _SAMPLES_PER_BIN + 1) / _SAMPLES_PER_BIN
+    reach = np.array(
+        [
+            np.max([_reach(float(hz), damping) for damping in (0.002, 0.02)], axis=0)
+            for hz in LOW_HZ * BIN_GROWTH**steps
+        ]
+    )
+    parts = [reach[k * _SAMPLES_PER_BIN : (k + 1) * _SAMPLES_PER_BIN + 1] for k in range(bins)]
+    most = 1.02 * np.array([part.max(axis=0) for part in parts])
+    return {
+        "low_hz": LOW_HZ,
+        "growth": BIN_GROWTH,
+        "speed_per_v_m": most[:, 0].tolist(),
+        "acceleration_per_v": most[:, 1].tolist(),
+    }
+
+
+def certified_bounds() -> dict[str, object]:
+    """The whole table."""
+    rows = {str(mode): _mode_row(mode) for mode in MODES}
+    return {
+        "damping_ratio": [float(DAMPING_RATIOS[0]), float(DAMPING_RATIOS[-1])],
+        "modes": {mode: row for mode, row in rows.items() if row is not None},
+        "envelope": _envelope(),
+    }
+
+
+def _rounded(value: object) -> object:
+    """Numbers to nine digits, so that the table stays readable."""
+    if isinstance(value, float):
+        return float(f"{value:.9g}")
+    if isinstance(value, list):
+        return [_rounded(entry) for entry in value]
+    if isinstance(value, dict):
+        return {key: _rounded(entry) for key, entry in value.items()}
+    return value
+
+
+if __name__ == "__main__":
+    json.dump(_rounded(certified_bounds()), sys.stdout, indent=1)
+    sys.stdout.write("\n")

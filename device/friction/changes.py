@@ -1,0 +1,104 @@
+"""A change that a trial makes: what the finger feels before, and after. Plain records."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from protocol.study.study import Study
+from protocol.study.touch import Touch
+
+Effect = Literal["friction", "depth", "places"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Moment:
+    """What the finger meets: amplitude, drive relative to the resonance, and how it touches.
+
+    `has_bodies` says whether the beam carries ciliary bodies: no law here knows their spacing.
+    """
+
+    voltage_v: float
+    frequency: float
+    direction: Literal["right", "left"]
+    coverage: Literal["local", "full"]
+    force_n: float
+    contact_m: float
+    sliding_speed_m_s: float
+    has_bodies: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """From one moment to another, felt at `places_m` (right edges of the finger, m).
+
+    - `friction`: mean of `ln(mu_before / mu_after)`;
+    - `depth`: growth of the modulation depth `rms ln(mu(x) / mu)`;
+    - `places`: `rms ln(mu_after(x) / mu_before(x))`.
+
+    `contrary` turns the sign: the opposite change is the expected one.
+    """
+
+    effect: Effect
+    contrary: bool
+    before: Moment
+    after: Moment
+    places_m: tuple[float, ...]
+
+
+_PLACES = 143
+"""Along the path: every half millimetre of the paper's."""
+
+_CONTRARY = ("rougher", "weaker")
+
+
+def trial_change(
+    study: Study, question: str, expected: str | None, touches: Sequence[Touch]
+) -> Change:
+    """Return the change from a trial's first touch to the end of its last one.
+
+    Where there is one touch alone, the change is that during the touch, or if the drive is held,
+    that from the resting beam.
+
+    Args:
+        study: for the finger's place, path, force, contact and speed, and the beams.
+        question: roughness, strength or places.
+        expected: the answer that agrees with the expectation.
+        touches: of the trial.
+    """
+    first, last = touches[0], touches[-1]
+    if len(touches) == 1 and first.programme == "hold":
+        first = first.model_copy(update={"voltage_v": 0.0})
+    effect: Effect = "friction"
+    if question == "places":
+        effect = "places"
+    elif question == "strength" and last.place == "path":
+        effect = "depth"
+    return Change(
+        effect=effect,
+        contrary=expected in _CONTRARY,
+        before=_moment(study, first, first.voltage_v, first.frequency),
+        after=_moment(study, last, last.end_voltage_v, last.end_frequency),
+        places_m=_places_m(study, effect, last),
+    )
+
+
+def _places_m(study: Study, effect: Effect, touch: Touch) -> tuple[float, ...]:
+    if effect == "friction" and touch.place == "smooth":
+        return (study.touch.smooth_place_m,)
+    left_m, right_m = study.touch.path_m
+    step_m = (right_m - left_m) / (_PLACES - 1)
+    return tuple(left_m + place * step_m for place in range(_PLACES))
+
+
+def _moment(study: Study, touch: Touch, voltage_v: float, frequency: float) -> Moment:
+    beam = touch.beam or study.touch.beam
+    return Moment(
+        voltage_v=voltage_v,
+        frequency=frequency,
+        direction=touch.direction,
+        coverage=touch.coverage,
+        force_n=study.touch.force_n * touch.press,
+        contact_m=study.touch.contact_m,
+        sliding_speed_m_s=study.touch.sliding_speed_m_s,
+        has_bodies=beam is None or study.beams[beam] > 0,
+    )

@@ -1,0 +1,169 @@
+"""The friction coefficient of a scene, or of one scene at many places."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from device.beam.modes import FloatArray
+from device.errors import OutOfRangeError, positive
+from device.friction.bounds import Range, certified, top_rung_range
+from device.friction.contact import contact_of
+from device.friction.laws import law_by_name
+from device.friction.prediction import (
+    Batch,
+    LawChoice,
+    Prediction,
+    joined,
+    law_state,
+    rung_prediction,
+)
+from device.friction.rungs import MODAL_RUNGS, TOP_RUNG, rung_field
+from device.friction.scenes import Scene
+
+
+def _places(scene: Scene, x_m: ArrayLike | None) -> FloatArray:
+    """The places asked for, shape (n,); the scene's own when none are."""
+    places = np.atleast_1d(np.asarray(scene.touch.x_m if x_m is None else x_m, dtype=np.float64))
+    length_m = scene.structure.beam.length_m
+    if places.size and not (places.min() >= 0 and places.max() <= length_m):
+        wrong = places[~((places >= 0) & (places <= length_m))][0]
+        raise OutOfRangeError("x_m", f"must lie in [0, {length_m:g}]", wrong)
+    return places
+
+
+def scene_batch(scene: Scene, places: FloatArray) -> Batch:
+    """One scene at many places as a batch."""
+    drive = scene.drive
+    frequency_hz = np.nan if isinstance(drive.frequency_hz, str) else drive.frequency_hz
+    return Batch(
+        contact=contact_of(scene, places),
+        mode=drive.mode,
+        voltage_v=np.full(places.size, drive.voltage_v),
+        frequency_hz=np.full(places.size, frequency_hz),
+        damping_ratio=np.full(places.size, scene.structure.beam.damping_ratio),
+    )
+
+
+def friction_coefficient(
+    scene: Scene,
+    *,
+    law: str | LawChoice = "consistent",
+    rung: str = "mode",
+    x_m: ArrayLike | None = None,
+    tolerance: float = 0.01,
+) -> FloatArray:
+    """The friction coefficient μ' of a scene.
+
+    Args:
+        scene: structure, drive and touch.
+        law: `printed`, `consistent` or `coulomb`, or a `LawChoice`.
+        rung: how the beam's motion is found; see `device.friction.rungs`. `auto` takes, place by
+            place, the cheapest rung that is certified to be within `tolerance` of the top rung.
+        x_m: right edges of the finger, shape (n,), in [0, L]; the scene's own place without it.
+        tolerance: the largest error in μ' that `auto` may make.
+
+    Returns:
+        μ', dimensionless, shape (n,) (shape (1,) for the scene's own place).
+
+    Raises:
+        OutOfRangeError: a place lies off the beam, or there is no such law or rung.
+
+    >>> from device.friction.scenes import Drive
+    >>> friction_coefficient(Scene(drive=Drive(voltage_v=0.0)))
+    array([0.4])
+    """
+    places = _places(scene, x_m)
+    choice = LawChoice(name=law) if isinstance(law, str) else law
+    if rung == "auto":
+        chosen = auto_prediction(scene_batch(scene, places), choice, tolerance)
+        return chosen.prediction.mu_effective
+    field = rung_field(rung, scene.structure.beam, scene.drive, choice.overlap)
+    contact = contact_of(scene, places)
+    terms = law_state(contact, field, rung, choice).terms
+    return np.broadcast_to(law_by_name(choice.name)(terms), places.shape)
+
+
+CANDIDATES = ("far-field", "mode")
+_ROUNDING = 1e-12
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Chosen:
+    """Predictions with the rung that each comes from and its certified error; shape (n,).
+
+    `error_bound` bounds |μ' - μ'(top rung)|; nan where nothing is certified.
+    """
+
+    prediction: Prediction
+    rung: NDArray[np.str_]
+    error_bound: FloatArray
+
+
+def _by_drive(batch: Batch) -> list[tuple[NDArray[np.intp], bool]]:
+    """The certified scenes, at resonance and at a stated frequency apart."""
+    inside, resonant = certified(batch), np.isnan(batch.frequency_hz)
+    groups = [(inside & resonant, True), (inside & ~resonant, False)]
+    return [(np.flatnonzero(rows), kind) for rows, kind in groups if rows.any()]
+
+
+def _bound(top: Range, mu: FloatArray) -> FloatArray:
+    """How far the top rung can be from `mu`."""
+    return np.maximum(top.high - mu, mu - top.low) + _ROUNDING
+
+
+def error_bounds(batch: Batch, rung: str, choice: LawChoice, mu: FloatArray) -> FloatArray:
+    """The certified error of a named rung's μ' against the top rung; nan where there is none."""
+    bounds = np.full(batch.size, 0.0 if rung == TOP_RUNG else np.nan)
+    if rung in MODAL_RUNGS:
+        for which, resonant in _by_drive(batch):
+            top = top_rung_range(batch.rows(which), choice, resonant=resonant)
+            bounds[which] = _bound(top, mu[which])
+    return bounds
+
+
+Part = tuple[NDArray[np.intp], str, FloatArray, Prediction]
+
+
+def _cheap_parts(
+    batch: Batch, which: NDArray[np.intp], choice: LawChoice, tolerance: float, *, resonant: bool
+) -> Iterator[Part]:
+    """The scenes that a candidate serves: rows, the candidate, its bounds, its predictions."""
+    top = top_rung_range(batch.rows(which), choice, resonant=resonant)
+    for name in CANDIDATES:
+        if which.size:
+            prediction = rung_prediction(batch.rows(which), name, choice)
+            bound = _bound(top, prediction.mu_effective)
+            within = bound <= tolerance
+            good = np.flatnonzero(within)
+            yield which[good], name, bound[good], prediction.rows(good)
+            which = which[~within]
+            top = Range(low=top.low[~within], high=top.high[~within])
+
+
+def auto_prediction(batch: Batch, choice: LawChoice, tolerance: float) -> Chosen:
+    """Predictions within `tolerance` of the top rung, each by the cheapest rung certified for it.
+
+    Args:
+        batch: the scenes.
+        choice: the law.
+        tolerance: the largest error in μ' against the top rung, above 0.
+
+    Raises:
+        OutOfRangeError: the tolerance is not above 0, or a mode lies beyond the top rung's cut-off.
+    """
+    positive("tolerance", tolerance)
+    rung = np.full(batch.size, TOP_RUNG, dtype=f"<U{len(TOP_RUNG)}")
+    bounds = np.zeros(batch.size)
+    parts = []
+    for which, resonant in _by_drive(batch):
+        for taken, name, bound, prediction in _cheap_parts(
+            batch, which, choice, tolerance, resonant=resonant
+        ):
+            rung[taken], bounds[taken] = name, bound
+            parts.append((taken, prediction))
+    rest = np.flatnonzero(rung == TOP_RUNG)
+    if rest.size:
+        parts.append((rest, rung_prediction(batch.rows(rest), TOP_RUNG, choice)))
+    return Chosen(prediction=joined(parts, batch.size), rung=rung, error_bound=bounds)

@@ -1,0 +1,144 @@
+"""The contact's terms: from a field and a touch to what a friction law needs (Eqs 9, 11, 12)."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from device.beam.beam import Beam
+from device.beam.eq15 import Overlap, same_direction_ratio
+from device.beam.fields import Field
+from device.beam.modes import FloatArray
+from device.beam.windows import window_width
+from device.friction.laws import ContactTerms
+from device.friction.scenes import REFERENCE_SPEED_M_S, Coverage, Direction, Scene
+
+Number = FloatArray | float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Contact:
+    """A scene's touch and bodies as arrays of shape (n,) or numbers; one coverage, one direction.
+
+    A `finger_load_n` or `same_direction_fraction` of None means that none is given.
+    """
+
+    beam: Beam
+    coverage: Coverage
+    direction: Direction
+    x_m: FloatArray
+    contact_m: Number
+    body_count: Number
+    body_mass_kg: Number
+    body_height_m: Number
+    body_load_n: Number
+    finger_load_n: Number | None
+    sliding_speed_m_s: Number
+    friction_coefficient: Number
+    same_direction_fraction: Number | None
+
+    @property
+    def load_n_per_m(self) -> Number:
+        """σ, the static load per metre: the finger's over its contact, else the paper's uf/L."""
+        if self.finger_load_n is None:
+            return self.body_count * self.body_load_n / self.beam.length_m
+        return self.finger_load_n / self.contact_m
+
+    def rows(self, which: NDArray[np.intp]) -> "Contact":
+        """The contact at some of the places; numbers hold for all of them."""
+        chosen: dict[str, Any] = {
+            name: value[which]
+            for name, value in vars(self).items()
+            if isinstance(value, np.ndarray) and value.ndim
+        }
+        return replace(self, **chosen)
+
+
+def contact_of(scene: Scene, x_m: FloatArray) -> Contact:
+    """The contact of one scene, moved to the places `x_m`, shape (n,)."""
+    structure, touch = scene.structure, scene.touch
+    return Contact(
+        beam=structure.beam,
+        coverage=scene.coverage,
+        direction=scene.direction,
+        x_m=x_m,
+        contact_m=touch.contact_m,
+        body_count=structure.body_count,
+        body_mass_kg=structure.body_mass_kg,
+        body_height_m=structure.body_height_m,
+        body_load_n=touch.body_load_n,
+        finger_load_n=touch.finger_load_n,
+        sliding_speed_m_s=touch.sliding_speed_m_s,
+        friction_coefficient=structure.friction_coefficient,
+        same_direction_fraction=scene.same_direction_fraction,
+    )
+
+
+def same_direction_given(contact: Contact) -> Number | None:
+    """The a/u that holds whatever the field: one given for full coverage."""
+    return contact.same_direction_fraction if contact.coverage == "full" else None
+
+
+def _directions(contact: Contact, right: FloatArray, left: FloatArray) -> tuple[Number, Number]:
+    """The part of the contact that moves with the finger, and the part against it."""
+    given = same_direction_given(contact)
+    if given is not None:
+        return given, 1.0 - given
+    return (right, left) if contact.direction == "right" else (left, right)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ContactState:
+    """The terms of a contact and the paper's inertial load f_p, N."""
+
+    terms: ContactTerms
+    inertial_load_n: FloatArray
+
+
+def with_eq15_ratio(state: ContactState, contact: Contact, overlap: Overlap) -> ContactState:
+    """The state with Eq 15's a/u in place of the field's own, as the printed local law has it."""
+    if contact.coverage == "full":
+        return state
+    ratio = same_direction_ratio(contact.x_m, contact.contact_m, overlap)
+    same_direction, opposing = _directions(contact, ratio, 1.0 - ratio)
+    terms = replace(
+        state.terms,
+        same_direction=np.asarray(same_direction),
+        opposing=np.asarray(opposing),
+    )
+    return replace(state, terms=terms)
+
+
+def contact_state(contact: Contact, field: Field, reference_tip_speed_m_s: float) -> ContactState:
+    """The terms of a contact in a field.
+
+    Inertia per metre is mω²|q|·mean|φ|/π: over the window it is Eq 11's f_p (inner limit T/2; Eq
+    9's over the whole beam) with the body mass m read as kg per metre.
+
+    Args:
+        contact: places, bodies, loads.
+        field: the driven beam.
+        reference_tip_speed_m_s: the tip speed that the field's rung gives in the paper's scene.
+    """
+    full = contact.coverage == "full"
+    pattern = field.pattern
+    window = pattern.whole() if full else pattern.window(contact.x_m, contact.contact_m)
+    covered_m = contact.beam.length_m if full else window_width(contact.x_m, contact.contact_m)
+    omega = field.angular_frequency_rad_s
+    acceleration = omega * omega * field.displacement_m * contact.body_mass_kg / math.pi
+    inertia_n_per_m = acceleration * window.mean
+    inertial_load_n = np.asarray(inertia_n_per_m * covered_m)
+    lever_m = contact.beam.thickness_m / 2 + contact.body_height_m
+    tip_speed = field.tip_speed_m_s(lever_m) / contact.sliding_speed_m_s
+    same_direction, opposing = _directions(contact, window.right, window.left)
+    terms = ContactTerms(
+        friction_coefficient=np.asarray(contact.friction_coefficient),
+        same_direction=np.asarray(same_direction),
+        opposing=np.asarray(opposing),
+        relative_tip_speed=tip_speed * (REFERENCE_SPEED_M_S / reference_tip_speed_m_s),
+        inertial_ratio=inertia_n_per_m / contact.load_n_per_m,
+        printed_inertial_ratio=inertial_load_n / (contact.body_count * contact.body_load_n),
+    )
+    return ContactState(terms=terms, inertial_load_n=inertial_load_n)

@@ -1,0 +1,186 @@
+"""Predictions for many scenes at once: every number that a prediction consists of."""
+
+from dataclasses import dataclass, fields, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from device.beam.beam import Beam
+from device.beam.eq15 import Overlap
+from device.beam.fields import Field, Signal
+from device.beam.modes import FloatArray, natural_frequency_hz
+from device.errors import one_of
+from device.friction.contact import Contact, ContactState, contact_state, with_eq15_ratio
+from device.friction.laws import anisotropy, law_by_name
+from device.friction.rungs import (
+    MODAL_RUNGS,
+    check_rung,
+    modal_rung_field,
+    reference_tip_speed_m_s,
+    rung_field,
+)
+from device.friction.scenes import Drive
+
+Ratio = Literal["eq15", "mode"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LawChoice:
+    """A friction law, with what the printed one leaves open: where a/u is from, and its overlaps.
+
+    `ratio` and `overlap` do not touch the repaired laws, which take the rung's own r.
+    """
+
+    name: str = "consistent"
+    ratio: Ratio = "eq15"
+    overlap: Overlap = "first"
+
+    def __post_init__(self) -> None:
+        law_by_name(self.name)
+        one_of("ratio", self.ratio, ("eq15", "mode"))
+        one_of("eq15_overlap", self.overlap, ("first", "last"))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Batch:
+    """Scenes that share beam, mode, coverage and direction; arrays of shape (n,).
+
+    A `frequency_hz` of nan means the rung's own resonance.
+    """
+
+    contact: Contact
+    mode: int
+    voltage_v: FloatArray
+    frequency_hz: FloatArray
+    damping_ratio: FloatArray
+
+    @property
+    def beam(self) -> Beam:
+        """The beam that all scenes share, its damping ratio aside."""
+        return self.contact.beam
+
+    @property
+    def size(self) -> int:
+        """How many scenes there are."""
+        return int(self.voltage_v.size)
+
+    def rows(self, which: NDArray[np.intp]) -> "Batch":
+        """Some of the scenes."""
+        return Batch(
+            contact=self.contact.rows(which),
+            mode=self.mode,
+            voltage_v=self.voltage_v[which],
+            frequency_hz=self.frequency_hz[which],
+            damping_ratio=self.damping_ratio[which],
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Prediction:
+    """What a rung and a law say of n scenes; each of shape (n,).
+
+    Attributes:
+        mu_effective: the friction coefficient μ'.
+        same_direction_ratio: r, or a/u for the printed law.
+        anisotropy: η; ½ for the printed law.
+        inertial_ratio: p; f_p/(uf) for the printed law.
+        inertial_load_n: the printed f_p, N.
+        displacement_m: |q|, m.
+    """
+
+    mu_effective: FloatArray
+    same_direction_ratio: FloatArray
+    anisotropy: FloatArray
+    inertial_ratio: FloatArray
+    inertial_load_n: FloatArray
+    displacement_m: FloatArray
+
+    def rows(self, which: NDArray[np.intp]) -> "Prediction":
+        """The prediction of some of the scenes."""
+        return Prediction(**{name: column[which] for name, column in vars(self).items()})
+
+
+def law_state(contact: Contact, field: Field, rung: str, choice: LawChoice) -> ContactState:
+    """The contact's state as a law sees it in a field of the named rung."""
+    state = contact_state(contact, field, reference_tip_speed_m_s(rung))
+    if choice.name == "printed" and choice.ratio == "eq15":
+        return with_eq15_ratio(state, contact, choice.overlap)
+    return state
+
+
+def field_prediction(contact: Contact, field: Field, rung: str, choice: LawChoice) -> Prediction:
+    """The prediction of a law in a field of the named rung."""
+    state, printed = law_state(contact, field, rung, choice), choice.name == "printed"
+    terms = state.terms
+    half = np.full(contact.x_m.shape, 0.5)
+    columns = (
+        law_by_name(choice.name)(terms),
+        terms.same_direction,
+        half if printed else anisotropy(terms.relative_tip_speed),
+        terms.printed_inertial_ratio if printed else terms.inertial_ratio,
+        state.inertial_load_n,
+        field.displacement_m,
+    )
+    mu, ratio, eta, inertia, load, displacement = np.broadcast_arrays(*columns, half)[:-1]
+    return Prediction(
+        mu_effective=mu,
+        same_direction_ratio=ratio,
+        anisotropy=eta,
+        inertial_ratio=inertia,
+        inertial_load_n=load,
+        displacement_m=displacement,
+    )
+
+
+def _modal_prediction(batch: Batch, rung: str, choice: LawChoice) -> Prediction:
+    """The prediction of a one-mode rung, all scenes in one pass."""
+    beam, frequency_hz = batch.beam, batch.frequency_hz
+    resonance_hz = natural_frequency_hz(beam, batch.mode)
+    signal = Signal(
+        voltage_v=batch.voltage_v,
+        frequency_hz=np.where(np.isnan(frequency_hz), resonance_hz, frequency_hz),
+        damping_ratio=batch.damping_ratio,
+    )
+    field = modal_rung_field(rung, beam, batch.mode, signal, choice.overlap)
+    return field_prediction(batch.contact, field, rung, choice)
+
+
+def joined(parts: list[tuple[NDArray[np.intp], Prediction]], size: int) -> Prediction:
+    """Predictions for parts of a batch, put back in order."""
+    columns = {entry.name: np.empty(size) for entry in fields(Prediction)}
+    for which, part in parts:
+        for name, column in columns.items():
+            column[which] = getattr(part, name)
+    return Prediction(**columns)
+
+
+def _solved_prediction(batch: Batch, rung: str, choice: LawChoice) -> Prediction:
+    """The prediction of a rung that is set up once per drive frequency and damping ratio."""
+    keys = np.stack([np.nan_to_num(batch.frequency_hz, nan=-1.0), batch.damping_ratio])
+    drives, group = np.unique(keys, axis=1, return_inverse=True)
+    parts = []
+    for index, (frequency_hz, damping_ratio) in enumerate(drives.T):
+        which = np.flatnonzero(group == index)
+        drive = Drive(
+            voltage_v=1.0,
+            frequency_hz="resonance" if frequency_hz < 0 else float(frequency_hz),
+            mode=batch.mode,
+        )
+        beam = replace(batch.beam, damping_ratio=float(damping_ratio))
+        field = rung_field(rung, beam, drive).scaled(batch.voltage_v[which])
+        rows = batch.contact.rows(which)
+        parts.append((which, field_prediction(rows, field, rung, choice)))
+    return joined(parts, batch.size)
+
+
+def rung_prediction(batch: Batch, rung: str, choice: LawChoice) -> Prediction:
+    """The prediction of one named rung for a batch of scenes.
+
+    Raises:
+        OutOfRangeError: there is no such rung, or the mode lies beyond its cut-off.
+    """
+    check_rung(rung)
+    if rung in MODAL_RUNGS:
+        return _modal_prediction(batch, rung, choice)
+    return _solved_prediction(batch, rung, choice)

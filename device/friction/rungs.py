@@ -1,0 +1,191 @@
+"""The ladder's rungs: from the paper's piecewise-linear pattern up, each a field of the beam.
+
+What solves the segmented beam is loaded by the rungs that need it: most predictions take one mode.
+"""
+
+import re
+from collections.abc import Callable, Mapping
+from functools import lru_cache
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from device.beam.beam import Beam
+from device.beam.eq15 import Overlap
+from device.beam.fields import (
+    Eq15Pattern,
+    Field,
+    ModePattern,
+    Pattern,
+    Signal,
+    SinusoidPattern,
+    modal_field,
+)
+from device.beam.modes import natural_frequency_hz
+from device.errors import OutOfRangeError
+from device.friction.scenes import Drive
+
+if TYPE_CHECKING:
+    from device.beam.motion_pattern import MotionSummary
+
+
+FieldOf = Callable[[Beam, Drive], Field]
+
+
+def _frequency_hz(drive: Drive) -> float | None:
+    """The drive's frequency, or None where it is the rung's own resonance."""
+    return None if isinstance(drive.frequency_hz, str) else drive.frequency_hz
+
+
+def modal_rung_field(
+    name: str, beam: Beam, mode: int, signal: Signal, overlap: Overlap = "first"
+) -> Field:
+    """The field of `eq15`, `far-field` or `mode`, for one signal or an array of them."""
+    far_field = SinusoidPattern(mode=mode, length_m=beam.length_m)
+    patterns: Mapping[str, Pattern] = {
+        "eq15": Eq15Pattern(far_field=far_field, overlap=overlap),
+        "far-field": far_field,
+        "mode": ModePattern(mode=mode, length_m=beam.length_m),
+    }
+    return modal_field(beam, mode, patterns[name], signal)
+
+
+@lru_cache(maxsize=4096)
+def _summary(beam: Beam, frequency_hz: float, *, patched: bool, shear: bool) -> "MotionSummary":
+    """The segmented beam's motion per volt, set up once for a beam and a frequency."""
+    from device.beam.motion import segmented_motion
+    from device.beam.motion_pattern import motion_summary
+
+    return motion_summary(segmented_motion(beam, frequency_hz, patched=patched, shear=shear))
+
+
+@lru_cache(maxsize=256)
+def _modal_summary(beam: Beam, frequency_hz: float, count: int) -> "MotionSummary":
+    """The sum of the first `count` modes per volt, set up once for a beam and a frequency."""
+    from device.beam.motion import modal_motion
+    from device.beam.motion_pattern import motion_summary
+
+    return motion_summary(modal_motion(beam, frequency_hz, count))
+
+
+def _driven(summary: "MotionSummary", frequency_hz: float, voltage_v: float) -> Field:
+    """The field of a motion per volt at a voltage."""
+    return Field(
+        pattern=summary.pattern,
+        frequency_hz=np.asarray(frequency_hz),
+        displacement_m=np.asarray(summary.displacement_m_per_v * voltage_v),
+        rotation=np.asarray(summary.rotation_per_v * voltage_v),
+    )
+
+
+def _segmented(*, patched: bool, shear: bool) -> FieldOf:
+    """The field of a rung that solves the segmented beam."""
+
+    def field_of(beam: Beam, drive: Drive) -> Field:
+        frequency_hz = _frequency_hz(drive)
+        if frequency_hz is None:
+            from device.beam.timoshenko import segmented_natural_frequency_hz
+
+            frequency_hz = segmented_natural_frequency_hz(
+                beam, drive.mode, patched=patched, shear=shear
+            )
+        summary = _summary(beam, frequency_hz, patched=patched, shear=shear)
+        return _driven(summary, frequency_hz, drive.voltage_v)
+
+    return field_of
+
+
+def _modes(count: int) -> FieldOf:
+    """The field of a rung that adds up the first `count` modes of the bare beam."""
+
+    def field_of(beam: Beam, drive: Drive) -> Field:
+        if drive.mode > count:
+            rule = f"must be at most {count} on the rung modes:{count}; take modes:{drive.mode}"
+            raise OutOfRangeError("mode", rule, drive.mode)
+        frequency_hz = _frequency_hz(drive) or natural_frequency_hz(beam, drive.mode)
+        return _driven(_modal_summary(beam, frequency_hz, count), frequency_hz, drive.voltage_v)
+
+    return field_of
+
+
+def forget_set_ups() -> None:
+    """Drop every set-up that is kept for later scenes, so that its cost can be measured again."""
+    from device.beam.timoshenko import segmented_natural_frequency_hz
+
+    _summary.cache_clear()
+    _modal_summary.cache_clear()
+    segmented_natural_frequency_hz.cache_clear()
+
+
+TOP_RUNG = "timoshenko-patched"
+MODAL_RUNGS = ("eq15", "far-field", "mode")
+SEGMENTED_RUNGS: Mapping[str, FieldOf] = MappingProxyType(
+    {
+        "euler-patched": _segmented(patched=True, shear=False),
+        "timoshenko": _segmented(patched=False, shear=True),
+        TOP_RUNG: _segmented(patched=True, shear=True),
+    }
+)
+HIGHEST_MODE = 999
+"""The highest mode that `modes:N` can add up."""
+_LOWEST_SUM = Drive().mode
+"""The reference scene's own mode: a sum without it has no tip speed to relate others to."""
+RUNG_NAMES = (*MODAL_RUNGS, "modes:N", *SEGMENTED_RUNGS)
+
+
+def check_rung(name: str) -> None:
+    """Refuse a name that is none of `RUNG_NAMES`; `modes:12` is the sum of the first twelve modes.
+
+    Raises:
+        OutOfRangeError: there is no such rung.
+    """
+    if name not in MODAL_RUNGS and name not in SEGMENTED_RUNGS and not _mode_count(name):
+        names = ", ".join(RUNG_NAMES).replace(":N", f":N (N from {_LOWEST_SUM} to {HIGHEST_MODE})")
+        raise OutOfRangeError("rung", f"must be one of {names}", repr(name))
+
+
+def _mode_count(name: str) -> int:
+    """The N of `modes:N`, or 0."""
+    found = re.fullmatch(r"modes:([1-9]\d{0,2})", name)
+    count = int(found.group(1)) if found else 0
+    return count if _LOWEST_SUM <= count <= HIGHEST_MODE else 0
+
+
+def rung_field(name: str, beam: Beam, drive: Drive, overlap: Overlap = "first") -> Field:
+    """The driven beam's motion as the named rung has it.
+
+    Args:
+        name: one of `RUNG_NAMES`.
+        beam: the beam.
+        drive: its drive; `resonance` is the rung's own.
+        overlap: which pieces of Eq 15 hold where two overlap, for `eq15`.
+
+    Raises:
+        OutOfRangeError: there is no such rung, or the mode lies beyond its cut-off or its sum.
+    """
+    check_rung(name)
+    if name in MODAL_RUNGS:
+        signal = Signal(voltage_v=drive.voltage_v, frequency_hz=_frequency_hz(drive))
+        return modal_rung_field(name, beam, drive.mode, signal, overlap)
+    field_of = SEGMENTED_RUNGS.get(name) or _modes(_mode_count(name))
+    return field_of(beam, drive)
+
+
+def rung_resonance_hz(name: str, beam: Beam, mode: int) -> float:
+    """The natural frequency of `mode` as the rung of that name computes it, Hz."""
+    check_rung(name)
+    if name in SEGMENTED_RUNGS:
+        from device.beam.timoshenko import segmented_natural_frequency_hz
+
+        patched, shear = name.endswith("patched"), name.startswith("timoshenko")
+        return segmented_natural_frequency_hz(beam, mode, patched=patched, shear=shear)
+    return natural_frequency_hz(beam, mode)
+
+
+@lru_cache(maxsize=32)
+def reference_tip_speed_m_s(name: str) -> float:
+    """The tip speed of a 1 mm body that a rung gives in the paper's scene at its own resonance."""
+    beam = Beam()
+    field = rung_field(name, beam, Drive())
+    return float(field.tip_speed_m_s(beam.thickness_m / 2 + 1e-3))

@@ -1,0 +1,197 @@
+"""The link: one port, one command at a time, every answer within its deadline and in step.
+
+An answer that did not come in time may still come. Until the device has shown that nothing of
+before is left to say, the link is out of step, and no answer is taken for one.
+"""
+
+import re
+import time
+from collections.abc import Callable
+from itertools import cycle
+from typing import TypeVar
+
+from device.errors import DeviceError, EmergencyStop, LinkTimeout, ProtocolError
+from device.link.codec import LineBuffer, encoded, text
+from device.link.port import PORT_ERRORS, Port, open_port
+
+ANSWER_TIMEOUT_S = 0.4
+SYNC_TIMEOUT_S = 1.0
+HANDSHAKE_S = 3.0
+"""A board that restarts when its port is opened needs that long until it answers."""
+_HANDSHAKE_TRY_S = 0.5
+_QUIET_S = 0.03
+_SLICE_S = 0.02
+"""How often a waiting link sees whether it is to stop."""
+MOST_LINES = 200
+"""More lines than that without a question, and the device does not stop talking."""
+_IDENTITY = re.compile(r"[^,]+,[^,]+,[^,]*,.*")
+
+_Value = TypeVar("_Value")
+
+
+class Link:
+    """Commands and queries over one port, in step: an answer belongs to the query before it."""
+
+    def __init__(self, port: Port, monotonic: Callable[[], float] = time.monotonic) -> None:
+        self._port = port
+        self._monotonic = monotonic
+        self._buffer = LineBuffer()
+        self._lines: list[bytes] = []
+        self._in_step = True
+        self._stopped = False
+        self._tokens = cycle(range(1, 256))
+
+    def tell(self, command: str) -> None:
+        """Send `command`, which has no answer, as one line in one write.
+
+        Raises:
+            DeviceError: the port is gone or does not take it.
+        """
+        try:
+            self._port.send(encoded(command))
+        except PORT_ERRORS as error:
+            self._in_step = False
+            raise DeviceError(f"the device does not take {command!r}: {error}") from error
+
+    def ask(self, query: str, timeout_s: float = ANSWER_TIMEOUT_S) -> str:
+        """Send `query` and return the line that answers it.
+
+        Raises:
+            LinkTimeout: no whole line came within `timeout_s`.
+            ProtocolError: what came is no line of text, or is cut short.
+            DeviceError: the port is gone.
+        """
+        if not self._in_step or self._lines or self._take(0.0):
+            self.synchronise()
+        self.tell(query)
+        self._in_step = False
+        answer = text(self._line(query, self._monotonic() + timeout_s))
+        self._in_step = True
+        return answer
+
+    def query(self, query: str, parsed: Callable[[str], _Value]) -> _Value:
+        """Return the answer to `query`, parsed; one that is garbled is asked for once more.
+
+        Raises:
+            DeviceError: as `ask` and `parsed`.
+        """
+        try:
+            return parsed(self.ask(query))
+        except ProtocolError:
+            self.synchronise(ANSWER_TIMEOUT_S)
+            return parsed(self.ask(query))
+
+    def identify(self, patience_s: float = HANDSHAKE_S) -> str:
+        """Return who is there; what a device says when it starts is passed over.
+
+        Raises:
+            ProtocolError: the device echoes what it is sent.
+            LinkTimeout: nobody answers with the four fields of `*IDN?` within `patience_s`.
+        """
+        deadline_s = self._monotonic() + patience_s
+        self._quiet(deadline_s)
+        heard = b""
+        while self._monotonic() < deadline_s:
+            self.tell("*IDN?")
+            try_s = min(self._monotonic() + _HANDSHAKE_TRY_S, deadline_s)
+            while (line := self._next_line(try_s)) is not None:
+                if line == b"*IDN?":
+                    raise ProtocolError("the device echoes what it is sent; switch its echo off")
+                if line.isascii() and _IDENTITY.fullmatch(line.decode()):
+                    return text(line)
+                heard = line
+        last = f"; the last it said was {heard[:60]!r}" if heard else ""
+        raise LinkTimeout(f"no answer to '*IDN?' within {patience_s:g} s{last}")
+
+    def synchronise(self, patience_s: float = SYNC_TIMEOUT_S) -> None:
+        """Drain to quiet, then have the device answer with two numbers that it cannot know.
+
+        The numbers go through the event enable register, which every IEEE 488.2 device has and
+        nobody here uses. An answer of before comes before them, for devices answer in order.
+
+        Raises:
+            LinkTimeout: they did not come within `patience_s`.
+            ProtocolError: the device talks without end.
+        """
+        self._in_step = False
+        deadline_s = self._monotonic() + patience_s
+        self._quiet(deadline_s)
+        for _ in range(2):
+            token = next(self._tokens)
+            self.tell(f"*ESE {token}")
+            self.tell("*ESE?")
+            self._pass_over_to(token, deadline_s)
+        self._in_step = not self._lines
+
+    def stop(self) -> None:
+        """Let the wait in progress, and every later one, end with `EmergencyStop`; any thread."""
+        self._stopped = True
+
+    def go_on(self) -> None:
+        """Wait for answers again."""
+        self._stopped = False
+
+    def close(self) -> None:
+        """Give the port back."""
+        self._port.close()
+
+    def _line(self, query: str, deadline_s: float) -> bytes:
+        line = self._next_line(deadline_s)
+        if line is not None:
+            return line
+        if self._buffer.pending:
+            raise ProtocolError(
+                f"the answer to {query!r} was cut short, got {self._buffer.pending[:40]!r}"
+            )
+        raise LinkTimeout(f"no answer to {query!r} in time")
+
+    def _next_line(self, deadline_s: float) -> bytes | None:
+        """The next line, None if none came by the deadline, however slowly its bytes drip."""
+        while not self._lines:
+            left_s = deadline_s - self._monotonic()
+            if left_s <= 0:
+                return None
+            self._take(min(left_s, _SLICE_S))
+            if self._stopped:
+                raise EmergencyStop("stopped by hand")
+        return self._lines.pop(0)
+
+    def _take(self, timeout_s: float) -> bytes:
+        try:
+            chunk = self._port.receive(timeout_s)
+        except PORT_ERRORS as error:
+            self._in_step = False
+            raise DeviceError(f"the device is gone: {error}") from error
+        if chunk:
+            self._lines += self._buffer.feed(chunk)
+        return chunk
+
+    def _quiet(self, deadline_s: float) -> None:
+        """Read until nothing comes for a while, and forget it all."""
+        heard = 0
+        while self._take(_QUIET_S):
+            heard += len(self._lines)
+            self._lines.clear()
+            if heard > MOST_LINES or self._monotonic() > deadline_s:
+                raise ProtocolError("the device talks without being asked, and does not stop")
+        self._lines.clear()
+        self._buffer.clear()
+
+    def _pass_over_to(self, token: int, deadline_s: float) -> None:
+        for _ in range(MOST_LINES):
+            line = self._next_line(deadline_s)
+            if line is None:
+                break
+            if line.lstrip(b"+") == b"%d" % token:
+                return
+        raise LinkTimeout("the device does not get back into step: an earlier answer is still due")
+
+
+def open_link(url: str) -> Link:
+    """Return a link over the serial port or pySerial URL `url`, opened for us alone.
+
+    Raises:
+        AddressError: `url` is no address of a device.
+        DeviceError: the port is missing, in use, or may not be opened; the message says what to do.
+    """
+    return Link(open_port(url))

@@ -1,0 +1,87 @@
+"""The search for the resonance of the beam on the rig, at a low amplitude."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from device.drivers.setpoints import Limits, ReadBack, Setpoint
+from device.errors import DeviceError
+
+SWEEP_VOLTAGE_V = 10.0
+SWEEP_RAMP_V_PER_S = 200.0
+HALF_WIDTH = 0.05
+"""How far from the nominal resonance the search goes, as a fraction of it."""
+LEAST_RISE = 2.0
+"""How far a peak must rise above the median of the range, so that noise is not taken for one."""
+_POINTS = 21
+_SETTLE_S = 0.1
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Resonance:
+    """Where the beam answers most, and how much: per volt, at the tip."""
+
+    frequency_hz: float
+    tip_m_per_v: float
+
+
+def resonance(
+    drive: Callable[[Setpoint], ReadBack],
+    vibration_m: Callable[[], float],
+    sleep: Callable[[float], None],
+    near_hz: float,
+    limits: Limits,
+) -> Resonance:
+    """Return the resonance within `HALF_WIDTH` of `near_hz` and within `limits`.
+
+    A coarse sweep finds the peak; a fine one about it gives the frequency by a parabola through
+    1/amplitude², which is what a resonance is near its peak, so that noise averages out.
+
+    Raises:
+        DeviceError: nothing in the range, or nothing about its peak, is a resonance.
+    """
+    voltage_v = min(SWEEP_VOLTAGE_V, limits.max_voltage_v)
+    ramp_v_per_s = min(SWEEP_RAMP_V_PER_S, limits.ramp_v_per_s)
+
+    def answer(frequency_hz: float) -> float:
+        read_back = drive(
+            Setpoint(voltage_v=voltage_v, frequency_hz=frequency_hz, ramp_v_per_s=ramp_v_per_s)
+        )
+        shown_v = read_back.voltage_v if read_back.monitor_v is None else read_back.monitor_v
+        sleep(_SETTLE_S + max(voltage_v - shown_v, 0.0) / ramp_v_per_s)
+        return vibration_m() / voltage_v
+
+    highest_hz = min((1 + HALF_WIDTH) * near_hz, limits.max_frequency_hz)
+    coarse = np.linspace((1 - HALF_WIDTH) * near_hz, highest_hz, _POINTS)
+    answers = np.array([answer(frequency_hz) for frequency_hz in coarse])
+    best = int(np.argmax(answers))
+    if best in {0, _POINTS - 1} or answers[best] < LEAST_RISE * np.median(answers):
+        cut = limits.max_frequency_hz < (1 + HALF_WIDTH) * near_hz
+        ends = f", where max_frequency_hz = {limits.max_frequency_hz:g} ends the search"
+        raise DeviceError(
+            f"no resonance between {coarse[0]:.0f} and {coarse[-1]:.0f} Hz{ends if cut else ''}: "
+            f"the vibration has no peak there; is nominal_resonance_hz = {near_hz:g} right?"
+        )
+    fine = np.linspace(coarse[best - 1], coarse[best + 1], _POINTS)
+    return _peak(fine, np.array([answer(frequency_hz) for frequency_hz in fine]))
+
+
+def _peak(frequencies_hz: FloatArray, tips_m: FloatArray) -> Resonance:
+    """The vertex of the parabola through 1/amplitude²."""
+    if not (tips_m > 0).all():
+        raise DeviceError(f"the vibration must be above 0 m, got {tips_m.min():g} m")
+    middle_hz, tip_m = float(frequencies_hz.mean()), float(tips_m.max())
+    curve, slope, lowest = np.polyfit(frequencies_hz - middle_hz, (tip_m / tips_m) ** 2, 2)
+    vertex_hz = -slope / (2 * curve)
+    level = lowest - slope**2 / (4 * curve)
+    if curve <= 0 or level <= 0 or abs(vertex_hz) > np.ptp(frequencies_hz):
+        raise DeviceError(f"no resonance near {middle_hz:.0f} Hz: the vibration has no clear peak")
+    return Resonance(
+        frequency_hz=middle_hz + float(vertex_hz),
+        tip_m_per_v=tip_m / math.sqrt(level),
+    )

@@ -1,0 +1,156 @@
+"""The hand on the simulated device: a client of its control socket."""
+
+import json
+import socket
+import subprocess
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from device.errors import DeviceError
+
+_ANSWER_TIMEOUT_S = 5.0
+
+
+class Hand:
+    """Touches the beam, swaps it and lets time pass, as only a hand (or a simulation) can."""
+
+    def __init__(self, socket_path: Path) -> None:
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self._socket.settimeout(_ANSWER_TIMEOUT_S)
+        try:
+            self._socket.connect(str(socket_path))
+        except OSError as error:
+            self._socket.close()
+            raise DeviceError(f"{socket_path}: no simulated device answers ({error})") from error
+        self._answers = self._socket.makefile("r", encoding="ascii")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._answers.close()
+        self._socket.close()
+
+    def touch(self, force_n: float, position_m: float, direction: str) -> float:
+        """Put the finger down, moving in `direction`; return the friction coefficient it feels."""
+        answer = self._ask(f"touch {force_n!r} {position_m!r} {direction}")
+        return float(answer["friction_coefficient"])
+
+    def lift(self) -> None:
+        """Take the finger off the beam."""
+        self._ask("lift")
+
+    def swap_beam(self, body_spacing_m: float) -> None:
+        """Mount a beam with this spacing of its ciliary bodies; 0 for none."""
+        self._ask(f"beam {body_spacing_m!r}")
+
+    def advance(self, seconds: float) -> None:
+        """Let `seconds` of device time pass at once."""
+        self._ask(f"advance {seconds!r}")
+
+    def fault(self, name: str, *, on: bool = True) -> None:
+        """Switch a fault on or off."""
+        self._ask(f"fault {name} {'on' if on else 'off'}")
+
+    def reset(self) -> None:
+        """Switch every fault off and restart the device, without counting that as a boot."""
+        self._ask("reset")
+
+    def state(self) -> dict[str, Any]:
+        """Return the device's true state."""
+        return self._ask("state")
+
+    def _ask(self, line: str) -> dict[str, Any]:
+        try:
+            self._socket.sendall(line.encode("ascii") + b"\n")
+            answer = json.loads(self._answers.readline() or "{}")
+        except (OSError, ValueError) as error:
+            raise DeviceError(f"the simulated device is gone: {error}") from error
+        if not answer or "error" in answer:
+            raise DeviceError(
+                f"the simulated device refused {line!r}: {answer.get('error', 'gone')}"
+            )
+        return dict(answer)
+
+
+_END_S = 5.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Endpoints:
+    """Where a running simulator is reached: its wire and its control socket."""
+
+    url: str
+    control: Path
+
+
+@contextmanager
+def simulator_process(
+    touchbeam: Sequence[str],
+    seed: int,
+    *,
+    dialect: str = "board",
+    wire: str = "pty",
+    keep: bool = False,
+) -> Iterator[Endpoints]:
+    """Start `touchbeam simulate-device` and end it, by its process, on the way out.
+
+    Args:
+        touchbeam: the command that starts touchbeam.
+        seed: what the simulator's hidden properties follow from.
+        dialect: what it speaks.
+        wire: `pty` or `tcp`.
+        keep: let it stay when its host is gone.
+
+    Raises:
+        DeviceError: it did not get ready.
+    """
+    with tempfile.TemporaryDirectory(prefix="touchbeam-") as folder:
+        control = Path(folder, "control")
+        place = str(Path(folder, "port")) if wire == "pty" else "0"
+        options = ["--control", str(control), "--seed", str(seed), "--dialect", dialect]
+        complaints = Path(folder, "complaints")
+        with complaints.open("wb") as stderr:
+            process = subprocess.Popen(
+                [*touchbeam, "simulate-device", wire, place, *options, *(["--keep"] * keep)],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=stderr,
+                text=True,
+                start_new_session=True,  # Ctrl-C is ours to handle: the device must outlive it
+            )
+        try:
+            yield Endpoints(url=_ready_url(process, complaints), control=control)
+        finally:
+            _end(process)
+
+
+def _ready_url(process: "subprocess.Popen[str]", complaints: Path) -> str:
+    assert process.stdout is not None
+    word, _, url = process.stdout.readline().strip().partition(" ")
+    if word != "ready":
+        said = complaints.read_text(encoding="utf-8", errors="replace").strip().splitlines()
+        why = said[-1].removeprefix("touchbeam: ") if said else "it said nothing"
+        raise DeviceError(f"the simulated device did not start ({why})")
+    return url
+
+
+def _end(process: "subprocess.Popen[str]") -> None:
+    process.terminate()
+    try:
+        process.wait(_END_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+    if process.stdout is not None:
+        process.stdout.close()

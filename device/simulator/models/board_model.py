@@ -1,0 +1,202 @@
+"""The board's dialect: which command reads or sets what. docs/wire-protocol.md says the same."""
+
+from collections.abc import Callable, Mapping
+
+from device.link.codec import number_text
+from device.simulator.models.dialect import Dialect, Status, asked
+from device.simulator.models.power_stage import (
+    DEFAULT_FREQUENCY_HZ,
+    FREQUENCY_RANGE_HZ,
+    MAX_VOLTAGE_V,
+    RAMP_RANGE_V_PER_S,
+    WATCHDOG_RANGE_S,
+    FrequencySweep,
+    Instrument,
+)
+from device.simulator.models.scpi import (
+    HERTZ,
+    SECONDS,
+    VOLTS,
+    Call,
+    Handler,
+    ScpiError,
+    boolean,
+    extremes,
+    quantity,
+)
+from device.simulator.models.simulated_beam import SimulatedBeam
+
+IDN = "touchbeam,BOARD,SIM,1.1"
+BANNER = "touchbeam board 1.1 ready"
+SWEEP_TIME_RANGE_S = (1e-3, 500.0)
+_V_PER_S = {"": 1.0, "V/S": 1.0}
+
+
+class BoardDialect(Dialect):
+    """Answers the board's commands out of an instrument and a beam."""
+
+    idn = IDN
+    banner = BANNER
+
+    def __init__(self, instrument: Instrument, beam: SimulatedBeam) -> None:
+        self._instrument = instrument
+        self._beam = beam
+        self._forget()
+        handlers = {
+            **self._system(),
+            **self._drive(),
+            **self._sweep(),
+            **self._safety(),
+            **self._measurements(),
+        }
+        super().__init__(Status(), handlers)
+
+    def restart(self) -> None:
+        """Lose power and come back."""
+        self._instrument.restart()
+        self._forget()
+        self.status.power_on()
+
+    def _system(self) -> dict[str, Handler]:
+        return {
+            "*IDN?": asked(lambda: self.idn),
+            "*OPT?": asked(lambda: "0"),
+            "*RST": asked(self._reset),
+            "SYSTem:ERRor:COUNt?": asked(lambda: str(len(self.status.errors))),
+            "SYSTem:VERSion?": asked(lambda: "1999.0"),
+            "SYSTem:TIME?": asked(lambda: number_text(self._instrument.time_s)),
+            "SYSTem:BOOT?": asked(lambda: str(self._instrument.boot)),
+        }
+
+    def _drive(self) -> dict[str, Handler]:
+        ramp = (_V_PER_S, *RAMP_RANGE_V_PER_S)
+        volts = "[SOURce#:]VOLTage"
+        return {
+            "[SOURce#:]FREQuency[:CW]?": self._frequency,
+            "[SOURce#:]FREQuency[:CW]": self._set_frequency,
+            f"{volts}[:LEVel][:IMMediate][:AMPLitude]?": self._voltage,
+            f"{volts}[:LEVel][:IMMediate][:AMPLitude]": self._set_voltage,
+            f"{volts}:INSTant?": asked(lambda: number_text(self._instrument.meant_v)),
+            **self._quantity(f"{volts}:RAMP", self._instrument, "ramp_v_per_s", ramp),
+            "OUTPut#[:STATe]": lambda call: self._switch(boolean(call.argument)),
+            "OUTPut#[:STATe]?": asked(lambda: str(int(self._instrument.output))),
+        }
+
+    def _sweep(self) -> dict[str, Handler]:
+        header = "[SOURce#:]FREQuency:SWEep"
+        hertz = (HERTZ, *FREQUENCY_RANGE_HZ)
+        return {
+            **self._quantity(f"{header}:STARt", self, "sweep_start_hz", hertz),
+            **self._quantity(f"{header}:STOP", self, "sweep_stop_hz", hertz),
+            **self._quantity(
+                f"{header}:TIME", self, "sweep_time_s", (SECONDS, *SWEEP_TIME_RANGE_S)
+            ),
+            f"{header}:STATe": lambda call: self._switch_sweep(boolean(call.argument)),
+            f"{header}:STATe?": asked(lambda: str(int(self._instrument.sweep is not None))),
+        }
+
+    def _safety(self) -> dict[str, Handler]:
+        watchdog = (SECONDS, *WATCHDOG_RANGE_S)
+        return {
+            "[SOURce#:]VOLTage:LIMit": self._set_limit,
+            "[SOURce#:]VOLTage:LIMit?": self._limit,
+            **self._quantity("SYSTem:WATChdog", self._instrument, "watchdog_s", watchdog),
+            "OUTPut#:PROTection:TRIPped?": asked(lambda: str(int(self._instrument.tripped))),
+            "OUTPut#:PROTection:CAUSe?": asked(lambda: self._instrument.cause),
+            "OUTPut#:PROTection:CLEar": asked(self._clear_trip),
+        }
+
+    def _measurements(self) -> dict[str, Handler]:
+        readings: dict[str, Callable[[Instrument], float]] = {
+            "VOLTage": self._beam.monitor_v,
+            "FORCe": self._beam.measured_force_n,
+            "POSition": self._beam.measured_position_m,
+            "VIBRation": self._beam.measured_vibration_m,
+            "TEMPerature": lambda instrument: instrument.temperature_c,
+        }
+        return {f"MEASure[:SCALar]:{name}?": self._reading(read) for name, read in readings.items()}
+
+    def _reading(self, read: Callable[[Instrument], float]) -> Handler:
+        return asked(lambda: number_text(read(self._instrument)))
+
+    def _quantity(
+        self, header: str, owner: object, name: str, rule: tuple[Mapping[str, float], float, float]
+    ) -> dict[str, Handler]:
+        """The two commands of a quantity that is only kept."""
+        units, lowest, highest = rule
+
+        def put(call: Call) -> None:
+            setattr(owner, name, quantity(call.argument, units, lowest, highest))
+
+        def get(call: Call) -> str:
+            kept = getattr(owner, name) or 0.0
+            return _told(call.argument, kept, lowest, highest)
+
+        return {header: put, f"{header}?": get}
+
+    def _frequency(self, call: Call) -> str:
+        return _told(call.argument, self._instrument.frequency_hz, *FREQUENCY_RANGE_HZ)
+
+    def _set_frequency(self, call: Call) -> None:
+        value = quantity(call.argument, HERTZ, *FREQUENCY_RANGE_HZ)
+        self._instrument.sweep = None
+        self._instrument.frequency_hz = self._instrument.set_gain * value
+
+    def _voltage(self, call: Call) -> str:
+        return _told(call.argument, self._instrument.target_v, 0.0, self._instrument.limit_v)
+
+    def _set_voltage(self, call: Call) -> None:
+        value = quantity(call.argument, VOLTS, 0.0, self._instrument.limit_v)
+        self._instrument.target_v = self._instrument.set_gain * value
+
+    def _limit(self, call: Call) -> str:
+        return _told(call.argument, self._instrument.limit_v, 0.0, MAX_VOLTAGE_V)
+
+    def _set_limit(self, call: Call) -> None:
+        value = quantity(call.argument, VOLTS, 0.0, MAX_VOLTAGE_V)
+        if value < self._instrument.target_v:
+            raise ScpiError(-221, "Settings conflict; the amplitude exceeds this limit")
+        self._instrument.limit_v = value
+
+    def _switch(self, on: bool) -> None:
+        if on and self._instrument.tripped:
+            raise ScpiError(-221, "Settings conflict; protection tripped")
+        if on and self._instrument.watchdog_s is None:
+            raise ScpiError(-221, "Settings conflict; no watchdog")
+        self._instrument.switch(on)
+
+    def _switch_sweep(self, on: bool) -> None:
+        self._instrument.sweep = (
+            FrequencySweep(
+                start_hz=self.sweep_start_hz,
+                stop_hz=self.sweep_stop_hz,
+                begin_s=self._instrument.time_s,
+                duration_s=self.sweep_time_s,
+            )
+            if on
+            else None
+        )
+        self._instrument.advance_to(self._instrument.time_s)
+
+    def _clear_trip(self) -> None:
+        if self._instrument.hot:
+            raise ScpiError(-240, "Hardware error; too hot")
+        self._instrument.cause = "NONE"
+
+    def _reset(self) -> None:
+        self._instrument.reset()
+        self._forget()
+
+    def _forget(self) -> None:
+        self.sweep_start_hz = self.sweep_stop_hz = DEFAULT_FREQUENCY_HZ
+        self.sweep_time_s = 1.0
+
+
+def _told(argument: str, kept: float, lowest: float, highest: float) -> str:
+    """The answer to a query: what is kept, or what `MIN` and `MAX` stand for."""
+    if not argument:
+        return number_text(kept)
+    extreme = extremes(argument, lowest, highest)
+    if extreme is None:
+        raise ScpiError(-108, "Parameter not allowed")
+    return number_text(extreme)

@@ -1,0 +1,231 @@
+"""The dialect of the Keysight 33220A and 33500 generators, as far as a drive needs it.
+
+Source: Agilent 33220A User's Guide and 33500 Series Operating and Service Guide. Channel 1 drives
+the beam through an amplifier of gain `AMPLIFIER_GAIN` with an open (high impedance) input.
+"""
+
+from device.simulator.models.dialect import Dialect, Status, asked
+from device.simulator.models.keysight_channels import Channel, Channels, Model
+from device.simulator.models.keysight_settings import DONE_AND_FORGOTTEN, SETTINGS, Kept
+from device.simulator.models.power_stage import FrequencySweep, Instrument
+from device.simulator.models.scpi import (
+    HERTZ,
+    NO_UNIT,
+    SECONDS,
+    Call,
+    Handler,
+    ScpiError,
+    boolean,
+    choice,
+    given,
+    quantity,
+)
+
+AMPLIFIER_GAIN = 20.0
+_UNITS = {"": NO_UNIT, "S": SECONDS, "HZ": HERTZ, "DEG": {"": 1.0, "DEG": 1.0}}
+
+
+MODELS = {
+    "keysight": Model(
+        idn="Agilent Technologies,33522B,MY52800123,3.05-1.19-2.00-52-00",
+        channels=2,
+        digits=15,
+        least_emf_vpp=2e-3,
+        most_hz=30e6,
+        limits=True,
+        most_cycles=100_000_000,
+    ),
+    "keysight-33220A": Model(
+        idn="Agilent Technologies,33220A,MY44012345,2.02-2.02-22-2",
+        channels=1,
+        digits=13,
+        least_emf_vpp=20e-3,
+        most_hz=20e6,
+        limits=False,
+        most_cycles=50_000,
+    ),
+}
+
+
+class KeysightDialect(Dialect):
+    """Answers a generator's commands; channel 1 is what `instrument` puts on the beam."""
+
+    plus = "+"
+    banner = ""
+
+    def __init__(self, instrument: Instrument, model: Model) -> None:
+        self._instrument = instrument
+        self._model = model
+        self.idn = model.idn
+        self._burst_end_s: float | None = None
+        self._channels = Channels(instrument, model)
+        self._preset()
+        handlers = {
+            **self._system(),
+            **self._channels.handlers(),
+            **self._sweep_and_burst(),
+            **dict.fromkeys(DONE_AND_FORGOTTEN, _done),
+        }
+        for kept in SETTINGS:
+            handlers |= self._kept(kept)
+        super().__init__(Status(), handlers, model.channels)
+
+    @property
+    def channels(self) -> list[Channel]:
+        """The channels; the first one drives the beam."""
+        return self._channels.all
+
+    def answer(self, line: str) -> str | None:
+        """Return what is answered to `line`; the beam follows."""
+        answer = super().answer(line)
+        self.drive_beam()
+        return answer
+
+    def restart(self) -> None:
+        """Lose power and come back."""
+        self._instrument.restart()
+        self._preset()
+        self.status.power_on()
+
+    def drive_beam(self) -> None:
+        """Put on the beam what channel 1 gives: at once, for a generator has no slew."""
+        first, instrument = self.channels[0], self._instrument
+        instrument.target_v = AMPLIFIER_GAIN * first.emf_vpp / 2 if self._sounding() else 0.0
+        if instrument.sweep is None:
+            instrument.frequency_hz = first.frequency_hz
+        if instrument.output:
+            instrument.voltage_v = instrument.target_v
+
+    def _sounding(self) -> bool:
+        """A burst that waits for its trigger, or is over, gives nothing."""
+        settings = self.channels[0].settings
+        if not settings["BURSt"] or self._trigger_source() == "IMM":
+            return True
+        return self._burst_end_s is not None and self._instrument.time_s < self._burst_end_s
+
+    def _preset(self) -> None:
+        self._channels.preset()
+        for channel in self.channels:
+            channel.settings |= {kept.header: kept.default for kept in SETTINGS}
+            channel.settings |= {"BURSt": 0.0, "SWEep": 0.0, "TRIGger": "IMM"}
+            channel.settings |= {"start": 100.0, "stop": 1_000.0, "time": 1.0, "cycles": 1.0}
+        self._instrument.reset()
+        self._instrument.frequency_hz = self.channels[0].frequency_hz
+
+    def _system(self) -> dict[str, Handler]:
+        return {
+            "*IDN?": asked(lambda: self.idn),
+            "*OPT?": asked(lambda: "0"),
+            "*RST": asked(self._preset),
+            "*TRG": asked(self._trigger),
+            "TRIGger#[:IMMediate]": asked(self._trigger),
+            "SYSTem:VERSion?": asked(lambda: "1999.0"),
+            "SYSTem:COMMunicate:RLSTate?": asked(lambda: "REM"),
+        }
+
+    def _sweep_and_burst(self) -> dict[str, Handler]:
+        top = self._model.most_hz
+        return {
+            **self._number("[SOURce#:]FREQuency:STARt", "start", HERTZ, (1e-6, top)),
+            **self._number("[SOURce#:]FREQuency:STOP", "stop", HERTZ, (1e-6, top)),
+            **self._number("[SOURce#:]SWEep:TIME", "time", SECONDS, (1e-3, 500.0)),
+            **self._number(
+                "[SOURce#:]BURSt:NCYCles", "cycles", NO_UNIT, (1, self._model.most_cycles)
+            ),
+            "[SOURce#:]SWEep:STATe": self._switch_sweep,
+            "[SOURce#:]SWEep:STATe?": lambda call: self._state(call, "SWEep"),
+            "[SOURce#:]BURSt:STATe": self._switch_burst,
+            "[SOURce#:]BURSt:STATe?": lambda call: self._state(call, "BURSt"),
+            "TRIGger#:SOURce": self._set_trigger,
+            "TRIGger#:SOURce?": lambda call: self._channels.word(
+                call, self._trigger_source(call.channel)
+            ),
+        }
+
+    def _number(
+        self, header: str, name: str, units: dict[str, float], rule: tuple[float, float]
+    ) -> dict[str, Handler]:
+        def put(call: Call) -> None:
+            self._channels.of(call).settings[name] = quantity(call.argument, units, *rule)
+
+        def get(call: Call) -> str:
+            return self._channels.told(call, float(self._channels.of(call).settings[name]), *rule)
+
+        return {header: put, f"{header}?": get}
+
+    def _state(self, call: Call, name: str) -> str:
+        return self._channels.word(call, str(int(self._channels.of(call).settings[name])))
+
+    def _switch_sweep(self, call: Call) -> None:
+        self._channels.of(call).settings["SWEep"] = float(boolean(call.argument))
+        if self._trigger_source(call.channel) == "IMM" or not boolean(call.argument):
+            self._start_sweep(call.channel)
+
+    def _start_sweep(self, channel: int) -> None:
+        settings = self.channels[channel - 1].settings
+        if channel != 1:
+            return
+        self._instrument.sweep = (
+            FrequencySweep(
+                start_hz=float(settings["start"]),
+                stop_hz=float(settings["stop"]),
+                begin_s=self._instrument.time_s,
+                duration_s=float(settings["time"]),
+            )
+            if settings["SWEep"]
+            else None
+        )
+
+    def _switch_burst(self, call: Call) -> None:
+        self._channels.of(call).settings["BURSt"] = float(boolean(call.argument))
+        self._burst_end_s = None
+
+    def _trigger_source(self, channel: int = 1) -> str:
+        return str(self.channels[channel - 1].settings["TRIGger"])
+
+    def _set_trigger(self, call: Call) -> None:
+        words = ("IMMediate", "EXTernal", "BUS", "TIMer")
+        self._channels.of(call).settings["TRIGger"] = choice(call.argument, words)
+
+    def _trigger(self) -> None:
+        if self._trigger_source() != "BUS":
+            raise ScpiError(-211, "Trigger ignored")
+        first = self.channels[0]
+        cycles = float(first.settings["cycles"])
+        self._burst_end_s = self._instrument.time_s + cycles / first.frequency_hz
+        self._start_sweep(1)
+
+    def _kept(self, kept: Kept) -> dict[str, Handler]:
+        """The two commands of a setting that nothing in the simulation depends on."""
+
+        def place(call: Call) -> dict[str, float | str]:
+            return (self._channels.of(call) if kept.per_channel else self.channels[0]).settings
+
+        def put(call: Call) -> None:
+            place(call)[kept.header] = _value(kept, call.argument)
+
+        def get(call: Call) -> str:
+            value = place(call)[kept.header]
+            if isinstance(value, str):
+                return self._channels.word(call, value)
+            if kept.is_switch:
+                return self._channels.word(call, str(int(value)))
+            return self._channels.told(call, value, kept.lowest, kept.highest)
+
+        headed = kept.header.startswith(("OUTPut", "TRIGger", "SYSTem", "DISPlay", "UNIT", "FORM"))
+        header = kept.header if headed else f"[SOURce#:]{kept.header}"
+        return {header: put, f"{header}?": get}
+
+
+def _done(_: Call) -> None:
+    """Accept a command that nothing here depends on."""
+
+
+def _value(kept: Kept, argument: str) -> float | str:
+    if kept.text:
+        return given(argument)
+    if kept.words:
+        return choice(argument, kept.words)
+    if kept.is_switch:
+        return float(boolean(argument))
+    return quantity(argument, _UNITS[kept.unit], kept.lowest, kept.highest)

@@ -1,0 +1,238 @@
+"""The grammar of SCPI as an instrument reads it: program messages, paths, headers.
+
+Source: IEEE 488.2-1992, chapter 7 (program messages), and SCPI-99, volume 1, chapter 6 (paths,
+long and short forms, numeric suffixes). Values are read in `values`.
+"""
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+HERTZ = {"": 1.0, "UHZ": 1e-6, "HZ": 1.0, "KHZ": 1e3, "MHZ": 1e6, "MAHZ": 1e6, "GHZ": 1e9}
+VOLTS = {"": 1.0, "UV": 1e-6, "MV": 1e-3, "V": 1.0, "KV": 1e3}
+SECONDS = {"": 1.0, "NS": 1e-9, "US": 1e-6, "MS": 1e-3, "S": 1.0}
+NO_UNIT = {"": 1.0}
+_NUMBER = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:E[+-]?\d+)?)\s*([A-Z][A-Z/]*)?")
+_NOT_DECIMAL = re.compile(r"#(?:H([0-9A-F]+)|Q([0-7]+)|B([01]+))")
+_SWITCHES = {"ON": True, "1": True, "OFF": False, "0": False}
+
+
+class ScpiError(Exception):
+    """An entry for the instrument's error queue."""
+
+    def __init__(self, code: int, text: str) -> None:
+        self.code = code
+        self.text = text
+        super().__init__(f'{code},"{text}"')
+
+
+def given(argument: str) -> str:
+    """Return `argument` in capitals.
+
+    Raises:
+        ScpiError: there is none, -109.
+    """
+    if not argument:
+        raise ScpiError(-109, "Missing parameter")
+    return argument.upper()
+
+
+def nothing(argument: str) -> None:
+    """Refuse an argument where none belongs.
+
+    Raises:
+        ScpiError: there is one, -108.
+    """
+    if argument:
+        raise ScpiError(-108, "Parameter not allowed")
+
+
+def number(argument: str, units: Mapping[str, float] = NO_UNIT) -> float:
+    """Return the number that `argument` gives, in the base unit of `units`.
+
+    Raises:
+        ScpiError: missing (-109), no number (-104), more than one (-108), a unit where none
+            belongs (-138) or a wrong one (-131).
+    """
+    text = given(argument)
+    if "," in text:
+        raise ScpiError(-108, "Parameter not allowed")
+    if other := _NOT_DECIMAL.fullmatch(text):
+        digits = [(digits, base) for digits, base in zip(other.groups(), (16, 8, 2), strict=True)]
+        return float(next(int(text, base) for text, base in digits if text))
+    found = _NUMBER.fullmatch(text)
+    if found is None:
+        raise ScpiError(-104, "Data type error")
+    suffix = found[2] or ""
+    if suffix not in units:
+        known = len(units) > 1
+        raise ScpiError(-131, "Invalid suffix") if known else ScpiError(-138, "Suffix not allowed")
+    return float(found[1]) * units[suffix]
+
+
+def quantity(argument: str, units: Mapping[str, float], lowest: float, highest: float) -> float:
+    """Return the number that `argument` gives, with its unit, `MIN` or `MAX`.
+
+    Raises:
+        ScpiError: as `number`, or out of range (-222).
+    """
+    extreme = extremes(argument, lowest, highest)
+    value = number(argument, units) if extreme is None else extreme
+    if not lowest <= value <= highest:
+        raise ScpiError(-222, "Data out of range")
+    return value
+
+
+def extremes(argument: str, lowest: float, highest: float) -> float | None:
+    """Return what `MIN` or `MAX` stands for, None if `argument` is neither."""
+    words = {"MIN": lowest, "MINIMUM": lowest, "MAX": highest, "MAXIMUM": highest}
+    return words.get(argument.upper())
+
+
+def boolean(argument: str) -> bool:
+    """Return the state that `argument` gives.
+
+    Raises:
+        ScpiError: missing (-109), or neither ON, OFF, 1 nor 0 (-104).
+    """
+    text = given(argument)
+    if text not in _SWITCHES:
+        raise ScpiError(-104, "Data type error")
+    return _SWITCHES[text]
+
+
+def choice(argument: str, spellings: tuple[str, ...]) -> str:
+    """Return the short form of the one of `spellings` (`SINusoid`) that `argument` gives.
+
+    Raises:
+        ScpiError: missing (-109), or none of them (-224).
+    """
+    text = given(argument)
+    for spelling in spellings:
+        short = "".join(letter for letter in spelling if not letter.islower())
+        if text in {short, spelling.upper()}:
+            return short
+    raise ScpiError(-224, "Illegal parameter value")
+
+
+def string(argument: str) -> str:
+    """Return the quoted text that `argument` gives.
+
+    Raises:
+        ScpiError: missing (-109), or not in quotes (-151).
+    """
+    given(argument)
+    if len(argument) < 2 or argument[0] != argument[-1] or argument[0] not in "'\"":
+        raise ScpiError(-151, "Invalid string data")
+    return argument[1:-1]
+
+
+_TOKEN = re.compile(r"[*A-Za-z]+|[\[\]:#?]")
+_HEADER = re.compile(r":?[*A-Z][A-Z0-9_]*(:[A-Z][A-Z0-9_]*)*\??")
+_TOKENS = {"[": "(?:", "]": ")?", ":": ":", "?": r"\?", "#": r"(\d*)"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Message:
+    """One command of a program message: its whole header, `?` included, and its argument."""
+
+    header: str
+    argument: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Call:
+    """A command that was understood: its argument and the channel in its header."""
+
+    argument: str
+    channel: int
+
+
+Handler = Callable[[Call], str | None]
+
+
+def messages(line: str) -> list[Message]:
+    """Return the commands of a compound `line` in order, each with its path from the root.
+
+    A header goes on where the one before it stopped, unless it begins with a colon; common
+    commands (`*OPC?`) leave the path as it is.
+
+    >>> [message.header for message in messages("VOLT:LIM 100;RAMP 50;*OPC?;:FREQ?")]
+    ['VOLT:LIM', 'VOLT:RAMP', '*OPC?', 'FREQ?']
+    """
+    found, path = [], ""
+    for part in split_outside_quotes(line, ";"):
+        header, _, argument = part.partition(" ")
+        header = header.upper()
+        if not header.startswith("*"):
+            header = header[1:] if header.startswith(":") else path + header
+            path = header[: header.rfind(":") + 1]
+        found.append(Message(header=header, argument=argument.strip()))
+    return found
+
+
+def split_outside_quotes(text: str, separator: str) -> list[str]:
+    """Return the parts of `text` between separators that no quotes hold, without empty ones.
+
+    >>> split_outside_quotes("DISP:TEXT 'a;b';*OPC?", ";")
+    ["DISP:TEXT 'a;b'", '*OPC?']
+    """
+    if "'" not in text and '"' not in text:
+        parts = text.split(separator)
+    else:
+        pattern = rf"""((?:'[^']*'|"[^"]*"|[^{separator}'"])+)"""
+        parts = re.findall(pattern, text)
+    return [part.strip() for part in parts if part.strip()]
+
+
+def header_pattern(spelling: str) -> "re.Pattern[str]":
+    """Return the pattern of all spellings of a header written as manuals write it.
+
+    Capitals are the short form, brackets enclose what may be left out, `#` is a channel.
+
+    >>> bool(header_pattern("[SOURce#:]VOLTage[:AMPLitude]?").fullmatch("SOUR1:VOLTAGE?"))
+    True
+    """
+    return re.compile("".join(_token(token) for token in _TOKEN.findall(spelling)))
+
+
+def _token(token: str) -> str:
+    if token in _TOKENS:
+        return _TOKENS[token]
+    short = "".join(letter for letter in token if not letter.islower())
+    return f"(?:{re.escape(token.upper())}|{re.escape(short)})"
+
+
+class Headers:
+    """The headers that an instrument knows, and what each one does."""
+
+    def __init__(self, handlers: dict[str, Handler], channels: int = 1) -> None:
+        self._handlers = [
+            (header_pattern(spelling), handler) for spelling, handler in handlers.items()
+        ]
+        self._channels = channels
+        self._known: dict[str, tuple[Handler, int]] = {}
+
+    def found(self, header: str) -> tuple[Handler, int]:
+        """Return what `header` does, and the channel it names (1 if none).
+
+        Raises:
+            ScpiError: it is no header (-102), unknown (-113), or of no channel here (-114).
+        """
+        if header not in self._known:
+            self._known[header] = self._looked_up(header)
+        return self._known[header]
+
+    def _looked_up(self, header: str) -> tuple[Handler, int]:
+        if not _HEADER.fullmatch(header):
+            raise ScpiError(-102, "Syntax error")
+        for pattern, handler in self._handlers:
+            if match := pattern.fullmatch(header):
+                return handler, self._channel([text for text in match.groups() if text])
+        raise ScpiError(-113, "Undefined header")
+
+    def _channel(self, suffixes: list[str]) -> int:
+        channel = int(suffixes[0]) if suffixes else 1
+        if not 1 <= channel <= self._channels:
+            raise ScpiError(-114, "Header suffix out of range")
+        return channel

@@ -1,0 +1,208 @@
+"""The wire as the simulated device sees it: a pseudo-terminal, or a loopback port."""
+
+import contextlib
+import os
+import socket
+from collections.abc import Callable
+from pathlib import Path
+from typing import Protocol
+
+from device.errors import DeviceError
+from device.link.codec import LineBuffer, text
+
+LOOPBACK = "127.0.0.1"
+_CHUNK = 65_536
+
+
+class Line(Protocol):
+    """One wire, one host at a time."""
+
+    url: str
+
+    def fileno(self) -> int:
+        """What becomes readable when the host does something."""
+        ...
+
+    def receive(self) -> bytes | None:
+        """Return what the host sent, maybe nothing; None if there was a host and it is gone."""
+        ...
+
+    def send(self, data: bytes) -> None:
+        """Send `data`; a host that does not read loses it."""
+        ...
+
+    def hang_up(self) -> None:
+        """Vanish."""
+        ...
+
+    def come_back(self) -> None:
+        """Be there again under the same address."""
+        ...
+
+    def close(self) -> None:
+        """Leave nothing behind."""
+        ...
+
+
+class PtyLine:
+    """A pseudo-terminal that a host opens under the name `link`."""
+
+    def __init__(self, link: Path) -> None:
+        self._link = link
+        self.url = str(link)
+        self.come_back()
+
+    def come_back(self) -> None:
+        """Make the pseudo-terminal, raw as a serial port is."""
+        import tty
+
+        self._master, slave = os.openpty()
+        self._slave: int | None = slave
+        tty.setraw(slave)
+        os.set_blocking(self._master, False)
+        self._link.symlink_to(os.ttyname(slave))
+
+    def hang_up(self) -> None:
+        """Close both ends, which hangs up on the host, and remove the name."""
+        self.close()
+
+    def fileno(self) -> int:
+        """Return the device's end."""
+        return self._master
+
+    def receive(self) -> bytes | None:
+        """Return what came. Our own hold on the host's end is given up once the host has spoken."""
+        try:
+            data = os.read(self._master, _CHUNK)
+        except BlockingIOError:
+            return b""
+        except OSError:
+            return None
+        if self._slave is not None:
+            os.close(self._slave)
+            self._slave = None
+        return data
+
+    def send(self, data: bytes) -> None:
+        """Send what the host takes."""
+        with contextlib.suppress(OSError):
+            os.write(self._master, data)
+
+    def close(self) -> None:
+        """Remove the name and close both ends."""
+        self._link.unlink(missing_ok=True)
+        for end in (self._master, self._slave):
+            if end is not None and end >= 0:
+                os.close(end)
+        self._master, self._slave = -1, None
+
+
+class TcpLine:
+    """A port on the loopback interface; 0 lets the system choose one."""
+
+    def __init__(self, port: int) -> None:
+        self._port = port
+        self._host: socket.socket | None = None
+        self.come_back()
+        self.url = f"socket://{LOOPBACK}:{self._port}"
+
+    def come_back(self) -> None:
+        """Listen."""
+        self._listener = socket.create_server((LOOPBACK, self._port))
+        self._listener.setblocking(False)
+        self._port = self._listener.getsockname()[1]
+
+    def hang_up(self) -> None:
+        """Hang up on the host, and on whoever comes."""
+        self.close()
+        self._host = None
+
+    def fileno(self) -> int:
+        """Return the host's socket, or the listener's while there is none."""
+        return (self._host or self._listener).fileno()
+
+    def receive(self) -> bytes | None:
+        """Return what came; the first call for a host lets it in."""
+        if self._host is None:
+            return self._let_in()
+        self._turn_away()
+        try:
+            data = self._host.recv(_CHUNK)
+        except BlockingIOError:
+            return b""
+        except OSError:
+            data = b""
+        if not data:
+            self._host.close()
+            self._host = None
+            return None
+        return data
+
+    def send(self, data: bytes) -> None:
+        """Send what the host takes."""
+        if self._host is not None:
+            with contextlib.suppress(OSError):
+                self._host.sendall(data)
+
+    def close(self) -> None:
+        """Close the port."""
+        self._listener.close()
+        if self._host is not None:
+            self._host.close()
+
+    def _let_in(self) -> bytes:
+        with contextlib.suppress(BlockingIOError):
+            self._host, _ = self._listener.accept()
+            self._host.setblocking(False)
+            self._host.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        return b""
+
+    def _turn_away(self) -> None:
+        """One host at a time: a second one finds its connection closed."""
+        with contextlib.suppress(BlockingIOError):
+            self._listener.accept()[0].close()
+
+
+class ControlDoor:
+    """A listening Unix socket and whoever came in through it."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self._listener.bind(str(path))
+        path.chmod(0o600)
+        self._listener.listen()
+        self._listener.setblocking(False)
+        self._inside: dict[socket.socket, LineBuffer] = {}
+
+    def sockets(self) -> list[socket.socket]:
+        """Return everything that may become readable."""
+        return [self._listener, *self._inside]
+
+    def serve(self, answer: Callable[[str], str]) -> None:
+        """Answer every line that has come."""
+        with contextlib.suppress(BlockingIOError):
+            visitor, _ = self._listener.accept()
+            visitor.setblocking(False)
+            self._inside[visitor] = LineBuffer()
+        for visitor in list(self._inside):
+            self._hear(visitor, answer)
+
+    def close(self) -> None:
+        """Close everything and remove the socket."""
+        for open_socket in self.sockets():
+            open_socket.close()
+        self._path.unlink(missing_ok=True)
+
+    def _hear(self, visitor: socket.socket, answer: Callable[[str], str]) -> None:
+        try:
+            received = visitor.recv(_CHUNK)
+            for line in self._inside[visitor].feed(received):
+                visitor.sendall(answer(text(line)).encode("ascii") + b"\n")
+        except BlockingIOError:
+            return
+        except (OSError, DeviceError):
+            received = b""
+        if not received:
+            del self._inside[visitor]
+            visitor.close()

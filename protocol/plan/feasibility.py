@@ -1,0 +1,172 @@
+"""Wishes of a design that cannot be met, or not whatever the order drawn.
+
+Found by counting, not by trying: what most orders could meet is refused if one could not.
+"""
+
+from collections.abc import Iterator
+
+from protocol.errors import Problem
+from protocol.plan.blocks import MAX_GROUPS, beam_groups, grouping, most_swaps
+from protocol.plan.trials import beams_of, touches_s
+from protocol.study.study import Study
+from protocol.study.touch import Touch
+from protocol.study.variants import at_level, opposite_expected
+
+
+def design_problems(study: Study) -> list[Problem]:
+    """Return every wish of the design that cannot be met; none means that every slot has a plan."""
+    found = [*_levels(study), *_opposites(study), *_catches(study), *_groups(study)]
+    found += _left_out(study)
+    return found or [*_swaps(study), *_runs(study), *_duration(study)]
+
+
+def _problem(key: str, rule: str, value: object, hint: str = "") -> Problem:
+    section, _, field = key.partition(".")
+    return Problem(where=key, rule=rule, value=str(value), hint=hint, path=(section, field))
+
+
+def _levels(study: Study) -> Iterator[Problem]:
+    for number, condition in enumerate(study.condition):
+        if study.design.repeats % len(condition.levels):
+            yield Problem(
+                where=f"condition {condition.name}, levels",
+                rule=f"their number must divide design.repeats = {study.design.repeats}",
+                value=str(len(condition.levels)),
+                hint="each level is then felt equally often",
+                path=("condition", number, "levels"),
+            )
+
+
+def _opposites(study: Study) -> Iterator[Problem]:
+    asked = study.design.opposite_repeats
+    if asked and not any(map(opposite_expected, study.condition)):
+        yield _problem(
+            "design.opposite_repeats",
+            "must be 0 where no condition has an opposite",
+            asked,
+            "an opposite needs a question on roughness or strength and a change of touch",
+        )
+
+
+def _catches(study: Study) -> Iterator[Problem]:
+    design, most = study.design, most_catches(study)
+    if design.catch_trials > most:
+        sure = "" if design.order == "fixed" else ", whatever the order drawn,"
+        yield _problem(
+            "design.catch_trials",
+            f"at most {most}{sure} stay catch_apart = {design.catch_apart} trials apart and follow "
+            "a trial on one beam",
+            design.catch_trials,
+            "ask for fewer, or let them stand closer",
+        )
+
+
+def most_catches(study: Study) -> int:
+    """Return how many catch trials stay as far apart as asked, whatever order is drawn.
+
+    A catch trial follows a trial on one beam. Unless the order is fixed, these may stand together.
+    """
+    design = study.design
+    on_one = [
+        len(beams_of(condition.touches, study.touch.beam)) == 1 for condition in study.condition
+    ]
+    if design.order != "fixed":
+        places = design.repeats * sum(on_one)
+        return (places - 1) // design.catch_apart + 1 if places else 0
+    most, last = 0, -design.catch_apart
+    for place, allowed in enumerate(on_one * design.repeats):
+        if allowed and place - last >= design.catch_apart:
+            most, last = most + 1, place
+    return most
+
+
+def _left_out(study: Study) -> Iterator[Problem]:
+    design, fewest = study.design, study.exclusions.min_trials
+    planned = design.repeats * len(study.condition) * design.sessions
+    if fewest is not None and fewest > planned:
+        yield _problem(
+            "exclusions.min_trials",
+            f"a participant has {planned} trials, so that everybody would be left out",
+            fewest,
+        )
+
+
+def _groups(study: Study) -> Iterator[Problem]:
+    design, number = study.design, len(beam_groups(study))
+    if design.group_by_beam != "no" and design.order == "fixed" and number > 1:
+        yield _problem(
+            "design.group_by_beam",
+            "must be 'no' where order = 'fixed'",
+            repr(design.group_by_beam),
+            "write the conditions in the order wanted",
+        )
+    if number > MAX_GROUPS and (design.group_by_beam != "no" or design.max_beam_swaps is not None):
+        yield _problem(
+            "design.group_by_beam", f"at most {MAX_GROUPS} sets of beams can be grouped", number
+        )
+
+
+def _swaps(study: Study) -> Iterator[Problem]:
+    design = study.design
+    if design.max_beam_swaps is None:
+        return
+    level = grouping(study)
+    needed = most_swaps(study, level)
+    if needed > design.max_beam_swaps:
+        yield _problem(
+            "design.max_beam_swaps",
+            f"a session may need {needed} beam swaps, grouped by beam: {level}",
+            design.max_beam_swaps,
+            "allow more, repeat less, or touch fewer beams in a trial",
+        )
+
+
+def _runs(study: Study) -> Iterator[Problem]:
+    design = study.design
+    level = grouping(study)
+    sizes = [len(study.condition)]
+    if level != "no":
+        sizes = [len(group.members) for group in beam_groups(study)]
+    if min(sizes) > 1 or design.repeats == 1:
+        return
+    at_most = 2 if level == "block" and len(sizes) > 1 else design.repeats
+    if at_most > design.max_alike_in_row:
+        alone = "the only condition" if level == "no" else "a condition alone on its beams"
+        yield _problem(
+            "design.max_alike_in_row",
+            f"{alone} comes up to {at_most} times in a row (grouped by beam: {level})",
+            design.max_alike_in_row,
+            "allow more in a row, group less, or repeat less",
+        )
+
+
+def _duration(study: Study) -> Iterator[Problem]:
+    longest_s = most_session_s(study)
+    if longest_s > study.timing.max_session_s:
+        yield _problem(
+            "timing.max_session_s",
+            f"a session may take {longest_s:.0f} s",
+            f"{study.timing.max_session_s:g} s",
+            "allow more, repeat less, or split it into more sessions",
+        )
+
+
+def most_session_s(study: Study) -> float:
+    """Return a duration, s, that no plan of the study exceeds."""
+    design = study.design
+    trials_s = [
+        _asked_s(study, at_level(condition.touches, max(condition.levels)), scored=True)
+        for condition in study.condition
+    ]
+    opening_s = sum(_asked_s(study, opening.touches, scored=False) for opening in study.opening)
+    extra_s = (design.practice_trials + design.catch_trials) * max(trials_s)
+    blocks = design.repeats * (len(beam_groups(study)) if grouping(study) == "session" else 1)
+    breaks = (blocks - 1) // design.break_every_blocks if design.break_every_blocks else 0
+    swaps_s = most_swaps(study, grouping(study)) * study.timing.beam_swap_s
+    return opening_s + extra_s + design.repeats * sum(trials_s) + breaks * design.break_s + swaps_s
+
+
+def _asked_s(study: Study, touches: tuple[Touch, ...], *, scored: bool) -> float:
+    timing = study.timing
+    asked_s = timing.answer_s + timing.score_s * scored
+    return timing.inter_trial_s + touches_s(study, touches) + asked_s

@@ -1,0 +1,177 @@
+"""The plan of one session: the study's trials in the order that the participant's slot gives."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from protocol.plan.blocks import ordered_conditions, practice_pool
+from protocol.plan.randomisation import Name, Stream, spaced_places
+from protocol.plan.trials import Plan, Trial, beams_of
+from protocol.study.study import Condition, Opening, Study
+from protocol.study.variants import at_level, catch_expected, opposite, opposite_expected
+
+
+def level_draws(study: Study, name: Name) -> list[list[float]]:
+    """Return for each condition its levels in random order, one per repeat, equally often."""
+    return [
+        Stream(*name, number).shuffled(
+            condition.levels * (study.design.repeats // len(condition.levels))
+        )
+        for number, condition in enumerate(study.condition)
+    ]
+
+
+def opposite_draws(study: Study, name: Name) -> list[list[bool]]:
+    """Return for each condition which of its repeats run in the opposite order."""
+    repeats = study.design.repeats
+    drawn = []
+    for number, condition in enumerate(study.condition):
+        turned = study.design.opposite_repeats if opposite_expected(condition) else 0
+        marks = [True] * turned + [False] * (repeats - turned)
+        drawn.append(Stream(*name, number).shuffled(marks))
+    return drawn
+
+
+def practised(study: Study, name: Name) -> list[int]:
+    """Return the conditions to practise: all of the pool in turn, in random order."""
+    pool, wanted = practice_pool(study), study.design.practice_trials
+    stream = Stream(*name)
+    drawn: list[int] = []
+    while len(drawn) < wanted:
+        drawn += stream.shuffled(pool)
+    return drawn[:wanted]
+
+
+def catch_places(study: Study, order: list[int], name: Name) -> dict[int, int]:
+    """Return {after how many scored trials: which condition} for the catch trials.
+
+    A catch trial follows a trial that needs one beam alone and takes a condition on that beam, so
+    that no beam is swapped for it. It never opens a block.
+    """
+    if not study.design.catch_trials:
+        return {}
+    beams = [beams_of(condition.touches, study.touch.beam) for condition in study.condition]
+    allowed = [place for place, number in enumerate(order, start=1) if len(beams[number]) == 1]
+    stream = Stream(*name)
+    places = spaced_places(allowed, study.design.catch_trials, study.design.catch_apart, stream)
+    return {
+        place: stream.one_of(
+            [number for number, needed in enumerate(beams) if needed == beams[order[place - 1]]]
+        )
+        for place in places
+    }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Session:
+    """Whose plan is drawn: the names of its random streams."""
+
+    study: Study
+    slot: int
+    number: int
+
+    def name(self, purpose: str) -> Name:
+        """Seed and name of the stream for `purpose`."""
+        return (self.study.study.seed, purpose, self.number, self.slot)
+
+
+def plan(study: Study, slot: int, session: int = 1) -> Plan:
+    """Return the plan for the participant in `slot`, counted from 0 over the cohort.
+
+    The study's seed decides everything: orders (see `protocol.plan.counterbalancing`), levels,
+    opposite, catch and practice trials each draw from a random stream of their own.
+
+    Args:
+        study: a checked study.
+        slot: the participant's place in the design.
+        session: of the participant, from 1.
+
+    Raises:
+        ValueError: the design's constraints cannot be met (`protocol.study_file.limits` says so
+            beforehand).
+    """
+    of = Session(study=study, slot=slot, number=session)
+    order = ordered_conditions(study, slot, session)
+    names = study.conditions
+    trials = [*map(_opening_trial, study.opening), *_practice(of), *_main(of, order)]
+    return Plan(
+        slot=slot,
+        session=session,
+        sequence=tuple(names[number] for _, number in order),
+        trials=tuple(replace(trial, index=index) for index, trial in enumerate(trials)),
+    )
+
+
+def _opening_trial(item: Opening) -> Trial:
+    return Trial(
+        index=0,
+        block=0,
+        kind=item.kind,
+        condition=None,
+        question=item.question,
+        expected=item.expected,
+        scored=False,
+        touches=item.touches,
+    )
+
+
+def _practice(of: Session) -> Iterator[Trial]:
+    for number in practised(of.study, of.name("practice")):
+        condition = of.study.condition[number]
+        yield replace(_trial(condition, condition.levels[-1], turned=False), kind="practice")
+
+
+def _main(of: Session, order: list[tuple[int, int]]) -> Iterator[Trial]:
+    """The scored trials block by block, with catch trials after some of them."""
+    levels = level_draws(of.study, of.name("levels"))
+    turned = opposite_draws(of.study, of.name("opposite"))
+    catches = catch_places(of.study, [number for _, number in order], of.name("catch"))
+    block_before = 1
+    for place, (block, number) in enumerate(order, start=1):
+        yield _trial(
+            of.study.condition[number],
+            levels[number].pop(),
+            turned=turned[number].pop(),
+            block=block,
+            break_s=_break_s(of.study, block) if block != block_before else 0.0,
+        )
+        if place in catches:
+            yield _catch_trial(of.study.condition[catches[place]], block)
+        block_before = block
+
+
+def _break_s(study: Study, block: int) -> float:
+    every = study.design.break_every_blocks
+    return study.design.break_s if every and (block - 1) % every == 0 else 0.0
+
+
+def _trial(
+    condition: Condition, level: float, *, turned: bool, block: int = 0, break_s: float = 0.0
+) -> Trial:
+    touches = at_level(condition.touches, level)
+    return Trial(
+        index=0,
+        block=block,
+        kind="trial",
+        condition=condition.name,
+        question=condition.question,
+        expected=opposite_expected(condition) if turned else condition.expected,
+        scored=True,
+        touches=opposite(touches) if turned else touches,
+        level=level,
+        opposite=turned,
+        break_s=break_s,
+    )
+
+
+def _catch_trial(condition: Condition, block: int) -> Trial:
+    return Trial(
+        index=0,
+        block=block,
+        kind="catch",
+        condition=condition.name,
+        question=condition.question,
+        expected=catch_expected(condition),
+        scored=False,
+        touches=at_level(condition.touches, 0.0),
+        level=0.0,
+    )

@@ -1,0 +1,137 @@
+"""What a plan amounts to, before anyone sits down: numbers for `touchbeam check`."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from protocol.plan.plan import plan
+from protocol.plan.trials import Plan, Trial, plan_swaps, session_s, touches_s
+from protocol.preview.session_length import Purchase, alternatives, purchases
+from protocol.proof.cohort import CarryOver, carry_over
+from protocol.study.study import Study
+from protocol.study.touch import Touch, slew_v_per_us
+from protocol.study_file.limits import max_resonance_hz
+
+Predict = Callable[[Trial], float | None]
+"""The change that a model predicts of a trial, `None` where nothing is asked."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Preview:
+    """A cohort's plans, slot by slot, and what they amount to."""
+
+    study: Study
+    plans: tuple[Plan, ...]
+    carryover: CarryOver
+    durations_s: tuple[float, ...]
+    swaps: tuple[int, ...]
+    max_voltage_v: float
+    max_frequency_hz: float
+    max_slew_v_per_us: float
+    max_resonance_hz: float
+
+
+def preview(study: Study, participants: int) -> Preview:
+    """Return the plans of the first session of slots 0 to `participants` - 1, and their sums."""
+    plans = tuple(plan(study, slot) for slot in range(participants))
+    touches = [touch for each in plans for trial in each.trials for touch in trial.touches]
+    nominal_hz = study.rig.nominal_resonance_hz
+    return Preview(
+        study=study,
+        plans=plans,
+        carryover=carry_over(study, plans),
+        durations_s=tuple(session_s(study, each) for each in plans),
+        swaps=tuple(plan_swaps(study, each) for each in plans),
+        max_voltage_v=max(touch.peak_voltage_v for touch in touches),
+        max_frequency_hz=max(touch.peak_frequency for touch in touches) * nominal_hz,
+        max_slew_v_per_us=max(_slew(touch, nominal_hz) for touch in touches),
+        max_resonance_hz=max_resonance_hz(study, touches),
+    )
+
+
+def _slew(touch: Touch, nominal_hz: float) -> float:
+    return slew_v_per_us(touch.peak_voltage_v, touch.peak_frequency * nominal_hz)
+
+
+def minutes_buy(shown: Preview, predict: Predict) -> list[Purchase]:
+    """Return what sessions of this and other lengths tell of one person's sensitivity.
+
+    The first slot's plans are taken; every slot has the same trials in another order.
+    """
+    main = [trial for trial in shown.plans[0].trials if trial.kind == "trial"]
+    contrasts = [contrast for trial in main if (contrast := predict(trial)) is not None]
+    return purchases(contrasts, shown.study.design.repeats, alternatives(shown.study))
+
+
+def preview_record(shown: Preview, predict: Predict) -> dict[str, Any]:
+    """Return the preview as JSON can hold it; infinite widths are `None`."""
+    return {
+        "participants": [
+            {
+                "id": f"P{each.slot + 1:02d}",
+                "sequence": list(each.sequence),
+                "trials": [_trial_record(shown.study, trial, predict) for trial in each.trials],
+                "duration_s": round(duration_s, 1),
+                "beam_swaps": swaps,
+            }
+            for each, duration_s, swaps in zip(
+                shown.plans, shown.durations_s, shown.swaps, strict=True
+            )
+        ],
+        "max_voltage_v": shown.max_voltage_v,
+        "max_frequency_hz": shown.max_frequency_hz,
+        "max_slew_v_per_us": shown.max_slew_v_per_us,
+        "max_resonance_hz": round(shown.max_resonance_hz, 1),
+        "carryover": {
+            "conditions": list(shown.study.conditions),
+            "counts": [list(row) for row in shown.carryover.counts],
+            "balanced": shown.carryover.balanced,
+            "imbalance": shown.carryover.imbalance,
+            "promised": shown.carryover.promised,
+            "across_blocks": [list(row) for row in shown.carryover.across_blocks],
+        },
+        "minutes_buy": [_purchase_record(bought) for bought in minutes_buy(shown, predict)],
+    }
+
+
+def _trial_record(study: Study, trial: Trial, predict: Predict) -> dict[str, Any]:
+    return {
+        "index": trial.index,
+        "block": trial.block,
+        "kind": trial.kind,
+        "condition": trial.condition,
+        "opposite": trial.opposite,
+        "level": trial.level,
+        "levels": levels(trial.touches),
+        "expected": trial.expected,
+        "touches": len(trial.touches),
+        "touching_s": round(touches_s(study, trial.touches), 2),
+        "predicted_contrast": predict(trial),
+    }
+
+
+def levels(touches: Sequence[Touch]) -> dict[str, list[Any]]:
+    """Return what the touches set, each from first to last; a pair is the beginning and the end."""
+    return {
+        "voltage_v": [_course(touch.voltage_v, touch.end_voltage_v) for touch in touches],
+        "frequency": [_course(touch.frequency, touch.end_frequency) for touch in touches],
+        "press": [touch.press for touch in touches],
+        "direction": [touch.direction for touch in touches],
+        "beam": [touch.beam for touch in touches],
+    }
+
+
+def _course(start: float, end: float) -> float | list[float]:
+    return start if start == end else [start, end]
+
+
+def _purchase_record(bought: Purchase) -> dict[str, Any]:
+    known = bought.half_width < float("inf")
+    return {
+        "repeats": bought.repeats,
+        "trials": bought.trials,
+        "duration_s": round(bought.duration_s, 1),
+        "whole": bought.whole,
+        "half_width": round(bought.half_width, 4) if known else None,
+        "relative_half_width": round(bought.relative, 4) if known else None,
+    }

@@ -1,0 +1,178 @@
+"""What the minutes buy: how precisely a session of some length tells a person's sensitivity.
+
+Sensitivity is the slope g of `rating = a + g contrast + error`, by least squares for one person
+alone. Its interval is half as wide as t(n - 2) s / sqrt(sum (x - mean x)^2): four times the
+trials buy half the width, and so does twice the spread of the contrasts.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from math import atan, cos, inf, pi, sin, sqrt
+
+from protocol.plan.feasibility import design_problems, most_catches
+from protocol.plan.plan import plan
+from protocol.plan.trials import session_s
+from protocol.study.design import MOST_REPEATS
+from protocol.study.study import Condition, Study
+
+
+@dataclass(frozen=True, kw_only=True)
+class Alternative:
+    """A session of so many repeats.
+
+    `whole` says that the study allows it as it is; else its other wishes were relaxed to plan it.
+    """
+
+    repeats: int
+    duration_s: float
+    whole: bool
+
+
+def alternatives(study: Study) -> Iterator[Alternative]:
+    """Yield sessions of fewer, of as many and of more repeats than the study's, first slot.
+
+    No more than a study file may ask for.
+    """
+    repeats = study.design.repeats
+    others = {1, 2, max(1, repeats // 2), repeats, repeats + 1, 2 * repeats, 4 * repeats}
+    for other in sorted(other for other in others if other <= MOST_REPEATS):
+        asked = _with(study, repeats=other)
+        whole = study.design.opposite_repeats < other and not design_problems(asked)
+        planned = asked if whole else _relaxed(asked)
+        yield Alternative(
+            repeats=other, duration_s=session_s(planned, plan(planned, 0)), whole=whole
+        )
+
+
+def _with(study: Study, **design: object) -> Study:
+    return study.model_copy(update={"design": study.design.model_copy(update=design)})
+
+
+def _relaxed(study: Study) -> Study:
+    """The study with its other wishes as nearly met as its repeats allow."""
+    design = study.design
+    conditions = tuple(_of_one_level(condition, design.repeats) for condition in study.condition)
+    return _with(
+        study.model_copy(update={"condition": conditions}),
+        opposite_repeats=min(design.opposite_repeats, design.repeats - 1),
+        catch_trials=min(design.catch_trials, most_catches(study)),
+        max_alike_in_row=max(design.max_alike_in_row, design.repeats),
+    )
+
+
+def _of_one_level(condition: Condition, repeats: int) -> Condition:
+    """The condition at its highest level alone where its levels do not divide the repeats."""
+    if repeats % len(condition.levels) == 0:
+        return condition
+    return condition.model_copy(update={"levels": (max(condition.levels),)})
+
+
+RESIDUAL_SD = 0.971825
+"""Of a score about its row and column in the paper's Table 4 (32 degrees of freedom)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Purchase:
+    """A session of so many repeats: how long it takes, and what it tells.
+
+    `whole` says that the study allows it as it is, but for `design.repeats`.
+    `half_width` is in scores per unit of predicted contrast; `relative` is its share of the gain
+    that would use the whole scale, from no contrast to the largest. Both are infinite where the
+    trials do not determine a slope.
+    """
+
+    repeats: int
+    trials: int
+    duration_s: float
+    whole: bool
+    half_width: float
+    relative: float
+
+
+def purchases(
+    contrasts: Sequence[float], repeats: int, sessions: Iterable[Alternative]
+) -> list[Purchase]:
+    """Return what sessions of other lengths buy, with the spread of contrasts of this one.
+
+    Args:
+        contrasts: predicted for the scored trials of a session of `repeats` repeats.
+        repeats: of the plan at hand.
+        sessions: to choose from.
+    """
+    return [_purchase(contrasts, session.repeats / repeats, session) for session in sessions]
+
+
+def _purchase(contrasts: Sequence[float], share: float, session: Alternative) -> Purchase:
+    trials = round(share * len(contrasts))
+    half = half_width(squared_spread(contrasts) * share, trials)
+    return Purchase(
+        repeats=session.repeats,
+        trials=trials,
+        duration_s=session.duration_s,
+        whole=session.whole,
+        half_width=half,
+        relative=half * max(map(abs, contrasts), default=0.0) / 10 if half < inf else inf,
+    )
+
+
+def squared_spread(contrasts: Sequence[float]) -> float:
+    """Return the sum of squared deviations from the mean."""
+    if not contrasts:
+        return 0.0
+    mean = sum(contrasts) / len(contrasts)
+    return sum((contrast - mean) ** 2 for contrast in contrasts)
+
+
+def half_width(spread: float, trials: int, residual_sd: float = RESIDUAL_SD) -> float:
+    """Return half the width of the 95 % interval of a slope, infinite if it is undetermined.
+
+    Args:
+        spread: sum of squared deviations of the contrasts.
+        trials: with a score.
+        residual_sd: of a score about the line.
+    """
+    if trials < 3 or spread <= 1e-12:
+        return inf
+    return t_quantile(0.975, trials - 2) * residual_sd / sqrt(spread)
+
+
+def t_quantile(probability: float, df: int) -> float:
+    """Return the quantile of Student's t with `df` degrees of freedom, by bisection.
+
+    >>> round(t_quantile(0.975, 18), 4)
+    2.1009
+    """
+    low, high = 0.0, 1e6
+    for _ in range(200):
+        middle = (low + high) / 2
+        if 0.5 + _central(middle, df) / 2 < probability:
+            low = middle
+        else:
+            high = middle
+    return (low + high) / 2
+
+
+def _central(t: float, df: int) -> float:
+    """Probability within [-t, t]: the finite sums of Abramowitz and Stegun, 26.7.3 and 26.7.4."""
+    angle = atan(t / sqrt(df))
+    if df % 2 == 0:
+        return sin(angle) * _even(cos(angle) ** 2, df)
+    return 2 / pi * (angle + (sin(angle) * _odd(cos(angle), df) if df > 1 else 0.0))
+
+
+def _even(squared: float, df: int) -> float:
+    """Return 1 + (1/2) c^2 + (1 3)/(2 4) c^4 + ... up to c^(df - 2)."""
+    term = total = 1.0
+    for k in range(2, df - 1, 2):
+        term *= squared * (k - 1) / k
+        total += term
+    return total
+
+
+def _odd(cosine: float, df: int) -> float:
+    """Return c + (2/3) c^3 + (2 4)/(3 5) c^5 + ... up to c^(df - 2)."""
+    term = total = cosine
+    for k in range(2, df - 2, 2):
+        term *= cosine**2 * k / (k + 1)
+        total += term
+    return total

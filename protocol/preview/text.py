@@ -1,0 +1,182 @@
+"""The preview of a plan as plain lines, for a terminal of 80 columns or more."""
+
+from collections.abc import Iterator, Sequence
+
+from protocol.plan.trials import Trial
+from protocol.preview.preview import Predict, Preview, levels, minutes_buy
+from protocol.preview.session_length import RESIDUAL_SD, Purchase
+from protocol.proof.cohort import CarryOver, balance_promised, sequences
+
+
+def preview_lines(shown: Preview, predict: Predict) -> Iterator[str]:
+    """Yield the preview line by line: the first participant's trials, then the cohort."""
+    yield f"Plan of the first of {_many(len(shown.plans), 'participant')} (session 1)"
+    yield ""
+    yield from _table(_trial_rows(shown, predict))
+    yield ""
+    yield "Peak V: the amplitude. Drive: 1 is at the resonance. 0.98/1: one touch, then another;"
+    yield "0>200: during a touch."
+    yield "Predicted: by how much ln(friction) changes in the model, + in the expected direction."
+    yield "Finger: what else changes from touch to touch; x1.5 presses harder by that factor."
+    yield ""
+    yield from _session_lines(shown)
+    yield ""
+    yield from _carryover_lines(shown)
+    yield ""
+    yield from _purchase_lines(shown, predict)
+
+
+def _many(number: int, one: str, more: str = "") -> str:
+    return f"{number} {one if number == 1 else more or one + 's'}"
+
+
+def _trial_rows(shown: Preview, predict: Predict) -> Iterator[tuple[str, ...]]:
+    yield (
+        "#",
+        "block",
+        "kind",
+        "condition",
+        "peak V",
+        "drive",
+        "pred.",
+        "expected",
+        "finger",
+    )
+    for trial in shown.plans[0].trials:
+        contrast = predict(trial)
+        yield (
+            str(trial.index),
+            str(trial.block) if trial.block else "",
+            "opposite" if trial.opposite else trial.kind.replace("trial", ""),
+            trial.condition or "",
+            _courses(trial, "voltage_v"),
+            _courses(trial, "frequency"),
+            "" if contrast is None else f"{contrast:+.3f}",
+            trial.expected or "",
+            _finger(trial),
+        )
+
+
+def _finger(trial: Trial) -> str:
+    """What else changes from touch to touch: the direction, how hard to press, the beam."""
+    set_by = levels(trial.touches)
+    courses = [set_by["direction"], [f"x{press:g}" for press in set_by["press"]], set_by["beam"]]
+    return "; ".join(
+        "/".join(str(value) for value in course) for course in courses if len(set(course)) > 1
+    )
+
+
+def _courses(trial: Trial, key: str) -> str:
+    """`0.98/1`, or `100` where all touches have the same; `0>200` where it changes in a touch."""
+    shown = [
+        ">".join(f"{value:g}" for value in course) if isinstance(course, list) else f"{course:g}"
+        for course in levels(trial.touches)[key]
+    ]
+    return shown[0] if len(set(shown)) == 1 else "/".join(shown)
+
+
+def _table(rows: Iterator[tuple[str, ...]]) -> Iterator[str]:
+    cells = list(rows)
+    widths = [max(_columns(row[place]) for row in cells) for place in range(len(cells[0]))]
+    for row in cells:
+        padded = (
+            cell + " " * (width - _columns(cell)) for cell, width in zip(row, widths, strict=True)
+        )
+        yield "  ".join(padded).rstrip()
+
+
+def _columns(text: str) -> int:
+    """How many columns of a terminal `text` takes: a Chinese character takes two."""
+    if text.isascii():
+        return len(text)
+    from unicodedata import combining, east_asian_width
+
+    return sum((east_asian_width(sign) in "WF") + (not combining(sign)) for sign in text)
+
+
+def _session_lines(shown: Preview) -> Iterator[str]:
+    rig, trials = shown.study.rig, shown.plans[0].trials
+    touches = sum(len(trial.touches) for trial in trials)
+    scored = sum(trial.scored for trial in trials if trial.kind == "trial")
+    swaps = "1 beam swap" if set(shown.swaps) == {1} else f"{_span(shown.swaps)} beam swaps"
+    yield (
+        f"Session     {_span([s / 60 for s in shown.durations_s])} min, "
+        f"{_many(touches, 'touch', 'touches')}, {_many(scored, 'scored trial')}, {swaps}"
+    )
+    yield f"Amplitude   up to {shown.max_voltage_v:g} V (peak); limit {rig.max_voltage_v:g} V"
+    yield (
+        f"Drive       up to {shown.max_frequency_hz:.0f} Hz if the resonance is at "
+        f"{rig.nominal_resonance_hz:g} Hz; limit {rig.max_frequency_hz:g} Hz"
+    )
+    yield (
+        f"Slew        up to {shown.max_slew_v_per_us:.1f} V/us; "
+        f"limit {rig.max_slew_v_per_us:g} V/us"
+    )
+    yield (
+        f"Resonance   measured before the first touch; above {shown.max_resonance_hz:.0f} Hz "
+        "a limit would end the session"
+    )
+
+
+def _span(values: Sequence[float]) -> str:
+    low, high = f"{min(values):.3g}", f"{max(values):.3g}"
+    return low if low == high else f"{low} to {high}"
+
+
+def _carryover_lines(shown: Preview) -> Iterator[str]:
+    carryover, names = shown.carryover, shown.study.conditions
+    if carryover.balanced:
+        yield f"Carry-over  balanced over {_many(len(shown.plans), 'participant')}"
+    else:
+        yield (
+            f"Carry-over  not balanced over {_many(len(shown.plans), 'participant')} "
+            f"({_unbalanced(carryover)}): {_advice(shown)}"
+        )
+    yield "How often the condition of a column comes directly after that of a row:"
+    header = ("", *names)
+    rows = [
+        (name, *("" if a == b and not count else str(count) for b, count in enumerate(row)))
+        for a, (name, row) in enumerate(zip(names, carryover.counts, strict=True))
+    ]
+    yield from _table(iter([header, *rows]))
+
+
+def _unbalanced(carryover: CarryOver) -> str:
+    if not any(map(any, carryover.counts)):
+        return "none directly follows another within a block"
+    return f"counts differ by up to {carryover.imbalance}"
+
+
+def _advice(shown: Preview) -> str:
+    size = sequences(shown.study)
+    if balance_promised(shown.study, size):
+        return f"take a multiple of {size}"
+    return "this design does not balance it"
+
+
+def _purchase_lines(shown: Preview, predict: Predict) -> Iterator[str]:
+    yield "What the minutes buy: how well a session of so many repeats tells one person's"
+    yield "sensitivity, which is the points of score that a unit of predicted change is worth."
+    yield "The 95 % interval goes this far to either side, from that person's scores alone:"
+    rows = [("repeats", "trials", "minutes", "points per unit", "of the scale")]
+    bought = minutes_buy(shown, predict)
+    rows += [_purchase_row(shown, option) for option in bought]
+    yield from _table(iter(rows))
+    if not all(option.whole for option in bought):
+        yield "*: as it is, the study does not allow so many; levels, catch trials, opposite"
+        yield "repeats or the longest session would have to change with design.repeats."
+    yield "<: this study. Of the scale: what that is at the largest change predicted here."
+    scatter = f"Scores are taken to scatter by an SD of {RESIDUAL_SD:.2f} points"
+    yield f"{scatter}, as in the paper's Table 4."
+
+
+def _purchase_row(shown: Preview, bought: Purchase) -> tuple[str, str, str, str, str]:
+    here = " <" if bought.repeats == shown.study.design.repeats else " *" * (not bought.whole)
+    known = bought.half_width < float("inf")
+    return (
+        f"{bought.repeats}{here}",
+        str(bought.trials),
+        f"{bought.duration_s / 60:.1f}",
+        f"{bought.half_width:.2f}" if known else "not determined",
+        f"{bought.relative:.0%}" if known else "",
+    )

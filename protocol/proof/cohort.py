@@ -1,0 +1,118 @@
+"""Proves the plans of a whole cohort: each by itself, and carry-over where it is promised."""
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from protocol.errors import Problem
+from protocol.plan.trials import Plan
+from protocol.proof.trial_checks import plan_problems
+from protocol.study.study import Study
+
+
+def cohort_problems(study: Study, plans: Sequence[Plan]) -> list[Problem]:
+    """Return every promise that the plans of slots 0, 1, 2 and so on break."""
+    if not plans:
+        return [_problem("there must be at least one plan", "none")]
+    found = [problem for plan in plans for problem in plan_problems(study, plan)]
+    if [plan.slot for plan in plans] != list(range(len(plans))):
+        found.append(_problem("slots must be numbered from 0", [plan.slot for plan in plans]))
+    if _promised(study, len(plans)):
+        pairs = _pairs(plans)
+        names = study.conditions
+        counts = {(a, b): pairs[a, b] for a in names for b in names if a != b}
+        if len(set(counts.values())) > 1:
+            found.append(_problem("every condition must follow every other equally often", counts))
+    return found
+
+
+def _problem(rule: str, value: object) -> Problem:
+    return Problem(where="cohort", rule=rule, value=str(value))
+
+
+def _promised(study: Study, size: int) -> bool:
+    number, design = len(study.condition), study.design
+    whole = number if number % 2 == 0 else 2 * number
+    free = design.group_by_beam == "no" and design.max_beam_swaps is None
+    return design.order == "williams" and free and number > 1 and size % whole == 0
+
+
+def _pairs(plans: Sequence[Plan]) -> Counter[tuple[str | None, str | None]]:
+    pairs: Counter[tuple[str | None, str | None]] = Counter()
+    for plan in plans:
+        main = [trial for trial in plan.trials if trial.kind == "trial"]
+        pairs.update((a.condition, b.condition) for a, b in pairwise(main) if a.block == b.block)
+    return pairs
+
+
+Counts = tuple[tuple[int, ...], ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CarryOver:
+    """First-order carry-over: `counts[a][b]` is how often condition b directly follows a.
+
+    Counted among the scored trials of each block; catch trials in between are passed over.
+    `across_blocks` counts the pairs on both sides of a block's end, which no design balances.
+    `promised` says whether the design undertakes to balance a cohort of this size.
+    """
+
+    counts: Counts
+    across_blocks: Counts
+    promised: bool
+
+    @property
+    def balanced(self) -> bool:
+        """Whether every condition follows every other one equally often, and at all."""
+        return self.imbalance == 0 and 0 not in self._pairs
+
+    @property
+    def imbalance(self) -> int:
+        """Largest difference between two counts of different conditions."""
+        return max(self._pairs, default=0) - min(self._pairs, default=0)
+
+    @property
+    def _pairs(self) -> list[int]:
+        size = range(len(self.counts))
+        return [self.counts[a][b] for a in size for b in size if a != b]
+
+
+def carry_over(study: Study, plans: Sequence[Plan]) -> CarryOver:
+    """Return the carry-over of `plans`, conditions in the order of the file."""
+    within: list[tuple[str, str]] = []
+    across: list[tuple[str, str]] = []
+    for plan in plans:
+        main = [trial for trial in plan.trials if trial.kind == "trial"]
+        for before, after in pairwise(main):
+            pair = (before.condition or "", after.condition or "")
+            (within if before.block == after.block else across).append(pair)
+    return CarryOver(
+        counts=_counts(study.conditions, within),
+        across_blocks=_counts(study.conditions, across),
+        promised=balance_promised(study, len(plans)),
+    )
+
+
+def _counts(names: Sequence[str], pairs: Iterable[tuple[str, str]]) -> Counts:
+    table = {name: dict.fromkeys(names, 0) for name in names}
+    for before, after in pairs:
+        table[before][after] += 1
+    return tuple(tuple(row.values()) for row in table.values())
+
+
+def balance_promised(study: Study, participants: int) -> bool:
+    """Return whether carry-over is exactly balanced for a cohort of this size.
+
+    It is when the cohort is a multiple of n (n even) or 2n (n odd) conditions, in Williams order,
+    and neither grouping nor a bound on beam swaps is asked for.
+    """
+    design = study.design
+    free = design.group_by_beam == "no" and design.max_beam_swaps is None
+    return design.order == "williams" and free and participants % sequences(study) == 0
+
+
+def sequences(study: Study) -> int:
+    """Return how many sequences a Williams design of the study's conditions has."""
+    conditions = len(study.condition)
+    return conditions if conditions % 2 == 0 or conditions == 1 else 2 * conditions

@@ -1,0 +1,175 @@
+"""The design: which trials a participant gets, how they are ordered and how long they take."""
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from protocol.study.fields import Count, Line, NotNegative, Positive, Record, Share, Whole
+
+Order = Literal["williams", "blocks", "random", "fixed"]
+Grouping = Literal["no", "block", "session"]
+MOST_REPEATS = 20
+"""Of a condition in a session."""
+Pause = Annotated[NotNegative, Field(le=600)]
+"""Within a trial or before it, s: more than 10 minutes are in ms."""
+LongPause = Annotated[NotNegative, Field(le=3_600)]
+"""Between trials, s: more than an hour ends the session."""
+
+
+class Design(Record):
+    """Which trials there are and how they are ordered over the cohort."""
+
+    order: Annotated[
+        Order,
+        Field(
+            description="`williams`: balanced over the cohort; `blocks`: every block a random "
+            "order of all conditions; `random`: all trials shuffled, as many to a block as there "
+            "are conditions; `fixed`: as in the file"
+        ),
+    ] = "williams"
+    repeats: Annotated[
+        Count,
+        Field(
+            le=MOST_REPEATS, description="how often a participant gets each condition, per session"
+        ),
+    ] = 1
+    max_alike_in_row: Annotated[
+        Count,
+        Field(description="no more scored trials of one condition than this follow each other"),
+    ] = 2
+    practice_trials: Annotated[
+        Whole,
+        Field(
+            le=20,
+            description="before the first block, of conditions on the study's own beam, at the "
+            "last of their levels; never analysed",
+        ),
+    ] = 0
+    catch_trials: Annotated[
+        Whole,
+        Field(
+            le=50,
+            description="trials at 0 V among the others, where nothing changes: of any condition "
+            "on the one beam that is mounted, also the one just felt",
+        ),
+    ] = 0
+    catch_apart: Annotated[
+        Count, Field(description="at least so many other trials stand between two catch trials")
+    ] = 1
+    opposite_repeats: Annotated[
+        Whole,
+        Field(
+            description="in so many of the repeats of a condition the touches come in the opposite "
+            "order, so that the opposite answer is expected"
+        ),
+    ] = 0
+    group_by_beam: Annotated[
+        Grouping,
+        Field(
+            description="let trials with the same beam stand together, within each block or over "
+            "the session; carry-over is then not balanced"
+        ),
+    ] = "no"
+    max_beam_swaps: Annotated[
+        Whole | None,
+        Field(description="per session; trials are grouped further if this needs it"),
+    ] = None
+    break_every_blocks: Annotated[Whole, Field(description="0: no break")] = 0
+    break_s: Annotated[LongPause, Field(description="shortest duration of a break")] = 60.0
+    sessions: Annotated[Count, Field(le=50, description="of each participant")] = 1
+    participants: Annotated[
+        Count | None, Field(le=10_000, description="planned size of the cohort")
+    ] = None
+
+    @model_validator(mode="after")
+    def _some_repeats_are_not_opposite(self) -> Self:
+        if self.opposite_repeats >= self.repeats:
+            raise ValueError(
+                f"opposite_repeats must be less than repeats = {self.repeats}, "
+                f"got {self.opposite_repeats}"
+            )
+        return self
+
+
+class Timing(Record):
+    """Pauses that the session keeps, and assumptions from which its duration is estimated."""
+
+    between_touches_s: Annotated[Pause, Field(description="pause within a trial")] = 1.0
+    inter_trial_s: Annotated[Pause, Field(description="pause before a trial")] = 2.0
+    reading_s: Annotated[Pause, Field(description="assumed, to read an instruction")] = 4.0
+    answer_s: Annotated[Pause, Field(description="assumed, to answer a question")] = 5.0
+    score_s: Annotated[Pause, Field(description="assumed, to give a score")] = 5.0
+    beam_swap_s: Annotated[LongPause, Field(description="assumed, to mount another beam")] = 60.0
+    max_session_s: Annotated[
+        Positive, Field(le=14_400, description="longest session that may be planned")
+    ] = 5_400.0
+
+
+OperatorQuestion = Literal["skin state", "room temperature", "humidity", "cleaning"]
+
+
+class Conduct(Record):
+    """What a session asks of the operator, and when it may be resumed."""
+
+    operator_asks: Annotated[
+        tuple[OperatorQuestion, ...],
+        Field(description="what the operator notes before the first trial"),
+    ] = ()
+    consent_required: Annotated[
+        bool, Field(strict=True, description="refuse a session without a reference to the consent")
+    ] = False
+    resume_within_h: Annotated[
+        Positive, Field(le=720, description="an interrupted session older than this is not resumed")
+    ] = 24.0
+    practise_again: Annotated[
+        Literal["never", "on resume"], Field(description="whether a resumed session practises")
+    ] = "never"
+
+
+class Exclusions(Record):
+    """Rules that were settled beforehand; the report applies them and says whom they met."""
+
+    max_false_alarms: Annotated[
+        Share | None, Field(description="share of catch trials on which a change was reported")
+    ] = None
+    max_missing_scores: Annotated[
+        Share | None, Field(description="share of a participant's scores that is missing")
+    ] = None
+    # A limit of more than half a minute would leave out everybody: it is in ms.
+    min_reaction_s: Annotated[
+        Positive | None, Field(le=30, description="a trial answered sooner is left out")
+    ] = None
+    # Nobody answers within 0.1 s, and 600 s leave out nobody.
+    max_reaction_s: Annotated[
+        Positive | None,
+        Field(ge=0.1, le=600, description="a trial answered later is left out"),
+    ] = None
+    min_trials: Annotated[
+        Count | None, Field(description="a participant with fewer valid trials is left out")
+    ] = None
+
+    @model_validator(mode="after")
+    def _some_time_is_left(self) -> Self:
+        fastest, slowest = self.min_reaction_s, self.max_reaction_s
+        if fastest is not None and slowest is not None and fastest >= slowest:
+            raise ValueError(
+                f"min_reaction_s must be less than max_reaction_s = {slowest:g}, got {fastest:g}"
+            )
+        return self
+
+
+class Publication(Record):
+    """Facts that only the study's author knows, for exported data; none is ever invented."""
+
+    title: Annotated[Line | None, Field(description="of the data set")] = None
+    authors: Annotated[tuple[Line, ...], Field(description="in the order of citation")] = ()
+    licence: Annotated[Line | None, Field(description="such as `CC0`")] = None
+    institution: Annotated[Line | None, Field(description="where it was done")] = None
+    institution_address: Annotated[Line | None, Field(description="of the institution")] = None
+    ethics_approvals: Annotated[
+        tuple[Line, ...], Field(description="committee and reference number")
+    ] = ()
+    funding: Annotated[tuple[Line, ...], Field(description="grants")] = ()
+    references: Annotated[tuple[Line, ...], Field(description="what to read and cite")] = ()
+    doi: Annotated[Line | None, Field(description="of the data set")] = None
+    keywords: Annotated[tuple[Line, ...], Field(description="of the data set")] = ()

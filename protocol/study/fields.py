@@ -1,0 +1,56 @@
+"""What all records of a study have in common, and the kinds of number they hold."""
+
+import re
+from typing import Annotated
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+_UNPRINTABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
+UNWANTED = "must hold no control characters and none that turn the direction of writing"
+
+
+def unprintable(text: str) -> bool:
+    """Return whether `text` holds control characters or such as turn the direction of writing.
+
+    Tabs and line ends are neither.
+    """
+    return _UNPRINTABLE.search(text) is not None
+
+
+def printable(text: str) -> str:
+    r"""Return `text` with U+FFFD in place of such characters.
+
+    >>> ascii(printable("bell \x07"))
+    "'bell \\ufffd'"
+    """
+    return _UNPRINTABLE.sub("\ufffd", text)
+
+
+def require_printable(text: str) -> str:
+    """Return `text`.
+
+    Raises:
+        ValueError: it holds such characters.
+    """
+    if unprintable(text):
+        raise ValueError(UNWANTED)
+    return text
+
+
+LONGEST_NAME = 64
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False, strict=True)]
+Share = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False, strict=True)]
+Whole = Annotated[int, Field(ge=0, strict=True)]
+Count = Annotated[int, Field(ge=1, strict=True)]
+Name = Annotated[
+    str, Field(min_length=1, max_length=LONGEST_NAME), AfterValidator(require_printable)
+]
+Line = Annotated[str, Field(min_length=1, max_length=500)]
+
+
+class Record(BaseModel):
+    """Frozen, keyword-only, no unknown keys; a number is never read from a text."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)

@@ -1,0 +1,110 @@
+"""The questions a participant can be asked after a touch, and the answers each one allows."""
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from protocol.study.fields import Line, Record, Whole
+
+Question = Literal["roughness", "strength", "places"]
+
+ANSWERS: dict[Question, tuple[str, ...]] = {
+    "roughness": ("smoother", "rougher", "same"),
+    "strength": ("stronger", "weaker", "same"),
+    "places": ("swapped", "not swapped"),
+}
+"""The paper asks how the touch changed (section 5.2); the wording fits the condition."""
+
+
+def checked_answer(question: Question, answer: str) -> str:
+    """Return `answer` if `question` allows it.
+
+    Raises:
+        ValueError: it does not; the message names the answers that are allowed.
+    """
+    if answer not in ANSWERS[question]:
+        raise ValueError(
+            f"the answer about {question} must be one of {', '.join(ANSWERS[question])}, "
+            f"got {answer!r}"
+        )
+    return answer
+
+
+_OPPOSITES = {"smoother": "rougher", "stronger": "weaker"}
+_OPPOSITES |= {other: answer for answer, other in _OPPOSITES.items()}
+
+
+def opposite_answer(question: Question, answer: str) -> str | None:
+    """Return the answer that says the contrary, or `None` if there is none.
+
+    Places that swap from right to left also swap from left to right.
+
+    >>> opposite_answer("roughness", "smoother")
+    'rougher'
+    """
+    opposite = _OPPOSITES.get(answer)
+    return opposite if opposite in ANSWERS[question] else None
+
+
+def no_change(question: Question) -> str:
+    """Return the answer that says that nothing changed.
+
+    >>> no_change("places")
+    'not swapped'
+    """
+    return ANSWERS[question][-1]
+
+
+class Band(Record):
+    """The name of a range of scores, in each language."""
+
+    first: Annotated[Whole, Field(alias="from", description="lowest score of the band")]
+    last: Annotated[Whole, Field(alias="to", description="highest score of the band")]
+    en: Annotated[Line, Field(description="its name in English")]
+    zh: Annotated[Line, Field(description="its name in Chinese")]
+
+
+PAPERS_BANDS = (
+    Band(first=0, last=0, en="no effect", zh="无效果"),
+    Band(first=1, last=4, en="very weak", zh="很弱"),
+    Band(first=5, last=7, en="general", zh="一般"),
+    Band(first=8, last=10, en="very effective", zh="非常有效"),
+)
+"""The paper's names of its scores (section 5.2)."""
+
+
+class Rating(Record):
+    """When the effect is scored, and how the scores are named (0-10, paper section 5.2)."""
+
+    score_when: Annotated[
+        Literal["agrees", "always"],
+        Field(description="ask for the score only if the answer agrees with the expectation"),
+    ] = "agrees"
+    minimum: Annotated[Literal[0], Field(description="lowest score")] = 0
+    maximum: Annotated[Literal[10], Field(description="highest score")] = 10
+    ticks: Annotated[
+        Literal["all", "bands", "ends"], Field(description="which scores are marked on the scale")
+    ] = "all"
+    bands: Annotated[
+        tuple[Band, ...], Field(description="names of ranges, together the whole scale")
+    ] = ()
+
+    @model_validator(mode="after")
+    def _bands_cover_the_scale(self) -> Self:
+        covered = [score for band in self.bands for score in range(band.first, band.last + 1)]
+        if self.bands and covered != list(range(self.minimum, self.maximum + 1)):
+            spans = ", ".join(f"{band.first}-{band.last}" for band in self.bands)
+            raise ValueError(
+                f"bands must follow one another from {self.minimum} to {self.maximum}, got {spans}"
+            )
+        return self
+
+    def checked_score(self, score: int) -> int:
+        """Return `score` if it lies on the scale.
+
+        Raises:
+            ValueError: it does not.
+        """
+        if not self.minimum <= score <= self.maximum:
+            raise ValueError(f"rating must lie in [{self.minimum}, {self.maximum}], got {score}")
+        return score

@@ -1,0 +1,108 @@
+"""The rig: the device that drives the beam, and the limits that no trial may exceed."""
+
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field
+
+from protocol.address import ADDRESS_RULE, is_address
+from protocol.study.fields import Line, Positive, Record
+
+Dialect = Literal["board", "keysight"]
+"""Each is a driver of that name; what is no board is a generator with an amplifier behind it."""
+
+
+def _address(text: str) -> str:
+    if not is_address(text):
+        raise ValueError(ADDRESS_RULE)
+    return text
+
+
+class Rig(Record):
+    """The device and the limits that no trial may exceed."""
+
+    device: Annotated[
+        Line,
+        AfterValidator(_address),
+        Field(
+            description="`sim`, a serial port (`/dev/ttyUSB0`, `COM3`), `socket://host:5025` or "
+            "`rfc2217://host:5025`, without options"
+        ),
+    ] = "sim"
+    dialect: Annotated[
+        Dialect, Field(description="what the device speaks: `keysight` is a generator")
+    ] = "board"
+    voltages_are: Annotated[
+        Literal["peak"],
+        Field(
+            description="every voltage is an amplitude (peak): half of what a generator "
+            "shows as peak-to-peak"
+        ),
+    ] = "peak"
+    # A beam that sounds below 1 kHz is no ultrasonic device: the number is in kHz.
+    nominal_resonance_hz: Annotated[
+        Positive,
+        Field(
+            ge=1_000,
+            le=100_000,
+            description="where the session looks for the rig's own resonance (paper, Table 3)",
+        ),
+    ] = 24_221.0
+    max_voltage_v: Annotated[
+        Positive, Field(le=200, description="largest amplitude (peak) at the beam")
+    ] = 200.0
+    max_frequency_hz: Annotated[
+        Positive, Field(ge=1_000, le=100_000, description="highest drive")
+    ] = 40_000.0
+    # At 1 V/s the soft start to 200 V takes more than 3 minutes.
+    ramp_v_per_s: Annotated[
+        Positive,
+        Field(ge=1, le=2_000, description="how fast an amplitude may change, soft start included"),
+    ] = 400.0
+    max_slew_v_per_us: Annotated[
+        Positive,
+        Field(le=1_000, description="what the amplifier follows: 2 pi f V of the drive"),
+    ] = 40.0
+    max_drive_s: Annotated[
+        Positive, Field(le=600, description="longest time that one touch is driven")
+    ] = 30.0
+    # Piezo amplifiers have gains of 10 to 100; one behind a divider has less than 1.
+    amplifier_gain: Annotated[
+        Positive | None,
+        Field(
+            ge=0.1,
+            le=1_000,
+            description="volts at the beam per volt of the generator; not for a board",
+        ),
+    ] = None
+    # Bench generators give up to 20 V peak-to-peak, some 40 V: more is in mV.
+    generator_max_vpp: Annotated[
+        Positive,
+        Field(
+            ge=0.1,
+            le=100,
+            description="what the generator gives, peak-to-peak, into an open circuit",
+        ),
+    ] = 10.0
+    # A small sheet has some 100 pF, a stack some uF.
+    capacitance_nf: Annotated[
+        Positive | None,
+        Field(ge=0.01, le=10_000, description="of the piezoelectric sheets, for the current"),
+    ] = None
+    # 0.1 mA drives no sheet, and 10 A no amplifier for one.
+    max_current_ma: Annotated[
+        Positive | None,
+        Field(
+            ge=0.1,
+            le=10_000,
+            description="what the amplifier supplies: 2 pi f C V of the drive",
+        ),
+    ] = None
+    watchdog_s: Annotated[
+        Positive,
+        Field(
+            ge=0.1,
+            le=5,
+            description="the device turns off when the session is silent so long; "
+            "less than 0.2 asks for a machine that does nothing else",
+        ),
+    ] = 0.5

@@ -1,0 +1,133 @@
+"""The study as data: the records that a study file is made of.
+
+Every record is frozen and refuses unknown keys. Quantities are in SI units; a voltage is an
+amplitude (peak), a frequency is relative to the resonance that the rig measures.
+"""
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from protocol.study.design import Conduct, Design, Exclusions, Publication, Timing
+from protocol.study.fields import Name, NotNegative, Positive, Record, Whole
+from protocol.study.questions import ANSWERS, Question, Rating
+from protocol.study.rig import Rig
+from protocol.study.touch import Touch, TouchDefaults
+
+Language = Literal["en", "zh"]
+Level = Annotated[Positive, Field(ge=0.001, le=200)]
+"""Of an amplitude: 200 makes 1 V the largest there is, and a thousandth drives nothing."""
+Spacing = Annotated[NotNegative, Field(le=0.05)]
+"""Of ciliary bodies, m: at more than 50 mm there are not two under a finger."""
+
+
+class Item(Record):
+    """Something to touch and, unless `question` is missing, to answer."""
+
+    question: Annotated[
+        Question | None, Field(description="what is asked after the last touch")
+    ] = None
+    expected: Annotated[
+        str | None, Field(description="the answer that agrees with the expectation")
+    ] = None
+    touches: Annotated[
+        tuple[Touch, ...],
+        Field(min_length=1, max_length=12, description="in order; a table each, see below"),
+    ]
+
+    @model_validator(mode="after")
+    def _expected_fits_question(self) -> Self:
+        allowed = ANSWERS[self.question] if self.question else (None,)
+        if self.expected not in allowed:
+            raise ValueError(
+                f"expected must be one of {', '.join(map(str, allowed))} "
+                f"for the question {self.question}, got {self.expected!r}"
+            )
+        return self
+
+
+class Opening(Item):
+    """A trial that every session begins with; it is not scored."""
+
+    kind: Annotated[
+        Literal["baseline", "signal"],
+        Field(description="without a signal (0 V), or with the first one"),
+    ]
+
+
+class Condition(Item):
+    """A parameter that changes; its effect is scored."""
+
+    name: Annotated[Name, Field(description="as it appears in tables and reports")]
+    question: Annotated[Question, Field(description="what is asked after the last touch")]
+    expected: Annotated[str, Field(description="the answer that agrees with the expectation")]
+    levels: Annotated[
+        tuple[Level, ...],
+        Field(
+            min_length=1,
+            max_length=20,
+            description="the repeats take these in random order: every amplitude of the trial is "
+            "multiplied by its level, so that predicted contrasts are spread",
+        ),
+    ] = (1.0,)
+
+
+class Header(Record):
+    """Which study this is."""
+
+    schema_version: Annotated[
+        Literal[1], Field(alias="schema", description="version of this file's format")
+    ] = 1
+    name: Annotated[Name, Field(description="of the study")]
+    seed: Annotated[Whole, Field(description="decides every random choice of the design")] = 1
+
+
+class Study(Record):
+    """A whole study, as `study.toml` gives it."""
+
+    study: Annotated[Header, Field(description="Which study this is.")]
+    rig: Annotated[Rig, Field(description="The device, and limits that no trial may exceed.")] = (
+        Rig()
+    )
+    touch: Annotated[
+        TouchDefaults, Field(description="How the finger touches unless a trial says otherwise.")
+    ] = TouchDefaults()
+    beams: Annotated[
+        dict[Name, Spacing],
+        Field(
+            description="Beams by name, each with the spacing of its ciliary bodies in m, "
+            "at most 0.05; 0 means none."
+        ),
+    ] = Field(default_factory=dict)
+    design: Annotated[Design, Field(description="Which trials there are, and their order.")] = (
+        Design()
+    )
+    timing: Annotated[
+        Timing, Field(description="Pauses, and assumptions about how long people take.")
+    ] = Timing()
+    rating: Annotated[Rating, Field(description="When and how the effect is scored.")] = Rating()
+    session: Annotated[Conduct, Field(description="How a session is conducted and resumed.")] = (
+        Conduct()
+    )
+    exclusions: Annotated[
+        Exclusions, Field(description="Rules, settled beforehand, on who and what is left out.")
+    ] = Exclusions()
+    publication: Annotated[
+        Publication, Field(description="Facts for exported data that only the author knows.")
+    ] = Publication()
+    texts: Annotated[
+        dict[Language, dict[Name, Annotated[str, Field(min_length=1)]]],
+        Field(description="Texts that replace the built-in ones, per language."),
+    ] = Field(default_factory=dict)
+    opening: Annotated[
+        tuple[Opening, ...], Field(description="Trials that begin every session, not scored.")
+    ] = ()
+    condition: Annotated[
+        tuple[Condition, ...],
+        Field(min_length=1, max_length=24, description="What is changed, and scored."),
+    ]
+
+    @property
+    def conditions(self) -> tuple[str, ...]:
+        """Names of the conditions in the order of the file."""
+        return tuple(condition.name for condition in self.condition)

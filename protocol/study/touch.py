@@ -1,0 +1,161 @@
+"""One touch of the beam: what the finger does and what the device does meanwhile."""
+
+from math import pi
+from typing import Annotated, Literal
+
+from pydantic import Field, field_validator
+
+from protocol.study.fields import Name, NotNegative, Positive, Record
+from protocol.study.rig import Rig
+
+Direction = Literal["right", "left"]
+Programme = Literal["hold", "ramp", "sweep", "ramp and sweep"]
+Place = Annotated[NotNegative, Field(le=1)]
+"""On a beam, m, which is never longer than 1 m; `device.study_limits` knows where this one ends."""
+TouchTime = Annotated[Positive, Field(ge=0.1, le=600)]
+"""Of a touch, s: nothing is felt in less than 0.1 s, and nothing may be driven for over 600 s."""
+Relative = Annotated[Positive, Field(ge=0.1, le=10)]
+"""To a resonance or a force: a tenth or ten times of it is another experiment."""
+
+
+class TouchDefaults(Record):
+    """How the finger touches unless a trial says otherwise."""
+
+    # Touch is studied at 0.1 to 5 N; 10 N is a finger that carries 1 kg, 0.01 N hardly a touch.
+    force_n: Annotated[Positive, Field(ge=0.01, le=10, description="of the finger on the beam")] = (
+        0.5
+    )
+    # A fingertip covers some 10 mm, a probe 1 mm, a flat hand 100 mm.
+    contact_m: Annotated[
+        Positive, Field(ge=0.001, le=0.1, description="length of beam under one finger")
+    ] = 0.010
+    # Fingers explore at 10 to 200 mm/s; at 1 mm/s nobody slides, at 1 m/s nobody feels.
+    sliding_speed_m_s: Annotated[
+        Positive, Field(ge=0.001, le=1, description="of the mark that paces the finger")
+    ] = 0.04
+    path_m: Annotated[
+        tuple[Place, Place],
+        Field(
+            description="the finger's way on the beam (0.1 m), right edge of the finger, clamp at 0"
+        ),
+    ] = (0.010, 0.081)
+    smooth_place_m: Annotated[
+        Place, Field(description="where a place is touched, right edge of the finger")
+    ] = 0.0414
+    hold_s: Annotated[TouchTime, Field(description="how long a place is touched")] = 2.0
+    beam: Annotated[
+        Name | None, Field(description="mounted unless a touch names another of `[beams]`")
+    ] = None
+
+    @field_validator("path_m")
+    @classmethod
+    def _leads_right(cls, path_m: tuple[float, float]) -> tuple[float, float]:
+        if path_m[0] >= path_m[1]:
+            raise ValueError("must lead from left to right")
+        return path_m
+
+
+class Touch(Record):
+    """One touch of the beam and what the device does meanwhile.
+
+    The programme is a hold, unless `ramp_to_v` lets the amplitude or `sweep_to` the frequency
+    change while the finger is on the beam.
+    """
+
+    place: Annotated[
+        Literal["path", "smooth"],
+        Field(description="slide along `touch.path_m`, or touch `touch.smooth_place_m`"),
+    ]
+    voltage_v: Annotated[NotNegative, Field(description="amplitude (peak) at the start")]
+    ramp_to_v: Annotated[
+        NotNegative | None, Field(description="amplitude (peak) at the end of a ramp")
+    ] = None
+    frequency: Annotated[
+        Relative, Field(description="of the drive, relative to the resonance that is measured")
+    ] = 1.0
+    sweep_to: Annotated[
+        Relative | None, Field(description="frequency at the end of a sweep, likewise relative")
+    ] = None
+    direction: Annotated[Direction, Field(description="of the sliding finger")] = "right"
+    coverage: Annotated[
+        Literal["local", "full"], Field(description="one finger, or several that cover the beam")
+    ] = "local"
+    press: Annotated[
+        Relative, Field(description="touch force, relative to `touch.force_n`; above 1 is harder")
+    ] = 1.0
+    beam: Annotated[
+        Name | None, Field(description="one of `[beams]`; the operator mounts it first")
+    ] = None
+    duration_s: Annotated[
+        TouchTime | None, Field(description="instead of `touch.hold_s` or the time the path takes")
+    ] = None
+    instruction: Annotated[
+        Name | None, Field(description="key of the text that replaces the built-in instruction")
+    ] = None
+
+    @property
+    def end_voltage_v(self) -> float:
+        """Amplitude at the end of the touch, V."""
+        return self.voltage_v if self.ramp_to_v is None else self.ramp_to_v
+
+    @property
+    def peak_voltage_v(self) -> float:
+        """Largest amplitude during the touch, V."""
+        return max(self.voltage_v, self.end_voltage_v)
+
+    @property
+    def end_frequency(self) -> float:
+        """Drive at the end of the touch, relative to the resonance."""
+        return self.frequency if self.sweep_to is None else self.sweep_to
+
+    @property
+    def peak_frequency(self) -> float:
+        """Highest drive during the touch, relative to the resonance."""
+        return max(self.frequency, self.end_frequency)
+
+    @property
+    def programme(self) -> Programme:
+        """What the device does during the touch."""
+        if self.ramp_to_v is None:
+            return "hold" if self.sweep_to is None else "sweep"
+        return "ramp" if self.sweep_to is None else "ramp and sweep"
+
+
+def touch_s(touch: Touch, finger: TouchDefaults) -> float:
+    """Return how long the finger is on the beam, s."""
+    if touch.duration_s is not None:
+        return touch.duration_s
+    if touch.place == "smooth":
+        return finger.hold_s
+    return (finger.path_m[1] - finger.path_m[0]) / finger.sliding_speed_m_s
+
+
+def on_s(touch: Touch, finger: TouchDefaults, rig: Rig) -> float:
+    """Return how long the device is busy with `touch`: the soft start, then the touch itself, s.
+
+    At its end the output goes off at once.
+    """
+    return touch.voltage_v / rig.ramp_v_per_s + touch_s(touch, finger)
+
+
+def driven_s(touch: Touch, finger: TouchDefaults, rig: Rig) -> float:
+    """Return how long the beam is driven for `touch`, soft start included, s."""
+    return on_s(touch, finger, rig) if touch.peak_voltage_v > 0 else 0.0
+
+
+def slew_v_per_us(voltage_v: float, frequency_hz: float) -> float:
+    """Return the largest slope of a sine of this amplitude, 2 pi f V, in V/us.
+
+    >>> round(slew_v_per_us(200, 24_221), 1)
+    30.4
+    """
+    return 2 * pi * frequency_hz * voltage_v * 1e-6
+
+
+def current_ma(voltage_v: float, frequency_hz: float, capacitance_nf: float) -> float:
+    """Return the amplitude of the current into a capacitance, 2 pi f C V, in mA.
+
+    >>> round(current_ma(200, 24_221, 1.0))
+    30
+    """
+    return slew_v_per_us(voltage_v, frequency_hz) * capacitance_nf

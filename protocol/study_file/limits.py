@@ -1,0 +1,214 @@
+"""What a study may not ask of its rig, whatever the schema lets through."""
+
+from collections.abc import Iterable, Iterator
+from math import inf
+
+from protocol.errors import Path, Problem
+from protocol.plan.feasibility import design_problems
+from protocol.study.study import Condition, Item, Study
+from protocol.study.texts import instruction_problem, text_problems
+from protocol.study.touch import Touch, current_ma, driven_s, slew_v_per_us, touch_s
+from protocol.study.variants import scaled
+from protocol.study_file.consistency import name_problems, opening_problems
+from protocol.study_file.units import unit_hint
+
+
+def problems(study: Study, further: Iterable[Problem] = ()) -> list[Problem]:
+    """Return everything in `study` that breaks a limit, cannot be met or names nothing there is.
+
+    Args:
+        study: that fits the schema.
+        further: what else is wrong with it; wishes are counted only where nothing is.
+    """
+    return [*limit_problems(study), *further] or design_problems(study)
+
+
+def limit_problems(study: Study) -> list[Problem]:
+    """Return everything in `study` that breaks a limit or names nothing there is."""
+    found = [
+        *name_problems(study),
+        *_missing_beam(study, "touch.beam", ("touch",), study.touch.beam),
+    ]
+    for where, path, item in _items(study):
+        level = max(item.levels) if isinstance(item, Condition) else 1.0
+        for number, touch in enumerate(item.touches):
+            place = (f"{where}, touch {number + 1}", (*path, "touches", number))
+            found += _touch_problems(study, *place, touch, level)
+    found += [*opening_problems(study), *_unnamed_beam(study), *_unknown_gain(study)]
+    return [*found, *text_problems(study)]
+
+
+def _items(study: Study) -> Iterator[tuple[str, Path, Item]]:
+    for number, opening in enumerate(study.opening):
+        yield f"opening {opening.kind}", ("opening", number), opening
+    for number, condition in enumerate(study.condition):
+        yield f"condition {condition.name}", ("condition", number), condition
+
+
+def _touch_problems(
+    study: Study, where: str, path: Path, touch: Touch, level: float
+) -> Iterator[Problem]:
+    peak_v = touch.peak_voltage_v * level
+    for rule, value, hint, key in (
+        *_finger(study, touch),
+        *_drive(study, touch, peak_v),
+        *_amplifier(study, touch, peak_v),
+        *_times(study, touch, level),
+    ):
+        yield Problem(where=where, rule=rule, value=value, hint=hint, path=(*path, key))
+    yield from _missing_beam(study, where, path, touch.beam)
+    if textless := instruction_problem(study, where, path, touch):
+        yield textless
+
+
+_Broken = tuple[str, str, str, str]
+MAX_FORCE_N = 20.0
+"""A finger that carries 2 kg: more than anybody is to press on a beam that is driven."""
+
+
+def _finger(study: Study, touch: Touch) -> Iterator[_Broken]:
+    force_n = touch.press * study.touch.force_n
+    if force_n > MAX_FORCE_N:
+        yield (
+            f"press x touch.force_n must not exceed {MAX_FORCE_N:g} N",
+            f"{_above(force_n, MAX_FORCE_N)} N",
+            unit_hint(("press",)),
+            "press",
+        )
+
+
+def _drive(study: Study, touch: Touch, peak_v: float) -> Iterator[_Broken]:
+    rig = study.rig
+    if peak_v > rig.max_voltage_v:
+        key = "ramp_to_v" if touch.end_voltage_v > touch.voltage_v else "voltage_v"
+        shown = _above(peak_v, rig.max_voltage_v)
+        yield (
+            f"the amplitude must not exceed rig.max_voltage_v = {rig.max_voltage_v:.15g} V",
+            f"{shown} V",
+            f"amplitudes are peak, not peak-to-peak: {shown} V peak-to-peak is {peak_v / 2:g} V",
+            key,
+        )
+    frequency_hz = touch.peak_frequency * rig.nominal_resonance_hz
+    if frequency_hz > rig.max_frequency_hz:
+        yield (
+            f"the drive must not exceed rig.max_frequency_hz = {rig.max_frequency_hz:.15g} Hz",
+            f"{_above(frequency_hz, rig.max_frequency_hz)} Hz",
+            "frequency is relative to the resonance: 1.0 drives the beam there",
+            "sweep_to" if touch.end_frequency > touch.frequency else "frequency",
+        )
+
+
+def _amplifier(study: Study, touch: Touch, peak_v: float) -> Iterator[_Broken]:
+    rig = study.rig
+    frequency_hz = touch.peak_frequency * rig.nominal_resonance_hz
+    slew = slew_v_per_us(peak_v, frequency_hz)
+    if slew > rig.max_slew_v_per_us:
+        yield (
+            f"2 pi f V must not exceed rig.max_slew_v_per_us = {rig.max_slew_v_per_us:.15g} V/us",
+            f"{_above(slew, rig.max_slew_v_per_us, 4)} V/us",
+            "lower the amplitude or the frequency",
+            "voltage_v",
+        )
+    vpp = 2 * peak_v / rig.amplifier_gain if rig.amplifier_gain else 0.0
+    if vpp > rig.generator_max_vpp:
+        yield (
+            f"2 V / amplifier_gain must not exceed rig.generator_max_vpp = "
+            f"{rig.generator_max_vpp:.15g} V peak-to-peak",
+            f"{_above(vpp, rig.generator_max_vpp)} V",
+            "the generator gives half of its peak-to-peak value as amplitude",
+            "voltage_v",
+        )
+    current = current_ma(peak_v, frequency_hz, rig.capacitance_nf or 0.0)
+    if rig.max_current_ma is not None and current > rig.max_current_ma:
+        yield (
+            f"2 pi f C V must not exceed rig.max_current_ma = {rig.max_current_ma:.15g} mA",
+            f"{_above(current, rig.max_current_ma, 4)} mA",
+            "lower the amplitude or the frequency",
+            "voltage_v",
+        )
+
+
+def _times(study: Study, touch: Touch, level: float) -> Iterator[_Broken]:
+    rig = study.rig
+    slope = abs(touch.end_voltage_v - touch.voltage_v) * level / touch_s(touch, study.touch)
+    if slope > rig.ramp_v_per_s:
+        yield (
+            f"a ramp must not be steeper than rig.ramp_v_per_s = {rig.ramp_v_per_s:.15g} V/s",
+            f"{_above(slope, rig.ramp_v_per_s, 4)} V/s",
+            "let the touch last longer: duration_s",
+            "ramp_to_v",
+        )
+    driven = driven_s(scaled(touch, level), study.touch, rig)
+    if driven > rig.max_drive_s:
+        yield (
+            f"a touch must not be driven longer than rig.max_drive_s = {rig.max_drive_s:.15g} s",
+            f"{_above(driven, rig.max_drive_s, 4)} s",
+            "shorten duration_s",
+            "duration_s",
+        )
+
+
+def _above(value: float, limit: float, digits: int = 6) -> str:
+    """`value`, which is above `limit`, with as many digits as show it."""
+    shown = (f"{value:.{many}g}" for many in range(digits, 17))
+    return next((text for text in shown if float(text) > limit), repr(value))
+
+
+def _unnamed_beam(study: Study) -> Iterator[Problem]:
+    """A study that swaps beams says which one is mounted at first."""
+    if study.touch.beam is None and any(
+        touch.beam for _, _, item in _items(study) for touch in item.touches
+    ):
+        yield Problem(
+            where="touch.beam",
+            rule="must be given when a touch names a beam",
+            value="nothing",
+            hint=f"one of {', '.join(study.beams)}",
+            path=("touch", "beam"),
+        )
+
+
+def _unknown_gain(study: Study) -> Iterator[Problem]:
+    """A generator is set in volts before the amplifier: without its gain nothing is driven."""
+    if study.rig.dialect != "board" and study.rig.amplifier_gain is None:
+        yield Problem(
+            where="rig.amplifier_gain",
+            rule=f"must be given where rig.dialect = {study.rig.dialect!r}",
+            value="nothing",
+            hint="volts at the beam per volt of the generator",
+            path=("rig", "amplifier_gain"),
+        )
+
+
+def _missing_beam(study: Study, where: str, path: Path, beam: str | None) -> Iterator[Problem]:
+    if beam is not None and beam not in study.beams:
+        yield Problem(
+            where=where,
+            rule="the beam must be one of [beams]",
+            value=repr(beam),
+            hint=f"known: {', '.join(study.beams) or 'none'}",
+            path=(*path, "beam"),
+        )
+
+
+def problems_at(study: Study, resonance_hz: float) -> list[Problem]:
+    """Return what `study` may not ask of a rig whose beam has its resonance there, in Hz."""
+    rig = study.rig.model_copy(update={"nominal_resonance_hz": resonance_hz})
+    return limit_problems(study.model_copy(update={"rig": rig}))
+
+
+def max_resonance_hz(study: Study, touches: Iterable[Touch]) -> float:
+    """Return the highest resonance at which `touches` keep all limits of the rig, Hz."""
+    return min((_highest_hz(study, touch) for touch in touches), default=inf)
+
+
+def _highest_hz(study: Study, touch: Touch) -> float:
+    """Drive, slew and current are all proportional to the resonance."""
+    rig = study.rig
+    slew = slew_v_per_us(touch.peak_voltage_v, touch.peak_frequency)
+    limits = [rig.max_frequency_hz / touch.peak_frequency]
+    if slew > 0:
+        limits.append(rig.max_slew_v_per_us / slew)
+        if rig.max_current_ma is not None and rig.capacitance_nf:
+            limits.append(rig.max_current_ma / (slew * rig.capacitance_nf))
+    return min(limits)

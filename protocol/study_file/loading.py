@@ -1,0 +1,85 @@
+"""From the text of a study file to a checked study, with everything that is wrong at once.
+
+What finds and tells mistakes is loaded when there are any.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from hashlib import sha256
+from importlib.resources import files
+
+from pydantic import ValidationError
+
+from protocol.errors import BadInput, Problem
+from protocol.study.study import Study
+from protocol.study_file.limits import problems
+from protocol.study_file.toml import toml_document
+
+TEMPLATES = ("paper", "extended")
+Further = Callable[[Study], Iterable[Problem]]
+
+
+class StudyError(BadInput):
+    """A study file that cannot be used; `problems` lists why, in the order of the file."""
+
+    def __init__(self, source: str, found: list[Problem]) -> None:
+        self.source = source
+        self.problems = found
+        more = f" (and {len(found) - 1} more: touchbeam check)" if len(found) > 1 else ""
+        super().__init__(f"{found[0].located(source)}{more}")
+
+
+def template(name: str) -> str:
+    """Return the text of the built-in study `name`, one of `TEMPLATES`.
+
+    Raises:
+        ValueError: there is no such template.
+    """
+    if name not in TEMPLATES:
+        raise ValueError(f"the template must be one of {', '.join(TEMPLATES)}, got {name!r}")
+    return (files("protocol") / "templates" / f"{name}.toml").read_text(encoding="utf-8")
+
+
+def template_tests() -> str:
+    """Return the text of the test file that every new study gets."""
+    return (files("protocol") / "templates" / "test_study.py.txt").read_text(encoding="utf-8")
+
+
+def parsed_study(text: str, source: str = "study.toml", further: Further = lambda _: ()) -> Study:
+    """Return the study that `text` describes.
+
+    Args:
+        text: a study file in TOML.
+        source: what to call it in messages.
+        further: finds what else is wrong with the study, where more is known than its file says.
+
+    Raises:
+        StudyError: the text is no TOML, breaks the schema, asks for more than the rig allows or
+            for what cannot be met.
+    """
+    document = toml_document(text)
+    if isinstance(document, Problem):
+        raise StudyError(source, located(text, [document]) if document.path else [document])
+    try:
+        study = Study.model_validate(document)
+    except ValidationError as error:
+        from protocol.study_file.recovery import mistakes
+
+        raise StudyError(source, located(text, mistakes(document, error, further))) from error
+    if found := problems(study, further(study)):
+        raise StudyError(source, located(text, found))
+    return study
+
+
+def located(text: str, found: list[Problem]) -> list[Problem]:
+    """Return the problems with their lines in the study file `text`, in its order."""
+    from protocol.study_file.toml import key_lines, line_of
+
+    lines = key_lines(text)
+    located = [replace(problem, line=line_of(lines, problem.path)) for problem in found]
+    return sorted(located, key=lambda problem: problem.line or 0)
+
+
+def text_digest(text: str) -> str:
+    """Return the digest that identifies a study file."""
+    return sha256(text.encode()).hexdigest()

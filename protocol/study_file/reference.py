@@ -1,0 +1,149 @@
+"""The page on study files, written from their schema: `python -m protocol.study_file.reference`."""
+
+import json
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from protocol.study.study import Study
+from protocol.study.texts import TEXTS
+
+_Schema = Mapping[str, Any]
+
+_INTRODUCTION = """\
+# The study file
+
+`study.toml` says everything about a study that is decided before anyone sits down. `touchbeam new`
+writes one to edit; `touchbeam check` shows the plan it gives and lists all that is wrong with it,
+by line. This page is written from the schema, by `python -m protocol.study_file.reference`.
+
+Lengths are in m, forces in N, times in s. **A voltage is an amplitude (peak), half of what a
+generator shows as peak-to-peak.** A frequency of a touch is relative to the resonance that each
+session measures: 1.0 drives the beam there.
+
+An unknown key is an error, and so is a number written as a text. Keys without a default must be
+given.
+"""
+
+_DESIGN = """\
+### What the design undertakes
+
+- `williams`: carry-over is exactly balanced when the cohort is a multiple of n (n even) or 2 n
+  (n odd) conditions and no grouping is asked for; `touchbeam check` reports the imbalance of any
+  other cohort. Carry-over is counted within blocks: a block holds every condition once, and what
+  meets across the end of a block is counted apart.
+- Where wishes conflict, limits come first, then beam swaps, then carry-over.
+- Each purpose (order, levels, opposite, catch and practice trials, groups) draws from a random
+  stream of its own, which follows from `study.seed`: changing one leaves the others alone. The same
+  file gives the same plan on every platform.
+- A catch trial is a condition at 0 V. It follows a trial on one beam, takes a condition on the same
+  beam, and never opens a block.
+- A trial in the opposite order runs the touches, ramps and sweeps backwards and expects the
+  contrary answer. A condition that asks whether places swapped has no contrary.
+"""
+
+
+def study_file_page() -> str:
+    """Return the page as Markdown."""
+    schema = Study.model_json_schema()
+    return "\n".join([_INTRODUCTION, *_sections(schema)])
+
+
+def _sections(schema: _Schema) -> Iterator[str]:
+    records = schema["$defs"]
+    for name, entry in schema["properties"].items():
+        record = _record(entry, records)
+        yield f"## `{_header(name, entry)}`\n\n{_description(entry, record)}\n"
+        if record:
+            yield _table(record)
+        if name == "design":
+            yield _DESIGN
+        if name == "rating":
+            yield f"### A band, in `bands`\n\n{_table(records['Band'])}"
+        if name == "texts":
+            yield _list(TEXTS["en"])
+    touch = records["Touch"]
+    yield f"## A touch, in `touches`\n\n{touch['description']}\n\n{_table(touch).rstrip()}\n"
+
+
+def _list(texts: Mapping[str, str]) -> str:
+    rows = [f"| `{key}` | {text} |" for key, text in texts.items()]
+    return "\n".join(["| key | built-in text |", "|---|---|", *rows, ""])
+
+
+def _header(name: str, entry: _Schema) -> str:
+    if entry.get("type") == "array":
+        return f"[[{name}]]"
+    return f"[{name}.en]` and `[{name}.zh]" if name == "texts" else f"[{name}]"
+
+
+def _description(entry: _Schema, record: _Schema | None) -> str:
+    return str(entry.get("description") or (record or {})["description"])
+
+
+def _record(entry: _Schema, records: _Schema) -> _Schema | None:
+    reference = entry.get("$ref") or entry.get("items", {}).get("$ref")
+    return records[reference.rpartition("/")[2]] if reference else None
+
+
+def _table(record: _Schema) -> str:
+    required = record.get("required", [])
+    rows = [
+        f"| `{key}` | {_kind(entry)} | {_default(entry, key in required)} | {_meaning(entry)} |"
+        for key, entry in record["properties"].items()
+    ]
+    return "\n".join(["| key | value | default | meaning |", "|---|---|---|---|", *rows, ""])
+
+
+def _meaning(entry: _Schema) -> str:
+    return str(entry.get("description", "")).replace("|", "\\|")
+
+
+def _default(entry: _Schema, required: bool) -> str:
+    if required:
+        return "must be given"
+    value = entry.get("default")
+    return "none" if value is None else f"`{_toml(value)}`"
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, str | bool):
+        return json.dumps(value)
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_toml, value)) + "]"
+    return f"{value:g}"
+
+
+def _kind(entry: _Schema) -> str:
+    """Type, choices and range in words."""
+    if options := entry.get("anyOf"):
+        merged = {**entry, **next(option for option in options if option.get("type") != "null")}
+        return _kind({key: value for key, value in merged.items() if key != "anyOf"})
+    if "enum" in entry or "const" in entry:
+        return ", ".join(f"`{_toml(choice)}`" for choice in entry.get("enum", [entry.get("const")]))
+    if entry.get("type") == "array":
+        return _list_kind(entry)
+    names = {"number": "number", "integer": "whole number", "boolean": "true or false"}
+    return names.get(entry.get("type", ""), "text") + _range(entry)
+
+
+def _list_kind(entry: _Schema) -> str:
+    if "prefixItems" in entry:
+        return f"list of {len(entry['prefixItems'])} numbers{_range(entry['prefixItems'][0])}"
+    items = entry["items"]
+    return f"list of: {'tables' if '$ref' in items else _kind(items)}"
+
+
+def _range(entry: _Schema) -> str:
+    words = {
+        "exclusiveMinimum": "above",
+        "minimum": "at least",
+        "maximum": "at most",
+    }
+    if "minimum" in entry:
+        del words["exclusiveMinimum"]
+    parts = [f"{word} {entry[key]:.15g}" for key, word in words.items() if key in entry]
+    return f", {', '.join(parts)}" if parts else ""
+
+
+if __name__ == "__main__":
+    print(study_file_page(), end="")

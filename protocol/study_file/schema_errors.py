@@ -1,0 +1,169 @@
+"""The errors that pydantic finds in a study file, in our words."""
+
+import re
+from collections.abc import Mapping
+from difflib import get_close_matches
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+
+from protocol.errors import Path, Problem
+from protocol.study.fields import unprintable
+from protocol.study.study import Study
+from protocol.study_file.units import unit_hint
+
+_RULES = {
+    "less_than_equal": "must be at most {le:.15g}",
+    "less_than": "must be below {lt:.15g}",
+    "greater_than_equal": "must be at least {ge:.15g}",
+    "greater_than": "must be above {gt:.15g}",
+    "finite_number": "must be a finite number",
+    "float_type": "must be a number",
+    "int_type": "must be a whole number",
+    "int_from_float": "must be a whole number",
+    "bool_type": "must be true or false",
+    "string_type": "must be a text",
+    "model_type": "must be a table",
+    "dict_type": "must be a table",
+    "tuple_type": "must be a list",
+    "literal_error": "must be one of {expected}",
+    "too_short": "must have at least {min_length} entries",
+    "too_long": "must have at most {max_length} entries",
+}
+_OUT_OF_RANGE = {"less_than_equal", "greater_than_equal", "float_type"}
+_UNKNOWN = "unknown key"
+_PEAK = "amplitudes are peak: half of the peak-to-peak value, as a plain number in V"
+
+
+def schema_problems(document: Mapping[str, Any], error: ValidationError) -> list[Problem]:
+    """Return a problem for each error found in `document`, unknown keys before missing ones."""
+    entries = sorted(error.errors(include_url=False), key=lambda entry: entry["type"] == "missing")
+    return [_problem(document, entry) for entry in entries if not follows(entry)]
+
+
+def follows(entry: Any) -> bool:
+    """Return whether a list is called too short only because what it holds is wrong."""
+    if entry["type"] != "too_short":
+        return False
+    return bool(len(entry["input"]) >= entry["ctx"]["min_length"])
+
+
+def _problem(document: Mapping[str, Any], entry: Any) -> Problem:
+    path: Path = tuple(part for part in entry["loc"] if part != "[key]")
+    where = place(document, path)
+    if entry["type"] == "extra_forbidden":
+        return Problem(
+            where=where,
+            rule=_UNKNOWN,
+            value=repr(path[-1]),
+            hint=_near_miss(path),
+            path=path,
+        )
+    if entry["type"] == "missing":
+        return Problem(where=where, rule="must be given", value="nothing", path=path)
+    if entry["type"] == "value_error" and isinstance(entry["input"], Mapping):
+        return _disagreement(document, path, entry)
+    value = _shown(entry["input"])
+    hint = _hint(path) or _unit_hint(path, entry) or _meant_choice(entry)
+    return Problem(where=where, rule=_rule(entry), value=value, hint=hint, path=path)
+
+
+def _disagreement(document: Mapping[str, Any], path: Path, entry: Any) -> Problem:
+    """A table whose keys do not fit together: its message says `key rule, got value`."""
+    rule, _, value = _rule(entry).partition(", got ")
+    key, _, of_key = rule.partition(" ")
+    if key in entry["input"]:
+        path, rule = (*path, key), of_key
+    return Problem(where=place(document, path), rule=rule, value=value, path=path)
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 80 else f"{text[:77]}..."
+
+
+def _rule(entry: Any) -> str:
+    if entry["type"] in _RULES:
+        return _RULES[entry["type"]].format(**entry.get("ctx", {}))
+    rule: str = entry["msg"].removeprefix("Value error, ")
+    return rule[:1].lower() + rule[1:]
+
+
+def _hint(path: Path) -> str:
+    key = str(path[-1])
+    return _PEAK if key.endswith("_v") or key == "voltages_are" else ""
+
+
+def _meant_choice(entry: Any) -> str:
+    """A hint that names the word that was probably meant where only some words will do."""
+    if entry["type"] != "literal_error" or not isinstance(entry["input"], str):
+        return ""
+    words = re.findall(r"'([^']*)'", entry["ctx"]["expected"])
+    close = get_close_matches(entry["input"].lower(), words, n=1)
+    return f"did you mean {close[0]!r}?" if close else ""
+
+
+def _unit_hint(path: Path, entry: Any) -> str:
+    """The unit of a number that is out of its range, or is none."""
+    if entry["type"] not in _OUT_OF_RANGE:
+        return ""
+    return unit_hint(path, entry["input"], too_large=entry["type"] == "less_than_equal")
+
+
+def place(document: Mapping[str, Any], path: Path) -> str:
+    """Return where `path` leads, in words: `condition voltage, touch 1, ramp_to_v`."""
+    if len(path) < 2 or not isinstance(path[1], int):
+        return ".".join(map(str, path)) or "file"
+    words = [f"{path[0]} {_named(document, path[0], path[1])}"]
+    for part in path[2:]:
+        if isinstance(part, int):
+            words[-1] = f"{words[-1].removesuffix('es')} {part + 1}"
+        else:
+            words.append(part)
+    return ", ".join(words)
+
+
+def _named(document: Mapping[str, Any], kind: str | int, number: int) -> str:
+    item = document[str(kind)][number]
+    name = item.get("name", item.get("kind")) if isinstance(item, dict) else None
+    return name if isinstance(name, str) and not unprintable(name) else str(number + 1)
+
+
+def _near_miss(path: Path) -> str:
+    """A hint that names the key that was probably meant."""
+    key, names = str(path[-1]), _keys_at(path[:-1])
+    if any(mark in key.lower() for mark in ("vpp", "peak", "_pp")):
+        return f"{_PEAK}; known: {', '.join(names)}"
+    close = _meant(path)
+    return f"did you mean {close!r}?" if close else f"known: {', '.join(names)}"
+
+
+def _meant(path: Path) -> str | None:
+    return next(iter(get_close_matches(str(path[-1]), _keys_at(path[:-1]), n=1)), None)
+
+
+def unreadable(problem: Problem) -> Path:
+    """Return the path of what is not known because of `problem`: of a misspelt key, its right one.
+
+    Args:
+        problem: one of `schema_problems`.
+    """
+    if problem.rule != _UNKNOWN:
+        return problem.path
+    return (*problem.path[:-1], _meant(problem.path) or problem.path[-1])
+
+
+def _keys_at(path: Path) -> list[str]:
+    record: type[BaseModel] = Study
+    for part in path:
+        if isinstance(part, str):
+            fields = {field.alias or name: field for name, field in record.model_fields.items()}
+            record = record_in(fields[part].annotation)
+    return [field.alias or name for name, field in record.model_fields.items()]
+
+
+def record_in(annotation: Any) -> type[BaseModel]:
+    """Return the record that an annotation such as `tuple[Touch, ...]` contains."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    return next(record_in(part) for part in get_args(annotation) if part is not ...)

@@ -1,0 +1,133 @@
+"""The commands that look after a study's journal: status, verify, exclude, amend, withdraw."""
+
+from contextlib import ExitStack
+from typing import Annotated
+
+import typer
+
+from runner.cli.options import (
+    JsonOption,
+    ParticipantOption,
+    ReasonOption,
+    SessionOption,
+    StudyArgument,
+    print_json,
+    study_journal,
+)
+
+app = typer.Typer()
+
+
+@app.command()
+def status(study: StudyArgument, as_json: JsonOption = False) -> None:
+    """Show who is done and what is next."""
+    from runner.journal.cohort import slot_for, standings, states
+    from runner.study.folder import StudyFolder
+
+    with study_journal(StudyFolder(path=study)) as journal:
+        sessions = states(journal)
+    lines = standings(sessions)
+    free = slot_for(sessions, "", "participant")
+    if as_json:
+        records = [line.record() for line in lines]
+        print_json({"sessions": records, "next_slot": free})
+        return
+    for line in lines:
+        typer.echo(
+            f"{line.participant}/{line.session}  {line.kind}  {line.state}  "
+            f"{line.answered} of {line.planned} trials"
+            + (f", {line.excluded_trials} excluded" if line.excluded_trials else "")
+        )
+    typer.echo(f"The next participant takes slot {free} of the design.")
+
+
+@app.command()
+def verify(study: StudyArgument, as_json: JsonOption = False) -> None:
+    """Check that the journal is whole.
+
+    Chains unbroken, every transition allowed, each trial answered exactly once.
+    """
+    from runner.journal.verification import STUDY_CHAIN, verdicts
+    from runner.study.folder import StudyFolder
+
+    with study_journal(StudyFolder(path=study)) as journal:
+        found = verdicts(journal)
+    ok = all(verdict.ok for verdict in found)
+    if as_json:
+        sessions = [v.record() for v in found if v.participant != STUDY_CHAIN]
+        print_json({"ok": ok, "sessions": sessions})
+    else:
+        for line in [verdict.line() for verdict in found] or ["The journal holds no session."]:
+            typer.echo(line)
+    if not ok:
+        raise typer.Exit(1)
+
+
+@app.command()
+def exclude(
+    study: StudyArgument,
+    participant: ParticipantOption,
+    reason: ReasonOption,
+    session: SessionOption = 1,
+    trial: Annotated[
+        int | None, typer.Option(min=0, help="Its index. [default: the whole session]")
+    ] = None,
+) -> None:
+    """Take a trial or a session out.
+
+    Reports leave it out and count it; an unfinished session gives its place in the design back.
+    """
+    from runner.clock import WallClock
+    from runner.journal.amendments import exclude_session, exclude_trial
+    from runner.journal.store import session_name
+    from runner.launch.locks import session_held
+    from runner.study.folder import StudyFolder
+
+    name = session_name(participant, session)
+    with (
+        study_journal(StudyFolder(path=study), to_write=True) as journal,
+        session_held(name, study, "touchbeam exclude"),
+    ):
+        if trial is None:
+            exclude_session(journal, WallClock(), name, reason)
+        else:
+            exclude_trial(journal, WallClock(), name, trial, reason)
+    typer.echo(f"{name}{'' if trial is None else f', trial {trial}'} is excluded: {reason}")
+
+
+@app.command()
+def amend(study: StudyArgument, reason: ReasonOption) -> None:
+    """Accept a study.toml that has changed."""
+    from runner.clock import WallClock
+    from runner.journal.amendments import amend as accept
+    from runner.study.check import usable
+    from runner.study.folder import StudyFolder
+
+    folder = StudyFolder(path=study)
+    text = folder.text()
+    usable(text, str(folder.study_file))
+    with study_journal(folder, to_write=True) as journal:
+        accept(journal, WallClock(), text, reason)
+    typer.echo("The changed study.toml is accepted; sessions go on with it.")
+
+
+@app.command()
+def withdraw(study: StudyArgument, participant: ParticipantOption) -> None:
+    """Erase what a participant gave.
+
+    It cannot be undone. The journal keeps that there were events and when, not what they said.
+    """
+    from runner.clock import WallClock
+    from runner.journal.amendments import sessions_of
+    from runner.journal.amendments import withdraw as erase
+    from runner.launch.locks import session_held
+    from runner.study.folder import StudyFolder
+
+    folder = StudyFolder(path=study)
+    with study_journal(folder, to_write=True) as journal, ExitStack() as stack:
+        for name in sessions_of(journal, participant):
+            stack.enter_context(session_held(name, study, "touchbeam withdraw"))
+        sessions = erase(journal, WallClock(), participant)
+    typer.echo(
+        f"Erased: {', '.join(sessions)}. Make reports and exports again: old ones still hold it."
+    )

@@ -1,0 +1,120 @@
+"""The commands with which a study is made, looked at and carried out: new, check, run."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from protocol.errors import BadInput
+from runner.cli.options import (
+    ConsentOption,
+    JsonOption,
+    Language,
+    Pace,
+    Ratings,
+    StudyArgument,
+    address,
+)
+
+
+def new(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="A new or an empty folder.")],
+    template: Annotated[str, typer.Option(help="The built-in study to start from.")] = "paper",
+) -> None:
+    """Make a study to edit."""
+    from protocol.study_file.loading import TEMPLATES, template_tests
+    from protocol.study_file.loading import template as template_text
+    from runner.study.folder import StudyFolder, new_study
+
+    if template not in TEMPLATES:
+        raise BadInput(f"--template must be one of {', '.join(TEMPLATES)}, got {template!r}")
+    study = StudyFolder(path=folder)
+    with new_study(study, template_text(template)):
+        study.test_file.write_text(template_tests(), encoding="utf-8")
+    typer.echo(
+        f"{study.study_file} is yours to edit; then: touchbeam check {folder}, "
+        f"touchbeam run {folder} --participant P01"
+    )
+
+
+def check(
+    study: StudyArgument,
+    participants: Annotated[
+        int | None, typer.Option(min=1, max=10_000, help="[default: the study's]")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Show the plan that a study gives, or everything that is wrong with it."""
+    from runner.study.model_process import foretelling
+
+    with foretelling() as contrasts:
+        from runner.study.check import checked
+        from runner.study.folder import StudyFolder
+
+        folder = StudyFolder(path=study)
+        shown, problems, in_order = checked(folder, participants, contrasts, as_json=as_json)
+    for line in problems:
+        typer.echo(f"touchbeam: {line}", err=True)
+    if shown:
+        typer.echo(shown)
+    if not in_order:
+        raise typer.Exit(2)
+
+
+def run(
+    study: StudyArgument,
+    participant: Annotated[str, typer.Option(help="A pseudonym, such as P01.")],
+    session: Annotated[int, typer.Option(min=1)] = 1,
+    device: Annotated[
+        str | None,
+        typer.Option(
+            help="A serial port, socket://HOST:PORT, or sim. [default: the study's]",
+            callback=address,
+        ),
+    ] = None,
+    ratings: Annotated[Ratings, typer.Option()] = Ratings.window,
+    pace: Annotated[
+        Pace | None,
+        typer.Option(help="[default: stepped if device and ratings are simulated, else wall]"),
+    ] = None,
+    rehearsal: Annotated[
+        bool, typer.Option("--rehearsal", help="Use no slot of the design; kept out of reports.")
+    ] = False,
+    language: Annotated[Language, typer.Option()] = Language.en,
+    screen: Annotated[
+        int, typer.Option(min=0, help="The participant's screen, counted from 0.")
+    ] = 0,
+    windowed: Annotated[
+        bool, typer.Option("--windowed", help="A small window instead of the full screen.")
+    ] = False,
+    consent: ConsentOption = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="[default: the study's]")] = None,
+) -> None:
+    """Run a session, or go on with one.
+
+    A session that was interrupted goes on at the trial that it stopped in.
+    """
+    from runner.launch.rig import touchbeam_command
+    from runner.launch.run_session import Sitting, sit
+    from runner.study.folder import StudyFolder
+
+    sitting = Sitting(
+        folder=StudyFolder(path=study),
+        participant=participant,
+        number=session,
+        device=device,
+        ratings=ratings.value,
+        pace=pace.value if pace else None,
+        rehearsal=rehearsal,
+        language=language.value,
+        screen=screen,
+        windowed=windowed,
+        consent=consent,
+        seed=seed,
+        touchbeam=touchbeam_command(),
+    )
+    state = sit(sitting, say=typer.echo)
+    typer.echo(
+        f"{participant}/{session} is complete: {len(state.answered)} trials answered, "
+        "device off (read back)."
+    )

@@ -1,0 +1,105 @@
+"""What is decided afterwards: exclusions, an amended study, a withdrawal. All of it is added.
+
+Whoever excludes from a session or withdraws it holds that session: no process is running it.
+"""
+
+from protocol.errors import BadInput
+from protocol.journal.transitions import NotAllowed
+from protocol.study_file.loading import text_digest
+from runner.clock import Clock
+from runner.journal.session_log import SessionLog, close_abandoned
+from runner.journal.store import Journal
+from runner.journal.verification import STUDY_CHAIN
+
+
+def accepted_digests(journal: Journal) -> list[str]:
+    """Return the digests of the study files that were in force, the present one last."""
+    events = journal.tagged("session-opened", "study-amended")
+    return [event.payload["study_sha256"] for event in events if not event.erased]
+
+
+def exclude_trial(journal: Journal, clock: Clock, session: str, index: int, reason: str) -> None:
+    """Take a trial out of the analysis.
+
+    Raises:
+        BadInput: there is no such session or trial, or it is excluded already.
+    """
+    log = _log(journal, clock, session)
+    planned = {trial["index"] for trial in (log.state.opened or {}).get("trials", ())}
+    if index not in planned:
+        raise BadInput(f"{session} has no trial {index}; it has {_span(planned)}")
+    if index in log.state.excluded:
+        why = log.state.excluded[index]
+        raise BadInput(f"trial {index} of {session} is excluded already: {why}")
+    close_abandoned(log)
+    _append(log, session, "trial-excluded", index=index, reason=reason)
+
+
+def exclude_session(journal: Journal, clock: Clock, session: str, reason: str) -> None:
+    """Take a session out of the analysis; an unfinished one gives its slot back.
+
+    Raises:
+        BadInput: there is no such session, or it is excluded or withdrawn already.
+    """
+    log = _log(journal, clock, session)
+    close_abandoned(log)
+    _append(log, session, "session-excluded", reason=reason)
+
+
+def amend(journal: Journal, clock: Clock, study_text: str, reason: str) -> None:
+    """Accept a study file that has changed since the last session.
+
+    Raises:
+        BadInput: nothing has changed.
+    """
+    digest = text_digest(study_text)
+    accepted = accepted_digests(journal)
+    if accepted and digest == accepted[-1]:
+        raise BadInput("study.toml is the accepted one already; there is nothing to amend")
+    log = SessionLog(journal, STUDY_CHAIN, clock)
+    log.append("study-amended", study_sha256=digest, reason=reason)
+
+
+def withdraw(journal: Journal, clock: Clock, participant: str) -> list[str]:
+    """Erase what `participant` gave in all sessions; return their names.
+
+    The events stay, without what they said, and their chains still verify.
+
+    Raises:
+        BadInput: nobody of that name took part.
+    """
+    sessions = sessions_of(journal, participant)
+    if not sessions:
+        raise BadInput(f"{participant or 'a participant without a name'} has no sessions here")
+    with journal.alone():
+        for session in sessions:
+            log = SessionLog(journal, session, clock)
+            if log.state.name != "withdrawn":
+                log.append("withdrawn")
+        journal.erase_payloads(sessions)
+    journal.forget_erased()
+    return sessions
+
+
+def sessions_of(journal: Journal, participant: str) -> list[str]:
+    """Return the names of the sessions of `participant`; the study's own chain is nobody's."""
+    names = [name for name in journal.sessions() if name != STUDY_CHAIN]
+    return [name for name in names if name.rpartition("/")[0] == participant]
+
+
+def _log(journal: Journal, clock: Clock, session: str) -> SessionLog:
+    if session not in journal.sessions():
+        known = ", ".join(journal.sessions()) or "none"
+        raise BadInput(f"there is no session {session} here; known: {known}")
+    return SessionLog(journal, session, clock)
+
+
+def _append(log: SessionLog, session: str, tag: str, **payload: object) -> None:
+    try:
+        log.append(tag, **payload)
+    except NotAllowed:
+        raise BadInput(f"{session} is {log.state.name}; it cannot be excluded now") from None
+
+
+def _span(indices: set[int]) -> str:
+    return f"trials {min(indices)} to {max(indices)}" if indices else "no trials"

@@ -1,0 +1,87 @@
+"""The cohort as the journal tells it: who took part, who is done, whose slot is free again."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from protocol.journal.state import SessionState, folded
+from protocol.plan.counterbalancing import SlotState, next_slot
+from runner.journal.store import Journal
+from runner.journal.verification import STUDY_CHAIN, readable_events
+
+_FINISHED = {"completed"}
+_GONE = {"excluded", "withdrawn"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class SessionStanding:
+    """One session's line in the status of a study."""
+
+    participant: str
+    session: int
+    kind: str
+    state: str
+    slot: int | None
+    answered: int
+    planned: int
+    excluded_trials: int
+
+    def record(self) -> dict[str, Any]:
+        """The same for a program."""
+        return asdict(self)
+
+
+def states(journal: Journal) -> dict[str, SessionState]:
+    """Return the state of every session by name, without the study's own chain."""
+    names = [name for name in journal.sessions() if name != STUDY_CHAIN]
+    return {name: folded(readable_events(journal, name)) for name in names}
+
+
+def standings(sessions: Mapping[str, SessionState]) -> list[SessionStanding]:
+    """Return a line for each session, in the order in which they were opened."""
+    return [_standing(name, state) for name, state in sessions.items()]
+
+
+def slot_for(sessions: Mapping[str, SessionState], participant: str, kind: str) -> int:
+    """Return the slot of `participant` among the sessions of `kind`.
+
+    A participant keeps the slot of an earlier session; a new one takes the first that nobody has
+    or has finished. Rehearsals have slots of their own, so that they use up nobody's.
+    """
+    taken: dict[int, SlotState] = {}
+    for state in sessions.values():
+        opened = state.opened or {}
+        if opened.get("kind") != kind:
+            continue
+        if opened["participant"] == participant and state.name not in _GONE:
+            return int(opened["slot"])
+        taken[opened["slot"]] = _slot_state(state, taken.get(opened["slot"], "free"))
+    highest = max(taken, default=-1)
+    return next_slot([taken.get(slot, "free") for slot in range(highest + 1)])
+
+
+def _slot_state(state: SessionState, before: SlotState) -> SlotState:
+    """What a session makes of its slot: a finished one settles it for good."""
+    if before == "done" or state.name in _FINISHED or _finished_before_exclusion(state):
+        return "done"
+    return "dropped" if state.name in _GONE else "running"
+
+
+def _finished_before_exclusion(state: SessionState) -> bool:
+    planned = len((state.opened or {}).get("trials", ()))
+    return state.name in _GONE and 0 < planned <= len(state.answered)
+
+
+def _standing(name: str, state: SessionState) -> SessionStanding:
+    participant, _, number = name.rpartition("/")
+    opened = state.opened or {}
+    return SessionStanding(
+        participant=participant,
+        session=int(number) if number.isdecimal() else 0,
+        kind=opened.get("kind", "published" if "scores" in opened else "unknown"),
+        state=state.name,
+        slot=opened.get("slot"),
+        answered=len(state.answered),
+        planned=len(opened.get("trials", ())),
+        excluded_trials=len(state.excluded),
+    )

@@ -1,0 +1,63 @@
+"""The journal of one session: every event is checked against the state, stored, then folded."""
+
+from collections.abc import Mapping
+
+from protocol.journal.state import Event, SessionState, folded
+from protocol.journal.transitions import next_state
+from runner.clock import Clock
+from runner.journal.store import Journal
+from runner.signals import uninterrupted
+
+
+class SessionLog:
+    """Appends a session's events; `state` is what they add up to."""
+
+    def __init__(self, journal: Journal, session: str, clock: Clock) -> None:
+        self._journal = journal
+        self._session = session
+        self._clock = clock
+        events = journal.events(session)
+        self._next_seq = len(events)
+        self.state: SessionState = folded(events)
+
+    def append(self, tag: str, **payload: object) -> None:
+        """Store an event; it is safe when this returns.
+
+        Raises:
+            NotAllowed: the state does not permit it; nothing is stored.
+            JournalError: it could not be stored.
+        """
+        next_state(self.state.name, tag)
+        with uninterrupted():
+            self._store(tag, payload)
+
+    def _store(self, tag: str, payload: Mapping[str, object]) -> None:
+        event = Event(
+            seq=self._next_seq,
+            tag=tag,
+            utc=self._clock.utc(),
+            monotonic_s=self._clock.monotonic_s(),
+            payload=payload,
+        )
+        self._journal.append(self._session, event)
+        self._next_seq += 1
+        self.state.take(event)
+
+
+_WHY = "the session was interrupted"
+
+
+def close_abandoned(log: SessionLog) -> None:
+    """Mark the trial that was running, and a device that was armed: nobody can tell whether it is.
+
+    To be called by whoever holds the session.
+    """
+    leave_trial(log, _WHY)
+    if log.state.name in {"armed", "paused"}:
+        log.append("device-off", confirmed=False, why=_WHY)
+
+
+def leave_trial(log: SessionLog, why: str) -> None:
+    """Mark the trial that is running, if one is, as aborted."""
+    if log.state.trial is not None:
+        log.append("trial-aborted", index=log.state.trial, why=why)

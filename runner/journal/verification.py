@@ -1,0 +1,176 @@
+"""Whether a journal is what it claims to be: chains unbroken, every trial answered exactly once."""
+
+import hashlib
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+from protocol.journal.state import Event, SessionState, folded
+from protocol.journal.transitions import NotAllowed
+from runner.journal.chain import FIRST_HASH, ChainLink, chain_hash, event_fields
+from runner.journal.store import Journal, JournalError
+
+_OPENING = {"participant", "session", "kind", "conditions", "trials"}
+STUDY_CHAIN = "@study"
+"""The chain of what was decided on the study as a whole."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SessionVerdict:
+    """What was found of one session."""
+
+    participant: str
+    session: int
+    state: str
+    events: int
+    trials_planned: int
+    trials_answered: int
+    trials_aborted: int
+    duplicates: int
+    missing: int
+    chain_ok: bool
+    problem: str = ""
+
+    @property
+    def ok(self) -> bool:
+        """Nothing is wrong; a session that goes on may still lack answers."""
+        lacking = self.state == "completed" and self.missing > 0
+        return self.chain_ok and not (self.problem or self.duplicates or lacking)
+
+    def line(self) -> str:
+        """One line for a person."""
+        chain = "chain whole" if self.chain_ok else "CHAIN BROKEN"
+        line = f"{'ok  ' if self.ok else 'FAIL'}  {self._told()}, {chain}"
+        return f"{line}; {self.problem}" if self.problem else line
+
+    def _told(self) -> str:
+        if self.participant == STUDY_CHAIN:
+            return f"the study itself  {self.state}  {self.events} events"
+        return (
+            f"{self.participant}/{self.session}  {self.state}  "
+            f"{self.trials_answered} of {self.trials_planned} trials answered, "
+            f"{self.trials_aborted} aborted, {self.duplicates} twice"
+        )
+
+    def record(self) -> dict[str, Any]:
+        """The same for a program."""
+        return {"ok": self.ok, **asdict(self)}
+
+
+def verdicts(journal: Journal) -> list[SessionVerdict]:
+    """Return a verdict on every chain of `journal`."""
+    return [_verdict(journal, name) for name in journal.sessions()]
+
+
+def _verdict(journal: Journal, name: str) -> SessionVerdict:
+    try:
+        return session_verdict(name, list(journal.chain(name)))
+    except JournalError as error:
+        verdict = session_verdict(name, [])
+        return replace(verdict, state="unreadable", problem=str(error))
+
+
+def session_verdict(name: str, chain: list[ChainLink]) -> SessionVerdict:
+    """Return the verdict on the chain of the session `name`."""
+    participant, _, number = name.rpartition("/")
+    state, problem = _folded(chain)
+    planned = _planned(state)
+    erased = state.name == "withdrawn"
+    return SessionVerdict(
+        participant=participant or name,
+        session=int(number) if participant and number.isdecimal() else 0,
+        state=state.name,
+        events=len(chain),
+        trials_planned=len(planned),
+        trials_answered=len(state.answered),
+        trials_aborted=len(state.aborted),
+        duplicates=len(state.answered_twice),
+        missing=len(planned - state.answered),
+        chain_ok=chain_is_unbroken(name, chain, erased=erased),
+        problem=problem,
+    )
+
+
+def readable_events(journal: Journal, session: str) -> list[Event]:
+    """Return the events of `session`, whose payloads are all there unless it was withdrawn.
+
+    Raises:
+        JournalError: some are missing, so that nothing can be said about the session.
+    """
+    events = journal.events(session)
+    _require_readable(session, events)
+    return events
+
+
+def readable_chains(journal: Journal, broken: list[str]) -> Iterator[list[Event]]:
+    """Yield the events of each chain of `journal`; name those that are not whole in `broken`.
+
+    Raises:
+        JournalError: of a session too much is missing for anything to be said about it.
+    """
+    for name in journal.sessions():
+        chain = list(journal.chain(name))
+        events = [link.event for link in chain]
+        _require_readable(name, events)
+        if not chain_is_unbroken(name, chain, erased=_is_withdrawn(events)):
+            broken.append(name)
+        yield events
+
+
+def _is_withdrawn(events: Iterable[Event]) -> bool:
+    return any(event.tag == "withdrawn" for event in events)
+
+
+def _require_readable(session: str, events: list[Event]) -> None:
+    withdrawn = _is_withdrawn(events)
+    if any(event.erased for event in events) and not withdrawn:
+        raise JournalError(f"session {session} has lost payloads; see touchbeam verify")
+    try:
+        state = folded(events)
+    except (NotAllowed, KeyError, TypeError, AttributeError) as error:
+        raise JournalError(f"session {session} is damaged; see touchbeam verify") from error
+    opened = state.opened or {}
+    lacking = _OPENING - opened.keys() if "scores" not in opened else set()
+    if lacking and not withdrawn and session != STUDY_CHAIN:
+        raise JournalError(f"session {session} does not say how it began; see touchbeam verify")
+
+
+def chain_is_unbroken(name: str, chain: Iterable[ChainLink], *, erased: bool) -> bool:
+    """Return whether every event follows from the one before and has the payload it was given.
+
+    Args:
+        name: of the session.
+        chain: its events with digests and hashes.
+        erased: whether payloads may be missing, since the participant withdrew.
+    """
+    previous = FIRST_HASH
+    chain = list(chain)
+    for place, link in enumerate(chain):
+        fields = event_fields(name, link.event, link.payload_sha256)
+        if link.event.seq != place or chain_hash(previous, fields) != link.hash:
+            return False
+        if not (erased if link.payload is None else _is_its_payload(link.payload, link)):
+            return False
+        previous = link.hash
+    return bool(chain)
+
+
+def _is_its_payload(stored: str, link: ChainLink) -> bool:
+    digest = hashlib.sha256(stored.encode("utf-8", "surrogatepass")).hexdigest()
+    return digest == link.payload_sha256
+
+
+def _folded(chain: list[ChainLink]) -> tuple[SessionState, str]:
+    try:
+        state = folded(link.event for link in chain)
+    except (NotAllowed, KeyError, TypeError, AttributeError) as error:
+        return SessionState(name="impossible"), str(error)
+    if state.name == "withdrawn" and not all(link.event.erased for link in chain):
+        return state, "withdrawn, but not erased: run touchbeam withdraw again"
+    return state, ""
+
+
+def _planned(state: SessionState) -> set[int]:
+    """Indices of the planned trials; none for published scores or after a withdrawal."""
+    opened = state.opened or {}
+    return {trial["index"] for trial in opened.get("trials", ())}

@@ -1,0 +1,79 @@
+"""`touchbeam device`: which ports there are, who answers at one, and where the beam resonates."""
+
+import time
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+from device.drivers.registry import driver_for, driver_of
+from device.errors import LinkTimeout
+from device.link.link import HANDSHAKE_S, open_link
+from device.link.port import described_ports
+from device.resonance import Resonance
+from device.simulator.client import simulator_process
+from protocol.study.rig import Rig as RigSettings
+from runner.clock import WallClock
+from runner.launch.rig import SIMULATED, keep_calibration, rigged
+
+BLUETOOTH = ("rfcomm", "bluetooth")
+
+
+def ports() -> list[dict[str, str]]:
+    """Return the serial ports of this machine, and how each one can be used."""
+    return [{**port, "hint": _hint(port)} for port in described_ports()]
+
+
+def _hint(port: dict[str, str]) -> str:
+    name = f"{port['name']} {port['description']}".lower()
+    return "Bluetooth: pair the device first" if any(word in name for word in BLUETOOTH) else ""
+
+
+def probed(url: str, touchbeam: Sequence[str]) -> dict[str, Any]:
+    """Return who answers at `url` and how it is, as it says; nothing is set.
+
+    Raises:
+        AddressError: `url` is no address of a device.
+        ForeignDevice: who answers is no device that there is a driver for.
+        DeviceError: nobody answers, or not as it must.
+    """
+    with ExitStack() as stack:
+        if url == SIMULATED:
+            url = stack.enter_context(simulator_process(touchbeam, seed=1)).url
+        link = open_link(url)
+        stack.callback(link.close)
+        try:
+            idn = link.identify()
+        except LinkTimeout as error:
+            raise LinkTimeout(
+                f"{url}: nobody answered *IDN? within {HANDSHAKE_S:g} s ({error}); "
+                "is the device on, and at this speed?"
+            ) from error
+        driver = driver_for(idn)
+        link.synchronise()
+        said = {name: link.ask(query) for name, query in driver.health.items()}
+    return {"url": url, "idn": idn, "dialect": driver.dialect, **said}
+
+
+def swept(
+    url: str, near_hz: float, dialect: str, touchbeam: Sequence[str], seed: int = 1
+) -> tuple[Resonance, str]:
+    """Return the resonance of the beam at `url`, and who measured it; the output is off after.
+
+    The simulated device's time is stepped, so that nobody waits for it.
+
+    Raises:
+        AddressError: `url` is no address of a device, or there is no such dialect.
+        DeviceError: the device does not work, or there is no resonance near `near_hz`.
+        OutputUnknown: the output could not be read back as off.
+    """
+    settings = RigSettings.model_validate({"dialect": driver_of(dialect).dialect})
+    with rigged(url, settings, touchbeam, seed) as rig:
+        sleep = rig.hand.advance if rig.hand is not None else time.sleep
+        identity = rig.device.arm()
+        return rig.device.resonance(near_hz, sleep), identity.idn
+
+
+def kept(folder: Path, found: Resonance, idn: str) -> Path:
+    """Keep a resonance as the calibration of the study in `folder`; return the file."""
+    return keep_calibration(folder, found, idn, WallClock().utc().isoformat(timespec="seconds"))

@@ -1,0 +1,123 @@
+"""A whole session of a study in fake time: simulated device, virtual participant, no trace left."""
+
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from device.resonance import Resonance
+from protocol.journal.state import Event, SessionState
+from protocol.plan.trials import Plan
+from runner.journal.store import open_journal, session_name
+from runner.launch.rig import touchbeam_command
+from runner.launch.run_session import Sitting, sit
+from runner.study.folder import StudyFolder
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rehearsed:
+    """A session that has been run: its plan, its journal, and the state that adds up to."""
+
+    plan: Plan
+    events: tuple[Event, ...]
+    state: SessionState
+
+    @property
+    def answers(self) -> dict[int, str | None]:
+        """What was answered, by the trial's index."""
+        answered = [event.payload for event in self.events if event.tag == "answered"]
+        return {payload["index"]: payload["change"] for payload in answered}
+
+    @property
+    def largest_voltage_v(self) -> float:
+        """Largest amplitude that the device reported, V."""
+        return max(
+            (
+                reading["voltage_v"]
+                for event in self.events
+                if event.tag == "touch-ended"
+                for reading in event.payload["read_back"]
+            ),
+            default=0.0,
+        )
+
+    def assert_complete(self) -> None:
+        """Assert that every planned trial was answered once and the device read back as off."""
+        tags = [event.tag for event in self.events]
+        asked = [trial.index for trial in self.plan.trials]
+        missing = sorted(set(asked) - set(self.state.answered))
+        if missing or self.state.aborted or tags.count("answered") != len(asked):
+            raise AssertionError(
+                f"every trial must be answered once, got {tags.count('answered')} answers to "
+                f"{len(asked)} trials; missing {missing}, aborted {list(self.state.aborted)}"
+            )
+        off = [event.payload.get("confirmed") for event in self.events if event.tag == "device-off"]
+        if self.state.name != "completed" or not off or not off[-1]:
+            raise AssertionError(
+                f"a session must end complete and with the device off, got {self.state.name!r}, "
+                f"off confirmed: {off}"
+            )
+
+
+def rehearsed(
+    study_text: str, plan: Plan, seed: int = 1, calibration: Resonance | None = None
+) -> Rehearsed:
+    """Run a rehearsal of the study in a folder of its own and return what happened.
+
+    Args:
+        study_text: the study file.
+        plan: of the first slot, to compare with.
+        seed: of the virtual participant and of the simulated device.
+        calibration: of the rig, where its device measures no vibration.
+
+    Raises:
+        StudyError: the study cannot be used.
+        DeviceError: the simulated device did not work.
+    """
+    with tempfile.TemporaryDirectory(prefix="touchbeam-") as place:
+        folder = StudyFolder(path=Path(place))
+        folder.study_file.write_text(study_text, encoding="utf-8")
+        sitting = Sitting(
+            folder=folder,
+            participant="P01",
+            device="sim",
+            ratings="virtual",
+            rehearsal=True,
+            consent="rehearsal",
+            seed=seed,
+            calibration=calibration,
+            touchbeam=touchbeam_command(),
+        )
+        state = sit(sitting, say=lambda _: None)
+        with open_journal(folder.journal) as journal:
+            events = tuple(journal.events(session_name("P01", 1)))
+    return Rehearsed(plan=plan, events=events, state=state)
+
+
+def rehearsed_cohort(
+    folder: StudyFolder,
+    participants: int,
+    seed: int,
+    touchbeam: Sequence[str],
+    seated: Callable[[], None],
+) -> None:
+    """Run one session for each of `participants` virtual participants, P01 on.
+
+    Args:
+        folder: a study that has been written.
+        participants: how many.
+        seed: what their characters and the simulated device follow from.
+        touchbeam: the command that starts touchbeam.
+        seated: called after each session.
+    """
+    for number in range(1, participants + 1):
+        sitting = Sitting(
+            folder=folder,
+            participant=f"P{number:02d}",
+            device="sim",
+            ratings="virtual",
+            seed=seed,
+            touchbeam=touchbeam,
+        )
+        sit(sitting, say=lambda _: None)
+        seated()

@@ -1,0 +1,125 @@
+"""The rig of a session: a device at an address, or the simulated one with a hand on its beam."""
+
+import json
+import math
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from device.drivers.setpoints import Amplifier, Limits
+from device.resonance import Resonance
+from device.rig import Rig, open_rig
+from device.simulator.client import Hand, simulator_process
+from protocol.errors import BadInput
+from protocol.study.rig import Rig as RigSettings
+
+SIMULATED = "sim"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rigged:
+    """An open device, and the hand that moves what a wire cannot if it is a simulated one."""
+
+    device: Rig
+    hand: Hand | None
+
+
+@contextmanager
+def rigged(
+    url: str,
+    settings: RigSettings,
+    touchbeam: Sequence[str],
+    seed: int,
+    calibration: Resonance | None = None,
+) -> Iterator[Rigged]:
+    """Open the device at `url`, or a simulated one for `sim`; close it on the way out.
+
+    Args:
+        url: `sim` or the address of a device.
+        settings: the study's rig, whose limits the driver keeps.
+        touchbeam: the command that starts touchbeam, for the simulated device.
+        seed: what the simulated device's hidden properties follow from.
+        calibration: the rig's resonance, for a device that cannot measure it.
+
+    Raises:
+        AddressError: `url` is no address of a device.
+        DeviceError: there is no device that works.
+    """
+    with ExitStack() as stack:
+        hand = None
+        if url == SIMULATED:
+            endpoints = stack.enter_context(
+                simulator_process(touchbeam, seed, dialect=settings.dialect)
+            )
+            hand = stack.enter_context(Hand(endpoints.control))
+            url = endpoints.url
+        device = open_rig(url, limits(settings), settings.dialect, calibration)
+        stack.callback(device.close)
+        yield Rigged(device=device, hand=hand)
+
+
+def limits(settings: RigSettings) -> Limits:
+    """Return what the driver must never exceed on this rig."""
+    return Limits(
+        max_voltage_v=settings.max_voltage_v,
+        max_frequency_hz=settings.max_frequency_hz,
+        ramp_v_per_s=settings.ramp_v_per_s,
+        watchdog_s=settings.watchdog_s,
+        amplifier=_amplifier(settings),
+    )
+
+
+def _amplifier(settings: RigSettings) -> Amplifier:
+    current_ma, load_nf = settings.max_current_ma, settings.capacitance_nf
+    return Amplifier(
+        gain=settings.amplifier_gain,
+        max_vpp=settings.generator_max_vpp,
+        max_slew_v_per_us=settings.max_slew_v_per_us,
+        max_current_a=None if current_ma is None else 1e-3 * current_ma,
+        load_f=1e-9 * (load_nf or 0.0),
+    )
+
+
+FILE = "calibration.json"
+
+
+def keep_calibration(folder: Path, found: Resonance, idn: str, measured_utc: str) -> Path:
+    """Write what a sweep found into the study's folder; return the file.
+
+    Raises:
+        BadInput: there is no study in `folder`.
+    """
+    if not (folder / "study.toml").is_file():
+        raise BadInput(f"{folder}: no study here (study.toml is missing)")
+    path = folder / FILE
+    record = {**asdict(found), "idn": idn, "measured_utc": measured_utc}
+    path.write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
+    return path
+
+
+def kept_calibration(folder: Path) -> Resonance | None:
+    """Return the calibration that is kept in the study's folder, None if there is none.
+
+    Raises:
+        BadInput: the file is not one that `keep_calibration` wrote.
+    """
+    path = folder / FILE
+    if not path.exists():
+        return None
+    try:
+        kept = json.loads(path.read_text(encoding="utf-8"))
+        found = Resonance(
+            frequency_hz=float(kept["frequency_hz"]), tip_m_per_v=float(kept["tip_m_per_v"])
+        )
+    except (ValueError, KeyError, TypeError) as error:
+        raise BadInput(f"{path}: not a calibration ({error!r}); measure it anew") from error
+    if not (math.isfinite(found.frequency_hz) and found.frequency_hz > 0):
+        raise BadInput(f"{path}: frequency_hz must be above 0, got {found.frequency_hz}")
+    return found
+
+
+def touchbeam_command() -> tuple[str, ...]:
+    """Return the command that starts the touchbeam of this environment."""
+    return (str(Path(sys.executable).with_name("touchbeam")),)

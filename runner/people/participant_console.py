@@ -1,0 +1,184 @@
+"""A participant at a terminal: texts out, typed lines in. The operator shares the terminal."""
+
+import contextlib
+import io
+import queue
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import TextIO
+
+from protocol.errors import BadInput, WorkFailed
+from protocol.study.questions import ANSWERS, Rating
+from protocol.study.study import Language
+from protocol.study.texts import band_names
+from runner.people.operator_keys import OPERATOR_MARK
+from runner.people.terminal import at_terminal
+from runner.screens import (
+    AskChange,
+    AskScore,
+    Instruction,
+    Notice,
+    Pacing,
+    Response,
+    Screen,
+    Welcome,
+)
+
+MOST_LINES = 1000
+
+
+class ParticipantGone(WorkFailed):
+    """Nobody types any more."""
+
+
+def require_typist(source: TextIO | None) -> TextIO:
+    """Return where somebody types.
+
+    Raises:
+        BadInput: standard input is closed.
+    """
+    if source is None:
+        raise BadInput("a session needs somebody who types: standard input is closed")
+    return source
+
+
+class TypedLines:
+    """Lines from a terminal, read by a thread so that nobody waits for them.
+
+    No more than `MOST_LINES` are read ahead, whatever a pipe may hold. At a terminal, lines beyond
+    that are dropped: an order behind them is heard at once.
+    """
+
+    def __init__(self, source: TextIO | None) -> None:
+        source = require_typist(source)
+        if isinstance(source, io.TextIOWrapper):
+            source.reconfigure(errors="replace")
+        self._source = source
+        self.at_terminal = at_terminal(source)
+        self._lines: queue.Queue[str | None] = queue.Queue(MOST_LINES)
+        self._orders: queue.Queue[str] = queue.Queue(MOST_LINES)
+        self._ended = False
+        threading.Thread(target=self._read, name="typed lines", daemon=True).start()
+
+    def take(self) -> str | None:
+        """Return the participant's next line without its end, None while there is none.
+
+        Raises:
+            ParticipantGone: the input has ended.
+        """
+        try:
+            line = self._lines.get_nowait() if not self._ended else None
+        except queue.Empty:
+            return None
+        if line is None:
+            self._ended = True
+            raise ParticipantGone("the input has ended before the session did")
+        return line.rstrip("\r\n")
+
+    def forget(self) -> None:
+        """Drop what was typed before it was asked for; lines from a file or pipe all count."""
+        while self.at_terminal and not (self._ended or self._lines.empty()):
+            self._ended = self._lines.get_nowait() is None
+
+    def operator_typed(self, asked: bool) -> str:
+        """Return what the operator typed: a line with its mark, or, if `asked`, any line."""
+        if not self._orders.empty():
+            return self._orders.get_nowait()
+        line = self.take() if asked else None
+        return "" if line is None else f"{line}\n"
+
+    def _read(self) -> None:
+        for line in self._typed():
+            if line.startswith(OPERATOR_MARK):
+                self._orders.put(line.rstrip("\r\n") + "\n")
+            elif not (self.at_terminal and self._lines.full()):
+                self._lines.put(line)
+        self._lines.put(None)
+
+    def _typed(self) -> Iterator[str]:
+        """The lines; a terminal that is gone ends them."""
+        with contextlib.suppress(OSError, ValueError):
+            yield from self._source
+
+
+@dataclass
+class ConsoleParticipant:
+    """Shows `texts`, takes typed answers, and says so when one does not fit."""
+
+    typed: TypedLines
+    say: Callable[[str], None]
+    language: Language
+    texts: Mapping[str, str]
+    monotonic_s: Callable[[], float] = time.monotonic
+    _screen: Screen | None = field(default=None, init=False)
+    _shown_s: float = field(default=0.0, init=False)
+
+    def show(self, screen: Screen) -> None:
+        """Print `screen`."""
+        self._screen = screen
+        self.typed.forget()
+        for line in self._lines_of(screen):
+            self.say(line)
+        self._shown_s = self.monotonic_s()
+
+    def poll(self) -> Response | None:
+        """Return the answer to the last screen once it has been typed."""
+        if self._screen is None or isinstance(self._screen, Notice | Pacing):
+            return None
+        line = self.typed.take()
+        if line is None:
+            return None
+        answer = self._understood(line.strip())
+        if answer is None:
+            return None
+        self._screen = None
+        return Response(answer=answer, reaction_time_s=self.monotonic_s() - self._shown_s)
+
+    def _lines_of(self, screen: Screen) -> list[str]:
+        match screen:
+            case Notice(text=text):
+                return [self.texts[text]]
+            case Welcome():
+                return [self.texts["welcome"], self.texts["ready"]]
+            case Instruction(text=text):
+                return [self.texts[text], self.texts["ready"]]
+            case Pacing(duration_s=duration_s):
+                return [f"{self.texts['touch.now']} ({duration_s:.2g} s)"]
+            case AskChange(question=question):
+                return [self.texts[f"question.{question}"], *self._choices(ANSWERS[question])]
+            case AskScore(rating=rating):
+                return [self.texts["score"], "   ".join(band_names(rating, self.language))]
+
+    def _understood(self, line: str) -> str | None:
+        """The answer that `line` gives to the screen, None if it gives none."""
+        match self._screen:
+            case AskChange(question=question):
+                return self._choice(line, ANSWERS[question])
+            case AskScore(rating=rating):
+                return self._score(line, rating)
+        return "ready"
+
+    def _choice(self, line: str, answers: tuple[str, ...]) -> str | None:
+        for number, answer in enumerate(answers, start=1):
+            words = {str(number), answer, self.texts[f"answer.{answer}"].strip()}
+            if line.casefold() in {word.casefold() for word in words}:
+                return answer
+        self.say(f"? {line!r}")
+        for choice in self._choices(answers):
+            self.say(choice)
+        return None
+
+    def _score(self, line: str, rating: Rating) -> str | None:
+        try:
+            return str(rating.checked_score(int(line)))
+        except ValueError:
+            self.say(f"? {line!r}: {self.texts['score']}")
+            return None
+
+    def _choices(self, answers: tuple[str, ...]) -> list[str]:
+        return [
+            f"  {number}  {self.texts[f'answer.{answer}']}"
+            for number, answer in enumerate(answers, start=1)
+        ]

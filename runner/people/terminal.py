@@ -1,0 +1,64 @@
+"""Single keys from a terminal, as they are pressed."""
+
+import os
+import select
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TextIO
+
+
+@contextmanager
+def terminal_keys() -> Iterator[Callable[[bool], str]]:
+    """Yield a function that returns the characters typed since the last call, without waiting.
+
+    The terminal echoes nothing meanwhile and is as before afterwards.
+    """
+    if sys.platform == "win32":
+        yield lambda _: _windows_keys()
+        return
+    import termios
+    import tty
+
+    terminal = sys.stdin.fileno()
+    before = termios.tcgetattr(terminal)
+    tty.setcbreak(terminal)
+    try:
+        yield lambda _: _typed(terminal)
+    finally:
+        termios.tcsetattr(terminal, termios.TCSADRAIN, before)
+
+
+def _typed(terminal: int) -> str:
+    _keep_single_keys(terminal)
+    ready, _, _ = select.select([terminal], [], [], 0)
+    return os.read(terminal, 1024).decode("utf-8", "replace") if ready else ""
+
+
+def _keep_single_keys(terminal: int) -> None:
+    """Have the terminal give single keys again if somebody took that back.
+
+    Shells do when a program goes on that was stopped by Ctrl-Z.
+    """
+    import termios
+    import tty
+
+    if termios.tcgetattr(terminal)[3] & termios.ICANON and os.tcgetpgrp(terminal) == os.getpgrp():
+        tty.setcbreak(terminal)
+
+
+def _windows_keys() -> str:
+    import msvcrt
+
+    typed = ""
+    while msvcrt.kbhit():  # type: ignore[attr-defined,unused-ignore]
+        typed += msvcrt.getwch()  # type: ignore[attr-defined,unused-ignore]
+    return typed
+
+
+def at_terminal(*streams: TextIO | None) -> bool:
+    """Return whether all of `streams` are a terminal's.
+
+    rich also takes FORCE_COLOR for a terminal, which is none.
+    """
+    return all(stream is not None and stream.isatty() for stream in streams)

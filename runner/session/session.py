@@ -1,0 +1,87 @@
+"""What a session is: who, which plan, on which rig; and how that is written down."""
+
+import platform
+from dataclasses import asdict, dataclass, field
+from importlib.metadata import version
+from typing import Any, Literal
+
+from protocol.plan.trials import Plan, Trial
+from protocol.study.study import Language, Study
+from protocol.study_file.loading import text_digest
+from runner.clock import Clock
+from runner.journal.session_log import SessionLog
+from runner.ports import Device, Operator, Participant
+
+Kind = Literal["participant", "rehearsal"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Session:
+    """One participant's session, decided before it begins."""
+
+    participant: str
+    number: int
+    kind: Kind
+    study: Study
+    study_text: str
+    plan: Plan
+    language: Language = "en"
+    consent: str | None = None
+    seed: int = 1
+
+    def resumption(self) -> dict[str, Any]:
+        """Return what the journal says of the session when it is taken up again."""
+        return {
+            "study_sha256": text_digest(self.study_text),
+            "study_text": self.study_text,
+            "trials": [trial_record(trial) for trial in self.plan.trials],
+            "language": self.language,
+            "consent": self.consent,
+            "seed": self.seed,
+            "versions": versions(),
+        }
+
+    def opening(self) -> dict[str, Any]:
+        """Return what the journal says of the session when it opens."""
+        return {
+            "participant": self.participant,
+            "session": self.number,
+            "kind": self.kind,
+            "study": self.study.study.name,
+            "slot": self.plan.slot,
+            "sequence": list(self.plan.sequence),
+            "conditions": list(self.study.conditions),
+            **self.resumption(),
+        }
+
+
+def versions() -> dict[str, str]:
+    """Return what ran: touchbeam and Python."""
+    return {"touchbeam": version("touchbeam"), "python": platform.python_version()}
+
+
+def trial_record(trial: Trial) -> dict[str, Any]:
+    """Return `trial` as JSON can hold it."""
+    touches = [touch.model_dump(exclude_none=True) for touch in trial.touches]
+    return {**asdict(trial), "touches": touches}
+
+
+@dataclass(kw_only=True)
+class Room:
+    """Who and what is in the room.
+
+    `opened_now` tells a new session from one that is taken up again; `resonance_hz` is known once
+    it was measured. `beam_in_doubt` says that the operator was asked for a beam and did not
+    confirm it.
+    """
+
+    session: Session
+    device: Device
+    participant: Participant
+    operator: Operator
+    clock: Clock
+    log: SessionLog
+    opened_now: bool
+    resonance_hz: float = field(default=0.0, init=False)
+    pause_wanted: bool = field(default=False, init=False)
+    beam_in_doubt: bool = field(default=False, init=False)

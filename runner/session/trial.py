@@ -1,0 +1,177 @@
+"""One touch: the right beam, the instruction, the drive, the finger's way, and off again."""
+
+from dataclasses import asdict, replace
+from typing import Any
+
+from device.drivers.setpoints import SLOWEST_RAMP_V_PER_S, ReadBack, Setpoint
+from protocol.plan.trials import Trial
+from protocol.study.questions import checked_answer
+from protocol.study.texts import touch_text
+from protocol.study.touch import Touch
+from runner.screens import AskChange, AskScore, Instruction, Notice, Response, pacing
+from runner.session.compliance import Sample, judged, samples_of
+from runner.session.session import Room
+from runner.session.setup import mount
+from runner.session.tick import TICK_S, pass_time, response, show_where_we_are
+
+SAMPLE_EVERY_S = 0.2
+SWEEP_STEP_S = 0.1
+SWEEP_STEPS = 10
+"""Of a sweep that is shorter than 1 s, as far as `FASTEST_STEP_S` allows."""
+FASTEST_STEP_S = 0.02
+
+
+def touch(room: Room, number: int, to_make: Touch) -> dict[str, Any]:
+    """Carry out one touch of a trial and return how it was done.
+
+    The output is off before and after it; it goes on only once the journal says that it will.
+    """
+    study = room.session.study
+    mount(room, to_make.beam or study.touch.beam)
+    if number > 0:
+        pass_time(room, study.timing.between_touches_s)
+    ready = _instructed(room, to_make)
+    start = _setpoint(room, to_make.voltage_v, to_make.frequency)
+    room.log.append(
+        "touch-started", touch=number, commanded=asdict(start), instruction=asdict(ready)
+    )
+    stimulus = _Stimulus(room, to_make)
+    stimulus.deliver(start)
+    room.device.off()
+    room.participant.show(Notice(text="touch.end"))
+    verdict = judged(stimulus.pacing, stimulus.samples)
+    room.log.append("touch-ended", touch=number, **stimulus.record(), judged=verdict)
+    show_where_we_are(room, warning=_warning(verdict))
+    return verdict
+
+
+def _instructed(room: Room, to_make: Touch) -> Response:
+    """Say how to touch, and nothing else, until the participant is ready."""
+    way = pacing(to_make, room.session.study.touch).touch
+    room.participant.show(Instruction(text=touch_text(to_make), touch=way))
+    return response(room)
+
+
+class _Stimulus:
+    """What the device does while the finger is on the beam, and what was read back meanwhile."""
+
+    def __init__(self, room: Room, to_make: Touch) -> None:
+        self._room = room
+        self._touch = to_make
+        self._read_back: list[dict[str, Any]] = []
+        self._next_sample_s = 0.0
+        self.samples: list[Sample] = []
+        self.pacing = pacing(to_make, room.session.study.touch)
+        self._next_step_s = self._step_s
+
+    def deliver(self, start: Setpoint) -> None:
+        """Soft start, the touch itself with its ramp and sweep; the output stays on."""
+        room, to_make = self._room, self._touch
+        show_where_we_are(room, device=room.device.drive(start))
+        pass_time(room, start.voltage_v / start.ramp_v_per_s)
+        room.participant.show(self.pacing)
+        self._look()
+        if self._ramps:
+            self._move_on(0.0)
+        self._began_s = room.clock.monotonic_s()
+        pass_time(room, self.pacing.duration_s, self._meanwhile, min(TICK_S, self._step_s))
+        if to_make.sweep_to is not None:
+            self._move_on(1.0)
+        self._look()
+
+    def record(self) -> dict[str, Any]:
+        """Return what was read back: the drive from start to end, the finger's trace."""
+        trace = [[entry.t_s, entry.force_n, entry.position_m] for entry in self.samples]
+        return {"read_back": self._read_back, "trace": trace}
+
+    def _look(self) -> None:
+        show_where_we_are(self._room, device=self._sampled(keep=True))
+
+    def _sampled(self, *, keep: bool) -> ReadBack:
+        """Read the drive and the finger; a drive that stays as it was need not be kept."""
+        read_back = self._room.device.read_back()
+        if keep:
+            self._read_back.append(asdict(read_back))
+        self.samples += samples_of(read_back)
+        return read_back
+
+    @property
+    def _step_s(self) -> float:
+        return min(SWEEP_STEP_S, max(self.pacing.duration_s / SWEEP_STEPS, FASTEST_STEP_S))
+
+    @property
+    def _ramps(self) -> bool:
+        return self._touch.end_voltage_v != self._touch.voltage_v
+
+    def _meanwhile(self) -> None:
+        """Look at the finger now and then; move the frequency on if it sweeps."""
+        passed_s = self._room.clock.monotonic_s() - self._began_s
+        sweeps = self._touch.sweep_to is not None
+        if passed_s >= self._next_sample_s:
+            self._next_sample_s += SAMPLE_EVERY_S
+            self._sampled(keep=sweeps or self._ramps)
+        if sweeps and passed_s >= self._next_step_s:
+            self._next_step_s += self._step_s
+            self._move_on(min(passed_s / self.pacing.duration_s, 1.0))
+
+    def _move_on(self, share: float) -> None:
+        """Go to this share of the sweep; the amplitude goes on towards the end of its ramp."""
+        to_make = self._touch
+        frequency = to_make.frequency + share * (to_make.end_frequency - to_make.frequency)
+        change_v = abs(to_make.end_voltage_v - to_make.voltage_v)
+        towards = _setpoint(self._room, to_make.end_voltage_v, frequency)
+        if self._ramps:
+            slope = max(change_v / self.pacing.duration_s, SLOWEST_RAMP_V_PER_S)
+            towards = replace(towards, ramp_v_per_s=min(slope, towards.ramp_v_per_s))
+        self._room.device.drive(towards)
+
+
+def _setpoint(room: Room, voltage_v: float, frequency: float) -> Setpoint:
+    return Setpoint(
+        voltage_v=voltage_v,
+        frequency_hz=frequency * room.resonance_hz,
+        ramp_v_per_s=room.session.study.rig.ramp_v_per_s,
+    )
+
+
+def _warning(verdict: dict[str, Any]) -> str:
+    missed = [name for name in ("force", "place") if verdict[f"{name}_ok"] is False]
+    return f"the touch was not as asked: {' and '.join(missed)}" if missed else ""
+
+
+def answers(room: Room, trial: Trial) -> dict[str, Any]:
+    """Ask what `trial` has to ask and return it as the journal holds it.
+
+    The score is missing where the answer disagrees with the expectation and the study asks only
+    for scores of effects that agree (the paper's rule, section 5.2).
+    """
+    if trial.question is None:
+        room.participant.show(Instruction(text="remember"))
+        return _record(trial, None, None, [response(room)])
+    rating = room.session.study.rating
+    room.participant.show(AskChange(question=trial.question))
+    change = response(room)
+    checked_answer(trial.question, change.answer)
+    agrees = change.answer == trial.expected
+    if not trial.scored or not (agrees or rating.score_when == "always"):
+        return _record(trial, change.answer, None, [change])
+    room.participant.show(AskScore(rating=rating))
+    score = response(room)
+    return _record(trial, change.answer, rating.checked_score(int(score.answer)), [change, score])
+
+
+def _record(
+    trial: Trial, change: str | None, score: int | None, given: list[Response]
+) -> dict[str, Any]:
+    return {
+        "index": trial.index,
+        "kind": trial.kind,
+        "condition": trial.condition,
+        "change": change,
+        "agrees": None if change is None else change == trial.expected,
+        "score": score,
+        "level": trial.level,
+        "opposite": trial.opposite,
+        "reaction_time_s": [entry.reaction_time_s for entry in given],
+        "traces": [entry.trace for entry in given],
+    }

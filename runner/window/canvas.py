@@ -1,0 +1,238 @@
+"""The one module that imports psychopy: draws pages in a window and takes presses and keys.
+
+psychopy needs a display as soon as it is imported; this module is loaded by the window's own
+process alone.
+"""
+
+import ctypes
+import sys
+import time
+from typing import Any
+
+import pyglet
+from psychopy import logging, visual
+from pyglet.window import key
+
+from protocol.errors import WorkFailed
+from runner.window.elements import (
+    BACKGROUND,
+    Dot,
+    Dragged,
+    Element,
+    Input,
+    Key,
+    Outline,
+    Page,
+    Pressed,
+    Released,
+    Text,
+    pixels_per_unit,
+)
+from runner.window.messages import Settings
+from runner.window.text_layout import LINE_HEIGHT, first_font, missing, wrapped
+
+SMALL_WINDOW_PX = (800, 600)
+LOOK_FOR_WINDOW_EVERY_S = 0.5
+
+_KEYS = {
+    key.ENTER: "enter",
+    key.NUM_ENTER: "enter",
+    key.BACKSPACE: "backspace",
+    key.ESCAPE: "escape",
+    key.LEFT: "left",
+    key.RIGHT: "right",
+    key.UP: "up",
+    key.DOWN: "down",
+    **{getattr(key, f"_{digit}"): str(digit) for digit in range(10)},
+    **{getattr(key, f"NUM_{digit}"): str(digit) for digit in range(10)},
+}
+
+
+class PsychopyCanvas:
+    """An open window. Nothing in it waits but `flip`, for the screen."""
+
+    def __init__(self, settings: Settings) -> None:
+        logging.console.setLevel(logging.CRITICAL)
+        font = first_font(settings.wording.language, pyglet.font.have_font)
+        if font is None:
+            raise WorkFailed(missing(settings.wording.language))
+        self._font = font
+        self._window = _window(settings)
+        self._scale = float(pixels_per_unit(*self._window.size))
+        self._handle = self._window.winHandle
+        self._screen = settings.screen
+        self._drawn: dict[Element, list[Any]] = {}
+        self._inputs: list[tuple[float, Input]] = []
+        self.closed = False
+        self._looked_s = 0.0
+        self._window.setMouseVisible(True)
+        self._handle.push_handlers(
+            on_mouse_press=self._on_press,
+            on_mouse_drag=self._on_drag,
+            on_mouse_release=self._on_release,
+            on_key_press=self._on_key,
+            on_close=self._on_close,
+        )
+
+    def look(self) -> dict[str, Any]:
+        """Return what is known of the screen; what the system does not say is None."""
+        return {
+            "screen": self._screen,
+            "size_px": [int(side) for side in self._window.size],
+            "px_per_unit": self._scale,
+            "mm_per_px": self._millimetres_per_pixel(),
+            "refresh_hz": self._refresh_hz(),
+            "font": self._font,
+        }
+
+    def draw(self, page: Page) -> None:
+        """Draw `page` into the back buffer."""
+        for element in page:
+            for stimulus in self._stimuli(element):
+                stimulus.draw()
+
+    def prepare(self, page: Page) -> None:
+        """Build what `page` needs, so that its first frame is not late."""
+        for element in page:
+            self._stimuli(element)
+
+    def flip(self) -> float:
+        """Show what was drawn; return when that was, s on the monotonic clock."""
+        self._window.flip(clearBuffer=True)
+        flipped_s = time.monotonic()
+        if flipped_s - self._looked_s > LOOK_FOR_WINDOW_EVERY_S:
+            self._looked_s = flipped_s
+            self.closed = self.closed or not self.is_there()
+        return flipped_s
+
+    def inputs(self) -> list[tuple[float, Input]]:
+        """Return what came in since the last call, each with its time."""
+        self._handle.dispatch_events()
+        taken, self._inputs = self._inputs, []
+        return taken
+
+    def close(self) -> None:
+        """Close the window."""
+        self._window.close()
+
+    def _stimuli(self, element: Element) -> list[Any]:
+        """What draws `element`: built once and kept, for a text takes milliseconds to set."""
+        if isinstance(element, Dot):
+            return [self._dot(element)]
+        if element not in self._drawn:
+            built = self._text(element) if isinstance(element, Text) else [self._outline(element)]
+            self._drawn[element] = built
+        return self._drawn[element]
+
+    def _dot(self, dot: Dot) -> Any:
+        rest = Dot(x=0, y=0, radius=dot.radius, fill=dot.fill)
+        if rest not in self._drawn:
+            radius = dot.radius * self._scale
+            self._drawn[rest] = [
+                visual.Circle(
+                    self._window, radius=radius, edges=64, fillColor=dot.fill, lineColor=None
+                )
+            ]
+        stimulus = self._drawn[rest][0]
+        stimulus.pos = (dot.x * self._scale, dot.y * self._scale)
+        return stimulus
+
+    def _outline(self, outline: Outline) -> Any:
+        return visual.ShapeStim(
+            self._window,
+            vertices=[(x * self._scale, y * self._scale) for x, y in outline.points],
+            closeShape=len(outline.points) > 2,
+            fillColor=outline.fill,
+            lineColor=outline.edge,
+            lineWidth=outline.width * self._scale,
+        )
+
+    def _text(self, text: Text) -> list[Any]:
+        lines = wrapped(text.text, text.size, text.room.width)
+        step = text.size * LINE_HEIGHT
+        top = text.room.y + step * (len(lines) - 1) / 2
+        return [
+            visual.TextStim(
+                self._window,
+                text=line,
+                font=self._font,
+                height=int(text.size * self._scale),
+                color=text.colour,
+                pos=(round(text.room.x * self._scale), round((top - number * step) * self._scale)),
+                wrapWidth=1e6,
+            )
+            for number, line in enumerate(lines)
+        ]
+
+    def _on_press(self, x: int, y: int, *_: object) -> bool:
+        across, up = self._on_canvas(x, y)
+        return self._latched(Pressed(x=across, y=up))
+
+    def _on_drag(self, x: int, y: int, *_: object) -> bool:
+        across, up = self._on_canvas(x, y)
+        return self._latched(Dragged(x=across, y=up))
+
+    def _on_release(self, *_: object) -> bool:
+        return self._latched(Released())
+
+    def _on_key(self, symbol: int, _modifiers: int) -> bool:
+        """Latch a key; handled here, Escape goes no further and closes nothing."""
+        name = _KEYS.get(symbol)
+        return True if name is None else self._latched(Key(name=name))
+
+    def _on_close(self) -> bool:
+        self.closed = True
+        return True
+
+    def _latched(self, given: Input) -> bool:
+        self._inputs.append((time.monotonic(), given))
+        return True
+
+    def _on_canvas(self, x: float, y: float) -> tuple[float, float]:
+        """A point of the window, whose origin is below on the left, on the canvas."""
+        width, height = self._window.size
+        return (x - width / 2) / self._scale, (y - height / 2) / self._scale
+
+    def _refresh_hz(self) -> float | None:
+        mode = self._handle.screen.get_mode()
+        rate = getattr(mode, "rate", None)
+        return float(rate) if rate and 20 < rate < 1000 else None
+
+    def is_there(self) -> bool:
+        """Return whether the X server still has the window: nobody is told when it is destroyed."""
+        if not sys.platform.startswith("linux"):
+            return True
+        from pyglet.libs.x11 import xlib
+
+        attributes = xlib.XWindowAttributes()
+        display, window = self._handle._x_display, self._handle._window
+        return bool(xlib.XGetWindowAttributes(display, window, ctypes.byref(attributes)))
+
+    def _millimetres_per_pixel(self) -> float | None:
+        """As the X server reports it; other systems do not say."""
+        if not sys.platform.startswith("linux"):
+            return None
+        from pyglet.libs.x11 import xlib
+
+        display = self._handle.screen.display._display
+        width_px, width_mm = xlib.XDisplayWidth(display, 0), xlib.XDisplayWidthMM(display, 0)
+        return round(width_mm / width_px, 5) if width_mm > 0 else None
+
+
+def _window(settings: Settings) -> Any:
+    screens = pyglet.canvas.get_display().get_screens()
+    if settings.screen >= len(screens):
+        sizes = ", ".join(f"{n} ({s.width}x{s.height})" for n, s in enumerate(screens))
+        raise WorkFailed(f"--screen {settings.screen} is not there; this machine has {sizes}")
+    screen = screens[settings.screen]
+    return visual.Window(
+        size=SMALL_WINDOW_PX if settings.windowed else (screen.width, screen.height),
+        fullscr=not settings.windowed,
+        screen=settings.screen,
+        units="pix",
+        color=BACKGROUND,
+        title="touchbeam",
+        allowGUI=True,
+        checkTiming=False,
+        winType="pyglet",
+    )

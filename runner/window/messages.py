@@ -1,0 +1,100 @@
+"""What the session and its window say to each other: one JSON object per line.
+
+To the window: the settings first, then `{"show": id, "screen": …}`. From it: `opened` or `failed`
+once; then `alive` now and then, `shown` when a screen is first seen, `answer`, `operator` when
+Escape is pressed, and `closed` or `broken` at an end that nobody asked for.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+from protocol.study.questions import Rating
+from runner.screens import AskChange, AskScore, Instruction, Notice, Pacing, Screen, Way, Welcome
+from runner.window.pages import Wording
+
+_SCREENS = {
+    kind.__name__: kind for kind in (Notice, Welcome, Instruction, Pacing, AskChange, AskScore)
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """How the window opens: on which screen, counted from 0, with which texts, for which pages."""
+
+    wording: Wording
+    screen: int = 0
+    windowed: bool = False
+    foreseen: tuple[Screen, ...] = ()
+
+
+def line_of(message: Mapping[str, Any]) -> str:
+    r"""Return `message` as a line.
+
+    >>> line_of({"alive": 12.5})
+    '{"alive": 12.5}\n'
+    """
+    return json.dumps(message, ensure_ascii=True, allow_nan=False) + "\n"
+
+
+def message_of(line: str) -> dict[str, Any]:
+    """Return the message that stands in `line`.
+
+    Raises:
+        ValueError: it is no JSON object.
+    """
+    try:
+        return dict(json.loads(line))
+    except (TypeError, ValueError):
+        raise ValueError(f"a message must be one JSON object, got {line!r}") from None
+
+
+def settings_message(settings: Settings) -> dict[str, Any]:
+    """Return `settings` as a message."""
+    return {
+        "wording": {
+            "language": settings.wording.language,
+            "texts": dict(settings.wording.texts),
+        },
+        "screen": settings.screen,
+        "windowed": settings.windowed,
+        "foreseen": [show_message(0, screen) for screen in settings.foreseen],
+    }
+
+
+def settings_of(message: Mapping[str, Any]) -> Settings:
+    """Return the settings that `message` holds."""
+    return Settings(
+        wording=Wording(**message["wording"]),
+        screen=message["screen"],
+        windowed=message["windowed"],
+        foreseen=tuple(screen_of(show) for show in message["foreseen"]),
+    )
+
+
+def show_message(number: int, screen: Screen) -> dict[str, Any]:
+    """Return the message that puts `screen` before the participant as the `number`-th one."""
+    values = {entry.name: getattr(screen, entry.name) for entry in fields(screen)}
+    if isinstance(screen, AskScore):
+        values["rating"] = screen.rating.model_dump(mode="json", by_alias=True)
+    elif isinstance(screen, Instruction) and screen.touch is not None:
+        values["touch"] = asdict(screen.touch)
+    return {"show": number, "screen": type(screen).__name__, **values}
+
+
+def screen_of(message: Mapping[str, Any]) -> Screen:
+    """Return the screen that a `show` message holds.
+
+    Raises:
+        ValueError: there is no such kind of screen.
+    """
+    values = {key: value for key, value in message.items() if key not in {"show", "screen"}}
+    if message["screen"] not in _SCREENS:
+        raise ValueError(f"a screen must be one of {', '.join(_SCREENS)}, got {message['screen']}")
+    if "rating" in values:
+        values["rating"] = Rating.model_validate(values["rating"])
+    if values.get("touch") is not None:
+        values["touch"] = Way(**values["touch"])
+    screen: Screen = _SCREENS[message["screen"]](**values)
+    return screen

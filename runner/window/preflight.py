@@ -1,0 +1,120 @@
+"""Texts that do not fit their places on the participant's screen, found without a screen."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
+from typing import get_args
+
+from protocol.errors import BadInput, Path, Problem
+from protocol.study.study import Item, Language, Study
+from protocol.study.texts import study_texts, touch_text
+from runner.screens import AskChange, AskScore, Instruction, Notice, Screen, Welcome, pacing
+from runner.window.client import WindowParticipant, participant_window
+from runner.window.elements import Text
+from runner.window.messages import Settings
+from runner.window.pages import View, Wording, page
+from runner.window.text_layout import text_height, text_width, wrapped
+
+_NOTICES = ("wait", "touch.end", "pause", "thanks")
+_INSTRUCTIONS = ("remember", "practice", "break")
+
+
+def foreseen(study: Study, consent: str | None) -> tuple[Screen, ...]:
+    """Return each screen once; the touches' own ones first among those of a trial."""
+    items: tuple[Item, ...] = (*study.opening, *study.condition)
+    touches = [touch for item in items for touch in item.touches]
+    cues = [pacing(touch, study.touch) for touch in touches]
+    screens: list[Screen] = [
+        Welcome(consent=consent),
+        *(Instruction(text=text) for text in _INSTRUCTIONS),
+        *(Notice(text=text) for text in _NOTICES),
+    ]
+    for touch, cue in zip(touches, cues, strict=True):
+        screens += [Instruction(text=touch_text(touch), touch=cue.touch), cue]
+    screens += [AskChange(question=item.question) for item in items if item.question is not None]
+    screens.append(AskScore(rating=study.rating))
+    return tuple(screen for at, screen in enumerate(screens) if screen not in screens[:at])
+
+
+_ALL = View(operator_called=True)
+
+
+def fits(text: Text) -> bool:
+    """Return whether all lines of `text` stay within its room."""
+    lines = wrapped(text.text, text.size, text.room.width)
+    widest = max(text_width(line, text.size) for line in lines)
+    return widest <= text.room.width and text_height(len(lines), text.size) <= text.room.height
+
+
+def misfits(screens: tuple[Screen, ...], wording: Wording) -> Iterator[str]:
+    """Yield every text on `screens` that does not fit its place, once."""
+    seen = set()
+    for screen in screens:
+        for element in page(screen, _ALL, wording):
+            if isinstance(element, Text) and element.text not in seen and not fits(element):
+                seen.add(element.text)
+                yield element.text
+
+
+def fit_problems(study: Study) -> Iterator[Problem]:
+    """Yield a problem for every text of `study`, in every language, that does not fit its place."""
+    screens = foreseen(study, consent=None)
+    for language in get_args(Language):
+        wording = Wording(language=language, texts=study_texts(study, language))
+        for text in misfits(screens, wording):
+            path = _path(study, language, text)
+            yield Problem(
+                where=".".join(str(part) for part in path) or f"the text in {language}",
+                rule="a text must fit its place on the participant's screen",
+                value=repr(text),
+                hint="shorten it",
+                path=path,
+            )
+
+
+def require_fit(study: Study, language: Language, consent: str | None) -> None:
+    """Refuse a session whose participant could not read everything.
+
+    Raises:
+        BadInput: a text, or the consent's reference, does not fit its place.
+    """
+    wording = Wording(language=language, texts=study_texts(study, language))
+    for text in misfits(foreseen(study, consent), wording):
+        raise BadInput(
+            f"a text must fit its place on the participant's screen, got {text!r}; shorten it"
+        )
+
+
+def _path(study: Study, language: Language, text: str) -> Path:
+    """Where in the study file `text` stands, empty if it is a built-in one."""
+    own: Mapping[str, str] = study.texts.get(language, {})
+    for key, value in own.items():
+        if value in text:
+            return ("texts", language, key)
+    for number, band in enumerate(study.rating.bands):
+        if getattr(band, language) == text:
+            return ("rating", "bands", number, language)
+    return ()
+
+
+def study_window(
+    touchbeam: Sequence[str],
+    study: Study,
+    language: Language,
+    consent: str | None,
+    *,
+    screen: int,
+    windowed: bool,
+) -> AbstractContextManager[WindowParticipant]:
+    """Return the window to enter before anything is driven or written down.
+
+    Raises:
+        BadInput: a text does not fit its place.
+    """
+    require_fit(study, language, consent)
+    settings = Settings(
+        wording=Wording(language=language, texts=study_texts(study, language)),
+        screen=screen,
+        windowed=windowed,
+        foreseen=foreseen(study, consent),
+    )
+    return participant_window([*touchbeam, "participant-window"], settings)

@@ -1,0 +1,137 @@
+"""A screen while it stands: what has been done on it, and how its frames came."""
+
+from dataclasses import dataclass, field
+from itertools import pairwise
+from statistics import median
+from typing import Any
+
+from runner.screens import AskChange, AskScore, Instruction, Notice, Screen
+from runner.window.elements import Input, Key, Page
+from runner.window.pages import View, Wording, page
+from runner.window.response import Answering
+from runner.window.widgets import look
+
+LATE = 1.5
+"""A frame counts as dropped when its interval is longer than this many refresh intervals."""
+
+
+@dataclass
+class FrameTimes:
+    """When each frame of one screen was shown, seconds on the session's monotonic clock."""
+
+    interval_s: float
+    shown_s: list[float] = field(default_factory=list, init=False)
+
+    def add(self, t_s: float) -> None:
+        """Take note of a frame."""
+        self.shown_s.append(t_s)
+
+    def record(self) -> dict[str, Any]:
+        """Return the intervals' statistics in milliseconds and each dropped frame, for the journal.
+
+        A dropped frame is given as its time since the first frame, s, and its interval, ms.
+        """
+        intervals = [later - earlier for earlier, later in pairwise(self.shown_s)]
+        dropped = [
+            [round(end - self.shown_s[0], 4), round(interval * 1000, 2)]
+            for end, interval in zip(self.shown_s[1:], intervals, strict=True)
+            if interval > LATE * self.interval_s
+        ]
+        return {"frames": len(self.shown_s), "dropped": dropped, **_statistics(intervals)}
+
+
+def _statistics(intervals: list[float]) -> dict[str, float]:
+    if not intervals:
+        return {}
+    ordered = sorted(intervals)
+    p99 = ordered[min(int(0.99 * len(ordered)), len(ordered) - 1)]
+    milliseconds = {"median_ms": median(ordered), "p99_ms": p99, "max_ms": ordered[-1]}
+    return {name: round(value * 1000, 2) for name, value in milliseconds.items()}
+
+
+@dataclass
+class Standing:
+    """The `number`-th screen of the session; times are seconds on the monotonic clock."""
+
+    number: int
+    screen: Screen
+    interval_s: float
+    answering: Answering = field(init=False)
+    frames: FrameTimes = field(init=False)
+    called_s: list[float] = field(default_factory=list, init=False)
+
+    def __post_init__(self) -> None:
+        self.answering = Answering(self.screen)
+        self.frames = FrameTimes(self.interval_s)
+
+    def take(self, given: Input, t_s: float) -> None:
+        """Let the participant's hand do something; before the first frame nothing can be meant."""
+        if not self.frames.shown_s:
+            return
+        since_s = t_s - self.frames.shown_s[0]
+        if given == Key(name="escape"):
+            self.called_s.append(round(since_s, 4))
+        else:
+            self.answering.take(given, since_s)
+
+    def page(self, t_s: float, wording: Wording) -> Page:
+        """Return what it looks like at `t_s`."""
+        shown_s = self.frames.shown_s
+        view = View(
+            chosen=self.answering.chosen,
+            passed_s=t_s - shown_s[0] if shown_s else 0.0,
+            operator_called=bool(self.called_s),
+        )
+        return page(self.screen, view, wording)
+
+    def record(self) -> dict[str, Any]:
+        """Return which screen it was, when it was first seen, and its frames."""
+        return {
+            "screen": _name(self.screen),
+            "shown_s": self.frames.shown_s[0] if self.frames.shown_s else None,
+            "operator_called_s": self.called_s,
+            **self.frames.record(),
+        }
+
+    def answer(
+        self, past: list[dict[str, Any]], display: dict[str, Any], wording: Wording
+    ) -> dict[str, Any]:
+        """Return the message that holds the answer and how it came about.
+
+        Args:
+            past: the records of the screens that stood since the last answer.
+            display: what is known of the screen, for the journal.
+            wording: what the scale was labelled in.
+        """
+        trace = {
+            **self.answering.trace(),
+            "screens": [*past, self.record()],
+            "display": display,
+        }
+        if isinstance(self.screen, AskScore):
+            trace["scale"] = _scale_look(self.screen, display, wording)
+        return {
+            "answer": self.answering.answer,
+            "of": self.number,
+            "reaction_time_s": round(self.answering.confirmed_s, 4),
+            "trace": trace,
+        }
+
+
+def _name(screen: Screen) -> str:
+    match screen:
+        case Notice(text=text) | Instruction(text=text):
+            return text
+        case AskChange(question=question):
+            return f"question.{question}"
+        case AskScore():
+            return "score"
+    return type(screen).__name__.lower()
+
+
+def _scale_look(screen: AskScore, display: dict[str, Any], wording: Wording) -> dict[str, object]:
+    seen = look(screen.rating, wording.language, display["px_per_unit"])
+    mm_per_px = display["mm_per_px"]
+    length_px = seen["length_px"]
+    assert isinstance(length_px, float)
+    return {**seen, "length_mm": None if mm_per_px is None else round(length_px * mm_per_px, 1)}

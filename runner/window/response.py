@@ -1,0 +1,139 @@
+"""From presses and keys to an answer: a choice, which may change, then a confirmation.
+
+Nothing is chosen to begin with, and nothing counts as an answer before it is confirmed.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from protocol.study.questions import ANSWERS, Rating
+from runner.screens import AskChange, AskScore, Screen
+from runner.window.elements import Dragged, Input, Key, Pressed, Released
+from runner.window.pages import target_at, targets
+from runner.window.widgets import score_at
+
+EARLY_S = 0.15
+"""Faster than anybody can react: a press as early as this was meant for the screen before."""
+
+_STEPS = {"left": -1, "right": 1, "down": -1, "up": 1}
+
+
+@dataclass
+class Answering:
+    """One screen being answered; times are seconds since it was first seen."""
+
+    screen: Screen
+    chosen: str | None = field(default=None, init=False)
+    answer: str | None = field(default=None, init=False)
+    confirmed_s: float = field(default=0.0, init=False)
+    changes: list[dict[str, Any]] = field(default_factory=list, init=False)
+    path: list[dict[str, Any]] = field(default_factory=list, init=False)
+    early: int = field(default=0, init=False)
+    _held: bool = field(default=False, init=False)
+    _typed: str = field(default="", init=False)
+
+    def take(self, given: Input, t_s: float) -> None:
+        """Let `given` change the choice, or confirm it."""
+        if self.answer is not None:
+            return
+        if t_s < EARLY_S:
+            self.early += isinstance(given, Pressed | Key)
+            return
+        match given:
+            case Key(name="enter"):
+                self._confirm(t_s)
+            case Key(name=name):
+                self._typed_key(name, t_s)
+            case Pressed(x=x, y=y):
+                self._pressed(x, y, t_s)
+            case Dragged(x=x) if self._held:
+                self._mark(x, t_s)
+            case Released():
+                self._held = False
+
+    def trace(self) -> dict[str, Any]:
+        """Return how the choice came about: its start, every change, and the marker's path."""
+        start = self.changes[0] if self.changes else None
+        return {
+            "start": start,
+            "changes": self.changes,
+            "path": self.path,
+            "confirmed_s": round(self.confirmed_s, 4),
+            "early_presses": self.early,
+        }
+
+    def _confirm(self, t_s: float) -> None:
+        needs_choice = isinstance(self.screen, AskChange | AskScore)
+        answer = self.chosen if needs_choice else self._ready()
+        if answer is not None:
+            self.answer, self.confirmed_s = answer, t_s
+
+    def _ready(self) -> str | None:
+        """Enter answers a screen that has a button; the others wait for nobody."""
+        names = [target.name for target in targets(self.screen)]
+        return "ready" if "ready" in names else None
+
+    def _pressed(self, x: float, y: float, t_s: float) -> None:
+        name = target_at(self.screen, x, y)
+        if name in {"ready", "confirm"}:
+            self._confirm(t_s)
+        elif name == "scale":
+            self._held = True
+            self._mark(x, t_s)
+        elif name is not None:
+            self._choose(name, "pointer", t_s)
+
+    def _mark(self, x: float, t_s: float) -> None:
+        """Move the marker to the score nearest to a press on the scale."""
+        assert isinstance(self.screen, AskScore)
+        place = score_at(x, self.screen.rating)
+        self.path.append({"t_s": round(t_s, 4), "at": round(place, 2), "by": "pointer"})
+        self._choose(str(round(place)), "pointer", t_s)
+
+    def _typed_key(self, name: str, t_s: float) -> None:
+        if name == "backspace":
+            self._choose(self._without_last_digit(), "key", t_s)
+        elif isinstance(self.screen, AskChange):
+            self._choose(self._answer_by_key(name, ANSWERS[self.screen.question]), "key", t_s)
+        elif isinstance(self.screen, AskScore):
+            self._choose(self._score_by_key(name, self.screen.rating), "key", t_s)
+
+    def _without_last_digit(self) -> str | None:
+        self._typed = self._typed[:-1]
+        return self._typed or None
+
+    def _answer_by_key(self, name: str, answers: tuple[str, ...]) -> str | None:
+        if name.isdigit():
+            number = int(name)
+            return answers[number - 1] if 1 <= number <= len(answers) else self.chosen
+        step = -_STEPS[name] if name in {"up", "down"} else _STEPS.get(name, 0)
+        return _stepped(self.chosen, step, answers)
+
+    def _score_by_key(self, name: str, rating: Rating) -> str | None:
+        if name.isdigit():
+            longer = self._typed + name
+            self._typed = longer if int(longer) <= rating.maximum else name
+            return str(int(self._typed))
+        self._typed = ""
+        scores = tuple(str(score) for score in range(rating.minimum, rating.maximum + 1))
+        return _stepped(self.chosen, _STEPS.get(name, 0), scores)
+
+    def _choose(self, value: str | None, by: str, t_s: float) -> None:
+        if by == "pointer":
+            self._typed = ""
+        if value == self.chosen:
+            return
+        self.chosen = value
+        self.changes.append({"t_s": round(t_s, 4), "value": value, "by": by})
+        if by == "key" and isinstance(self.screen, AskScore):
+            at = None if value is None else int(value)
+            self.path.append({"t_s": round(t_s, 4), "at": at, "by": "key"})
+
+
+def _stepped(chosen: str | None, step: int, values: tuple[str, ...]) -> str | None:
+    """The value beside `chosen`; without one, an arrow brings the mark in from its own end."""
+    if step == 0:
+        return chosen
+    if chosen is None:
+        return values[0] if step > 0 else values[-1]
+    return values[min(max(values.index(chosen) + step, 0), len(values) - 1)]

@@ -1,0 +1,211 @@
+"""The window's own process: takes screens from the session, draws frames, sends answers back.
+
+Paced by a clock; where the screen itself holds a flip back, by the screen. The device is not known
+here: whatever its wire does, no frame waits for it.
+"""
+
+import os
+import queue
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+from statistics import median
+from typing import Any, Protocol, TextIO
+
+from protocol.errors import WorkFailed
+from runner.screens import Notice
+from runner.window.elements import Input, Page
+from runner.window.messages import Settings, line_of, message_of, screen_of, settings_of
+from runner.window.pages import View, page
+from runner.window.presentation import Standing
+
+ALIVE_EVERY_S = 0.2
+_USUAL_REFRESH_HZ = 60.0
+_SLICE_S = 0.004
+"""How often keys are looked at between frames: as finely are reaction times known."""
+
+_TRIAL_FLIPS = 6
+_HELD_BACK = 0.7
+"""Flips that take this part of a refresh interval are held back by the screen."""
+
+_EARLY_SHARE = 0.5
+"""Where they are, a frame is drawn after this part of the interval; the screen does the rest."""
+
+
+class Canvas(Protocol):
+    """A window, as far as this process needs one."""
+
+    closed: bool
+
+    def look(self) -> dict[str, Any]:
+        """Return what is known of the screen."""
+        ...
+
+    def draw(self, page: Page) -> None:
+        """Draw into the back buffer."""
+        ...
+
+    def prepare(self, page: Page) -> None:
+        """Build what a page needs."""
+        ...
+
+    def flip(self) -> float:
+        """Show it; return when, s on the monotonic clock."""
+        ...
+
+    def inputs(self) -> list[tuple[float, Input]]:
+        """Return what came in and when."""
+        ...
+
+
+Mailbox = queue.SimpleQueue[Mapping[str, Any]]
+"""What the session says; `end` when it will say no more."""
+
+
+@dataclass
+class Serving:
+    """Shows what the mailbox says until the session ends or the window is closed."""
+
+    canvas: Canvas
+    settings: Settings
+    mailbox: Mailbox
+    send: Callable[[Mapping[str, Any]], None]
+    now_s: Callable[[], float] = time.monotonic
+    _standing: Standing = field(init=False)
+    _past: list[dict[str, Any]] = field(default_factory=list, init=False)
+    _ended: bool = field(default=False, init=False)
+    _alive_s: float = field(default=0.0, init=False)
+    _due_s: float = field(default=0.0, init=False)
+    _share: float = field(default=1.0, init=False)
+
+    def run(self) -> None:
+        """Open with a page that asks to wait, then serve."""
+        self._display = self.canvas.look()
+        self._interval_s = 1 / (self._display["refresh_hz"] or _USUAL_REFRESH_HZ)
+        self._standing = Standing(0, Notice(text="wait"), self._interval_s)
+        self._frame()
+        self.send({"opened": self._display})
+        self._learn_pace()
+        foreseen = iter(self.settings.foreseen)
+        while not (self._ended or self.canvas.closed):
+            self._wait()
+            self._frame()
+            if screen := next(foreseen, None):  # one a frame: none may keep the session waiting
+                self.canvas.prepare(page(screen, View(), self.settings.wording))
+        if self.canvas.closed:
+            self.send({"closed": True})
+
+    def _learn_pace(self) -> None:
+        """Find out whether the screen holds flips back, and then how long a refresh takes."""
+        flipped_s = []
+        for _ in range(_TRIAL_FLIPS):
+            self.canvas.draw(self._page())
+            flipped_s.append(self.canvas.flip())
+        flips_s = [later - earlier for earlier, later in pairwise(flipped_s)]
+        if min(flips_s) >= _HELD_BACK * self._interval_s:
+            self._share, self._interval_s = _EARLY_SHARE, median(flips_s)
+        self._display["paced_by"] = "clock" if self._share == 1.0 else "screen"
+        self._display["interval_ms"] = round(self._interval_s * 1000, 3)
+
+    def _wait(self) -> None:
+        """Until the next frame is due or there is something new to show; at least look once."""
+        while True:
+            self._take_inputs()
+            left_s = self._due_s - self.now_s()
+            message = self._message(min(max(left_s, 0.0), _SLICE_S))
+            if message is not None:
+                return self._obey(message)
+            if left_s <= 0 or self.canvas.closed:
+                return None
+
+    def _message(self, wait_s: float) -> Mapping[str, Any] | None:
+        try:
+            return self.mailbox.get(timeout=wait_s) if wait_s else self.mailbox.get_nowait()
+        except queue.Empty:
+            return None
+
+    def _obey(self, message: Mapping[str, Any]) -> None:
+        if "show" not in message:
+            self._ended = True
+            return
+        if self._standing.answering.answer is None:
+            self._past.append(self._standing.record())
+        self._standing = Standing(message["show"], screen_of(message), self._interval_s)
+
+    def _frame(self) -> None:
+        self.canvas.draw(self._page())
+        flipped_s = self.canvas.flip()
+        first = not self._standing.frames.shown_s
+        self._standing.frames.add(flipped_s)
+        self._due_s = (
+            max(self._due_s, flipped_s - self._interval_s) + self._interval_s * self._share
+        )
+        if first and self._standing.number:
+            self.send({"shown": self._standing.number, "at_s": flipped_s})
+        if flipped_s - self._alive_s >= ALIVE_EVERY_S:
+            self._alive_s = flipped_s
+            self.send({"alive": flipped_s})
+
+    def _page(self) -> Page:
+        return self._standing.page(self.now_s(), self.settings.wording)
+
+    def _take_inputs(self) -> None:
+        for t_s, given in self.canvas.inputs():
+            standing = self._standing
+            answered, called = standing.answering.answer, len(standing.called_s)
+            standing.take(given, t_s)
+            if len(standing.called_s) > called:
+                self.send({"operator": True})
+            if answered is None and standing.answering.answer is not None:
+                past, self._past = self._past, []
+                self.send(standing.answer(past, self._display, self.settings.wording))
+
+
+def serve_window() -> None:
+    """Open the window that the first line of standard input describes and serve it until the end.
+
+    Standard output belongs to the session: whatever a library prints goes to standard error.
+    """
+    answers = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+
+    def send(message: Mapping[str, Any]) -> None:
+        answers.write(line_of(message))
+        answers.flush()
+
+    settings = settings_of(message_of(sys.stdin.readline()))
+    try:
+        from runner.window.canvas import PsychopyCanvas
+
+        canvas = PsychopyCanvas(settings)
+    except WorkFailed as error:
+        return send({"failed": str(error)})
+    except Exception as error:
+        display = os.environ.get("DISPLAY", "this screen")
+        why = f"the participant's window cannot open on {display} ({_first_line(error)})"
+        return send({"failed": why})
+    try:
+        Serving(canvas, settings, _mailbox(sys.stdin), send).run()
+    except Exception as error:
+        return send({"broken": _first_line(error)} if canvas.is_there() else {"closed": True})
+    return canvas.close()
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).strip().partition("\n")[0] or type(error).__name__
+
+
+def _mailbox(source: TextIO) -> Mailbox:
+    """Messages as they come, read by a thread so that no frame waits for them."""
+    mailbox: Mailbox = Mailbox()
+
+    def read() -> None:
+        for line in source:
+            mailbox.put(message_of(line))
+        mailbox.put({"end": True})
+
+    threading.Thread(target=read, name="screens", daemon=True).start()
+    return mailbox

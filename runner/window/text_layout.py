@@ -1,0 +1,153 @@
+"""How much room a text takes, estimated from above, without a screen.
+
+A Latin letter is given its advance in DejaVu Sans, which is wider than the fonts that may stand in
+for it; an East Asian character is as wide as high. The same lines are measured and drawn, so a text
+that fits here fits on the screen.
+"""
+
+import unicodedata
+from bisect import bisect_right
+from collections.abc import Callable
+from functools import cache
+from itertools import pairwise
+from typing import NamedTuple
+
+from protocol.study.study import Language
+
+LINE_HEIGHT = 1.25
+"""Distance of two lines, in ems."""
+
+ROUNDING = 1.04
+"""Letters are drawn at whole pixels; at 16 pixels that widens a line by up to this factor."""
+
+_FIRST = 32
+# fmt: off
+_ADVANCES = (
+    318, 401, 460, 838, 636, 950, 780, 275, 390, 390, 500, 838, 318, 361, 318, 337,  # space to /
+    636, 636, 636, 636, 636, 636, 636, 636, 636, 636, 337, 337, 838, 838, 838, 531,  # 0 to ?
+    1000, 684, 686, 698, 770, 632, 575, 775, 752, 295, 295, 656, 557, 863, 748, 787,  # @ to O
+    603, 787, 695, 635, 611, 732, 684, 989, 685, 611, 685, 390, 337, 390, 838, 500,  # P to _
+    500, 613, 635, 550, 635, 615, 352, 635, 634, 278, 278, 579, 278, 974, 634, 612,  # ` to o
+    635, 635, 411, 521, 392, 634, 592, 818, 592, 592, 525, 636, 337, 636, 838,  # p to ~
+)
+# fmt: on
+"""Advance widths of the printable ASCII characters in DejaVu Sans 2.37, thousandths of an em."""
+
+_CLOSING = "，。、；：？！）”’,.;:?!)"
+"""What may not begin a line."""
+
+
+def text_width(text: str, size: float) -> float:
+    """Return how wide one line of `text` can become, in the unit of `size`.
+
+    >>> round(text_width("smooth", 20), 1)
+    79.1
+    >>> round(text_width("光滑", 20), 1)
+    41.6
+    """
+    return _thousandths(text) * size * ROUNDING / 1000
+
+
+def text_height(lines: int, size: float) -> float:
+    """Return the height of that many lines."""
+    return lines * size * LINE_HEIGHT
+
+
+def wrapped(text: str, size: float, width: float) -> tuple[str, ...]:
+    """Return `text` in lines that are at most `width` wide, as far as it can be broken.
+
+    Latin text breaks at spaces, Chinese text between any two characters but before closing marks;
+    the lines are made about equally long: as narrow, in steps of half an em, as their number
+    allows.
+    """
+    if text_width(text.rstrip(), size) <= width:
+        return (text.strip(),)
+    pieces = [_piece(piece) for piece in _pieces(text)]
+
+    def lines(halves: int) -> tuple[str, ...]:
+        return _filled(pieces, (width - halves * size / 2) * 1000 / (size * ROUNDING))
+
+    fewest = len(lines(0))
+    narrower = range(1, int(2 * width / size))
+    return lines(bisect_right(narrower, fewest, key=lambda halves: len(lines(halves))))
+
+
+class _Piece(NamedTuple):
+    """A part of a text that stays whole, and its width in thousandths of an em."""
+
+    text: str
+    advance: int
+    ink: int
+    """Without the space at its end."""
+
+
+def _piece(text: str) -> _Piece:
+    return _Piece(text, _thousandths(text), _thousandths(text.rstrip()))
+
+
+def _filled(pieces: list[_Piece], room: float) -> tuple[str, ...]:
+    """Lines that each take as many pieces as they hold; `room` in thousandths of an em."""
+    lines, taken = [""], 0
+    for piece in pieces:
+        if lines[-1] and taken + piece.ink > room:
+            lines.append(piece.text)
+            taken = piece.advance
+        else:
+            lines[-1] += piece.text
+            taken += piece.advance
+    return tuple(line.strip() for line in lines)
+
+
+def _thousandths(text: str) -> int:
+    return sum(map(_advance, text))
+
+
+@cache
+def _advance(character: str) -> int:
+    if unicodedata.combining(character):
+        return 0
+    index = ord(character) - _FIRST
+    return _ADVANCES[index] if 0 <= index < len(_ADVANCES) else 1000
+
+
+def _pieces(text: str) -> list[str]:
+    """`text` cut at every place where a line may end."""
+    cuts = [at for at, (left, right) in enumerate(pairwise(text), start=1) if _breaks(left, right)]
+    return [text[start:end] for start, end in pairwise([0, *cuts, len(text)])]
+
+
+def _breaks(left: str, right: str) -> bool:
+    if left == " ":
+        return right != " "
+    return (_wide(left) or _wide(right)) and right not in _CLOSING and right != " "
+
+
+def _wide(character: str) -> bool:
+    return unicodedata.east_asian_width(character) in "WF"
+
+
+FONTS: dict[Language, tuple[str, ...]] = {
+    "en": ("DejaVu Sans", "Arial", "Helvetica", "Liberation Sans"),
+    "zh": (
+        "WenQuanYi Micro Hei",
+        "Noto Sans CJK JP",  # the face of the collection that can be loaded by its name
+        "Microsoft YaHei",
+        "PingFang SC",
+    ),
+}
+
+PACKAGES: dict[Language, str] = {"en": "fonts-dejavu-core", "zh": "fonts-wqy-microhei"}
+"""What brings the first font on Debian and Ubuntu."""
+
+
+def missing(language: Language) -> str:
+    """Return what to say when none of the language's fonts is there."""
+    return (
+        f"no font for the language {language} (looked for {', '.join(FONTS[language])}); "
+        f"install {PACKAGES[language]}, or use --ratings console"
+    )
+
+
+def first_font(language: Language, there: Callable[[str], bool]) -> str | None:
+    """Return the best font that is `there`, None if none is."""
+    return next((name for name in FONTS[language] if there(name)), None)

@@ -1,0 +1,163 @@
+"""The rating scale on the canvas: where each score lies, how it looks, and how that is logged."""
+
+from itertools import pairwise
+
+from device.beam.beam import Beam
+from protocol.study.questions import Band, Rating
+from protocol.study.study import Language
+from runner.screens import Way
+from runner.window.elements import ACCENT, FAINT, INK, PALE, Dot, Element, Outline, Page, Room, Text
+
+_STEP = 66.0
+_LINE_Y = 50.0
+_BRACKET_Y = -12.0
+LABEL_SIZE = 24.0
+BAND_SIZE = 18.0
+
+
+def score_x(score: float, rating: Rating) -> float:
+    """Return where a score lies across the canvas; the scale is centred."""
+    return (score - (rating.minimum + rating.maximum) / 2) * _STEP
+
+
+def score_at(x: float, rating: Rating) -> float:
+    """Return the place `x` in units of the scale, not rounded, within its ends."""
+    place = x / _STEP + (rating.minimum + rating.maximum) / 2
+    return min(max(place, rating.minimum), rating.maximum)
+
+
+def scale_room(rating: Rating) -> Room:
+    """Return where a press chooses a score."""
+    width = (rating.maximum - rating.minimum + 1) * _STEP
+    return Room(x=0, y=_LINE_Y - 12, width=width, height=90)
+
+
+def scale(rating: Rating, language: Language, chosen: int | None) -> tuple[Element, ...]:
+    """Return the scale with its four bands; it bears no mark until one is chosen."""
+    ends = [score_x(end, rating) for end in (rating.minimum, rating.maximum)]
+    line = Outline(
+        points=((ends[0], _LINE_Y), (ends[1], _LINE_Y)),
+        edge=INK,
+        width=3,
+    )
+    mark = () if chosen is None else (Dot(x=score_x(chosen, rating), y=_LINE_Y, radius=15.0),)
+    ticks = [element for score in marked(rating) for element in _tick(score, rating)]
+    bands = [element for band in rating.bands for element in _band(band, rating, language)]
+    return (line, *ticks, *bands, *mark)
+
+
+def marked(rating: Rating) -> list[int]:
+    """Return the scores that have a tick and a number, as the study asks; all can be chosen."""
+    if rating.ticks == "all":
+        return list(range(rating.minimum, rating.maximum + 1))
+    ends = {rating.minimum, rating.maximum}
+    if rating.ticks == "bands":
+        ends |= {end for band in rating.bands for end in (band.first, band.last)}
+    return sorted(ends)
+
+
+def look(rating: Rating, language: Language, px_per_unit: float) -> dict[str, object]:
+    """Return how the scale looks on a screen, for the journal."""
+    length = score_x(rating.maximum, rating) - score_x(rating.minimum, rating)
+    return {
+        "ticks": marked(rating),
+        "labels": [str(score) for score in marked(rating)],
+        "bands": [[band.first, band.last, getattr(band, language)] for band in rating.bands],
+        "length_px": round(length * px_per_unit, 1),
+    }
+
+
+def _tick(score: int, rating: Rating) -> tuple[Element, ...]:
+    x = score_x(score, rating)
+    room = Room(x=x, y=_LINE_Y - 34, width=_STEP - 4, height=34)
+    return (
+        Outline(points=((x, _LINE_Y - 10), (x, _LINE_Y + 10)), edge=INK, width=3),
+        Text(text=str(score), room=room, size=LABEL_SIZE),
+    )
+
+
+def _band(band: Band, rating: Rating, language: Language) -> tuple[Element, ...]:
+    left = score_x(band.first, rating) - _STEP / 2 + 4
+    right = score_x(band.last, rating) + _STEP / 2 - 4
+    room = Room(x=(left + right) / 2, y=_BRACKET_Y - 38, width=right - left, height=62)
+    corners = ((left, _BRACKET_Y + 6), (left, _BRACKET_Y), (right, _BRACKET_Y))
+    bracket = (*corners, (right, _BRACKET_Y + 6))
+    sides = pairwise(bracket)
+    return (
+        *(Outline(points=side, edge=FAINT) for side in sides),
+        Text(text=getattr(band, language), room=room, size=BAND_SIZE),
+    )
+
+
+BEAM_M = Beam().length_m
+_LEFT, _LENGTH = -300.0, 600.0
+_BEAM_Y, _BEAM_HEIGHT = 0.0, 34.0
+_ARROW_Y = 52.0
+_HEAD = 16.0
+_FINGER_RADIUS = 24.0
+
+BESIDE_M = (-0.024, -0.008, 0.008, 0.024)
+"""Where several fingers are drawn, seen from the place in their middle."""
+
+
+def beam_x(position_m: float) -> float:
+    """Return where a place on the beam lies across the canvas; the clamp is on the left."""
+    return _LEFT + _LENGTH * position_m / BEAM_M
+
+
+def sketch(way: Way) -> Page:
+    """Return the beam and the touch: an arrow along it, or marks that point at places."""
+    if way.start_m != way.end_m:
+        return (*_beam(), *_arrow(way))
+    marks = [mark for place_m in _places(way, way.start_m) for mark in _mark(place_m, way.harder)]
+    return (*_beam(), *marks)
+
+
+def fingers(way: Way, fraction: float) -> tuple[Dot, ...]:
+    """Return the pacing marks after `fraction` of the way, from 0 to 1."""
+    position_m = way.start_m + fraction * (way.end_m - way.start_m)
+    return tuple(
+        Dot(x=beam_x(place_m), y=_BEAM_Y, radius=_FINGER_RADIUS)
+        for place_m in _places(way, position_m)
+    )
+
+
+def _places(way: Way, position_m: float) -> list[float]:
+    """Where the fingers are; of several, those that still touch the beam."""
+    if not way.several:
+        return [position_m]
+    places = [position_m + beside_m for beside_m in BESIDE_M]
+    return [place_m for place_m in places if 0 <= place_m <= BEAM_M]
+
+
+def _beam() -> Page:
+    clamp = Room(x=_LEFT - 20, y=_BEAM_Y, width=40, height=110)
+    beam = Room(x=_LEFT + _LENGTH / 2, y=_BEAM_Y, width=_LENGTH, height=_BEAM_HEIGHT)
+    return (
+        Outline(points=clamp.corners, fill=FAINT),
+        Outline(points=beam.corners, fill=PALE, edge=INK),
+    )
+
+
+def _arrow(way: Way) -> Page:
+    start, end = beam_x(way.start_m), beam_x(way.end_m)
+    base = end - _HEAD if end > start else end + _HEAD
+    head = ((end, _ARROW_Y), (base, _ARROW_Y + _HEAD), (base, _ARROW_Y - _HEAD))
+    return (
+        Outline(points=((start, _ARROW_Y), (base, _ARROW_Y)), edge=ACCENT, width=6),
+        Outline(points=((start, _ARROW_Y - 14), (start, _ARROW_Y + 14)), edge=ACCENT, width=6),
+        Outline(points=head, fill=ACCENT),
+    )
+
+
+def _mark(place_m: float, harder: bool) -> Page:
+    """A place to touch: one tip points at it, two to press harder."""
+    x = beam_x(place_m)
+    place = Outline(points=((x, _BEAM_Y - 17), (x, _BEAM_Y + 17)), edge=ACCENT, width=6)
+    heights = (26.0, 56.0) if harder else (26.0,)
+    return (place, *(_tip(x, height) for height in heights))
+
+
+def _tip(x: float, height: float) -> Outline:
+    points = ((x, height), (x + 17, height + 26), (x - 17, height + 26))
+    return Outline(points=points, fill=ACCENT)

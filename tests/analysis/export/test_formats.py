@@ -1,0 +1,333 @@
+"""Exported data sets: valid by the official validator, whole, always the same, nothing invented."""
+
+import json
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from statistics import fmean
+
+import numpy as np
+import pytest
+
+from analysis.export.bids import bids_export
+from analysis.export.columns import COLUMNS
+from analysis.export.dataset import Dataset, dataset
+from analysis.export.formats import EXPORTS, csv_export, trials_csv
+from analysis.export.psychds import psychds_export
+from analysis.files import write_new_folder
+from analysis.loading.study_data import loaded
+from protocol.journal.state import Event
+from protocol.study_file.loading import parsed_study
+from tests.analysis.export.data_slips import (
+    bids_slips,
+    csv_rows,
+    psychds_slips,
+    text_slips,
+    tsv_rows,
+)
+from tests.analysis.hostile_study import NAMES, Written, imported, sessions, study_text
+
+VALIDATOR = str(Path(sys.executable).with_name("bids-validator-deno"))
+ONLY_THE_AUTHOR_KNOWS = {
+    ("TOO_FEW_AUTHORS", None),
+    ("NO_AUTHORS", "Authors"),
+    ("JSON_KEY_RECOMMENDED", "HEDVersion"),
+    ("JSON_KEY_RECOMMENDED", "License"),
+    ("SIDECAR_KEY_RECOMMENDED", "CogAtlasID"),
+    ("SIDECAR_KEY_RECOMMENDED", "CogPOID"),
+    ("SIDECAR_KEY_RECOMMENDED", "InstitutionName"),
+    ("SIDECAR_KEY_RECOMMENDED", "InstitutionAddress"),
+    ("SIDECAR_KEY_RECOMMENDED", "InstitutionalDepartmentName"),
+}
+"""What the validator may miss where the study file does not give it."""
+NOBODY_SAID = {
+    ("JSON_KEY_RECOMMENDED", "HEDVersion"),
+    ("SIDECAR_KEY_RECOMMENDED", "CogAtlasID"),
+    ("SIDECAR_KEY_RECOMMENDED", "CogPOID"),
+    ("SIDECAR_KEY_RECOMMENDED", "InstitutionalDepartmentName"),
+}
+"""What it misses where the study file gives all it can."""
+
+
+def nasty(*, rehearsals: bool = False, publication: bool = True) -> Dataset:
+    text = study_text() if publication else study_text(publication="")
+    chains = [session.events for session in sessions(text)]
+    return dataset(chains, parsed_study(text), "0", rehearsals=rehearsals)
+
+
+def published(*subjects: str) -> Dataset:
+    chains = [imported(who, {"voltage": 9, "pressure": None}) for who in subjects]
+    return dataset(chains, parsed_study(study_text()), "0", rehearsals=False)
+
+
+def complaints(folder: Path) -> list[dict[str, str]]:
+    """What the official validator has to say."""
+    said = subprocess.run(
+        [VALIDATOR, str(folder), "--format", "json"], capture_output=True, text=True, check=False
+    )
+    found: list[dict[str, str]] = json.loads(said.stdout)["issues"]["issues"]
+    return found
+
+
+def warnings(folder: Path) -> set[tuple[str, str | None]]:
+    """The validator's warnings, once it is sure that there is no error."""
+    found = complaints(folder)
+    assert [entry for entry in found if entry["severity"] == "error"] == []
+    return {(entry["code"], entry.get("subCode")) for entry in found}
+
+
+@pytest.mark.parametrize(
+    ("data", "allowed"),
+    [
+        (nasty(rehearsals=True), NOBODY_SAID),
+        (nasty(publication=False), ONLY_THE_AUTHOR_KNOWS),
+        (
+            published("1", "受试者", "=cmd()"),
+            {*NOBODY_SAID, ("SIDECAR_KEY_RECOMMENDED", "Instructions")},
+        ),
+    ],
+    ids=["nasty", "nasty without facts", "published"],
+)
+def test_the_official_validator_finds_no_error(
+    data: Dataset, allowed: set[tuple[str, str]], tmp_path: Path
+) -> None:
+    assert warnings(write_new_folder(bids_export(data), tmp_path / "bids")) == allowed
+
+
+def test_the_validator_would_find_an_error(tmp_path: Path) -> None:
+    files = bids_export(nasty())
+    table = next(path for path in files if path.endswith("_beh.tsv"))
+    broken = {**files, table: files[table].replace("\ttrial\t", "\tfrob\t"), "stray.txt": "x"}
+    found = complaints(write_new_folder(broken, tmp_path / "bids"))
+    codes = {entry["code"] for entry in found if entry["severity"] == "error"}
+    assert codes == {"TSV_VALUE_INCORRECT_TYPE", "NOT_INCLUDED"}
+
+
+@pytest.mark.parametrize("data", [nasty(), nasty(rehearsals=True), published("1", "a-b")])
+def test_nothing_slips_past_the_validators(data: Dataset) -> None:
+    assert list(bids_slips(bids_export(data))) == []
+    assert list(psychds_slips(psychds_export(data))) == []
+    assert list(text_slips(csv_export(data))) == []
+
+
+def spoilt_everywhere(files: dict[str, str], good: str, bad: str) -> dict[str, str]:
+    return {path: text.replace(good, bad) for path, text in files.items()}
+
+
+Spoilt = Callable[[dict[str, str], str], Mapping[str, str]]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "slip"),
+    [
+        (lambda files, at: {**files, at: files[at].replace("\n", "\r\n")}, "CR"),
+        (lambda files, at: {**files, at: "\ufeff" + files[at]}, "BOM"),
+        (lambda files, at: {**files, at: files[at].replace("\t", ",")}, "no tabs"),
+        (lambda files, at: {**files, at: files[at].replace("n/a", "", 1)}, "an empty cell"),
+        (lambda files, at: {k: v for k, v in files.items() if k != at}, "no data"),
+        (lambda files, at: {**files, "notes.txt": "x\n"}, "stray"),
+        (
+            lambda files, at: spoilt_everywhere(files, '"TaskName": "t', '"TaskName": "x'),
+            "the task is called",
+        ),
+    ],
+)
+def test_a_slip_would_be_seen(spoil: Spoilt, slip: str) -> None:
+    files = bids_export(nasty())
+    table = next(path for path in files if path.endswith("_beh.tsv"))
+    assert any(slip in found for found in bids_slips(spoil(files, table)))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "slip"),
+    [
+        (lambda files, at: {**files, at.replace("_task-", "_frob-"): files[at]}, "no keyword"),
+        (lambda files, at: {**files, at.replace("_data.csv", ".csv"): files[at]}, "rule for names"),
+        (lambda files, at: {**files, at: files[at].replace("score,", "frob,", 1)}, "differ"),
+        (lambda files, at: {**files, at: files[at] + "a,b\n"}, "ragged"),
+        (
+            lambda files, at: {
+                k: v.replace('"@type": "Dataset"', '"@type": "X"') for k, v in files.items()
+            },
+            "no schema.org Dataset",
+        ),
+    ],
+)
+def test_a_breach_of_psychds_would_be_seen(spoil: Spoilt, slip: str) -> None:
+    files = psychds_export(nasty())
+    table = next(path for path in files if path.endswith("_data.csv"))
+    assert any(slip in found for found in psychds_slips(spoil(files, table)))
+
+
+def test_the_scores_come_back_from_the_table() -> None:
+    chains = [session.events for session in sessions(study_text())]
+    told = loaded([[(e.tag, e.payload) for e in chain] for chain in chains], rehearsals=False)
+    rows = [
+        row
+        for row in csv_rows(trials_csv(nasty()))
+        if row["trial_kind"] == "trial" and row["excluded"] == "no" and row["score"]
+    ]
+    written = [f"'{name}" if name.startswith("=") else name for name in told.table.conditions]
+    for who, scores in zip(told.table.subjects, told.table.scores, strict=True):
+        read = [
+            [float(r["score"]) for r in rows if (r["participant"], r["condition"]) == (who, name)]
+            for name in written
+        ]
+        means = [fmean(given) if given else np.nan for given in read]
+        assert np.array_equal(means, scores, equal_nan=True), who
+
+
+@pytest.mark.parametrize("name", EXPORTS)
+def test_the_same_events_give_the_same_bytes(name: str) -> None:
+    assert EXPORTS[name](nasty()) == EXPORTS[name](nasty())
+
+
+@pytest.mark.parametrize("name", EXPORTS)
+def test_nobody_who_withdrew_is_anywhere(name: str) -> None:
+    assert not any("W01" in path + text for path, text in EXPORTS[name](nasty()).items())
+
+
+def test_rehearsals_come_only_when_asked_for_and_are_marked() -> None:
+    without, asked = bids_export(nasty()), bids_export(nasty(rehearsals=True))
+    assert not any("R01" in path for path in without)
+    assert "**Rehearsals.**" not in without["README.md"]
+    (table,) = [text for path, text in asked.items() if "sub-R01" in path and path.endswith("tsv")]
+    assert {row["session_kind"] for row in tsv_rows(table)} == {"rehearsal"}
+    assert 0 < asked["README.md"].index("**Rehearsals.**") < 100
+
+
+@pytest.mark.parametrize("export", [bids_export, psychds_export])
+def test_a_readme_shown_as_a_page_runs_nothing(
+    export: Callable[[Dataset], dict[str, str]],
+) -> None:
+    page = export(nasty())["README.md"]
+    assert "&lt;script&gt;alert(1)&lt;/script&gt;" in page
+    assert "<" not in page
+
+
+def test_participants_keep_their_pseudonyms_beside_labels_that_never_collide() -> None:
+    people = tsv_rows(bids_export(nasty())["participants.tsv"])
+    assert {row["pseudonym"]: row["participant_id"] for row in people} == {
+        "P-01": "sub-P01x2",
+        "P01": "sub-P01",
+        "p_01": "sub-p01x3",
+        "D01": "sub-D01",
+        "E01": "sub-E01",
+    }
+    assert {row["sessions"] for row in people if row["pseudonym"] == "P01"} == {"2"}
+
+
+def test_sessions_are_named_only_where_there_are_several() -> None:
+    assert "sub-P01/ses-2/beh/sub-P01_ses-2_task-touch1_beh.tsv" in bids_export(nasty())
+    assert "data/subject-P01_session-2_task-touch1_data.csv" in psychds_export(nasty())
+    assert "sub-1/beh/sub-1_task-touch1_beh.tsv" in bids_export(published("1"))
+    assert "data/subject-1_task-touch1_data.csv" in psychds_export(published("1"))
+
+
+def test_a_study_without_latin_letters_has_a_task_all_the_same() -> None:
+    text = study_text().replace(r"touch \"触觉\" 🖐 1", "触觉")
+    session = Written("P01", text=text)
+    session.whole({})
+    files = bids_export(dataset([session.events], parsed_study(text), "0", rehearsals=False))
+    assert "sub-P01/beh/sub-P01_task-touch_beh.tsv" in files
+    assert list(bids_slips(files)) == []
+
+
+def test_every_column_is_described_with_unit_and_levels() -> None:
+    sidecars = [
+        json.loads(text) for path, text in bids_export(nasty()).items() if "_beh.json" in path
+    ]
+    for sidecar in sidecars:
+        assert all(len(sidecar[column.name]["Description"]) > 10 for column in COLUMNS)
+        assert sidecar["duration_s"]["Units"] == "s"
+        assert "Unit: Hz." in sidecar["commanded_frequency_hz"]["Description"]
+        assert {f"'{NAMES['frequency']}", "pressure"} <= sidecar["condition"]["Levels"].keys()
+
+
+def test_a_missing_score_is_missing_and_a_zero_is_zero() -> None:
+    files = bids_export(nasty())
+    path = next(path for path in files if "p01x3" in path and path.endswith("tsv"))
+    assert {row["score"] for row in tsv_rows(files[path])} == {"n/a"}
+    path = next(path for path in files if "P01x2" in path and path.endswith("tsv"))
+    assert {"0", "10", "7"} <= {row["score"] for row in tsv_rows(files[path])}
+
+
+def test_facts_of_the_author_stand_where_the_study_file_gives_them() -> None:
+    bids = json.loads(bids_export(nasty())["dataset_description.json"])
+    assert bids["Name"] == 'Touch, "felt" 触觉'
+    assert bids["Authors"] == ["Surname, Given", "姓名"]
+    assert bids["DatasetDOI"] == "doi:10.5072/example"
+    psychds = json.loads(psychds_export(nasty())["dataset_description.json"])
+    assert psychds["author"][1] == {"@type": "Person", "name": "姓名"}
+    assert psychds["sourceOrganization"]["address"] == "A street"
+    assert "- Committee 1\n" in bids_export(nasty())["README.md"]
+
+
+@pytest.mark.parametrize("export", [bids_export, psychds_export])
+def test_nothing_is_invented_where_it_does_not(export: Callable[[Dataset], dict[str, str]]) -> None:
+    described = json.loads(export(nasty(publication=False))["dataset_description.json"])
+    facts = re.compile("author|licen[sc]e|fund|ethics|citation|references|doi|institution", re.I)
+    assert [key for key in described if facts.search(key)] == []
+    assert described.get("Name", described.get("name")) == 'touch "触觉" 🖐 1'
+
+
+def test_the_words_of_the_operator_arrive() -> None:
+    rows = csv_rows(trials_csv(nasty()))
+    by_index = {row["trial_index"]: row for row in rows if row["participant"] == "P-01"}
+    assert by_index["0"]["notes"] == 'said "no",\tthen\nleft\n<script>alert(1)</script>'
+    assert by_index["1"]["notes"].startswith("'=cmd()")
+    assert by_index["4"]["notes"] == r"bell \x07, escape \x1b[31m, line \u2028 separator"
+    assert by_index["0"]["room_temperature"] == "'=20+1"
+    assert by_index["0"]["beam"] == r"1\;5 mm"
+
+
+def test_a_published_table_says_what_it_knows_and_no_more() -> None:
+    rows = csv_rows(trials_csv(published("1")))
+    known = [{name: value for name, value in row.items() if value} for row in rows]
+    assert known[0] == {
+        "participant": "1",
+        "session": "1",
+        "session_kind": "published",
+        "session_completed": "true",
+        "trial_kind": "published",
+        "condition": "voltage",
+        "score": "9",
+        "excluded": "no",
+    }
+    assert "score" not in known[1]
+
+
+def test_nobody_is_said_to_have_touched_anything_for_a_published_table() -> None:
+    data = published("1")
+    files = bids_export(data)
+    page, sidecar = files["README.md"], files["sub-1/beh/sub-1_task-touch1_beh.json"]
+    described = json.loads(psychds_export(data)["dataset_description.json"])["description"]
+    for text in (page, json.loads(sidecar)["TaskDescription"], described):
+        assert "imported from scores.csv (SHA-256 0)" in text
+        assert "the participant touches" not in text
+    assert "A row is the score of a subject under a condition" in page
+    assert set(data.condition_levels().values()) == {"a condition of the published table"}
+
+
+def test_published_scores_among_sessions_are_named_as_such() -> None:
+    played = Written("P01")
+    played.whole({})
+    chains = [played.events, imported("1", {"voltage": 9})]
+    data = dataset(chains, played.study, "0", rehearsals=False)
+    assert "the participant touches" in data.description()
+    assert "`published` are imported from scores.csv (SHA-256 0)" in data.description()
+
+
+def test_an_erased_session_is_passed_over() -> None:
+    kept = Written("P01")
+    kept.whole({})
+    erased = [
+        Event(seq=e.seq, tag=e.tag, utc=e.utc, monotonic_s=e.monotonic_s, payload={}, erased=True)
+        for session in sessions(study_text())
+        if session.participant == "W01"
+        for e in session.events
+    ]
+    data = dataset([erased, kept.events], kept.study, "0", rehearsals=False)
+    assert (data.trials.participants, data.trials.sessions_withdrawn) == (("P01",), 1)

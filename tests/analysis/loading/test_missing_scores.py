@@ -1,0 +1,132 @@
+"""Cells without a score: which may be read as an answer, and how the others are told apart."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.loading.missing_scores import Why, notes
+from analysis.loading.sessions import Happened
+from analysis.loading.study_data import Loaded, loaded
+from analysis.report.report import Report, report, report_html, report_json
+from protocol.study.design import Exclusions
+from tests.analysis.reports import ORIGIN, PAPER, made
+
+NAMES = ["voltage", "structure", "pressure"]
+
+
+def session(who: str, scores: list[Any], *, finished: bool = True) -> list[Happened]:
+    """A session that answered as many trials as there are scores; None where one was withheld."""
+    opened = {"participant": who, "kind": "participant", "conditions": NAMES}
+    answers: list[Happened] = [
+        (
+            "answered",
+            {
+                "index": index,
+                "kind": "trial",
+                "condition": NAMES[index],
+                "score": score,
+                "reaction_time_s": [0.1 * (index + 1)],
+            },
+        )
+        for index, score in enumerate(scores)
+    ]
+    end: list[Happened] = [("session-completed", {})] if finished else []
+    return [("session-opened", opened), *answers, *end]
+
+
+def a_study() -> Loaded:
+    """A withheld score, a trial excluded, a session cut short, and one of which nothing is left."""
+    excluded = [("trial-excluded", {"index": index}) for index in range(3)]
+    return loaded(
+        [
+            session("P01", [9, None, 5]),
+            [*session("P02", [8, 7, 6]), excluded[1]],
+            session("P03", [7], finished=False),
+            [*session("P04", [4, 4, 4]), *excluded],
+            session("P05", [8, 6, 5]),
+        ],
+        rehearsals=False,
+    )
+
+
+def reported(found: Loaded) -> Report:
+    return report("a study", found, PAPER, ORIGIN)
+
+
+def test_each_empty_cell_knows_why() -> None:
+    assert a_study().empty == {
+        (0, 1): Why.WITHHELD,
+        (1, 1): Why.EXCLUDED,
+        (2, 1): Why.NOT_REACHED,
+        (2, 2): Why.NOT_REACHED,
+        (3, 0): Why.EXCLUDED,
+        (3, 1): Why.EXCLUDED,
+        (3, 2): Why.EXCLUDED,
+    }
+
+
+def test_a_trial_left_out_by_a_rule_is_excluded_too() -> None:
+    rules = Exclusions(min_reaction_s=0.15)
+    found = loaded([session("P01", [9, 8, 7])], rehearsals=False, rules=rules)
+    assert found.empty == {(0, 0): Why.EXCLUDED}
+
+
+def test_only_a_withheld_score_is_read_as_0_or_as_the_lowest() -> None:
+    numbers = report_json(reported(a_study()))
+    means = {name: read["column_means"] for name, read in numbers["missing_readings"].items()}
+    assert means["missing"]["structure"] == 6
+    assert means["zero"] == {"voltage": 8, "structure": 3, "pressure": pytest.approx(16 / 3)}
+    assert means["lowest"]["structure"] == pytest.approx(5.5)
+    assert means["lowest"]["pressure"] == pytest.approx(16 / 3)
+
+
+def test_a_blank_cell_of_a_published_table_is_read_as_withheld() -> None:
+    numbers = report_json(made([[5, 7, np.nan], [8, 6, 7], [6, 6, 10]]))
+    blank = {"subject": "P00", "condition": "pressure", "why": "blank"}
+    assert numbers["table4"]["empty"] == [blank]
+    assert numbers["missing_readings"]["zero"]["column_means"]["pressure"] == pytest.approx(17 / 3)
+
+
+def test_the_page_marks_and_counts_each_kind() -> None:
+    page = report_html(reported(a_study()))
+    link = '<a href="#trials-1-2" aria-label="not given: its trials">–</a>'
+    assert f'title="not given">{link}' in page
+    assert page.count('title="excluded">×</td>') == 4
+    assert page.count('title="not reached">○</td>') == 2
+    for said in (
+        "– not given, as the answer disagreed with the expectation: 1 cell, also read as 0",
+        "× without a score, as the trials are excluded: 4 cells, missing throughout.",
+        "○ without a trial, as the session did not get there: 2 cells, missing throughout.",
+        "No score at all, and not among the subjects analysed: P04.",
+    ):
+        assert said in page
+
+
+def test_without_a_withheld_score_the_page_has_no_readings() -> None:
+    sessions = [session("P01", [9, 8], finished=False), session("P02", [9, 8, 7])]
+    found = loaded(sessions, rehearsals=False)
+    assert 'id="readings"' not in report_html(reported(found))
+    assert 'id="readings"' in report_html(reported(a_study()))
+
+
+def test_who_has_no_score_is_named_and_not_counted() -> None:
+    result = reported(a_study())
+    page = report_html(result)
+    assert "4 subjects and 3 conditions have scores and are analysed" in page
+    assert "analysed; without any score: P04." in page
+    assert report_json(result)["table4"]["unscored_subjects"] == ["P04"]
+
+
+def test_a_condition_nobody_scored_is_named_and_not_counted() -> None:
+    found = loaded([session("P01", [9, 8]), session("P02", [7, 8])], rehearsals=False)
+    assert "Scored by nobody, and not among the conditions analysed: pressure." in notes(
+        found.table, found.empty
+    )
+    page = report_html(reported(found))
+    assert "2 subjects and 2 conditions have scores and are analysed" in page
+    assert "analysed; without any score: pressure." in page
+
+
+def test_a_complete_table_has_nothing_to_note() -> None:
+    assert 'id="table4-notes"' not in report_html(made())

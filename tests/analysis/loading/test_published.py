@@ -1,0 +1,171 @@
+"""The published table: its numbers, and what is said about tables that cannot be used."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.loading.published import TableError, mean_column, published_table
+from analysis.statistics.omnibus import Friedman, friedman
+from analysis.statistics.table4 import table4, table4_csv
+
+PUBLISHED = (Path(__file__).parents[2] / "data" / "published_scores.csv").read_text()
+
+
+def test_the_averages_are_those_of_the_paper() -> None:
+    result = table4(published_table(PUBLISHED))
+    assert result.lines()[-1] == ["average", "8.44", "8.89", "9.67", "8.33", "6.22", "8.31"]
+
+
+def test_the_comprehensive_scores_are_those_of_the_paper() -> None:
+    result = table4(published_table(PUBLISHED))
+    assert result.row_means == pytest.approx([8.6, 9, 7, 9.6, 7.8, 9, 8.2, 8, 7.6])
+
+
+def test_friedmans_test_of_the_published_table() -> None:
+    test = friedman(published_table(PUBLISHED))
+    assert isinstance(test, Friedman)
+    assert (round(test.chi2, 4), test.df) == (21.4521, 4)
+
+
+def test_a_blank_cell_is_a_missing_score_and_no_zero() -> None:
+    table = published_table(PUBLISHED.replace("1,10,8", "1,,8"))
+    assert np.isnan(table.scores[0, 0])
+    result = table4(table)
+    assert result.row_means[0] == pytest.approx((8 + 10 + 10 + 5) / 4)
+    assert table4_csv(result).splitlines()[1] == "1,,8,10,10,5,8.25"
+
+
+def test_a_byte_order_mark_and_other_line_ends_do_no_harm() -> None:
+    text = "\ufeff" + PUBLISHED.replace("\n", "\r\n")
+    assert np.array_equal(
+        published_table(PUBLISHED.replace("\n", "\r")).scores, published_table(PUBLISHED).scores
+    )
+    assert np.array_equal(published_table(text).scores, published_table(PUBLISHED).scores)
+
+
+def with_means(column: str | None, row: str | None) -> str:
+    """The published table with its means as printed, under these names."""
+    lines = table4(published_table(PUBLISHED)).lines()
+    named = [[*lines[0][:-1], column or ""], *lines[1:-1], [row or "", *lines[-1][1:]]]
+    wanted = named if row else named[:-1]
+    return "".join(",".join(line if column else line[:-1]) + "\n" for line in wanted)
+
+
+@pytest.mark.parametrize(
+    ("column", "row", "message"),
+    [
+        ("Comprehensive", None, "line 1, column Comprehensive: holds no scores; remove the column"),
+        (
+            None,
+            "AVERAGE",
+            "line 11: the row 'AVERAGE' holds no scores .*; remove the row",
+        ),
+        ("total", "mean", "line 1, column total"),
+        ("overall", None, "column overall: is the mean of all other columns; remove the column"),
+        (None, "all 9", "line 11: the row 'all 9' is the mean of all others; remove"),
+        ("overall", "all 9", "column overall: is the mean of all other columns"),
+    ],
+)
+def test_printed_means_are_not_taken_for_scores(
+    column: str | None, row: str | None, message: str
+) -> None:
+    with pytest.raises(TableError, match=message):
+        published_table(with_means(column, row))
+
+
+def test_our_own_table_4_is_refused_and_read_without_its_means() -> None:
+    written = table4_csv(table4(published_table(PUBLISHED)))
+    with pytest.raises(TableError, match="column comprehensive"):
+        published_table(written)
+    rows = [line.rpartition(",")[0] for line in written.splitlines()[:-1]]
+    assert np.array_equal(
+        published_table("\n".join(rows)).scores, published_table(PUBLISHED).scores
+    )
+
+
+@pytest.mark.parametrize(
+    "scores",
+    [
+        [[6, 6, 6, 6, 6]] * 5,
+        [[3, 3, 3, 3], [4, 4, 4, 4], [5, 5, 5, 5]],
+        [[4, 7, 7, 6], [1, 4, 4, 3]],
+        [[5, 7, 6], [2, 4, 3], [1, 3, 2]],
+        [[np.nan] * 4] * 4,
+        [[4, 7, 7, 6], [1, 4, 4, 3], [3, 3, 0, np.nan]],
+    ],
+    ids=["all alike", "rows alike", "two rows", "two others", "none given", "one missing"],
+)
+def test_scores_that_meet_their_mean_by_chance_are_scores(scores: list[list[float]]) -> None:
+    assert mean_column(np.array(scores)) is None
+
+
+@pytest.mark.parametrize(
+    "scores",
+    [
+        [[4, 7, 7, 6], [1, 4, 4, 3], [3, 3, 0, 2]],
+        [[5, 7, 7, 6.33]],
+        [[5, 7, np.nan, 6], [2, 5, 3, 3.33], [np.nan] * 4],
+    ],
+    ids=["three rows", "a fraction", "missing scores"],
+)
+def test_a_column_of_means_is_found(scores: list[list[float]]) -> None:
+    assert mean_column(np.array(scores)) == 3
+
+
+def test_the_models_conditions_are_known_in_any_case() -> None:
+    table = published_table("Subject, FREQUENCY ,Voltage,Colour\n1,3,4,5\n")
+    assert table.conditions == ("frequency", "voltage", "Colour")
+    with pytest.raises(TableError, match="each condition must be named once, got 'voltage' 2"):
+        published_table("subject,voltage,Voltage\n1,3,4\n")
+
+
+def test_pseudonyms_of_every_script_are_taken() -> None:
+    names = ("1", "S1", "受试者1", "مشارك٢", "a-b 3", "７")
+    table = published_table("subject,a\n" + "".join(f"{name},3\n" for name in names))
+    assert table.subjects == names
+
+
+def test_the_guard_of_an_exported_name_is_taken_off_again() -> None:
+    table = published_table("subject,'=a,'s,'-b\n'+1,3,4,5\n'2,6,7,8\n")
+    assert (table.conditions, table.subjects) == (("=a", "'s", "-b"), ("+1", "'2"))
+    lines = table4_csv(table4(table)).splitlines()
+    again = published_table("\n".join(line.rpartition(",")[0] for line in lines[:-1]))
+    assert (again.conditions, again.subjects) == (table.conditions, table.subjects)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (PUBLISHED.replace("3,8", "3,11", 1), r"line 4, column frequency: .* \[0, 10\], got 11"),
+        (PUBLISHED.replace("3,8", "3,x", 1), "line 4, column frequency: .* blank, got 'x'"),
+        (PUBLISHED.replace("3,8", "3,nan", 1), "line 4, column frequency: .* got 'nan'"),
+        (PUBLISHED.replace("\n2,", "\n1,"), "each subject must be named once, got '1' 2 times"),
+        (PUBLISHED.replace("voltage", "frequency"), "each condition must be named once"),
+        (PUBLISHED.replace("1,10,8,10,10,5", "1,10,8"), "line 2: must have 6 cells .* got 3"),
+        (PUBLISHED.replace("subject,", "who,"), "first column must be 'subject', got 'who'"),
+        (PUBLISHED.replace("3,8", "3,1_0", 1), "line 4, column frequency: .* got '1_0'"),
+        (PUBLISHED.replace("3,8", "3,-1", 1), r"line 4, column frequency: .* \[0, 10\], got -1"),
+        (PUBLISHED.replace("\n3,", "\n ,"), "line 4: a subject must have a name, got ' '"),
+        (PUBLISHED.replace("pressure", ""), "every condition must have a name"),
+        ("subject,a\n1," + "9" * 200_000, "cannot be read as CSV"),
+        ("subject," + "x" * 65 + "\n1,3\n", "line 1: .* at most 64 characters, got 65, 'x"),
+        ("subject,a\n" + "1" * 5000 + ",3\n", "line 2: .* at most 64 .* got 5000, '1{20}'...$"),
+        ("subject,vol\x1btage\n1,3\n", r"line 1: .* no control .* got 'vol\\x1btage'"),
+        ("subject,a\nP\u202e1,3\n", r"line 2: .* direction of writing, got 'P\\u202e1'"),
+        ("subject,a\n1,3\nAnna Schmidt,4\n", "line 3: .* digit, .* got 'Anna Schmidt'; number"),
+        ("\n\nsubject,a\n\n1,3\n2,x\n", "scores.csv, line 6, column a: .* got 'x'"),
+        ('subject,"a\nb"\n1,x\n', "line 3, column a\nb: .* got 'x'"),
+        ("\nwho,a\n1,3\n", "line 2: the first column must be 'subject', got 'who'"),
+        (PUBLISHED.replace(",", ";"), "line 1: the cells are separated by semicolons; .* commas"),
+        (PUBLISHED.replace(",", "\t"), "line 1: the cells are separated by tabs; .* commas"),
+        ('subject,"a,b\n1,3,4\n', "line 1: a quotation mark is opened and never closed"),
+        ('subject,a\n\n1,"3\n2,4\n', "line 3: a quotation mark is opened and never closed"),
+        ('subject,a\n1,"3"4\n', "line 2: cannot be read as CSV"),
+        ("", "must have a header and at least one row"),
+        ("subject,voltage\n", "must have a header and at least one row"),
+    ],
+)
+def test_a_table_that_cannot_be_used_is_refused(text: str, message: str) -> None:
+    with pytest.raises(TableError, match=message):
+        published_table(text)

@@ -1,0 +1,156 @@
+"""Batch prediction: what goes in comes out, and a bad cell is named."""
+
+import csv
+import io
+import math
+import re
+from random import Random
+
+import pytest
+
+from analysis.model.predict import OUTPUTS, PredictOptions, predict, study_defaults
+from device.friction.coefficient import friction_coefficient
+from device.friction.scenes import Drive, Scene, Touch
+from protocol.study_file.loading import parsed_study, template
+
+
+def _rows(text: str) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def test_a_row_is_the_scene_it_describes() -> None:
+    text = "voltage_v,frequency_hz,x_m,direction,finger_load_n\n150,24000,0.03,left,0.7\n"
+    row = _rows(predict("s.csv", text, PredictOptions(rung="mode")))[0]
+    scene = Scene(
+        drive=Drive(voltage_v=150.0, frequency_hz=24000.0),
+        touch=Touch(x_m=0.03, finger_load_n=0.7),
+        direction="left",
+    )
+    assert float(row["mu_effective"]) == pytest.approx(friction_coefficient(scene)[0], rel=1e-15)
+    assert (row["voltage_v"], row["direction"], row["rung"]) == ("150", "left", "mode")
+
+
+def test_blank_cells_and_absent_columns_take_the_papers_values() -> None:
+    row = _rows(predict("s.csv", "voltage_v,x_m\n,\n"))[0]
+    named = {name: row[name] for name in ("voltage_v", "frequency_hz", "x_m", "coverage", "mode")}
+    assert named == {
+        "voltage_v": "100",
+        "frequency_hz": "resonance",
+        "x_m": "0.041399999999999999",
+        "coverage": "local",
+        "mode": "6",
+    }
+    assert row["finger_load_n"] == ""
+
+
+def test_a_studys_values_stand_for_blank_cells() -> None:
+    defaults = study_defaults(parsed_study(template("paper")))
+    row = _rows(predict("s.csv", "voltage_v\n100\n", None, defaults))[0]
+    assert (row["finger_load_n"], row["sliding_speed_m_s"]) == ("0.5", "0.040000000000000001")
+
+
+def test_rows_of_every_kind_keep_their_order() -> None:
+    text = "mode,direction,coverage,finger_load_n,same_direction_fraction\n"
+    cells = ["6,right,local,,", "3,left,local,0.5,", "6,right,full,,0.3", "6,left,full,,"] * 3
+    rows = _rows(predict("s.csv", text + "\n".join(cells) + "\n"))
+    assert [row["mode"] for row in rows] == ["6", "3", "6", "6"] * 3
+    assert rows[2]["same_direction_ratio"] == rows[2]["same_direction_fraction"]
+    assert rows[0]["mu_effective"] == rows[4]["mu_effective"]
+
+
+def test_auto_says_its_rung_and_keeps_to_its_bound() -> None:
+    places = "x_m\n" + "\n".join(f"{0.001 * k}" for k in range(1, 100)) + "\n"
+    auto = _rows(predict("s.csv", places, PredictOptions(tolerance=0.02)))
+    top = _rows(predict("s.csv", places, PredictOptions(rung="timoshenko-patched")))
+    assert {row["rung"] for row in auto} >= {"far-field", "timoshenko-patched"}
+    for ours, best in zip(auto, top, strict=True):
+        error = abs(float(ours["mu_effective"]) - float(best["mu_effective"]))
+        assert error <= float(ours["error_bound"]) <= 0.02
+
+
+def test_a_table_without_scenes_gives_a_table_without_predictions() -> None:
+    assert _rows(predict("s.csv", "x_m\n")) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("x_m\n0.01\n0.2\n", "s.csv, line 3, column x_m: must lie in [0, 0.1], got '0.2'"),
+        (
+            "body_load_n\n-1\n",
+            "column body_load_n: must be a finite number above 0, got '-1'",
+        ),
+        ("voltage_v\nnan\n", "column voltage_v: must be a finite number of at least 0, got 'nan'"),
+        ("contact_m\n1_0\n", "column contact_m: must be a finite number above 0, got '1_0'"),
+        ("frequency_hz\nfast\n", "must be `resonance` or a finite number above 0, got 'fast'"),
+        ("direction\nup\n", "column direction: must be one of right, left, got 'up'"),
+        ("mode\n1.5\n", "column mode: must be a whole number of at least 1, got '1.5'"),
+        ("mode\n30\n", "line 2, column mode: must lie below the beam's cut-off at 218 kHz"),
+        (
+            "x_m,mode\n0,6\n0,1000\n",
+            "line 3, column mode: must lie in [1, 999]",
+        ),
+        ("mode\n1e300\n", "line 2, column mode: must lie in [1, 999], got '1e300'"),
+        ("frequency_hz\n1e-300\n", "line 2, column frequency_hz: must lie in [1e-09, 1e+08]"),
+        ("frequency_hz\n1e300\n", "must lie in [1e-09, 1e+08], got '1e300'"),
+        ("voltage_v\n1e308\n", "must be 0 or lie in [1e-09, 1e+09], got '1e308'"),
+        ("x_m\n5e-324\n", "column x_m: must be 0 or lie in [1e-09, 1e+09]"),
+        ("volts\n1\n", "s.csv, line 1: unknown column 'volts'"),
+        ("x_m,x_m\n0,0\n", "s.csv, line 1: column 'x_m' stands twice"),
+        ("x_m,mode\n0.01\n", "s.csv, line 2: 2 cells are due, got 1"),
+        ("", "s.csv, line 1: a line of column names is due, got none"),
+    ],
+)
+def test_a_bad_cell_is_named(text: str, message: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(message)):
+        predict("s.csv", text)
+
+
+def test_an_unknown_rung_is_refused() -> None:
+    with pytest.raises(ValueError, match="timoshenko-patched, got 'exact'"):
+        PredictOptions(rung="exact")
+
+
+_SIZES: dict[str, tuple[str, ...]] = {
+    "voltage_v": ("0", "1e-9", "100", "1e9"),
+    "frequency_hz": ("resonance", "1e-9", "24000", "1e6"),
+    "x_m": ("0", "1e-9", "0.05", "0.1"),
+    "contact_m": ("1e-9", "0.01", "1e9"),
+    "direction": ("left", "right"),
+    "coverage": ("local", "full"),
+    "ratio": ("eq15", "mode"),
+    "body_count": ("1", "1e9"),
+    "body_load_n": ("1e-9", "20", "1e9"),
+    "finger_load_n": ("", "1e-9", "1e9"),
+    "body_mass_kg": ("0", "1e-9", "1e9"),
+    "friction_coefficient": ("1e-9", "0.4", "1e9"),
+    "damping_ratio": ("1e-9", "0.999999999"),
+    "mode": ("1", "6", "12"),
+    "sliding_speed_m_s": ("1e-9", "0.04", "1e9"),
+    "body_height_m": ("0", "1e-9", "1e9"),
+}
+
+
+@pytest.mark.parametrize("law", ["printed", "consistent", "coulomb"])
+@pytest.mark.parametrize("rung", ["auto", "eq15", "mode", "modes:12", "timoshenko-patched"])
+def test_every_value_within_reach_gives_finite_numbers(law: str, rung: str) -> None:
+    choice = Random(1)
+    rows = [",".join(choice.choice(sizes) for sizes in _SIZES.values()) for _ in range(200)]
+    text = "\n".join([",".join(_SIZES), *rows]) + "\n"
+    for row in _rows(predict("s.csv", text, PredictOptions(law=law, rung=rung))):
+        assert all(math.isfinite(float(row[name])) for name in OUTPUTS), row
+
+
+def test_the_highest_frequency_and_mode_are_within_reach() -> None:
+    text = "frequency_hz,mode\n1e8,1\nresonance,999\n"
+    rows = _rows(predict("s.csv", text, PredictOptions(rung="mode")))
+    assert [round(float(row["mu_effective"]), 3) for row in rows] == [0.4, 0.504]
+
+
+def test_a_sum_without_the_driven_mode_is_refused() -> None:
+    message = "line 2, column mode: must be at most 12 on the rung modes:12; take modes:13, got 13"
+    with pytest.raises(ValueError, match=message):
+        predict("s.csv", "mode\n13\n", PredictOptions(rung="modes:12"))
+    assert _rows(predict("s.csv", "mode\n13\n", PredictOptions(rung="modes:13")))
+    with pytest.raises(ValueError, match=r"modes:N \(N from 6 to 999\), .* got 'modes:5'"):
+        PredictOptions(rung="modes:5")

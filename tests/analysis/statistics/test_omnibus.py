@@ -1,0 +1,226 @@
+"""."""
+
+from collections.abc import Callable
+from fractions import Fraction
+from itertools import permutations, product
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy import stats
+
+from analysis.estimates import FloatArray, NoAnswer
+from analysis.loading.score_table import ScoreTable
+from analysis.statistics.omnibus import Friedman, SkillingsMack, friedman, skillings_mack
+
+SHAPES = st.tuples(st.integers(2, 4), st.integers(2, 4))
+SCORES = st.integers(0, 4).map(float)
+
+
+def table_from(scores: FloatArray) -> ScoreTable:
+    subjects, conditions = scores.shape
+    return ScoreTable(
+        subjects=tuple(f"s{row}" for row in range(subjects)),
+        conditions=tuple(f"c{column}" for column in range(conditions)),
+        scores=scores,
+    )
+
+
+def answer_to(scores: FloatArray) -> Friedman:
+    result = friedman(table_from(scores))
+    assert isinstance(result, Friedman)
+    return result
+
+
+def reason(scores: FloatArray) -> str:
+    result = friedman(table_from(scores))
+    assert isinstance(result, NoAnswer)
+    return result.reason
+
+
+def brute_force_p(scores: FloatArray) -> Fraction:
+    """The share of all shufflings within rows whose rank sums are at least as unequal."""
+    rows = [[int(2 * rank) for rank in stats.rankdata(row)] for row in scores]
+    shuffled = [
+        sum(total**2 for total in map(sum, zip(*arrangement, strict=True)))
+        for arrangement in product(*(list(permutations(row)) for row in rows))
+    ]
+    observed = sum(total**2 for total in map(sum, zip(*rows, strict=True)))
+    return Fraction(sum(value >= observed for value in shuffled), len(shuffled))
+
+
+def test_table_4_as_published(published: ScoreTable) -> None:
+    result = answer_to(published.scores)
+    assert result.chi2 == pytest.approx(21.452055, abs=5e-7)
+    assert result.df == 4
+    assert result.p == pytest.approx(2.5757e-4, rel=2e-5)
+    assert result.p_exact == pytest.approx(2.7105e-5, rel=2e-5)
+    assert result.kendall_w == pytest.approx(0.595890, abs=5e-7)
+    assert result.rank_sums == (27.0, 32.5, 38.5, 25.0, 12.0)
+
+
+def test_table_4_agrees_with_scipy(published: ScoreTable) -> None:
+    result = answer_to(published.scores)
+    expected = stats.friedmanchisquare(*published.scores.T)
+    assert result.chi2 == pytest.approx(expected.statistic, rel=1e-12)
+    assert result.p == pytest.approx(expected.pvalue, rel=1e-12)
+
+
+@settings(max_examples=150, deadline=None)
+@given(SHAPES.flatmap(lambda shape: arrays(np.float64, shape, elements=SCORES)))
+def test_small_tables_with_ties_agree_with_every_shuffling(scores: FloatArray) -> None:
+    assume(len(set(permutations(range(scores.shape[1])))) ** scores.shape[0] <= 14_000)
+    if np.ptp(scores, axis=1).max() == 0:
+        assert "the same score" in reason(scores)
+        return
+    assert answer_to(scores).p_exact == pytest.approx(float(brute_force_p(scores)), rel=1e-12)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.tuples(st.integers(2, 7), st.integers(3, 5)).flatmap(
+        lambda shape: arrays(np.float64, shape, elements=SCORES)
+    )
+)
+def test_chi_square_agrees_with_scipy(scores: FloatArray) -> None:
+    assume(np.ptp(scores, axis=1).max() > 0)
+    expected = stats.friedmanchisquare(*scores.T)
+    assert answer_to(scores).chi2 == pytest.approx(expected.statistic, rel=1e-10, abs=1e-12)
+
+
+def test_two_conditions_are_a_sign_test() -> None:
+    # Seven of eight prefer the second: 2 (1 + 8) / 2^8.
+    scores = np.array([[0.0, 1.0]] * 7 + [[1.0, 0.0]])
+    assert answer_to(scores).p_exact == pytest.approx(18 / 256, rel=1e-14)
+
+
+def test_scores_that_differ_in_their_last_bits_are_tied() -> None:
+    nearly = np.array([[7.3 - 7.2, 5.1 - 5.0, 0.0]] * 2)
+    exactly = np.array([[0.1, 0.1, 0.0]] * 2)
+    assert answer_to(nearly) == answer_to(exactly)
+
+
+def test_a_missing_score_is_no_answer_but_a_reason() -> None:
+    assert "every score, 1 of 4 are missing" in reason(np.array([[1.0, 2.0], [np.nan, 2.0]]))
+
+
+def test_one_condition_is_nothing_to_compare() -> None:
+    assert "at least 2 conditions, got 1" in reason(np.array([[1.0], [2.0]]))
+
+
+def test_one_subject_agrees_with_nobody() -> None:
+    assert "at least 2 subjects to agree, got 1" in reason(np.array([[1.0, 2.0, 3.0]]))
+
+
+def test_a_large_study_has_the_approximation_only() -> None:
+    scores = np.random.default_rng(4).permuted(np.tile(np.arange(6.0), (60, 1)), axis=1)
+    result = answer_to(scores)
+    assert isinstance(result.p_exact, NoAnswer)
+    assert "with 60 subjects" in result.p_exact.reason
+    assert 0.0 < result.p <= 1.0
+
+
+def test_eight_conditions_have_the_approximation_only() -> None:
+    result = answer_to(np.arange(8.0)[None, :] * np.ones((3, 1)))
+    assert isinstance(result.p_exact, NoAnswer)
+    assert "at most 7 conditions, got 8" in result.p_exact.reason
+
+
+TableOf = Callable[[FloatArray], ScoreTable]
+
+# Skillings and Mack 1981, page 173: assembly times of four methods by nine people.
+ASSEMBLY = [
+    [3.2, 4.1, 3.8, 4.2],
+    [3.1, 3.9, 3.4, 4.0],
+    [4.3, 3.5, 4.6, 4.8],
+    [3.5, 3.6, 3.9, 4.0],
+    [3.6, 4.2, 3.7, 3.9],
+    [4.5, 4.7, 3.7, np.nan],
+    [np.nan, 4.2, 3.4, np.nan],
+    [4.3, 4.6, 4.4, 4.9],
+    [3.5, np.nan, 3.7, 3.9],
+]
+
+
+def skillings_mack_of(table: ScoreTable) -> SkillingsMack:
+    result = skillings_mack(table)
+    assert isinstance(result, SkillingsMack)
+    return result
+
+
+def weighted_ranks(row: FloatArray) -> FloatArray:
+    count = np.count_nonzero(~np.isnan(row))
+    ranks: FloatArray = stats.rankdata(row, nan_policy="omit")
+    return np.where(np.isnan(row), 0.0, (ranks - (count + 1) / 2) * np.sqrt(12 / (count + 1)))
+
+
+def shufflings(row: FloatArray) -> list[FloatArray]:
+    """Every order of one subject's weighted ranks over the cells the subject scored."""
+    seen = ~np.isnan(row)
+    orders = []
+    for order in permutations(weighted_ranks(row)[seen]):
+        ranks = np.zeros(len(row))
+        ranks[seen] = order
+        orders.append(ranks)
+    return orders
+
+
+def test_the_published_example(table_of: TableOf) -> None:
+    result = skillings_mack_of(table_of(np.array(ASSEMBLY)))
+    assert result.statistic == pytest.approx(15.493049, abs=5e-7)
+    assert result.untied == pytest.approx(result.statistic, rel=1e-12)
+    assert result.df == 3
+    assert result.p == pytest.approx(0.001440296302, abs=5e-13)
+
+
+def test_without_holes_it_is_friedmans_test(published: ScoreTable) -> None:
+    expected = friedman(published)
+    assert isinstance(expected, Friedman)
+    result = skillings_mack_of(published)
+    assert result.statistic == pytest.approx(expected.chi2, rel=1e-12)
+    assert result.df == 4
+    assert result.p == pytest.approx(expected.p, rel=1e-10)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    arrays(np.float64, (3, 4), elements=st.integers(0, 3).map(float) | st.just(np.nan)),
+)
+def test_the_covariance_is_that_of_every_shuffling(table_of: TableOf, scores: FloatArray) -> None:
+    result = skillings_mack(table_of(scores))
+    if isinstance(result, NoAnswer):
+        return
+    sums = np.array([np.sum(choice, axis=0) for choice in product(*map(shufflings, scores))])
+    total = np.sum([weighted_ranks(row) for row in scores], axis=0)
+    covariance = np.cov(sums.T, ddof=0)
+    inverse = np.linalg.pinv(covariance, rtol=1e-9, hermitian=True)
+    assert result.statistic == pytest.approx(float(total @ inverse @ total), rel=1e-8, abs=1e-10)
+
+
+def test_leaving_out_what_says_nothing_changes_nothing(table_of: TableOf) -> None:
+    scores = np.array(ASSEMBLY)
+    alone = np.array([[np.nan, 3.0, np.nan, np.nan], [np.nan] * 4])
+    with_alone = skillings_mack_of(table_of(np.vstack([scores, alone])))
+    assert with_alone.statistic == pytest.approx(
+        skillings_mack_of(table_of(scores)).statistic, rel=1e-12
+    )
+
+
+@pytest.mark.parametrize(
+    ("scores", "reason"),
+    [
+        ([[np.nan, np.nan]], "no score was given"),
+        ([[1.0, np.nan], [np.nan, 2.0]], "no subject scored two conditions"),
+        ([[1.0, 2.0, np.nan, np.nan], [np.nan, np.nan, 1.0, 2.0]], "compares c0, c1 with"),
+        ([[3.0, 3.0, np.nan], [1.0] * 3], "every subject gave all conditions the same score"),
+        ([[3.0, 4.0, np.nan], [1.0, np.nan, np.nan]], "2 subjects who scored two conditions"),
+    ],
+)
+def test_tables_without_a_test_say_why(
+    table_of: TableOf, scores: list[list[float]], reason: str
+) -> None:
+    result = skillings_mack(table_of(np.array(scores)))
+    assert isinstance(result, NoAnswer)
+    assert reason in result.reason

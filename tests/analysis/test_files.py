@@ -1,0 +1,158 @@
+"""An export is there as a whole or not at all, and never over something else."""
+
+import os
+import resource
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from analysis.files import is_stream, write_new_folder, write_whole
+from protocol.errors import BadInput
+
+CONTENTS = {"README.md": "触觉\n", "sub-1/beh/a.tsv": "a\tb\n"}
+
+
+def everything(folder: Path) -> dict[str, bytes]:
+    files = (path for path in folder.rglob("*") if path.is_file())
+    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
+
+
+@pytest.mark.parametrize("name", ["new", "deep/new", "empty"])
+def test_the_folder_holds_the_contents_and_nothing_else(tmp_path: Path, name: str) -> None:
+    (tmp_path / "empty").mkdir()
+    mode = (tmp_path / "empty").stat().st_mode
+    write_new_folder(CONTENTS, tmp_path / name)
+    written = {f"{name}/{path}": text.encode() for path, text in CONTENTS.items()}
+    assert everything(tmp_path) == written
+    assert (tmp_path / name).stat().st_mode == mode, "as readable as any new folder"
+
+
+def test_a_folder_that_holds_something_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "mine.txt").write_text("mine")
+    with pytest.raises(BadInput, match=f"{tmp_path.name}: is there already and not empty"):
+        write_new_folder(CONTENTS, tmp_path)
+    assert everything(tmp_path) == {"mine.txt": b"mine"}
+
+
+def test_a_file_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "mine.txt").write_text("mine")
+    with pytest.raises(BadInput, match=r"mine\.txt: is a file; name a folder to make"):
+        write_new_folder(CONTENTS, tmp_path / "mine.txt")
+
+
+def test_what_fails_on_the_way_leaves_nothing_behind(tmp_path: Path) -> None:
+    clash = {"a": "a file\n", "a/b": "in a folder of the same name\n"}
+    place = tmp_path / "deep" / "er" / "new"
+    with pytest.raises(FileExistsError, match=f"File exists: '{place}'"):
+        write_new_folder(clash, place)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_full_disk_is_told_of_the_folder_that_was_named(tmp_path: Path) -> None:
+    place = tmp_path / "deep" / "new"
+    program = f"""
+from pathlib import Path
+from analysis.files import write_new_folder
+write_new_folder({{"a": 9_999 * " "}}, Path({str(place)!r}))
+"""
+    said = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=Path(__file__).parents[2],
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (9_000, 9_000)),
+    )
+    assert said.stderr.endswith(f"OSError: [Errno 27] File too large: '{place}'\n")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_long_folder_name_is_accepted(tmp_path: Path) -> None:
+    write_new_folder(CONTENTS, tmp_path / ("x" * 255))
+    assert [path.name for path in tmp_path.iterdir()] == ["x" * 255]
+
+
+def entries(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_a_new_file_has_the_permissions_of_any_new_file(tmp_path: Path) -> None:
+    (tmp_path / "other").write_bytes(b"")
+    write_whole(tmp_path / "new", b"data")
+    assert (tmp_path / "new").stat().st_mode == (tmp_path / "other").stat().st_mode
+    assert entries(tmp_path) == ["new", "other"]
+
+
+def test_a_file_of_the_user_beside_it_stays(tmp_path: Path) -> None:
+    (tmp_path / "x.csv.part").write_text("mine")
+    write_whole(tmp_path / "x.csv", b"data")
+    assert (tmp_path / "x.csv.part").read_text() == "mine"
+
+
+def test_what_was_there_keeps_its_permissions(tmp_path: Path) -> None:
+    path = tmp_path / "x.csv"
+    path.write_text("old")
+    path.chmod(0o640)
+    write_whole(path, b"new")
+    assert (path.read_text(), stat.S_IMODE(path.stat().st_mode)) == ("new", 0o640)
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_a_link_is_followed(tmp_path: Path, there: bool) -> None:
+    link, target = tmp_path / "link", tmp_path / "target"
+    if there:
+        target.write_text("old")
+    link.symlink_to("target")
+    write_whole(link, b"new")
+    assert link.is_symlink()
+    assert target.read_text() == "new"
+
+
+def test_a_long_name_is_no_hindrance(tmp_path: Path) -> None:
+    write_whole(tmp_path / ("x" * 255), b"new")
+    assert entries(tmp_path) == ["x" * 255]
+
+
+@pytest.mark.parametrize("name", ["file/x.csv", "missing/x.csv", "x" * 256, "loop"])
+def test_what_cannot_be_written_is_called_as_it_was_given(tmp_path: Path, name: str) -> None:
+    (tmp_path / "file").write_text("")
+    (tmp_path / "loop").symlink_to("loop")
+    before = entries(tmp_path)
+    with pytest.raises(OSError, match=name) as failed:
+        write_whole(tmp_path / name, b"data")
+    assert failed.value.filename == str(tmp_path / name)
+    assert entries(tmp_path) == before
+
+
+def test_a_file_too_large_for_the_disk_leaves_the_old_one(tmp_path: Path) -> None:
+    path = tmp_path / "x.csv"
+    path.write_text("old")
+    program = "from pathlib import Path; from analysis.files import write_whole as w; import sys"
+    said = subprocess.run(
+        [sys.executable, "-c", f"{program}; w(Path(sys.argv[1]), bytes(99_999))", str(path)],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=Path(__file__).parents[2],
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (9_999, 9_999)),
+    )
+    assert said.stderr.endswith(f"OSError: [Errno 27] File too large: '{path}'\n")
+    assert (path.read_text(), entries(tmp_path)) == ("old", ["x.csv"])
+
+
+def test_streams_are_told_from_files(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "file").write_text("")
+    (tmp_path / "link").symlink_to("file")
+    with (tmp_path / "file").open() as opened:
+        (tmp_path / "descriptor").symlink_to(f"/dev/fd/{opened.fileno()}")
+        found = {
+            name: is_stream(tmp_path / name) for name in ("pipe", "file", "link", "descriptor")
+        }
+        assert is_stream(Path(f"/proc/self/fd/{opened.fileno()}"))
+    assert found == {"pipe": True, "file": False, "link": False, "descriptor": True}
+    assert is_stream(Path("/dev/null"))
+    assert not is_stream(tmp_path / "missing")

@@ -1,0 +1,174 @@
+"""."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import permutations
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from scipy import stats
+
+from analysis.estimates import FloatArray, NoAnswer
+from analysis.sensitivity.ratings import Ratings
+from analysis.trials.law_comparison import (
+    LawLikelihood,
+    LawOrder,
+    critical_correlation,
+    critical_rank_correlation,
+    law_likelihoods,
+    law_order,
+)
+from tests.analysis.sensitivity.simulated_raters import VirtualPopulation, VirtualStudy
+
+StudyOf = Callable[..., VirtualStudy]
+CONDITIONS = ("frequency", "structure", "voltage", "direction", "pressure")
+# Column means of the paper's Table 4.
+MEANS = np.array([76.0, 80.0, 87.0, 75.0, 56.0]) / 9
+OPEN = VirtualPopulation(bias=3.0, gain=9.0, gain_sd=3.0, scale=None)
+
+
+def order_of(predicted: FloatArray, observed: FloatArray) -> LawOrder:
+    names = tuple(f"c{number}" for number in range(len(predicted)))
+    result = law_order(names, predicted, observed)
+    assert isinstance(result, LawOrder)
+    return result
+
+
+def likelihood(ratings: Ratings, contrast: FloatArray) -> LawLikelihood:
+    result = law_likelihoods(ratings, {"law": contrast})["law"]
+    assert isinstance(result, LawLikelihood)
+    return result
+
+
+def test_five_conditions_are_no_evidence_for_the_consistent_law() -> None:
+    # Changes of friction at the smooth place, and of places along the path.
+    predicted = np.array([0.050, 0.041, 0.133, 0.326, 0.015])
+    result = law_order(CONDITIONS, predicted, MEANS)
+    assert isinstance(result, LawOrder)
+    assert result.order == ("direction", "voltage", "frequency", "structure", "pressure")
+    assert result.spearman == pytest.approx(0.30, abs=1e-12)
+    assert result.needed == pytest.approx(0.878, abs=5e-4)
+    assert isinstance(result.p, float)
+    assert result.p > 0.6
+    assert (result.rank_needed, result.rated) == (1.0, 5)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.tuples(st.integers(0, 4), st.integers(0, 4)), min_size=3, max_size=6))
+def test_correlations_agree_with_scipy_and_every_order(pairs: list[tuple[int, int]]) -> None:
+    predicted, observed = np.array(pairs, dtype=np.float64).T
+    assume(np.ptp(predicted) > 0 and np.ptp(observed) > 0)
+    result = order_of(predicted, observed)
+    assert result.spearman == pytest.approx(stats.spearmanr(predicted, observed)[0], abs=1e-12)
+
+    one, other = stats.rankdata(predicted), stats.rankdata(observed)
+    products = [np.dot(np.array(order) - one.mean(), other) for order in permutations(one)]
+    reached = np.abs(products) >= abs(np.dot(one - one.mean(), other)) - 1e-9
+    assert result.p == pytest.approx(float(reached.mean()), abs=1e-12)
+
+    length = np.sqrt(((one - one.mean()) ** 2).sum() * ((other - other.mean()) ** 2).sum())
+    rare = [value for value in np.abs(products) if np.mean(np.abs(products) >= value - 1e-9) < 0.05]
+    if rare:
+        assert result.rank_needed == pytest.approx(min(rare) / length, abs=1e-12)
+    else:
+        assert isinstance(result.rank_needed, NoAnswer)
+
+
+@pytest.mark.parametrize(("pairs", "needed"), [(5, 1.0), (6, 31 / 35), (7, 11 / 14), (8, 31 / 42)])
+def test_what_a_rank_correlation_must_reach(pairs: int, needed: float) -> None:
+    # The tables of Zar (Biostatistical Analysis, B.20) have 1.000, .886, .786 and .738.
+    assert critical_rank_correlation(pairs) == pytest.approx(needed, abs=1e-12)
+
+
+@pytest.mark.parametrize("pairs", [3, 4])
+def test_no_order_of_four_conditions_is_evidence(pairs: int) -> None:
+    assert critical_rank_correlation(pairs) == NoAnswer(
+        reason=f"no order of these {pairs} conditions has p < .05"
+    )
+
+
+def test_ties_leave_five_conditions_no_order_that_is_evidence() -> None:
+    claimed = order_of(np.array([0.0, 0.0, 1.0, 0.0, -1.0]), MEANS)
+    assert isinstance(claimed.rank_needed, NoAnswer)
+
+
+def test_many_conditions_have_the_t_approximation() -> None:
+    rng = np.random.default_rng(1)
+    predicted = rng.normal(size=12)
+    observed = predicted + rng.normal(size=12)
+    expected = stats.spearmanr(predicted, observed)
+    assert order_of(predicted, observed).p == pytest.approx(expected.pvalue, rel=1e-9)
+
+
+def test_conditions_nobody_rated_are_left_out_of_the_correlation() -> None:
+    result = order_of(np.array([0.1, 0.3, 0.2, 0.9]), np.array([1.0, 3.0, 2.0, np.nan]))
+    assert (result.spearman, result.order[0], result.rated) == (1.0, "c3", 3)
+
+
+def test_equal_contrasts_are_tied_in_the_order() -> None:
+    result = law_order(CONDITIONS, np.array([-0.1, 0.0, -0.2, 0.6, 1e-12]), MEANS)
+    assert isinstance(result, LawOrder)
+    assert result.tied == (("direction",), ("structure", "pressure"), ("frequency",), ("voltage",))
+    assert result.order == ("direction", "structure", "pressure", "frequency", "voltage")
+
+
+def test_laws_without_an_order_say_why() -> None:
+    flat = order_of(np.array([0.2, 0.2, 0.2]), np.array([1.0, 2.0, 3.0]))
+    assert isinstance(flat.spearman, NoAnswer)
+    assert "contrasts, or all mean ratings, are equal" in flat.spearman.reason
+    few = law_order(("a", "b"), np.array([0.1, 0.2]), np.array([1.0, 2.0]))
+    assert few == NoAnswer(reason="an order needs at least 3 conditions, got 2")
+    assert critical_correlation(2) == NoAnswer(
+        reason="a correlation is tested with at least 3 pairs, got 2"
+    )
+    with pytest.raises(ValueError, match="2 conditions need as many values, got 1"):
+        law_order(("a", "b"), np.array([0.1]), np.array([1.0, 2.0]))
+
+
+def test_the_law_people_follow_is_the_likeliest(extended_study: StudyOf) -> None:
+    ratings = extended_study(OPEN, seed=1).ratings
+    rng = np.random.default_rng(2)
+    laws = {
+        "true": ratings.contrast,
+        "flawed": ratings.contrast + rng.normal(0.0, 0.05, len(ratings.contrast)),
+        "unrelated": rng.permutation(ratings.contrast),
+        "silent": np.full(len(ratings.contrast), 0.2),
+    }
+    found = law_likelihoods(ratings, laws)
+    assert isinstance(found["silent"], NoAnswer)
+    known = [found[name] for name in ("true", "flawed", "unrelated")]
+    values = [law.log_likelihood for law in known if isinstance(law, LawLikelihood)]
+    assert values == sorted(values, reverse=True)
+    assert len(values) == 3
+    assert isinstance(known[2], LawLikelihood)
+    assert 0 <= known[2].gain_over_none < 6
+
+
+def test_the_likelihood_is_a_maximum(extended_study: StudyOf) -> None:
+    ratings = extended_study(OPEN, seed=3, subjects=6).ratings
+    best = likelihood(ratings, ratings.contrast).log_likelihood
+    design = np.stack([np.ones(len(ratings.rating)), ratings.contrast], axis=1)
+    same = ratings.subject[:, None] == ratings.subject
+    for bias_sd, gain_sd, noise_sd in [(1.0, 3.0, 1.2), (0.8, 2.5, 1.15), (1.2, 3.5, 1.25)]:
+        spread = np.diag([bias_sd**2, gain_sd**2])
+        covariance = same * (design @ spread @ design.T) + noise_sd**2 * np.eye(len(design))
+        inverse = np.linalg.inv(covariance)
+        line = np.linalg.solve(design.T @ inverse @ design, design.T @ inverse @ ratings.rating)
+        value = stats.multivariate_normal(design @ line, covariance).logpdf(ratings.rating)
+        assert best - 12 < value < best + 1e-6
+
+
+def test_units_of_a_law_do_not_matter(extended_study: StudyOf) -> None:
+    ratings = extended_study(OPEN, seed=4, subjects=8).ratings
+    one = likelihood(ratings, ratings.contrast)
+    other = likelihood(replace(ratings), 40 * ratings.contrast - 3)
+    assert other.log_likelihood == pytest.approx(one.log_likelihood, abs=1e-4)
+    assert one.gain_over_none > 10
+
+
+def test_contrasts_must_be_as_many_as_trials(extended_study: StudyOf) -> None:
+    ratings = extended_study(OPEN, seed=1, subjects=2).ratings
+    with pytest.raises(ValueError, match="coulomb needs 40 contrasts, got 3"):
+        law_likelihoods(ratings, {"coulomb": np.zeros(3)})

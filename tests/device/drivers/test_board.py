@@ -1,0 +1,170 @@
+"""The board's driver over a real byte path: a simulated device in a process of its own."""
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from device.drivers.board import Board
+from device.drivers.setpoints import Limits, Setpoint, Sweep
+from device.errors import AddressError, DeviceError, ForeignOutput, LimitExceeded, OutputUnknown
+from device.link.link import Link, open_link
+from device.simulator.client import Endpoints, Hand, simulator_process
+from tests.device.scripted import ScriptedPort, ticking
+
+TOUCHBEAM = (str(Path(sys.executable).with_name("touchbeam")),)
+LIMITS = Limits(max_voltage_v=120, max_frequency_hz=40_000, ramp_v_per_s=400, watchdog_s=5)
+
+
+@pytest.fixture(scope="module")
+def simulator() -> Iterator[Endpoints]:
+    with simulator_process(TOUCHBEAM, seed=1) as endpoints:
+        yield endpoints
+
+
+@pytest.fixture(scope="module")
+def board(simulator: Endpoints) -> Iterator[Board]:
+    board = Board(open_link(simulator.url), LIMITS)
+    yield board
+    board.close()
+
+
+@pytest.fixture
+def hand(simulator: Endpoints) -> Iterator[Hand]:
+    with Hand(simulator.control) as hand:
+        yield hand
+
+
+def setpoint(voltage_v: float) -> Setpoint:
+    return Setpoint(voltage_v=voltage_v, frequency_hz=24221.37, ramp_v_per_s=400)
+
+
+def test_arming_leaves_the_output_off_and_the_limits_set(board: Board, hand: Hand) -> None:
+    identity = board.arm()
+    assert identity.idn.startswith("touchbeam,BOARD")
+    assert identity.boot == 1
+    state = hand.state()
+    assert (state["output"], state["watchdog_s"]) == (False, 5.0)
+
+
+def test_a_drive_is_read_back_and_off_is_off(board: Board, hand: Hand) -> None:
+    board.arm()
+    read_back = board.drive(setpoint(100))
+    assert (read_back.output, read_back.voltage_v) == (True, 100)
+    assert read_back.frequency_hz == 24221.37
+    assert hand.state()["output"] is True
+    board.off()
+    assert hand.state()["output"] is False
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (setpoint(121), r"voltage_v must lie in \[0, 120\], got 121"),
+        (setpoint(float("nan")), "voltage_v .* got nan"),
+        (
+            Setpoint(voltage_v=1, frequency_hz=50_000, ramp_v_per_s=1),
+            r"frequency_hz must .* 40000\], got 50000",
+        ),
+        (
+            Setpoint(voltage_v=1, frequency_hz=1000, ramp_v_per_s=500),
+            r"ramp_v_per_s must .* 400\], got 500",
+        ),
+    ],
+)
+def test_the_driver_refuses_what_exceeds_the_limits(
+    board: Board, hand: Hand, wrong: Setpoint, message: str
+) -> None:
+    board.arm()
+    with pytest.raises(ValueError, match=message):
+        board.drive(wrong)
+    assert hand.state()["output"] is False
+
+
+def test_the_device_refuses_it_too(board: Board, hand: Hand) -> None:
+    board.arm()
+    with pytest.raises(DeviceError, match="VOLT was refused by the device: -222 Data out of range"):
+        board.send("VOLT 121")
+    assert hand.state()["output"] is False
+
+
+def test_a_sweep_moves_the_frequency_and_ends_at_its_end(board: Board, hand: Hand) -> None:
+    board.arm()
+    board.drive(setpoint(10))
+    board.sweep(Sweep(start_hz=24_000, stop_hz=24_400, duration_s=2))
+    hand.advance(1)
+    assert board.read_back().frequency_hz == pytest.approx(24_200, abs=10)
+    hand.advance(2)
+    assert hand.state()["frequency_hz"] == 24_400
+    board.off()
+
+
+def test_a_sweep_keeps_the_limits_and_needs_a_drive(board: Board) -> None:
+    board.arm()
+    sweep = Sweep(start_hz=24_000, stop_hz=41_000, duration_s=2)
+    with pytest.raises(DeviceError, match="a sweep needs a drive that is on"):
+        board.sweep(sweep)
+    board.drive(setpoint(10))
+    with pytest.raises(LimitExceeded, match=r"frequency_hz must .* 40000\], got 41000"):
+        board.sweep(sweep)
+    board.off()
+
+
+def scripted(answers: dict[bytes, bytes]) -> tuple[Board, ScriptedPort]:
+    port = ScriptedPort(answers)
+    return Board(Link(port, monotonic=ticking()), LIMITS), port
+
+
+def test_another_device_is_told_nothing_but_off() -> None:
+    board, port = scripted({b"*IDN?\n": b"Rigol,DG1022,1,2\n"})
+    with pytest.raises(ForeignOutput, match=r"expected a board .* got 'Rigol,DG1022,1,2'"):
+        board.arm()
+    with pytest.raises(
+        OutputUnknown, match=r"^output state UNKNOWN - cut the amplifier \(expected"
+    ):
+        board.off()
+    assert port.sent == [b"OUTP OFF\n", b"*IDN?\n"]
+
+
+@pytest.mark.parametrize("answer", [b"1;0\n", b"", b"what?;0\n", b"0\n", b"0;what?\n", b"0;0"])
+def test_off_is_off_only_when_read_back(answer: bytes) -> None:
+    board, _ = scripted({b"OUTP?;:MEAS:VOLT?\n": answer})
+    with pytest.raises(OutputUnknown, match="output state UNKNOWN - cut the amplifier"):
+        board.off()
+
+
+@pytest.mark.parametrize(
+    ("url", "kind", "message"),
+    [
+        ("/dev/ttyNOPE", DeviceError, "no such port; is the device plugged in"),
+        ("/dev/rfcomm7", DeviceError, "no such port; .*; a Bluetooth device must be paired"),
+        ("frob://x", AddressError, "not the address of a device"),
+        ("loop://", AddressError, "loop://: not the address of a device"),
+        ("socket://127.0.0.1:1?logging=debug", AddressError, "not the address of a device"),
+        ("socket://127.0.0.1:1", DeviceError, "cannot be opened: nobody listens there"),
+        ("/dev", AddressError, "got a plain folder"),
+        (__file__, AddressError, "got a plain file"),
+    ],
+)
+def test_a_port_that_does_not_work_is_explained(
+    url: str, kind: type[Exception], message: str
+) -> None:
+    with pytest.raises(kind, match=message):
+        open_link(url)
+
+
+def test_opening_a_file_leaves_it_as_it_was(tmp_path: Path) -> None:
+    file, link = tmp_path / "thesis.tex", tmp_path / "ttyUSB0"
+    file.write_text("a chapter")
+    link.symlink_to(file)
+    for path in (file, link):
+        with pytest.raises(AddressError, match=f"{path}: .* got a plain file"):
+            open_link(str(path))
+    assert file.read_text() == "a chapter"
+
+
+def test_a_second_program_is_kept_off(simulator: Endpoints, board: Board) -> None:
+    with pytest.raises(DeviceError, match="in use by another program"):
+        open_link(simulator.url)
+    assert board.output() is False

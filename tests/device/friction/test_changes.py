@@ -1,0 +1,105 @@
+"""Predicted contrasts of trials: the model's published changes, and laws of sign and size."""
+
+from math import log
+from typing import Literal
+
+import numpy as np
+import pytest
+
+from device.friction import contrasts as conditions
+from device.friction.changes import trial_change
+from device.friction.coefficient import friction_coefficient
+from device.friction.contrasts import predicted_contrast
+from device.friction.scenes import REFERENCE_SPEED_M_S, Drive, Scene
+from device.friction.scenes import Touch as Finger
+from protocol.plan.plan import plan
+from protocol.plan.trials import Trial
+from protocol.study.study import Study
+from protocol.study.touch import Touch
+from protocol.study_file.loading import parsed_study, template
+
+PAPER = parsed_study(template("paper"))
+EXTENDED = parsed_study(template("extended"))
+
+
+def contrast(study: Study, trial: Trial) -> float:
+    assert trial.question is not None
+    return predicted_contrast(trial_change(study, trial.question, trial.expected, trial.touches))
+
+
+def test_the_signal_is_the_change_from_the_resting_beam() -> None:
+    touch = Touch(place="smooth", voltage_v=100)
+    driven = friction_coefficient(
+        Scene(drive=Drive(), touch=Finger(finger_load_n=0.5, sliding_speed_m_s=0.04))
+    )
+    found = predicted_contrast(trial_change(PAPER, "roughness", "smoother", [touch]))
+    assert found == pytest.approx(log(0.4 / driven[0]))
+
+
+@pytest.mark.parametrize("law", ["consistent", "coulomb", "printed"])
+@pytest.mark.parametrize("trial", plan(PAPER, 0).trials[1:], ids=lambda t: t.condition or t.kind)
+def test_trials_of_the_paper_study_make_the_contrasts_of_the_named_conditions(
+    trial: Trial, law: str
+) -> None:
+    finger = PAPER.touch.model_copy(update={"sliding_speed_m_s": REFERENCE_SPEED_M_S})
+    study = PAPER.model_copy(update={"touch": finger})
+    assert trial.question is not None
+    change = trial_change(study, trial.question, trial.expected, trial.touches)
+    named = conditions.condition_contrast(trial.condition or "signal", law=law)
+    assert predicted_contrast(change, law) == pytest.approx(named, rel=1e-9, abs=1e-12)
+
+
+def test_the_paper_conditions_are_ranked_as_the_model_ranks_them() -> None:
+    found = {t.condition: contrast(PAPER, t) for t in plan(PAPER, 0).trials if t.kind == "trial"}
+    assert sorted(found, key=lambda name: -found[name]) == [
+        "direction",
+        "voltage",
+        "frequency",
+        "structure",
+        "pressure",
+    ]
+    assert min(found.values()) > 0
+
+
+@pytest.mark.parametrize("slot", range(3))
+def test_nothing_is_predicted_of_catch_trials(slot: int) -> None:
+    catches = [trial for trial in plan(EXTENDED, slot).trials if trial.kind == "catch"]
+    assert [contrast(EXTENDED, trial) for trial in catches] == [0.0] * 4
+
+
+def test_an_opposite_trial_is_as_strong_as_the_trial_itself() -> None:
+    seen: dict[tuple[str | None, float, bool], float] = {}
+    for slot in range(40):
+        for trial in plan(EXTENDED, slot).trials:
+            if trial.kind == "trial":
+                seen[trial.condition, trial.level, trial.opposite] = contrast(EXTENDED, trial)
+    opposite = [key for key in seen if key[2]]
+    assert len(opposite) == 16
+    for condition, level, _ in opposite:
+        assert seen[condition, level, True] == pytest.approx(seen[condition, level, False])
+
+
+def test_contrasts_of_the_extended_study_are_widely_spaced() -> None:
+    spread = {
+        study.study.name: np.std([contrast(study, t) for t in plan(study, 0).trials if t.block])
+        for study in (PAPER, EXTENDED)
+    }
+    main = [contrast(EXTENDED, t) for t in plan(EXTENDED, 0).trials if t.kind == "trial"]
+    assert len(main) >= 20
+    assert max(main) - min(main) > 0.6
+    assert spread["extended"] > spread["paper"]
+
+
+def test_ciliary_bodies_make_the_change_larger() -> None:
+    bare, full = (
+        [Touch(place="path", voltage_v=100, direction=way, beam=beam) for way in WAYS]
+        for beam in ("no bodies", "1 mm")
+    )
+    without, with_bodies = (
+        predicted_contrast(trial_change(PAPER, "places", "swapped", touches))
+        for touches in (bare, full)
+    )
+    assert 0 < without < with_bodies
+
+
+WAYS: tuple[Literal["right", "left"], ...] = ("right", "left")

@@ -1,0 +1,93 @@
+"""The wire codec, byte by byte."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from device.errors import DeviceError
+from device.link.codec import (
+    LONGEST_LINE,
+    LineBuffer,
+    encoded,
+    number,
+    number_text,
+    queued_error,
+    switch,
+    text,
+)
+
+
+def test_a_command_ends_with_one_line_feed() -> None:
+    assert encoded("VOLT 100") == b"VOLT 100\n"
+
+
+@pytest.mark.parametrize("line", ["VOLT 1\nOUTP ON", "VÖLT 1", "VOLT\r"])
+def test_a_command_that_would_be_two_or_no_ascii_is_refused(line: str) -> None:
+    with pytest.raises(ValueError, match="printable ASCII, got"):
+        encoded(line)
+
+
+def test_a_frequency_keeps_its_digits() -> None:
+    assert number_text(24221.37) == "24221.37"
+
+
+@given(st.floats(min_value=-1e9, max_value=1e9))
+def test_a_number_survives_the_wire_to_ten_digits(value: float) -> None:
+    assert number(number_text(value)) == pytest.approx(value, rel=1e-9, abs=1e-300)
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_only_finite_numbers_are_sent(value: float) -> None:
+    with pytest.raises(ValueError, match=f"finite, got {value}"):
+        number_text(value)
+
+
+@pytest.mark.parametrize(
+    "reply", ["", "nan", "inf", "-inf", "1_000", "9.91E37", "1,5", "0x10", "ON"]
+)
+def test_what_is_no_number_is_refused(reply: str) -> None:
+    with pytest.raises(DeviceError, match=f"with a number, got {reply!r}"):
+        number(reply)
+
+
+@pytest.mark.parametrize(
+    ("reply", "on"), [("1", True), ("0", False), ("ON", True), (" off ", False)]
+)
+def test_a_switch_is_on_or_off(reply: str, on: bool) -> None:
+    assert switch(reply) is on
+
+
+def test_another_word_is_no_switch() -> None:
+    with pytest.raises(DeviceError, match="1 or 0, got '2'"):
+        switch("2")
+
+
+def test_errors_are_told_from_none() -> None:
+    assert queued_error('0,"No error"') is None
+    assert queued_error('-222,"Data out of range"') == "-222 Data out of range"
+    with pytest.raises(DeviceError, match=r"such as 0,.*, got .fine."):
+        queued_error("fine")
+
+
+@given(st.lists(st.text("ABC123?", min_size=1), max_size=5), st.integers(1, 7))
+def test_lines_come_out_whole_however_they_are_cut(lines: list[str], size: int) -> None:
+    stream = "".join(line + "\r\n" for line in lines).encode()
+    buffer = LineBuffer()
+    chunks = [stream[i : i + size] for i in range(0, len(stream), size)]
+    assert [text(line) for chunk in chunks for line in buffer.feed(chunk)] == lines
+
+
+def test_trailing_data_waits_for_its_end() -> None:
+    buffer = LineBuffer()
+    assert buffer.feed(b"one\ntw") == [b"one"]
+    assert buffer.feed(b"o\n") == [b"two"]
+
+
+def test_a_line_without_end_is_refused() -> None:
+    with pytest.raises(DeviceError, match=f"more than {LONGEST_LINE} bytes"):
+        LineBuffer().feed(b"x" * (LONGEST_LINE + 1))
+
+
+def test_a_line_that_is_not_ascii_is_refused() -> None:
+    with pytest.raises(DeviceError, match="in ASCII, got"):
+        text(b"\xff\xfe")

@@ -1,0 +1,128 @@
+"""Wishes that cannot be met are named; wishes that are not named can be met."""
+
+import pytest
+
+from protocol.plan.blocks import grouping, most_swaps
+from protocol.plan.feasibility import most_session_s
+from protocol.plan.plan import plan
+from protocol.plan.trials import plan_swaps, session_s
+from protocol.proof.limit_checks import plan_s
+from protocol.proof.trial_checks import plan_problems
+from protocol.study.study import Study
+from protocol.study_file.limits import problems
+from protocol.study_file.loading import parsed_study, template
+from tests.protocol.studies import small, small_document
+
+
+@pytest.mark.parametrize(
+    ("study", "message"),
+    [
+        (small(1, repeats=3), r"max_alike_in_row: the only condition comes up to 3 .* got 2"),
+        (
+            small(3, repeats=2, catch_trials=4, catch_apart=2),
+            "at most 3, whatever the order drawn, stay .* got 4",
+        ),
+        (small(3, 3, repeats=8, max_beam_swaps=1), "may need 2 beam swaps, .*: session, got 1"),
+        (
+            small(2, 2, repeats=3, group_by_beam="session"),
+            "a condition alone on its beams comes up to 3 times in a row",
+        ),
+        (
+            small(2, 2, repeats=3, group_by_beam="block", max_alike_in_row=1),
+            "comes up to 2 times in a row .grouped by beam: block., got 1",
+        ),
+        (small(3, 2, order="fixed", group_by_beam="block"), "'no' where order = 'fixed', got 'bl"),
+        (small(10, 10, group_by_beam="block"), "at most 8 sets of beams can be grouped, got 10"),
+    ],
+)
+def test_an_impossible_wish_is_named(study: Study, message: str) -> None:
+    found = "\n".join(map(str, problems(study)))
+    with pytest.raises(AssertionError, match=message):
+        raise AssertionError(found)
+
+
+@pytest.mark.parametrize(("catches", "allowed"), [(4, True), (5, False)])
+def test_where_the_order_is_fixed_catch_trials_are_counted_in_it(
+    catches: int, allowed: bool
+) -> None:
+    document = small_document(
+        4, order="fixed", repeats=4, catch_trials=catches, catch_apart=3, max_alike_in_row=1
+    )
+    for condition in document["condition"][1:]:
+        condition["touches"] *= 2
+        condition["touches"][1] = {**condition["touches"][1], "beam": "b1"}
+    document["beams"]["b1"] = 0.001
+    study = Study.model_validate(document)
+    found = problems(study)
+    assert (not found) == allowed
+    if allowed:
+        assert not plan_problems(study, plan(study, 0))
+    else:
+        assert "at most 4 stay catch_apart = 3 trials apart" in str(found[0])
+
+
+def test_levels_must_divide_the_repeats() -> None:
+    document = small_document(2, repeats=3)
+    document["condition"][1]["levels"] = [0.5, 1.0]
+    (found,) = problems(Study.model_validate(document))
+    assert str(found).startswith("condition c1, levels: their number must divide")
+    assert found.value == "2"
+
+
+def test_opposites_need_a_change_of_touch() -> None:
+    document = small_document(1, repeats=2, opposite_repeats=1)
+    document["condition"][0]["touches"] = [{"place": "smooth", "voltage_v": 50}]
+    (found,) = problems(Study.model_validate(document))
+    assert str(found).startswith("design.opposite_repeats: must be 0 where no condition has an")
+
+
+@pytest.mark.parametrize(
+    ("fewest", "sessions", "refused"), [(6, 1, False), (7, 1, True), (12, 2, False)]
+)
+def test_nobody_has_more_trials_than_are_planned(fewest: int, sessions: int, refused: bool) -> None:
+    document = small_document(3, repeats=2, sessions=sessions)
+    document["exclusions"] = {"min_trials": fewest}
+    found = problems(Study.model_validate(document))
+    told = "exclusions.min_trials: a participant has 6 trials, so that everybody would be left out"
+    assert [str(problem).startswith(told) for problem in found] == [True] * refused
+
+
+def test_a_session_that_is_too_long_is_refused() -> None:
+    text = template("extended").replace("max_session_s = 5400", "max_session_s = 1500")
+    with pytest.raises(ValueError, match="a session may take 1571 s, got 1500 s"):
+        parsed_study(text)
+
+
+@pytest.mark.parametrize("max_swaps", [None, 12, 8, 4, 3])
+def test_beams_are_swapped_as_rarely_as_asked(max_swaps: int | None) -> None:
+    study = small(4, 3, repeats=2, max_beam_swaps=max_swaps)
+    if problems(study):
+        assert max_swaps is not None
+        assert most_swaps(study, "session") > max_swaps
+        return
+    swaps = [plan_swaps(study, plan(study, slot)) for slot in range(20)]
+    assert max(swaps) <= most_swaps(study, grouping(study))
+    assert max_swaps is None or max(swaps) <= max_swaps
+
+
+def test_grouping_needs_the_fewest_swaps_there_are() -> None:
+    study = small(6, 3, repeats=4, group_by_beam="session", max_alike_in_row=4)
+    assert problems(study) == []
+    assert {plan_swaps(study, plan(study, slot)) for slot in range(20)} == {2}
+    by_block = small(6, 3, repeats=4, group_by_beam="block")
+    assert {plan_swaps(by_block, plan(by_block, slot)) for slot in range(20)} == {8}
+
+
+@pytest.mark.parametrize("name", ["paper", "extended"])
+def test_durations_agree_with_the_independent_count(name: str) -> None:
+    study = parsed_study(template(name))
+    for slot in range(10):
+        drawn = plan(study, slot)
+        assert session_s(study, drawn) == pytest.approx(plan_s(study, drawn))
+        assert session_s(study, drawn) <= most_session_s(study)
+        assert plan_problems(study, drawn) == []
+
+
+def test_the_paper_session_takes_a_few_minutes() -> None:
+    study = parsed_study(template("paper"))
+    assert 4 * 60 < session_s(study, plan(study, 0)) < 8 * 60

@@ -1,0 +1,147 @@
+"""The plan's proof: whatever is changed in a plan is noticed and named."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+
+import pytest
+
+from protocol.plan.plan import plan
+from protocol.plan.trials import Plan, Trial
+from protocol.proof.cohort import cohort_problems
+from protocol.proof.trial_checks import plan_problems
+from protocol.study_file.loading import parsed_study, template
+from tests.protocol.studies import small
+
+STUDY = parsed_study(template("extended"))
+PLAN = plan(STUDY, 0)
+Change = Callable[[Trial], Trial]
+
+
+def changed(where: Callable[[Trial], bool], change: Change) -> Plan:
+    """The plan with one trial changed: the first for which `where` holds."""
+    index = next(trial.index for trial in PLAN.trials if where(trial))
+    trials = list(PLAN.trials)
+    trials[index] = change(trials[index])
+    return replace(PLAN, trials=tuple(trials))
+
+
+def reordered(order: list[int]) -> Plan:
+    trials = tuple(replace(PLAN.trials[old], index=new) for new, old in enumerate(order))
+    names = tuple(trial.condition or "" for trial in trials if trial.kind == "trial")
+    return replace(PLAN, trials=trials, sequence=names)
+
+
+def louder(trial: Trial) -> Trial:
+    touch = trial.touches[0].model_copy(update={"voltage_v": 201.0})
+    return replace(trial, touches=(touch, *trial.touches[1:]))
+
+
+def elsewhere(trial: Trial) -> Trial:
+    touch = trial.touches[0].model_copy(update={"beam": "nowhere"})
+    return replace(trial, touches=(touch, *trial.touches[1:]))
+
+
+def faster(trial: Trial) -> Trial:
+    touch = trial.touches[0].model_copy(update={"frequency": 1.7})
+    return replace(trial, touches=(touch, *trial.touches[1:]))
+
+
+def longer(trial: Trial) -> Trial:
+    touch = trial.touches[0].model_copy(update={"voltage_v": 1.0, "duration_s": 31.0})
+    return replace(trial, touches=(touch, *trial.touches[1:]))
+
+
+CASES: list[tuple[Callable[[Trial], bool], Change, str]] = [
+    (lambda t: t.kind == "trial", louder, "amplitude, V, must not exceed 200, got 201"),
+    (lambda t: t.kind == "trial", faster, "frequency, Hz, must not exceed 40000, got 41175.7"),
+    (lambda t: t.kind == "trial", longer, "drive, s, must not exceed 30, got 31"),
+    (lambda t: t.kind == "trial", elsewhere, "a beam must be one of the study's, got 'nowhere'"),
+    (lambda t: t.kind == "catch", louder, "a catch trial must stay at 0 V"),
+    (lambda t: t.kind == "trial", lambda t: replace(t, level=0.3), "the level must be one of"),
+    (lambda t: t.opposite, lambda t: replace(t, opposite=False), "in the opposite order 1 times"),
+    (lambda t: t.opposite, lambda t: replace(t, touches=t.touches[::-1]), "touches must be the"),
+    (lambda t: t.kind == "trial", lambda t: replace(t, expected="same"), "expected answer must"),
+    (lambda t: t.kind == "trial", lambda t: replace(t, question=None), "its condition's question"),
+    (lambda t: t.kind == "trial", lambda t: replace(t, scored=False), "must be scored"),
+    (lambda t: t.kind == "trial", lambda t: replace(t, condition="x"), "name a condition .* 'x'"),
+    (lambda t: t.kind == "trial", lambda t: replace(t, block=9), "blocks must be numbered"),
+    (lambda t: t.kind == "trial", lambda t: replace(t, index=0), "trials must be numbered"),
+    (lambda t: t.kind == "catch", lambda t: replace(t, kind="trial"), "must come 4 times"),
+    (lambda t: t.kind == "catch", lambda t: replace(t, kind="practice"), "practice must be trials"),
+    (lambda t: t.break_s > 0, lambda t: replace(t, break_s=0.0), "a break must precede every 2"),
+    (lambda t: t.kind == "signal", lambda t: replace(t, touches=()), "begin with the study's open"),
+    (
+        lambda t: t.kind == "signal",
+        lambda t: replace(t, scored=True),
+        "in the file, and not scored",
+    ),
+    (lambda t: t.kind == "signal", lambda t: replace(t, level=0.5), "in the file, and not scored"),
+    (lambda t: t.kind == "catch", elsewhere, "must need the one beam that is mounted, got trial"),
+]
+
+
+@pytest.mark.parametrize(("where", "change", "message"), CASES)
+def test_a_changed_trial_is_noticed(
+    where: Callable[[Trial], bool], change: Change, message: str
+) -> None:
+    assert plan_problems(STUDY, PLAN) == []
+    found = "\n".join(map(str, plan_problems(STUDY, changed(where, change))))
+    with pytest.raises(AssertionError, match=message):
+        raise AssertionError(found)
+
+
+def test_every_exchange_of_two_trials_is_noticed() -> None:
+    """Neighbours may be exchanged within a block unless a promise of their order is broken."""
+    length = len(PLAN.trials)
+    for first in range(length):
+        for second in range(first + 1, length):
+            order = list(range(length))
+            order[first], order[second] = second, first
+            one, other = PLAN.trials[first], PLAN.trials[second]
+            found = plan_problems(STUDY, reordered(order))
+            assert found or (one.block == other.block and {one.kind, other.kind} <= FREE), order
+
+
+FREE = {"trial", "catch", "practice"}
+
+
+def test_a_missing_trial_is_noticed() -> None:
+    for missing in range(len(PLAN.trials)):
+        order = [index for index in range(len(PLAN.trials)) if index != missing]
+        assert plan_problems(STUDY, reordered(order))
+
+
+def test_an_unbalanced_cohort_is_noticed() -> None:
+    plans = [plan(STUDY, slot) for slot in range(10)]
+    assert cohort_problems(STUDY, plans) == []
+    twice = [*plans[:9], replace(plans[0], slot=9)]
+    found = cohort_problems(STUDY, twice)
+    assert [problem.rule for problem in found] == [
+        "every condition must follow every other equally often"
+    ]
+
+
+def test_neighbours_alike_are_noticed() -> None:
+    study = small(2, repeats=2, max_alike_in_row=1)
+    good = plan(study, 0)
+    order = [0, 1, 3, 2]
+    trials = tuple(
+        replace(good.trials[old], index=new, block=good.trials[new].block)
+        for new, old in enumerate(order)
+    )
+    bad = replace(good, trials=trials, sequence=tuple(trial.condition or "" for trial in trials))
+    assert any(a == b for a, b in pairwise(bad.sequence))
+    rules = [problem.rule for problem in plan_problems(study, bad)]
+    assert rules == ["at most 1 trials in a row may be alike"]
+
+
+def test_scattered_beams_are_noticed() -> None:
+    free, grouped = (
+        small(3, beams=2, repeats=2, **design)
+        for design in ({}, {"group_by_beam": "session", "max_beam_swaps": 2})
+    )
+    plans = [plan(free, slot) for slot in range(6)]
+    rules = {problem.rule for one in plans for problem in plan_problems(grouped, one)}
+    assert "trials on the same beams must stand together per session" in rules
+    assert "at most 2 beam swaps are allowed" in rules

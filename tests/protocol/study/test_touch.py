@@ -1,0 +1,80 @@
+"""Programmes and variants of touches: what the device does, and the contrary of it."""
+
+import pytest
+
+from protocol.study.questions import ANSWERS, no_change, opposite_answer
+from protocol.study.rig import Rig
+from protocol.study.touch import Touch, TouchDefaults, driven_s, touch_s
+from protocol.study.variants import at_level, opposite, opposite_expected
+from protocol.study_file.loading import parsed_study, template
+
+FINGER, RIG = TouchDefaults(), Rig()
+RAMP = Touch(place="smooth", voltage_v=0, ramp_to_v=200, duration_s=6)
+SWEEP = Touch(place="path", voltage_v=100, frequency=0.9, sweep_to=1.0)
+
+
+def test_a_touch_begins_softly_and_ends_at_once() -> None:
+    assert driven_s(SWEEP, FINGER, RIG) == pytest.approx(100 / 400 + 0.071 / 0.04)
+    assert driven_s(RAMP, FINGER, RIG) == 6
+    (back,) = opposite((RAMP,))
+    assert driven_s(back, FINGER, RIG) == 200 / 400 + 6
+
+
+def test_a_resting_beam_is_not_driven() -> None:
+    rest = Touch(place="smooth", voltage_v=0)
+    assert driven_s(rest, FINGER, RIG) == 0
+    assert touch_s(rest, FINGER) == 2
+
+
+@pytest.mark.parametrize(
+    ("touch", "programme"),
+    [
+        (RAMP, "ramp"),
+        (SWEEP, "sweep"),
+        (RAMP.model_copy(update={"sweep_to": 1.1}), "ramp and sweep"),
+        (Touch(place="path", voltage_v=1), "hold"),
+    ],
+)
+def test_a_programme_has_a_name(touch: Touch, programme: str) -> None:
+    assert touch.programme == programme
+
+
+def test_the_opposite_of_the_opposite_is_the_same() -> None:
+    for condition in parsed_study(template("paper")).condition:
+        assert opposite(opposite(condition.touches)) == condition.touches
+    (back,) = opposite((RAMP,))
+    assert (back.voltage_v, back.end_voltage_v) == (200, 0)
+
+
+def test_only_conditions_with_a_contrary_answer_have_an_opposite() -> None:
+    found = {c.name: opposite_expected(c) for c in parsed_study(template("paper")).condition}
+    assert found == {
+        "frequency": "weaker",
+        "structure": "weaker",
+        "voltage": "rougher",
+        "direction": None,
+        "pressure": "rougher",
+    }
+
+
+def test_contrary_answers_come_in_pairs() -> None:
+    for question, answers in ANSWERS.items():
+        assert opposite_answer(question, no_change(question)) is None
+        for answer in answers:
+            other = opposite_answer(question, answer)
+            assert other is None or opposite_answer(question, other) == answer
+
+
+def test_a_level_scales_every_amplitude_and_nothing_else() -> None:
+    (half,) = at_level((RAMP,), 0.5)
+    assert half == RAMP.model_copy(update={"ramp_to_v": 100.0})
+    (silent,) = at_level((SWEEP,), 0.0)
+    assert silent.peak_voltage_v == 0
+    assert silent.sweep_to == 1.0
+
+
+def test_a_ramp_that_goes_nowhere_is_no_change() -> None:
+    condition = parsed_study(template("paper")).condition[2]
+    hold = Touch(place="smooth", voltage_v=50)
+    flat = hold.model_copy(update={"ramp_to_v": 50.0})
+    assert opposite_expected(condition.model_copy(update={"touches": (hold, flat)})) is None

@@ -1,0 +1,252 @@
+"""The commands as a user types them: results, messages, exit codes, and nothing left behind."""
+
+import json
+import sqlite3
+import subprocess
+import sys
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from tests.runner.command_line import TOUCHBEAM, assert_matches, everything, typed
+
+RUN = ("run", "study", "--participant", "P01", "--ratings")
+PUBLISHED = Path(__file__).parents[2] / "data" / "published_scores.csv"
+
+
+@pytest.fixture(autouse=True)
+def somewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_the_published_table_is_imported_and_reported(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert typed("import", str(PUBLISHED), "published") == 0
+    capsys.readouterr()
+    assert typed("report", "published", "--json") == 0
+    numbers = json.loads(capsys.readouterr().out)
+    table = numbers["table4"]
+    assert list(table["column_means"]) == [
+        "frequency",
+        "structure",
+        "voltage",
+        "direction",
+        "pressure",
+    ]
+    assert [round(mean, 2) for mean in table["column_means"].values()] == [
+        8.44,
+        8.89,
+        9.67,
+        8.33,
+        6.22,
+    ]
+    assert round(table["grand_mean"], 2) == 8.31
+    assert [row["comprehensive"] for row in table["rows"]] == pytest.approx(
+        [8.6, 9, 7, 9.6, 7.8, 9, 8.2, 8, 7.6]
+    )
+    assert round(numbers["friedman"]["chi2"], 4) == 21.4521
+    assert {"table4.csv", "report.html", "report.json"} <= everything(Path("published/report"))
+
+
+def test_the_demo_ends_with_table_4_and_the_device_off(tmp_path: Path) -> None:
+    shown = [
+        subprocess.run(
+            [TOUCHBEAM, "demo", "--participants", "2", "--seed", "7"],
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        for _ in range(2)
+    ]
+    assert all("Table 4" in run.stdout and "Device off, read back" in run.stdout for run in shown)
+    assert not any(run.stderr for run in shown), "no progress bar where there is no terminal"
+    for name in ("table4.csv", "report.html", "report.json"):
+        first, second = (Path(folder, "report", name).read_bytes() for folder in ("demo", "demo-2"))
+        assert first == second.replace(b"demo-2", b"demo"), f"{name} follows from the seed"
+    with closing(sqlite3.connect("demo/study.db")) as journal:
+        offs = journal.execute("SELECT payload FROM event WHERE tag = 'device-off'").fetchall()
+    assert [json.loads(body)["confirmed"] for (body,) in offs] == [True, True]
+
+
+def test_a_study_is_looked_after(capsys: pytest.CaptureFixture[str]) -> None:
+    typed("new", "study")
+    assert typed(*RUN, "virtual") == 0
+    capsys.readouterr()
+    assert typed("status", "study", "--json") == 0
+    status = json.loads(capsys.readouterr().out)
+    assert status["sessions"][0]["state"] == "completed"
+    assert status["next_slot"] == 0, "a rehearsal uses no slot"
+    assert typed("verify", "study", "--json") == 0
+    verified = json.loads(capsys.readouterr().out)
+    assert (verified["ok"], verified["sessions"][0]["trials_answered"]) == (True, 7)
+    of = ("--participant", "P01")
+    assert typed("exclude", "study", *of, "--trial", "3", "--reason", "noise") == 0
+    assert typed("exclude", "study", *of, "--trial", "99", "--reason", "noise") == 2
+    assert typed("exclude", "study", "--participant", "P09", "--reason", "noise") == 2
+    assert typed("amend", "study", "--reason", "why not") == 2
+    assert typed("exclude", "study", *of, "--reason", " ") == 2
+    assert typed("exclude", "study", *of, "--reason", "\udcff") == 2
+    capsys.readouterr()
+    assert typed("report", "study", "--rehearsals", "--json") == 0
+    assert json.loads(capsys.readouterr().out)["left_out"]["trials excluded"] == 1
+    assert typed("withdraw", "study", *of) == 0
+    assert typed("verify", "study") == 0
+    assert "withdrawn" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (("run", "nowhere", "--participant", "P01", "--ratings", "virtual"), 2, "no study here"),
+        ((*RUN, "console", "--device", "/dev/ttyNOPE"), 1, "/dev/ttyNOPE: no such port"),
+        ((*RUN, "console", "--device", "frob://x"), 2, "frob://x: not the address of a device"),
+        ((*RUN, "virtual", "--device", "/dev/ttyNOPE"), 2, "feels the simulated device only"),
+        ((*RUN, "console", "--pace", "stepped"), 2, "--pace stepped needs"),
+        (("run", "study", "--participant", "../P01", "--ratings", "virtual"), 2, "got '../P01'"),
+        (("run", "study", "--participant", "Anna", "--ratings", "virtual"), 2, "got 'Anna'"),
+        (("run", "study", "--ratings", "virtual"), 2, "Missing option '--participant'"),
+        (("import", "elevens.csv", "new"), 2, "elevens.csv, line 2, column a: .* got 11"),
+        (("import", "words.csv", "new"), 2, "words.csv, line 2, column a: .* got 'x'"),
+        (("import", "nowhere.csv", "new"), 2, "nowhere.csv: no such file"),
+        (("import", "binary.csv", "new"), 2, "binary.csv: cannot be read as UTF-8 text"),
+        (("import", "scores.csv", "scores.csv/new"), 2, "scores.csv/new: cannot be made"),
+        (("import", "scores.csv", "study"), 2, "study: is there already and not empty"),
+        (("demo", "--out", "scores.csv/demo"), 2, "scores.csv/demo: cannot be made"),
+        (("demo", "--participants", "0"), 2, "--participants"),
+        (("report", "study"), 2, "no sessions here"),
+        (("report", "nowhere"), 2, "nowhere: no sessions here"),
+        (("new", "study"), 2, "study: is there already and not empty"),
+        (("new", "scores.csv"), 2, "scores.csv: no folder for a study .Not a directory"),
+        (("import", "words.csv", "empty"), 2, "words.csv, line 2"),
+        (("demo", "--out", "empty", "--participants", "100"), 2, "--participants"),
+        (("new", "other", "--template", "frob"), 2, "one of paper.*, got 'frob'"),
+        (("simulate-device", "tcp", "x"), 2, "a port must be a whole number .* got 'x'"),
+        (("simulate-device", "tcp", "70000"), 2, "a port must .* got '70000'"),
+        (("simulate-device", "pty", "scores.csv"), 2, "scores.csv: cannot be used"),
+        (("frob",), 2, "No such command 'frob'"),
+    ],
+)
+def test_bad_input_is_one_clear_line_and_changes_nothing(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    arguments: tuple[str, ...],
+    code: int,
+    message: str,
+) -> None:
+    typed("new", "study")
+    Path("scores.csv").write_text("subject,a,b\n1,5,6\n")
+    Path("elevens.csv").write_text("subject,a,b\n1,11,6\n")
+    Path("words.csv").write_text("subject,a,b\n1,x,6\n")
+    Path("binary.csv").write_bytes(b"\xff\xfe\x00")
+    Path("empty").mkdir()
+    capsys.readouterr()
+    before = everything(tmp_path)
+    assert typed(*arguments) == code
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.count("\n") == 1
+    assert_matches(message, said.err)
+    assert everything(tmp_path) == before
+
+
+def test_an_empty_folder_is_as_good_as_a_new_one_and_stays_when_the_work_fails(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("study").mkdir()
+    assert typed("check", "study") == 2
+    assert "make one with: touchbeam new study" in capsys.readouterr().err
+    with monkeypatch.context() as patched:
+        patched.setattr("protocol.study_file.loading.template_tests", lambda: 1 / 0)
+        assert typed("new", "study") == 1
+    assert everything(Path()) == {"study"}
+    assert typed("new", "study") == 0
+    assert typed("check", "study") == 0
+
+
+def test_conditions_that_the_model_does_not_know_are_named_at_import(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    Path("scores.csv").write_text("subject,频率,Voltage,电压\n1,3,4,5\n2,6,8,8\n", encoding="utf-8")
+    assert typed("import", "scores.csv", "published") == 0
+    said = capsys.readouterr()
+    assert said.out.splitlines()[0] == (
+        "No contrast is predicted for 频率, 电压: the friction model knows signal, frequency, "
+        "structure, voltage, direction, pressure."
+    )
+    assert said.err == ""
+    assert typed("report", "published", "--json") == 0
+    reason = json.loads(capsys.readouterr().out)["sensitivity_models"]["M1"]["reason"]
+    assert reason == "a line needs at least 3 ratings with a predicted contrast, got 2"
+    assert typed("import", str(PUBLISHED), "another") == 0
+    assert "predicted" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "command",
+    [("new", "../study"), ("import", str(PUBLISHED), "../study"), ("new", "../a/../study")],
+)
+def test_a_study_can_be_made_beside_this_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: tuple[str, ...]
+) -> None:
+    for name in ("here", "a"):
+        Path(name).mkdir()
+    monkeypatch.chdir("here")
+    assert typed(*command) == 0
+    assert (tmp_path / "study" / "study.toml").is_file()
+    assert not everything(tmp_path / "here")
+
+
+@pytest.mark.parametrize("place", ["missing/../study", "missing/../../study", "link/../study"])
+def test_what_cannot_be_made_by_going_back_leaves_nothing(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    place: str,
+) -> None:
+    Path("here").mkdir()
+    Path("there").mkdir()
+    Path("here/link").symlink_to(tmp_path / "missing")
+    monkeypatch.chdir("here")
+    before = everything(tmp_path)
+    assert typed("new", place) == 2
+    assert capsys.readouterr().err.endswith(f"{place}/study.toml: No such file or directory\n")
+    assert everything(tmp_path) == before
+
+
+def test_an_unknown_key_names_the_near_miss(capsys: pytest.CaptureFixture[str]) -> None:
+    typed("new", "study")
+    study = Path("study/study.toml")
+    study.write_text(study.read_text().replace("hold_s", "hold_z"))
+    assert typed(*RUN, "virtual") == 2
+    assert "unknown key, got 'hold_z'; did you mean 'hold_s'?" in capsys.readouterr().err
+    assert everything(Path("study")) == {"study.toml", "test_study.py"}
+
+
+def test_debug_shows_where_an_error_came_from() -> None:
+    shown = subprocess.run(
+        [TOUCHBEAM, "report", "nowhere", "--debug"], capture_output=True, text=True, check=False
+    )
+    assert "Traceback" in shown.stderr
+    assert shown.returncode == 1
+
+
+def test_the_doctor_finds_our_own_packages(capsys: pytest.CaptureFixture[str]) -> None:
+    assert typed("doctor", "--json") == 0
+    found = {entry["what"]: entry for entry in json.loads(capsys.readouterr().out)}
+    assert all(found[f"package {name}"]["ok"] for name in ("protocol", "device", "runner"))
+    assert found["psychopy"]["value"] == "2026.2.5"
+
+
+def test_the_doctor_sees_a_package_in_the_way() -> None:
+    Path("analysis").mkdir()
+    Path("analysis/__init__.py").write_text("")
+    program = "import sys; sys.argv = ['touchbeam', 'doctor']; from runner.cli import main; main()"
+    shown = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False
+    )
+    assert shown.returncode == 1
+    assert "FAIL  package analysis" in shown.stdout
+    honest = subprocess.run([TOUCHBEAM, "doctor"], capture_output=True, text=True, check=False)
+    assert honest.returncode == 0, "the command itself does not look into the current folder"

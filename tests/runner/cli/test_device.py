@@ -1,0 +1,142 @@
+"""`touchbeam device`: list, probe, sweep, and the calibration that a sweep leaves."""
+
+import json
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from device.beam.modes import natural_frequency_hz
+from device.errors import DeviceError, ForeignDevice
+from device.resonance import Resonance
+from device.simulator.client import Endpoints, Hand, simulator_process
+from device.simulator.models.simulated_beam import SimulatedBeam
+from protocol.errors import BadInput
+from protocol.study.rig import Rig as RigSettings
+from protocol.study_file.loading import template
+from runner.launch.probe import probed, swept
+from runner.launch.rig import keep_calibration, kept_calibration, rigged
+from tests.device.rigs import TOUCHBEAM
+from tests.runner.command_line import typed
+
+FOUND = Resonance(frequency_hz=24_180.5, tip_m_per_v=2e-8)
+
+
+def touchbeam(*arguments: str) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run([*TOUCHBEAM, *arguments], capture_output=True, text=True, check=False)
+
+
+@pytest.fixture(scope="module", params=["board", "keysight"])
+def endpoints(request: pytest.FixtureRequest) -> Iterator[Endpoints]:
+    with simulator_process(TOUCHBEAM, seed=1, dialect=request.param, keep=True) as simulator:
+        yield simulator
+
+
+def test_a_probe_says_who_and_how_and_changes_nothing(endpoints: Endpoints) -> None:
+    with Hand(endpoints.control) as hand:
+        hand.fault("panel-on")
+        said = probed(endpoints.url, TOUCHBEAM)
+        assert said["output"] == "1"
+        assert hand.state()["output"] is True
+        assert {"board": "boot", "keysight": "load_ohm"}[said["dialect"]] in said
+
+
+def test_a_probe_of_a_stranger_shows_both(endpoints: Endpoints) -> None:
+    with Hand(endpoints.control) as hand:
+        hand.fault("wrong-idn")
+        with pytest.raises(ForeignDevice, match=r"TOUCHBEAM,BOARD.*33220A.*; got 'ACME,Toaster"):
+            probed(endpoints.url, TOUCHBEAM)
+        hand.fault("wrong-idn", on=False)
+
+
+def test_a_sweep_finds_the_hidden_resonance_and_is_kept(tmp_path: Path) -> None:
+    (tmp_path / "study.toml").touch()
+    done = touchbeam("device", "sweep", "sim", "--keep", str(tmp_path), "--json")
+    assert done.returncode == 0, done.stderr
+    said = json.loads(done.stdout)
+    hidden_hz = natural_frequency_hz(SimulatedBeam(1).beam, 6)
+    assert said["frequency_hz"] == pytest.approx(hidden_hz, rel=2e-4)
+    kept = kept_calibration(tmp_path)
+    assert kept is not None
+    assert kept.frequency_hz == said["frequency_hz"]
+
+
+def test_a_generator_takes_the_calibration_that_is_kept() -> None:
+    settings = RigSettings(dialect="keysight", amplifier_gain=20.0, generator_max_vpp=20.0)
+    with rigged("sim", settings, TOUCHBEAM, 1, FOUND) as rig:
+        rig.device.arm()
+        assert rig.device.resonance(24_221.0, lambda _: None) == FOUND
+
+
+def test_a_generator_cannot_sweep() -> None:
+    with pytest.raises(BadInput, match=r"a generator needs rig\.amplifier_gain"):
+        swept("sim", 24_221.0, "keysight", TOUCHBEAM)
+
+
+def test_where_no_resonance_is_nothing_is_kept(tmp_path: Path) -> None:
+    with pytest.raises(DeviceError, match="no resonance between 13300 and 14700 Hz"):
+        swept("sim", 14_000.0, "board", TOUCHBEAM)
+
+
+def test_a_calibration_that_is_none_is_refused(tmp_path: Path) -> None:
+    assert kept_calibration(tmp_path) is None
+    with pytest.raises(BadInput, match="no study here"):
+        keep_calibration(tmp_path, FOUND, "x", "2026-01-01")
+    (tmp_path / "calibration.json").write_text('{"frequency_hz": "high"}')
+    with pytest.raises(BadInput, match=r"not a calibration .*'high'"):
+        kept_calibration(tmp_path)
+    (tmp_path / "calibration.json").write_text('{"frequency_hz": -1, "tip_m_per_v": 1}')
+    with pytest.raises(BadInput, match=r"frequency_hz must be above 0, got -1\.0"):
+        kept_calibration(tmp_path)
+
+
+def test_ports_are_listed_without_opening_any() -> None:
+    done = touchbeam("device", "list", "--json")
+    assert done.returncode == 0
+    assert isinstance(json.loads(done.stdout), list)
+
+
+@pytest.mark.parametrize(
+    ("url", "code", "told"),
+    [
+        ("/dev/ttyNOPE", 1, "no such port; is the device plugged in?"),
+        ("frob://x", 2, "not the address of a device"),
+        (__file__, 2, "got a plain file"),
+        ("/dev", 2, "got a plain folder"),
+        ("socket://127.0.0.1:1", 1, "nobody listens there"),
+        ("/dev/null", 1, "is no serial port"),
+    ],
+)
+def test_a_port_that_does_not_work_is_one_line(url: str, code: int, told: str) -> None:
+    done = touchbeam("device", "probe", url)
+    assert (done.returncode, done.stdout) == (code, "")
+    assert done.stderr.count("\n") == 1
+    assert told in done.stderr
+
+
+def test_an_address_writes_into_no_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    url = "spy:///dev/null?file=thesis.tex"
+    Path("thesis.tex").write_text("a chapter")
+    for folder, device in (("study", "sim"), ("hostile", url)):
+        Path(folder).mkdir()
+        text = template("paper").replace('device = "sim"', f'device = "{device}"')
+        Path(folder, "study.toml").write_text(text, encoding="utf-8")
+    person = ("--participant", "P01", "--ratings", "console", "--rehearsal")
+    for command in (
+        ("check", "hostile"),
+        ("run", "hostile", *person),
+        ("run", "study", *person, "--device", url),
+        ("device", "probe", url),
+        ("device", "sweep", url),
+    ):
+        assert typed(*command) == 2
+        told = capsys.readouterr()
+        assert told.out == ""
+        assert told.err.count("\n") == 1
+        assert "must be sim, a serial port, socket://HOST:PORT or rfc2217://HOST:PORT" in told.err
+    assert Path("thesis.tex").read_text() == "a chapter"
+    assert not list(tmp_path.glob("*/study.db"))

@@ -1,0 +1,37 @@
+"""Progress and tables: shown to a terminal, and to nothing that only looks like one."""
+
+import sys
+
+import pytest
+
+from runner.cli.output import print_table, progress
+
+
+@pytest.fixture(autouse=True, params=["xterm-256color", "dumb"])
+def colours_wanted(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Some continuous integration sets this, though nothing there is a terminal."""
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("COLUMNS", "20")
+    monkeypatch.setenv("TERM", request.param)
+
+
+def test_no_progress_bar_where_there_is_no_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    with progress("participants", 2) as step:
+        step()
+        step()
+    assert capsys.readouterr() == ("", "")
+
+
+def test_a_pipe_gets_every_row_whole(capsys: pytest.CaptureFixture[str]) -> None:
+    header = ["participant", *(f"condition {number}" for number in range(9))]
+    print_table("Table 4", [header, ["P01", *"123456789"], ["mean", *"123456789"]])
+    lines = capsys.readouterr().out.splitlines()
+    assert any(all(name in line for name in header) for line in lines)
+
+
+def test_a_closed_output_gets_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    for stream in ("stdout", "stderr"):
+        monkeypatch.setattr(sys, stream, None)
+    print_table("Table 4", [["participant"], ["P01"], ["mean"]])
+    with progress("participants", 1) as step:
+        step()

@@ -1,0 +1,197 @@
+"""A device, a clock and a participant that live in the test's own process."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+
+from device.drivers.setpoints import Identity, ReadBack, Setpoint
+from device.errors import DeviceError, OutputUnknown
+from device.resonance import Resonance
+from protocol.plan.plan import plan
+from protocol.study_file.loading import parsed_study, template
+from runner.journal.session_log import SessionLog
+from runner.journal.store import Journal
+from runner.screens import (
+    AskChange,
+    AskScore,
+    Instruction,
+    Note,
+    Order,
+    Response,
+    Screen,
+    View,
+    Welcome,
+)
+from runner.session.session import Kind, Room, Session
+
+
+@dataclass
+class FakeClock:
+    """Time that passes when somebody sleeps."""
+
+    passed_s: float = 0.0
+
+    def utc(self) -> datetime:
+        return datetime(2026, 1, 1, tzinfo=UTC) + timedelta(seconds=self.passed_s)
+
+    def monotonic_s(self) -> float:
+        return self.passed_s
+
+    def sleep(self, seconds: float) -> None:
+        self.passed_s += seconds
+
+
+@dataclass
+class FakeDevice:
+    """Remembers what it was told; fails in `fails` at that call, if asked to."""
+
+    fails: str = ""
+    on: bool = False
+    calls: list[str] = field(default_factory=list)
+    driven: list[Setpoint] = field(default_factory=list)
+
+    def _called(self, name: str) -> None:
+        self.calls.append(name)
+        if name == self.fails:
+            raise DeviceError(f"{name} failed")
+
+    def arm(self) -> Identity:
+        self._called("arm")
+        return Identity(idn="fake", boot=1, device_time_s=0.0)
+
+    def resonance(self, near_hz: float, sleep: Callable[[float], None]) -> Resonance:
+        self._called("resonance")
+        return Resonance(frequency_hz=1.01 * near_hz, tip_m_per_v=1e-8)
+
+    def drive(self, setpoint: Setpoint) -> ReadBack:
+        self._called("drive")
+        self.on = True
+        self.driven.append(setpoint)
+        return self.read_back()
+
+    def read_back(self) -> ReadBack:
+        last = self.driven[-1]
+        return ReadBack(
+            output=self.on,
+            voltage_v=last.voltage_v,
+            frequency_hz=last.frequency_hz,
+            monitor_v=last.voltage_v,
+            force_n=0.5,
+            position_m=0.04,
+            device_time_s=1.0,
+        )
+
+    def off(self) -> None:
+        self.calls.append("off")
+        if self.fails == "off":
+            raise OutputUnknown("no answer")
+        self.on = False
+
+    def emergency_stop(self) -> None:
+        self.calls.append("emergency stop")
+        self.on = False
+
+    def beat(self) -> None:
+        self._called("beat")
+
+
+@dataclass
+class FakeParticipant:
+    """Gives `changes` and `scores` in turn; remembers the screens."""
+
+    changes: Iterable[str] = ()
+    score: str = "7"
+    shown: list[Screen] = field(default_factory=list)
+    stops_at: str = ""
+
+    def show(self, screen: Screen) -> None:
+        self.shown.append(screen)
+        if self.stops_at and self.stops_at in str(screen):
+            raise KeyboardInterrupt("somebody pressed Ctrl-C")
+
+    def poll(self) -> Response | None:
+        match self.shown[-1]:
+            case Instruction() | Welcome():
+                return Response(answer="ready", reaction_time_s=0.5)
+            case AskChange(question=question):
+                fitting = {"roughness": "smoother", "strength": "stronger", "places": "swapped"}
+                answer = next(iter(self.changes), fitting[question])
+                return Response(answer=answer, reaction_time_s=1.0)
+            case AskScore():
+                return Response(answer=self.score, reaction_time_s=2.0)
+        return None
+
+
+@dataclass
+class FakeOperator:
+    """Does what is asked at once; swaps beams only while the output is off.
+
+    Gives `orders` in turn, each once `when` holds for what is seen.
+    """
+
+    device: FakeDevice
+    orders: list[tuple[str, Order | Note]] = field(default_factory=list)
+    mounts: list[str] = field(default_factory=list)
+    asked: list[str] = field(default_factory=list)
+    seen: list[View] = field(default_factory=list)
+    told: list[str] = field(default_factory=list)
+
+    def mount(self, beam: str) -> None:
+        assert not self.device.on, "a beam is swapped with the output off"
+        self.mounts.append(beam)
+
+    def ask(self, text: str) -> None:
+        self.asked.append(text)
+
+    def answered(self) -> str | None:
+        return "fine"
+
+    def unask(self) -> None:
+        self.asked.append("")
+
+    def order(self) -> Order | Note | None:
+        if self.orders and self.seen and self.seen[-1].state == self.orders[0][0]:
+            return self.orders.pop(0)[1]
+        return None
+
+    def see(self, view: View) -> None:
+        self.seen.append(view)
+
+    def tell(self, text: str) -> None:
+        self.told.append(text)
+
+
+def room(
+    journal: Journal,
+    device: FakeDevice,
+    participant: FakeParticipant,
+    text: str = template("paper"),
+    operator: FakeOperator | None = None,
+    kind: Kind = "participant",
+) -> Room:
+    """A room for the session P01/1 of the study `text`, opened in `journal` if it is new."""
+    clock = FakeClock()
+    log = SessionLog(journal, "P01/1", clock)
+    if log.state.opened:
+        clock.passed_s = 3600.0
+    study = parsed_study(text)
+    session = Session(
+        participant="P01",
+        number=1,
+        kind=kind,
+        study=study,
+        study_text=text,
+        plan=plan(study, slot=0),
+    )
+    new = log.state.name == "new"
+    if new:
+        log.append("session-opened", **session.opening())
+    return Room(
+        session=session,
+        device=device,
+        participant=participant,
+        operator=operator or FakeOperator(device),
+        clock=clock,
+        log=log,
+        opened_now=new,
+    )

@@ -1,0 +1,307 @@
+"""What is decided after the fact: exclusions, amendments, withdrawals, and the status they give."""
+
+import json
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from protocol.errors import BadInput
+from protocol.study_file.loading import template
+from runner.clock import WallClock
+from runner.journal.amendments import amend, exclude_session, exclude_trial, withdraw
+from runner.journal.cohort import slot_for, standings, states
+from runner.journal.session_log import SessionLog
+from runner.journal.store import Journal, JournalError, open_journal, read_journal
+from runner.journal.verification import verdicts
+from runner.session.loop import run
+from runner.session.resume import require_resumable
+from tests.runner.fakes import FakeClock, FakeDevice, FakeParticipant, room
+
+CLOCK = WallClock()
+
+
+def finished(path: Path) -> Journal:
+    journal = open_journal(path / "study.db")
+    run(room(journal, FakeDevice(), FakeParticipant()))
+    return journal
+
+
+def test_an_excluded_trial_is_added_not_removed(tmp_path: Path) -> None:
+    with finished(tmp_path) as journal:
+        exclude_trial(journal, CLOCK, "P01/1", 3, "the phone rang")
+        state = states(journal)["P01/1"]
+        assert state.excluded == {3: "the phone rang"}
+        assert len(state.answered) == 7
+        (line,) = standings({"P01/1": state})
+        assert (line.state, line.excluded_trials) == ("completed", 1)
+
+
+def test_what_does_not_exist_cannot_be_excluded(tmp_path: Path) -> None:
+    with finished(tmp_path) as journal:
+        with pytest.raises(BadInput, match="P01/1 has no trial 7; it has trials 0 to 6"):
+            exclude_trial(journal, CLOCK, "P01/1", 7, "x")
+        with pytest.raises(BadInput, match="no session P09/1 here; known: P01/1"):
+            exclude_session(journal, CLOCK, "P09/1", "x")
+
+
+def test_a_session_is_excluded_once(tmp_path: Path) -> None:
+    with finished(tmp_path) as journal:
+        exclude_session(journal, CLOCK, "P01/1", "ill")
+        with pytest.raises(BadInput, match="P01/1 is excluded; it cannot be excluded now"):
+            exclude_session(journal, CLOCK, "P01/1", "ill")
+
+
+def test_a_trial_is_excluded_once(tmp_path: Path) -> None:
+    with finished(tmp_path) as journal:
+        exclude_trial(journal, CLOCK, "P01/1", 3, "noise")
+        with pytest.raises(BadInput, match="trial 3 of P01/1 is excluded already: noise"):
+            exclude_trial(journal, CLOCK, "P01/1", 3, "more noise")
+
+
+@pytest.mark.parametrize("last", ["device-armed", "trial-started", "touch-started", "paused"])
+def test_a_session_that_nobody_runs_any_more_can_be_excluded(tmp_path: Path, last: str) -> None:
+    (tmp_path / "done").mkdir()
+    with finished(tmp_path / "done") as done:
+        events = done.events("P01/1")
+    until = next((n for n, event in enumerate(events) if event.tag == last), None)
+    with open_journal(tmp_path / "study.db") as journal:
+        log = SessionLog(journal, "P01/1", CLOCK)
+        for event in events[: 2 if until is None else until + 1]:
+            log.append(event.tag, **event.payload)
+        if until is None:
+            log.append(last)
+        exclude_session(journal, CLOCK, "P01/1", "did not come back")
+        (verdict,) = verdicts(journal)
+        assert (verdict.state, verdict.ok) == ("excluded", True)
+        off = next(e for e in reversed(journal.events("P01/1")) if e.tag == "device-off")
+        assert off.payload["confirmed"] is False
+        assert slot_for(states(journal), "P02", "participant") == 0
+
+
+def test_a_dropouts_slot_is_given_out_again_and_a_finished_one_is_not(tmp_path: Path) -> None:
+    with open_journal(tmp_path / "study.db") as journal:
+        room(journal, FakeDevice(), FakeParticipant())
+        assert slot_for(states(journal), "P02", "participant") == 1
+        assert slot_for(states(journal), "P01", "participant") == 0, "keeps its slot"
+        exclude_session(journal, CLOCK, "P01/1", "did not come back")
+        assert slot_for(states(journal), "P02", "participant") == 0
+    finished_folder = tmp_path / "finished"
+    finished_folder.mkdir()
+    with finished(finished_folder) as journal:
+        exclude_session(journal, CLOCK, "P01/1", "ill")
+        assert slot_for(states(journal), "P02", "participant") == 1
+
+
+def test_rehearsals_use_no_participants_slot(tmp_path: Path) -> None:
+    with open_journal(tmp_path / "study.db") as journal:
+        room(journal, FakeDevice(), FakeParticipant(), kind="rehearsal")
+        assert slot_for(states(journal), "P02", "participant") == 0
+        assert slot_for(states(journal), "P02", "rehearsal") == 1
+
+
+def test_the_studys_own_chain_is_nobodys_to_withdraw(tmp_path: Path) -> None:
+    with finished(tmp_path) as journal:
+        amend(journal, CLOCK, amended(template("paper")), "longer touches")
+        with pytest.raises(BadInput, match="a participant without a name has no sessions here"):
+            withdraw(journal, CLOCK, "")
+
+
+def test_a_withdrawal_erases_what_was_said_and_the_chain_still_verifies(tmp_path: Path) -> None:
+    with finished(tmp_path) as journal:
+        log = SessionLog(journal, "P01/1", CLOCK)
+        log.append("note", text="something only this participant would say")
+        assert withdraw(journal, CLOCK, "P01") == ["P01/1"]
+        (verdict,) = verdicts(journal)
+        assert (verdict.state, verdict.chain_ok, verdict.ok) == ("withdrawn", True, True)
+        assert all(event.erased for event in journal.events("P01/1"))
+    held = b"".join(path.read_bytes() for path in tmp_path.iterdir())
+    assert b"only this participant" not in held
+    assert b"smoother" not in held
+
+
+def test_nobody_withdraws_who_did_not_take_part(tmp_path: Path) -> None:
+    with finished(tmp_path) as journal, pytest.raises(BadInput, match="P09 has no sessions here"):
+        withdraw(journal, CLOCK, "P09")
+
+
+def test_a_withdrawal_that_was_cut_short_erases_all_or_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with finished(tmp_path) as journal:
+        with monkeypatch.context() as patched:
+            patched.setattr(Journal, "erase_payloads", lambda *_: (_ for _ in ()).throw(KeyError))
+            with pytest.raises(KeyError):
+                withdraw(journal, CLOCK, "P01")
+        assert verdicts(journal)[0].state == "completed"
+        SessionLog(journal, "P01/1", CLOCK).append("withdrawn")
+        (verdict,) = verdicts(journal)
+        assert not verdict.ok
+        assert verdict.problem == "withdrawn, but not erased: run touchbeam withdraw again"
+        withdraw(journal, CLOCK, "P01")
+        assert verdicts(journal)[0].ok
+
+
+def test_a_withdrawal_can_be_repeated(tmp_path: Path) -> None:
+    with finished(tmp_path) as journal:
+        withdraw(journal, CLOCK, "P01")
+        assert withdraw(journal, CLOCK, "P01") == ["P01/1"]
+        assert verdicts(journal)[0].ok
+
+
+@pytest.mark.parametrize(
+    ("tampering", "problem"),
+    [
+        ("UPDATE event SET payload = json_set(payload, '$.score', 10) WHERE seq = 30", "chain"),
+        ("UPDATE event SET payload = NULL WHERE seq = 30", "chain"),
+        ("UPDATE event SET utc = '2026-01-01T00:00:00+00:00' WHERE seq = 30", "chain"),
+        ("DELETE FROM event WHERE seq = 30", "chain"),
+        ("DELETE FROM event WHERE seq > 30", "lacks"),
+    ],
+)
+def test_verify_finds_what_was_changed(tmp_path: Path, tampering: str, problem: str) -> None:
+    finished(tmp_path).__exit__(None, None, None)
+    with closing(sqlite3.connect(tmp_path / "study.db")) as other, other:
+        for trigger in ("event_is_erased_at_most", "event_is_not_deleted"):
+            other.execute(f"DROP TRIGGER {trigger}")
+        other.execute(tampering)
+    with open_journal(tmp_path / "study.db") as journal:
+        (verdict,) = verdicts(journal)
+    if problem == "chain":
+        assert not verdict.chain_ok
+        assert not verdict.ok
+    else:
+        assert (verdict.state, verdict.missing > 0) != ("completed", False)
+
+
+def amended(text: str) -> str:
+    return text.replace("hold_s = 2.0", "hold_s = 3.0")
+
+
+def test_a_changed_study_needs_an_amendment(tmp_path: Path) -> None:
+    text = template("paper")
+    with open_journal(tmp_path / "study.db") as journal:
+        session = room(journal, FakeDevice(), FakeParticipant(), text).session
+        changed = room(journal, FakeDevice(), FakeParticipant(), amended(text)).session
+        state = states(journal)["P01/1"]
+        require_resumable(journal, session, state, FakeClock().utc())
+        with pytest.raises(BadInput, match=r"has changed since the last session; .* amend"):
+            require_resumable(journal, changed, state, FakeClock().utc())
+        amend(journal, CLOCK, amended(text), "longer touches")
+        require_resumable(journal, changed, state, FakeClock().utc())
+        with pytest.raises(BadInput, match="nothing to amend"):
+            amend(journal, CLOCK, amended(text), "again")
+        with pytest.raises(BadInput, match="has changed since"):
+            require_resumable(journal, session, state, FakeClock().utc())
+        assert all(verdict.ok for verdict in verdicts(journal))
+        lines = [verdict.line() for verdict in verdicts(journal)]
+        assert "ok    the study itself  amended  1 events, chain whole" in lines
+
+
+def test_a_session_does_not_go_on_with_other_trials(tmp_path: Path) -> None:
+    with open_journal(tmp_path / "study.db") as journal:
+        room(journal, FakeDevice(), FakeParticipant())
+        fixed = template("paper").replace('order = "williams"', 'order = "fixed"')
+        amend(journal, CLOCK, fixed, "simpler")
+        other = room(journal, FakeDevice(), FakeParticipant(), fixed).session
+        with pytest.raises(BadInput, match=r"P01/1 has other trials .* finish it as --session 2"):
+            require_resumable(journal, other, states(journal)["P01/1"], FakeClock().utc())
+
+
+def test_a_stale_session_is_not_resumed(tmp_path: Path) -> None:
+    with open_journal(tmp_path / "study.db") as journal:
+        made = room(journal, FakeDevice(), FakeParticipant())
+        later = FakeClock(passed_s=25 * 3600)
+        with pytest.raises(
+            BadInput, match="interrupted 25 h ago and the study resumes within 24 h"
+        ):
+            require_resumable(journal, made.session, states(journal)["P01/1"], later.utc())
+
+
+def test_a_session_of_tomorrow_is_not_resumed(tmp_path: Path) -> None:
+    with open_journal(tmp_path / "study.db") as journal:
+        made = room(journal, FakeDevice(), FakeParticipant())
+        before = FakeClock(passed_s=-25 * 3600)
+        with pytest.raises(BadInput, match="which is yet to come: set this machine's clock"):
+            require_resumable(journal, made.session, states(journal)["P01/1"], before.utc())
+
+
+@pytest.mark.parametrize("column", ["utc = '2026-01-02T00:00:00+00:00'", "hash = 'x'"])
+def test_a_session_whose_chain_is_broken_does_not_go_on(tmp_path: Path, column: str) -> None:
+    path = tmp_path / "study.db"
+    with open_journal(path) as journal:
+        made = room(journal, FakeDevice(), FakeParticipant())
+        with closing(sqlite3.connect(path)) as other, other:
+            other.execute("DROP TRIGGER event_is_erased_at_most")
+            other.execute(f"UPDATE event SET {column} WHERE seq = 0")
+        with pytest.raises(JournalError, match="P01/1: its chain of events is broken, so that it"):
+            require_resumable(journal, made.session, states(journal)["P01/1"], FakeClock().utc())
+
+
+def test_a_participants_session_does_not_become_a_rehearsal(tmp_path: Path) -> None:
+    with open_journal(tmp_path / "study.db") as journal:
+        room(journal, FakeDevice(), FakeParticipant())
+        other = room(journal, FakeDevice(), FakeParticipant(), kind="rehearsal")
+        with pytest.raises(BadInput, match=r"began as a participant session, now .* rehearsal"):
+            require_resumable(journal, other.session, states(journal)["P01/1"], FakeClock().utc())
+
+
+def test_verify_counts_as_others_rely_on(tmp_path: Path) -> None:
+    with finished(tmp_path) as journal:
+        record = json.loads(json.dumps(verdicts(journal)[0].record()))
+    expected = {
+        "participant": "P01",
+        "session": 1,
+        "state": "completed",
+        "trials_planned": 7,
+        "trials_answered": 7,
+        "trials_aborted": 0,
+        "duplicates": 0,
+        "missing": 0,
+        "chain_ok": True,
+    }
+    assert expected.items() <= record.items()
+    assert record["events"] > 40
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        "UPDATE event SET payload = '{' WHERE seq = 12",
+        "UPDATE event SET payload = '[1]' WHERE seq = 12",
+        "UPDATE event SET payload = '{}' WHERE seq = 0",
+        "UPDATE event SET utc = 'x' WHERE seq = 12",
+        "UPDATE event SET tag = 'session-completed' WHERE seq = 12",
+        "UPDATE event SET session = 'P01/x'",
+        "DELETE FROM event WHERE seq = 0",
+    ],
+)
+def test_a_damaged_journal_fails_verification_and_is_not_reported(
+    tmp_path: Path, damage: str
+) -> None:
+    finished(tmp_path).__exit__(None, None, None)
+    with closing(sqlite3.connect(tmp_path / "study.db")) as other, other:
+        for trigger in ("event_is_erased_at_most", "event_is_not_deleted"):
+            other.execute(f"DROP TRIGGER {trigger}")
+        other.execute(damage)
+    with read_journal(tmp_path / "study.db") as journal:
+        found = verdicts(journal)
+        assert found
+        assert not all(verdict.ok for verdict in found)
+        if "P01/x" not in damage:
+            with pytest.raises(JournalError, match=r"damaged|lost|began"):
+                states(journal)
+
+
+def test_an_erasure_that_a_reader_prevents_is_not_called_done(tmp_path: Path) -> None:
+    with finished(tmp_path) as journal, closing(sqlite3.connect(tmp_path / "study.db")) as reader:
+        journal.checkpoint()
+        reader.execute("BEGIN")
+        reader.execute("SELECT count(*) FROM event").fetchone()
+        with pytest.raises(JournalError, match="another program that reads it"):
+            withdraw(journal, CLOCK, "P01")
+        reader.rollback()
+        withdraw(journal, CLOCK, "P01")
+    held = b"".join(path.read_bytes() for path in tmp_path.iterdir())
+    assert b"smoother" not in held

@@ -1,0 +1,285 @@
+"""The journal: append-only, chained, private, and never half-written."""
+
+import sqlite3
+import subprocess
+import sys
+from contextlib import closing
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+
+from protocol.journal.state import Event
+from runner.journal.chain import FIRST_HASH, chain_hash
+from runner.journal.store import Journal, JournalError, journal_if_used, open_journal, read_journal
+from runner.journal.verification import verdicts
+
+NOON = datetime(2026, 1, 1, 12, tzinfo=UTC)
+TYPED = "粗糙 \"quoted\" '=cmd()'"
+
+
+def event(seq: int, **payload: object) -> Event:
+    return Event(seq=seq, tag="note", utc=NOON, monotonic_s=1.5, payload=payload)
+
+
+def filled(path: Path) -> Journal:
+    journal = open_journal(path)
+    journal.append("P01/1", event(0, text=TYPED))
+    journal.append("P01/1", event(1, value=1.25))
+    journal.append("P02/1", event(0))
+    return journal
+
+
+def test_events_come_back_as_they_went_in(tmp_path: Path) -> None:
+    with filled(tmp_path / "study.db"):
+        pass
+    with open_journal(tmp_path / "study.db") as journal:
+        assert journal.sessions() == ["P01/1", "P02/1"]
+        assert journal.events("P01/1") == [event(0, text=TYPED), event(1, value=1.25)]
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "UPDATE event SET tag = 'x'",
+        "UPDATE event SET payload = '{}'",
+        "UPDATE event SET payload = NULL, utc = '2027-01-01T00:00:00+00:00'",
+        "UPDATE event SET payload = NULL, rowid = rowid + 10",
+        "DELETE FROM event",
+        "INSERT OR REPLACE INTO event SELECT * FROM event WHERE seq = 0",
+    ],
+)
+def test_nothing_can_be_changed_afterwards(tmp_path: Path, statement: str) -> None:
+    path = tmp_path / "study.db"
+    with (
+        filled(path),
+        closing(sqlite3.connect(path)) as other,
+        pytest.raises(sqlite3.IntegrityError, match="append-only"),
+    ):
+        other.execute(statement)
+
+
+def test_each_event_is_chained_to_the_one_before(tmp_path: Path) -> None:
+    path = tmp_path / "study.db"
+    with filled(path), closing(sqlite3.connect(path)) as other:
+        rows = other.execute("SELECT * FROM event WHERE session = 'P01/1' ORDER BY seq").fetchall()
+    first, second = ((row[:-2], row[-2]) for row in rows)
+    assert first[1] == chain_hash(FIRST_HASH, first[0])
+    assert second[1] == chain_hash(first[1], second[0])
+
+
+def test_an_event_twice_is_refused_and_leaves_nothing(tmp_path: Path) -> None:
+    with filled(tmp_path / "study.db") as journal:
+        with pytest.raises(JournalError, match=r"cannot be written \(the journal is append-only"):
+            journal.append("P01/1", event(1))
+        assert len(journal.events("P01/1")) == 2
+        journal.append("P01/1", event(2))
+
+
+def test_a_gap_is_refused(tmp_path: Path) -> None:
+    journal = filled(tmp_path / "study.db")
+    with journal, pytest.raises(JournalError, match="P01/1 has no event 4"):
+        journal.append("P01/1", event(5))
+
+
+def test_what_could_not_be_committed_is_forgotten(tmp_path: Path) -> None:
+    with filled(tmp_path / "study.db") as journal:
+        connection = journal._connection
+        connection.execute("PRAGMA foreign_keys = ON")
+        connection.execute("CREATE TABLE known (number INTEGER PRIMARY KEY)")
+        connection.execute(
+            "CREATE TABLE wrong (number REFERENCES known DEFERRABLE INITIALLY DEFERRED)"
+        )
+        connection.execute(
+            "CREATE TRIGGER breaks AFTER INSERT ON event BEGIN INSERT INTO wrong VALUES (1); END"
+        )
+        with pytest.raises(JournalError, match="FOREIGN KEY constraint failed"), journal.alone():
+            journal.append("P01/1", event(2))
+        assert len(journal.events("P01/1")) == 2
+        with pytest.raises(JournalError, match="P01/1 has no event 2"):
+            journal.append("P01/1", event(3))
+
+
+def test_it_is_readable_by_its_owner_alone(tmp_path: Path) -> None:
+    with filled(tmp_path / "study.db"):
+        files = list(tmp_path.glob("study.db*"))
+        assert len(files) == 3, "the journal, its log and its index"
+        assert all(file.stat().st_mode & 0o077 == 0 for file in files)
+
+
+def test_a_file_that_is_no_journal_is_left_alone(tmp_path: Path) -> None:
+    path = tmp_path / "study.db"
+    path.write_text("scores, scores, scores" * 100)
+    with pytest.raises(JournalError, match="cannot be opened as a journal"):
+        open_journal(path)
+    assert path.read_text().startswith("scores")
+
+
+def test_a_journal_of_another_version_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "study.db"
+    with closing(sqlite3.connect(path)) as other:
+        other.execute("PRAGMA user_version = 99")
+    with pytest.raises(JournalError, match="schema 99; this touchbeam knows 2"):
+        open_journal(path)
+
+
+def test_a_journal_that_has_lost_its_version_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "study.db"
+    with filled(path), closing(sqlite3.connect(path)) as other:
+        other.execute("PRAGMA user_version = 0")
+    for opened in (open_journal, read_journal):
+        with pytest.raises(JournalError, match="tables that no touchbeam has made, or is damaged"):
+            opened(path)
+
+
+def test_two_processes_may_make_it_at_once(tmp_path: Path) -> None:
+    program = (
+        "import sys; from pathlib import Path; from runner.journal.store import open_journal\n"
+        "for n in range(20): open_journal(Path(sys.argv[1], f'{n}.db')).__exit__(None, None, None)"
+    )
+    both = [
+        subprocess.Popen([sys.executable, "-c", program, str(tmp_path)], stderr=subprocess.PIPE)
+        for _ in range(2)
+    ]
+    assert [process.communicate()[1] for process in both] == [b"", b""]
+
+
+@pytest.mark.parametrize("what", ["deleted", "replaced", "log deleted", "moved with its folder"])
+def test_nothing_is_kept_in_a_file_that_nobody_will_find(tmp_path: Path, what: str) -> None:
+    folder = tmp_path / "study"
+    folder.mkdir()
+    path = folder / "study.db"
+    with filled(path) as journal:
+        if what == "deleted":
+            path.unlink()
+        elif what == "log deleted":
+            (folder / "study.db-wal").unlink()
+        elif what == "replaced":
+            path.rename(folder / "old.db")
+            path.write_bytes((folder / "old.db").read_bytes())
+        else:
+            folder.rename(tmp_path / "elsewhere")
+        with pytest.raises(JournalError, match=r"study\.db: is not the journal any more"):
+            journal.append("P01/1", event(2))
+        with pytest.raises(JournalError, match="put both back"):
+            journal.checkpoint()
+        if what == "moved with its folder":
+            (tmp_path / "elsewhere").rename(folder)
+            journal.append("P01/1", event(2))
+
+
+@pytest.mark.parametrize(
+    "payload",
+    ['{"a": NaN}', '{"a": 1e999}', '{"a": "\\ud800"}', "[" * 30_000, '{"a": ' * 30_000, "[]", ""],
+)
+def test_a_damaged_payload_is_one_session_s_own(tmp_path: Path, payload: str) -> None:
+    path = tmp_path / "study.db"
+    with filled(path) as journal:
+        journal.checkpoint()
+    with closing(sqlite3.connect(path)) as other, other:
+        other.execute("DROP TRIGGER event_is_erased_at_most")
+        other.execute("UPDATE event SET payload = ? WHERE session = 'P01/1' AND seq = 1", [payload])
+    with open_journal(path) as journal:
+        first, second = verdicts(journal)
+    assert (first.participant, first.ok, first.chain_ok) == ("P01", False, False)
+    assert (second.participant, second.chain_ok) == ("P02", True)
+
+
+def test_a_time_without_its_zone_is_utc_as_all_are(tmp_path: Path) -> None:
+    path = tmp_path / "study.db"
+    filled(path).__exit__(None, None, None)
+    with closing(sqlite3.connect(path)) as other, other:
+        other.execute("DROP TRIGGER event_is_erased_at_most")
+        other.execute("UPDATE event SET utc = '2026-01-01T12:00:00' WHERE session = 'P01/1'")
+    with open_journal(path) as journal:
+        assert journal.events("P01/1")[0].utc == NOON
+        assert [verdict.chain_ok for verdict in verdicts(journal)] == [True, True]
+
+
+def test_a_journal_whose_log_alone_is_there_is_not_begun_anew(tmp_path: Path) -> None:
+    """SQLite would throw the log away, and with it all that was recorded since the last end."""
+    path, moved = tmp_path / "study.db", tmp_path / "moved.db"
+    journal = filled(path)
+    path.rename(moved)
+    held = (tmp_path / "study.db-wal").read_bytes()
+    with pytest.raises(JournalError, match=r"is missing, and its log study\.db-wal is there"):
+        open_journal(path)
+    assert (tmp_path / "study.db-wal").read_bytes() == held
+    assert not path.exists()
+    moved.rename(path)
+    with journal, read_journal(path) as again:
+        assert again.sessions() == ["P01/1", "P02/1"]
+
+
+class NoRoomError(Exception):
+    pass
+
+
+def test_a_journal_made_for_nothing_does_not_stay(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "study.db"
+
+    def no_room(_: sqlite3.Connection) -> None:
+        raise sqlite3.OperationalError("database or disk is full")
+
+    with monkeypatch.context() as patched:
+        patched.setattr("runner.journal.store._ensure_schema", no_room)
+        with pytest.raises(JournalError, match="cannot be opened"), journal_if_used(path):
+            pass
+    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(NoRoomError), journal_if_used(path):
+        raise NoRoomError
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_journal_that_holds_something_or_was_there_stays(tmp_path: Path) -> None:
+    path = tmp_path / "study.db"
+
+    def fails_later() -> None:
+        with journal_if_used(path) as journal:
+            journal.append("P01/1", event(0))
+            raise NoRoomError
+
+    with pytest.raises(NoRoomError):
+        fails_later()
+    with read_journal(path) as journal:
+        assert journal.sessions() == ["P01/1"]
+    empty = tmp_path / "empty.db"
+    open_journal(empty).__exit__(None, None, None)
+    with pytest.raises(NoRoomError), journal_if_used(empty):
+        raise NoRoomError
+    assert empty.exists()
+
+
+def test_who_opened_a_journal_that_does_not_stay_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "study.db"
+    others: list[Journal] = []
+
+    def opened_by_two() -> None:
+        with journal_if_used(path):
+            others.append(open_journal(path))
+            raise NoRoomError
+
+    with pytest.raises(NoRoomError):
+        opened_by_two()
+    (other,) = others
+    with other, pytest.raises(JournalError, match="is not the journal any more"):
+        other.append("P01/1", event(0))
+
+
+def test_a_first_event_is_kept_only_if_the_file_is_still_there_afterwards(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Somebody may take an unused journal away between the look and the write."""
+    path = tmp_path / "study.db"
+    with filled(path) as journal:
+        hash_before = Journal._hash_before
+
+        def deleted_meanwhile(of: Journal, session: str, seq: int) -> str:
+            path.unlink()
+            return hash_before(of, session, seq)
+
+        monkeypatch.setattr(Journal, "_hash_before", deleted_meanwhile)
+        with pytest.raises(JournalError, match="is not the journal any more"):
+            journal.append("P03/1", event(0))

@@ -1,0 +1,251 @@
+"""Where a journal may lie, and that a rig has one session at a time."""
+
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from protocol.errors import BadInput
+from runner.journal.location import checked_place, mounts_of_this_machine
+from runner.launch.locks import RigHeld, UnsafeFolder, rig_held, session_held
+
+MOUNTS = [("/", "ext4"), ("/net/lab", "nfs4"), ("/net/lab/local", "xfs"), ("/media/share", "cifs")]
+
+
+@pytest.mark.parametrize(
+    ("folder", "why"),
+    [
+        ("/net/lab/study", r"on a network \(nfs4\)"),
+        ("/media/share/a/b", r"on a network \(cifs\)"),
+        ("/home/someone/Dropbox/study", r"synchronised \(Dropbox\)"),
+        ("/home/someone/OneDrive - Lab/study", r"synchronised \(OneDrive - Lab\)"),
+    ],
+)
+def test_network_and_cloud_folders_are_refused(folder: str, why: str) -> None:
+    with pytest.raises(BadInput, match=f"{folder}: a journal cannot be kept here, it is {why}"):
+        checked_place(Path(folder), MOUNTS)
+
+
+@pytest.mark.parametrize("folder", ["/home/someone/study", "/net/lab/local/study", "/net/labels"])
+def test_local_folders_are_fine(folder: str) -> None:
+    assert checked_place(Path(folder), MOUNTS) == Path(folder).resolve()
+
+
+def test_this_machine_says_what_is_mounted() -> None:
+    if not Path("/proc/self/mounts").exists():
+        pytest.skip("this system does not list its mounts in /proc")
+    assert "/" in dict(mounts_of_this_machine())
+
+
+def test_a_second_session_is_told_who_holds_the_rig() -> None:
+    program = (
+        "from runner.launch.locks import rig_held\n"
+        "with rig_held('/dev/test-rig', 'P02/1 of /study'): pass\n"
+    )
+    with rig_held("/dev/test-rig", "P01/1 of /study"):
+        second = subprocess.run(
+            [sys.executable, "-c", program], capture_output=True, text=True, check=False
+        )
+    assert "/dev/test-rig is held by P01/1 of /study (process" in second.stderr
+    with rig_held("/dev/test-rig", "P03/1 of /study"):
+        pass
+
+
+def test_the_same_process_does_not_hold_it_twice() -> None:
+    with (
+        rig_held("/dev/test-rig-2", "first"),
+        pytest.raises(RigHeld, match="held by first"),
+        rig_held("/dev/test-rig-2", "second"),
+    ):
+        pass
+
+
+def test_a_rig_is_held_by_whatever_address_one_comes_to_it(tmp_path: Path) -> None:
+    (tmp_path / "by-id").symlink_to("/dev/test-rig-4")
+    for first, second in [
+        ("/dev/test-rig-4", str(tmp_path / "by-id")),
+        ("socket://localhost:50251", "socket://127.0.0.1:50251"),
+        ("socket://127.0.0.1:50251", "rfc2217://localhost:50251"),
+    ]:
+        with (
+            rig_held(first, "first"),
+            pytest.raises(RigHeld, match="held by first"),
+            rig_held(second, "second"),
+        ):
+            pass
+    with rig_held("socket://localhost:50251", "one"), rig_held("socket://localhost:50252", "two"):
+        pass
+
+
+@pytest.mark.parametrize(
+    "url", ["socket://127.0.0.1:port", "socket://", "socket://[bad:5025", "spy:///dev/x", ""]
+)
+def test_an_address_that_leads_nowhere_is_for_others_to_refuse(url: str) -> None:
+    with rig_held(url, "first"), pytest.raises(RigHeld), rig_held(url, "second"):
+        pass
+
+
+def test_a_dead_holder_holds_nothing() -> None:
+    program = (
+        "import os\nfrom runner.launch.locks import rig_held\n"
+        "with rig_held('/dev/test-rig-3', 'dead'): os._exit(1)\n"
+    )
+    subprocess.run([sys.executable, "-c", program], check=False)
+    with rig_held("/dev/test-rig-3", "alive"):
+        pass
+
+
+def test_a_session_is_held_wherever_its_folder_is_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    study, other = tmp_path / "study", tmp_path / "other"
+    study.mkdir()
+    other.mkdir()
+    (tmp_path / "link").symlink_to(study)
+    with session_held("P01/1", study, "the first"):
+        monkeypatch.setenv("TMPDIR", str(other))
+        monkeypatch.setattr(tempfile, "tempdir", None)
+        study.rename(tmp_path / "renamed")
+        (tmp_path / "renamed").rename(study)
+        with (
+            pytest.raises(RigHeld, match=r"session P01/1 of .*study is held by the first"),
+            session_held("P01/1", tmp_path / "link", "the second"),
+        ):
+            pass
+        with session_held("P01/1", other, "another study"), session_held("P02/1", study, "P02"):
+            pass
+
+
+@pytest.fixture
+def locks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where the locks are kept, in a place of this test's own; nothing is there yet."""
+    if not hasattr(os, "getuid"):
+        pytest.skip("Windows gives each user a temporary folder")
+    monkeypatch.setattr("runner.launch.locks._COMMON", tmp_path)
+    monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
+    return tmp_path / f"touchbeam-held-{os.getuid()}"
+
+
+def _linked(locks: Path) -> None:
+    other = locks.with_name("other")
+    other.mkdir(mode=0o700)
+    locks.symlink_to(other)
+
+
+def _open_to_all(locks: Path) -> None:
+    locks.mkdir()
+    locks.chmod(0o777)
+
+
+@pytest.mark.parametrize(
+    ("taken", "told"),
+    [
+        (_linked, "a link"),
+        (lambda locks: locks.symlink_to("nowhere"), "a link"),
+        (_open_to_all, "one with mode 0777"),
+        (Path.touch, "a file"),
+    ],
+)
+def test_locks_are_kept_in_no_folder_that_others_can_write_to(
+    locks: Path, taken: Callable[[Path], None], told: str
+) -> None:
+    taken(locks)
+    with (
+        pytest.raises(UnsafeFolder, match=f"{locks}: must be a folder that only .* got {told}; "),
+        rig_held("/dev/test-rig", "first"),
+    ):
+        pass
+    assert not [path for path in locks.parent.rglob("*") if path.suffix in {".json", ".lock"}]
+
+
+def test_the_folder_of_another_user_is_not_used(
+    locks: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    somebody = os.getuid() + 1
+    monkeypatch.setattr(os, "getuid", lambda: somebody)
+    with (
+        pytest.raises(UnsafeFolder, match=f"touchbeam-held-{somebody}: .* got one of another user"),
+        rig_held("/dev/test-rig", "first"),
+    ):
+        pass
+    assert not locks.exists()
+
+
+def test_the_folder_of_a_login_serves_where_the_common_one_is_taken(
+    locks: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runtime = tmp_path / "runtime"
+    runtime.mkdir(mode=0o700)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(runtime))
+    with rig_held("/dev/test-rig", "first"):
+        monkeypatch.delenv("XDG_RUNTIME_DIR")
+        with pytest.raises(RigHeld, match="held by first"), rig_held("/dev/test-rig", "second"):
+            pass
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(runtime))
+    locks.chmod(0o777)
+    with (
+        rig_held("/dev/test-rig", "first"),
+        pytest.raises(RigHeld, match="held by first"),
+        rig_held("/dev/test-rig", "second"),
+    ):
+        assert {path.suffix for path in (runtime / "touchbeam-held").iterdir()} == {
+            ".json",
+            ".lock",
+        }
+    runtime.chmod(0o777)
+    with (
+        pytest.raises(UnsafeFolder, match="one with mode 0777"),
+        rig_held("/dev/test-rig", "first"),
+    ):
+        pass
+
+
+def _made(locks: Path, suffix: str) -> Path:
+    """The file of that suffix that holding a rig makes."""
+    with rig_held("/dev/test-rig", "first"):
+        return next(locks.glob(f"*{suffix}"))
+
+
+@pytest.mark.parametrize("put", [Path.symlink_to, Path.hardlink_to])
+def test_who_holds_a_rig_is_not_written_through_a_link(
+    locks: Path, tmp_path: Path, put: Callable[[Path, Path], None]
+) -> None:
+    thesis = tmp_path / "thesis.tex"
+    thesis.write_text("a chapter")
+    put(_made(locks, ".json"), thesis)
+    with (
+        rig_held("/dev/test-rig", "first"),
+        pytest.raises(RigHeld, match="held by first"),
+        rig_held("/dev/test-rig", "second"),
+    ):
+        pass
+    assert thesis.read_text() == "a chapter"
+
+
+def test_who_holds_a_rig_is_not_read_through_a_link(locks: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other.json"
+    other.write_text('{"holder": "somebody else", "process": 1}')
+    with rig_held("/dev/test-rig", "first"):
+        said = next(locks.glob("*.json"))
+        said.unlink()
+        said.symlink_to(other)
+        with (
+            pytest.raises(RigHeld, match="held by another session"),
+            rig_held("/dev/test-rig", "second"),
+        ):
+            pass
+
+
+def test_a_lock_that_is_a_link_changes_no_file(locks: Path, tmp_path: Path) -> None:
+    thesis = tmp_path / "thesis.tex"
+    thesis.write_text("a chapter")
+    lock = _made(locks, ".lock")
+    lock.unlink(missing_ok=True)
+    lock.symlink_to(thesis)
+    with pytest.raises(OSError, match=lock.name), rig_held("/dev/test-rig", "first"):
+        pass
+    assert thesis.read_text() == "a chapter"

@@ -1,0 +1,326 @@
+"""The operator's console: keys, lines, and what is shown on wide and narrow terminals."""
+
+import io
+
+import pytest
+
+from device.drivers.setpoints import ReadBack
+from runner.people.operator_console import OperatorConsole, PlainDisplay, panel_lines
+from runner.people.operator_keys import OperatorKeys
+from runner.screens import Note, View
+
+ON = ReadBack(
+    output=True,
+    voltage_v=200,
+    frequency_hz=24_221,
+    monitor_v=199.7,
+    force_n=0.5,
+    position_m=0.04,
+    device_time_s=3,
+)
+
+
+def view(**changes: object) -> View:
+    fields: dict[str, object] = {
+        "session": "P01/1",
+        "kind": "rehearsal",
+        "state": "touching",
+        "trial": "voltage",
+        "next_trial": "pressure",
+        "watchdog_s": 0.5,
+        "done": 3,
+        "total": 7,
+        "left_s": 130.0,
+        "device": ON,
+        "searching": False,
+        "last_answer": "smoother, score 8",
+        "warning": "",
+    }
+    return View(**{**fields, **changes})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("key", "order"),
+    [
+        ("p", "pause"),
+        ("s", "stop"),
+        ("r", "repeat"),
+        ("e", "emergency stop"),
+        (" ", "emergency stop"),
+    ],
+)
+def test_each_order_is_one_key(key: str, order: str) -> None:
+    keys = OperatorKeys()
+    keys.feed(key)
+    assert keys.order() == order
+    assert keys.order() is None
+
+
+def test_other_keys_do_nothing() -> None:
+    keys = OperatorKeys()
+    keys.feed("xq\t\x00漢\n")
+    assert keys.order() is None
+
+
+def test_an_emergency_stop_overtakes_what_was_ordered_before() -> None:
+    keys = OperatorKeys()
+    keys.feed("ppre")
+    assert keys.order() == "emergency stop"
+    assert keys.order() is None
+
+
+def test_a_note_is_typed_corrected_and_finished() -> None:
+    keys = OperatorKeys()
+    keys.feed("nskn\x7fin dry\r")
+    assert keys.order() == Note(text="skin dry")
+
+
+def test_a_note_can_be_given_up() -> None:
+    keys = OperatorKeys()
+    keys.feed("nski\x1bp")
+    assert keys.order() == "pause"
+
+
+def test_an_answer_is_a_line_and_no_order() -> None:
+    keys = OperatorKeys()
+    keys.expect_answer()
+    keys.feed("pers\n")
+    assert keys.answer() == "pers"
+    assert keys.order() is None
+
+
+def test_the_panel_says_what_the_device_really_does() -> None:
+    text = "\n".join(panel_lines(view(warning="no watchdog"), "", None))
+    assert "ON 200 V 24221 Hz (monitor 200 V)" in text
+    assert "3 of 7 trials, about 2 min left" in text
+    assert "no watchdog" in text
+    assert "next: pressure" in text
+    assert "watchdog 0.5 s" in text
+    assert "output: [bold green]off" in "\n".join(panel_lines(view(device=None), "", None))
+
+
+@pytest.mark.parametrize("changes", [{"state": "idle"}, {"unknown": True}])
+def test_an_output_that_was_not_read_back_is_not_shown_as_off(changes: dict[str, object]) -> None:
+    first = panel_lines(view(device=None, **changes), "", None)[0]
+    assert first.startswith("output: [bold red]")
+    assert "off" not in first
+
+
+def test_the_panel_keeps_markup_that_was_typed_as_text() -> None:
+    lines = panel_lines(view(last_answer="[red]x"), "", "[bold]note")
+    assert "\\[red]x" in lines[-1]
+    assert "\\[bold]note" in lines[1]
+
+
+def test_plain_lines_come_only_when_something_changed() -> None:
+    said: list[str] = []
+    console = OperatorConsole(lambda _: "", PlainDisplay(said.append))
+    for _ in range(3):
+        console.see(view())
+    assert said == [
+        "P01/1 touching voltage; 3 of 7 trials, about 2 min left; "
+        "output ON 200 V 24221 Hz (monitor 200 V)"
+    ]
+
+
+def test_a_question_waits_for_enter() -> None:
+    typed = iter(["", "d", "ry", "\n"])
+    console = OperatorConsole(lambda _: next(typed), PlainDisplay(lambda _: None))
+    console.ask("skin state?")
+    assert [console.answered() for _ in range(3)] == [None, None, "dry"]
+
+
+def test_nobody_answers_with_nothing_and_the_beam_is_swapped() -> None:
+    swapped: list[str] = []
+    console = OperatorConsole(
+        lambda _: "", PlainDisplay(lambda _: None), swapped.append, alone=True
+    )
+    console.mount("1.5 mm")
+    assert console.answered() == ""
+    assert swapped == ["1.5 mm"]
+
+
+def test_an_emergency_stop_is_one_key_away_while_a_line_is_typed() -> None:
+    keys = OperatorKeys()
+    keys.feed("n ")
+    assert keys.order() == "emergency stop"
+    keys.feed("skin\x05")
+    assert keys.order() == "emergency stop"
+
+
+@pytest.mark.parametrize(("line", "order"), [("e\n", "emergency stop"), ("s\n", "stop")])
+def test_an_order_never_answers_what_was_asked(line: str, order: str) -> None:
+    typed = iter(["", f":{line}", "", "dry\n"])
+    console = OperatorConsole(lambda _: next(typed), PlainDisplay(lambda _: None))
+    console.ask("skin state?")
+    assert console.answered() is None
+    assert console.order() == order
+    assert console.answered() == "dry"
+
+
+@pytest.mark.parametrize(
+    ("line", "order"),
+    [
+        ("n skin dry\n", Note(text="skin dry")),
+        ("note skin dry\n", Note(text="skin dry")),
+        ("NOTE skin dry\n", Note(text="skin dry")),
+        ("N\n", None),
+        ("P\n", "pause"),
+        ("nskin dry\n", Note(text="skin dry")),
+        (" n skin dry\n", Note(text="skin dry")),
+        (" p\n", "pause"),
+        ("stop\n", "stop"),
+        (" \n", "emergency stop"),
+        ("\x05\n", "emergency stop"),
+        ("n\n", None),
+        ("\n", None),
+        ("x\n", None),
+        ("resume\n", None),
+        ("ee\n", "emergency stop"),
+        ("E\n", "emergency stop"),
+        ("e!\n", "emergency stop"),
+        ("estop\n", "emergency stop"),
+        ("EMERGENCY STOP\n", "emergency stop"),
+        ("skip\n", None),
+        ("repeat\n", "repeat"),
+    ],
+)
+def test_a_typed_line_is_one_order(line: str, order: object) -> None:
+    keys = OperatorKeys()
+    keys.feed_order(line)
+    assert keys.order() == order
+    assert keys.order() is None
+    assert keys.line is None
+
+
+def test_a_colon_in_a_note_is_part_of_it() -> None:
+    typed = iter(["n", "at 3", ":", "15\n"])
+    console = OperatorConsole(lambda _: next(typed), PlainDisplay(lambda _: None))
+    assert [console.order() for _ in range(4)] == [None, None, None, Note(text="at 3:15")]
+
+
+def test_the_search_for_the_resonance_is_shown_as_on() -> None:
+    assert view(device=None, searching=True).output().startswith("ON")
+
+
+@pytest.mark.parametrize("enter", ["\n", "\r"])
+def test_enter_confirms_a_beam(enter: str) -> None:
+    keys = OperatorKeys()
+    keys.expect_confirmation()
+    keys.feed(enter)
+    assert (keys.answer(), keys.order()) == ("", None)
+
+
+@pytest.mark.parametrize("line", ["yes\n", "1\n", "mounted\r"])
+def test_a_line_confirms_a_beam_only_where_no_one_types(line: str) -> None:
+    for any_line, answer in ((False, None), (True, "")):
+        keys = OperatorKeys()
+        keys.expect_confirmation(any_line=any_line)
+        keys.feed(line)
+        assert (keys.answer(), keys.order()) == (answer, None)
+
+
+@pytest.mark.parametrize(
+    ("typed", "order"),
+    [
+        ("s", "stop"),
+        ("s\n", "stop"),
+        ("p", "pause"),
+        ("r\n", "repeat"),
+        (" ", "emergency stop"),
+        (" \n", "emergency stop"),
+        ("  \n", "emergency stop"),
+        ("  ", "emergency stop"),
+        ("ee\n", "emergency stop"),
+        ("EMERGENCY\n", "emergency stop"),
+        ("mounted\x05\n", "emergency stop"),
+        ("stop\n", "stop"),
+        ("pause\n", "pause"),
+        ("x", None),
+        ("x \n", None),
+    ],
+)
+def test_an_order_confirms_no_beam(typed: str, order: object) -> None:
+    keys = OperatorKeys()
+    keys.expect_confirmation()
+    keys.feed(typed)
+    ordered = keys.order()
+    assert (ordered, keys.answer()) == (order, None)
+    keys.feed("\n")
+    assert keys.answer() == ""
+
+
+def test_a_note_confirms_no_beam() -> None:
+    keys = OperatorKeys()
+    keys.expect_confirmation()
+    keys.feed("n")
+    keys.feed("beam is loose\r")
+    assert (keys.order(), keys.answer()) == (Note(text="beam is loose"), None)
+    keys.feed("\r")
+    assert keys.answer() == ""
+
+
+def test_what_was_typed_before_a_question_answers_nothing() -> None:
+    typed, forgotten = iter(["\n\n", "\n"]), []
+    console = OperatorConsole(
+        lambda _: next(typed), PlainDisplay(lambda _: None), forget=lambda: forgotten.append(True)
+    )
+    console.mount("1 mm")
+    assert forgotten == [True]
+    assert console._keys.answer() is None
+    assert console.answered() == ""
+
+
+def test_a_question_taken_back_is_neither_shown_nor_answered() -> None:
+    said: list[str] = []
+    typed = iter(["", "dr", "", "\n"])
+    console = OperatorConsole(lambda _: next(typed), PlainDisplay(said.append))
+    console.see(view(device=None))
+    console.ask("skin state?")
+    assert console.answered() is None
+    console.unask()
+    console.see(view())
+    assert said.count("skin state?") == 1
+    assert "skin state?" not in said[said.index("skin state?") + 1 :]
+    assert console.answered() is None
+    assert console.answered() is None
+
+
+def test_a_question_is_said_once_whatever_else_is_shown() -> None:
+    said: list[str] = []
+    console = OperatorConsole(lambda _: "", PlainDisplay(said.append))
+    console.see(view())
+    console.ask("skin state?")
+    for _ in range(3):
+        console.see(view())
+    console.see(view(done=4))
+    assert said.count("skin state?") == 1
+    assert len(said) == 3
+
+
+def test_what_is_no_order_is_said_to_be_none() -> None:
+    said: list[str] = []
+    typed = iter([":resume\n"])
+    console = OperatorConsole(lambda _: next(typed), PlainDisplay(said.append))
+    console.see(view())
+    assert console.order() is None
+    assert said[-1].startswith("warning: ':resume' is no order; :p pause or go on")
+
+
+def test_while_a_line_is_typed_the_panel_says_what_keys_do_then() -> None:
+    typing, mounting = panel_lines(view(), "skin state?", "dr"), panel_lines(view(), "Mount", None)
+    assert "Ctrl-E EMERGENCY STOP" in typing[2]
+    assert "r repeat" not in "".join(typing)
+    assert "r repeat" in mounting[2]
+
+
+def test_a_low_and_narrow_terminal_shows_the_output_and_what_is_asked() -> None:
+    from rich.console import Console
+    from rich.panel import Panel
+
+    terminal = Console(width=30, height=16, force_terminal=True, file=io.StringIO())
+    lines = panel_lines(view(warning="no watchdog"), "Mount the beam '1 mm', then Enter.", None)
+    shown = terminal.render_lines(Panel("\n".join(lines)))[:15]
+    text = "".join("".join(part.text for part in line) for line in shown)
+    for needed in ("output: ON", "200 V", "Mount the beam", "EMERGENCY"):
+        assert needed in text

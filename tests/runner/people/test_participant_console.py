@@ -1,0 +1,156 @@
+"""A participant at a terminal: what is shown, what is understood, and what is asked again."""
+
+import io
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from protocol.errors import BadInput
+from protocol.study.questions import Rating
+from protocol.study.texts import TEXTS
+from runner.people.participant_console import (
+    MOST_LINES,
+    ConsoleParticipant,
+    ParticipantGone,
+    TypedLines,
+)
+from runner.screens import AskChange, AskScore, Instruction, Notice, Response, Screen
+
+
+class Terminal:
+    """A participant who types `lines`, and what was said to them."""
+
+    def __init__(self, lines: str, language: str = "en") -> None:
+        self.said: list[str] = []
+        self.typed = TypedLines(io.StringIO(lines))
+        ticks: Iterator[int] = iter(range(10_000))
+        self.participant = ConsoleParticipant(
+            self.typed,
+            self.said.append,
+            "zh" if language == "zh" else "en",
+            TEXTS["zh" if language == "zh" else "en"],
+            monotonic_s=lambda: float(next(ticks)),
+        )
+
+    def answer(self, screen: Screen) -> Response:
+        self.participant.show(screen)
+        until_s = time.monotonic() + 5
+        while time.monotonic() < until_s:
+            if (response := self.participant.poll()) is not None:
+                return response
+        raise AssertionError(f"no answer; said: {self.said}")
+
+
+@pytest.mark.parametrize("typed", ["1", "smoother", "SMOOTHER", "  1  "])
+def test_a_change_is_given_by_number_or_word(typed: str) -> None:
+    assert Terminal(f"{typed}\n").answer(AskChange(question="roughness")).answer == "smoother"
+
+
+@pytest.mark.parametrize("typed", ["Glatter", "glatter", " GLATTER "])
+def test_a_studys_own_word_is_understood_in_any_case(typed: str) -> None:
+    terminal = Terminal(f"{typed}\n")
+    terminal.participant.texts = {**TEXTS["en"], "answer.smoother": "Glatter"}
+    assert terminal.answer(AskChange(question="roughness")).answer == "smoother"
+
+
+def test_chinese_words_are_understood() -> None:
+    terminal = Terminal("没有互换\n", language="zh")
+    assert terminal.answer(AskChange(question="places")).answer == "not swapped"
+    assert "光滑和粗糙的位置是否互换了？" in terminal.said
+
+
+def test_what_does_not_fit_is_asked_again() -> None:
+    terminal = Terminal("4\nyes\n2\n")
+    assert terminal.answer(AskChange(question="roughness")).answer == "rougher"
+    assert "? '4'" in terminal.said
+    assert "? 'yes'" in terminal.said
+
+
+def test_a_score_beyond_the_scale_is_asked_again() -> None:
+    terminal = Terminal("11\nx\n-1\n7\n")
+    assert terminal.answer(AskScore(rating=Rating())).answer == "7"
+    assert [line for line in terminal.said if line.startswith("?")] == [
+        "? '11': How strong is the change? 0 to 10",
+        "? 'x': How strong is the change? 0 to 10",
+        "? '-1': How strong is the change? 0 to 10",
+    ]
+
+
+def test_a_reaction_time_counts_from_the_question() -> None:
+    assert Terminal("\n").answer(Instruction(text="remember")).reaction_time_s == 1.0
+
+
+def test_a_notice_is_not_answered() -> None:
+    terminal = Terminal("1\n")
+    terminal.participant.show(Notice(text="thanks"))
+    assert terminal.participant.poll() is None
+
+
+def test_an_input_that_ends_is_somebody_gone() -> None:
+    with pytest.raises(ParticipantGone, match="input has ended"):
+        Terminal("").answer(Instruction(text="remember"))
+
+
+def test_a_line_with_a_colon_is_the_operators() -> None:
+    terminal = Terminal(":p\n1\n")
+    assert terminal.answer(AskChange(question="roughness")).answer == "smoother"
+    assert terminal.typed.operator_typed(asked=False) == ":p\n"
+
+
+def test_what_the_operator_was_asked_is_answered_by_any_line() -> None:
+    typed = TypedLines(io.StringIO("dry\n"))
+    until_s = time.monotonic() + 5
+    line = ""
+    while not line and time.monotonic() < until_s:
+        line = typed.operator_typed(asked=True)
+    assert line == "dry\n"
+
+
+def test_a_closed_input_is_refused_before_anything_begins() -> None:
+    with pytest.raises(BadInput, match="standard input is closed"):
+        TypedLines(None)
+
+
+def test_bytes_that_are_no_text_are_asked_about_again() -> None:
+    source = io.TextIOWrapper(io.BytesIO(b"\xff\xfe\n2\n"), encoding="utf-8", errors="strict")
+    said: list[str] = []
+    participant = ConsoleParticipant(TypedLines(source), said.append, "en", TEXTS["en"])
+    participant.show(AskChange(question="roughness"))
+    until_s = time.monotonic() + 5
+    answer = None
+    while answer is None and time.monotonic() < until_s:
+        answer = participant.poll()
+    assert answer is not None
+    assert answer.answer == "rougher"
+
+
+def test_an_order_is_heard_behind_a_key_that_got_stuck() -> None:
+    class Typist(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    typed = TypedLines(Typist("\n" * (2 * MOST_LINES) + ":e\n"))
+    until_s, order = time.monotonic() + 5, ""
+    while not order and time.monotonic() < until_s:
+        order = typed.operator_typed(asked=False)
+    assert order == ":e\n"
+
+
+def test_a_flood_of_lines_is_not_read_ahead() -> None:
+    class Flood(io.StringIO):
+        given = 0
+
+        def __next__(self) -> str:  # type: ignore[override]
+            self.given += 1
+            if self.given > 100 * MOST_LINES:
+                raise StopIteration
+            return "\n"
+
+    flood = Flood()
+    typed = TypedLines(flood)
+    until_s = time.monotonic() + 5
+    while flood.given < MOST_LINES and time.monotonic() < until_s:
+        pass
+    assert typed.take() == ""
+    assert flood.given <= MOST_LINES + 3

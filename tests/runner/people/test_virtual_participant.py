@@ -1,0 +1,87 @@
+"""Virtual participants: they answer what they feel, and nothing else."""
+
+import math
+import random
+from typing import Any
+
+import pytest
+
+from protocol.study.questions import ANSWERS, Question, Rating
+from runner.people.virtual_participant import Character, VirtualParticipant
+from runner.screens import AskChange, AskScore, Instruction, Notice, Pacing
+from tests.runner.fakes import FakeClock
+
+EXACT = Character(bias=2.0, gain=5.0, felt_noise=0.0, rating_noise=0.0)
+
+
+class FakeHand:
+    """A hand that feels what it is told to, touch by touch, from start to end."""
+
+    def __init__(self) -> None:
+        self.feels: Any = lambda fraction: 0.4
+
+    def touch(self, force_n: float, position_m: float, direction: str) -> float:
+        fraction = (position_m - 0.01) / 0.07
+        return float(self.feels(fraction if direction == "right" else 1 - fraction))
+
+    def lift(self) -> None: ...
+
+
+def felt(touches: list[Any], question: Question, resting: float = 0.4) -> tuple[str, int]:
+    """Let a participant feel the resting beam, then `touches`, then ask."""
+    hand, clock = FakeHand(), FakeClock()
+    virtual = VirtualParticipant(
+        hand=hand,  # type: ignore[arg-type]
+        clock=clock,
+        character=EXACT,
+        random_stream=random.Random(1),
+    )
+    _touch(virtual, hand, clock, lambda _: resting)
+    virtual.show(Instruction(text="remember"))
+    assert virtual.poll() is not None
+    for touch in touches:
+        _touch(virtual, hand, clock, touch)
+    virtual.show(AskChange(question=question))
+    change = virtual.poll()
+    virtual.show(AskScore(rating=Rating()))
+    score = virtual.poll()
+    assert change is not None
+    assert score is not None
+    assert change.answer in ANSWERS[question]
+    return change.answer, int(score.answer)
+
+
+def _touch(virtual: VirtualParticipant, hand: FakeHand, clock: FakeClock, feels: Any) -> None:
+    hand.feels = feels
+    way = Pacing(start_m=0.01, end_m=0.08, duration_s=1.0, force_n=0.5, direction="right")
+    virtual.show(way)
+    for _ in range(20):
+        clock.sleep(0.05)
+        assert virtual.poll() is None
+    virtual.show(Notice(text="touch.end"))
+    assert virtual.poll() is None
+
+
+@pytest.mark.parametrize(
+    ("touches", "question", "answer", "contrast"),
+    [
+        ([lambda _: 0.3], "roughness", "smoother", math.log(0.4 / 0.3)),
+        ([lambda _: 0.5], "roughness", "rougher", math.log(0.4 / 0.5)),
+        ([lambda _: 0.4], "roughness", "same", 0.0),
+        ([lambda x: 0.4 - 0.1 * x], "roughness", "smoother", math.log(0.4 / 0.3)),
+        ([lambda x: 0.3 + 0.1 * x], "roughness", "rougher", math.log(0.3 / 0.4)),
+        ([lambda _: 0.3, lambda _: 0.2], "roughness", "smoother", math.log(0.3 / 0.2)),
+        ([lambda _: 0.38, lambda _: 0.3], "strength", "stronger", math.log(0.38 / 0.3)),
+        ([lambda _: 0.3, lambda _: 0.38], "strength", "weaker", -math.log(0.38 / 0.3)),
+        ([lambda _: 0.3, lambda _: 0.3], "places", "not swapped", 0.0),
+        ([lambda _: 0.3, lambda _: 0.6], "places", "swapped", math.log(2)),
+    ],
+)
+def test_the_answer_and_the_score_follow_what_was_felt(
+    touches: list[Any], question: Question, answer: str, contrast: float
+) -> None:
+    assert felt(touches, question) == (answer, round(max(2 + 5 * contrast, 0)))
+
+
+def test_a_score_stays_on_the_scale() -> None:
+    assert felt([lambda _: 0.01], "roughness")[1] == 10

@@ -1,0 +1,300 @@
+"""The session's loop: what is recorded, and the device off on every way out."""
+
+from pathlib import Path
+
+import pytest
+
+from device.errors import DeviceError, OutputUnknown
+from protocol.study_file.loading import template
+from runner.journal.session_log import SessionLog
+from runner.journal.store import Journal, JournalError, open_journal
+from runner.screens import AskScore, Instruction, Note, Order, Pacing, Response
+from runner.session.loop import run
+from runner.session.tick import StoppedByOperator
+from tests.runner.fakes import FakeDevice, FakeOperator, FakeParticipant, room
+
+TEXT = template("paper")
+
+
+def carried_out(
+    journal: Journal,
+    device: FakeDevice,
+    participant: FakeParticipant,
+    text: str = TEXT,
+    orders: list[tuple[str, Order | Note]] | None = None,
+) -> SessionLog:
+    made = room(journal, device, participant, text, FakeOperator(device, orders or []))
+    run(made)
+    return made.log
+
+
+def tags(journal: Journal) -> list[str]:
+    return [event.tag for event in journal.events("P01/1")]
+
+
+def test_a_session_ends_complete_with_the_device_off(tmp_path: Path) -> None:
+    device = FakeDevice()
+    with open_journal(tmp_path / "study.db") as journal:
+        log = carried_out(journal, device, FakeParticipant())
+        assert log.state.name == "completed"
+        assert log.state.answered == set(range(7))
+        assert tags(journal)[-2:] == ["device-off", "session-completed"]
+        assert journal.events("P01/1")[-2].payload["confirmed"] is True
+    assert not device.on
+    assert device.calls[-1] == "off"
+
+
+def test_each_touch_is_commanded_and_read_back(tmp_path: Path) -> None:
+    device = FakeDevice()
+    with open_journal(tmp_path / "study.db") as journal:
+        carried_out(journal, device, FakeParticipant())
+        events = journal.events("P01/1")
+    started = [event.payload for event in events if event.tag == "touch-started"]
+    ended = [event.payload for event in events if event.tag == "touch-ended"]
+    assert len(started) == len(ended) == 12
+    assert all(end["read_back"][0]["output"] for end in ended)
+    assert {entry["commanded"]["frequency_hz"] for entry in started} == {
+        1.01 * 24_221,
+        0.98 * (1.01 * 24_221),
+    }, "frequencies are relative to the resonance that was measured"
+    assert max(point.voltage_v for point in device.driven) == 200
+
+
+def test_the_participant_is_not_told_what_the_device_does(tmp_path: Path) -> None:
+    participant = FakeParticipant()
+    with open_journal(tmp_path / "study.db") as journal:
+        carried_out(journal, FakeDevice(), participant)
+    harder = [screen for screen in participant.shown if isinstance(screen, Pacing)]
+    assert {screen.force_n for screen in harder} == {0.5, 0.75}
+    instructions = {s.text for s in participant.shown if isinstance(s, Instruction)}
+    assert instructions == {
+        "touch.smooth",
+        "touch.smooth.harder",
+        "touch.right",
+        "touch.left",
+        "remember",
+    }
+
+
+def test_an_answer_that_disagrees_leaves_the_score_missing(tmp_path: Path) -> None:
+    participant = FakeParticipant(changes=["same"] * 9)
+    text = TEXT.replace('"places"\nexpected = "swapped"', '"strength"\nexpected = "stronger"')
+    with open_journal(tmp_path / "study.db") as journal:
+        carried_out(journal, FakeDevice(), participant, text)
+        answers = [e.payload for e in journal.events("P01/1") if e.tag == "answered"]
+    assert [answer["agrees"] for answer in answers] == [None] + [False] * 6
+    assert {answer["score"] for answer in answers} == {None}
+    assert not any(isinstance(screen, AskScore) for screen in participant.shown)
+
+
+def test_a_study_may_ask_for_the_score_always(tmp_path: Path) -> None:
+    participant = FakeParticipant(changes=["rougher"] * 9)
+    text = TEXT.replace('score_when = "agrees"', 'score_when = "always"').replace(
+        '"places"\nexpected = "swapped"', '"roughness"\nexpected = "smoother"'
+    )
+    text = text.replace('"strength"\nexpected = "stronger"', '"roughness"\nexpected = "smoother"')
+    with open_journal(tmp_path / "study.db") as journal:
+        carried_out(journal, FakeDevice(), participant, text)
+        answers = [e.payload for e in journal.events("P01/1") if e.tag == "answered"]
+    assert [answer["score"] for answer in answers] == [None, None] + [7] * 5
+
+
+@pytest.mark.parametrize("call", ["arm", "resonance", "drive", "beat"])
+def test_a_device_that_fails_leaves_a_session_that_resumes(tmp_path: Path, call: str) -> None:
+    failing = FakeDevice(fails=call)
+    with open_journal(tmp_path / "study.db") as journal:
+        with pytest.raises(DeviceError, match=f"{call} failed"):
+            carried_out(journal, failing, FakeParticipant())
+        assert failing.calls[-1] == "off"
+        log = carried_out(journal, FakeDevice(), FakeParticipant())
+        assert log.state.answered == set(range(7))
+        assert "session-resumed" in tags(journal)
+
+
+@pytest.mark.parametrize("moment", ["touch.right", "Pacing", "AskChange", "AskScore"])
+def test_a_stop_in_a_trial_aborts_it_and_it_is_repeated(tmp_path: Path, moment: str) -> None:
+    device = FakeDevice()
+    with open_journal(tmp_path / "study.db") as journal:
+        with pytest.raises(KeyboardInterrupt):
+            carried_out(journal, device, FakeParticipant(stops_at=moment))
+        assert not device.on
+        assert tags(journal)[-2:] == ["trial-aborted", "device-off"]
+        log = carried_out(journal, device, FakeParticipant())
+        assert log.state.aborted
+        assert log.state.answered == set(range(7))
+        assert tags(journal).count("answered") == 7
+
+
+def test_an_output_that_is_not_read_back_as_off_is_said_to_be_unknown(tmp_path: Path) -> None:
+    with open_journal(tmp_path / "study.db") as journal:
+        with pytest.raises(OutputUnknown, match="UNKNOWN - cut the amplifier"):
+            carried_out(journal, FakeDevice(fails="off"), FakeParticipant())
+        off = journal.events("P01/1")[-1]
+        assert (off.tag, off.payload["confirmed"]) == ("device-off", False)
+
+
+def test_the_console_says_at_last_that_an_output_is_unknown(tmp_path: Path) -> None:
+    device = FakeDevice(fails="off")
+    operator = FakeOperator(device)
+    with (
+        open_journal(tmp_path / "study.db") as journal,
+        pytest.raises(OutputUnknown, match="UNKNOWN - cut the amplifier"),
+    ):
+        run(room(journal, device, FakeParticipant(), TEXT, operator))
+    assert operator.seen[0].output() == "not known yet", "nobody has asked"
+    assert operator.seen[-1].output() == "state UNKNOWN - cut the amplifier"
+
+
+def test_the_operator_stops_a_session_and_it_goes_on_later(tmp_path: Path) -> None:
+    device = FakeDevice()
+    with open_journal(tmp_path / "study.db") as journal:
+        with pytest.raises(StoppedByOperator, match="stopped by the operator"):
+            carried_out(journal, device, FakeParticipant(), orders=[("touching", "stop")])
+        assert not device.on
+        assert tags(journal)[-2:] == ["trial-aborted", "device-off"]
+        assert carried_out(journal, device, FakeParticipant()).state.name == "completed"
+
+
+def test_the_operator_is_told_what_became_of_an_order(tmp_path: Path) -> None:
+    device = FakeDevice()
+    orders: list[tuple[str, Order | Note]] = [
+        ("armed", "repeat"),
+        ("trial", "pause"),
+        ("trial", "pause"),
+    ]
+    operator = FakeOperator(device, orders)
+    with open_journal(tmp_path / "study.db") as journal:
+        run(room(journal, device, FakeParticipant(), TEXT, operator))
+    assert operator.told == [
+        "no trial is running that could be repeated",
+        "a pause comes before the next trial",
+        "no pause",
+    ]
+
+
+def test_a_resumed_session_asks_for_its_beam_again(tmp_path: Path) -> None:
+    """Another participant may have been here meanwhile."""
+    device = FakeDevice()
+    with open_journal(tmp_path / "study.db") as journal:
+        with pytest.raises(StoppedByOperator):
+            carried_out(journal, device, FakeParticipant(), orders=[("trial", "stop")])
+        operator = FakeOperator(device)
+        run(room(journal, device, FakeParticipant(), TEXT, operator))
+    assert operator.mounts[0] == "1 mm"
+
+
+@pytest.mark.parametrize("order", ["stop", "repeat", "emergency stop"])
+def test_an_order_takes_back_what_was_asked(tmp_path: Path, order: Order) -> None:
+    """Nobody is to be told to mount a beam while the next touch drives it."""
+    device, asked = FakeDevice(), False
+
+    class Slow(FakeOperator):
+        def answered(self) -> str | None:
+            nonlocal asked
+            if not asked and self.mounts[-1:] == ["no bodies"]:
+                asked = True
+                self.orders.append(("trial", order))
+                return None
+            return "fine"
+
+    operator = Slow(device)
+    with open_journal(tmp_path / "study.db") as journal:
+        made = room(journal, device, FakeParticipant(), TEXT, operator)
+        if order == "repeat":
+            run(made)
+            assert made.log.state.answered == set(range(7))
+            assert operator.mounts[:3] == ["1 mm", "no bodies", "no bodies"], "not sure any more"
+        else:
+            with pytest.raises(StoppedByOperator):
+                run(made)
+    assert operator.asked[-1] == "", "taken back"
+
+
+def test_an_emergency_stop_turns_off_before_anything_else(tmp_path: Path) -> None:
+    device = FakeDevice()
+    with open_journal(tmp_path / "study.db") as journal:
+        with pytest.raises(StoppedByOperator, match="emergency stop"):
+            carried_out(journal, device, FakeParticipant(), orders=[("touching", "emergency stop")])
+        last = journal.events("P01/1")[-1]
+        assert (last.tag, last.payload["confirmed"]) == ("device-off", True)
+    assert device.calls[device.calls.index("drive") :].count("drive") == 1
+    assert "emergency stop" in device.calls
+
+
+def test_a_repeated_trial_is_aborted_and_answered_once(tmp_path: Path) -> None:
+    with open_journal(tmp_path / "study.db") as journal:
+        log = carried_out(journal, FakeDevice(), FakeParticipant(), orders=[("touching", "repeat")])
+        assert log.state.aborted == [0]
+        assert log.state.attempts[0] == 2
+        assert tags(journal).count("answered") == 7
+
+
+def test_a_pause_lasts_until_the_operator_ends_it(tmp_path: Path) -> None:
+    with open_journal(tmp_path / "study.db") as journal:
+        orders: list[tuple[str, Order | Note]] = [("touching", "pause"), ("paused", "pause")]
+        log = carried_out(journal, FakeDevice(), FakeParticipant(), orders=orders)
+        events = tags(journal)
+        assert events[events.index("paused") - 1] == "answered", "a trial is finished first"
+        assert events[events.index("paused") + 1] == "unpaused"
+        assert log.state.name == "completed"
+
+
+def test_a_note_is_written_down(tmp_path: Path) -> None:
+    with open_journal(tmp_path / "study.db") as journal:
+        orders: list[tuple[str, Order | Note]] = [("touching", Note(text="a lorry passed"))]
+        carried_out(journal, FakeDevice(), FakeParticipant(), orders=orders)
+        (note,) = (event for event in journal.events("P01/1") if event.tag == "note")
+        assert note.payload == {"text": "a lorry passed"}
+
+
+def test_practice_is_renewed_on_resuming_if_the_study_says_so(tmp_path: Path) -> None:
+    text = template("extended")
+    with open_journal(tmp_path / "study.db") as journal:
+        stopping = FakeParticipant(stops_at="text='break'")
+        with pytest.raises(KeyboardInterrupt):
+            carried_out(journal, FakeDevice(), stopping, text)
+        log = carried_out(journal, FakeDevice(), FakeParticipant(), text)
+        assert "practice-renewed" in tags(journal)
+        assert "rig-described" in tags(journal)
+        assert log.state.name == "completed"
+        assert not log.state.answered_twice
+
+
+class Crashing(FakeParticipant):
+    """A participant whose window breaks down while the finger is on the beam."""
+
+    def poll(self) -> Response | None:
+        if isinstance(self.shown[-1], Pacing):
+            raise RuntimeError("the window is gone")  # noqa: TRY004 - what a window may raise
+        return super().poll()
+
+
+def test_an_exception_in_the_participants_window_leaves_the_device_off(tmp_path: Path) -> None:
+    device = FakeDevice()
+    with open_journal(tmp_path / "study.db") as journal:
+        with pytest.raises(RuntimeError, match="the window is gone"):
+            carried_out(journal, device, Crashing())
+        assert not device.on
+        assert tags(journal)[-2:] == ["trial-aborted", "device-off"]
+        assert carried_out(journal, device, FakeParticipant()).state.name == "completed"
+
+
+class ClosedJournal:
+    """A journal that can be written until the device is turned off at the end."""
+
+    def __init__(self, log: SessionLog) -> None:
+        self._log = log
+        self.state = log.state
+
+    def append(self, tag: str, **payload: object) -> None:
+        if tag in {"trial-aborted", "device-off"}:
+            raise JournalError("the database is locked")
+        self._log.append(tag, **payload)
+
+
+def test_an_unknown_output_is_told_before_a_journal_that_fails(tmp_path: Path) -> None:
+    with open_journal(tmp_path / "study.db") as journal:
+        made = room(journal, FakeDevice(fails="off"), FakeParticipant())
+        made.log = ClosedJournal(made.log)  # type: ignore[assignment]
+        with pytest.raises(OutputUnknown, match="UNKNOWN - cut the amplifier"):
+            run(made)

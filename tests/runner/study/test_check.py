@@ -1,0 +1,276 @@
+"""`touchbeam check`: the preview, its JSON contract, and refusals that list everything."""
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from protocol.study_file.loading import template
+from tests.runner.command_line import assert_matches, typed
+
+TWO_BEAMS = """
+[[condition]]
+name = "a"
+question = "roughness"
+expected = "smoother"
+touches = [{ place = "smooth", voltage_v = 100, beam = "1.5 mm" }]
+[[condition]]
+name = "b"
+question = "roughness"
+expected = "smoother"
+touches = [{ place = "smooth", voltage_v = 100, beam = "1 mm" }]
+"""
+KINDS = {"baseline", "signal", "practice", "trial", "catch"}
+
+
+def study(folder: Path, name: str = "paper", *changes: tuple[str, str]) -> str:
+    text = template(name)
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new, 1)
+    (folder / "study.toml").write_text(text, encoding="utf-8")
+    return str(folder)
+
+
+def document(capsys: pytest.CaptureFixture[str]) -> Any:
+    return json.loads(capsys.readouterr().out)
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "balanced"), [("paper", 9, False), ("extended", 20, True)]
+)
+def test_the_json_is_what_others_rely_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, size: int, balanced: bool
+) -> None:
+    assert typed("check", study(tmp_path, name), "--json") == 0
+    found = document(capsys)
+    assert (found["ok"], found["problems"]) == (True, [])
+    assert [person["id"] for person in found["participants"]][:2] == ["P01", "P02"]
+    assert len(found["participants"]) == size
+    assert found["carryover"]["balanced"] == balanced
+    assert found["max_voltage_v"] == 200
+    assert found["max_frequency_hz"] == 24_221
+    for person in found["participants"]:
+        assert person["duration_s"] > 60
+        assert person["beam_swaps"] >= 3
+        assert {trial["kind"] for trial in person["trials"]} <= KINDS
+        for trial in person["trials"]:
+            predicted = trial["predicted_contrast"]
+            assert (predicted is None) == (trial["kind"] == "baseline")
+            assert trial["kind"] != "catch" or predicted == 0
+
+
+def test_the_cohort_may_be_of_another_size(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert typed("check", study(tmp_path), "--participants", "10", "--json") == 0
+    found = document(capsys)
+    assert found["carryover"]["balanced"]
+    assert {n for row in found["carryover"]["counts"] for n in row} == {0, 2}
+
+
+def test_longer_sessions_of_widely_spread_contrasts_buy_precision(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    typed("check", study(tmp_path, "extended"), "--json")
+    bought = {option["repeats"]: option for option in document(capsys)["minutes_buy"]}
+    assert bought[4]["trials"] == 20
+    assert bought[4]["relative_half_width"] < 0.2
+    assert bought[1]["half_width"] > bought[4]["half_width"] > bought[16]["half_width"]
+    assert bought[1]["duration_s"] < bought[4]["duration_s"] < bought[16]["duration_s"]
+
+
+def test_what_the_minutes_buy_is_said_in_whole_sentences(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert typed("check", study(tmp_path)) == 0
+    lines = capsys.readouterr().out.splitlines()
+    table = next(n for n, line in enumerate(lines) if line.startswith("repeats"))
+    above, below = " ".join(lines[table - 3 : table]), " ".join(lines[-2:])
+    assert above.startswith("What the minutes buy: how well a session of so many repeats tells")
+    assert above.endswith("goes this far to either side, from that person's scores alone:")
+    assert below.startswith("<: this study. Of the scale: what that is at the largest change")
+    assert below.endswith("scatter by an SD of 0.97 points, as in the paper's Table 4.")
+    assert (
+        "Predicted: by how much ln(friction) changes in the model, + in the expected"
+        in " ".join(lines)
+    )
+
+
+def test_the_preview_can_be_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert typed("check", study(tmp_path, "extended")) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "Plan of the first of 20 participants (session 1)"
+    assert any("opposite" in line and "rougher" in line for line in lines)
+    assert "Amplitude   up to 200 V (peak); limit 200 V" in lines
+    assert "Carry-over  balanced over 20 participants" in lines
+    assert any(line.startswith("4 <") and " 20 " in line for line in lines)
+    assert lines[2].split()[4:6] == ["peak", "V"]
+    assert any("right/left" in line for line in lines)
+    assert any("no bodies/1.5 mm/1 mm" in line for line in lines)
+    assert max(map(len, lines)) <= 90
+    (session,) = [line for line in lines if line.startswith("Session ")]
+    assert " 20 scored trials, " in session, "practice is not scored"
+
+
+def test_what_never_follows_within_a_block_is_not_called_balanced(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    changes = [("[design]", "[design]\nrepeats = 2\ngroup_by_beam = 'session'")]
+    text = template("paper").partition("[[condition]]")[0] + TWO_BEAMS
+    (tmp_path / "study.toml").write_text(text.replace(*changes[0], 1), encoding="utf-8")
+    assert typed("check", str(tmp_path), "--participants", "2", "--json") == 0
+    found = document(capsys)["carryover"]
+    assert (found["counts"], found["balanced"]) == ([[0, 0], [0, 0]], False)
+    assert typed("check", str(tmp_path), "--participants", "2") == 0
+    assert (
+        "Carry-over  not balanced over 2 participants (none directly follows another within a "
+        "block): this design does not balance it" in capsys.readouterr().out
+    )
+
+
+def test_a_bound_on_beam_swaps_is_not_told_to_be_balanced_by_a_larger_cohort(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    changed = study(tmp_path, "paper", ("[design]", "[design]\nmax_beam_swaps = 6"))
+    assert typed("check", changed, "--participants", "9") == 0
+    assert "this design does not balance it" in capsys.readouterr().out
+
+
+def test_columns_stand_under_one_another_in_chinese_as_well(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    changed = study(tmp_path, "paper", ('name = "voltage"', 'name = "电压"'))
+    assert typed("check", changed) == 0
+    rows = [row for row in capsys.readouterr().out.splitlines()[2:10] if "+0." in row]
+    begins = {row.index("+0.") + sum(row.count(sign) for sign in "电压") for row in rows}
+    assert len(begins) == 1
+
+
+def test_the_highest_resonance_that_keeps_the_limits_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    changed = study(tmp_path, "paper", ("max_slew_v_per_us = 40", "max_slew_v_per_us = 30.44"))
+    assert typed("check", changed, "--json") == 0
+    highest_hz = document(capsys)["max_resonance_hz"]
+    assert highest_hz == pytest.approx(30.44e6 / (2 * math.pi * 200), abs=0.1)
+    assert typed("check", changed) == 0
+    assert f"above {highest_hz:.0f} Hz a limit would end the session" in capsys.readouterr().out
+    run = ("run", changed, "--participant", "P01", "--ratings", "virtual", "--seed")
+    assert typed(*run, "2") == 2
+    told = capsys.readouterr().err
+    assert_matches(r"^touchbeam: the resonance of this beam is 242\d\d Hz: condition voltage", told)
+    assert "output off, read back" in told
+    assert typed("verify", changed, "--json") == 0
+    (session,) = document(capsys)["sessions"]
+    assert (session["state"], session["trials_answered"], session["chain_ok"]) == ("idle", 0, True)
+
+
+def test_a_text_that_does_not_fit_is_told_with_everything_else_and_by_run_as_well(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    long = "[texts.en]\nwelcome = '" + "word " * 400 + "'\n"
+    changed = study(
+        tmp_path, "paper", ("[rating]", f"{long}[rating]"), ("[design]", "[design]\nx = 1")
+    )
+    assert typed("check", changed) == 2
+    told = capsys.readouterr().err
+    assert "unknown key, got 'x'" in told
+    assert "texts.en.welcome: a text must fit its place on the participant's screen" in told
+    file = tmp_path / "study.toml"
+    file.write_text(file.read_text().replace("\nx = 1", ""))
+    assert typed("run", changed, "--participant", "P01", "--ratings", "virtual") == 2
+    assert "a text must fit its place" in capsys.readouterr().err
+    assert not (tmp_path / "study.db").exists()
+
+
+def test_the_study_file_given_for_its_folder_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study(tmp_path)
+    assert typed("check", tmp_path / "study.toml") == 2
+    assert "study.toml: is a file; give the folder that holds study" in capsys.readouterr().err
+
+
+def test_one_of_a_thing_is_not_many(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert typed("check", study(tmp_path), "--participants", "1") == 0
+    shown = capsys.readouterr().out
+    assert shown.startswith("Plan of the first of 1 participant (session 1)\n")
+    assert (
+        "Carry-over  not balanced over 1 participant (counts differ by up to 1): take a mul"
+        in shown
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("ramp_to_v = 200", "ramp_to_v = 201"), "got 201 V; amplitudes are peak"),
+        (
+            ("voltage_v = 100", "voltage_vpp = 200"),
+            "unknown key, got 'voltage_vpp'; amplitudes are",
+        ),
+        (('beam = "1.5 mm"', 'beam = "2 mm"'), "the beam must be one of [beams], got '2 mm'"),
+        (("participants = 9", "repeats = 2\nmax_beam_swaps = 3"), "may need 6 beam swaps"),
+        (
+            ("smooth_place_m = 0.0414", "smooth_place_m = 0.414"),
+            "study.toml:24: touch.smooth_place_m: must lie on the beam, which ends at 0.1 m, "
+            "got 0.414 m; that is 414 mm; the beam is 100 mm long",
+        ),
+        (
+            ("path_m = [0.010, 0.081]", "path_m = [0.010, 0.2]"),
+            "study.toml:23: touch.path_m.1: must lie on the beam, which ends at 0.1 m, got 0.2 m",
+        ),
+        (
+            ("path_m = [0.010, 0.081]", "path_m = [10, 81]"),
+            "study.toml:23: touch.path_m.0: must be at most 1, got 10; in m: 10 mm is 0.01",
+        ),
+    ],
+)
+def test_check_and_run_refuse_the_same(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    change: tuple[str, str],
+    message: str,
+) -> None:
+    folder = study(tmp_path, "paper", change)
+    for command in (("check", folder), ("run", folder, "--participant", "P1", "--ratings=virtual")):
+        assert typed(*command) == 2
+        captured = capsys.readouterr()
+        assert message in captured.err
+        assert captured.out == ""
+    assert [path.name for path in tmp_path.iterdir()] == ["study.toml"]
+
+
+def test_every_problem_is_listed_by_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    changes = (
+        ("ramp_to_v = 200", "ramp_to_v = 201"),
+        ("watchdog_s", "watchdg_s"),
+        ("0.081]", "0.1001]"),
+    )
+    folder = study(tmp_path, "paper", *changes)
+    assert typed("check", folder) == 2
+    first, second, third = capsys.readouterr().err.splitlines()
+    assert "study.toml:17: rig.watchdg_s: unknown key" in first
+    assert "study.toml:23: touch.path_m.1: must lie on the beam" in second
+    assert "study.toml:79: condition voltage, touch 1: " in third
+    assert typed("check", folder, "--json") == 2
+    found = document(capsys)
+    assert not found["ok"]
+    assert [problem["line"] for problem in found["problems"]] == [17, 23, 79]
+    assert found["problems"][0].keys() >= {"where", "rule", "value", "hint"}
+
+
+def test_a_text_that_does_not_fit_the_participants_screen_is_found_by_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = study(tmp_path, "paper", ('en = "no effect"', 'en = "imperceptible"'))
+    assert typed("check", folder) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "rating.bands.0.en: a text must fit its place" in line
+    assert "got 'imperceptible'; shorten it" in line
+    assert ": rating" in line.split("study.toml:")[1]

@@ -1,0 +1,184 @@
+"""Signals: one exception, once, and never in the middle of what belongs together."""
+
+import itertools
+import os
+import signal
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from types import FrameType
+
+import pytest
+
+from runner.journal.store import open_journal
+from runner.session.loop import _to_the_end
+from runner.session.session import Room
+from runner.signals import Stopped, heed_stop, interruptible, stops_raise, uninterrupted
+from tests.runner.fakes import FakeDevice, FakeParticipant, room
+
+SIGNALS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT]
+
+
+def send(number: signal.Signals) -> None:
+    os.kill(os.getpid(), number)
+
+
+def stopped_by(body: Callable[[], None]) -> str:
+    """What the body was stopped by."""
+    with pytest.raises(Stopped) as caught, stops_raise():
+        body()
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("number", SIGNALS)
+def test_a_signal_stops(number: signal.Signals) -> None:
+    assert stopped_by(lambda: send(number)) == f"stopped by {number.name}"
+
+
+def test_a_second_signal_changes_nothing() -> None:
+    done = []
+
+    def body() -> None:
+        try:
+            send(signal.SIGTERM)
+        finally:
+            send(signal.SIGINT)
+            done.append("device off")
+
+    assert "SIGTERM" in stopped_by(body)
+    assert done == ["device off"]
+
+
+def test_a_signal_waits_for_what_belongs_together() -> None:
+    done = []
+
+    def body() -> None:
+        with uninterrupted():
+            with uninterrupted():
+                send(signal.SIGINT)
+                done.append("stored")
+            done.append("known")
+        done.append("too late")
+
+    assert "SIGINT" in stopped_by(body)
+    assert done == ["stored", "known"]
+
+
+def test_a_part_of_what_belongs_together_can_be_stopped() -> None:
+    done = []
+
+    def body() -> None:
+        with uninterrupted():
+            send(signal.SIGINT)
+            done.append("before")
+            try:
+                with interruptible():
+                    done.append("too late")
+            finally:
+                done.append("device off")
+
+    assert "SIGINT" in stopped_by(body)
+    assert done == ["before", "device off"]
+
+
+def test_a_stop_that_got_lost_is_raised_again() -> None:
+    done = []
+
+    def body() -> None:
+        with suppress(Stopped):
+            send(signal.SIGTERM)
+        with uninterrupted():
+            heed_stop()
+            done.append("shielded")
+        heed_stop()
+        done.append("too late")
+
+    assert "SIGTERM" in stopped_by(body)
+    assert done == ["shielded"]
+
+
+def test_what_others_make_of_a_stop_is_told_as_the_stop() -> None:
+    def imports() -> None:
+        try:
+            send(signal.SIGTERM)
+        except Stopped as error:
+            raise ImportError("failed to import") from error
+
+    assert "SIGTERM" in stopped_by(imports)
+
+
+def test_an_error_without_a_stop_stays_what_it_is() -> None:
+    with pytest.raises(ImportError, match="no module of that name"), stops_raise():
+        raise ImportError("no module of that name")
+
+
+def test_a_stop_is_forgotten_with_what_it_stopped() -> None:
+    stopped_by(lambda: send(signal.SIGTERM))
+    heed_stop()
+
+
+def test_an_error_of_the_body_is_not_hidden_by_a_signal() -> None:
+    def body() -> None:
+        with uninterrupted():
+            send(signal.SIGINT)
+            raise OSError("the disk is full")
+
+    with pytest.raises(OSError, match="the disk is full"), stops_raise():
+        body()
+
+
+def test_handlers_are_as_before_afterwards() -> None:
+    before = signal.getsignal(signal.SIGTERM)
+    with stops_raise():
+        assert signal.getsignal(signal.SIGTERM) != before
+    assert signal.getsignal(signal.SIGTERM) == before
+
+
+class Tracer:
+    """Sends a signal before the n-th instruction of the loop and of what shields it."""
+
+    def __init__(self, instruction: int) -> None:
+        self.left = instruction
+
+    def __call__(self, frame: FrameType, event: str, _: object) -> "Tracer | None":
+        if Path(frame.f_code.co_filename).name not in {"loop.py", "stopping.py", "contextlib.py"}:
+            return None
+        frame.f_trace_opcodes = True
+        if event == "opcode":
+            self.left -= 1
+            if self.left == 0:
+                signal.raise_signal(signal.SIGINT)
+        return self
+
+
+def stopped_at(instruction: int, made: Room) -> bool:
+    """Whether there is such an instruction."""
+
+    def part(room: Room) -> None:
+        room.device.arm()
+        room.log.append("device-armed")
+
+    tracer, before = Tracer(instruction), sys.gettrace()
+    with suppress(Stopped), stops_raise():
+        sys.settrace(tracer)
+        try:
+            _to_the_end(part, made)
+        finally:
+            sys.settrace(before)
+    return tracer.left <= 0
+
+
+def test_a_signal_before_any_instruction_leaves_the_device_off(tmp_path: Path) -> None:
+    for instruction in itertools.count(1):
+        device = FakeDevice()
+        with open_journal(tmp_path / f"{instruction}.db") as journal:
+            made = room(journal, device, FakeParticipant())
+            more = stopped_at(instruction, made)
+            tags = [event.tag for event in journal.events("P01/1")]
+        assert device.calls in ([], ["off"], ["arm", "off"]), instruction
+        told = ["device-armed", "device-off", "session-completed"]
+        assert tags[1:] in ([], told[:2], told), instruction
+        if not more:
+            break
+    assert instruction > 100

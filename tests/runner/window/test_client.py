@@ -1,0 +1,165 @@
+"""The session's side of the window: answers, silence, and the end of the process."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from protocol.errors import WorkFailed
+from protocol.study.texts import TEXTS
+from protocol.study_file.loading import parsed_study, template
+from runner.screens import AskChange, Instruction, Notice, Response
+from runner.window.client import SILENT_S, WindowGone, WindowParticipant, participant_window
+from runner.window.messages import (
+    Settings,
+    line_of,
+    message_of,
+    screen_of,
+    settings_message,
+    settings_of,
+    show_message,
+)
+from runner.window.pages import Wording
+from runner.window.preflight import foreseen
+from runner.window.text_layout import FONTS, first_font, missing
+
+PAPER = parsed_study(template("paper"))
+ALIVE = {"alive": 1.0}
+
+
+@dataclass
+class FakePeer:
+    """Says `said`, once."""
+
+    said: list[Mapping[str, Any]] = field(default_factory=list)
+    heard: list[Mapping[str, Any]] = field(default_factory=list)
+
+    def send(self, message: Mapping[str, Any]) -> None:
+        self.heard.append(message)
+
+    def received(self) -> list[Mapping[str, Any]]:
+        said, self.said = self.said, []
+        return said
+
+
+@dataclass
+class At:
+    """A participant, its peer, and the time."""
+
+    peer: FakePeer = field(default_factory=FakePeer)
+    t_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.participant = WindowParticipant(self.peer, lambda: self.t_s)
+
+    def poll(self, *said: Mapping[str, Any], after_s: float = 0.05) -> Response | None:
+        self.t_s += after_s
+        self.peer.said += said
+        return self.participant.poll()
+
+
+def answer(number: int, text: str) -> dict[str, Any]:
+    return {"answer": text, "of": number, "reaction_time_s": 0.7, "trace": {"path": []}}
+
+
+def test_an_answer_is_given_once() -> None:
+    at = At()
+    at.participant.show(AskChange(question="places"))
+    assert at.poll(ALIVE) is None
+    given = at.poll({"shown": 1, "at_s": 5.0}, answer(1, "swapped"))
+    assert given == Response(answer="swapped", reaction_time_s=0.7, trace={"path": []})
+    assert at.participant.shown_s == 5.0
+    assert at.poll(ALIVE) is None
+
+
+def test_an_answer_to_the_screen_before_is_no_answer() -> None:
+    at = At()
+    at.participant.show(Instruction(text="remember"))
+    at.participant.show(AskChange(question="places"))
+    assert at.poll(answer(1, "ready")) is None
+
+
+def test_a_window_that_is_silent_is_found_stuck_within_bounded_time() -> None:
+    at = At()
+    at.participant.show(Notice(text="pause"))
+    at.poll(ALIVE)
+    while at.t_s < SILENT_S:
+        assert at.poll() is None
+    with pytest.raises(WindowGone, match=r"stuck \(silent for 2 s\).*--ratings console"):
+        at.poll(after_s=0.2)
+
+
+def test_a_session_that_was_itself_held_up_does_not_blame_the_window() -> None:
+    at = At()
+    at.participant.show(Notice(text="pause"))
+    at.poll(ALIVE)
+    assert at.poll(after_s=600.0) is None
+    assert at.poll(ALIVE) is None
+
+
+def test_a_closed_window_ends_the_session() -> None:
+    at = At()
+    with pytest.raises(WindowGone, match=r"window was closed; .*--ratings console"):
+        at.poll({"closed": True})
+
+
+def test_a_window_that_cannot_draw_any_more_ends_the_session() -> None:
+    at = At()
+    with pytest.raises(WindowGone, match=r"cannot draw \(out of memory\); .*--ratings console"):
+        at.poll({"broken": "out of memory"})
+
+
+def test_escape_calls_the_operator_only() -> None:
+    at = At()
+    calls: list[str] = []
+    at.participant.call_operator = lambda: calls.append("called")
+    assert at.poll({"operator": True}) is None
+    assert calls == ["called"]
+
+
+def test_no_display_is_one_line_that_names_the_console(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.platform", "linux")
+    monkeypatch.delenv("DISPLAY", raising=False)
+    expected = r"no display .*\(DISPLAY is not set\); use --ratings console"
+    with (
+        pytest.raises(WorkFailed, match=expected),
+        participant_window(["false"], Settings(wording=Wording())),
+    ):
+        raise AssertionError("a window was opened without a display")
+
+
+@pytest.mark.parametrize("screen", foreseen(PAPER, consent="C-7"), ids=str)
+def test_every_screen_comes_through_the_wire_unchanged(screen: Any) -> None:
+    assert screen_of(message_of(line_of(show_message(3, screen)))) == screen
+
+
+@pytest.mark.parametrize("language", ["en", "zh"])
+def test_the_settings_come_through_the_wire_unchanged(language: Any) -> None:
+    settings = Settings(
+        wording=Wording(language=language, texts=TEXTS[language]),
+        screen=1,
+        windowed=True,
+        foreseen=foreseen(PAPER, consent=None),
+    )
+    assert settings_of(message_of(line_of(settings_message(settings)))) == settings
+
+
+@given(line=st.sampled_from(["", "{", "7", "null", '"text"', "[1, 2]", "\x00"]))
+def test_a_line_that_is_no_message_is_refused(line: str) -> None:
+    with pytest.raises(ValueError, match="must be one JSON object, got ") as refused:
+        message_of(line)
+    assert repr(line) in str(refused.value)
+
+
+def test_an_unknown_screen_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"must be one of Notice, .*, got Film"):
+        screen_of({"show": 1, "screen": "Film"})
+
+
+def test_the_first_font_that_is_there_is_taken() -> None:
+    assert first_font("zh", {"Noto Sans CJK JP", "PingFang SC"}.__contains__) == "Noto Sans CJK JP"
+    assert first_font("zh", {"DejaVu Sans"}.__contains__) is None
+    assert FONTS["zh"][0] in missing("zh")

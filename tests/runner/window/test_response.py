@@ -1,0 +1,160 @@
+"""Choosing and confirming: every key and press, and what must never happen by itself."""
+
+import random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from protocol.study.questions import ANSWERS, Question, Rating
+from runner.screens import AskChange, AskScore, Instruction, Notice, Pacing, Screen, Welcome
+from runner.window.elements import Dragged, Input, Key, Pressed, Released
+from runner.window.pages import targets
+from runner.window.response import EARLY_S, Answering
+from runner.window.widgets import score_x
+
+RATING = Rating()
+CHANGE, SCORE = AskChange(question="roughness"), AskScore(rating=RATING)
+KEYS = [*"0123456789", "left", "right", "up", "down", "enter", "backspace", "escape"]
+POINTS = st.tuples(st.floats(-400, 400), st.floats(-300, 300))
+INPUTS: st.SearchStrategy[Input] = st.one_of(
+    st.sampled_from(KEYS).map(lambda name: Key(name=name)),
+    POINTS.map(lambda point: Pressed(x=point[0], y=point[1])),
+    POINTS.map(lambda point: Dragged(x=point[0], y=point[1])),
+    st.just(Released()),
+)
+
+
+def after(screen: Screen, *given_inputs: Input | str) -> Answering:
+    """The screen after inputs a second apart; a string is a row of keys."""
+    answering = Answering(screen)
+    inputs = [
+        single
+        for entry in given_inputs
+        for single in ([Key(name=n) for n in entry.split()] if isinstance(entry, str) else [entry])
+    ]
+    for number, single in enumerate(inputs, start=1):
+        answering.take(single, float(number))
+    return answering
+
+
+def press(screen: Screen, name: str) -> Pressed:
+    """A press in the middle of a target."""
+    room = next(target.room for target in targets(screen) if target.name == name)
+    return Pressed(x=room.x, y=room.y)
+
+
+def press_score(score: float) -> Pressed:
+    return Pressed(x=score_x(score, RATING), y=50)
+
+
+@pytest.mark.parametrize(
+    ("keys", "chosen"),
+    [
+        ("7", "7"),
+        ("1 0", "10"),
+        ("1 5", "5"),
+        ("0 5", "5"),
+        ("1 0 0", "0"),
+        ("1 0 backspace", "1"),
+        ("7 backspace", None),
+        ("right", "0"),
+        ("left", "10"),
+        ("up", "0"),
+        ("5 right", "6"),
+        ("5 down left", "3"),
+        ("1 0 right", "10"),
+        ("0 left", "0"),
+        ("1 right 0", "0"),
+        ("enter", None),
+    ],
+)
+def test_a_score_by_keys(keys: str, chosen: str | None) -> None:
+    assert after(SCORE, keys).chosen == chosen
+    assert after(SCORE, keys).answer is None
+    assert after(SCORE, f"{keys} enter").answer == chosen
+
+
+@pytest.mark.parametrize(
+    ("keys", "chosen"),
+    [
+        ("1", "smoother"),
+        ("3", "same"),
+        ("4", None),
+        ("0", None),
+        ("2 9", "rougher"),
+        ("down", "smoother"),
+        ("up", "same"),
+        ("down down", "rougher"),
+        ("1 up", "smoother"),
+        ("2 backspace", None),
+    ],
+)
+def test_a_change_by_keys(keys: str, chosen: str | None) -> None:
+    assert after(CHANGE, keys).chosen == chosen
+    assert after(CHANGE, f"{keys} enter").answer == chosen
+
+
+@pytest.mark.parametrize("question", ANSWERS)
+def test_a_change_by_the_pointer(question: Question) -> None:
+    screen = AskChange(question=question)
+    for answer in ANSWERS[question]:
+        chosen = after(screen, press(screen, answer), Released(), press(screen, "confirm"))
+        assert chosen.answer == answer
+
+
+@pytest.mark.parametrize("score", range(11))
+def test_a_score_by_the_pointer_is_the_nearest_one(score: int) -> None:
+    for beside in (-0.45, 0.0, 0.45):
+        assert after(SCORE, press_score(score + beside)).chosen == str(score)
+
+
+def test_the_mark_follows_the_pointer_and_its_path_is_kept() -> None:
+    drag = [Dragged(x=score_x(place, RATING), y=-200) for place in (2.4, 3.2, 4.0)]
+    answering = after(SCORE, press_score(2), *drag, Released(), drag[0], "enter")
+    assert answering.answer == "4"
+    trace = answering.trace()
+    assert trace["start"] == {"t_s": 1.0, "value": "2", "by": "pointer"}
+    assert [step["at"] for step in trace["path"]] == [2.0, 2.4, 3.2, 4.0]
+    assert [change["value"] for change in trace["changes"]] == ["2", "3", "4"]
+    assert trace["confirmed_s"] == 7.0
+
+
+def test_a_drag_that_began_elsewhere_moves_no_mark() -> None:
+    assert after(SCORE, Pressed(x=0, y=250), Dragged(x=0, y=50)).chosen is None
+
+
+@pytest.mark.parametrize("screen", [Welcome(), Instruction(text="remember"), Notice(text="thanks")])
+def test_a_page_with_a_button_is_answered_by_the_button_or_enter(screen: Screen) -> None:
+    assert after(screen, "enter").answer == "ready"
+    assert after(screen, press(screen, "ready")).answer == "ready"
+    assert after(screen, Pressed(x=0, y=0), "5 left").answer is None
+
+
+def test_a_press_before_anybody_can_react_was_meant_for_the_screen_before() -> None:
+    answering = Answering(Instruction(text="remember"))
+    answering.take(Key(name="enter"), EARLY_S / 2)
+    assert (answering.answer, answering.early) == (None, 1)
+
+
+@given(inputs=st.lists(INPUTS, max_size=60))
+def test_whatever_is_pressed_only_a_confirmed_choice_of_the_scale_is_an_answer(
+    inputs: list[Input],
+) -> None:
+    answering = after(SCORE, *inputs)
+    assert answering.chosen in {None, *(str(score) for score in range(11))}
+    if answering.answer is not None:
+        assert answering.answer == answering.chosen == answering.changes[-1]["value"]
+        assert all(0 <= step["at"] <= 10 for step in answering.path if step["at"] is not None)
+
+
+@given(inputs=st.lists(INPUTS, max_size=60))
+def test_nothing_ends_a_notice_or_a_touch(inputs: list[Input]) -> None:
+    pacing = Pacing(start_m=0.01, end_m=0.08, duration_s=1, force_n=0.5, direction="right")
+    for screen in (Notice(text="touch.end"), Notice(text="pause"), pacing):
+        assert after(screen, *inputs).answer is None
+
+
+def test_the_first_arrow_favours_no_score_in_the_middle() -> None:
+    keys = random.Random(1).choices(["left", "right"], k=50)
+    assert {after(SCORE, key).chosen for key in keys} == {"0", "10"}

@@ -1,0 +1,173 @@
+"""The window's process without a window: a canvas that only remembers, a clock that is set."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+from protocol.study.questions import Rating
+from runner.screens import AskScore, Instruction, Notice, Pacing
+from runner.window.elements import Dot, Input, Key, Page
+from runner.window.messages import Settings, show_message
+from runner.window.pages import Wording
+from runner.window.presentation import FrameTimes
+from runner.window.server import Mailbox, Serving
+
+INTERVAL_S = 1 / 60
+SETTINGS = Settings(wording=Wording(), foreseen=(AskScore(rating=Rating()),))
+PACING = Pacing(start_m=0.0, end_m=0.1, duration_s=1.0, force_n=0.5, direction="right")
+
+
+class NeverWaits(Mailbox):
+    """A mailbox whose waiting takes none of the test's time."""
+
+    def get(self, block: bool = True, timeout: float | None = None) -> Mapping[str, Any]:
+        return self.get_nowait()
+
+
+@dataclass
+class FakeCanvas:
+    """A screen of 60 Hz that holds flips back if it is told to; `script` acts at frames."""
+
+    script: dict[int, Any]
+    holds_back: bool = False
+    closed: bool = False
+    t_s: float = 0.0
+    flips: int = 0
+    drawn: list[Page] = field(default_factory=list)
+    prepared: list[Page] = field(default_factory=list)
+    waiting: list[tuple[float, Input]] = field(default_factory=list)
+
+    def look(self) -> dict[str, Any]:
+        return {"refresh_hz": None, "px_per_unit": 1.0, "mm_per_px": 0.25, "screen": 0}
+
+    def draw(self, page: Page) -> None:
+        self.drawn.append(page)
+        self.t_s += 0.003
+
+    def prepare(self, page: Page) -> None:
+        self.prepared.append(page)
+
+    def flip(self) -> float:
+        self.flips += 1
+        if self.holds_back:
+            self.t_s = (self.t_s // INTERVAL_S + 1) * INTERVAL_S
+        if self.flips in self.script:
+            self.script[self.flips](self)
+        return self.t_s
+
+    def inputs(self) -> list[tuple[float, Input]]:
+        self.t_s += 0.001
+        taken, self.waiting = self.waiting, []
+        return taken
+
+    def press(self, name: str) -> None:
+        self.waiting.append((self.t_s, Key(name=name)))
+
+    def close_window(self) -> None:
+        self.closed = True
+
+
+def served(script: dict[int, Any], *, holds_back: bool = False) -> tuple[FakeCanvas, list[Any]]:
+    """Serve until the script ends it; the flips before the first screen are the first seven."""
+    mailbox = NeverWaits()
+    sent: list[Mapping[str, Any]] = []
+    canvas = FakeCanvas({}, holds_back=holds_back)
+    canvas.script = {
+        at: (lambda _, act=act: act(canvas) if callable(act) else mailbox.put(act))
+        for at, act in script.items()
+    }
+    Serving(canvas, SETTINGS, mailbox, sent.append, lambda: canvas.t_s).run()
+    return canvas, sent
+
+
+def answers(sent: list[Any]) -> list[Any]:
+    return [message for message in sent if "answer" in message]
+
+
+def test_a_score_comes_back_with_its_trace_and_the_screens_before_it() -> None:
+    canvas, sent = served(
+        {
+            8: show_message(1, PACING),
+            30: show_message(2, AskScore(rating=Rating())),
+            50: lambda canvas: canvas.press("7"),
+            60: lambda canvas: canvas.press("enter"),
+            70: {"end": True},
+        }
+    )
+    assert "opened" in sent[0]
+    assert [message["shown"] for message in sent if "shown" in message] == [1, 2]
+    (answer,) = answers(sent)
+    assert (answer["answer"], answer["of"]) == ("7", 2)
+    trace = answer["trace"]
+    assert [screen["screen"] for screen in trace["screens"]] == ["wait", "pacing", "score"]
+    assert trace["start"]["t_s"] < answer["reaction_time_s"] == trace["confirmed_s"]
+    assert trace["scale"]["length_mm"] == 660 * 0.25
+    assert trace["scale"]["ticks"] == list(range(11))
+    assert canvas.prepared, "what is foreseen is built before it is needed"
+
+
+@pytest.mark.parametrize("holds_back", [True, False])
+def test_frames_come_at_the_refresh_rate_whoever_paces_them(holds_back: bool) -> None:
+    _, sent = served(
+        {
+            8: show_message(1, Instruction(text="remember")),
+            200: lambda canvas: canvas.press("enter"),
+            210: {"end": True},
+        },
+        holds_back=holds_back,
+    )
+    (answer,) = answers(sent)
+    frames = answer["trace"]["screens"][-1]
+    assert frames["median_ms"] == pytest.approx(1000 * INTERVAL_S, abs=1.1)
+    assert frames["dropped"] == []
+    assert answer["trace"]["display"]["paced_by"] == ("screen" if holds_back else "clock")
+
+
+def test_a_new_screen_is_drawn_at_once() -> None:
+    canvas, _ = served({8: show_message(1, PACING), 9: {"end": True}})
+    before = [page for page in canvas.drawn if not any(isinstance(e, Dot) for e in page)]
+    assert len(canvas.drawn) - len(before) >= 1
+    assert canvas.drawn[8] != canvas.drawn[7]
+
+
+def test_escape_calls_the_operator_and_ends_nothing() -> None:
+    _, sent = served(
+        {
+            8: show_message(1, Instruction(text="remember")),
+            30: lambda canvas: canvas.press("escape"),
+            60: lambda canvas: canvas.press("enter"),
+            70: {"end": True},
+        }
+    )
+    assert [message for message in sent if "operator" in message] == [{"operator": True}]
+    (answer,) = answers(sent)
+    assert len(answer["trace"]["screens"][-1]["operator_called_s"]) == 1
+
+
+def test_a_closed_window_says_so() -> None:
+    _, sent = served({20: FakeCanvas.close_window})
+    assert sent[-1] == {"closed": True}
+
+
+def test_a_window_that_draws_says_so_five_times_a_second() -> None:
+    canvas, sent = served({8: show_message(1, Notice(text="pause")), 308: {"end": True}})
+    alive = [message["alive"] for message in sent if "alive" in message]
+    gaps = [later - earlier for earlier, later in pairwise(alive)]
+    assert max(gaps) < 0.25
+    assert alive[-1] > canvas.t_s - 0.25
+
+
+def test_dropped_frames_are_told_from_late_ones() -> None:
+    frames = FrameTimes(0.016)
+    for t_s in (1.0, 1.016, 1.032, 1.055, 1.087, 1.103):
+        frames.add(t_s)
+    assert frames.record() == {
+        "frames": 6,
+        "dropped": [[0.087, 32.0]],
+        "median_ms": 16.0,
+        "p99_ms": 32.0,
+        "max_ms": 32.0,
+    }

@@ -1,0 +1,170 @@
+"""Power cuts: wherever a session is killed, it resumes, and nothing acknowledged is lost."""
+
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from protocol.journal.state import Event
+from runner.journal.store import Journal, JournalError, open_journal
+from runner.journal.verification import verdicts
+from runner.session.loop import run
+from tests.runner.fakes import FakeDevice, FakeParticipant, room
+
+
+class Killed(BaseException):
+    """The process is gone: nothing that would follow happens either."""
+
+
+class DyingJournal:
+    """A journal whose process dies at the write number `at`, before or after it is on the disk."""
+
+    def __init__(self, journal: Journal, at: int, *, after: bool) -> None:
+        self._journal = journal
+        self._left = at
+        self._after = after
+        self._dead = False
+        self.acknowledged: list[Event] = []
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._journal, name)
+
+    def append(self, session: str, event: Event) -> None:
+        if self._dead:
+            raise Killed
+        self._left -= 1
+        if self._left < 0:
+            self._dead = True
+            if self._after:
+                self._journal.append(session, event)
+            raise Killed
+        self._journal.append(session, event)
+        self.acknowledged.append(event)
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[Journal]:
+    with open_journal(path) as journal:
+        yield journal
+
+
+def writes_of_a_session(folder: Path) -> int:
+    with opened(folder / "whole.db") as journal:
+        run(room(journal, FakeDevice(), FakeParticipant()))
+        return len(journal.events("P01/1"))
+
+
+def finished_after(path: Path, acknowledged: list[Event]) -> None:
+    """Resume the session in `path` and require that everything is there exactly once."""
+    with opened(path) as journal:
+        made = room(journal, FakeDevice(), FakeParticipant())
+        if made.log.state.name != "completed":
+            run(made)
+        (verdict,) = verdicts(journal)
+        assert verdict.ok, verdict
+        assert (verdict.trials_answered, verdict.duplicates, verdict.missing) == (7, 0, 0)
+        events = journal.events("P01/1")
+        assert [(event.seq, event.tag) for event in events[: len(acknowledged)]] == [
+            (event.seq, event.tag) for event in acknowledged
+        ]
+        started = sum(event.tag == "trial-started" for event in events)
+        assert started == 7 + verdict.trials_aborted
+
+
+@pytest.mark.parametrize("after", [False, True], ids=["before", "after"])
+def test_killed_at_every_write_a_session_resumes(tmp_path: Path, after: bool) -> None:
+    for at in range(writes_of_a_session(tmp_path)):
+        path = tmp_path / f"{at}.db"
+        with opened(path) as journal:
+            dying: Any = DyingJournal(journal, at, after=after)
+            with pytest.raises(Killed):
+                run(room(dying, FakeDevice(), FakeParticipant()))
+            acknowledged = dying.acknowledged
+        finished_after(path, acknowledged)
+
+
+def test_killed_twice_it_still_resumes(tmp_path: Path) -> None:
+    for first, second in [(9, 4), (15, 12), (3, 20)]:
+        path = tmp_path / f"{first}-{second}.db"
+        for at in (first, second):
+            with opened(path) as journal:
+                dying: Any = DyingJournal(journal, at, after=False)
+                with pytest.raises(Killed):
+                    run(room(dying, FakeDevice(), FakeParticipant()))
+        finished_after(path, [])
+
+
+@settings(
+    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(cut=st.integers(0, 60_000), seed=st.integers(0, 2**32))
+def test_a_torn_log_loses_only_its_end(tmp_path_factory: Any, cut: int, seed: int) -> None:
+    """The last bytes of the write-ahead log never reached the disk, or are rubbish."""
+    import random
+    import shutil
+
+    folder = tmp_path_factory.mktemp("torn")
+    with opened(folder / "study.db") as journal:
+        dying: Any = DyingJournal(journal, 20, after=False)
+        with pytest.raises(Killed):
+            run(room(dying, FakeDevice(), FakeParticipant()))
+        for name in ("study.db", "study.db-wal"):
+            shutil.copy(folder / name, folder / f"copy-{name}")
+        whole = journal.events("P01/1")
+    log = folder / "copy-study.db-wal"
+    data = log.read_bytes()
+    keep = max(len(data) - cut, 0)
+    rubbish = random.Random(seed).randbytes(min(cut, len(data)) // 2)
+    log.write_bytes(data[:keep] + rubbish)
+    with opened(folder / "copy-study.db") as journal:
+        events = journal.events("P01/1")
+        assert events == whole[: len(events)], "what is left is a beginning of what there was"
+        assert all(verdict.chain_ok for verdict in verdicts(journal))
+    finished_after(folder / "copy-study.db", [])
+
+
+def test_a_full_disk_is_an_error_and_the_session_resumes(tmp_path: Path) -> None:
+    path = tmp_path / "study.db"
+    device = FakeDevice()
+    with opened(path) as journal:
+        made = room(journal, device, FakeParticipant())
+        pages = journal._connection.execute("PRAGMA page_count").fetchone()[0]
+        journal._connection.execute(f"PRAGMA max_page_count = {pages + 4}")
+        with pytest.raises(JournalError, match=r"cannot be written .*full"):
+            run(made)
+    assert not device.on
+    assert device.calls[-1] == "off"
+    finished_after(path, [])
+
+
+def test_a_locked_journal_is_an_error_before_the_output_goes_on(tmp_path: Path) -> None:
+    import sqlite3
+
+    path = tmp_path / "study.db"
+    device = FakeDevice()
+    with opened(path) as journal, closing(sqlite3.connect(path, isolation_level=None)) as other:
+        made = room(journal, device, FakeParticipant())
+        journal._connection.execute("PRAGMA busy_timeout = 50")
+        other.execute("BEGIN IMMEDIATE")
+        with pytest.raises(JournalError, match=r"cannot be written .*locked"):
+            run(made)
+    assert "drive" not in device.calls
+
+
+def test_a_copy_made_during_a_session_is_consistent(tmp_path: Path) -> None:
+    import shutil
+
+    with opened(tmp_path / "study.db") as journal:
+        run(room(journal, FakeDevice(), FakeParticipant()))
+        journal.checkpoint()
+        made = room(journal, FakeDevice(), FakeParticipant())
+        made.log.append("note", text="not checkpointed yet")
+        shutil.copy(tmp_path / "study.db", tmp_path / "copy.db")
+    with opened(tmp_path / "copy.db") as copy:
+        (verdict,) = verdicts(copy)
+        assert verdict.ok
+        assert verdict.state == "completed"

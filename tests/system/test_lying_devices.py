@@ -1,0 +1,182 @@
+"""A device that reports what cannot be, or must not be: each answer is held against the drive."""
+
+from dataclasses import replace
+
+import pytest
+
+from device.drivers.driver import Driver
+from device.drivers.setpoints import Sweep
+from device.errors import DeviceError, OutputUnknown
+from tests.device.lying import LyingPort, lying
+from tests.device.rigs import DRIVE, LIMITS
+
+FREQ = {"board": "FREQ?", "keysight": "SOUR1:FREQ?"}
+SWEEP = Sweep(start_hz=24_400, stop_hz=24_000, duration_s=2)
+
+
+@pytest.mark.parametrize("query", ["read_back", "check"])
+@pytest.mark.parametrize("shown_v", ["108", "126.5", "500"])
+def test_a_board_that_gives_more_than_was_asked_is_not_believed_to_be_right(
+    query: str, shown_v: str
+) -> None:
+    """Both readings agree: a wrong gain inside the board."""
+    board, port = lying(LIMITS)
+    board.drive(DRIVE)
+    port.lies = {"VOLT:INST?": [shown_v], "MEAS:VOLT?": [shown_v]}
+    with pytest.raises(DeviceError, match=rf"must not exceed 100\.0 V, got {float(shown_v):.1f} V"):
+        getattr(board, query)()
+
+
+@pytest.mark.parametrize("query", ["read_back", "check"])
+def test_two_small_errors_of_a_board_do_not_add_up(query: str) -> None:
+    board, port = lying(LIMITS)
+    board.drive(DRIVE)
+    port.lies = {"VOLT:INST?": ["106"], "MEAS:VOLT?": ["113"]}
+    with pytest.raises(DeviceError, match=r"must not exceed 100\.0 V, got 113\.0 V"):
+        getattr(board, query)()
+
+
+def test_a_board_may_give_what_it_comes_down_from_and_no_more_than_it_has_left_of_it() -> None:
+    board, port = lying(LIMITS)
+    board.drive(DRIVE)
+    port.advance(0.2)
+    board.drive(replace(DRIVE, voltage_v=20))
+    port.advance(0.05)
+    assert board.read_back().monitor_v == pytest.approx(60, abs=1)
+    board.check()
+    port.lies = {"VOLT:INST?": ["80"], "MEAS:VOLT?": ["80"]}
+    with pytest.raises(DeviceError, match=r"must not exceed 60\.0 V, got 80\.0 V"):
+        board.check()
+
+
+def test_a_board_that_was_off_comes_down_from_nothing() -> None:
+    board, port = lying(LIMITS)
+    board.drive(DRIVE)
+    port.advance(1)
+    board.off()
+    board.drive(replace(DRIVE, voltage_v=20))
+    port.lies = {"VOLT:INST?": ["80"], "MEAS:VOLT?": ["80"]}
+    with pytest.raises(DeviceError, match=r"must not exceed 20\.0 V, got 80\.0 V"):
+        board.read_back()
+
+
+@pytest.mark.parametrize("query", ["read_back", "check"])
+def test_a_generator_that_reports_another_amplitude_than_was_set_is_at_fault(query: str) -> None:
+    generator, port = lying(LIMITS, "keysight")
+    generator.drive(DRIVE)
+    port.lies = {"SOUR1:VOLT?": ["10"]}
+    with pytest.raises(DeviceError, match=r"amplitude was set to 0\.02 V and reads back as 100"):
+        getattr(generator, query)()
+
+
+@pytest.mark.parametrize("query", ["read_back", "check"])
+@pytest.mark.parametrize("dialect", FREQ)
+def test_a_frequency_that_was_not_commanded_is_a_fault(dialect: str, query: str) -> None:
+    driver, port = lying(LIMITS, dialect)
+    driver.drive(DRIVE)
+    port.lies = {FREQ[dialect]: ["99000"]}
+    with pytest.raises(DeviceError, match=r"FREQ was set to 24221\.37 and reads back as 99000"):
+        getattr(driver, query)()
+
+
+@pytest.mark.parametrize("dialect", FREQ)
+def test_a_stepped_frequency_is_held_against_its_last_step(dialect: str) -> None:
+    driver, port = lying(LIMITS, dialect)
+    for frequency_hz in (24_000.0, 24_100.0):
+        read_back = driver.drive(replace(DRIVE, frequency_hz=frequency_hz))
+        assert read_back.frequency_hz == frequency_hz
+        driver.check()
+    port.lies = {FREQ[dialect]: ["24000"]}
+    with pytest.raises(DeviceError, match="FREQ was set to 24100 and reads back as 24000"):
+        driver.check()
+
+
+@pytest.mark.parametrize("dialect", FREQ)
+@pytest.mark.parametrize("beyond_hz", ["23990", "24410"])
+def test_a_sweep_stays_between_its_ends_and_ends_with_the_next_drive(
+    dialect: str, beyond_hz: str
+) -> None:
+    driver, port = lying(LIMITS, dialect)
+    driver.drive(DRIVE)
+    driver.sweep(SWEEP)
+    for _ in range(4):
+        driver.check()
+        driver.read_back()
+        port.advance(0.7)
+    truth, port.lies = port.lies, {FREQ[dialect]: [beyond_hz]}
+    with pytest.raises(DeviceError, match=f"FREQ was set to 24000 to 24400 and .* {beyond_hz}"):
+        driver.check()
+    port.lies = truth
+    driver.drive(DRIVE)
+    port.lies = {FREQ[dialect]: ["24000"]}
+    with pytest.raises(DeviceError, match=r"FREQ was set to 24221\.37 and reads back as 24000"):
+        driver.check()
+
+
+def test_a_poll_of_a_board_is_one_question() -> None:
+    board, port = lying(LIMITS)
+    board.drive(DRIVE)
+    port.sent.clear()
+    board.check()
+    assert len(port.sent) == 1
+
+
+def off_at_first(*monitors: str) -> tuple[Driver, LyingPort]:
+    """A board that was driven, and its monitor's answers from then on."""
+    board, port = lying(LIMITS)
+    board.drive(DRIVE)
+    port.advance(1)
+    port.lies = {"MEAS:VOLT?": list(monitors)}
+    return board, port
+
+
+def test_a_board_is_off_when_its_output_has_discharged() -> None:
+    board, port = off_at_first("100", "60", "20", "2.1", "1.9")
+    port.sent.clear()
+    board.off()
+    assert len(port.sent) == 1 + 5, "off, and a look at each of the five"
+
+
+@pytest.mark.parametrize("monitor_v", ["150", "2.1", "-150"])
+def test_a_board_that_does_not_discharge_is_not_off(monitor_v: str) -> None:
+    """A shorted stage, or a relay that is stuck."""
+    board, port = off_at_first(monitor_v)
+    shown = float(monitor_v)
+    with pytest.raises(OutputUnknown, match=rf"UNKNOWN - cut .*monitor still shows {shown:.1f} V"):
+        board.off()
+    assert len(port.sent) < 1000, "it does not look for ever"
+
+
+def test_a_line_before_the_answer_does_not_make_a_board_off() -> None:
+    """The device says `0` unasked and then that it is on."""
+    board, port = lying(LIMITS)
+    board.drive(DRIVE)
+    port.lies = {"OUTP?": ["0\n1"]}
+    with pytest.raises(OutputUnknown, match="UNKNOWN - cut the amplifier"):
+        board.off()
+
+
+@pytest.mark.parametrize("query", ["read_back", "check"])
+def test_the_monitor_of_a_board_is_looked_at_while_it_is_off(query: str) -> None:
+    board, port = off_at_first()
+    board.off()
+    getattr(board, query)()
+    port.lies = {"MEAS:VOLT?": ["150"]}
+    with pytest.raises(DeviceError, match=r"the monitor must show 0\.0 V, got 150\.0 V"):
+        getattr(board, query)()
+
+
+def test_a_board_that_is_off_and_means_to_give_something_is_at_fault() -> None:
+    board, port = off_at_first()
+    board.off()
+    port.lies = {"VOLT:INST?": ["150"], "MEAS:VOLT?": ["150"]}
+    with pytest.raises(DeviceError, match=r"must not exceed 0\.0 V, got 150\.0 V"):
+        board.check()
+
+
+def test_arming_does_not_go_on_while_the_output_has_voltage() -> None:
+    board, port = off_at_first("150")
+    port.sent.clear()
+    with pytest.raises(OutputUnknown, match=r"monitor still shows 150\.0 V"):
+        board.arm()
+    assert not any(line.startswith("SYST:WATC") for line in port.sent)

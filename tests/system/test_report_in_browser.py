@@ -1,0 +1,161 @@
+"""The report as a reader meets it: in a browser without a network, by keyboard, and on paper."""
+
+import base64
+import json
+import re
+import shutil
+import subprocess
+from collections.abc import Iterator
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from selenium import webdriver
+from selenium.webdriver.common.by import By
+from selenium.webdriver.common.print_page_options import PrintOptions
+
+from analysis.loading.sessions import Happened
+from analysis.loading.study_data import loaded
+from analysis.report.report import report, write_report
+from tests.analysis.reports import EXTENDED, ORIGIN, session_events
+
+NEEDED = ("chromium", "chromedriver", "pdftotext")
+pytestmark = pytest.mark.skipif(
+    not all(map(shutil.which, NEEDED)),
+    reason="no browser: install chromium, chromium-driver and poppler-utils",
+)
+FLAGS = (
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--host-resolver-rules=MAP * ~NOTFOUND",
+)
+TYPED = "<script>document.title='caught'</script> =cmd()"
+POINTS_PER_MM = 72 / 25.4
+
+
+def nasty_sessions() -> list[list[Happened]]:
+    """Sessions with catch and opposite trials, missing scores, and texts that want to run."""
+    rng = np.random.default_rng(2)
+    sessions = [
+        session_events(EXTENDED, slot, rng, who=who)
+        for slot, who in enumerate(("P01", "<b>P02</b>", "参与者-3", "P04"))
+    ]
+    sessions[0][-1:-1] = [
+        ("note", {"text": TYPED}),
+        ("trial-excluded", {"index": 9, "reason": TYPED}),
+    ]
+    for number, (tag, payload) in enumerate(sessions[3]):
+        if tag == "answered" and payload["condition"] == "pressure":
+            sessions[3][number] = (tag, {**payload, "score": None})
+    return sessions
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("report")
+    found = loaded(nasty_sessions(), rehearsals=False, rules=EXTENDED.exclusions)
+    write_report(report(TYPED, found, EXTENDED, ORIGIN), place)
+    return place
+
+
+@pytest.fixture(scope="module")
+def browser(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[webdriver.Chrome]:
+    options = webdriver.ChromeOptions()
+    options.binary_location = shutil.which("chromium") or ""
+    for flag in (*FLAGS, f"--user-data-dir={tmp_path_factory.mktemp('profile')}"):
+        options.add_argument(flag)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    service = webdriver.ChromeService(executable_path=shutil.which("chromedriver"))
+    with webdriver.Chrome(options=options, service=service) as driver:
+        driver.set_window_size(1200, 900)
+        driver.get("about:blank")
+        driver.get_log("performance")  # type: ignore[no-untyped-call]  # of the browser's own page
+        driver.get(f"file://{folder / 'report.html'}")
+        yield driver
+
+
+def test_it_asks_for_nothing_and_complains_of_nothing(browser: webdriver.Chrome) -> None:
+    messages = [json.loads(entry["message"])["message"] for entry in browser.get_log("performance")]  # type: ignore[no-untyped-call]
+    asked = [
+        message["params"]["request"]["url"]
+        for message in messages
+        if message["method"] == "Network.requestWillBeSent"
+    ]
+    assert [url.rpartition("/")[2] for url in asked] == ["report.html"]
+    assert browser.get_log("browser") == []  # type: ignore[no-untyped-call]
+
+
+def test_texts_that_people_typed_stay_texts(browser: webdriver.Chrome) -> None:
+    assert browser.title == f"{TYPED}: report"
+    assert browser.find_elements(By.TAG_NAME, "script") == []
+    assert TYPED in browser.find_element(By.ID, "incidents").text
+    assert TYPED in browser.find_element(By.ID, "left-out").text
+
+
+def test_a_score_leads_to_its_trials_and_their_predictions(browser: webdriver.Chrome) -> None:
+    cell = browser.find_element(By.CSS_SELECTOR, "#table4 tbody tr:nth-child(2) td:nth-child(4) a")
+    score = float(cell.text)
+    cell.send_keys("\n")
+    target = browser.find_element(By.CSS_SELECTOR, ":target")
+    assert target.get_attribute("id") == "trials-2-3"
+    visible = (
+        "const b = arguments[0].getBoundingClientRect(); return b.top >= 0 && b.top < innerHeight"
+    )
+    assert browser.execute_script(visible, target)
+    rows = target.find_elements(By.XPATH, "./..//tr[th='voltage']")
+    cells = [[cell.text for cell in row.find_elements(By.TAG_NAME, "td")] for row in rows]
+    scored = [float(row[6]) for row in cells if row[2].startswith("trial") and row[6] != "–"]
+    assert np.mean(scored) == pytest.approx(score, abs=0.005)
+    assert all(re.fullmatch(r"−?\d\.\d{4}", text) for row in cells for text in row[7:10])
+
+
+def test_a_missing_score_leads_to_its_trials_too(browser: webdriver.Chrome) -> None:
+    missing = browser.find_elements(By.CSS_SELECTOR, "#table4 td.missing a")
+    assert [cell.get_attribute("aria-label") for cell in missing] == ["not given: its trials"]
+    assert browser.find_element(By.ID, "readings").is_displayed()
+
+
+@pytest.mark.parametrize("width", [1200, 400])
+def test_axe_finds_no_accessibility_violation(browser: webdriver.Chrome, width: int) -> None:
+    browser.set_window_size(width, 900)
+    browser.execute_script((files("axe_core_python") / "axe.min.js").read_text(encoding="utf-8"))
+    found: Any = browser.execute_async_script(
+        "const done = arguments[arguments.length - 1]; axe.run().then(done)"
+    )
+    assert [(entry["id"], entry["nodes"][0]["html"]) for entry in found["violations"]] == []
+    assert len(found["passes"]) > 15, "axe did look at the page"
+
+
+def test_only_tables_are_wider_than_a_narrow_screen(browser: webdriver.Chrome) -> None:
+    browser.set_window_size(400, 900)
+    script = "return document.documentElement.scrollWidth - document.documentElement.clientWidth"
+    assert browser.execute_script(script) == 0
+
+
+def test_printed_it_is_legible_and_nothing_is_cut_off(
+    browser: webdriver.Chrome, tmp_path: Path
+) -> None:
+    options = PrintOptions()
+    options.page_width, options.page_height = 21.0, 29.7
+    pdf = tmp_path / "report.pdf"
+    pdf.write_bytes(base64.b64decode(browser.print_page(options)))
+    boxes = subprocess.run(
+        ["pdftotext", "-bbox", str(pdf), "-"], capture_output=True, text=True, check=True
+    ).stdout
+    words = re.findall(
+        r'xMin="([\d.-]+)" yMin="[\d.]+" xMax="([\d.]+)" yMax="[\d.]+">(.*?)<', boxes
+    )
+    assert {"comprehensive", "heterogeneity)?", "measured", "structure"} <= {w[2] for w in words}
+    left, right = (min(float(w[0]) for w in words), max(float(w[1]) for w in words))
+    assert left >= 9 * POINTS_PER_MM
+    assert right <= (210 - 9) * POINTS_PER_MM
+    sizes = re.findall(r'yMin="([\d.]+)" xMax="[\d.]+" yMax="([\d.]+)">[a-z]+<', boxes)
+    assert min(float(bottom) - float(top) for top, bottom in sizes) >= 6, "points, in height"

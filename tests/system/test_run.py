@@ -1,0 +1,205 @@
+"""`touchbeam run` in use: cut short, changed under its hands, its streams closed or piped."""
+
+import io
+import signal
+import sqlite3
+import subprocess
+import sys
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from runner.journal.session_log import SessionLog
+from runner.journal.store import read_journal
+from runner.launch import run_session as sitting
+from runner.people.operator_console import PlainDisplay
+from runner.study.folder import StudyFolder
+from tests.runner.command_line import TOUCHBEAM, assert_matches, typed
+
+RUN = ("run", "study", "--participant", "P01", "--ratings")
+
+
+@pytest.fixture(autouse=True)
+def somewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_a_virtual_session_is_not_run_twice(capsys: pytest.CaptureFixture[str]) -> None:
+    assert typed("new", "study") == 0
+    arguments = ("run", "study", "--participant", "P01", "--ratings", "virtual")
+    assert typed(*arguments) == 0
+    assert "7 trials answered, device off (read back)" in capsys.readouterr().out
+    assert typed(*arguments) == 2
+    assert "P01/1 is complete" in capsys.readouterr().err
+    assert typed("report", "study") == 2
+    assert "nothing but rehearsals here; name them with --rehearsals" in capsys.readouterr().err
+
+
+def test_a_changed_study_does_not_go_on(capsys: pytest.CaptureFixture[str]) -> None:
+    typed("new", "study")
+    study = Path("study/study.toml")
+    study.write_text(study.read_text().replace("= 24221 ", "= 12000 "))
+    arguments = ("run", "study", "--participant", "P01", "--ratings", "virtual")
+    assert typed(*arguments) == 1
+    assert "no resonance between 11400 and 12600 Hz" in capsys.readouterr().err
+    study.write_text(study.read_text().replace("= 12000 ", "= 24221 "))
+    assert typed(*arguments) == 2
+    assert "study.toml has changed since the last session" in capsys.readouterr().err
+
+
+def test_what_run_would_refuse_is_not_accepted(capsys: pytest.CaptureFixture[str]) -> None:
+    typed("new", "study")
+    assert typed(*RUN, "virtual") == 0
+    study, before = Path("study/study.toml"), recorded()
+    study.write_text(study.read_text().replace("0.0414", "0.2", 1))
+    capsys.readouterr()
+    assert typed("amend", "study", "--reason", "further out") == 2
+    assert "must lie on the beam, which ends at 0.1 m" in capsys.readouterr().err
+    assert recorded() == before
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_turns_the_device_off_and_the_session_goes_on_later(number: int) -> None:
+    typed("new", "study")
+    command = [TOUCHBEAM, *RUN, "virtual"]
+    process = subprocess.Popen(
+        [*command, "--pace", "wall"], stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    wait_for_event("touch-started")
+    process.send_signal(number)
+    _, said = process.communicate(timeout=20)
+    assert process.returncode == 1
+    assert said.strip() == f"touchbeam: stopped by {signal.Signals(number).name}; " + (
+        "output off, read back; run it again to go on"
+    )
+    assert recorded()[-2:] == ["trial-aborted", "device-off"]
+    assert subprocess.run(command, check=True, capture_output=True, text=True).stderr == ""
+    tags = recorded()
+    assert (tags.count("answered"), tags[-1]) == (7, "session-completed")
+
+
+def test_what_is_run_is_what_the_journal_says_was_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A study file that is saved while the session begins is not half of it."""
+    typed("new", "study")
+    study = Path("study/study.toml")
+    first = study.read_text()
+    text = StudyFolder.text
+
+    def saved_meanwhile(folder: StudyFolder) -> str:
+        read = text(folder)
+        study.write_text(first.replace("voltage_v = 100", "voltage_v = 40"))
+        return read
+
+    monkeypatch.setattr(StudyFolder, "text", saved_meanwhile)
+    assert typed(*RUN, "virtual") == 0
+    with read_journal(Path("study/study.db")) as journal:
+        opened, *events = journal.events("P01/1")
+    commanded = [e.payload["commanded"] for e in events if e.tag == "touch-started"]
+    assert opened.payload["study_text"] == first
+    assert {drive["voltage_v"] for drive in commanded} == {0, 100}
+
+
+def test_a_journal_that_is_deleted_meanwhile_ends_the_session(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    typed("new", "study")
+    append = SessionLog.append
+
+    def append_and_delete(log: SessionLog, tag: str, **payload: object) -> None:
+        append(log, tag, **payload)
+        if tag == "touch-started":
+            Path("study/study.db").unlink(missing_ok=True)
+
+    monkeypatch.setattr(SessionLog, "append", append_and_delete)
+    assert typed(*RUN, "virtual") == 1
+    said = capsys.readouterr()
+    assert_matches(
+        r"study\.db: is not the journal any more .*before anything else; output off, read", said.err
+    )
+    assert "complete" not in said.out
+
+
+@pytest.mark.parametrize(
+    ("closed", "arguments", "code"),
+    [
+        ("<&-", "--ratings virtual --pace stepped", 0),
+        (">&-", "--ratings virtual --pace stepped", 0),
+        ("<&-", "--ratings console", 2),
+        ("<&-", "--ratings window", 2),
+    ],
+)
+def test_a_closed_stream_is_no_error_of_ours(closed: str, arguments: str, code: int) -> None:
+    typed("new", "study")
+    command = f"{TOUCHBEAM} run study --participant P01 {arguments} {closed}"
+    done = subprocess.run(["sh", "-c", command], stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == code
+    assert "internal error" not in done.stderr
+    assert (code == 2) == ("needs somebody who types" in done.stderr)
+    assert Path("study/study.db").exists() == (code == 0)
+
+
+@pytest.mark.parametrize("closed", ["stdin", "stdout"])
+def test_nobody_is_at_a_terminal_that_is_closed(
+    closed: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, closed, None)
+    with sitting._console(quiet=False, say=lambda _: None) as (keys, display):
+        assert keys(False) == ""
+        assert isinstance(display, PlainDisplay)
+
+
+@pytest.mark.parametrize("somebody_types", [True, False])
+def test_who_types_is_no_pipe_though_the_output_is_one(
+    somebody_types: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As in `touchbeam run … | tee log`."""
+
+    class Typing(io.StringIO):
+        def isatty(self) -> bool:
+            return somebody_types
+
+    monkeypatch.setattr(sys, "stdin", Typing("\n"))
+    with sitting._operator(lambda _: None, lambda _: None) as operator:
+        assert operator.piped is not somebody_types
+
+
+@pytest.mark.parametrize("tag", ["device-off", "session-completed"])
+def test_a_signal_after_the_last_answer_finds_the_session_complete(
+    tag: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    typed("new", "study")
+    append = SessionLog.append
+
+    def append_and_signal(log: SessionLog, tag_of_event: str, **payload: object) -> None:
+        if tag_of_event == tag:
+            signal.raise_signal(signal.SIGTERM)
+        append(log, tag_of_event, **payload)
+
+    monkeypatch.setattr(SessionLog, "append", append_and_signal)
+    assert typed(*RUN, "virtual") == 1
+    assert capsys.readouterr().err == (
+        "touchbeam: stopped by SIGTERM; output off, read back; the session is complete\n"
+    )
+    assert recorded()[-2:] == ["device-off", "session-completed"]
+    assert typed("verify", "study") == 0
+
+
+def wait_for_event(tag: str) -> None:
+    """Return once the journal holds `tag`."""
+    import time
+
+    until_s = time.monotonic() + 60
+    while time.monotonic() < until_s:
+        if Path("study/study.db").exists() and tag in recorded():
+            return
+        time.sleep(0.05)
+    raise AssertionError(f"{tag} never came")
+
+
+def recorded() -> list[str]:
+    with closing(sqlite3.connect("study/study.db", timeout=5)) as journal:
+        try:
+            return [tag for (tag,) in journal.execute("SELECT tag FROM event ORDER BY rowid")]
+        except sqlite3.OperationalError:  # the file is there, its table not yet
+            return []

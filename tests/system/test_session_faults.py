@@ -1,0 +1,173 @@
+"""Every fault of the device in the middle of a session, over the real byte path.
+
+What is asserted is what matters afterwards: the device's true state, what the journal says of the
+trial and of the output, what the person is told, and the exit code.
+"""
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+
+from device.errors import DeviceError, OutputUnknown
+from device.rig import Rig
+from device.simulator.client import Endpoints, Hand, simulator_process
+from protocol.study_file.loading import template
+from runner.cli.output import WORK_FAILED, complaint
+from runner.clock import SteppedClock
+from runner.journal.store import Journal, open_journal
+from runner.journal.verification import verdicts
+from runner.launch.rig import limits
+from runner.people.operator_console import OperatorConsole, PlainDisplay
+from runner.screens import Instruction, Pacing, Response, Screen
+from runner.session.loop import run
+from runner.session.session import Room
+from tests.device.fault_table import BOARD, Row
+from tests.device.rigs import TOUCHBEAM, opened, until
+from tests.runner.fakes import FakeDevice, FakeParticipant, room
+
+STUDY = (
+    template("paper")
+    .replace("hold_s = 2.0", "hold_s = 1.0")
+    .replace("max_voltage_v = 200", "max_voltage_v = 180")  # not the board's own, to be missed
+    .replace("ramp_to_v = 200", "ramp_to_v = 180")
+)
+READING_S = 0.4
+"""Real time that the participant takes to read after a fault, so that the rig can look."""
+FAILING_TOUCH = 3
+"""Counted from 1: the fault comes in the middle of a session."""
+
+
+@dataclass
+class Provoking:
+    """A participant during whose touch, or just before it, the device fails."""
+
+    hand: Hand
+    row: Row
+    inner: FakeParticipant
+    touches: int = 0
+    failed_s: float = float("inf")
+
+    def show(self, screen: Screen) -> None:
+        self.inner.show(screen)
+        before = isinstance(screen, Instruction) and self.row.when == "between"
+        during = isinstance(screen, Pacing) and self.row.when in {"driving", "off"}
+        self.touches += isinstance(screen, Pacing)
+        due = self.touches >= FAILING_TOUCH - before
+        if due and (before or during) and self.failed_s == float("inf"):
+            self.hand.fault(self.row.fault)
+            self.failed_s = time.monotonic()
+
+    def poll(self) -> Response | None:
+        reading = self.row.when == "between" and 0 < time.monotonic() - self.failed_s < READING_S
+        return None if reading else self.inner.poll()
+
+
+@pytest.fixture(scope="module")
+def simulator() -> Iterator[Endpoints]:
+    with simulator_process(TOUCHBEAM, seed=1, keep=True) as endpoints:
+        yield endpoints
+
+
+@pytest.fixture
+def hand(simulator: Endpoints) -> Iterator[Hand]:
+    with Hand(simulator.control) as hand:
+        hand.reset()
+        yield hand
+        hand.reset()
+
+
+def on_the_rig(
+    made: Room, device: Rig, hand: Hand, row: Row, say: Callable[[str], None] = lambda _: None
+) -> Room:
+    """`made` with a real byte path in place of its device."""
+    clock = SteppedClock(datetime(2026, 1, 1, tzinfo=UTC), hand.advance)
+    return Room(
+        session=made.session,
+        device=device,
+        participant=Provoking(hand, row, FakeParticipant()),
+        operator=OperatorConsole(lambda _: "", PlainDisplay(say), alone=True),
+        clock=clock,
+        log=made.log,
+        opened_now=made.opened_now,
+    )
+
+
+@pytest.mark.parametrize("row", BOARD, ids=lambda row: row.name)
+def test_a_fault_in_a_session(tmp_path: Path, simulator: Endpoints, hand: Hand, row: Row) -> None:
+    with open_journal(tmp_path / "study.db") as journal:
+        made = room(journal, FakeDevice(), FakeParticipant(), STUDY)
+        with opened(simulator.url, "board", limits(made.session.study.rig)) as device:
+            if row.when == "handshake":
+                hand.fault(row.fault)
+            there = on_the_rig(made, device, hand, row)
+            if row.error is None:
+                run(there)
+                assert made.log.state.name == "completed"
+            else:
+                with pytest.raises(DeviceError) as caught:
+                    run(there)
+                _is_told(caught.value, row)
+                _is_journalled(journal, caught.value)
+        if not row.still_on:
+            assert until(lambda: hand.state()["voltage_v"] == 0, within_s=2.0)
+        hand.reset()
+        resumes(journal)
+
+
+def test_nobody_is_told_that_the_output_of_another_device_is_off(
+    tmp_path: Path, simulator: Endpoints, hand: Hand
+) -> None:
+    """It does not understand OUTP OFF, and nothing else may be said to it."""
+    row = Row(number=21, fault="wrong-idn", when="handshake")
+    told: list[str] = []
+    with open_journal(tmp_path / "study.db") as journal:
+        made = room(journal, FakeDevice(), FakeParticipant(), STUDY)
+        for fault in (row.fault, "off-ignored", "panel-on"):
+            hand.fault(fault)
+        with (
+            opened(simulator.url, "board", limits(made.session.study.rig)) as device,
+            pytest.raises(OutputUnknown, match="expected a board") as caught,
+        ):
+            run(on_the_rig(made, device, hand, row, told.append))
+        assert hand.state()["output"] is True
+    line, code = complaint(caught.value)
+    assert code == WORK_FAILED
+    assert line.count("output state UNKNOWN - cut the amplifier") == 1
+    assert "got 'ACME,Toaster 3000,0,1.0'; nothing else was sent" in line
+    shown = [text.partition("; output ")[2] for text in told if "; output " in text]
+    assert shown == ["not known yet", "state UNKNOWN - cut the amplifier"]
+    assert "output off" not in line
+
+
+def _is_told(error: DeviceError, row: Row) -> None:
+    line, code = complaint(error)
+    assert code == WORK_FAILED
+    assert "\n" not in line
+    if isinstance(error, OutputUnknown):
+        assert "output state UNKNOWN - cut the amplifier" in line
+
+
+def _is_journalled(journal: Journal, error: DeviceError) -> None:
+    """The trial is marked, and the journal claims no more about the output than is known."""
+    events = journal.events("P01/1")
+    assert events[-1].tag in {"device-off", "session-opened"}
+    if events[-1].tag == "device-off":
+        assert events[-1].payload["confirmed"] is not isinstance(error, OutputUnknown)
+    begun = sum(event.tag == "trial-started" for event in events)
+    ended = sum(event.tag in {"answered", "trial-aborted"} for event in events)
+    assert begun == ended
+    assert verdicts(journal)[0].ok
+
+
+def resumes(journal: Journal) -> None:
+    """The session goes on with a device that works."""
+    made = room(journal, FakeDevice(), FakeParticipant(), STUDY)
+    if made.log.state.name != "completed":
+        run(made)
+    (verdict,) = verdicts(journal)
+    assert verdict.ok
+    assert (verdict.trials_answered, verdict.duplicates) == (7, 0)

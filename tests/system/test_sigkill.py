@@ -1,0 +1,86 @@
+"""SIGKILL at random instants of virtual sessions: they resume, and every trial is answered once."""
+
+import random
+import signal
+import sqlite3
+import subprocess
+import time
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from protocol.journal.state import Event
+from protocol.study_file.loading import template
+from runner.journal.store import open_journal
+from runner.journal.verification import verdicts
+from tests.runner.command_line import TOUCHBEAM
+
+EVENTS = 47
+"""How many a session of the paper's study has."""
+
+
+@pytest.mark.parametrize("draw", range(3))
+def test_killed_at_a_random_instant(tmp_path: Path, draw: int) -> None:
+    killed_and_resumed(tmp_path, draw)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("draw", range(100, 400))
+def test_killed_at_300_random_instants(tmp_path: Path, draw: int) -> None:
+    killed_and_resumed(tmp_path, draw)
+
+
+def killed_and_resumed(folder: Path, draw: int) -> None:
+    """Kill a session once or twice at instants drawn by `draw`, then let it finish."""
+    (folder / "study.toml").write_text(template("paper"))
+    command = [TOUCHBEAM, "run", str(folder), "--participant", "P01", "--ratings", "virtual"]
+    instants = random.Random(draw)
+    acknowledged: list[Event] = []
+    for _ in range(instants.choice((1, 2))):
+        kill_within_session(command, folder / "study.db", instants)
+        events = recorded(folder)
+        assert events[: len(acknowledged)] == acknowledged, "no acknowledged event is lost"
+        acknowledged = events
+    finish(command, already=any(event.tag == "session-completed" for event in acknowledged))
+    with open_journal(folder / "study.db") as journal:
+        (verdict,) = verdicts(journal)
+    assert verdict.ok, verdict
+    assert (verdict.state, verdict.trials_answered, verdict.missing) == ("completed", 7, 0)
+    events = recorded(folder)
+    assert events[: len(acknowledged)] == acknowledged
+    begun = sum(event.tag == "trial-started" for event in events)
+    assert begun == 7 + verdict.trials_aborted, "an interrupted trial is marked"
+
+
+def kill_within_session(command: list[str], journal: Path, instants: random.Random) -> None:
+    """Kill the session at a drawn instant after a drawn number of its events."""
+    before = len_of(journal)
+    after = before + instants.randrange(max(1, EVENTS - before))
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    while process.poll() is None and len_of(journal) < after:
+        time.sleep(0.001)
+    time.sleep(instants.uniform(0, 0.02))
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+
+
+def len_of(journal: Path) -> int:
+    """How many events stand in the journal, looked at from outside while it is written."""
+    try:
+        with closing(sqlite3.connect(f"{journal.as_uri()}?mode=ro", uri=True)) as reader:
+            return int(reader.execute("SELECT count(*) FROM event").fetchone()[0])
+    except sqlite3.OperationalError:
+        return 0
+
+
+def finish(command: list[str], *, already: bool) -> None:
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == (2 if already else 0), done.stderr
+
+
+def recorded(folder: Path) -> list[Event]:
+    if not (folder / "study.db").exists():
+        return []
+    with open_journal(folder / "study.db") as journal:
+        return journal.events("P01/1")

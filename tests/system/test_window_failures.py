@@ -1,0 +1,164 @@
+"""A window that fails: the session ends with the device off, says why, and can be resumed."""
+
+import os
+import signal
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from protocol.journal.state import Event
+from tests.runner.window.person import Person, virtual_display
+from tests.runner.window.sessions import Running, Seat, tiny_study
+
+LATIN_FONTS_ONLY = """<?xml version="1.0"?>
+<!DOCTYPE fontconfig SYSTEM "fonts.dtd">
+<fontconfig><dir>/usr/share/fonts/truetype/dejavu</dir></fontconfig>
+"""
+LONG_SIGNAL = "voltage_v = 100, duration_s = 8 }]"
+
+
+def stop(running: Running, person: Person) -> None:
+    os.kill(running.window_process(), signal.SIGSTOP)
+
+
+def crash(running: Running, person: Person) -> None:
+    os.kill(running.window_process(), signal.SIGKILL)
+
+
+def close(running: Running, person: Person) -> None:
+    person.close_window()
+
+
+def lose_display(running: Running, person: Person) -> None:
+    """The server of the person's display ends."""
+    running.lose_display()
+
+
+def begun(seat: Seat, running: Running) -> int:
+    """How many touches have begun; the operator is told of the session once it is opened."""
+    return len(seat.payloads("touch-started")) if running.said else 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """What goes wrong, what is said, and who goes on."""
+
+    name: str
+    harm: Callable[[Running, Person], None]
+    complaint: str
+    goes_on: str = "virtual"
+
+
+CASES = [
+    Case(
+        name="stopped",
+        harm=stop,
+        complaint="the participant's window is stuck (silent for 2 s)",
+        goes_on="console",
+    ),
+    Case(name="crashed", harm=crash, complaint="the participant's window has ended unexpectedly"),
+    Case(name="closed", harm=close, complaint="the participant's window was closed"),
+    Case(
+        name="display lost",
+        harm=lose_display,
+        complaint="the participant's window has ended unexpectedly",
+    ),
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Harmed:
+    """How a session ended, and how it went on."""
+
+    code: int
+    complaint: str
+    events: list[Event]
+    resumed: int
+    resumed_events: list[Event]
+
+
+def harmed(case: Case, folder: Path) -> Harmed:
+    """Harm the window while the output is on; go on without one."""
+    study = tiny_study().replace("voltage_v = 100 }]", LONG_SIGNAL, 1)
+    with ExitStack() as stack:
+        display = stack.enter_context(virtual_display(800, 600))
+        seat = Seat(folder / "study", display, study=study)
+        person = Person(display, "keyboard")
+        with seat.start() as running:
+            running.lose_display = stack.close
+            while begun(seat, running) < 2 and running.process.poll() is None:
+                person.act()
+            case.harm(running, person)
+            code = running.end()
+        events = seat.events()
+        with seat.start(ratings=case.goes_on) as resumed:
+            resumed.type("1\n" * 99)
+            again = resumed.end()
+    return Harmed(
+        code=code,
+        complaint=running.complaint,
+        events=events,
+        resumed=again,
+        resumed_events=seat.events(),
+    )
+
+
+@pytest.fixture(scope="module")
+def all_harmed(small_display: str, tmp_path_factory: pytest.TempPathFactory) -> list[Harmed]:
+    """All sessions, harmed at the same time: most of each is waiting."""
+    folders = [tmp_path_factory.mktemp("seat") for _ in CASES]
+    with ThreadPoolExecutor(len(CASES)) as pool:
+        return list(pool.map(harmed, CASES, folders))
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_the_device_goes_off_and_the_session_can_go_on_without_a_window(
+    case: Case, all_harmed: list[Harmed]
+) -> None:
+    done = all_harmed[CASES.index(case)]
+    assert done.code == 1
+    assert done.complaint.startswith(f"touchbeam: {case.complaint}")
+    assert done.complaint.count("\n") == 1
+    assert "--ratings console" in done.complaint
+    aborted, off = done.events[-2:]
+    assert (aborted.tag, aborted.payload["index"]) == ("trial-aborted", 1)
+    assert (off.tag, off.payload["confirmed"]) == ("device-off", True)
+    assert done.resumed == 0
+    assert done.resumed_events[-1].tag == "session-completed"
+
+
+@pytest.mark.parametrize(
+    ("options", "environment", "complaint"),
+    [
+        ((), {"DISPLAY": ""}, "there is no display for the participant's window"),
+        ((), {"DISPLAY": ":941"}, "the participant's window cannot open on :941"),
+        (("--screen", "3"), {}, "--screen 3 is not there; this machine has 0 (800x600)"),
+        (
+            ("--language", "zh"),
+            {"FONTCONFIG_FILE": "fonts.conf"},
+            "no font for the language zh (looked for WenQuanYi Micro Hei, Noto Sans CJK JP",
+        ),
+    ],
+    ids=["no display", "dead display", "no such screen", "no font"],
+)
+def test_a_window_that_cannot_open_says_why_in_one_line_and_leaves_nothing_behind(
+    options: tuple[str, ...],
+    environment: dict[str, str],
+    complaint: str,
+    small_display: str,
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "fonts.conf").write_text(LATIN_FONTS_ONLY, encoding="utf-8")
+    if "FONTCONFIG_FILE" in environment:
+        environment = {"FONTCONFIG_FILE": str(tmp_path / "fonts.conf")}
+    seat = Seat(tmp_path / "study", small_display, more_environment=environment)
+    with seat.start(*options) as running:
+        assert running.end() == 1
+    assert running.complaint.startswith(f"touchbeam: {complaint}")
+    assert running.complaint.count("\n") == 1
+    assert "--ratings console" in running.complaint
+    assert [path.name for path in seat.folder.iterdir()] == ["study.toml"]

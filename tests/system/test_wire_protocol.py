@@ -1,0 +1,88 @@
+"""The wire protocol's page: its examples run, and it names every command, error and fault."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from device.link.codec import number
+from device.link.link import Link, open_link
+from device.simulator.client import Endpoints, Hand, simulator_process
+from device.simulator.device import simulated_device
+from device.simulator.faults import FAULTS
+from tests.device.rigs import TOUCHBEAM
+
+PAGE = (Path(__file__).parents[2] / "docs" / "wire-protocol.md").read_text(encoding="utf-8")
+SOURCES = Path(__file__).parents[2] / "device" / "simulator"
+EXAMPLES = re.findall(r"```scpi\n(.*?)```", PAGE, re.DOTALL)
+
+
+@pytest.fixture(scope="module")
+def simulator() -> Iterator[Endpoints]:
+    with simulator_process(TOUCHBEAM, seed=1, keep=True) as endpoints:
+        yield endpoints
+
+
+@pytest.fixture(scope="module")
+def link(simulator: Endpoints) -> Iterator[Link]:
+    link = open_link(simulator.url)
+    yield link
+    link.close()
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda text: text.split("\n")[0][2:30])
+def test_an_example_of_the_page_runs_as_printed(
+    example: str, simulator: Endpoints, link: Link
+) -> None:
+    """`>` is sent, `<` is the whole answer (`~`: a number and its tolerance), `(` is the hand."""
+    lines = example.splitlines()
+    with Hand(simulator.control) as hand:
+        hand.reset()
+        for line, after in zip(lines, [*lines[1:], ""], strict=True):
+            mark, text = line[0], line[2:]
+            if mark == "(":
+                hand._ask(text)
+            elif mark == ">" and after.startswith("<"):
+                _agrees(link.ask(text), after[2:])
+            elif mark == ">":
+                link.tell(text)
+                assert link.ask("*OPC?") == "1", "done before the hand does anything"
+            assert mark in "><(", line
+
+
+def _agrees(answer: str, printed: str) -> None:
+    if not printed.startswith("~"):
+        assert answer == printed
+        return
+    wanted, off = printed.removeprefix("~").split()
+    assert number(answer) == pytest.approx(float(wanted), abs=float(off))
+
+
+def test_the_page_has_every_header_of_the_board() -> None:
+    text = PAGE.replace("[1]", "#").replace("…", "")
+    known = [pattern for pattern, _ in _headers()]
+    assert len(known) > 40
+    spelled = re.findall(r"[*A-Za-z:\[\]#]+", text)
+    upper = {re.sub(r"[\[\]#]", "", word).upper() for word in spelled}
+    for pattern in known:
+        assert any(re.fullmatch(pattern.removesuffix(r"\?"), word) for word in upper), pattern
+
+
+def _headers() -> list[tuple[str, object]]:
+    dialect = simulated_device(seed=1).dialect
+    headers = dialect._headers  # type: ignore[attr-defined]  # nobody else needs to see them
+    return [(pattern.pattern, handler) for pattern, handler in headers._handlers]
+
+
+def test_the_page_has_every_error_number() -> None:
+    code = "".join(path.read_text(encoding="utf-8") for path in SOURCES.glob("*.py"))
+    raised = set(re.findall(r"ScpiError\((-\d+)", code)) | {"-350"}
+    generators_only = {"-151", "-211"}
+    assert raised - generators_only <= set(re.findall(r"^\| (-\d+) \|", PAGE, re.MULTILINE))
+
+
+def test_the_page_has_every_fault_and_every_number() -> None:
+    listed = re.findall(r"^\| (\d+) \| (?:`(.+?)`)? ?\| (.+) \|$", PAGE, re.MULTILINE)
+    assert {(str(f.number), f.name, f.what) for f in FAULTS} <= set(listed)
+    assert {int(number) for number, _, _ in listed} == set(range(1, 34))

@@ -19,7 +19,7 @@ Interval: TypeAlias = tuple[float, float]
 
 
 @dataclass(frozen=True, kw_only=True)
-class NoAnswer:
+class NotEstimable:
     """What a statistic returns in place of a number when the data determine none.
 
     Such data are no error: a study with one participant so far, or a condition nobody scored, is

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 if TYPE_CHECKING:
     from device.drivers.setpoints import Identity, ReadBack, Setpoint
     from device.resonance import Resonance
-    from runner.screens import Note, Order, Response, Screen, View
+    from runner.screens import Note, OperatorView, Order, Response, Screen
 
 
 class Device(Protocol):
@@ -78,7 +78,7 @@ class Operator(Protocol):
         """Return what the operator ordered since the last call, one thing at a time."""
         ...
 
-    def see(self, view: View) -> None:
+    def see(self, view: OperatorView) -> None:
         """Show where the session stands."""
         ...
 

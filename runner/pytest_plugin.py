@@ -13,8 +13,8 @@ import pytest
 if TYPE_CHECKING:
     from protocol.plan.trials import Plan
     from protocol.study.study import Study
-    from runner.launch.rehearsal import Rehearsed
-    from runner.launch.rig import Rigged
+    from runner.launch.rehearsal import Rehearsal
+    from runner.launch.rig import SessionRig
     from runner.people.virtual_participant import VirtualParticipant
 
 
@@ -61,10 +61,10 @@ def study_text(request: pytest.FixtureRequest) -> str:
 def study(study_text: str) -> "Study":
     """Return the checked study; what is wrong with it fails the test, line by line."""
     from protocol.study_file.loading import StudyError
-    from runner.study.check import usable
+    from runner.study.check import validated_study
 
     try:
-        return usable(study_text, STUDY_FILE)
+        return validated_study(study_text, STUDY_FILE)
     except StudyError as error:
         found = [problem.located(STUDY_FILE) for problem in error.problems]
     pytest.fail("\n".join([UNUSABLE, *found]), pytrace=False)  # outside, likewise
@@ -85,32 +85,32 @@ def plan(cohort: "tuple[Plan, ...]") -> "Plan":
 
 
 @pytest.fixture(scope="module")
-def simulated_rig(study: "Study") -> "Iterator[Rigged]":
+def simulated_rig(study: "Study") -> "Iterator[SessionRig]":
     """Yield a simulated device in a process of its own, and the hand that touches it.
 
     `simulated_rig.device` is what a session drives, over the real byte path;
-    `simulated_rig.hand` moves the finger, lets time pass and swaps the beam.
+    `simulated_rig.control` moves the finger, lets time pass and swaps the beam.
     """
-    from runner.launch.rig import SIMULATED, rigged, touchbeam_command
+    from runner.launch.rig import SIMULATED, session_rig, touchbeam_command
 
-    with rigged(SIMULATED, study.rig, touchbeam_command(), study.study.seed) as rig:
+    with session_rig(SIMULATED, study.rig, touchbeam_command(), study.study.seed) as rig:
         yield rig
 
 
 @pytest.fixture
-def virtual_participant(simulated_rig: "Rigged", study: "Study") -> "VirtualParticipant":
+def virtual_participant(simulated_rig: "SessionRig", study: "Study") -> "VirtualParticipant":
     """Return a virtual participant with a finger on the simulated device, in stepped time."""
     from datetime import UTC, datetime
 
     from runner.clock import SteppedClock
     from runner.people.virtual_participant import VirtualParticipant, drawn_character
 
-    hand = simulated_rig.hand
-    assert hand is not None
+    control = simulated_rig.control
+    assert control is not None
     stream = random.Random(f"test/{study.study.seed}")
     return VirtualParticipant(
-        hand=hand,
-        clock=SteppedClock(datetime(2026, 1, 1, tzinfo=UTC), hand.advance),
+        control=control,
+        clock=SteppedClock(datetime(2026, 1, 1, tzinfo=UTC), control.advance),
         character=drawn_character(stream),
         random_stream=stream,
     )
@@ -119,13 +119,13 @@ def virtual_participant(simulated_rig: "Rigged", study: "Study") -> "VirtualPart
 @pytest.fixture(scope="module")
 def rehearsal(
     request: pytest.FixtureRequest, study: "Study", study_text: str, plan: "Plan"
-) -> "Rehearsed":
+) -> "Rehearsal":
     """Return a whole session, run in fake time on the simulated device by a virtual participant.
 
     A calibration that is kept beside the study is used.
     """
-    from runner.launch.rehearsal import rehearsed
+    from runner.launch.rehearsal import rehearse
     from runner.launch.rig import kept_calibration
 
     calibration = kept_calibration(Path(str(request.path)).parent)
-    return rehearsed(study_text, plan, study.study.seed, calibration)
+    return rehearse(study_text, plan, study.study.seed, calibration)

@@ -27,7 +27,7 @@ class Welcome:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Way:
+class FingerPath:
     """The finger's way along the beam; both ends are the same place if it does not slide."""
 
     start_m: float
@@ -41,7 +41,7 @@ class Instruction:
     """What to do next, with the touch to make if it is one; answered with `ready`."""
 
     text: str
-    touch: Way | None = None
+    touch: FingerPath | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,9 +60,11 @@ class Pacing:
     several: bool = False
 
     @property
-    def touch(self) -> Way:
+    def touch(self) -> FingerPath:
         """The same touch as its instruction showed it."""
-        return Way(start_m=self.start_m, end_m=self.end_m, harder=self.harder, several=self.several)
+        return FingerPath(
+            start_m=self.start_m, end_m=self.end_m, harder=self.harder, several=self.several
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,7 +97,7 @@ class Response:
 
 
 @dataclass(frozen=True, kw_only=True)
-class View:
+class OperatorView:
     """Where the session stands and what the device really does, as it was last read back.
 
     Without a `device` the output was read back as off, unless it is `unknown` or the session is

@@ -39,7 +39,7 @@ class _Stop:
 _stop = _Stop()
 
 
-def heed_stop() -> None:
+def raise_if_stopped() -> None:
     """Raise the wish to stop again, if there is one and nothing is shielded.
 
     An exception that a signal raises in somebody else's code, such as a finalizer, can get lost.
@@ -49,7 +49,7 @@ def heed_stop() -> None:
 
 
 @contextmanager
-def stops_raise() -> Iterator[None]:
+def signals_raise() -> Iterator[None]:
     """Raise `Stopped` in the body on the first SIGINT, SIGTERM, SIGHUP or SIGQUIT.
 
     An internal error of a body that was to stop is told as the stop: an import that is cut short,
@@ -74,7 +74,7 @@ def stops_raise() -> Iterator[None]:
 
 
 @contextmanager
-def uninterrupted() -> Iterator[None]:
+def stops_deferred() -> Iterator[None]:
     """Let no signal cut the body short; what came meanwhile is raised after it.
 
     Storing an event and knowing of it, turning the device off and reading it back, belong together.
@@ -89,8 +89,8 @@ def uninterrupted() -> Iterator[None]:
 
 
 @contextmanager
-def interruptible() -> Iterator[None]:
-    """Let signals end the body, within what is `uninterrupted`.
+def stops_allowed() -> Iterator[None]:
+    """Let signals end the body, within what is `stops_deferred`.
 
     What has to follow the body, such as turning the device off, is then shielded before the body is
     over: no instruction lies between the two at which a signal could skip it.

@@ -10,7 +10,7 @@ import numpy as np
 from device.beam.beam import Beam
 from device.beam.modes import FloatArray, natural_frequency_hz
 from device.friction.coefficient import friction_coefficient
-from device.friction.scenes import Drive, Scene, Structure, Touch
+from device.friction.scenes import Drive, FingerContact, Scene, Structure
 
 PATCH_START_M = 0.081
 PLACES_M = np.linspace(0.0, 0.1, 2001)
@@ -63,7 +63,7 @@ def full_coverage(
     scene = Scene(
         structure=Structure(body_count=bodies),
         drive=_drive(voltage_v, 6, detuning),
-        touch=Touch(body_load_n=load_n),
+        touch=FingerContact(body_load_n=load_n),
         coverage="full",
         same_direction_fraction=same_direction / bodies,
     )

@@ -14,7 +14,7 @@ from device.friction.contact import contact_of, contact_state
 from device.friction.laws import LAWS, ContactTerms, anisotropy
 from device.friction.prediction import LawChoice
 from device.friction.rungs import TOP_RUNG, reference_tip_speed_m_s, rung_field
-from device.friction.scenes import Drive, Scene, Touch
+from device.friction.scenes import Drive, FingerContact, Scene
 
 _BEAM = Beam()
 _EXACT = 1e-9
@@ -49,7 +49,7 @@ def _right_of_peak_moves_right() -> Finding:
 
 
 def _smoother_right_of_peak(law: str) -> Finding:
-    touch = Touch(contact_m=2e-3)
+    touch = FingerContact(contact_m=2e-3)
     peaks = zones(6, _BEAM.length_m).antinodes_m[:-1]
     found = {}
     for name, scene in (("right", Scene(touch=touch)), ("left", leftward(Scene(touch=touch)))):
@@ -212,7 +212,7 @@ def _never_negative(law: str) -> Finding:
 
 def _inertia_lowers_with_pressure(law: str) -> Finding:
     loads = (2.0, 10.0, 20.0)
-    curves = [local_curve(law, Scene(touch=Touch(body_load_n=load))) for load in loads]
+    curves = [local_curve(law, Scene(touch=FingerContact(body_load_n=load))) for load in loads]
     means = [float(curve.mean()) for curve in curves]
     return Finding(
         parts=(means[0] > means[1] > means[2],),

@@ -11,7 +11,7 @@ from device.beam.zones import zones
 from device.friction.coefficient import friction_coefficient
 from device.friction.contrasts import PATH_M, SMOOTH_PLACE_M
 from device.friction.rungs import RUNG_NAMES, TOP_RUNG, rung_field, rung_resonance_hz
-from device.friction.scenes import Drive, Scene, Touch
+from device.friction.scenes import Drive, FingerContact, Scene
 
 _RUNGS = ("mode", "euler-patched", "timoshenko", TOP_RUNG)
 
@@ -190,7 +190,7 @@ def _sliding_variation(law: str) -> Finding:
     If it does not, nothing that varies can match it; if it does, the measured curve must decide.
     """
     path = np.linspace(*PATH_M, 711)
-    touch = Touch(finger_load_n=0.56, x_m=SMOOTH_PLACE_M)
+    touch = FingerContact(finger_load_n=0.56, x_m=SMOOTH_PLACE_M)
     drive = Drive(frequency_hz=23200.0)
     own = friction_coefficient(Scene(drive=drive, touch=touch), law=law, x_m=path)
     paper = friction_coefficient(Scene(), law=law, x_m=path)
@@ -213,8 +213,8 @@ def _speed_below_tip_speed() -> Finding:
     field = rung_field("mode", Beam(), Drive())
     tip = float(field.tip_speed_m_s(3.5e-3))
     return Finding(
-        parts=(tip > Touch().sliding_speed_m_s,),
-        computed={"tip_speed_m_s": tip, "finger_m_s": Touch().sliding_speed_m_s},
+        parts=(tip > FingerContact().sliding_speed_m_s,),
+        computed={"tip_speed_m_s": tip, "finger_m_s": FingerContact().sliding_speed_m_s},
     )
 
 

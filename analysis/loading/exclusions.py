@@ -10,7 +10,7 @@ from protocol.study.design import Exclusions
 
 
 @dataclass(frozen=True, kw_only=True)
-class LeftOut:
+class Exclusion:
     """A participant, a session or a trial that the report leaves out, by whom or what, and why."""
 
     participant: str
@@ -20,9 +20,9 @@ class LeftOut:
     trial: int | None = None
 
 
-def ruled_out(
+def excluded_by_rule(
     rows: Sequence[TrialRow], rules: Exclusions
-) -> tuple[tuple[TrialRow, ...], tuple[LeftOut, ...]]:
+) -> tuple[tuple[TrialRow, ...], tuple[Exclusion, ...]]:
     """Return the trials that the rules keep, and what they take out.
 
     Trials are judged first, by the time to the first answer; then participants, by the trials
@@ -36,7 +36,7 @@ def ruled_out(
         if (found := _participant_broken(own, rules))
     }
     left_out = [
-        LeftOut(
+        Exclusion(
             participant=row.participant,
             session=row.session,
             trial=row.index,
@@ -47,7 +47,7 @@ def ruled_out(
         if _key(row) in late
     ]
     left_out += [
-        LeftOut(participant=participant, by="rule", why=why)
+        Exclusion(participant=participant, by="rule", why=why)
         for participant, broken in gone.items()
         for why in broken
     ]

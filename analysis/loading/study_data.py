@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from analysis.loading.exclusions import LeftOut, ruled_out
+from analysis.loading.exclusions import Exclusion, excluded_by_rule
 from analysis.loading.missing_scores import EmptyCells, empty_cells
 from analysis.loading.score_table import ScoreTable
 from analysis.loading.sessions import Happened, Incident, SessionStory, TrialRow, session_story
@@ -43,7 +43,7 @@ class Loaded:
     sessions_withdrawn: int = 0
     trials_excluded: int = 0
     rows: tuple[TrialRow, ...] = ()
-    left_out: tuple[LeftOut, ...] = ()
+    left_out: tuple[Exclusion, ...] = ()
     incidents: tuple[Incident, ...] = ()
     recording: Recording = Recording()
     empty: EmptyCells = field(default_factory=dict)
@@ -75,7 +75,9 @@ def loaded(
             if found.rehearsals_left_out
             else "no sessions here"
         )
-    rows, by_rule = ruled_out([row for record in wanted for row in record.kept], _or_none(rules))
+    rows, by_rule = excluded_by_rule(
+        [row for record in wanted for row in record.kept], _or_none(rules)
+    )
     gone = {out.participant for out in by_rule if out.trial is None}
     subjects = _in_order(r.participant for r in wanted if r.participant not in gone)
     if not subjects:
@@ -106,7 +108,7 @@ def loaded(
 @dataclass(kw_only=True)
 class _Found:
     records: list[SessionStory]
-    left_out: list[LeftOut]
+    left_out: list[Exclusion]
     rehearsals_left_out: int = 0
     excluded: int = 0
     withdrawn: int = 0
@@ -137,10 +139,10 @@ def _gone(events: Sequence[Happened]) -> str:
     return tags[-1] if tags else ""
 
 
-def _session_left_out(events: Sequence[Happened]) -> list[LeftOut]:
+def _session_left_out(events: Sequence[Happened]) -> list[Exclusion]:
     opened = events[0][1]
     return [
-        LeftOut(
+        Exclusion(
             participant=opened["participant"],
             session=opened.get("session", 1),
             by="operator",
@@ -151,9 +153,9 @@ def _session_left_out(events: Sequence[Happened]) -> list[LeftOut]:
     ]
 
 
-def _trials_left_out(records: Sequence[SessionStory]) -> list[LeftOut]:
+def _trials_left_out(records: Sequence[SessionStory]) -> list[Exclusion]:
     return [
-        LeftOut(
+        Exclusion(
             participant=record.participant,
             session=record.number,
             trial=index,

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.estimates import NoAnswer
+from analysis.estimates import NotEstimable
 from analysis.loading.missing_scores import unscored
 from analysis.loading.score_table import ScoreTable
 from analysis.loading.sessions import TrialRow
@@ -35,7 +35,7 @@ Json = dict[str, Any]
 
 def plain(value: object) -> Any:
     """Return records, arrays and mappings as JSON can hold them; NaN is `null`."""
-    if isinstance(value, NoAnswer):
+    if isinstance(value, NotEstimable):
         return {"reason": value.reason}
     if is_dataclass(value):
         return {entry.name: plain(getattr(value, entry.name)) for entry in fields(value)}
@@ -50,7 +50,7 @@ def plain(value: object) -> Any:
 
 def or_null(value: object) -> Any:
     """Return a number, or `None` where there is no answer."""
-    return None if isinstance(value, NoAnswer) else plain(value)
+    return None if isinstance(value, NotEstimable) else plain(value)
 
 
 def table4_json(result: Table4) -> Json:
@@ -117,18 +117,18 @@ def statistics_json(found: TableStatistics, table: ScoreTable) -> Json:
     }
 
 
-_COMPLETE = NoAnswer(reason="no score is missing, so that Friedman's test applies")
+_COMPLETE = NotEstimable(reason="no score is missing, so that Friedman's test applies")
 
 
 def _why(name: str, found: object) -> Json:
     """Return the reason for a `null` called `name`, nothing where `found` is an answer."""
-    return {f"{name}_reason": found.reason} if isinstance(found, NoAnswer) else {}
+    return {f"{name}_reason": found.reason} if isinstance(found, NotEstimable) else {}
 
 
 def friedman_json(reading: Reading) -> Json:
     """Return Friedman's test, or `null` with Skillings and Mack's where scores are missing."""
     test = reading.friedman
-    if isinstance(test, NoAnswer):
+    if isinstance(test, NotEstimable):
         return {
             **dict.fromkeys(("chi2", "df", "p", "p_exact")),
             "reason": test.reason,
@@ -143,21 +143,21 @@ def friedman_json(reading: Reading) -> Json:
     }
 
 
-def _skillings_mack_json(test: SkillingsMack | NoAnswer | None) -> Json | None:
-    if isinstance(test, NoAnswer):
+def _skillings_mack_json(test: SkillingsMack | NotEstimable | None) -> Json | None:
+    if isinstance(test, NotEstimable):
         return {**dict.fromkeys(("statistic", "df", "p")), "reason": test.reason}
     return None if test is None else dict(plain(test))
 
 
-def _rank_sums(test: Friedman | NoAnswer, table: ScoreTable) -> Json | None:
-    if isinstance(test, NoAnswer):
+def _rank_sums(test: Friedman | NotEstimable, table: ScoreTable) -> Json | None:
+    if isinstance(test, NotEstimable):
         return None
     return dict(zip(table.conditions, test.rank_sums, strict=True))
 
 
 def _pair_json(pair: PairwiseTest) -> Json:
     names = {"a": pair.a, "b": pair.b}
-    if isinstance(pair.test, NoAnswer):
+    if isinstance(pair.test, NotEstimable):
         nothing = dict.fromkeys(
             ("statistic", "n", "n_zero", "p", "method", "rank_biserial", "p_holm")
         )
@@ -165,8 +165,8 @@ def _pair_json(pair: PairwiseTest) -> Json:
     return {**names, **plain(pair.test), "p_holm": or_null(pair.p_holm)}
 
 
-def _icc_json(found: IntraclassCorrelation | NoAnswer) -> Json:
-    if isinstance(found, NoAnswer):
+def _icc_json(found: IntraclassCorrelation | NotEstimable) -> Json:
+    if isinstance(found, NotEstimable):
         return {**dict.fromkeys(("2,1", "3,1", "3,k")), "reason": found.reason}
     kinds = {
         "2,1": found.agreement_single,
@@ -174,13 +174,13 @@ def _icc_json(found: IntraclassCorrelation | NoAnswer) -> Json:
         "3,k": found.consistency_mean,
     }
     known: Json = {name: or_null(value) for name, value in kinds.items()}
-    lacking = [value.reason for value in kinds.values() if isinstance(value, NoAnswer)]
+    lacking = [value.reason for value in kinds.values() if isinstance(value, NotEstimable)]
     return {**known, "reason": lacking[0]} if lacking else known
 
 
 def _additive_json(found: TableStatistics) -> Json:
     effects = found.additive
-    if isinstance(effects, NoAnswer):
+    if isinstance(effects, NotEstimable):
         nothing = dict.fromkeys(("residual_sd", "subject_sd", "shrinkage"))
         return {"conditions": {}, "subjects": {}, **nothing, "reason": effects.reason}
     return {
@@ -202,9 +202,9 @@ def trial_statistics_json(found: TrialStatistics) -> Json:
         ],
         "sensitivity_models": {
             "M1": m1_json(m1),
-            "M2": plain(m2) if isinstance(m2, NoAnswer) else _ordinal_model_json(m2),
+            "M2": plain(m2) if isinstance(m2, NotEstimable) else _ordinal_model_json(m2),
             "M3": plain(m3)
-            if isinstance(m3, NoAnswer)
+            if isinstance(m3, NotEstimable)
             else {
                 **_ordinal_model_json(m3.ratings),
                 "detection": plain(m3.detection),
@@ -222,9 +222,9 @@ def trial_statistics_json(found: TrialStatistics) -> Json:
     }
 
 
-def m1_json(found: LinearSensitivity | NoAnswer) -> Json:
+def m1_json(found: LinearSensitivity | NotEstimable) -> Json:
     """Return the fit of M1."""
-    if isinstance(found, NoAnswer):
+    if isinstance(found, NotEstimable):
         return {"reason": found.reason}
     return {**_lines_json(found.lines), "residual_sd": found.residual_sd}
 
@@ -264,8 +264,8 @@ def _line_json(line: SubjectLine) -> Json:
     }
 
 
-def _ordinal_json(found: OrdinalEffects | NoAnswer) -> Json:
-    if isinstance(found, NoAnswer):
+def _ordinal_json(found: OrdinalEffects | NotEstimable) -> Json:
+    if isinstance(found, NotEstimable):
         nothing = dict.fromkeys(("subject_sd", "log_likelihood"))
         return {"effects": {}, **nothing, "reason": found.reason}
     return dict(plain(found))
@@ -280,7 +280,7 @@ def _law_json(score: LawScore) -> Json:
             "order_tied": [],
             "reason": order.reason,
         }
-        if isinstance(order, NoAnswer)
+        if isinstance(order, NotEstimable)
         else {
             "spearman": or_null(order.spearman),
             "order": list(order.order),
@@ -291,7 +291,7 @@ def _law_json(score: LawScore) -> Json:
         }
     )
     if isinstance(order, LawOrder):
-        if isinstance(order.spearman, NoAnswer):
+        if isinstance(order.spearman, NotEstimable):
             known["reason"] = order.spearman.reason
         known |= _why("rho_needed", order.rank_needed)
     return {
@@ -302,8 +302,8 @@ def _law_json(score: LawScore) -> Json:
     }
 
 
-def _likelihood_json(found: LawLikelihood | NoAnswer) -> Json:
-    if isinstance(found, NoAnswer):
+def _likelihood_json(found: LawLikelihood | NotEstimable) -> Json:
+    if isinstance(found, NotEstimable):
         return {"reason": found.reason}
     return {**plain(found), "gain_p": or_null(found.gain_p), **_why("gain_p", found.gain_p)}
 
@@ -316,8 +316,8 @@ def catch_json(found: CatchAnswers) -> Json:
     }
 
 
-def _discrimination_json(found: Discrimination | NoAnswer) -> Json:
-    if isinstance(found, NoAnswer):
+def _discrimination_json(found: Discrimination | NotEstimable) -> Json:
+    if isinstance(found, NotEstimable):
         return {"reason": found.reason}
     return {
         **plain(found),

@@ -1,6 +1,6 @@
 """The methods paragraph of the report, and what its numbers cannot tell."""
 
-from analysis.estimates import NoAnswer
+from analysis.estimates import NotEstimable
 from analysis.loading.exclusions import rules_in_words
 from analysis.loading.missing_scores import unscored
 from analysis.loading.study_data import Loaded
@@ -137,7 +137,7 @@ def limits(loaded: Loaded, found: TrialStatistics) -> list[str]:
             f"{ceiling:.0%} of the scores are the highest possible. M1 knows no ceiling and makes "
             "gains too small; M2 is for such ratings."
         )
-    if isinstance(found.m3, NoAnswer):
+    if isinstance(found.m3, NotEstimable):
         said.append(
             f"M3, change detection and rating in one model, has no answer: {found.m3.reason}."
         )
@@ -147,7 +147,7 @@ def limits(loaded: Loaded, found: TrialStatistics) -> list[str]:
 def _too_few_means(count: int) -> str:
     """What so many condition means can say of a law, by either correlation."""
     ranks, moments = critical_rank_correlation(count), critical_correlation(count)
-    if isinstance(ranks, NoAnswer):
+    if isinstance(ranks, NotEstimable):
         reached = "has p < .05 in no order, not even a perfect one"
     elif ranks >= 1:
         reached = "has p < .05 only if it is 1 or −1"
@@ -155,7 +155,7 @@ def _too_few_means(count: int) -> str:
         reached = f"must reach {ranks:.3f} for p < .05"
     products = (
         ""
-        if isinstance(moments, NoAnswer)
+        if isinstance(moments, NotEstimable)
         else f" (Pearson's, of the contrasts and means themselves, must exceed {moments:.3f})"
     )
     return (

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from importlib.resources import files
 from typing import Any
 
-from analysis.estimates import NoAnswer
+from analysis.estimates import NotEstimable
 from analysis.loading.missing_scores import withheld
 from analysis.loading.study_data import Loaded
 from analysis.report.illustrations import Illustration
@@ -54,7 +54,7 @@ def tables(loaded: Loaded, table: TableStatistics, trials: TrialStatistics) -> T
         "subjects": subject_table(table),
         "predictions": prediction_table(loaded.table, trials.laws),
         "laws": law_table(trials.laws),
-        "detection": None if isinstance(m3, NoAnswer) else detection_table(m3),
+        "detection": None if isinstance(m3, NotEstimable) else detection_table(m3),
         "catch": catch_table(trials.catch) if trials.catch.subjects else None,
         "left_out": listing(
             "left-out",
@@ -122,7 +122,7 @@ def _interruptions_line(loaded: Loaded) -> str:
 
 def _pairs_line(table: TableStatistics) -> str:
     found = [f"{pair.a} and {pair.b}" for pair in table.main.pairwise if differs(pair)]
-    if all(isinstance(pair.test, NoAnswer) for pair in table.main.pairwise):
+    if all(isinstance(pair.test, NotEstimable) for pair in table.main.pairwise):
         return "No pair of conditions can be tested."
     if not found:
         return "No pair of conditions differs after Holm's correction."
@@ -131,11 +131,11 @@ def _pairs_line(table: TableStatistics) -> str:
 
 def _additive_line(table: TableStatistics) -> str:
     effects, gains = table.additive, table.heterogeneity
-    if isinstance(effects, NoAnswer):
+    if isinstance(effects, NotEstimable):
         return f"Additive effects: none ({effects.reason})."
     slopes = (
         f"none ({gains.reason})"
-        if isinstance(gains, NoAnswer)
+        if isinstance(gains, NotEstimable)
         else f"F({gains.df[0]}, {gains.df[1]}) = {gains.f:.3f}, p = {p_value(gains.p)}, "
         f"moment estimate of their spread τ = {number(gains.tau)}"
     )
@@ -150,7 +150,7 @@ def _additive_line(table: TableStatistics) -> str:
 def _ordinal_line(trials: TrialStatistics) -> str:
     said = [
         f"{link}: none ({found.reason})"
-        if isinstance(found, NoAnswer)
+        if isinstance(found, NotEstimable)
         else f"{link}: standard deviation of subjects {number(found.subject_sd)}, "
         f"log-likelihood {number(found.log_likelihood, 4)}"
         for link, found in trials.ordinal.items()
@@ -163,7 +163,7 @@ def _signal_line(trials: TrialStatistics) -> str:
     laws = ", ".join(f"{law} {number(value, 4)}" for law, value in signal.predicted.items())
     felt = (
         "is not recorded here"
-        if isinstance(signal.felt, NoAnswer)
+        if isinstance(signal.felt, NotEstimable)
         else f"was felt as expected by {share(signal.felt)}"
     )
     return f"The first signal (0 → 100 V) {felt}; contrast predicted for it: {laws}."

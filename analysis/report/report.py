@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from analysis.cells import json_text
-from analysis.estimates import NoAnswer
+from analysis.estimates import NotEstimable
 from analysis.files import made_folder, write_whole
 from analysis.loading.exclusions import rules_in_words
 from analysis.loading.missing_scores import notes, withheld
@@ -120,7 +120,7 @@ def report_html(result: Report) -> str:
             no_sensitivity=[
                 f"{model} has no answer: {found.reason}."
                 for model, found in (("M1", result.trials.m1), ("M2", result.trials.m2))
-                if isinstance(found, NoAnswer)
+                if isinstance(found, NotEstimable)
             ],
             left_out=left_out_json(result.loaded),
             rules=rules_in_words(result.study.exclusions),

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from analysis.estimates import NoAnswer
+from analysis.estimates import NotEstimable
 from analysis.loading.score_table import ScoreTable
 from analysis.report.figure_data import Course, Gains
 from analysis.report.wording import interval, number, omnibus_line, p_value, share
@@ -54,7 +54,7 @@ def readings_table(readings: Sequence[Reading]) -> PageTable:
 
 def differs(pair: PairwiseTest) -> bool:
     """Whether a pair of conditions differs after Holm's correction, p < .05."""
-    return not isinstance(pair.p_holm, NoAnswer) and pair.p_holm < 0.05
+    return not isinstance(pair.p_holm, NotEstimable) and pair.p_holm < 0.05
 
 
 def pairwise_table(pairs: Sequence[PairwiseTest]) -> PageTable:
@@ -99,19 +99,19 @@ def icc_table(found: TableStatistics) -> PageTable:
     )
 
 
-def _icc_cells(icc: IntraclassCorrelation | NoAnswer) -> Line:
-    if isinstance(icc, NoAnswer):
+def _icc_cells(icc: IntraclassCorrelation | NotEstimable) -> Line:
+    if isinstance(icc, NotEstimable):
         return [f"none: {icc.reason}", number(None), number(None)]
     values = (icc.agreement_single, icc.consistency_single, icc.consistency_mean)
     return [number(value) for value in values]
 
 
 def condition_table(
-    table: ScoreTable, found: TableStatistics, ordinal: Mapping[str, OrdinalEffects | NoAnswer]
+    table: ScoreTable, found: TableStatistics, ordinal: Mapping[str, OrdinalEffects | NotEstimable]
 ) -> PageTable:
     """Return each condition's effect: additive, and on the latent scales of the ordinal models."""
     additive: Mapping[str, float] = (
-        {} if isinstance(found.additive, NoAnswer) else found.additive.conditions
+        {} if isinstance(found.additive, NotEstimable) else found.additive.conditions
     )
     return PageTable(
         name="conditions",
@@ -126,8 +126,8 @@ def condition_table(
     )
 
 
-def _effect(found: OrdinalEffects | NoAnswer, name: str) -> str:
-    if isinstance(found, NoAnswer):
+def _effect(found: OrdinalEffects | NotEstimable, name: str) -> str:
+    if isinstance(found, NotEstimable):
         return number(None)
     if name == found.reference:
         return "reference"
@@ -137,9 +137,9 @@ def _effect(found: OrdinalEffects | NoAnswer, name: str) -> str:
 def subject_table(found: TableStatistics) -> PageTable | None:
     """Return each subject's level and slope, None where there are none."""
     effects, gains = found.additive, found.heterogeneity
-    if isinstance(effects, NoAnswer):
+    if isinstance(effects, NotEstimable):
         return None
-    slopes: Mapping[str, float] = {} if isinstance(gains, NoAnswer) else gains.gains
+    slopes: Mapping[str, float] = {} if isinstance(gains, NotEstimable) else gains.gains
     return PageTable(
         name="subjects",
         caption="Each subject's additive effect in rating points, the share of it that is to be "
@@ -181,7 +181,7 @@ def prediction_table(table: ScoreTable, laws: Sequence[LawScore]) -> PageTable:
     from analysis.statistics.table4 import table4
 
     means = table4(table).column_means
-    physical = [score for score in laws if not isinstance(score.likelihood, NoAnswer)] or laws
+    physical = [score for score in laws if not isinstance(score.likelihood, NotEstimable)] or laws
     return PageTable(
         name="predictions",
         caption="Mean predicted contrast of each condition under each friction law (change of log "
@@ -231,14 +231,14 @@ def _circular(laws: Sequence[LawScore]) -> str:
     )
 
 
-def _order_cells(order: LawOrder | NoAnswer) -> Line:
-    if isinstance(order, NoAnswer):
+def _order_cells(order: LawOrder | NotEstimable) -> Line:
+    if isinstance(order, NotEstimable):
         return [*[number(None)] * 3, f"none: {order.reason}"]
     needed = order.rank_needed
     return [
         number(order.spearman, 2),
         p_value(order.p),
-        "none" if isinstance(needed, NoAnswer) else number(needed, 2),
+        "none" if isinstance(needed, NotEstimable) else number(needed, 2),
         in_order(order),
     ]
 
@@ -248,11 +248,11 @@ def in_order(order: LawOrder) -> str:
     return " > ".join(" = ".join(group) for group in order.tied)
 
 
-def _felt(found: LawLikelihood | NoAnswer) -> Line:
-    if isinstance(found, NoAnswer):
+def _felt(found: LawLikelihood | NotEstimable) -> Line:
+    if isinstance(found, NotEstimable):
         return [number(None)] * 3
     gain_p = found.gain_p
-    told = f"none: {gain_p.reason}" if isinstance(gain_p, NoAnswer) else p_value(gain_p)
+    told = f"none: {gain_p.reason}" if isinstance(gain_p, NotEstimable) else p_value(gain_p)
     return [number(found.log_likelihood, 2), number(found.gain_over_none, 2), told]
 
 
@@ -334,7 +334,7 @@ def catch_table(found: CatchAnswers) -> PageTable:
     """Return hits and false alarms of each subject."""
     rows: list[Line] = []
     for who, answers in found.subjects.items():
-        if isinstance(answers, NoAnswer):
+        if isinstance(answers, NotEstimable):
             rows.append([who, f"none: {answers.reason}", *[number(None)] * 3])
             continue
         told = (share(answers.hits), share(answers.false_alarms))

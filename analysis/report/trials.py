@@ -10,7 +10,7 @@ from analysis.statistics.table4 import Table4
 
 
 @dataclass(frozen=True, kw_only=True)
-class Cell:
+class TableCell:
     """A cell of Table 4 and where it leads; no `target` where there is no trial.
 
     `why` says in words why there is no score, empty where there is one.
@@ -103,7 +103,7 @@ def _touch(record: Mapping[str, Any]) -> str:
 
 def table4_cells(
     table: Table4, trials: Sequence[SubjectTrials], empty: EmptyCells
-) -> list[list[Cell]]:
+) -> list[list[TableCell]]:
     """Return the lines of Table 4; each score leads to its trials, each mean to predictions."""
     targets = {line.target for subject in trials for line in subject.lines}
     _, *rows, averages = table.lines(MISSING, marks(empty))
@@ -112,7 +112,7 @@ def table4_cells(
         names = ["", *(cell_name(row, column) for column in range(len(texts) - 2)), ""]
         found.append(
             [
-                Cell(
+                TableCell(
                     text=text,
                     target=name if name in targets else "",
                     why=LABELS[empty[row, place - 1]] if (row, place - 1) in empty else "",
@@ -121,5 +121,5 @@ def table4_cells(
             ]
         )
     leads = ["", *["predictions"] * (len(averages) - 2), ""]
-    means = [Cell(text=text, target=name) for text, name in zip(averages, leads, strict=True)]
+    means = [TableCell(text=text, target=name) for text, name in zip(averages, leads, strict=True)]
     return [*found, means]

@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import betaincinv, fdtrc, ndtri, stdtr, stdtrit
 
-from analysis.estimates import FloatArray, Interval, NoAnswer
+from analysis.estimates import FloatArray, Interval, NotEstimable
 from analysis.sensitivity.ratings import IntArray, Ratings
 
-_POOLED = NoAnswer(
+_POOLED = NotEstimable(
     reason="trials of several subjects are pooled, and those of one are not independent"
 )
 
@@ -39,7 +39,7 @@ class Proportion:
     count: int
     trials: int
     share: float
-    interval: Interval | NoAnswer
+    interval: Interval | NotEstimable
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +56,7 @@ class Discrimination:
     criterion: float
 
 
-def drift(ratings: Ratings, position: IntArray) -> Drift | NoAnswer:
+def drift(ratings: Ratings, position: IntArray) -> Drift | NotEstimable:
     """Return the slope of the rating on the trial's position in the session, or why there is none.
 
     Parameters:
@@ -68,9 +68,11 @@ def drift(ratings: Ratings, position: IntArray) -> Drift | NoAnswer:
     base = _fit(trials, _dummies(trials.condition))
     full = _fit(trials, np.column_stack([_dummies(trials.condition), place]))
     if full.rank == base.rank:
-        return NoAnswer(reason="position is told by subject and condition, so that no drift shows")
+        return NotEstimable(
+            reason="position is told by subject and condition, so that no drift shows"
+        )
     if full.df < 1:
-        return NoAnswer(reason="no residual is left to judge a drift by")
+        return NotEstimable(reason="no residual is left to judge a drift by")
     slope = full.last_coefficient
     spread = np.sqrt(full.squares / full.df) / full.last_norm
     half = float(stdtrit(full.df, 0.975)) * spread
@@ -80,7 +82,7 @@ def drift(ratings: Ratings, position: IntArray) -> Drift | NoAnswer:
     )
 
 
-def carry_over(ratings: Ratings, previous: IntArray) -> FTest | NoAnswer:
+def carry_over(ratings: Ratings, previous: IntArray) -> FTest | NotEstimable:
     """Return the test of the preceding trial's condition, or why there is none.
 
     Parameters:
@@ -91,22 +93,22 @@ def carry_over(ratings: Ratings, previous: IntArray) -> FTest | NoAnswer:
     followed = ~np.isnan(ratings.rating) & (previous >= 0)
     trials, before = ratings.where(followed), previous[followed]
     if len(before) == 0:
-        return NoAnswer(reason="no rated trial follows another")
+        return NotEstimable(reason="no rated trial follows another")
     condition = _dummies(trials.condition)
     return _added(trials, condition, np.column_stack([condition, _dummies(before)]))
 
 
-def order_effect(ratings: Ratings, position: IntArray) -> FTest | NoAnswer:
+def order_effect(ratings: Ratings, position: IntArray) -> FTest | NotEstimable:
     """Return the test of the trial's place in the session, each place with a level of its own."""
     scored = ~np.isnan(ratings.rating)
     trials, place = ratings.where(scored), position[scored]
     if len(place) == 0:
-        return NoAnswer(reason="no trial was rated")
+        return NotEstimable(reason="no trial was rated")
     condition = _dummies(trials.condition)
     return _added(trials, condition, np.column_stack([condition, _dummies(place)]))
 
 
-def proportion(count: int, trials: int) -> Proportion | NoAnswer:
+def proportion(count: int, trials: int) -> Proportion | NotEstimable:
     """Return `count` of `trials` with its exact interval, or why there is none.
 
     Raises:
@@ -115,7 +117,7 @@ def proportion(count: int, trials: int) -> Proportion | NoAnswer:
     if not 0 <= count <= trials:
         raise ValueError(f"count must lie in [0, {trials}], got {count}")
     if trials == 0:
-        return NoAnswer(reason="there was no such trial")
+        return NotEstimable(reason="there was no such trial")
     low = float(betaincinv(count, trials - count + 1, 0.025)) if count > 0 else 0.0
     high = float(betaincinv(count + 1, trials - count, 0.975)) if count < trials else 1.0
     return Proportion(count=count, trials=trials, share=count / trials, interval=(low, high))
@@ -123,7 +125,7 @@ def proportion(count: int, trials: int) -> Proportion | NoAnswer:
 
 def discrimination(
     hits: tuple[int, int], false_alarms: tuple[int, int], *, people: int = 1
-) -> Discrimination | NoAnswer:
+) -> Discrimination | NotEstimable:
     """Return d′ and criterion from (count, trials) of signal and of catch trials.
 
     Both count the same event: a change was reported. The trials of more than one of the `people`
@@ -134,10 +136,10 @@ def discrimination(
     (1.704, -0.328)
     """
     hit, alarm = proportion(*hits), proportion(*false_alarms)
-    if isinstance(hit, NoAnswer):
-        return NoAnswer(reason="there were no signal trials")
-    if isinstance(alarm, NoAnswer):
-        return NoAnswer(reason="there were no catch trials")
+    if isinstance(hit, NotEstimable):
+        return NotEstimable(reason="there were no signal trials")
+    if isinstance(alarm, NotEstimable):
+        return NotEstimable(reason="there were no catch trials")
     z_hit, z_alarm = (float(ndtri((p.count + 0.5) / (p.trials + 1))) for p in (hit, alarm))
     return Discrimination(
         hits=hit if people == 1 else replace(hit, interval=_POOLED),
@@ -156,15 +158,15 @@ class _Fit:
     last_norm: float
 
 
-def _added(trials: Ratings, base: FloatArray, full: FloatArray) -> FTest | NoAnswer:
+def _added(trials: Ratings, base: FloatArray, full: FloatArray) -> FTest | NotEstimable:
     without, with_effect = _fit(trials, base), _fit(trials, full)
     df = (with_effect.rank - without.rank, with_effect.df)
     if df[0] < 1:
-        return NoAnswer(
+        return NotEstimable(
             reason="the effect is told by subject and condition, so that it cannot show"
         )
     if df[1] < 1 or with_effect.squares <= 1e-20 * max(1.0, without.squares):
-        return NoAnswer(reason="no residual is left to judge the effect by")
+        return NotEstimable(reason="no residual is left to judge the effect by")
     f = (without.squares - with_effect.squares) / df[0] / (with_effect.squares / df[1])
     return FTest(f=f, df=df, p=float(fdtrc(*df, max(f, 0.0))))
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.estimates import FloatArray, Interval, NoAnswer
+from analysis.estimates import FloatArray, Interval, NotEstimable
 from analysis.sensitivity.integration import intervals_95, mixture_mean
 from analysis.sensitivity.lines import Axes
 from analysis.sensitivity.ordinal_model import (
@@ -46,7 +46,7 @@ class JointSensitivity:
     reference_contrast: float
 
 
-def joint_sensitivity(ratings: Ratings, answer: IntArray) -> JointSensitivity | NoAnswer:
+def joint_sensitivity(ratings: Ratings, answer: IntArray) -> JointSensitivity | NotEstimable:
     """Return detection and rating of changes from one model, or why there is none.
 
     The answers are ordered: opposite to the expected change < same < expected change, rated low
@@ -62,8 +62,8 @@ def joint_sensitivity(ratings: Ratings, answer: IntArray) -> JointSensitivity | 
         ValueError: another answer, or not one per trial.
     """
     _check_answers(ratings, answer)
-    usable = (answer != EXPECTED) | ~np.isnan(ratings.rating)
-    trials, answer = ratings.where(usable), answer[usable]
+    validated_study = (answer != EXPECTED) | ~np.isnan(ratings.rating)
+    trials, answer = ratings.where(validated_study), answer[validated_study]
     refusal = _refusal(trials, answer)
     if refusal is not None:
         return refusal
@@ -88,16 +88,16 @@ def _check_answers(ratings: Ratings, answer: IntArray) -> None:
         raise ValueError(f"an answer must be -1, 0 or 1, got {other[0]}")
 
 
-def _refusal(trials: Ratings, answer: IntArray) -> NoAnswer | None:
+def _refusal(trials: Ratings, answer: IntArray) -> NotEstimable | None:
     if not (trials.contrast <= 0).any():
-        return NoAnswer(reason="the study has no catch or opposite trials with an answer")
+        return NotEstimable(reason="the study has no catch or opposite trials with an answer")
     if not (trials.contrast > 0).any():
-        return NoAnswer(reason="no trial has an expected change")
+        return NotEstimable(reason="no trial has an expected change")
     if (answer == EXPECTED).all():
-        return NoAnswer(reason="every answer was the expected change, also without one")
+        return NotEstimable(reason="every answer was the expected change, also without one")
     different = len(np.unique(trials.rating[answer == EXPECTED]))
     if different < 3:
-        return NoAnswer(reason=f"at least 3 different ratings are needed, got {different}")
+        return NotEstimable(reason=f"at least 3 different ratings are needed, got {different}")
     return None
 
 

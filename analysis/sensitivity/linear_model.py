@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.estimates import FloatArray, NoAnswer
+from analysis.estimates import FloatArray, NotEstimable
 from analysis.sensitivity.integration import WeightedPoints, weighted_points
 from analysis.sensitivity.lines import (
     Axes,
@@ -115,7 +115,7 @@ class LinearSensitivity:
     residual_sd: float
 
 
-def linear_sensitivity(ratings: Ratings) -> LinearSensitivity | NoAnswer:
+def linear_sensitivity(ratings: Ratings) -> LinearSensitivity | NotEstimable:
     """Return each subject's bias and gain by partial pooling, or why there are none.
 
     y = α_s + g_s x + ε, (α_s, g_s) ~ N((α, g), T), ε ~ N(0, σ²). α and g have flat priors, σ has
@@ -128,11 +128,11 @@ def linear_sensitivity(ratings: Ratings) -> LinearSensitivity | NoAnswer:
     """
     trials = ratings.given
     axes = axes_of(trials)
-    if isinstance(axes, NoAnswer):
+    if isinstance(axes, NotEstimable):
         return axes
     sums = _standardised_sums(trials, axes)
     if not _has_residual(trials, sums):
-        return NoAnswer(
+        return NotEstimable(
             reason="each subject's ratings lie on a line of their own, no residual is left to "
             "tell noise from differences between subjects"
         )

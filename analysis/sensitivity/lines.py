@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.estimates import FloatArray, Interval, NoAnswer
+from analysis.estimates import FloatArray, Interval, NotEstimable
 from analysis.sensitivity.integration import intervals_95, mixture_mean, weighted_quantile
 from analysis.sensitivity.ratings import Ratings
 
@@ -51,18 +51,18 @@ class Axes:
     y_sd: float
 
 
-def axes_of(trials: Ratings) -> Axes | NoAnswer:
+def axes_of(trials: Ratings) -> Axes | NotEstimable:
     """Return centre and scale of the trials' contrasts and ratings, or why no line fits them."""
     if len(trials.rating) < 3:
-        return NoAnswer(
+        return NotEstimable(
             reason="a line needs at least 3 ratings with a predicted contrast, "
             f"got {len(trials.rating)}"
         )
     x_sd, y_sd = float(trials.contrast.std()), float(trials.rating.std())
     if x_sd <= 1e-9 * float(np.abs(trials.contrast).max()):
-        return NoAnswer(reason="all predicted contrasts are equal, so that no gain can be seen")
+        return NotEstimable(reason="all predicted contrasts are equal, so that no gain can be seen")
     if y_sd <= 1e-9 * float(np.abs(trials.rating).max()):
-        return NoAnswer(reason=f"all ratings are equal, namely {trials.rating[0]:g}")
+        return NotEstimable(reason=f"all ratings are equal, namely {trials.rating[0]:g}")
     return Axes(
         x_mean=float(trials.contrast.mean()),
         x_sd=x_sd,

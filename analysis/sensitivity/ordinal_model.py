@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.estimates import FloatArray, Interval, NoAnswer
+from analysis.estimates import FloatArray, Interval, NotEstimable
 from analysis.loading.score_table import BoolArray
 from analysis.sensitivity.curvature import OrdinalTrials, counted
 from analysis.sensitivity.integration import (
@@ -89,7 +89,7 @@ class LatentPosterior:
         return np.asarray(np.exp(self.points.points[:, 0]))
 
 
-def ordinal_sensitivity(ratings: Ratings) -> OrdinalSensitivity | NoAnswer:
+def ordinal_sensitivity(ratings: Ratings) -> OrdinalSensitivity | NotEstimable:
     """Return bias and gain of each subject on the scale behind the ratings, or why not.
 
     latent = α_s + g_s x + δ_c + ε, ε ~ N(0, σ²); a rating is given when the latent value lies
@@ -103,11 +103,11 @@ def ordinal_sensitivity(ratings: Ratings) -> OrdinalSensitivity | NoAnswer:
     """
     trials = ratings.given
     axes = axes_of(trials)
-    if isinstance(axes, NoAnswer):
+    if isinstance(axes, NotEstimable):
         return axes
     values, category = np.unique(trials.rating, return_inverse=True)
     if len(values) < 3:
-        return NoAnswer(
+        return NotEstimable(
             reason="two different ratings give the latent scale no unit, at least 3 are needed"
         )
     edges = (values[1:] + values[:-1]) / 2

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import fdtrc
 
-from analysis.estimates import FloatArray, IntArray, NoAnswer
+from analysis.estimates import FloatArray, IntArray, NotEstimable
 from analysis.loading.score_table import BoolArray, ScoreTable
 from analysis.statistics.two_way import TwoWay, two_way
 
@@ -27,8 +27,8 @@ class AdditiveEffects:
     residual_sd: float
     residual_df: int
     subject_sd: float
-    shrinkage: float | NoAnswer
-    subject_shrinkage: Mapping[str, float | NoAnswer]
+    shrinkage: float | NotEstimable
+    subject_shrinkage: Mapping[str, float | NotEstimable]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,10 +47,10 @@ class GainHeterogeneity:
     tau: float
 
 
-def additive_effects(table: ScoreTable) -> AdditiveEffects | NoAnswer:
+def additive_effects(table: ScoreTable) -> AdditiveEffects | NotEstimable:
     """Return condition and subject effects by least squares, or why there are none."""
     fit = two_way(table)
-    if isinstance(fit, NoAnswer):
+    if isinstance(fit, NotEstimable):
         return fit
     subject_variance = max(0.0, fit.row_variance)
     counts = fit.table.given.sum(axis=1)
@@ -69,7 +69,7 @@ def additive_effects(table: ScoreTable) -> AdditiveEffects | NoAnswer:
     )
 
 
-def gain_heterogeneity(table: ScoreTable) -> GainHeterogeneity | NoAnswer:
+def gain_heterogeneity(table: ScoreTable) -> GainHeterogeneity | NotEstimable:
     """Return the test of equal slopes on the condition effects, or why there is none.
 
     To the additive fit a slope of each subject on the fitted condition effects is added (Mandel's
@@ -79,17 +79,19 @@ def gain_heterogeneity(table: ScoreTable) -> GainHeterogeneity | NoAnswer:
     τ² = (Q - df σ²) / trace of the slopes' information (Henderson's method III).
     """
     fit = two_way(table)
-    if isinstance(fit, NoAnswer):
+    if isinstance(fit, NotEstimable):
         return fit
     slopes = _slopes(fit)
-    if isinstance(slopes, NoAnswer):
+    if isinstance(slopes, NotEstimable):
         return slopes
     df = (slopes.rank, fit.residual_df - slopes.rank)
     if min(df) < 1:
-        return NoAnswer(reason=f"slopes and residual have {df[0]} and {df[1]} degrees of freedom")
+        return NotEstimable(
+            reason=f"slopes and residual have {df[0]} and {df[1]} degrees of freedom"
+        )
     within = fit.residual_squares - slopes.squares
     if within <= 1e-12 * fit.residual_squares:
-        return NoAnswer(reason="the slopes explain the scores entirely, no residual is left")
+        return NotEstimable(reason="the slopes explain the scores entirely, no residual is left")
     variance = within / df[1]
     f = slopes.squares / df[0] / variance
     return GainHeterogeneity(
@@ -105,9 +107,9 @@ def _named(names: tuple[str, ...], values: FloatArray) -> dict[str, float]:
     return {name: float(value) for name, value in zip(names, values, strict=True)}
 
 
-def _shrinkage(variance: float, residual: float, count: int) -> float | NoAnswer:
+def _shrinkage(variance: float, residual: float, count: int) -> float | NotEstimable:
     if variance + residual == 0:
-        return NoAnswer(reason="neither subjects nor residuals vary")
+        return NotEstimable(reason="neither subjects nor residuals vary")
     return variance / (variance + residual / count)
 
 
@@ -126,7 +128,7 @@ class _Slopes:
     excess: Mapping[int, float]
 
 
-def _slopes(fit: TwoWay) -> _Slopes | NoAnswer:
+def _slopes(fit: TwoWay) -> _Slopes | NotEstimable:
     """Return the slopes by least squares, subjects and conditions allowed for.
 
     With E the effects about each subject's own mean over the cells given, their information is
@@ -138,7 +140,7 @@ def _slopes(fit: TwoWay) -> _Slopes | NoAnswer:
     lengths = np.sqrt((own**2).sum(axis=1))
     rows = np.flatnonzero(lengths > 1e-6 * max(1.0, float(lengths.max())))
     if not (fit.columns**2).sum() > 0 or not rows.size:
-        return NoAnswer(reason="the conditions do not differ, so that no slope can be seen")
+        return NotEstimable(reason="the conditions do not differ, so that no slope can be seen")
     own, lengths = own[rows], lengths[rows]
     residuals = np.where(fit.table.given, fit.residuals, 0.0)[rows]
     products = (own * residuals).sum(axis=1) / lengths

@@ -6,7 +6,7 @@ from itertools import permutations
 import numpy as np
 from scipy.special import chdtrc
 
-from analysis.estimates import FloatArray, IntArray, NoAnswer
+from analysis.estimates import FloatArray, IntArray, NotEstimable
 from analysis.loading.score_table import ScoreTable
 from analysis.statistics.signed_rank import doubled_midranks
 from analysis.statistics.two_way import linked_columns, without_empty
@@ -16,7 +16,7 @@ LARGEST_STEP = 3_000_000
 MOST_CONDITIONS = 7
 
 
-def exact_p(doubled_ranks: IntArray) -> float | NoAnswer:
+def exact_p(doubled_ranks: IntArray) -> float | NotEstimable:
     """Return the chance of rank sums at least as unequal as these, each row shuffled at random.
 
     The rows are added one at a time. What a further row does to a set of sums does not depend on
@@ -27,7 +27,7 @@ def exact_p(doubled_ranks: IntArray) -> float | NoAnswer:
         doubled_ranks: shape (subjects, conditions), twice the midranks within each row.
     """
     if doubled_ranks.shape[1] > MOST_CONDITIONS:
-        return NoAnswer(
+        return NotEstimable(
             reason=f"the exact p is computed for at most {MOST_CONDITIONS} conditions, got "
             f"{doubled_ranks.shape[1]}"
         )
@@ -36,7 +36,7 @@ def exact_p(doubled_ranks: IntArray) -> float | NoAnswer:
     sums, chances = np.zeros((1, doubled_ranks.shape[1]), dtype=np.int64), np.ones(1)
     for count, row in enumerate(rows):
         if len(sums) * len(row) > LARGEST_STEP:
-            return NoAnswer(reason=_too_many(len(rows), count))
+            return NotEstimable(reason=_too_many(len(rows), count))
         if count < len(rows) - 1:
             sums, chances = _add_row(sums, chances, row)
     observed = int((doubled_ranks.sum(axis=0) ** 2).sum())
@@ -82,12 +82,12 @@ class Friedman:
     chi2: float
     df: int
     p: float
-    p_exact: float | NoAnswer
+    p_exact: float | NotEstimable
     kendall_w: float
     rank_sums: tuple[float, ...]
 
 
-def friedman(table: ScoreTable) -> Friedman | NoAnswer:
+def friedman(table: ScoreTable) -> Friedman | NotEstimable:
     """Return Friedman's test of the table, or why there is none.
 
     χ² = (k-1) Σ_j (R_j - n(k+1)/2)² / Σ_ij (r_ij - (k+1)/2)² and W = χ² / (n (k-1)) (Conover,
@@ -107,7 +107,7 @@ def friedman(table: ScoreTable) -> Friedman | NoAnswer:
     subjects, conditions = ranks.shape
     between, within = _sums_of_squares(ranks)
     if within == 0:
-        return NoAnswer(reason="every subject gave all conditions the same score")
+        return NotEstimable(reason="every subject gave all conditions the same score")
     chi2 = (conditions - 1) * between / within
     return Friedman(
         chi2=chi2,
@@ -119,13 +119,13 @@ def friedman(table: ScoreTable) -> Friedman | NoAnswer:
     )
 
 
-def _refusal(table: ScoreTable) -> NoAnswer | None:
+def _refusal(table: ScoreTable) -> NotEstimable | None:
     if len(table.conditions) < 2:
-        return NoAnswer(reason="Friedman's test needs at least 2 conditions, got 1")
+        return NotEstimable(reason="Friedman's test needs at least 2 conditions, got 1")
     if len(table.subjects) < 2:
-        return NoAnswer(reason="Friedman's test needs at least 2 subjects to agree, got 1")
+        return NotEstimable(reason="Friedman's test needs at least 2 subjects to agree, got 1")
     if not table.is_complete:
-        return NoAnswer(
+        return NotEstimable(
             reason=f"Friedman's test needs every score, {table.missing_count} of "
             f"{table.scores.size} are missing"
         )
@@ -156,7 +156,7 @@ class SkillingsMack:
     left_out: tuple[str, ...] = ()
 
 
-def skillings_mack(table: ScoreTable) -> SkillingsMack | NoAnswer:
+def skillings_mack(table: ScoreTable) -> SkillingsMack | NotEstimable:
     """Return the Skillings-Mack test of the table, or why there is none.
 
     T = A' Σ⁻ A with A_j = Σ_i √(12/(k_i+1)) (r_ij - (k_i+1)/2), ranks within the k_i scores of
@@ -164,7 +164,7 @@ def skillings_mack(table: ScoreTable) -> SkillingsMack | NoAnswer:
     the variance of each subject's tied ranks in place of that of k_i different ones.
     """
     kept = without_empty(table)
-    if isinstance(kept, NoAnswer):
+    if isinstance(kept, NotEstimable):
         return kept
     scores = kept.scores[kept.given.sum(axis=1) >= 2]
     refusal = _too_little(kept, scores)
@@ -174,7 +174,7 @@ def skillings_mack(table: ScoreTable) -> SkillingsMack | NoAnswer:
     variances = (deviations**2).sum(axis=1) / (counts - 1)
     total = deviations.sum(axis=0)
     if not variances.any():
-        return NoAnswer(reason="every subject gave all conditions the same score")
+        return NotEstimable(reason="every subject gave all conditions the same score")
     tied, rank = _quadratic_form(total, _covariance(scores, variances / counts))
     untied, _ = _quadratic_form(total, _covariance(scores, np.ones(len(scores))))
     return SkillingsMack(
@@ -186,15 +186,17 @@ def skillings_mack(table: ScoreTable) -> SkillingsMack | NoAnswer:
     )
 
 
-def _too_little(table: ScoreTable, scores: FloatArray) -> NoAnswer | None:
+def _too_little(table: ScoreTable, scores: FloatArray) -> NotEstimable | None:
     if not len(scores):
-        return NoAnswer(reason="no subject scored two conditions")
+        return NotEstimable(reason="no subject scored two conditions")
     if len(scores) < 2:
-        return NoAnswer(reason="at least 2 subjects who scored two conditions must agree, got 1")
+        return NotEstimable(
+            reason="at least 2 subjects who scored two conditions must agree, got 1"
+        )
     linked = linked_columns(~np.isnan(scores))
     if not linked.all():
         apart = [name for name, known in zip(table.conditions, linked, strict=True) if known]
-        return NoAnswer(
+        return NotEstimable(
             reason=f"no chain of subjects compares {', '.join(apart)} with the other conditions"
         )
     return None

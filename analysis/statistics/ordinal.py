@@ -7,7 +7,7 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.special import logit, ndtri
 
-from analysis.estimates import FloatArray, IntArray, NoAnswer
+from analysis.estimates import FloatArray, IntArray, NotEstimable
 from analysis.loading.score_table import ScoreTable
 from analysis.statistics.ordinal_likelihood import (
     Link,
@@ -48,7 +48,7 @@ class OrdinalEffects:
     log_likelihood: float
 
 
-def ordinal_effects(table: ScoreTable, *, link: Link) -> OrdinalEffects | NoAnswer:
+def ordinal_effects(table: ScoreTable, *, link: Link) -> OrdinalEffects | NotEstimable:
     """Return the maximum-likelihood fit to a table of one score per cell, or why there is none.
 
     The first condition is the reference. See `ordinal_effects_of_trials`.
@@ -70,7 +70,7 @@ def ordinal_effects_of_trials(
     condition: IntArray,
     conditions: tuple[str, ...],
     link: Link,
-) -> OrdinalEffects | NoAnswer:
+) -> OrdinalEffects | NotEstimable:
     """Return the maximum-likelihood fit to single trials, or why there is none.
 
     P(score <= c_k) = F(θ_k - β_condition - b_subject), b ~ N(0, σ²): the cumulative link model
@@ -96,7 +96,7 @@ def ordinal_effects_of_trials(
     fitted = unpacked(packed, data.categories)
     if covariance is None:
         extreme = conditions[int(np.argmax(np.abs(fitted.effects)))]
-        return NoAnswer(
+        return NotEstimable(
             reason="the likelihood has no maximum, because scores do not overlap between "
             f"conditions or subjects; the effect that grows without end is that of {extreme}"
         )
@@ -113,17 +113,17 @@ def ordinal_effects_of_trials(
     )
 
 
-def _refusal(counts: FloatArray, conditions: tuple[str, ...]) -> NoAnswer | None:
+def _refusal(counts: FloatArray, conditions: tuple[str, ...]) -> NotEstimable | None:
     subjects, _, categories = counts.shape
     if subjects < 2:
-        return NoAnswer(reason=f"the model needs scores of at least 2 subjects, got {subjects}")
+        return NotEstimable(reason=f"the model needs scores of at least 2 subjects, got {subjects}")
     if not 2 <= categories <= MOST_CATEGORIES:
-        return NoAnswer(
+        return NotEstimable(
             reason=f"the model needs 2 to {MOST_CATEGORIES} different scores, got {categories}"
         )
     for name, number in zip(conditions, counts.sum(axis=(0, 2)), strict=True):
         if number == 0:
-            return NoAnswer(reason=f"no score was given under {name}")
+            return NotEstimable(reason=f"no score was given under {name}")
     return None
 
 

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from scipy.special import ndtr
 
-from analysis.estimates import FloatArray, IntArray, NoAnswer
+from analysis.estimates import FloatArray, IntArray, NotEstimable
 from analysis.loading.score_table import ScoreTable
 
 # Scores such as 7.3 - 7.2 and 5.1 - 5.0 are meant to be equal and differ in the last bits.
@@ -61,11 +61,11 @@ class PairwiseTest:
 
     a: str
     b: str
-    test: SignedRank | NoAnswer
-    p_holm: float | NoAnswer
+    test: SignedRank | NotEstimable
+    p_holm: float | NotEstimable
 
 
-def signed_rank(differences: FloatArray) -> SignedRank | NoAnswer:
+def signed_rank(differences: FloatArray) -> SignedRank | NotEstimable:
     """Return the signed rank test of the differences, or why there is none.
 
     Zeros are dropped and ties share their mean rank (Wilcoxon, Biometrics Bulletin 1, 1945). Up
@@ -80,10 +80,10 @@ def signed_rank(differences: FloatArray) -> SignedRank | NoAnswer:
     """
     scored = differences[~np.isnan(differences)]
     if scored.size == 0:
-        return NoAnswer(reason="no subject has both scores")
+        return NotEstimable(reason="no subject has both scores")
     changed = scored[np.round(scored, DECIMALS) != 0]
     if changed.size == 0:
-        return NoAnswer(reason=f"no difference in any subject (zeros: {scored.size})")
+        return NotEstimable(reason=f"no difference in any subject (zeros: {scored.size})")
     ranks = doubled_midranks(np.abs(changed))
     positive, total = int(ranks[changed > 0].sum()), int(ranks.sum())
     exact = len(ranks) <= LARGEST_EXACT

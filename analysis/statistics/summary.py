@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.estimates import NoAnswer
+from analysis.estimates import NotEstimable
 from analysis.loading.score_table import BoolArray, ScoreTable
 from analysis.statistics.additive import (
     AdditiveEffects,
@@ -27,7 +27,7 @@ class MissingScores:
     lowest: ScoreTable
 
 
-def missing_scores(table: ScoreTable, withheld: BoolArray) -> MissingScores | NoAnswer:
+def missing_scores(table: ScoreTable, withheld: BoolArray) -> MissingScores | NotEstimable:
     """Return the table under each reading of its withheld scores, or why there is none.
 
     A score is not given when the answer disagrees with the expectation (paper, section 5.2). It
@@ -48,7 +48,7 @@ def missing_scores(table: ScoreTable, withheld: BoolArray) -> MissingScores | No
         scored = int((withheld & table.given).sum())
         raise ValueError(f"a withheld cell must have no score, got {scored} with one")
     if not table.given.any():
-        return NoAnswer(reason="no score was given, so that there is no lowest one")
+        return NotEstimable(reason="no score was given, so that there is no lowest one")
     return MissingScores(
         missing=table,
         zero=_filled(table, withheld, 0.0),
@@ -73,8 +73,8 @@ class Reading:
 
     name: str
     table4: Table4
-    friedman: Friedman | NoAnswer
-    skillings_mack: SkillingsMack | NoAnswer | None
+    friedman: Friedman | NotEstimable
+    skillings_mack: SkillingsMack | NotEstimable | None
     pairwise: tuple[PairwiseTest, ...]
 
 
@@ -87,10 +87,10 @@ class TableStatistics:
     """
 
     readings: tuple[Reading, ...]
-    icc_subjects: IntraclassCorrelation | NoAnswer
-    icc_conditions: IntraclassCorrelation | NoAnswer
-    additive: AdditiveEffects | NoAnswer
-    heterogeneity: GainHeterogeneity | NoAnswer
+    icc_subjects: IntraclassCorrelation | NotEstimable
+    icc_conditions: IntraclassCorrelation | NotEstimable
+    additive: AdditiveEffects | NotEstimable
+    heterogeneity: GainHeterogeneity | NotEstimable
 
     @property
     def main(self) -> Reading:
@@ -116,7 +116,7 @@ def table_statistics(table: ScoreTable, withheld: BoolArray) -> TableStatistics:
 
 def _read(table: ScoreTable, withheld: BoolArray) -> list[tuple[str, ScoreTable]]:
     read = missing_scores(table, withheld)
-    if table.is_complete or isinstance(read, NoAnswer):
+    if table.is_complete or isinstance(read, NotEstimable):
         return [("missing", table)]
     return [("missing", read.missing), ("zero", read.zero), ("lowest", read.lowest)]
 

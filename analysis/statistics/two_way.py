@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from analysis.estimates import FloatArray, NoAnswer
+from analysis.estimates import FloatArray, NotEstimable
 from analysis.loading.score_table import BoolArray, ScoreTable
 
 
@@ -54,7 +54,7 @@ class TwoWay:
         return float(spare / (self.table.given.sum() - len(self.rows)))
 
 
-def two_way(table: ScoreTable) -> TwoWay | NoAnswer:
+def two_way(table: ScoreTable) -> TwoWay | NotEstimable:
     """Return the least-squares fit of rows and columns to the table, or why there is none.
 
     Rows are eliminated where there are more of them (columns otherwise), so that the cost grows
@@ -89,11 +89,11 @@ def two_way(table: ScoreTable) -> TwoWay | NoAnswer:
     )
 
 
-def without_empty(table: ScoreTable) -> ScoreTable | NoAnswer:
+def without_empty(table: ScoreTable) -> ScoreTable | NotEstimable:
     """Return the table without the subjects and conditions that have no score at all."""
     rows, columns = table.given.any(axis=1), table.given.any(axis=0)
     if not rows.any():
-        return NoAnswer(reason="no score was given")
+        return NotEstimable(reason="no score was given")
     return ScoreTable(
         subjects=tuple(np.array(table.subjects, dtype=object)[rows]),
         conditions=tuple(np.array(table.conditions, dtype=object)[columns]),
@@ -101,11 +101,11 @@ def without_empty(table: ScoreTable) -> ScoreTable | NoAnswer:
     )
 
 
-def _refusal(table: ScoreTable | NoAnswer) -> NoAnswer | None:
-    if isinstance(table, NoAnswer):
+def _refusal(table: ScoreTable | NotEstimable) -> NotEstimable | None:
+    if isinstance(table, NotEstimable):
         return table
     if len(table.subjects) < 2 or len(table.conditions) < 2:
-        return NoAnswer(
+        return NotEstimable(
             reason="effects of subjects and conditions need at least 2 of each with a score, got "
             f"{len(table.subjects)} and {len(table.conditions)}"
         )
@@ -114,11 +114,13 @@ def _refusal(table: ScoreTable | NoAnswer) -> NoAnswer | None:
         apart = [
             name for name, is_linked in zip(table.conditions, linked, strict=True) if is_linked
         ]
-        return NoAnswer(
+        return NotEstimable(
             reason=f"no chain of subjects compares {', '.join(apart)} with the other conditions"
         )
     if table.given.sum() < len(table.subjects) + len(table.conditions):
-        return NoAnswer(reason="there are as many effects as scores, none is left for the residual")
+        return NotEstimable(
+            reason="there are as many effects as scores, none is left for the residual"
+        )
     return None
 
 
@@ -165,14 +167,14 @@ class IntraclassCorrelation:
     """
 
     target: Target
-    agreement_single: float | NoAnswer
-    consistency_single: float | NoAnswer
-    consistency_mean: float | NoAnswer
+    agreement_single: float | NotEstimable
+    consistency_single: float | NotEstimable
+    consistency_mean: float | NotEstimable
 
 
 def intraclass_correlation(
     table: ScoreTable, *, target: Target
-) -> IntraclassCorrelation | NoAnswer:
+) -> IntraclassCorrelation | NotEstimable:
     """Return ICC(2,1), ICC(3,1) and ICC(3,k) of the target, or why there is none.
 
     They are ratios of the variances of targets, raters and residuals by the method of moments;
@@ -180,7 +182,7 @@ def intraclass_correlation(
     targets differ less than chance makes them.
     """
     fit = two_way(table if target == "subjects" else table.transposed)
-    if isinstance(fit, NoAnswer):
+    if isinstance(fit, NotEstimable):
         return fit
     targets, residual = fit.row_variance, fit.residual_variance
     raters = len(fit.columns)
@@ -192,9 +194,9 @@ def intraclass_correlation(
     )
 
 
-def _ratio(fit: TwoWay, signal: float, noise: float) -> float | NoAnswer:
+def _ratio(fit: TwoWay, signal: float, noise: float) -> float | NotEstimable:
     total = signal + noise
     largest = fit.residual_variance + abs(fit.row_variance) + abs(fit.column_variance)
     if total <= 1e-12 * largest:
-        return NoAnswer(reason="targets and residuals do not vary, so that there is no ratio")
+        return NotEstimable(reason="targets and residuals do not vary, so that there is no ratio")
     return signal / total

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.special import stdtr, stdtrit
 
-from analysis.estimates import FloatArray, NoAnswer
+from analysis.estimates import FloatArray, NotEstimable
 from analysis.sensitivity.linear_model import LineSums, line_posterior, line_sums
 from analysis.sensitivity.lines import axes_of, covariance_matrices
 from analysis.sensitivity.ratings import Ratings
@@ -32,7 +32,7 @@ def shared_contrasts(ratings: Ratings, contrast: FloatArray) -> bool:
     return len(np.unique(own[1:], axis=1).T) == int(np.unique(own[0], return_counts=True)[1].max())
 
 
-def assignment_p(trials: Ratings, contrast: FloatArray) -> float | NoAnswer:
+def assignment_p(trials: Ratings, contrast: FloatArray) -> float | NotEstimable:
     """Return the share of all assignments of the contrasts to conditions that explain as much.
 
     What explains is the largest log-likelihood of M1, as in `law_likelihoods`. Where all subjects
@@ -44,7 +44,7 @@ def assignment_p(trials: Ratings, contrast: FloatArray) -> float | NoAnswer:
         contrast: shape (trials,), what the law predicts.
     """
     cells = _cell_means(trials, contrast)
-    if isinstance(cells, NoAnswer):
+    if isinstance(cells, NotEstimable):
         return cells
     means, values, repeats = cells
     assigned = np.array(list(permutations(values)))
@@ -54,12 +54,12 @@ def assignment_p(trials: Ratings, contrast: FloatArray) -> float | NoAnswer:
 
 def _cell_means(
     trials: Ratings, contrast: FloatArray
-) -> tuple[FloatArray, FloatArray, int] | NoAnswer:
+) -> tuple[FloatArray, FloatArray, int] | NotEstimable:
     """Return mean ratings (subjects, conditions), each condition's contrast, ratings per cell."""
     people, subject = np.unique(trials.subject, return_inverse=True)
     names, condition = np.unique(trials.condition, return_inverse=True)
     if not 3 <= len(names) <= MOST_CONDITIONS:
-        return NoAnswer(
+        return NotEstimable(
             reason=f"assignments are listed for 3 to {MOST_CONDITIONS} conditions, got {len(names)}"
         )
     counts, sums = np.zeros((2, len(people), len(names)))
@@ -67,9 +67,9 @@ def _cell_means(
     np.add.at(sums, (subject, condition), trials.rating)
     values = np.array([contrast[condition == place][0] for place in range(len(names))])
     if not np.array_equal(np.round(contrast, DECIMALS), np.round(values, DECIMALS)[condition]):
-        return NoAnswer(reason="a condition has not the same contrast for everybody")
+        return NotEstimable(reason="a condition has not the same contrast for everybody")
     if (counts != counts[0, 0]).any():
-        return NoAnswer(reason="not every subject rated every condition equally often")
+        return NotEstimable(reason="not every subject rated every condition equally often")
     return sums / counts, values, int(counts[0, 0])
 
 
@@ -129,10 +129,10 @@ class LawOrder:
     """
 
     tied: tuple[tuple[str, ...], ...]
-    spearman: float | NoAnswer
-    p: float | NoAnswer
-    rank_needed: float | NoAnswer
-    needed: float | NoAnswer
+    spearman: float | NotEstimable
+    p: float | NotEstimable
+    rank_needed: float | NotEstimable
+    needed: float | NotEstimable
     rated: int
 
     @property
@@ -153,12 +153,12 @@ class LawLikelihood:
 
     log_likelihood: float
     gain_over_none: float
-    gain_p: float | NoAnswer
+    gain_p: float | NotEstimable
 
 
 def law_order(
     conditions: tuple[str, ...], predicted: FloatArray, observed: FloatArray
-) -> LawOrder | NoAnswer:
+) -> LawOrder | NotEstimable:
     """Return Spearman's correlation of predicted contrasts and mean ratings over conditions.
 
     Parameters:
@@ -178,13 +178,13 @@ def law_order(
             raise ValueError(f"{len(conditions)} conditions need as many values, got {values.size}")
     scored = ~np.isnan(observed)
     if scored.sum() < 3:
-        return NoAnswer(reason=f"an order needs at least 3 conditions, got {int(scored.sum())}")
+        return NotEstimable(reason=f"an order needs at least 3 conditions, got {int(scored.sum())}")
     ranks = doubled_midranks(np.stack([predicted[scored], observed[scored]]))
     deviations = ranks - ranks.mean(axis=1, keepdims=True)
     tied = _by_strength(conditions, predicted)
     squares = (deviations**2).sum(axis=1)
     if not squares.all():
-        flat = NoAnswer(reason="all contrasts, or all mean ratings, are equal")
+        flat = NotEstimable(reason="all contrasts, or all mean ratings, are equal")
         return LawOrder(
             tied=tied,
             spearman=flat,
@@ -213,20 +213,20 @@ def _by_strength(conditions: tuple[str, ...], predicted: FloatArray) -> tuple[tu
     )
 
 
-def critical_correlation(pairs: int) -> float | NoAnswer:
+def critical_correlation(pairs: int) -> float | NotEstimable:
     """Return the product-moment correlation beyond which p < .05, two-sided.
 
     >>> round(critical_correlation(5), 3)
     0.878
     """
     if pairs < 3:
-        return NoAnswer(reason=f"a correlation is tested with at least 3 pairs, got {pairs}")
+        return NotEstimable(reason=f"a correlation is tested with at least 3 pairs, got {pairs}")
     t = float(stdtrit(pairs - 2, 0.975))
     return t / float(np.sqrt(pairs - 2 + t**2))
 
 
 @cache
-def critical_rank_correlation(pairs: int) -> float | NoAnswer:
+def critical_rank_correlation(pairs: int) -> float | NotEstimable:
     """Return the least rank correlation without ties that has p < .05, two-sided.
 
     Over all orders up to eight pairs, by the t approximation beyond.
@@ -235,14 +235,14 @@ def critical_rank_correlation(pairs: int) -> float | NoAnswer:
     1.0
     """
     if pairs < 3:
-        return NoAnswer(reason=f"a correlation is tested with at least 3 pairs, got {pairs}")
+        return NotEstimable(reason=f"a correlation is tested with at least 3 pairs, got {pairs}")
     ranks = np.arange(pairs) - (pairs - 1) / 2
     return _over_all_orders(np.stack([ranks, ranks]))[1]
 
 
 def law_likelihoods(
     ratings: Ratings, contrasts: Mapping[str, FloatArray]
-) -> dict[str, LawLikelihood | NoAnswer]:
+) -> dict[str, LawLikelihood | NotEstimable]:
     """Return for each law how well its contrasts explain the ratings, by name.
 
     Parameters:
@@ -254,7 +254,7 @@ def law_likelihoods(
         ValueError: another number of contrasts than of trials.
     """
     scored = ~np.isnan(ratings.rating)
-    results: dict[str, LawLikelihood | NoAnswer] = {}
+    results: dict[str, LawLikelihood | NotEstimable] = {}
     for law, contrast in contrasts.items():
         if contrast.shape != ratings.rating.shape:
             raise ValueError(f"{law} needs {ratings.rating.size} contrasts, got {contrast.size}")
@@ -262,9 +262,9 @@ def law_likelihoods(
     return results
 
 
-def _law_likelihood(trials: Ratings, contrast: FloatArray) -> LawLikelihood | NoAnswer:
+def _law_likelihood(trials: Ratings, contrast: FloatArray) -> LawLikelihood | NotEstimable:
     axes = axes_of(replace(trials, contrast=contrast))
-    if isinstance(axes, NoAnswer):
+    if isinstance(axes, NotEstimable):
         return axes
     x = (contrast - axes.x_mean) / axes.x_sd
     y = (trials.rating - axes.y_mean) / axes.y_sd
@@ -316,7 +316,7 @@ def _smallest(cost: Callable[[FloatArray], float], start: FloatArray) -> float:
     )
 
 
-def _over_all_orders(deviations: FloatArray) -> tuple[float, float | NoAnswer]:
+def _over_all_orders(deviations: FloatArray) -> tuple[float, float | NotEstimable]:
     """Return the share of orders that correlate as strongly, either way, and what p < .05 takes.
 
     Parameters:
@@ -331,7 +331,7 @@ def _over_all_orders(deviations: FloatArray) -> tuple[float, float | NoAnswer]:
         p = _share_from(products, observed)
         rare = [value for value in np.unique(products) if _share_from(products, value) < 0.05]
         if not rare:
-            return p, NoAnswer(reason=f"no order of these {count} conditions has p < .05")
+            return p, NotEstimable(reason=f"no order of these {count} conditions has p < .05")
         return p, float(rare[0]) / largest
     needed = critical_correlation(count)
     r = observed / largest

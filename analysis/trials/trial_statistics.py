@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.estimates import FloatArray, NoAnswer
+from analysis.estimates import FloatArray, NotEstimable
 from analysis.loading.sessions import TrialRow
 from analysis.loading.study_data import Loaded
 from analysis.sensitivity.checks import (
@@ -40,8 +40,8 @@ _NO_CHANGE = frozenset(map(no_change, ANSWERS))
 class CatchAnswers:
     """Answers to catch trials (0 V) and to signal trials, pooled and by subject."""
 
-    overall: Discrimination | NoAnswer
-    subjects: Mapping[str, Discrimination | NoAnswer]
+    overall: Discrimination | NotEstimable
+    subjects: Mapping[str, Discrimination | NotEstimable]
 
 
 def catch_answers(rows: Sequence[TrialRow]) -> CatchAnswers:
@@ -77,7 +77,7 @@ def catch_answers(rows: Sequence[TrialRow]) -> CatchAnswers:
 PAPERS_RANKING = "paper's ranking"
 _CLAIMED = {"voltage": 1.0, "pressure": -1.0}
 """Section 5.2: voltage is best, touch pressure weakest; of the others it says nothing."""
-_UNORDERED = NoAnswer(reason="the order in which the scores were given is not known")
+_UNORDERED = NotEstimable(reason="the order in which the scores were given is not known")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,15 +89,15 @@ class LawScore:
 
     law: str
     predicted: Mapping[str, float]
-    order: LawOrder | NoAnswer
-    likelihood: LawLikelihood | NoAnswer
+    order: LawOrder | NotEstimable
+    likelihood: LawLikelihood | NotEstimable
 
 
 @dataclass(frozen=True, kw_only=True)
 class SignalAnswers:
     """How many felt the first signal as expected, and the contrast that each law predicts."""
 
-    felt: Proportion | NoAnswer
+    felt: Proportion | NotEstimable
     predicted: Mapping[str, float]
 
 
@@ -107,14 +107,14 @@ class TrialStatistics:
 
     contrasts: TrialContrasts
     scored: ScoredTrials
-    ordinal: Mapping[str, OrdinalEffects | NoAnswer]
-    m1: LinearSensitivity | NoAnswer
-    m2: OrdinalSensitivity | NoAnswer
-    m3: JointSensitivity | NoAnswer
+    ordinal: Mapping[str, OrdinalEffects | NotEstimable]
+    m1: LinearSensitivity | NotEstimable
+    m2: OrdinalSensitivity | NotEstimable
+    m3: JointSensitivity | NotEstimable
     laws: tuple[LawScore, ...]
-    drift: Drift | NoAnswer
-    order: FTest | NoAnswer
-    carry_over: FTest | NoAnswer
+    drift: Drift | NotEstimable
+    order: FTest | NotEstimable
+    carry_over: FTest | NotEstimable
     catch: CatchAnswers
     signal: SignalAnswers
 
@@ -147,7 +147,7 @@ def trial_statistics(loaded: Loaded, study: Study) -> TrialStatistics:
     )
 
 
-def _ordinal(scored: ScoredTrials, link: str) -> OrdinalEffects | NoAnswer:
+def _ordinal(scored: ScoredTrials, link: str) -> OrdinalEffects | NotEstimable:
     given = scored.every.given
     return ordinal_effects_of_trials(
         scores=given.rating,
@@ -174,7 +174,7 @@ def _laws(loaded: Loaded, scored: ScoredTrials) -> tuple[LawScore, ...]:
     if not loaded.table.conditions or not set(_CLAIMED) <= set(loaded.table.conditions):
         return tuple(found)
     claimed = np.array([_CLAIMED.get(name, 0.0) for name in loaded.table.conditions])
-    nobody = NoAnswer(reason="the claim ranks conditions and says nothing of single persons")
+    nobody = NotEstimable(reason="the claim ranks conditions and says nothing of single persons")
     return (*found, _law_score(PAPERS_RANKING, loaded, claimed, observed, nobody))
 
 
@@ -183,7 +183,7 @@ def _law_score(
     loaded: Loaded,
     predicted: FloatArray,
     observed: FloatArray,
-    likelihood: LawLikelihood | NoAnswer,
+    likelihood: LawLikelihood | NotEstimable,
 ) -> LawScore:
     known = ~np.isnan(predicted)
     names = tuple(np.array(loaded.table.conditions, dtype=object)[known])

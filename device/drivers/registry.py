@@ -11,9 +11,10 @@ from device.errors import AddressError, ForeignDevice
 @cache
 def drivers() -> dict[str, type[Driver]]:
     """Return the drivers by dialect."""
-    room = import_module("device.drivers")
+    context = import_module("device.drivers")
     modules = [
-        import_module(f"{room.__name__}.{found.name}") for found in iter_modules(room.__path__)
+        import_module(f"{context.__name__}.{found.name}")
+        for found in iter_modules(context.__path__)
     ]
     found = [module.DRIVER for module in modules if hasattr(module, "DRIVER")]
     return {driver.dialect: driver for driver in found}

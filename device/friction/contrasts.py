@@ -13,7 +13,7 @@ from device.errors import one_of
 from device.friction.changes import Change, Moment
 from device.friction.coefficient import friction_coefficient
 from device.friction.rungs import rung_resonance_hz
-from device.friction.scenes import Drive, Scene, Structure, Touch
+from device.friction.scenes import Drive, FingerContact, Scene, Structure
 
 
 def predicted_contrast(change: Change, law: str = "consistent") -> float:
@@ -46,7 +46,7 @@ def _friction(moment: Moment, places_m: tuple[float, ...], law: str) -> FloatArr
     scene = Scene(
         structure=Structure() if moment.has_bodies else Structure(body_height_m=0.0),
         drive=_drive(moment),
-        touch=Touch(
+        touch=FingerContact(
             contact_m=moment.contact_m,
             finger_load_n=moment.force_n,
             sliding_speed_m_s=moment.sliding_speed_m_s,
@@ -110,7 +110,7 @@ def _depth_growth(friction_coefficient_off: float) -> Callable[[FloatArray, Floa
 
 def reference_scene() -> Scene:
     """100 V at resonance, a finger of 10 mm pressing with 0.5 N at the smooth place, rightward."""
-    return Scene(touch=Touch(x_m=SMOOTH_PLACE_M, contact_m=0.010, finger_load_n=0.5))
+    return Scene(touch=FingerContact(x_m=SMOOTH_PLACE_M, contact_m=0.010, finger_load_n=0.5))
 
 
 def _at_voltage(scene: Scene, voltage_v: float) -> Scene:
@@ -160,7 +160,7 @@ def _direction(scene: Scene, _rung: str) -> Condition:
 
 def _pressure(scene: Scene, _rung: str) -> Condition:
     """Load → 1.5 load."""
-    touch: Touch = scene.touch
+    touch: FingerContact = scene.touch
     if touch.finger_load_n is None:
         pressed = replace(touch, body_load_n=1.5 * touch.body_load_n)
     else:

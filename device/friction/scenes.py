@@ -14,7 +14,7 @@ from device.errors import not_negative, one_of, positive, whole, within
 
 Coverage = Literal["local", "full"]
 Direction = Literal["right", "left"]
-Resonance = Literal["resonance"]
+AtResonance = Literal["resonance"]
 
 REFERENCE_TIP_SPEED_M_S = 0.0564616714013556
 REFERENCE_SPEED_M_S = REFERENCE_TIP_SPEED_M_S / math.sqrt(2.0)
@@ -46,7 +46,7 @@ class Drive:
     """
 
     voltage_v: float = 100.0
-    frequency_hz: float | Resonance = "resonance"
+    frequency_hz: float | AtResonance = "resonance"
     mode: int = 6
 
     def __post_init__(self) -> None:
@@ -59,7 +59,7 @@ class Drive:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Touch:
+class FingerContact:
     """The finger: its right edge, covered length, load and speed.
 
     `body_load_n` is the paper's static load on each body. A `finger_load_n`, where given, replaces
@@ -87,7 +87,7 @@ class Scene:
 
     structure: Structure = field(default_factory=Structure)
     drive: Drive = field(default_factory=Drive)
-    touch: Touch = field(default_factory=Touch)
+    touch: FingerContact = field(default_factory=FingerContact)
     coverage: Coverage = "local"
     direction: Direction = "right"
     same_direction_fraction: float | None = None

@@ -16,7 +16,7 @@ from device.errors import DeviceError
 _ANSWER_TIMEOUT_S = 5.0
 
 
-class Hand:
+class ControlClient:
     """Touches the beam, swaps it and lets time pass, as only a hand (or a simulation) can."""
 
     def __init__(self, socket_path: Path) -> None:

@@ -59,7 +59,7 @@ class Server:
             if self._door is not None:
                 self._door.serve(self._answer_control)
             self._device.instrument.watch(self._wall_s())
-            self._wire.pass_time()
+            self._wire.wait()
 
     def _answer_control(self, line: str) -> str:
         """What a hand does is done when it is told so."""

@@ -56,7 +56,7 @@ class Wire:
             data += self._line_end()
         self._send(data)
 
-    def pass_time(self) -> None:
+    def wait(self) -> None:
         """Send what is due by now."""
         if "flood" in self._active:
             self._line.send(FLOOD)

@@ -62,7 +62,7 @@ def catch_places(study: Study, order: list[int], name: Name) -> dict[int, int]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Session:
+class SessionStreams:
     """Whose plan is drawn: the names of its random streams."""
 
     study: Study
@@ -89,7 +89,7 @@ def plan(study: Study, slot: int, session: int = 1) -> Plan:
         ValueError: the design's constraints cannot be met (`protocol.study_file.limits` says so
             beforehand).
     """
-    of = Session(study=study, slot=slot, number=session)
+    of = SessionStreams(study=study, slot=slot, number=session)
     order = ordered_conditions(study, slot, session)
     names = study.conditions
     trials = [*map(_opening_trial, study.opening), *_practice(of), *_main(of, order)]
@@ -114,13 +114,13 @@ def _opening_trial(item: Opening) -> Trial:
     )
 
 
-def _practice(of: Session) -> Iterator[Trial]:
+def _practice(of: SessionStreams) -> Iterator[Trial]:
     for number in practised(of.study, of.name("practice")):
         condition = of.study.condition[number]
         yield replace(_trial(condition, condition.levels[-1], turned=False), kind="practice")
 
 
-def _main(of: Session, order: list[tuple[int, int]]) -> Iterator[Trial]:
+def _main(of: SessionStreams, order: list[tuple[int, int]]) -> Iterator[Trial]:
     """The scored trials block by block, with catch trials after some of them."""
     levels = level_draws(of.study, of.name("levels"))
     turned = opposite_draws(of.study, of.name("opposite"))

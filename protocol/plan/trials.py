@@ -9,7 +9,7 @@ from protocol.study.questions import Question
 from protocol.study.study import Study
 from protocol.study.touch import Touch, on_s
 
-Kind = Literal["baseline", "signal", "practice", "trial", "catch"]
+TrialKind = Literal["baseline", "signal", "practice", "trial", "catch"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,7 +24,7 @@ class Trial:
 
     index: int
     block: int
-    kind: Kind
+    kind: TrialKind
     condition: str | None
     question: Question | None
     expected: str | None

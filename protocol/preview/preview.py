@@ -6,7 +6,7 @@ from typing import Any
 
 from protocol.plan.plan import plan
 from protocol.plan.trials import Plan, Trial, plan_swaps, session_s, touches_s
-from protocol.preview.session_length import Purchase, alternatives, purchases
+from protocol.preview.session_length import Precision, precisions, session_lengths
 from protocol.proof.cohort import CarryOver, carry_over
 from protocol.study.study import Study
 from protocol.study.touch import Touch, slew_v_per_us
@@ -53,14 +53,14 @@ def _slew(touch: Touch, nominal_hz: float) -> float:
     return slew_v_per_us(touch.peak_voltage_v, touch.peak_frequency * nominal_hz)
 
 
-def minutes_buy(shown: Preview, predict: Predict) -> list[Purchase]:
+def precision_by_length(shown: Preview, predict: Predict) -> list[Precision]:
     """Return what sessions of this and other lengths tell of one person's sensitivity.
 
     The first slot's plans are taken; every slot has the same trials in another order.
     """
     main = [trial for trial in shown.plans[0].trials if trial.kind == "trial"]
     contrasts = [contrast for trial in main if (contrast := predict(trial)) is not None]
-    return purchases(contrasts, shown.study.design.repeats, alternatives(shown.study))
+    return precisions(contrasts, shown.study.design.repeats, session_lengths(shown.study))
 
 
 def preview_record(shown: Preview, predict: Predict) -> dict[str, Any]:
@@ -90,7 +90,7 @@ def preview_record(shown: Preview, predict: Predict) -> dict[str, Any]:
             "promised": shown.carryover.promised,
             "across_blocks": [list(row) for row in shown.carryover.across_blocks],
         },
-        "minutes_buy": [_purchase_record(bought) for bought in minutes_buy(shown, predict)],
+        "minutes_buy": [_purchase_record(bought) for bought in precision_by_length(shown, predict)],
     }
 
 
@@ -125,7 +125,7 @@ def _course(start: float, end: float) -> float | list[float]:
     return start if start == end else [start, end]
 
 
-def _purchase_record(bought: Purchase) -> dict[str, Any]:
+def _purchase_record(bought: Precision) -> dict[str, Any]:
     known = bought.half_width < float("inf")
     return {
         "repeats": bought.repeats,

@@ -17,7 +17,7 @@ from protocol.study.study import Condition, Study
 
 
 @dataclass(frozen=True, kw_only=True)
-class Alternative:
+class SessionLength:
     """A session of so many repeats.
 
     `whole` says that the study allows it as it is; else its other wishes were relaxed to plan it.
@@ -28,7 +28,7 @@ class Alternative:
     whole: bool
 
 
-def alternatives(study: Study) -> Iterator[Alternative]:
+def session_lengths(study: Study) -> Iterator[SessionLength]:
     """Yield sessions of fewer, of as many and of more repeats than the study's, first slot.
 
     No more than a study file may ask for.
@@ -39,7 +39,7 @@ def alternatives(study: Study) -> Iterator[Alternative]:
         asked = _with(study, repeats=other)
         whole = study.design.opposite_repeats < other and not design_problems(asked)
         planned = asked if whole else _relaxed(asked)
-        yield Alternative(
+        yield SessionLength(
             repeats=other, duration_s=session_s(planned, plan(planned, 0)), whole=whole
         )
 
@@ -72,7 +72,7 @@ RESIDUAL_SD = 0.971825
 
 
 @dataclass(frozen=True, kw_only=True)
-class Purchase:
+class Precision:
     """A session of so many repeats: how long it takes, and what it tells.
 
     `whole` says that the study allows it as it is, but for `design.repeats`.
@@ -89,9 +89,9 @@ class Purchase:
     relative: float
 
 
-def purchases(
-    contrasts: Sequence[float], repeats: int, sessions: Iterable[Alternative]
-) -> list[Purchase]:
+def precisions(
+    contrasts: Sequence[float], repeats: int, sessions: Iterable[SessionLength]
+) -> list[Precision]:
     """Return what sessions of other lengths buy, with the spread of contrasts of this one.
 
     Args:
@@ -102,10 +102,10 @@ def purchases(
     return [_purchase(contrasts, session.repeats / repeats, session) for session in sessions]
 
 
-def _purchase(contrasts: Sequence[float], share: float, session: Alternative) -> Purchase:
+def _purchase(contrasts: Sequence[float], share: float, session: SessionLength) -> Precision:
     trials = round(share * len(contrasts))
     half = half_width(squared_spread(contrasts) * share, trials)
-    return Purchase(
+    return Precision(
         repeats=session.repeats,
         trials=trials,
         duration_s=session.duration_s,

@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Sequence
 
 from protocol.plan.trials import Trial
-from protocol.preview.preview import Predict, Preview, levels, minutes_buy
-from protocol.preview.session_length import RESIDUAL_SD, Purchase
+from protocol.preview.preview import Predict, Preview, levels, precision_by_length
+from protocol.preview.session_length import RESIDUAL_SD, Precision
 from protocol.proof.cohort import CarryOver, balance_promised, sequences
 
 
@@ -159,7 +159,7 @@ def _purchase_lines(shown: Preview, predict: Predict) -> Iterator[str]:
     yield "sensitivity, which is the points of score that a unit of predicted change is worth."
     yield "The 95 % interval goes this far to either side, from that person's scores alone:"
     rows = [("repeats", "trials", "minutes", "points per unit", "of the scale")]
-    bought = minutes_buy(shown, predict)
+    bought = precision_by_length(shown, predict)
     rows += [_purchase_row(shown, option) for option in bought]
     yield from _table(iter(rows))
     if not all(option.whole for option in bought):
@@ -170,7 +170,7 @@ def _purchase_lines(shown: Preview, predict: Predict) -> Iterator[str]:
     yield f"{scatter}, as in the paper's Table 4."
 
 
-def _purchase_row(shown: Preview, bought: Purchase) -> tuple[str, str, str, str, str]:
+def _purchase_row(shown: Preview, bought: Precision) -> tuple[str, str, str, str, str]:
     here = " <" if bought.repeats == shown.study.design.repeats else " *" * (not bought.whole)
     known = bought.half_width < float("inf")
     return (

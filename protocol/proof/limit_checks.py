@@ -8,12 +8,12 @@ from protocol.plan.trials import Plan
 from protocol.study.study import Study
 from protocol.study.touch import Touch
 
-Broken = Iterator[tuple[str, str]]
+Violations = Iterator[tuple[str, str]]
 
 _ROUNDING = 1 + 1e-12
 
 
-def limits_broken(study: Study, plan: Plan) -> Broken:
+def limit_violations(study: Study, plan: Plan) -> Violations:
     """Yield (rule, value) for every limit that the plan exceeds."""
     for trial in plan.trials:
         for touch in trial.touches:
@@ -62,7 +62,7 @@ def _mounted(study: Study, plan: Plan) -> list[str | None]:
     return [study.touch.beam, *needed]
 
 
-def _beams(study: Study, plan: Plan) -> Broken:
+def _beams(study: Study, plan: Plan) -> Violations:
     mounted = _mounted(study, plan)
     for beam in sorted({beam for beam in mounted if beam is not None} - set(study.beams)):
         yield "a beam must be one of the study's", repr(beam)

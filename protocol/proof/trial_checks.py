@@ -10,15 +10,15 @@ from math import isclose
 
 from protocol.errors import Problem
 from protocol.plan.trials import Plan, Trial
-from protocol.proof.limit_checks import limits_broken
+from protocol.proof.limit_checks import limit_violations
 from protocol.study.questions import ANSWERS
 from protocol.study.study import Condition, Study
 from protocol.study.touch import Touch
 
-Broken = Iterator[tuple[str, str]]
+Violations = Iterator[tuple[str, str]]
 
 
-def content_broken(study: Study, plan: Plan) -> Broken:
+def content_violations(study: Study, plan: Plan) -> Violations:
     """Yield (rule, value) for each trial that is not its condition's."""
     conditions = {condition.name: condition for condition in study.condition}
     for trial in plan.trials:
@@ -77,7 +77,7 @@ def _alike(one: tuple[list[float], list[object]], other: tuple[list[float], list
     )
 
 
-def _opposites(study: Study, plan: Plan) -> Broken:
+def _opposites(study: Study, plan: Plan) -> Violations:
     turned = Counter(trial.condition for trial in plan.trials if trial.opposite)
     for condition in study.condition:
         possible = len(ANSWERS[condition.question]) == 3 and condition.expected != "same"
@@ -103,8 +103,8 @@ def plan_problems(study: Study, plan: Plan) -> list[Problem]:
         _catches,
         _breaks,
         _groups,
-        content_broken,
-        limits_broken,
+        content_violations,
+        limit_violations,
     )
     return [
         Problem(where=f"plan of slot {plan.slot}", rule=rule, value=value)
@@ -117,7 +117,7 @@ def _kinds(plan: Plan, *kinds: str) -> list[Trial]:
     return [trial for trial in plan.trials if trial.kind in kinds]
 
 
-def _numbering(study: Study, plan: Plan) -> Broken:
+def _numbering(study: Study, plan: Plan) -> Violations:
     indexes = [trial.index for trial in plan.trials]
     if indexes != list(range(len(indexes))):
         yield "trials must be numbered from 0", str(indexes)
@@ -128,7 +128,7 @@ def _numbering(study: Study, plan: Plan) -> Broken:
         yield f"the session must lie in [1, {study.design.sessions}]", str(plan.session)
 
 
-def _opening(study: Study, plan: Plan) -> Broken:
+def _opening(study: Study, plan: Plan) -> Violations:
     wanted = [(item.kind, item.touches, item.question, item.expected) for item in study.opening]
     first = plan.trials[: len(wanted)]
     if [(t.kind, t.touches, t.question, t.expected) for t in first] != wanted:
@@ -140,7 +140,7 @@ def _opening(study: Study, plan: Plan) -> Broken:
         yield "the opening must come once", str(len(_kinds(plan, "baseline", "signal")))
 
 
-def _practice(study: Study, plan: Plan) -> Broken:
+def _practice(study: Study, plan: Plan) -> Violations:
     begin = len(study.opening)
     end = begin + study.design.practice_trials
     practised = [trial.index for trial in _kinds(plan, "practice")]
@@ -150,7 +150,7 @@ def _practice(study: Study, plan: Plan) -> Broken:
         yield "opening and practice must be block 0", str([t.block for t in plan.trials[:end]])
 
 
-def _repeats(study: Study, plan: Plan) -> Broken:
+def _repeats(study: Study, plan: Plan) -> Violations:
     wanted = dict.fromkeys(study.conditions, study.design.repeats)
     got = Counter(trial.condition for trial in _kinds(plan, "trial"))
     if got != wanted:
@@ -165,7 +165,7 @@ def _repeats(study: Study, plan: Plan) -> Broken:
             yield f"{condition.name} must come at each level {each} times", str(dict(levels))
 
 
-def _blocks(study: Study, plan: Plan) -> Broken:
+def _blocks(study: Study, plan: Plan) -> Violations:
     blocks = [trial.block for trial in _kinds(plan, "trial", "catch")]
     if blocks != sorted(blocks) or sorted(set(blocks)) != list(range(1, max(blocks) + 1)):
         yield "blocks must be numbered from 1 and follow one another", str(blocks)
@@ -181,14 +181,14 @@ def _by_block(plan: Plan) -> list[tuple[int, list[str | None]]]:
     return [(n, [t.condition for t in some]) for n, some in groupby(main, key=lambda t: t.block)]
 
 
-def _runs(study: Study, plan: Plan) -> Broken:
+def _runs(study: Study, plan: Plan) -> Violations:
     longest = study.design.max_alike_in_row
     for name, run in groupby(plan.sequence):
         if (length := len(list(run))) > longest:
             yield f"at most {longest} trials in a row may be alike", f"{length} of {name}"
 
 
-def _catches(study: Study, plan: Plan) -> Broken:
+def _catches(study: Study, plan: Plan) -> Violations:
     catches = _kinds(plan, "catch")
     if len(catches) != study.design.catch_trials:
         yield f"there must be {study.design.catch_trials} catch trials", str(len(catches))
@@ -206,7 +206,7 @@ def _catches(study: Study, plan: Plan) -> Broken:
             yield "a catch trial must need the one beam that is mounted", f"trial {trial.index}"
 
 
-def _breaks(study: Study, plan: Plan) -> Broken:
+def _breaks(study: Study, plan: Plan) -> Violations:
     every, wanted_s = study.design.break_every_blocks, study.design.break_s
     block_before = 1
     for trial in plan.trials:
@@ -220,7 +220,7 @@ def _breaks(study: Study, plan: Plan) -> Broken:
         block_before = max(block_before, trial.block)
 
 
-def _groups(study: Study, plan: Plan) -> Broken:
+def _groups(study: Study, plan: Plan) -> Violations:
     """Trials on the same set of beams stand together, as far as was asked."""
     asked = study.design.group_by_beam
     main = _kinds(plan, "trial")

@@ -108,7 +108,7 @@ class Timing(Record):
 OperatorQuestion = Literal["skin state", "room temperature", "humidity", "cleaning"]
 
 
-class Conduct(Record):
+class SessionRules(Record):
     """What a session asks of the operator, and when it may be resumed."""
 
     operator_asks: Annotated[

@@ -8,7 +8,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from protocol.study.design import Conduct, Design, Exclusions, Publication, Timing
+from protocol.study.design import Design, Exclusions, Publication, SessionRules, Timing
 from protocol.study.fields import Name, NotNegative, Positive, Record, Whole
 from protocol.study.questions import ANSWERS, Question, Rating
 from protocol.study.rig import Rig
@@ -106,9 +106,9 @@ class Study(Record):
         Timing, Field(description="Pauses, and assumptions about how long people take.")
     ] = Timing()
     rating: Annotated[Rating, Field(description="When and how the effect is scored.")] = Rating()
-    session: Annotated[Conduct, Field(description="How a session is conducted and resumed.")] = (
-        Conduct()
-    )
+    session: Annotated[
+        SessionRules, Field(description="How a session is conducted and resumed.")
+    ] = SessionRules()
     exclusions: Annotated[
         Exclusions, Field(description="Rules, settled beforehand, on who and what is left out.")
     ] = Exclusions()

@@ -63,9 +63,11 @@ def parsed_study(text: str, source: str = "study.toml", further: Further = lambd
     try:
         study = Study.model_validate(document)
     except ValidationError as error:
-        from protocol.study_file.recovery import mistakes
+        from protocol.study_file.recovery import semantic_problems
 
-        raise StudyError(source, located(text, mistakes(document, error, further))) from error
+        raise StudyError(
+            source, located(text, semantic_problems(document, error, further))
+        ) from error
     if found := problems(study, further(study)):
         raise StudyError(source, located(text, found))
     return study

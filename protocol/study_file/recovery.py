@@ -23,7 +23,7 @@ _NAMED = {"beams": (2, 0.0), "texts": (3, "text")}
 _ROUNDS = 8
 
 
-def salvaged(document: dict[str, Any]) -> Study | None:
+def recovered(document: dict[str, Any]) -> Study | None:
     """Return the study that is left when what breaks the schema is replaced by something harmless.
 
     Lists keep their length, so that what is found later is still found at its place. `None` if
@@ -144,7 +144,7 @@ _OF_THE_DESIGN = frozenset({"touch", "beams", "design", "timing", "opening", "co
 """What the wishes of a design are counted from."""
 
 
-def mistakes(
+def semantic_problems(
     document: dict[str, Any],
     error: ValidationError,
     further: Callable[[Study], Iterable[Problem]],
@@ -167,7 +167,7 @@ def _else_wrong(
 
     What follows from nothing but the harmless values in the place of broken ones is left out.
     """
-    study = salvaged(document)
+    study = recovered(document)
     if study is None:
         return []
     unknown = [unreadable(problem) for problem in broken]

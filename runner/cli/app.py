@@ -29,7 +29,7 @@ from runner.cli.options import (
 )
 from runner.cli.output import complaint
 from runner.people.terminal import at_terminal
-from runner.signals import stops_raise
+from runner.signals import signals_raise
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -72,13 +72,13 @@ def demo(
     """
     from protocol.study_file.loading import template
     from runner.cli.output import progress
-    from runner.launch.rehearsal import rehearsed_cohort
+    from runner.launch.rehearsal import rehearse_cohort
     from runner.launch.rig import touchbeam_command
     from runner.study.folder import StudyFolder, new_study, numbered
 
     folder = StudyFolder(path=out or numbered(Path("demo")))
     with new_study(folder, template("paper")), progress("participants", participants) as step:
-        rehearsed_cohort(folder, participants, seed, touchbeam_command(), step)
+        rehearse_cohort(folder, participants, seed, touchbeam_command(), step)
     _report(folder, folder.report, rehearsals=True, as_json=False)
     typer.echo(f"Device off, read back after each of {participants} sessions.")
 
@@ -325,7 +325,7 @@ def main() -> None:
     arguments = [argument for argument in sys.argv[1:] if argument != "--debug"]
     debug = len(arguments) < len(sys.argv) - 1
     try:
-        with stops_raise(), short_lived() if _SHORT_LIVED & {*arguments[:1]} else nullcontext():
+        with signals_raise(), short_lived() if _SHORT_LIVED & {*arguments[:1]} else nullcontext():
             code = app(arguments or ["--help"], prog_name="touchbeam", standalone_mode=False)
     except Exception as error:
         if debug:

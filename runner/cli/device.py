@@ -33,11 +33,11 @@ def device_probe(url: UrlArgument, as_json: JsonOption = False) -> None:
 
     Nothing is set; the device's output stays as it is.
     """
-    from runner.launch.locks import rig_held
+    from runner.launch.locks import rig_lock
     from runner.launch.probe import probed
     from runner.launch.rig import touchbeam_command
 
-    with rig_held(url, "touchbeam device probe"):
+    with rig_lock(url, "touchbeam device probe"):
         said = probed(url, touchbeam_command())
     if as_json:
         print_json(said)
@@ -60,11 +60,11 @@ def device_sweep(
 
     Looks within 5 % of --near and turns the output off again.
     """
-    from runner.launch.locks import rig_held
+    from runner.launch.locks import rig_lock
     from runner.launch.probe import kept, swept
     from runner.launch.rig import touchbeam_command
 
-    with rig_held(url, "touchbeam device sweep"):
+    with rig_lock(url, "touchbeam device sweep"):
         found, idn = swept(url, near, dialect.value, touchbeam_command())
     file = kept(keep, found, idn) if keep else None
     if as_json:

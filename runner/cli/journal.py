@@ -21,12 +21,12 @@ app = typer.Typer()
 @app.command()
 def status(study: StudyArgument, as_json: JsonOption = False) -> None:
     """Show who is done and what is next."""
-    from runner.journal.cohort import slot_for, standings, states
+    from runner.journal.cohort import session_summaries, slot_for, states
     from runner.study.folder import StudyFolder
 
     with study_journal(StudyFolder(path=study)) as journal:
         sessions = states(journal)
-    lines = standings(sessions)
+    lines = session_summaries(sessions)
     free = slot_for(sessions, "", "participant")
     if as_json:
         records = [line.record() for line in lines]
@@ -80,13 +80,13 @@ def exclude(
     from runner.clock import WallClock
     from runner.journal.amendments import exclude_session, exclude_trial
     from runner.journal.store import session_name
-    from runner.launch.locks import session_held
+    from runner.launch.locks import session_lock
     from runner.study.folder import StudyFolder
 
     name = session_name(participant, session)
     with (
         study_journal(StudyFolder(path=study), to_write=True) as journal,
-        session_held(name, study, "touchbeam exclude"),
+        session_lock(name, study, "touchbeam exclude"),
     ):
         if trial is None:
             exclude_session(journal, WallClock(), name, reason)
@@ -100,12 +100,12 @@ def amend(study: StudyArgument, reason: ReasonOption) -> None:
     """Accept a study.toml that has changed."""
     from runner.clock import WallClock
     from runner.journal.amendments import amend as accept
-    from runner.study.check import usable
+    from runner.study.check import validated_study
     from runner.study.folder import StudyFolder
 
     folder = StudyFolder(path=study)
     text = folder.text()
-    usable(text, str(folder.study_file))
+    validated_study(text, str(folder.study_file))
     with study_journal(folder, to_write=True) as journal:
         accept(journal, WallClock(), text, reason)
     typer.echo("The changed study.toml is accepted; sessions go on with it.")
@@ -120,13 +120,13 @@ def withdraw(study: StudyArgument, participant: ParticipantOption) -> None:
     from runner.clock import WallClock
     from runner.journal.amendments import sessions_of
     from runner.journal.amendments import withdraw as erase
-    from runner.launch.locks import session_held
+    from runner.launch.locks import session_lock
     from runner.study.folder import StudyFolder
 
     folder = StudyFolder(path=study)
     with study_journal(folder, to_write=True) as journal, ExitStack() as stack:
         for name in sessions_of(journal, participant):
-            stack.enter_context(session_held(name, study, "touchbeam withdraw"))
+            stack.enter_context(session_lock(name, study, "touchbeam withdraw"))
         sessions = erase(journal, WallClock(), participant)
     typer.echo(
         f"Erased: {', '.join(sessions)}. Make reports and exports again: old ones still hold it."

@@ -95,10 +95,10 @@ def run(
     A session that was interrupted goes on at the trial that it stopped in.
     """
     from runner.launch.rig import touchbeam_command
-    from runner.launch.run_session import Sitting, sit
+    from runner.launch.run_session import SessionOptions, run_session
     from runner.study.folder import StudyFolder
 
-    sitting = Sitting(
+    options = SessionOptions(
         folder=StudyFolder(path=study),
         participant=participant,
         number=session,
@@ -113,7 +113,7 @@ def run(
         seed=seed,
         touchbeam=touchbeam_command(),
     )
-    state = sit(sitting, say=typer.echo)
+    state = run_session(options, say=typer.echo)
     typer.echo(
         f"{participant}/{session} is complete: {len(state.answered)} trials answered, "
         "device off (read back)."

@@ -7,7 +7,7 @@ from protocol.errors import BadInput
 from protocol.journal.transitions import NotAllowed
 from protocol.study_file.loading import text_digest
 from runner.clock import Clock
-from runner.journal.session_log import SessionLog, close_abandoned
+from runner.journal.session_log import SessionLog, close_interrupted
 from runner.journal.store import Journal
 from runner.journal.verification import STUDY_CHAIN
 
@@ -31,7 +31,7 @@ def exclude_trial(journal: Journal, clock: Clock, session: str, index: int, reas
     if index in log.state.excluded:
         why = log.state.excluded[index]
         raise BadInput(f"trial {index} of {session} is excluded already: {why}")
-    close_abandoned(log)
+    close_interrupted(log)
     _append(log, session, "trial-excluded", index=index, reason=reason)
 
 
@@ -42,7 +42,7 @@ def exclude_session(journal: Journal, clock: Clock, session: str, reason: str) -
         BadInput: there is no such session, or it is excluded or withdrawn already.
     """
     log = _log(journal, clock, session)
-    close_abandoned(log)
+    close_interrupted(log)
     _append(log, session, "session-excluded", reason=reason)
 
 

@@ -14,7 +14,7 @@ _GONE = {"excluded", "withdrawn"}
 
 
 @dataclass(frozen=True, kw_only=True)
-class SessionStanding:
+class SessionSummary:
     """One session's line in the status of a study."""
 
     participant: str
@@ -37,7 +37,7 @@ def states(journal: Journal) -> dict[str, SessionState]:
     return {name: folded(readable_events(journal, name)) for name in names}
 
 
-def standings(sessions: Mapping[str, SessionState]) -> list[SessionStanding]:
+def session_summaries(sessions: Mapping[str, SessionState]) -> list[SessionSummary]:
     """Return a line for each session, in the order in which they were opened."""
     return [_standing(name, state) for name, state in sessions.items()]
 
@@ -72,10 +72,10 @@ def _finished_before_exclusion(state: SessionState) -> bool:
     return state.name in _GONE and 0 < planned <= len(state.answered)
 
 
-def _standing(name: str, state: SessionState) -> SessionStanding:
+def _standing(name: str, state: SessionState) -> SessionSummary:
     participant, _, number = name.rpartition("/")
     opened = state.opened or {}
-    return SessionStanding(
+    return SessionSummary(
         participant=participant,
         session=int(number) if number.isdecimal() else 0,
         kind=opened.get("kind", "published" if "scores" in opened else "unknown"),

@@ -6,7 +6,7 @@ from protocol.journal.state import Event, SessionState, folded
 from protocol.journal.transitions import next_state
 from runner.clock import Clock
 from runner.journal.store import Journal
-from runner.signals import uninterrupted
+from runner.signals import stops_deferred
 
 
 class SessionLog:
@@ -28,7 +28,7 @@ class SessionLog:
             JournalError: it could not be stored.
         """
         next_state(self.state.name, tag)
-        with uninterrupted():
+        with stops_deferred():
             self._store(tag, payload)
 
     def _store(self, tag: str, payload: Mapping[str, object]) -> None:
@@ -47,17 +47,17 @@ class SessionLog:
 _WHY = "the session was interrupted"
 
 
-def close_abandoned(log: SessionLog) -> None:
+def close_interrupted(log: SessionLog) -> None:
     """Mark the trial that was running, and a device that was armed: nobody can tell whether it is.
 
     To be called by whoever holds the session.
     """
-    leave_trial(log, _WHY)
+    abort_trial(log, _WHY)
     if log.state.name in {"armed", "paused"}:
         log.append("device-off", confirmed=False, why=_WHY)
 
 
-def leave_trial(log: SessionLog, why: str) -> None:
+def abort_trial(log: SessionLog, why: str) -> None:
     """Mark the trial that is running, if one is, as aborted."""
     if log.state.trial is not None:
         log.append("trial-aborted", index=log.state.trial, why=why)

@@ -19,7 +19,7 @@ _ON_A_NETWORK = {"socket", "rfc2217"}
 _COMMON = Path("/tmp")  # noqa: S108 - the folder in it is the user's own
 
 
-class RigHeld(WorkFailed):
+class RigInUse(WorkFailed):
     """Another process has the rig, or the session."""
 
 
@@ -28,7 +28,7 @@ class UnsafeFolder(WorkFailed):
 
 
 @contextmanager
-def rig_held(url: str, holder: str) -> Iterator[None]:
+def rig_lock(url: str, holder: str) -> Iterator[None]:
     """Hold the rig at `url`, by whatever address one comes to it, while the body runs.
 
     A simulated one is everybody's own.
@@ -56,7 +56,7 @@ def _held(what: str, holder: str, *, known_as: str) -> Iterator[None]:
     try:
         lock.acquire(timeout=0)
     except Timeout:
-        raise RigHeld(f"{what} is held by {_holder(said)}; end that session first") from None
+        raise RigInUse(f"{what} is held by {_holder(said)}; end that session first") from None
     try:
         _say(said, holder)
         yield
@@ -66,7 +66,7 @@ def _held(what: str, holder: str, *, known_as: str) -> Iterator[None]:
 
 
 @contextmanager
-def session_held(session: str, study: Path, holder: str) -> Iterator[None]:
+def session_lock(session: str, study: Path, holder: str) -> Iterator[None]:
     """Hold a session of the study in the folder `study`, by whatever path one comes to it.
 
     Raises:

@@ -14,7 +14,7 @@ from device.resonance import Resonance
 from device.simulator.client import simulator_process
 from protocol.study.rig import Rig as RigSettings
 from runner.clock import WallClock
-from runner.launch.rig import SIMULATED, keep_calibration, rigged
+from runner.launch.rig import SIMULATED, keep_calibration, session_rig
 
 BLUETOOTH = ("rfcomm", "bluetooth")
 
@@ -68,8 +68,8 @@ def swept(
         OutputUnknown: the output could not be read back as off.
     """
     settings = RigSettings.model_validate({"dialect": driver_of(dialect).dialect})
-    with rigged(url, settings, touchbeam, seed) as rig:
-        sleep = rig.hand.advance if rig.hand is not None else time.sleep
+    with session_rig(url, settings, touchbeam, seed) as rig:
+        sleep = rig.control.advance if rig.control is not None else time.sleep
         identity = rig.device.arm()
         return rig.device.resonance(near_hz, sleep), identity.idn
 

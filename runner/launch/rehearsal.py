@@ -10,12 +10,12 @@ from protocol.journal.state import Event, SessionState
 from protocol.plan.trials import Plan
 from runner.journal.store import open_journal, session_name
 from runner.launch.rig import touchbeam_command
-from runner.launch.run_session import Sitting, sit
+from runner.launch.run_session import SessionOptions, run_session
 from runner.study.folder import StudyFolder
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rehearsed:
+class Rehearsal:
     """A session that has been run: its plan, its journal, and the state that adds up to."""
 
     plan: Plan
@@ -59,9 +59,9 @@ class Rehearsed:
             )
 
 
-def rehearsed(
+def rehearse(
     study_text: str, plan: Plan, seed: int = 1, calibration: Resonance | None = None
-) -> Rehearsed:
+) -> Rehearsal:
     """Run a rehearsal of the study in a folder of its own and return what happened.
 
     Args:
@@ -77,7 +77,7 @@ def rehearsed(
     with tempfile.TemporaryDirectory(prefix="touchbeam-") as place:
         folder = StudyFolder(path=Path(place))
         folder.study_file.write_text(study_text, encoding="utf-8")
-        sitting = Sitting(
+        options = SessionOptions(
             folder=folder,
             participant="P01",
             device="sim",
@@ -88,13 +88,13 @@ def rehearsed(
             calibration=calibration,
             touchbeam=touchbeam_command(),
         )
-        state = sit(sitting, say=lambda _: None)
+        state = run_session(options, say=lambda _: None)
         with open_journal(folder.journal) as journal:
             events = tuple(journal.events(session_name("P01", 1)))
-    return Rehearsed(plan=plan, events=events, state=state)
+    return Rehearsal(plan=plan, events=events, state=state)
 
 
-def rehearsed_cohort(
+def rehearse_cohort(
     folder: StudyFolder,
     participants: int,
     seed: int,
@@ -111,7 +111,7 @@ def rehearsed_cohort(
         seated: called after each session.
     """
     for number in range(1, participants + 1):
-        sitting = Sitting(
+        options = SessionOptions(
             folder=folder,
             participant=f"P{number:02d}",
             device="sim",
@@ -119,5 +119,5 @@ def rehearsed_cohort(
             seed=seed,
             touchbeam=touchbeam,
         )
-        sit(sitting, say=lambda _: None)
+        run_session(options, say=lambda _: None)
         seated()

@@ -11,7 +11,7 @@ from pathlib import Path
 from device.drivers.setpoints import Amplifier, Limits
 from device.resonance import Resonance
 from device.rig import Rig, open_rig
-from device.simulator.client import Hand, simulator_process
+from device.simulator.client import ControlClient, simulator_process
 from protocol.errors import BadInput
 from protocol.study.rig import Rig as RigSettings
 
@@ -19,21 +19,21 @@ SIMULATED = "sim"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rigged:
+class SessionRig:
     """An open device, and the hand that moves what a wire cannot if it is a simulated one."""
 
     device: Rig
-    hand: Hand | None
+    control: ControlClient | None
 
 
 @contextmanager
-def rigged(
+def session_rig(
     url: str,
     settings: RigSettings,
     touchbeam: Sequence[str],
     seed: int,
     calibration: Resonance | None = None,
-) -> Iterator[Rigged]:
+) -> Iterator[SessionRig]:
     """Open the device at `url`, or a simulated one for `sim`; close it on the way out.
 
     Args:
@@ -48,16 +48,16 @@ def rigged(
         DeviceError: there is no device that works.
     """
     with ExitStack() as stack:
-        hand = None
+        control = None
         if url == SIMULATED:
             endpoints = stack.enter_context(
                 simulator_process(touchbeam, seed, dialect=settings.dialect)
             )
-            hand = stack.enter_context(Hand(endpoints.control))
+            control = stack.enter_context(ControlClient(endpoints.control))
             url = endpoints.url
         device = open_rig(url, limits(settings), settings.dialect, calibration)
         stack.callback(device.close)
-        yield Rigged(device=device, hand=hand)
+        yield SessionRig(device=device, control=control)
 
 
 def limits(settings: RigSettings) -> Limits:

@@ -18,8 +18,8 @@ from runner.journal.cohort import slot_for, states
 from runner.journal.location import checked_place, mounts_of_this_machine
 from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal, JournalError, journal_if_used, session_name
-from runner.launch.locks import rig_held, session_held
-from runner.launch.rig import SIMULATED, Rigged, kept_calibration, rigged
+from runner.launch.locks import rig_lock, session_lock
+from runner.launch.rig import SIMULATED, SessionRig, kept_calibration, session_rig
 from runner.people.operator_console import LiveDisplay, OperatorConsole, PlainDisplay
 from runner.people.participant_console import ConsoleParticipant, TypedLines, require_typist
 from runner.people.terminal import at_terminal, terminal_keys
@@ -27,9 +27,9 @@ from runner.people.virtual_participant import VirtualParticipant, drawn_characte
 from runner.ports import Operator, Participant
 from runner.session.loop import run
 from runner.session.resume import require_resumable
-from runner.session.session import Kind, Room, Session
+from runner.session.session import Session, SessionContext, SessionKind
 from runner.signals import Stopped
-from runner.study.check import usable
+from runner.study.check import validated_study
 from runner.study.folder import StudyFolder, pseudonym
 from runner.window.client import WindowParticipant
 from runner.window.preflight import study_window
@@ -40,7 +40,7 @@ Say = Callable[[str], None]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sitting:
+class SessionOptions:
     """Everything that was asked for on the command line."""
 
     folder: StudyFolder
@@ -59,43 +59,43 @@ class Sitting:
     touchbeam: Sequence[str] = ("touchbeam",)
 
 
-def sit(sitting: Sitting, say: Say) -> SessionState:
-    """Carry out, or take up again, the session that `sitting` asks for; return its end.
+def run_session(options: SessionOptions, say: Say) -> SessionState:
+    """Carry out, or take up again, the session that `options` asks for; return its end.
 
     Raises:
         BadInput, StudyError, AddressError: something given is wrong; nothing was changed.
         DeviceError, JournalError, ParticipantGone, RigHeld: the work failed; it can be resumed.
     """
-    text = sitting.folder.text()
-    study = usable(text, str(sitting.folder.study_file))
-    url = sitting.device or study.rig.device
-    pace = _checked_pace(sitting, url)
-    kind = _checked_kind(sitting, study, url)
-    name = session_name(pseudonym(sitting.participant), sitting.number)
-    checked_place(sitting.folder.path, mounts_of_this_machine())
-    if sitting.ratings != "virtual":
+    text = options.folder.text()
+    study = validated_study(text, str(options.folder.study_file))
+    url = options.device or study.rig.device
+    pace = _checked_pace(options, url)
+    kind = _checked_kind(options, study, url)
+    name = session_name(pseudonym(options.participant), options.number)
+    checked_place(options.folder.path, mounts_of_this_machine())
+    if options.ratings != "virtual":
         require_typist(sys.stdin)
     with ExitStack() as stack:
         told_of = stack.enter_context(_complete_at_last())
-        place = sitting.folder.path.resolve()
-        stack.enter_context(session_held(name, place, name))
-        stack.enter_context(rig_held(url, f"{name} of {place}"))
-        window = stack.enter_context(_window(sitting, study))
-        seed = _seed(sitting, study)
-        calibration = sitting.calibration or kept_calibration(sitting.folder.path)
-        rig = stack.enter_context(rigged(url, study.rig, sitting.touchbeam, seed, calibration))
+        place = options.folder.path.resolve()
+        stack.enter_context(session_lock(name, place, name))
+        stack.enter_context(rig_lock(url, f"{name} of {place}"))
+        window = stack.enter_context(_window(options, study))
+        seed = _seed(options, study)
+        calibration = options.calibration or kept_calibration(options.folder.path)
+        rig = stack.enter_context(session_rig(url, study.rig, options.touchbeam, seed, calibration))
         clock = _clock(pace, rig)
-        journal = stack.enter_context(journal_if_used(sitting.folder.journal))
+        journal = stack.enter_context(journal_if_used(options.folder.journal))
         new = name not in journal.sessions()
-        session = _session(sitting, study, text, journal, kind, clock)
+        session = _session(options, study, text, journal, kind, clock)
         log = SessionLog(journal, name, clock)
         participant, operator = stack.enter_context(
-            _people(sitting, session, rig, clock, say, window)
+            _people(options, session, rig, clock, say, window)
         )
         stack.enter_context(_checkpointed(journal))
         told_of.append(log.state)
         run(
-            Room(
+            SessionContext(
                 session=session,
                 device=rig.device,
                 participant=participant,
@@ -135,71 +135,78 @@ def _checkpointed(journal: Journal) -> Iterator[None]:
     journal.checkpoint()
 
 
-def _window(sitting: Sitting, study: Study) -> AbstractContextManager[WindowParticipant | None]:
+def _window(
+    options: SessionOptions, study: Study
+) -> AbstractContextManager[WindowParticipant | None]:
     """The participant's window, if there is to be one."""
-    if sitting.ratings != "window":
+    if options.ratings != "window":
         return nullcontext()
     return study_window(
-        sitting.touchbeam,
+        options.touchbeam,
         study,
-        sitting.language,
-        sitting.consent,
-        screen=sitting.screen,
-        windowed=sitting.windowed,
+        options.language,
+        options.consent,
+        screen=options.screen,
+        windowed=options.windowed,
     )
 
 
-def _checked_pace(sitting: Sitting, url: str) -> Pace:
+def _checked_pace(options: SessionOptions, url: str) -> Pace:
     """The pace asked for, or the one that fits; virtual ratings need a beam they can feel."""
     simulated = url == SIMULATED
-    if sitting.ratings == "virtual" and not simulated:
+    if options.ratings == "virtual" and not simulated:
         raise BadInput(f"--ratings virtual feels the simulated device only, got --device {url}")
-    if sitting.pace == "stepped" and not (simulated and sitting.ratings == "virtual"):
+    if options.pace == "stepped" and not (simulated and options.ratings == "virtual"):
         raise BadInput(
             "--pace stepped needs --device sim and --ratings virtual: a person takes time"
         )
-    return sitting.pace or ("stepped" if sitting.ratings == "virtual" else "wall")
+    return options.pace or ("stepped" if options.ratings == "virtual" else "wall")
 
 
-def _checked_kind(sitting: Sitting, study: Study, url: str) -> Kind:
+def _checked_kind(options: SessionOptions, study: Study, url: str) -> SessionKind:
     """What the session is; one with a participant may need a consent."""
-    if sitting.rehearsal or url == SIMULATED or sitting.ratings == "virtual":
+    if options.rehearsal or url == SIMULATED or options.ratings == "virtual":
         return "rehearsal"
-    if study.session.consent_required and not sitting.consent:
+    if study.session.consent_required and not options.consent:
         raise BadInput("this study asks for a consent: give its reference with --consent")
     return "participant"
 
 
-def _seed(sitting: Sitting, study: Study) -> int:
-    return study.study.seed if sitting.seed is None else sitting.seed
+def _seed(options: SessionOptions, study: Study) -> int:
+    return study.study.seed if options.seed is None else options.seed
 
 
-def _clock(pace: Pace, rig: Rigged) -> Clock:
-    if pace == "wall" or rig.hand is None:
+def _clock(pace: Pace, rig: SessionRig) -> Clock:
+    if pace == "wall" or rig.control is None:
         return WallClock()
-    return SteppedClock(WallClock().utc(), rig.hand.advance)
+    return SteppedClock(WallClock().utc(), rig.control.advance)
 
 
 def _session(
-    sitting: Sitting, study: Study, text: str, journal: Journal, kind: Kind, clock: Clock
+    options: SessionOptions,
+    study: Study,
+    text: str,
+    journal: Journal,
+    kind: SessionKind,
+    clock: Clock,
 ) -> Session:
     """The session as it was opened, or as it is to be opened now.
 
     A slot counts as taken from the moment the session is opened, so both happen at once.
     """
-    name = session_name(sitting.participant, sitting.number)
+    name = session_name(options.participant, options.number)
     with journal.alone():
         sessions = states(journal)
         session = Session(
-            participant=sitting.participant,
-            number=sitting.number,
+            participant=options.participant,
+            number=options.number,
             kind=kind,
             study=study,
             study_text=text,
-            plan=plan(study, slot_for(sessions, sitting.participant, kind), sitting.number),
-            language=sitting.language,
-            consent=sitting.consent,
-            seed=_seed(sitting, study),
+            plan=plan(study, slot_for(sessions, options.participant, kind), options.number),
+            language=options.language,
+            consent=options.consent,
+            seed=_seed(options, study),
         )
         require_resumable(journal, session, sessions.get(name), clock.utc())
         if name not in sessions:
@@ -209,19 +216,19 @@ def _session(
 
 @contextmanager
 def _people(
-    sitting: Sitting,
+    options: SessionOptions,
     session: Session,
-    rig: Rigged,
+    rig: SessionRig,
     clock: Clock,
     say: Say,
     window: WindowParticipant | None,
 ) -> Iterator[tuple[Participant, Operator]]:
-    swap = swapping(rig.hand, session.study.beams) if rig.hand else lambda _: None
-    if sitting.ratings == "virtual":
-        assert rig.hand is not None
+    swap = swapping(rig.control, session.study.beams) if rig.control else lambda _: None
+    if options.ratings == "virtual":
+        assert rig.control is not None
         stream = random.Random(f"virtual/{session.seed}/{session.participant}/{session.number}")
         virtual = VirtualParticipant(
-            hand=rig.hand,
+            control=rig.control,
             clock=clock,
             character=drawn_character(stream),
             random_stream=stream,

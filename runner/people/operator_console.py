@@ -8,13 +8,13 @@ from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from runner.people.operator_keys import HELP, HELP_LINES, HELP_TYPING, OPERATOR_MARK, OperatorKeys
-from runner.screens import Note, Order, View
+from runner.screens import Note, OperatorView, Order
 
 
 class Display(Protocol):
     """Where the operator looks."""
 
-    def show(self, view: View, question: str, typed: str | None) -> None:
+    def show(self, view: OperatorView, question: str, typed: str | None) -> None:
         """Show the session, what is asked of the operator, and what was typed so far."""
         ...
 
@@ -26,7 +26,7 @@ class PlainDisplay:
     say: Callable[[str], None]
     _last: tuple[str, ...] = field(default=("", "", ""), init=False)
 
-    def show(self, view: View, question: str, typed: str | None) -> None:
+    def show(self, view: OperatorView, question: str, typed: str | None) -> None:
         """Print what has changed; what is being typed stands there already."""
         del typed
         where = f"{view.session} {view.state} {view.trial}".rstrip(" -")
@@ -53,7 +53,7 @@ class LiveDisplay:
     def __exit__(self, *_: object) -> None:
         self._live.stop()
 
-    def show(self, view: View, question: str, typed: str | None) -> None:
+    def show(self, view: OperatorView, question: str, typed: str | None) -> None:
         """Draw the panel anew."""
         from rich.panel import Panel
 
@@ -62,7 +62,7 @@ class LiveDisplay:
         )
 
 
-def panel_lines(view: View, question: str, typed: str | None) -> list[str]:
+def panel_lines(view: OperatorView, question: str, typed: str | None) -> list[str]:
     """Return what stands in the panel, what matters most first: a low terminal cuts the rest."""
     from rich.markup import escape
 
@@ -101,7 +101,7 @@ class OperatorConsole:
     piped: bool = False
     alone: bool = False
     _keys: OperatorKeys = field(default_factory=OperatorKeys, init=False)
-    _view: View | None = field(default=None, init=False)
+    _view: OperatorView | None = field(default=None, init=False)
     _question: str = field(default="", init=False)
 
     def ask(self, text: str) -> None:
@@ -143,7 +143,7 @@ class OperatorConsole:
         self._listen()
         return self._keys.order()
 
-    def see(self, view: View) -> None:
+    def see(self, view: OperatorView) -> None:
         """Show `view`."""
         self._view = view
         self._redraw()

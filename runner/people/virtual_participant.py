@@ -9,7 +9,7 @@ import random
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from device.simulator.client import Hand
+from device.simulator.client import ControlClient
 from protocol.study.questions import Question
 from runner.clock import Clock
 from runner.screens import (
@@ -58,7 +58,7 @@ class VirtualParticipant:
     with its beginning, or, if nothing changed meanwhile, with the resting beam it remembers.
     """
 
-    hand: Hand
+    control: ControlClient
     clock: Clock
     character: Character
     random_stream: random.Random
@@ -76,7 +76,7 @@ class VirtualParticipant:
             self._touches.append([])
             self._feel(screen)
         elif isinstance(screen, Notice) and screen.text == "touch.end":
-            self.hand.lift()
+            self.control.lift()
 
     def poll(self) -> Response | None:
         """Return the answer to the last screen; while touching, move the finger on."""
@@ -104,7 +104,7 @@ class VirtualParticipant:
         passed_s = self.clock.monotonic_s() - self._pacing_from_s
         fraction = min(passed_s / pacing.duration_s, 1.0)
         position_m = pacing.start_m + fraction * (pacing.end_m - pacing.start_m)
-        friction = self.hand.touch(pacing.force_n, position_m, pacing.direction)
+        friction = self.control.touch(pacing.force_n, position_m, pacing.direction)
         self._touches[-1].append(_Felt(position_m=position_m, friction=friction))
 
     def _judged(self, question: Question) -> str:
@@ -163,6 +163,6 @@ def _nearest(touch: list[_Felt], position_m: float) -> float:
     return min(touch, key=lambda felt: abs(felt.position_m - position_m)).friction
 
 
-def swapping(hand: Hand, body_spacing_m: Mapping[str, float]) -> Callable[[str], None]:
+def swapping(control: ControlClient, body_spacing_m: Mapping[str, float]) -> Callable[[str], None]:
     """Return a function that mounts one of the study's beams on the simulated device."""
-    return lambda beam: hand.swap_beam(body_spacing_m[beam])
+    return lambda beam: control.swap_beam(body_spacing_m[beam])

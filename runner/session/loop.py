@@ -5,19 +5,19 @@ from collections.abc import Callable
 from device.errors import OutputUnknown
 from protocol.errors import BadInput
 from protocol.plan.trials import Trial
-from runner.journal.session_log import close_abandoned, leave_trial
+from runner.journal.session_log import abort_trial, close_interrupted
 from runner.screens import Notice
-from runner.session.session import Room
+from runner.session.session import SessionContext
 from runner.session.setup import prepare
-from runner.session.tick import RepeatTrial, pause_if_wanted, show_where_we_are
+from runner.session.tick import RepeatTrial, pause_if_wanted, update_view
 from runner.session.trial import answers, touch
-from runner.signals import interruptible, uninterrupted
+from runner.signals import stops_allowed, stops_deferred
 
 _OFF = "output off, read back"
 _GOES_ON = "run it again to go on"
 
 
-def run(room: Room) -> None:
+def run(context: SessionContext) -> None:
     """Take the session from where its log says it is to its end.
 
     Raises:
@@ -25,86 +25,88 @@ def run(room: Room) -> None:
         OutputUnknown: the output could not be read back as off.
         StoppedByOperator: likewise resumable.
     """
-    _resume(room)
-    _to_the_end(_trials, room)
-    room.participant.show(Notice(text="thanks"))
-    show_where_we_are(room)
+    _resume(context)
+    _to_the_end(_trials, context)
+    context.participant.show(Notice(text="thanks"))
+    update_view(context)
 
 
-def _trials(room: Room) -> None:
-    prepare(room)
-    while (trial := _next_trial(room)) is not None:
-        pause_if_wanted(room, trial)
-        _try(room, trial)
+def _trials(context: SessionContext) -> None:
+    prepare(context)
+    while (trial := _next_trial(context)) is not None:
+        pause_if_wanted(context, trial)
+        _try(context, trial)
 
 
-def _next_trial(room: Room) -> Trial | None:
-    answered = room.log.state.answered
-    return next((trial for trial in room.session.plan.trials if trial.index not in answered), None)
+def _next_trial(context: SessionContext) -> Trial | None:
+    answered = context.log.state.answered
+    return next(
+        (trial for trial in context.session.plan.trials if trial.index not in answered), None
+    )
 
 
-def _try(room: Room, trial: Trial) -> None:
+def _try(context: SessionContext, trial: Trial) -> None:
     """Carry out one trial; if the operator wants it again, it stays to be answered."""
-    room.log.append("trial-started", index=trial.index, kind=trial.kind)
-    show_where_we_are(room)
+    context.log.append("trial-started", index=trial.index, kind=trial.kind)
+    update_view(context)
     try:
-        done = [touch(room, number, to_make) for number, to_make in enumerate(trial.touches)]
-        room.log.append("answered", **answers(room, trial), judged=done)
+        done = [touch(context, number, to_make) for number, to_make in enumerate(trial.touches)]
+        context.log.append("answered", **answers(context, trial), judged=done)
     except RepeatTrial:
-        room.device.off()
-        leave_trial(room.log, "repeated at the operator's wish")
+        context.device.off()
+        abort_trial(context.log, "repeated at the operator's wish")
 
 
-def _resume(room: Room) -> None:
+def _resume(context: SessionContext) -> None:
     """Take the session up again where its last process left it, unless it was opened just now."""
-    log = room.log
-    if room.opened_now:
+    log = context.log
+    if context.opened_now:
         return
-    close_abandoned(log)
-    log.append("session-resumed", **room.session.resumption())
-    _renew_practice(room)
+    close_interrupted(log)
+    log.append("session-resumed", **context.session.resumption())
+    _renew_practice(context)
 
 
-def _renew_practice(room: Room) -> None:
-    if room.session.study.session.practise_again != "on resume":
+def _renew_practice(context: SessionContext) -> None:
+    if context.session.study.session.practise_again != "on resume":
         return
-    practice = {trial.index for trial in room.session.plan.trials if trial.kind == "practice"}
-    if again := sorted(practice & room.log.state.answered):
-        room.log.append("practice-renewed", indices=again)
+    practice = {trial.index for trial in context.session.plan.trials if trial.kind == "practice"}
+    if again := sorted(practice & context.log.state.answered):
+        context.log.append("practice-renewed", indices=again)
 
 
-def _to_the_end(part: Callable[[Room], None], room: Room) -> None:
+def _to_the_end(part: Callable[[SessionContext], None], context: SessionContext) -> None:
     """Whatever happens in `part`: the output goes off first, then the journal says so.
 
     A signal that comes after the last answer is heeded when the session is complete.
     """
-    with uninterrupted():
+    with stops_deferred():
         try:
-            with interruptible():
-                part(room)
+            with stops_allowed():
+                part(context)
         except BaseException as error:
-            _turn_off(room, str(error) or type(error).__name__)
+            _turn_off(context, str(error) or type(error).__name__)
             error.add_note(_OFF)
             if not isinstance(error, BadInput):  # which would end it again
                 error.add_note(_GOES_ON)
             raise
-        _turn_off(room, "end of session")
-        room.log.append("session-completed")
+        _turn_off(context, "end of session")
+        context.log.append("session-completed")
 
 
-def _turn_off(room: Room, why: str) -> None:
+def _turn_off(context: SessionContext, why: str) -> None:
     """Turn the output off and write it down; nothing is told before an output that is unknown."""
     unknown = None
     try:
-        room.device.off()
+        context.device.off()
     except OutputUnknown as error:
         unknown = error
     try:
-        leave_trial(room.log, why)
-        if room.log.state.name in {"armed", "paused"}:
-            room.log.append("device-off", confirmed=unknown is None, why=why)
+        abort_trial(context.log, why)
+        if context.log.state.name in {"armed", "paused"}:
+            context.log.append("device-off", confirmed=unknown is None, why=why)
         if unknown is not None:
-            show_where_we_are(room, unknown=True)
+            update_view(context, unknown=True)
     except Exception as error:
         if unknown is not None:
             raise unknown from error

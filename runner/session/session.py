@@ -12,7 +12,7 @@ from runner.clock import Clock
 from runner.journal.session_log import SessionLog
 from runner.ports import Device, Operator, Participant
 
-Kind = Literal["participant", "rehearsal"]
+SessionKind = Literal["participant", "rehearsal"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,7 +21,7 @@ class Session:
 
     participant: str
     number: int
-    kind: Kind
+    kind: SessionKind
     study: Study
     study_text: str
     plan: Plan
@@ -67,7 +67,7 @@ def trial_record(trial: Trial) -> dict[str, Any]:
 
 
 @dataclass(kw_only=True)
-class Room:
+class SessionContext:
     """Who and what is in the room.
 
     `opened_now` tells a new session from one that is taken up again; `resonance_hz` is known once

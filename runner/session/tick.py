@@ -6,9 +6,9 @@ from typing import TypeVar
 from device.drivers.setpoints import ReadBack
 from protocol.errors import WorkFailed
 from protocol.plan.trials import Trial, trial_s
-from runner.screens import Instruction, Note, Notice, Response, View
-from runner.session.session import Room
-from runner.signals import heed_stop
+from runner.screens import Instruction, Note, Notice, OperatorView, Response
+from runner.session.session import SessionContext
+from runner.signals import raise_if_stopped
 
 
 class StoppedByOperator(WorkFailed):
@@ -19,30 +19,30 @@ class RepeatTrial(Exception):
     """The operator wants the trial that is running again."""
 
 
-def obey(room: Room) -> None:
+def obey(context: SessionContext) -> None:
     """Do what the operator has ordered, if anything.
 
     Raises:
         StoppedByOperator: the session is to end here; after an emergency stop the output is off.
         RepeatTrial: the trial is to be done again.
     """
-    match room.operator.order():
+    match context.operator.order():
         case "emergency stop":
-            room.device.emergency_stop()
+            context.device.emergency_stop()
             raise StoppedByOperator("emergency stop")
         case "stop":
             raise StoppedByOperator("stopped by the operator")
-        case "repeat" if room.log.state.trial is not None:
+        case "repeat" if context.log.state.trial is not None:
             raise RepeatTrial
         case "repeat":
-            room.operator.tell("no trial is running that could be repeated")
+            context.operator.tell("no trial is running that could be repeated")
         case "pause":
-            room.pause_wanted = not room.pause_wanted
-            room.operator.tell(
-                "a pause comes before the next trial" if room.pause_wanted else "no pause"
+            context.pause_wanted = not context.pause_wanted
+            context.operator.tell(
+                "a pause comes before the next trial" if context.pause_wanted else "no pause"
             )
         case Note(text=text):
-            room.log.append("note", text=text)
+            context.log.append("note", text=text)
 
 
 TICK_S = 0.05
@@ -50,51 +50,51 @@ TICK_S = 0.05
 _Thing = TypeVar("_Thing")
 
 
-def awaited(room: Room, poll: Callable[[], _Thing | None]) -> _Thing:
+def awaited(context: SessionContext, poll: Callable[[], _Thing | None]) -> _Thing:
     """Return what `poll` gives as soon as it gives something."""
     while (thing := poll()) is None:
-        tick(room, TICK_S)
+        tick(context, TICK_S)
     return thing
 
 
-def response(room: Room) -> Response:
+def response(context: SessionContext) -> Response:
     """Return the participant's answer to what was last shown."""
-    return awaited(room, room.participant.poll)
+    return awaited(context, context.participant.poll)
 
 
-def operator_answer(room: Room) -> str:
+def operator_answer(context: SessionContext) -> str:
     """Return what the operator answers; the participant is looked after meanwhile.
 
     A question that is left without an answer is taken back: nothing may be done about it any more.
     """
 
     def poll() -> str | None:
-        room.participant.poll()
-        return room.operator.answered()
+        context.participant.poll()
+        return context.operator.answered()
 
     try:
-        return awaited(room, poll)
+        return awaited(context, poll)
     except BaseException:
-        room.operator.unask()
+        context.operator.unask()
         raise
 
 
-def pass_time(
-    room: Room,
+def wait(
+    context: SessionContext,
     seconds: float,
     meanwhile: Callable[[], None] = lambda: None,
     every_s: float = TICK_S,
 ) -> None:
     """Let `seconds` pass; the participant goes on touching, `meanwhile` is called `every_s`."""
-    end_s = room.clock.monotonic_s() + seconds
-    while (left_s := end_s - room.clock.monotonic_s()) > 1e-9:
-        room.participant.poll()
+    end_s = context.clock.monotonic_s() + seconds
+    while (left_s := end_s - context.clock.monotonic_s()) > 1e-9:
+        context.participant.poll()
         meanwhile()
-        tick(room, min(every_s, left_s))
-    room.participant.poll()
+        tick(context, min(every_s, left_s))
+    context.participant.poll()
 
 
-def tick(room: Room, seconds: float) -> None:
+def tick(context: SessionContext, seconds: float) -> None:
     """Let one tick pass.
 
     Raises:
@@ -102,14 +102,14 @@ def tick(room: Room, seconds: float) -> None:
         StoppedByOperator, RepeatTrial: the operator ordered so.
         Stopped: a signal did.
     """
-    heed_stop()
-    room.device.beat()
-    obey(room)
-    room.clock.sleep(seconds)
+    raise_if_stopped()
+    context.device.beat()
+    obey(context)
+    context.clock.sleep(seconds)
 
 
-def show_where_we_are(
-    room: Room,
+def update_view(
+    context: SessionContext,
     device: ReadBack | None = None,
     warning: str = "",
     *,
@@ -117,12 +117,12 @@ def show_where_we_are(
     unknown: bool = False,
 ) -> None:
     """Show the operator where the session stands, and what `device` read back, if it is on."""
-    state, session = room.log.state, room.session
+    state, session = context.log.state, context.session
     left = [entry for entry in session.plan.trials if entry.index not in state.answered]
     running = [entry for entry in left if entry.index == state.trial]
     coming = [entry for entry in left if entry.index != state.trial]
-    room.operator.see(
-        View(
+    context.operator.see(
+        OperatorView(
             session=f"{session.participant}/{session.number}",
             kind=session.kind,
             state=state.name,
@@ -141,26 +141,26 @@ def show_where_we_are(
     )
 
 
-def pause_if_wanted(room: Room, trial: Trial) -> None:
+def pause_if_wanted(context: SessionContext, trial: Trial) -> None:
     """Keep the pause before `trial`: the study's own, a break, and the operator's."""
-    pass_time(room, room.session.study.timing.inter_trial_s)
+    wait(context, context.session.study.timing.inter_trial_s)
     if trial.break_s > 0:
-        room.participant.show(Notice(text="break"))
-        pass_time(room, trial.break_s)
-        room.participant.show(Instruction(text="break"))
-        response(room)
-    if room.pause_wanted:
-        _pause(room)
+        context.participant.show(Notice(text="break"))
+        wait(context, trial.break_s)
+        context.participant.show(Instruction(text="break"))
+        response(context)
+    if context.pause_wanted:
+        _pause(context)
 
 
-def _pause(room: Room) -> None:
-    room.log.append("paused")
-    room.participant.show(Notice(text="pause"))
-    show_where_we_are(room)
-    while room.pause_wanted:
-        room.participant.poll()
-        tick(room, TICK_S)
-    room.log.append("unpaused")
+def _pause(context: SessionContext) -> None:
+    context.log.append("paused")
+    context.participant.show(Notice(text="pause"))
+    update_view(context)
+    while context.pause_wanted:
+        context.participant.poll()
+        tick(context, TICK_S)
+    context.log.append("unpaused")
 
 
 def _named(trials: list[Trial]) -> str:

@@ -10,9 +10,9 @@ from protocol.study.texts import touch_text
 from protocol.study.touch import Touch
 from runner.screens import AskChange, AskScore, Instruction, Notice, Response, pacing
 from runner.session.compliance import Sample, judged, samples_of
-from runner.session.session import Room
+from runner.session.session import SessionContext
 from runner.session.setup import mount
-from runner.session.tick import TICK_S, pass_time, response, show_where_we_are
+from runner.session.tick import TICK_S, response, update_view, wait
 
 SAMPLE_EVERY_S = 0.2
 SWEEP_STEP_S = 0.1
@@ -21,60 +21,60 @@ SWEEP_STEPS = 10
 FASTEST_STEP_S = 0.02
 
 
-def touch(room: Room, number: int, to_make: Touch) -> dict[str, Any]:
+def touch(context: SessionContext, number: int, to_make: Touch) -> dict[str, Any]:
     """Carry out one touch of a trial and return how it was done.
 
     The output is off before and after it; it goes on only once the journal says that it will.
     """
-    study = room.session.study
-    mount(room, to_make.beam or study.touch.beam)
+    study = context.session.study
+    mount(context, to_make.beam or study.touch.beam)
     if number > 0:
-        pass_time(room, study.timing.between_touches_s)
-    ready = _instructed(room, to_make)
-    start = _setpoint(room, to_make.voltage_v, to_make.frequency)
-    room.log.append(
+        wait(context, study.timing.between_touches_s)
+    ready = _instructed(context, to_make)
+    start = _setpoint(context, to_make.voltage_v, to_make.frequency)
+    context.log.append(
         "touch-started", touch=number, commanded=asdict(start), instruction=asdict(ready)
     )
-    stimulus = _Stimulus(room, to_make)
+    stimulus = _Stimulus(context, to_make)
     stimulus.deliver(start)
-    room.device.off()
-    room.participant.show(Notice(text="touch.end"))
+    context.device.off()
+    context.participant.show(Notice(text="touch.end"))
     verdict = judged(stimulus.pacing, stimulus.samples)
-    room.log.append("touch-ended", touch=number, **stimulus.record(), judged=verdict)
-    show_where_we_are(room, warning=_warning(verdict))
+    context.log.append("touch-ended", touch=number, **stimulus.record(), judged=verdict)
+    update_view(context, warning=_warning(verdict))
     return verdict
 
 
-def _instructed(room: Room, to_make: Touch) -> Response:
+def _instructed(context: SessionContext, to_make: Touch) -> Response:
     """Say how to touch, and nothing else, until the participant is ready."""
-    way = pacing(to_make, room.session.study.touch).touch
-    room.participant.show(Instruction(text=touch_text(to_make), touch=way))
-    return response(room)
+    way = pacing(to_make, context.session.study.touch).touch
+    context.participant.show(Instruction(text=touch_text(to_make), touch=way))
+    return response(context)
 
 
 class _Stimulus:
     """What the device does while the finger is on the beam, and what was read back meanwhile."""
 
-    def __init__(self, room: Room, to_make: Touch) -> None:
-        self._room = room
+    def __init__(self, context: SessionContext, to_make: Touch) -> None:
+        self._room = context
         self._touch = to_make
         self._read_back: list[dict[str, Any]] = []
         self._next_sample_s = 0.0
         self.samples: list[Sample] = []
-        self.pacing = pacing(to_make, room.session.study.touch)
+        self.pacing = pacing(to_make, context.session.study.touch)
         self._next_step_s = self._step_s
 
     def deliver(self, start: Setpoint) -> None:
         """Soft start, the touch itself with its ramp and sweep; the output stays on."""
-        room, to_make = self._room, self._touch
-        show_where_we_are(room, device=room.device.drive(start))
-        pass_time(room, start.voltage_v / start.ramp_v_per_s)
-        room.participant.show(self.pacing)
+        context, to_make = self._room, self._touch
+        update_view(context, device=context.device.drive(start))
+        wait(context, start.voltage_v / start.ramp_v_per_s)
+        context.participant.show(self.pacing)
         self._look()
         if self._ramps:
             self._move_on(0.0)
-        self._began_s = room.clock.monotonic_s()
-        pass_time(room, self.pacing.duration_s, self._meanwhile, min(TICK_S, self._step_s))
+        self._began_s = context.clock.monotonic_s()
+        wait(context, self.pacing.duration_s, self._meanwhile, min(TICK_S, self._step_s))
         if to_make.sweep_to is not None:
             self._move_on(1.0)
         self._look()
@@ -85,7 +85,7 @@ class _Stimulus:
         return {"read_back": self._read_back, "trace": trace}
 
     def _look(self) -> None:
-        show_where_we_are(self._room, device=self._sampled(keep=True))
+        update_view(self._room, device=self._sampled(keep=True))
 
     def _sampled(self, *, keep: bool) -> ReadBack:
         """Read the drive and the finger; a drive that stays as it was need not be kept."""
@@ -126,11 +126,11 @@ class _Stimulus:
         self._room.device.drive(towards)
 
 
-def _setpoint(room: Room, voltage_v: float, frequency: float) -> Setpoint:
+def _setpoint(context: SessionContext, voltage_v: float, frequency: float) -> Setpoint:
     return Setpoint(
         voltage_v=voltage_v,
-        frequency_hz=frequency * room.resonance_hz,
-        ramp_v_per_s=room.session.study.rig.ramp_v_per_s,
+        frequency_hz=frequency * context.resonance_hz,
+        ramp_v_per_s=context.session.study.rig.ramp_v_per_s,
     )
 
 
@@ -139,24 +139,24 @@ def _warning(verdict: dict[str, Any]) -> str:
     return f"the touch was not as asked: {' and '.join(missed)}" if missed else ""
 
 
-def answers(room: Room, trial: Trial) -> dict[str, Any]:
+def answers(context: SessionContext, trial: Trial) -> dict[str, Any]:
     """Ask what `trial` has to ask and return it as the journal holds it.
 
     The score is missing where the answer disagrees with the expectation and the study asks only
     for scores of effects that agree (the paper's rule, section 5.2).
     """
     if trial.question is None:
-        room.participant.show(Instruction(text="remember"))
-        return _record(trial, None, None, [response(room)])
-    rating = room.session.study.rating
-    room.participant.show(AskChange(question=trial.question))
-    change = response(room)
+        context.participant.show(Instruction(text="remember"))
+        return _record(trial, None, None, [response(context)])
+    rating = context.session.study.rating
+    context.participant.show(AskChange(question=trial.question))
+    change = response(context)
     checked_answer(trial.question, change.answer)
     agrees = change.answer == trial.expected
     if not trial.scored or not (agrees or rating.score_when == "always"):
         return _record(trial, change.answer, None, [change])
-    room.participant.show(AskScore(rating=rating))
-    score = response(room)
+    context.participant.show(AskScore(rating=rating))
+    score = response(context)
     return _record(trial, change.answer, rating.checked_score(int(score.answer)), [change, score])
 
 

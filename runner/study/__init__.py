@@ -1,4 +1,5 @@
 """A study's folder: reading, checking, making and importing it.
 
-Public face: `folder.StudyFolder`, `check.usable`, `check.checked`, `published.import_table`.
+Public face: `folder.StudyFolder`, `check.validated_study`, `check.checked`,
+`published.import_table`.
 """

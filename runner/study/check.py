@@ -18,7 +18,7 @@ from runner.study.folder import StudyFolder
 from runner.study.model_process import Contrasts
 
 
-def usable(text: str, source: str) -> Study:
+def validated_study(text: str, source: str) -> Study:
     """Return the study that `text` describes, checked for everything that a session needs of it.
 
     Raises:
@@ -55,7 +55,7 @@ def checked(
     """
     source, text = str(folder.study_file), folder.text()
     try:
-        study = usable(text, source)
+        study = validated_study(text, source)
     except StudyError as error:
         return _refused(source, error.problems, as_json=as_json)
     size = participants or study.design.participants or 1

@@ -148,9 +148,9 @@ class PsychopyCanvas:
         )
 
     def _text(self, text: Text) -> list[Any]:
-        lines = wrapped(text.text, text.size, text.room.width)
+        lines = wrapped(text.text, text.size, text.box.width)
         step = text.size * LINE_HEIGHT
-        top = text.room.y + step * (len(lines) - 1) / 2
+        top = text.box.y + step * (len(lines) - 1) / 2
         return [
             visual.TextStim(
                 self._window,
@@ -158,7 +158,7 @@ class PsychopyCanvas:
                 font=self._font,
                 height=int(text.size * self._scale),
                 color=text.colour,
-                pos=(round(text.room.x * self._scale), round((top - number * step) * self._scale)),
+                pos=(round(text.box.x * self._scale), round((top - number * step) * self._scale)),
                 wrapWidth=1e6,
             )
             for number, line in enumerate(lines)

@@ -18,7 +18,7 @@ Point = tuple[float, float]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Room:
+class Box:
     """An upright rectangle around the middle (`x`, `y`); `y` points up."""
 
     x: float
@@ -40,10 +40,10 @@ class Room:
 
 @dataclass(frozen=True, kw_only=True)
 class Text:
-    """Lines of text in the middle of `room`; `size` is the height of a letter's em."""
+    """Lines of text in the middle of `box`; `size` is the height of a letter's em."""
 
     text: str
-    room: Room
+    box: Box
     size: float
     colour: str = INK
 
@@ -80,7 +80,7 @@ class Target:
     """A place that answers to a press."""
 
     name: str
-    room: Room
+    box: Box
 
 
 def pixels_per_unit(width_px: float, height_px: float) -> float:

@@ -11,7 +11,16 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from protocol.study.questions import Rating
-from runner.screens import AskChange, AskScore, Instruction, Notice, Pacing, Screen, Way, Welcome
+from runner.screens import (
+    AskChange,
+    AskScore,
+    FingerPath,
+    Instruction,
+    Notice,
+    Pacing,
+    Screen,
+    Welcome,
+)
 from runner.window.pages import Wording
 
 _SCREENS = {
@@ -95,6 +104,6 @@ def screen_of(message: Mapping[str, Any]) -> Screen:
     if "rating" in values:
         values["rating"] = Rating.model_validate(values["rating"])
     if values.get("touch") is not None:
-        values["touch"] = Way(**values["touch"])
+        values["touch"] = FingerPath(**values["touch"])
     screen: Screen = _SCREENS[message["screen"]](**values)
     return screen

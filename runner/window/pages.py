@@ -17,22 +17,22 @@ from runner.window.elements import (
     INK,
     PALE,
     WHITE,
+    Box,
     Outline,
     Page,
-    Room,
     Target,
     Text,
 )
-from runner.window.widgets import fingers, scale, scale_room, sketch
+from runner.window.widgets import fingers, scale, scale_box, sketch
 
 TITLE_SIZE, ANSWER_SIZE, BUTTON_SIZE, SMALL_SIZE = 30.0, 26.0, 24.0, 19.0
-_TITLE = Room(x=0, y=205, width=720, height=130)
-_MIDDLE = Room(x=0, y=90, width=640, height=300)
-_CONSENT = Room(x=0, y=-88, width=720, height=46)
-_HINT = Room(x=0, y=-140, width=740, height=48)
-_BUTTON = Room(x=0, y=-215, width=320, height=68)
-_FOOT = Room(x=0, y=-275, width=760, height=30)
-_ANSWER = Room(x=0, y=95, width=420, height=62)
+_TITLE = Box(x=0, y=205, width=720, height=130)
+_MIDDLE = Box(x=0, y=90, width=640, height=300)
+_CONSENT = Box(x=0, y=-88, width=720, height=46)
+_HINT = Box(x=0, y=-140, width=740, height=48)
+_BUTTON = Box(x=0, y=-215, width=320, height=68)
+_FOOT = Box(x=0, y=-275, width=760, height=30)
+_ANSWER = Box(x=0, y=95, width=420, height=62)
 _ANSWER_STEP = 78.0
 
 
@@ -45,7 +45,7 @@ class Wording:
 
 
 @dataclass(frozen=True, kw_only=True)
-class View:
+class PageState:
     """What changes on a page while its screen stands."""
 
     chosen: str | None = None
@@ -53,7 +53,7 @@ class View:
     operator_called: bool = False
 
 
-def page(screen: Screen, view: View, wording: Wording) -> Page:
+def page(screen: Screen, view: PageState, wording: Wording) -> Page:
     """Return what `screen` looks like now."""
     texts = wording.texts
     called = (_small(texts["operator.called"], _FOOT),) if view.operator_called else ()
@@ -64,23 +64,23 @@ def targets(screen: Screen) -> tuple[Target, ...]:
     """Return what answers to a press on `screen`; `ready` and `confirm` to Enter, too."""
     match screen:
         case Welcome() | Instruction() | Notice(text="thanks"):
-            return (Target(name="ready", room=_BUTTON),)
+            return (Target(name="ready", box=_BUTTON),)
         case AskChange(question=question):
-            return (*_answers(ANSWERS[question]), Target(name="confirm", room=_BUTTON))
+            return (*_answers(ANSWERS[question]), Target(name="confirm", box=_BUTTON))
         case AskScore(rating=rating):
             return (
-                Target(name="scale", room=scale_room(rating)),
-                Target(name="confirm", room=_BUTTON),
+                Target(name="scale", box=scale_box(rating)),
+                Target(name="confirm", box=_BUTTON),
             )
     return ()
 
 
 def target_at(screen: Screen, x: float, y: float) -> str | None:
     """Return the name of the target at a point, None if there is none."""
-    return next((target.name for target in targets(screen) if target.room.holds(x, y)), None)
+    return next((target.name for target in targets(screen) if target.box.holds(x, y)), None)
 
 
-def _page(screen: Screen, view: View, wording: Wording, texts: Mapping[str, str]) -> Page:
+def _page(screen: Screen, view: PageState, wording: Wording, texts: Mapping[str, str]) -> Page:
     match screen:
         case Welcome():
             return _welcome(screen, texts)
@@ -93,7 +93,7 @@ def _page(screen: Screen, view: View, wording: Wording, texts: Mapping[str, str]
         case AskScore():
             return _score(screen, view, wording)
     closing = _button(texts["button.close"]) if targets(screen) else ()
-    return (Text(text=texts[screen.text], room=_MIDDLE, size=TITLE_SIZE), *closing)
+    return (Text(text=texts[screen.text], box=_MIDDLE, size=TITLE_SIZE), *closing)
 
 
 def _welcome(screen: Welcome, texts: Mapping[str, str]) -> Page:
@@ -102,7 +102,7 @@ def _welcome(screen: Welcome, texts: Mapping[str, str]) -> Page:
         () if consent is None else (_small(texts["consent"].format(reference=consent), _CONSENT),)
     )
     return (
-        Text(text=texts["welcome"], room=_MIDDLE, size=TITLE_SIZE),
+        Text(text=texts["welcome"], box=_MIDDLE, size=TITLE_SIZE),
         *filed,
         _small(texts["hint.start"], _HINT),
         *_button(texts["button.ready"]),
@@ -112,44 +112,44 @@ def _welcome(screen: Welcome, texts: Mapping[str, str]) -> Page:
 def _instruction(screen: Instruction, texts: Mapping[str, str]) -> Page:
     button = _button(texts["button.ready"])
     if screen.touch is None:
-        return (Text(text=texts[screen.text], room=_MIDDLE, size=TITLE_SIZE), *button)
-    title = Text(text=texts[screen.text], room=_TITLE, size=TITLE_SIZE)
+        return (Text(text=texts[screen.text], box=_MIDDLE, size=TITLE_SIZE), *button)
+    title = Text(text=texts[screen.text], box=_TITLE, size=TITLE_SIZE)
     return (title, *sketch(screen.touch), *button)
 
 
-def _pacing(screen: Pacing, view: View, texts: Mapping[str, str]) -> Page:
+def _pacing(screen: Pacing, view: PageState, texts: Mapping[str, str]) -> Page:
     """The mark moves at the sliding speed; how long a place is held is not shown."""
     return (
-        Text(text=texts["touch.now"], room=_TITLE, size=TITLE_SIZE),
+        Text(text=texts["touch.now"], box=_TITLE, size=TITLE_SIZE),
         *sketch(screen.touch),
         *fingers(screen.touch, min(view.passed_s / screen.duration_s, 1.0)),
     )
 
 
-def _change(screen: AskChange, view: View, texts: Mapping[str, str]) -> Page:
+def _change(screen: AskChange, view: PageState, texts: Mapping[str, str]) -> Page:
     answers = _answers(ANSWERS[screen.question])
     boxes = [
         element
         for number, answer in enumerate(answers, start=1)
         for element in _box(
             f"{number}   {texts[f'answer.{answer.name}']}",
-            answer.room,
+            answer.box,
             chosen=answer.name == view.chosen,
         )
     ]
     return (
-        Text(text=texts[f"question.{screen.question}"], room=_TITLE, size=TITLE_SIZE),
+        Text(text=texts[f"question.{screen.question}"], box=_TITLE, size=TITLE_SIZE),
         *boxes,
         _small(texts["hint.change"].format(last=len(answers)), _HINT),
         *_button(texts["button.confirm"], active=view.chosen is not None),
     )
 
 
-def _score(screen: AskScore, view: View, wording: Wording) -> Page:
+def _score(screen: AskScore, view: PageState, wording: Wording) -> Page:
     texts = wording.texts
     chosen = None if view.chosen is None else int(view.chosen)
     return (
-        Text(text=texts["score"], room=_TITLE, size=TITLE_SIZE),
+        Text(text=texts["score"], box=_TITLE, size=TITLE_SIZE),
         *scale(screen.rating, wording.language, chosen),
         _small(texts["hint.score"], _HINT),
         *_button(texts["button.confirm"], active=chosen is not None),
@@ -161,7 +161,7 @@ def _answers(names: tuple[str, ...]) -> tuple[Target, ...]:
     return tuple(
         Target(
             name=name,
-            room=Room(
+            box=Box(
                 x=_ANSWER.x,
                 y=_ANSWER.y - number * _ANSWER_STEP,
                 width=_ANSWER.width,
@@ -172,15 +172,15 @@ def _answers(names: tuple[str, ...]) -> tuple[Target, ...]:
     )
 
 
-def _small(text: str, room: Room) -> Text:
-    return Text(text=text, room=room, size=SMALL_SIZE, colour=FAINT)
+def _small(text: str, box: Box) -> Text:
+    return Text(text=text, box=box, size=SMALL_SIZE, colour=FAINT)
 
 
-def _box(text: str, room: Room, *, chosen: bool) -> Page:
+def _box(text: str, box: Box, *, chosen: bool) -> Page:
     fill, colour = (ACCENT, WHITE) if chosen else (WHITE, INK)
     return (
-        Outline(points=room.corners, fill=fill, edge=ACCENT, width=3),
-        Text(text=text, room=room, size=ANSWER_SIZE, colour=colour),
+        Outline(points=box.corners, fill=fill, edge=ACCENT, width=3),
+        Text(text=text, box=box, size=ANSWER_SIZE, colour=colour),
     )
 
 
@@ -188,5 +188,5 @@ def _button(text: str, *, active: bool = True) -> Page:
     fill, colour = (ACCENT, WHITE) if active else (PALE, FAINT)
     return (
         Outline(points=_BUTTON.corners, fill=fill),
-        Text(text=text, room=_BUTTON, size=BUTTON_SIZE, colour=colour),
+        Text(text=text, box=_BUTTON, size=BUTTON_SIZE, colour=colour),
     )

@@ -11,7 +11,7 @@ from runner.screens import AskChange, AskScore, Instruction, Notice, Screen, Wel
 from runner.window.client import WindowParticipant, participant_window
 from runner.window.elements import Text
 from runner.window.messages import Settings
-from runner.window.pages import View, Wording, page
+from runner.window.pages import PageState, Wording, page
 from runner.window.text_layout import text_height, text_width, wrapped
 
 _NOTICES = ("wait", "touch.end", "pause", "thanks")
@@ -35,14 +35,14 @@ def foreseen(study: Study, consent: str | None) -> tuple[Screen, ...]:
     return tuple(screen for at, screen in enumerate(screens) if screen not in screens[:at])
 
 
-_ALL = View(operator_called=True)
+_ALL = PageState(operator_called=True)
 
 
 def fits(text: Text) -> bool:
     """Return whether all lines of `text` stay within its room."""
-    lines = wrapped(text.text, text.size, text.room.width)
+    lines = wrapped(text.text, text.size, text.box.width)
     widest = max(text_width(line, text.size) for line in lines)
-    return widest <= text.room.width and text_height(len(lines), text.size) <= text.room.height
+    return widest <= text.box.width and text_height(len(lines), text.size) <= text.box.height
 
 
 def misfits(screens: tuple[Screen, ...], wording: Wording) -> Iterator[str]:

@@ -7,8 +7,8 @@ from typing import Any
 
 from runner.screens import AskChange, AskScore, Instruction, Notice, Screen
 from runner.window.elements import Input, Key, Page
-from runner.window.pages import View, Wording, page
-from runner.window.response import Answering
+from runner.window.pages import PageState, Wording, page
+from runner.window.response import PendingResponse
 from runner.window.widgets import look
 
 LATE = 1.5
@@ -50,18 +50,18 @@ def _statistics(intervals: list[float]) -> dict[str, float]:
 
 
 @dataclass
-class Standing:
+class ShownScreen:
     """The `number`-th screen of the session; times are seconds on the monotonic clock."""
 
     number: int
     screen: Screen
     interval_s: float
-    answering: Answering = field(init=False)
+    pending: PendingResponse = field(init=False)
     frames: FrameTimes = field(init=False)
     called_s: list[float] = field(default_factory=list, init=False)
 
     def __post_init__(self) -> None:
-        self.answering = Answering(self.screen)
+        self.pending = PendingResponse(self.screen)
         self.frames = FrameTimes(self.interval_s)
 
     def take(self, given: Input, t_s: float) -> None:
@@ -72,13 +72,13 @@ class Standing:
         if given == Key(name="escape"):
             self.called_s.append(round(since_s, 4))
         else:
-            self.answering.take(given, since_s)
+            self.pending.take(given, since_s)
 
     def page(self, t_s: float, wording: Wording) -> Page:
         """Return what it looks like at `t_s`."""
         shown_s = self.frames.shown_s
-        view = View(
-            chosen=self.answering.chosen,
+        view = PageState(
+            chosen=self.pending.chosen,
             passed_s=t_s - shown_s[0] if shown_s else 0.0,
             operator_called=bool(self.called_s),
         )
@@ -104,16 +104,16 @@ class Standing:
             wording: what the scale was labelled in.
         """
         trace = {
-            **self.answering.trace(),
+            **self.pending.trace(),
             "screens": [*past, self.record()],
             "display": display,
         }
         if isinstance(self.screen, AskScore):
             trace["scale"] = _scale_look(self.screen, display, wording)
         return {
-            "answer": self.answering.answer,
+            "answer": self.pending.answer,
             "of": self.number,
-            "reaction_time_s": round(self.answering.confirmed_s, 4),
+            "reaction_time_s": round(self.pending.confirmed_s, 4),
             "trace": trace,
         }
 

@@ -19,7 +19,7 @@ _STEPS = {"left": -1, "right": 1, "down": -1, "up": 1}
 
 
 @dataclass
-class Answering:
+class PendingResponse:
     """One screen being answered; times are seconds since it was first seen."""
 
     screen: Screen

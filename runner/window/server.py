@@ -19,8 +19,8 @@ from protocol.errors import WorkFailed
 from runner.screens import Notice
 from runner.window.elements import Input, Page
 from runner.window.messages import Settings, line_of, message_of, screen_of, settings_of
-from runner.window.pages import View, page
-from runner.window.presentation import Standing
+from runner.window.pages import PageState, page
+from runner.window.presentation import ShownScreen
 
 ALIVE_EVERY_S = 0.2
 _USUAL_REFRESH_HZ = 60.0
@@ -66,7 +66,7 @@ Mailbox = queue.SimpleQueue[Mapping[str, Any]]
 
 
 @dataclass
-class Serving:
+class WindowServer:
     """Shows what the mailbox says until the session ends or the window is closed."""
 
     canvas: Canvas
@@ -74,7 +74,7 @@ class Serving:
     mailbox: Mailbox
     send: Callable[[Mapping[str, Any]], None]
     now_s: Callable[[], float] = time.monotonic
-    _standing: Standing = field(init=False)
+    _standing: ShownScreen = field(init=False)
     _past: list[dict[str, Any]] = field(default_factory=list, init=False)
     _ended: bool = field(default=False, init=False)
     _alive_s: float = field(default=0.0, init=False)
@@ -85,7 +85,7 @@ class Serving:
         """Open with a page that asks to wait, then serve."""
         self._display = self.canvas.look()
         self._interval_s = 1 / (self._display["refresh_hz"] or _USUAL_REFRESH_HZ)
-        self._standing = Standing(0, Notice(text="wait"), self._interval_s)
+        self._standing = ShownScreen(0, Notice(text="wait"), self._interval_s)
         self._frame()
         self.send({"opened": self._display})
         self._learn_pace()
@@ -94,7 +94,7 @@ class Serving:
             self._wait()
             self._frame()
             if screen := next(foreseen, None):  # one a frame: none may keep the session waiting
-                self.canvas.prepare(page(screen, View(), self.settings.wording))
+                self.canvas.prepare(page(screen, PageState(), self.settings.wording))
         if self.canvas.closed:
             self.send({"closed": True})
 
@@ -131,9 +131,9 @@ class Serving:
         if "show" not in message:
             self._ended = True
             return
-        if self._standing.answering.answer is None:
+        if self._standing.pending.answer is None:
             self._past.append(self._standing.record())
-        self._standing = Standing(message["show"], screen_of(message), self._interval_s)
+        self._standing = ShownScreen(message["show"], screen_of(message), self._interval_s)
 
     def _frame(self) -> None:
         self.canvas.draw(self._page())
@@ -155,11 +155,11 @@ class Serving:
     def _take_inputs(self) -> None:
         for t_s, given in self.canvas.inputs():
             standing = self._standing
-            answered, called = standing.answering.answer, len(standing.called_s)
+            answered, called = standing.pending.answer, len(standing.called_s)
             standing.take(given, t_s)
             if len(standing.called_s) > called:
                 self.send({"operator": True})
-            if answered is None and standing.answering.answer is not None:
+            if answered is None and standing.pending.answer is not None:
                 past, self._past = self._past, []
                 self.send(standing.answer(past, self._display, self.settings.wording))
 
@@ -188,7 +188,7 @@ def serve_window() -> None:
         why = f"the participant's window cannot open on {display} ({_first_line(error)})"
         return send({"failed": why})
     try:
-        Serving(canvas, settings, _mailbox(sys.stdin), send).run()
+        WindowServer(canvas, settings, _mailbox(sys.stdin), send).run()
     except Exception as error:
         return send({"broken": _first_line(error)} if canvas.is_there() else {"closed": True})
     return canvas.close()

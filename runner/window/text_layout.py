@@ -85,11 +85,11 @@ def _piece(text: str) -> _Piece:
     return _Piece(text, _thousandths(text), _thousandths(text.rstrip()))
 
 
-def _filled(pieces: list[_Piece], room: float) -> tuple[str, ...]:
-    """Lines that each take as many pieces as they hold; `room` in thousandths of an em."""
+def _filled(pieces: list[_Piece], box: float) -> tuple[str, ...]:
+    """Lines that each take as many pieces as they hold; `box` in thousandths of an em."""
     lines, taken = [""], 0
     for piece in pieces:
-        if lines[-1] and taken + piece.ink > room:
+        if lines[-1] and taken + piece.ink > box:
             lines.append(piece.text)
             taken = piece.advance
         else:

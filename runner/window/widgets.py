@@ -5,8 +5,8 @@ from itertools import pairwise
 from device.beam.beam import Beam
 from protocol.study.questions import Band, Rating
 from protocol.study.study import Language
-from runner.screens import Way
-from runner.window.elements import ACCENT, FAINT, INK, PALE, Dot, Element, Outline, Page, Room, Text
+from runner.screens import FingerPath
+from runner.window.elements import ACCENT, FAINT, INK, PALE, Box, Dot, Element, Outline, Page, Text
 
 _STEP = 66.0
 _LINE_Y = 50.0
@@ -26,10 +26,10 @@ def score_at(x: float, rating: Rating) -> float:
     return min(max(place, rating.minimum), rating.maximum)
 
 
-def scale_room(rating: Rating) -> Room:
+def scale_box(rating: Rating) -> Box:
     """Return where a press chooses a score."""
     width = (rating.maximum - rating.minimum + 1) * _STEP
-    return Room(x=0, y=_LINE_Y - 12, width=width, height=90)
+    return Box(x=0, y=_LINE_Y - 12, width=width, height=90)
 
 
 def scale(rating: Rating, language: Language, chosen: int | None) -> tuple[Element, ...]:
@@ -69,23 +69,23 @@ def look(rating: Rating, language: Language, px_per_unit: float) -> dict[str, ob
 
 def _tick(score: int, rating: Rating) -> tuple[Element, ...]:
     x = score_x(score, rating)
-    room = Room(x=x, y=_LINE_Y - 34, width=_STEP - 4, height=34)
+    box = Box(x=x, y=_LINE_Y - 34, width=_STEP - 4, height=34)
     return (
         Outline(points=((x, _LINE_Y - 10), (x, _LINE_Y + 10)), edge=INK, width=3),
-        Text(text=str(score), room=room, size=LABEL_SIZE),
+        Text(text=str(score), box=box, size=LABEL_SIZE),
     )
 
 
 def _band(band: Band, rating: Rating, language: Language) -> tuple[Element, ...]:
     left = score_x(band.first, rating) - _STEP / 2 + 4
     right = score_x(band.last, rating) + _STEP / 2 - 4
-    room = Room(x=(left + right) / 2, y=_BRACKET_Y - 38, width=right - left, height=62)
+    box = Box(x=(left + right) / 2, y=_BRACKET_Y - 38, width=right - left, height=62)
     corners = ((left, _BRACKET_Y + 6), (left, _BRACKET_Y), (right, _BRACKET_Y))
     bracket = (*corners, (right, _BRACKET_Y + 6))
     sides = pairwise(bracket)
     return (
         *(Outline(points=side, edge=FAINT) for side in sides),
-        Text(text=getattr(band, language), room=room, size=BAND_SIZE),
+        Text(text=getattr(band, language), box=box, size=BAND_SIZE),
     )
 
 
@@ -105,7 +105,7 @@ def beam_x(position_m: float) -> float:
     return _LEFT + _LENGTH * position_m / BEAM_M
 
 
-def sketch(way: Way) -> Page:
+def sketch(way: FingerPath) -> Page:
     """Return the beam and the touch: an arrow along it, or marks that point at places."""
     if way.start_m != way.end_m:
         return (*_beam(), *_arrow(way))
@@ -113,7 +113,7 @@ def sketch(way: Way) -> Page:
     return (*_beam(), *marks)
 
 
-def fingers(way: Way, fraction: float) -> tuple[Dot, ...]:
+def fingers(way: FingerPath, fraction: float) -> tuple[Dot, ...]:
     """Return the pacing marks after `fraction` of the way, from 0 to 1."""
     position_m = way.start_m + fraction * (way.end_m - way.start_m)
     return tuple(
@@ -122,7 +122,7 @@ def fingers(way: Way, fraction: float) -> tuple[Dot, ...]:
     )
 
 
-def _places(way: Way, position_m: float) -> list[float]:
+def _places(way: FingerPath, position_m: float) -> list[float]:
     """Where the fingers are; of several, those that still touch the beam."""
     if not way.several:
         return [position_m]
@@ -131,15 +131,15 @@ def _places(way: Way, position_m: float) -> list[float]:
 
 
 def _beam() -> Page:
-    clamp = Room(x=_LEFT - 20, y=_BEAM_Y, width=40, height=110)
-    beam = Room(x=_LEFT + _LENGTH / 2, y=_BEAM_Y, width=_LENGTH, height=_BEAM_HEIGHT)
+    clamp = Box(x=_LEFT - 20, y=_BEAM_Y, width=40, height=110)
+    beam = Box(x=_LEFT + _LENGTH / 2, y=_BEAM_Y, width=_LENGTH, height=_BEAM_HEIGHT)
     return (
         Outline(points=clamp.corners, fill=FAINT),
         Outline(points=beam.corners, fill=PALE, edge=INK),
     )
 
 
-def _arrow(way: Way) -> Page:
+def _arrow(way: FingerPath) -> Page:
     start, end = beam_x(way.start_m), beam_x(way.end_m)
     base = end - _HEAD if end > start else end + _HEAD
     head = ((end, _ARROW_Y), (base, _ARROW_Y + _HEAD), (base, _ARROW_Y - _HEAD))

@@ -11,7 +11,7 @@ from protocol.plan.plan import plan
 from protocol.plan.trials import Trial
 from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study, template
-from runner.session.session import Kind, Session
+from runner.session.session import Session, SessionKind
 
 NOTES = (
     'said "no",\tthen\nleft',
@@ -63,7 +63,7 @@ class Written:
 
     participant: str
     number: int = 1
-    kind: Kind = "participant"
+    kind: SessionKind = "participant"
     text: str = field(default_factory=study_text)
     events: list[Event] = field(default_factory=list)
 
@@ -154,7 +154,7 @@ def sessions(text: str) -> Iterator[Written]:
     """Every kind of session there is, under the study `text`."""
     names = parsed_study(text).conditions
 
-    def new(participant: str, number: int = 1, kind: Kind = "participant") -> Written:
+    def new(participant: str, number: int = 1, kind: SessionKind = "participant") -> Written:
         return Written(participant, number, kind, text)
 
     first = new("P-01")

@@ -9,7 +9,7 @@ from pathlib import Path
 from device.drivers.setpoints import Amplifier, Limits, ReadBack, Setpoint
 from device.errors import DeviceError
 from device.rig import Rig, open_rig
-from device.simulator.client import Hand
+from device.simulator.client import ControlClient
 
 TOUCHBEAM = (str(Path(sys.executable).with_name("touchbeam")),)
 LIMITS = Limits(
@@ -33,12 +33,12 @@ def opened(url: str, dialect: str = "board", limits: Limits = LIMITS) -> Iterato
             rig.close()
 
 
-def driven_on(rig: Rig, hand: Hand, seconds: float = 0.3) -> ReadBack:
+def driven_on(rig: Rig, control: ControlClient, seconds: float = 0.3) -> ReadBack:
     """Let the session live on for a while, then drive again; raises what the rig raises."""
     end_s = time.monotonic() + seconds
     while time.monotonic() < end_s:
         rig.beat()
-        hand.state()
+        control.state()
     return rig.drive(DRIVE)
 
 

@@ -16,13 +16,13 @@ from runner.screens import (
     AskScore,
     Instruction,
     Note,
+    OperatorView,
     Order,
     Response,
     Screen,
-    View,
     Welcome,
 )
-from runner.session.session import Kind, Room, Session
+from runner.session.session import Session, SessionContext, SessionKind
 
 
 @dataclass
@@ -133,7 +133,7 @@ class FakeOperator:
     orders: list[tuple[str, Order | Note]] = field(default_factory=list)
     mounts: list[str] = field(default_factory=list)
     asked: list[str] = field(default_factory=list)
-    seen: list[View] = field(default_factory=list)
+    seen: list[OperatorView] = field(default_factory=list)
     told: list[str] = field(default_factory=list)
 
     def mount(self, beam: str) -> None:
@@ -154,21 +154,21 @@ class FakeOperator:
             return self.orders.pop(0)[1]
         return None
 
-    def see(self, view: View) -> None:
+    def see(self, view: OperatorView) -> None:
         self.seen.append(view)
 
     def tell(self, text: str) -> None:
         self.told.append(text)
 
 
-def room(
+def context(
     journal: Journal,
     device: FakeDevice,
     participant: FakeParticipant,
     text: str = template("paper"),
     operator: FakeOperator | None = None,
-    kind: Kind = "participant",
-) -> Room:
+    kind: SessionKind = "participant",
+) -> SessionContext:
     """A room for the session P01/1 of the study `text`, opened in `journal` if it is new."""
     clock = FakeClock()
     log = SessionLog(journal, "P01/1", clock)
@@ -186,7 +186,7 @@ def room(
     new = log.state.name == "new"
     if new:
         log.append("session-opened", **session.opening())
-    return Room(
+    return SessionContext(
         session=session,
         device=device,
         participant=participant,

@@ -12,8 +12,8 @@ from device.resonance import Resonance
 from protocol.plan.plan import plan
 from protocol.study.questions import ANSWERS
 from protocol.study_file.loading import parsed_study, template, template_tests
-from runner.launch.rehearsal import Rehearsed, rehearsed
-from runner.launch.rig import Rigged, keep_calibration
+from runner.launch.rehearsal import Rehearsal, rehearse
+from runner.launch.rig import SessionRig, keep_calibration
 from runner.people.virtual_participant import VirtualParticipant
 from runner.screens import AskChange, Pacing
 
@@ -123,13 +123,13 @@ def test_the_examples_of_the_documentation_pass(tmp_path: Path) -> None:
     assert "6 passed" in done.stdout
 
 
-def test_the_rehearsal_is_a_whole_session(rehearsal: Rehearsed) -> None:
+def test_the_rehearsal_is_a_whole_session(rehearsal: Rehearsal) -> None:
     rehearsal.assert_complete()
     assert rehearsal.answers.keys() == {trial.index for trial in rehearsal.plan.trials}
     assert 195 < rehearsal.largest_voltage_v <= 200
 
 
-def test_a_session_that_is_not_whole_is_named(rehearsal: Rehearsed) -> None:
+def test_a_session_that_is_not_whole_is_named(rehearsal: Rehearsal) -> None:
     lost = [event for event in rehearsal.events if event.payload.get("index") != 3]
     state = replace(rehearsal.state, answered={0, 1, 2, 4, 5, 6})
     with pytest.raises(AssertionError, match=r"got 6 answers to 7 trials; missing \[3\]"):
@@ -140,7 +140,7 @@ def test_a_session_that_is_not_whole_is_named(rehearsal: Rehearsed) -> None:
 
 
 def test_a_virtual_participant_feels_that_the_beam_is_at_rest(
-    simulated_rig: Rigged, virtual_participant: VirtualParticipant
+    simulated_rig: SessionRig, virtual_participant: VirtualParticipant
 ) -> None:
     assert simulated_rig.device.read_back().voltage_v == 0
     for _ in range(2):
@@ -158,6 +158,6 @@ def test_a_virtual_participant_feels_that_the_beam_is_at_rest(
 def test_a_study_with_everything_in_it_can_be_rehearsed() -> None:
     """Catch, opposite and practice trials, breaks and levels go through a whole session."""
     text = template("extended")
-    session = rehearsed(text, plan(parsed_study(text), 0))
+    session = rehearse(text, plan(parsed_study(text), 0))
     session.assert_complete()
     assert set(session.answers) == set(range(29))

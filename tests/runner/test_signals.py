@@ -13,9 +13,9 @@ import pytest
 
 from runner.journal.store import open_journal
 from runner.session.loop import _to_the_end
-from runner.session.session import Room
-from runner.signals import Stopped, heed_stop, interruptible, stops_raise, uninterrupted
-from tests.runner.fakes import FakeDevice, FakeParticipant, room
+from runner.session.session import SessionContext
+from runner.signals import Stopped, raise_if_stopped, signals_raise, stops_allowed, stops_deferred
+from tests.runner.fakes import FakeDevice, FakeParticipant, context
 
 SIGNALS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT]
 
@@ -26,7 +26,7 @@ def send(number: signal.Signals) -> None:
 
 def stopped_by(body: Callable[[], None]) -> str:
     """What the body was stopped by."""
-    with pytest.raises(Stopped) as caught, stops_raise():
+    with pytest.raises(Stopped) as caught, signals_raise():
         body()
     return str(caught.value)
 
@@ -54,8 +54,8 @@ def test_a_signal_waits_for_what_belongs_together() -> None:
     done = []
 
     def body() -> None:
-        with uninterrupted():
-            with uninterrupted():
+        with stops_deferred():
+            with stops_deferred():
                 send(signal.SIGINT)
                 done.append("stored")
             done.append("known")
@@ -69,11 +69,11 @@ def test_a_part_of_what_belongs_together_can_be_stopped() -> None:
     done = []
 
     def body() -> None:
-        with uninterrupted():
+        with stops_deferred():
             send(signal.SIGINT)
             done.append("before")
             try:
-                with interruptible():
+                with stops_allowed():
                     done.append("too late")
             finally:
                 done.append("device off")
@@ -88,10 +88,10 @@ def test_a_stop_that_got_lost_is_raised_again() -> None:
     def body() -> None:
         with suppress(Stopped):
             send(signal.SIGTERM)
-        with uninterrupted():
-            heed_stop()
+        with stops_deferred():
+            raise_if_stopped()
             done.append("shielded")
-        heed_stop()
+        raise_if_stopped()
         done.append("too late")
 
     assert "SIGTERM" in stopped_by(body)
@@ -109,28 +109,28 @@ def test_what_others_make_of_a_stop_is_told_as_the_stop() -> None:
 
 
 def test_an_error_without_a_stop_stays_what_it_is() -> None:
-    with pytest.raises(ImportError, match="no module of that name"), stops_raise():
+    with pytest.raises(ImportError, match="no module of that name"), signals_raise():
         raise ImportError("no module of that name")
 
 
 def test_a_stop_is_forgotten_with_what_it_stopped() -> None:
     stopped_by(lambda: send(signal.SIGTERM))
-    heed_stop()
+    raise_if_stopped()
 
 
 def test_an_error_of_the_body_is_not_hidden_by_a_signal() -> None:
     def body() -> None:
-        with uninterrupted():
+        with stops_deferred():
             send(signal.SIGINT)
             raise OSError("the disk is full")
 
-    with pytest.raises(OSError, match="the disk is full"), stops_raise():
+    with pytest.raises(OSError, match="the disk is full"), signals_raise():
         body()
 
 
 def test_handlers_are_as_before_afterwards() -> None:
     before = signal.getsignal(signal.SIGTERM)
-    with stops_raise():
+    with signals_raise():
         assert signal.getsignal(signal.SIGTERM) != before
     assert signal.getsignal(signal.SIGTERM) == before
 
@@ -152,15 +152,15 @@ class Tracer:
         return self
 
 
-def stopped_at(instruction: int, made: Room) -> bool:
+def stopped_at(instruction: int, made: SessionContext) -> bool:
     """Whether there is such an instruction."""
 
-    def part(room: Room) -> None:
-        room.device.arm()
-        room.log.append("device-armed")
+    def part(context: SessionContext) -> None:
+        context.device.arm()
+        context.log.append("device-armed")
 
     tracer, before = Tracer(instruction), sys.gettrace()
-    with suppress(Stopped), stops_raise():
+    with suppress(Stopped), signals_raise():
         sys.settrace(tracer)
         try:
             _to_the_end(part, made)
@@ -173,7 +173,7 @@ def test_a_signal_before_any_instruction_leaves_the_device_off(tmp_path: Path) -
     for instruction in itertools.count(1):
         device = FakeDevice()
         with open_journal(tmp_path / f"{instruction}.db") as journal:
-            made = room(journal, device, FakeParticipant())
+            made = context(journal, device, FakeParticipant())
             more = stopped_at(instruction, made)
             tags = [event.tag for event in journal.events("P01/1")]
         assert device.calls in ([], ["off"], ["arm", "off"]), instruction

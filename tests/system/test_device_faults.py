@@ -6,7 +6,7 @@ import pytest
 
 from device.errors import DeviceError, OutputUnknown
 from device.rig import Rig
-from device.simulator.client import Endpoints, Hand, simulator_process
+from device.simulator.client import ControlClient, Endpoints, simulator_process
 from device.simulator.faults import NAMES
 from tests.device.fault_table import FAULTS, Row
 from tests.device.rigs import DRIVE, TOUCHBEAM, driven_on, opened, until
@@ -27,11 +27,11 @@ def simulator(simulators: dict[str, Endpoints], row: Row) -> Endpoints:
 
 
 @pytest.fixture
-def hand(simulator: Endpoints) -> Iterator[Hand]:
-    with Hand(simulator.control) as hand:
-        hand.reset()
-        yield hand
-        hand.reset()
+def control(simulator: Endpoints) -> Iterator[ControlClient]:
+    with ControlClient(simulator.control) as control:
+        control.reset()
+        yield control
+        control.reset()
 
 
 def test_the_table_has_every_fault_that_a_device_can_have() -> None:
@@ -40,24 +40,24 @@ def test_the_table_has_every_fault_that_a_device_can_have() -> None:
 
 @pytest.mark.parametrize("row", FAULTS, ids=lambda row: row.name)
 def test_a_fault_is_told_and_leaves_the_output_off(
-    row: Row, simulator: Endpoints, hand: Hand
+    row: Row, simulator: Endpoints, control: ControlClient
 ) -> None:
     with opened(simulator.url, row.dialect) as rig:
         if row.error is None:
-            _provoked(rig, hand, row)
-            assert hand.state()["output"] is True
+            _provoked(rig, control, row)
+            assert control.state()["output"] is True
             rig.off()
         else:
             with pytest.raises(row.error, match=row.told):
-                _provoked(rig, hand, row)
-            _is_safe(rig, hand, row)
-        assert _gives_voltage(hand) is row.still_on
+                _provoked(rig, control, row)
+            _is_safe(rig, control, row)
+        assert _gives_voltage(control) is row.still_on
 
 
-def _provoked(rig: Rig, hand: Hand, row: Row) -> None:
+def _provoked(rig: Rig, control: ControlClient, row: Row) -> None:
     """Bring the device to the moment, let it fail, and go on as a session would."""
     if row.when == "handshake":
-        hand.fault(row.fault)
+        control.fault(row.fault)
         rig.arm()
         rig.drive(DRIVE)
         return
@@ -66,22 +66,22 @@ def _provoked(rig: Rig, hand: Hand, row: Row) -> None:
     if row.when == "between":
         rig.off()
     if row.when == "off":
-        assert until(lambda: hand.state()["voltage_v"] > 10, within_s=1)
-    hand.fault(row.fault)
+        assert until(lambda: control.state()["voltage_v"] > 10, within_s=1)
+    control.fault(row.fault)
     if row.when == "off":
         rig.off()
         return
-    read_back = driven_on(rig, hand)
+    read_back = driven_on(rig, control)
     assert read_back.output
     assert read_back.frequency_hz == DRIVE.frequency_hz
 
 
-def _gives_voltage(hand: Hand) -> bool:
-    state = hand.state()
+def _gives_voltage(control: ControlClient) -> bool:
+    state = control.state()
     return bool(state["output"] or state["voltage_v"] > 0)
 
 
-def _is_safe(rig: Rig, hand: Hand, row: Row) -> None:
+def _is_safe(rig: Rig, control: ControlClient, row: Row) -> None:
     """Nothing is driven again, and the device is at 0 V by its watchdog at the latest."""
     if row.when != "off":
         with pytest.raises(DeviceError, match=row.told):
@@ -91,4 +91,4 @@ def _is_safe(rig: Rig, hand: Hand, row: Row) -> None:
     if row.error is not None and not issubclass(row.error, OutputUnknown):
         rig.off()
     if not row.still_on:
-        assert until(lambda: hand.state()["voltage_v"] == 0, within_s=1.0)
+        assert until(lambda: control.state()["voltage_v"] == 0, within_s=1.0)

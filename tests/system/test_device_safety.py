@@ -18,7 +18,7 @@ from device.drivers.setpoints import Limits
 from device.errors import DeviceError, EmergencyStop, OutputUnknown
 from device.link.link import open_link
 from device.rig import FEEDS_PER_WATCHDOG, open_rig
-from device.simulator.client import Endpoints, Hand, simulator_process
+from device.simulator.client import ControlClient, Endpoints, simulator_process
 from tests.device.rigs import DRIVE, LIMITS, TOUCHBEAM, driven_on, opened, until
 
 ROOT = Path(__file__).parents[2]
@@ -31,10 +31,10 @@ def simulator() -> Iterator[Endpoints]:
 
 
 @pytest.fixture
-def hand(simulator: Endpoints) -> Iterator[Hand]:
-    with Hand(simulator.control) as hand:
-        hand.reset()
-        yield hand
+def control(simulator: Endpoints) -> Iterator[ControlClient]:
+    with ControlClient(simulator.control) as control:
+        control.reset()
+        yield control
 
 
 @contextmanager
@@ -50,56 +50,62 @@ def driving_host(url: str) -> Iterator["subprocess.Popen[str]"]:
             os.kill(host.pid, signal.SIGKILL)
 
 
-def ends_the_host(simulator: Endpoints, hand: Hand, number: int, after_s: float) -> None:
+def ends_the_host(
+    simulator: Endpoints, control: ControlClient, number: int, after_s: float
+) -> None:
     """Kill or stop a driving host; its device is at 0 V within the watchdog's time."""
-    hand.reset()
+    control.reset()
     with driving_host(simulator.url) as host:
-        assert until(lambda: hand.state()["voltage_v"] > 50, within_s=2)
+        assert until(lambda: control.state()["voltage_v"] > 50, within_s=2)
         ended_s = time.monotonic() + after_s
-        until(lambda: time.monotonic() > ended_s and bool(hand.state()), within_s=1)
+        until(lambda: time.monotonic() > ended_s and bool(control.state()), within_s=1)
         os.kill(host.pid, number)
         killed_s = time.monotonic()
-        assert until(lambda: hand.state()["voltage_v"] == 0, within_s=2)
-        state = hand.state()
+        assert until(lambda: control.state()["voltage_v"] == 0, within_s=2)
+        state = control.state()
         assert (state["output"], state["cause"]) == (False, "WATC")
         assert state["tripped_wall_s"] - killed_s <= LIMITS.watchdog_s
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
 def test_a_host_that_dies_or_stops_leaves_0_v_within_the_watchdogs_time(
-    simulator: Endpoints, hand: Hand, number: int
+    simulator: Endpoints, control: ControlClient, number: int
 ) -> None:
-    ends_the_host(simulator, hand, number, after_s=0.05)
+    ends_the_host(simulator, control, number, after_s=0.05)
 
 
 @pytest.mark.soak
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
-def test_fifty_times_out_of_fifty(simulator: Endpoints, hand: Hand, number: int) -> None:
+def test_fifty_times_out_of_fifty(
+    simulator: Endpoints, control: ControlClient, number: int
+) -> None:
     moments = random.Random(f"host/{number}")
     for _ in range(50):
-        ends_the_host(simulator, hand, number, after_s=moments.uniform(0, 0.2))
+        ends_the_host(simulator, control, number, after_s=moments.uniform(0, 0.2))
 
 
-def test_a_session_that_hangs_is_ended_by_the_watchdog(simulator: Endpoints, hand: Hand) -> None:
+def test_a_session_that_hangs_is_ended_by_the_watchdog(
+    simulator: Endpoints, control: ControlClient
+) -> None:
     with opened(simulator.url) as rig:
         rig.arm()
         rig.drive(DRIVE)
-        assert until(lambda: hand.state()["output"] is False, within_s=2), "nobody beats"
-        assert hand.state()["cause"] == "WATC"
+        assert until(lambda: control.state()["output"] is False, within_s=2), "nobody beats"
+        assert control.state()["cause"] == "WATC"
         with pytest.raises(DeviceError, match=r"its watchdog tripped: .*; output off, read back"):
-            driven_on(rig, hand)
+            driven_on(rig, control)
         rig.arm()
         assert rig.drive(DRIVE).output, "armed anew, it drives again"
 
 
 def test_the_search_for_the_resonance_never_waits_longer_than_the_watchdog_is_fed(
-    simulator: Endpoints, hand: Hand
+    simulator: Endpoints, control: ControlClient
 ) -> None:
     waits: list[float] = []
 
     def sleep(seconds: float) -> None:
         waits.append(seconds)
-        hand.advance(seconds)
+        control.advance(seconds)
 
     limits = replace(LIMITS, watchdog_s=0.4)
     with opened(simulator.url, limits=limits) as rig:
@@ -111,11 +117,11 @@ def test_the_search_for_the_resonance_never_waits_longer_than_the_watchdog_is_fe
 
 
 def test_a_search_after_which_the_voltage_stays_does_not_end_with_off(
-    simulator: Endpoints, hand: Hand
+    simulator: Endpoints, control: ControlClient
 ) -> None:
     def sleep(seconds: float) -> None:
-        hand.fault("relay-stuck")
-        hand.advance(seconds)
+        control.fault("relay-stuck")
+        control.advance(seconds)
 
     with opened(simulator.url) as rig:
         rig.arm()
@@ -126,24 +132,24 @@ def test_a_search_after_which_the_voltage_stays_does_not_end_with_off(
 def test_a_generator_is_turned_off_when_the_session_hangs() -> None:
     with (
         simulator_process(TOUCHBEAM, seed=1, dialect="keysight", wire="tcp") as other,
-        Hand(other.control) as hand,
+        ControlClient(other.control) as control,
         opened(other.url, "keysight") as rig,
     ):
         remarks = rig.arm().remarks
         assert "this generator has no watchdog" in remarks[0]
         rig.drive(DRIVE)
-        assert until(lambda: hand.state()["output"] is False, within_s=2), "nobody beats"
+        assert until(lambda: control.state()["output"] is False, within_s=2), "nobody beats"
         with pytest.raises(DeviceError, match=r"session did not move for .* s; output off, read"):
-            driven_on(rig, hand)
+            driven_on(rig, control)
 
 
 def test_a_stop_by_hand_sends_off_within_100_ms_of_a_blocked_read(
-    simulator: Endpoints, hand: Hand
+    simulator: Endpoints, control: ControlClient
 ) -> None:
     with opened(simulator.url) as rig:
         rig.arm()
         rig.drive(DRIVE)
-        hand.fault("silent")
+        control.fault("silent")
         caught: list[BaseException] = []
 
         def ask() -> None:
@@ -153,25 +159,25 @@ def test_a_stop_by_hand_sends_off_within_100_ms_of_a_blocked_read(
                 caught.append(error)
 
         blocked = threading.Thread(target=ask)
-        heard_s = hand.state()["heard_wall_s"]
+        heard_s = control.state()["heard_wall_s"]
         blocked.start()
-        until(lambda: hand.state()["heard_wall_s"] > heard_s, within_s=1)
-        assert hand.state()["output"] is True
+        until(lambda: control.state()["heard_wall_s"] > heard_s, within_s=1)
+        assert control.state()["output"] is True
         stopped_s = time.monotonic()
         rig.emergency_stop()
-        assert until(lambda: hand.state()["output"] is False, within_s=1)
+        assert until(lambda: control.state()["output"] is False, within_s=1)
         assert time.monotonic() - stopped_s < 0.1
         blocked.join()
         assert isinstance(caught[0], OutputUnknown), "a silent device does not confirm"
-        assert hand.state()["cause"] == "NONE", "not the watchdog did it"
+        assert control.state()["cause"] == "NONE", "not the watchdog did it"
 
 
-def test_a_stop_by_hand_latches(simulator: Endpoints, hand: Hand) -> None:
+def test_a_stop_by_hand_latches(simulator: Endpoints, control: ControlClient) -> None:
     with opened(simulator.url) as rig:
         rig.arm()
         rig.drive(DRIVE)
         rig.emergency_stop()
-        assert until(lambda: hand.state()["output"] is False, within_s=1)
+        assert until(lambda: control.state()["output"] is False, within_s=1)
         with pytest.raises(EmergencyStop, match="stopped by hand; output off, read back"):
             rig.drive(DRIVE)
         rig.off()
@@ -180,9 +186,9 @@ def test_a_stop_by_hand_latches(simulator: Endpoints, hand: Hand) -> None:
 
 
 def test_a_stop_by_hand_says_nothing_of_the_output_of_another_device(
-    simulator: Endpoints, hand: Hand
+    simulator: Endpoints, control: ControlClient
 ) -> None:
-    hand.fault("wrong-idn")
+    control.fault("wrong-idn")
     with opened(simulator.url) as rig:
         with pytest.raises(OutputUnknown, match="got 'ACME,Toaster 3000"):
             rig.arm()
@@ -193,31 +199,35 @@ def test_a_stop_by_hand_says_nothing_of_the_output_of_another_device(
             rig.off()
 
 
-def test_an_output_that_is_unknown_is_said_to_be_so_once(simulator: Endpoints, hand: Hand) -> None:
-    hand.fault("stage-shorted")
+def test_an_output_that_is_unknown_is_said_to_be_so_once(
+    simulator: Endpoints, control: ControlClient
+) -> None:
+    control.fault("stage-shorted")
     with opened(simulator.url) as rig, pytest.raises(OutputUnknown, match=r"150\.") as caught:
         rig.arm()
     assert str(caught.value).count("UNKNOWN") == 1
 
 
-def test_after_the_port_came_back_the_output_stays_off(simulator: Endpoints, hand: Hand) -> None:
+def test_after_the_port_came_back_the_output_stays_off(
+    simulator: Endpoints, control: ControlClient
+) -> None:
     with opened(simulator.url) as rig:
         rig.arm()
         rig.drive(DRIVE)
-        hand.fault("vanish")
+        control.fault("vanish")
         with pytest.raises(OutputUnknown, match="cut the amplifier"):
-            driven_on(rig, hand)
-    assert until(lambda: hand.state()["output"] is False, within_s=2)
-    hand.fault("vanish", on=False)
+            driven_on(rig, control)
+    assert until(lambda: control.state()["output"] is False, within_s=2)
+    control.fault("vanish", on=False)
     assert until(Path(simulator.url).exists, within_s=2)
     with opened(simulator.url) as rig:
         identity = rig.arm()
-        assert hand.state()["output"] is False
+        assert control.state()["output"] is False
         assert identity.idn.startswith("touchbeam,BOARD")
         assert rig.drive(DRIVE).output
 
 
-def test_two_tasks_ask_one_after_the_other(simulator: Endpoints, hand: Hand) -> None:
+def test_two_tasks_ask_one_after_the_other(simulator: Endpoints, control: ControlClient) -> None:
     with opened(simulator.url) as rig:
         rig.arm()
         read: list[tuple[float, float]] = []
@@ -236,14 +246,14 @@ def test_two_tasks_ask_one_after_the_other(simulator: Endpoints, hand: Hand) -> 
 
 
 def test_a_second_program_is_refused_and_the_first_goes_on(
-    simulator: Endpoints, hand: Hand
+    simulator: Endpoints, control: ControlClient
 ) -> None:
     with opened(simulator.url) as rig:
         rig.arm()
         rig.drive(DRIVE)
         with pytest.raises(DeviceError, match="in use by another program; close it first"):
             open_rig(simulator.url, LIMITS)
-        assert driven_on(rig, hand, 0.2).output
+        assert driven_on(rig, control, 0.2).output
 
 
 def test_a_second_program_on_a_network_port_hears_nothing() -> None:
@@ -255,9 +265,9 @@ def test_a_second_program_on_a_network_port_hears_nothing() -> None:
 
 
 def test_a_device_that_stops_reading_does_not_block_the_writer(
-    simulator: Endpoints, hand: Hand
+    simulator: Endpoints, control: ControlClient
 ) -> None:
-    hand.fault("deaf")
+    control.fault("deaf")
     link = open_link(simulator.url)
 
     def fill() -> None:
@@ -271,7 +281,7 @@ def test_a_device_that_stops_reading_does_not_block_the_writer(
 
 @pytest.mark.parametrize("peak_to_peak_v", [240.0, 121.0])
 def test_a_peak_to_peak_value_is_refused_by_host_and_device(
-    simulator: Endpoints, hand: Hand, peak_to_peak_v: float
+    simulator: Endpoints, control: ControlClient, peak_to_peak_v: float
 ) -> None:
     limits = Limits(max_voltage_v=500, max_frequency_hz=40_000, ramp_v_per_s=400, watchdog_s=0.5)
     with opened(simulator.url) as rig:
@@ -284,4 +294,4 @@ def test_a_peak_to_peak_value_is_refused_by_host_and_device(
         pytest.raises(DeviceError, match=r"VOLT:LIM was refused by the device: -222"),
     ):
         rig.arm()
-    assert hand.state()["output"] is False
+    assert control.state()["output"] is False

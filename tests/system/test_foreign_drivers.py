@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from device.simulator.client import Hand, simulator_process
+from device.simulator.client import ControlClient, simulator_process
 from device.simulator.models.keysight_model import AMPLIFIER_GAIN
 from tests.device.rigs import TOUCHBEAM
 
@@ -21,13 +21,13 @@ WIRES = ("pty", "tcp")
 
 
 @contextmanager
-def opened(model: str, dialect: str, wire: str) -> Iterator[tuple[Any, Hand]]:
+def opened(model: str, dialect: str, wire: str) -> Iterator[tuple[Any, ControlClient]]:
     """Their driver of `model` on a simulated `dialect`, through VISA in pure Python."""
     from pymeasure.instruments import agilent
 
     with (
         simulator_process(TOUCHBEAM, seed=1, dialect=dialect, wire=wire) as endpoints,
-        Hand(endpoints.control) as hand,
+        ControlClient(endpoints.control) as control,
     ):
         driver = getattr(agilent, model)(
             _resource(endpoints.url),
@@ -37,7 +37,7 @@ def opened(model: str, dialect: str, wire: str) -> Iterator[tuple[Any, Hand]]:
             timeout=5_000,
         )
         try:
-            yield driver, hand
+            yield driver, control
         finally:
             driver.adapter.close()
             driver.adapter.manager.close()
@@ -53,7 +53,7 @@ def _resource(url: str) -> str:
 
 @pytest.mark.parametrize("wire", WIRES)
 def test_their_33220a_drives_ours(wire: str) -> None:
-    with opened("Agilent33220A", "keysight-33220A", wire) as (generator, hand):
+    with opened("Agilent33220A", "keysight-33220A", wire) as (generator, control):
         assert ",33220A," in generator.id
         generator.shape = "SINUSOID"
         generator.amplitude_unit = "VPP"
@@ -65,18 +65,18 @@ def test_their_33220a_drives_ours(wire: str) -> None:
         assert generator.frequency == pytest.approx(24221.37)
         assert (generator.amplitude, generator.offset) == (pytest.approx(2.5), 0)
         assert generator.output is True
-        state = hand.state()
+        state = control.state()
         assert state["frequency_hz"] == pytest.approx(24221.37)
         twice_v = 2 * AMPLIFIER_GAIN * 2.5 / 2  # it believes in 50 Ω, the amplifier's input is open
         assert state["voltage_v"] == pytest.approx(twice_v)
         generator.output = False
-        assert hand.state()["output"] is False
+        assert control.state()["output"] is False
         assert generator.check_errors() == []
 
 
 @pytest.mark.parametrize("wire", WIRES)
 def test_their_33500_drives_ours(wire: str) -> None:
-    with opened("Agilent33500", "keysight", wire) as (generator, hand):
+    with opened("Agilent33500", "keysight", wire) as (generator, control):
         generator.output_load = "INF"
         assert float(generator.output_load) == pytest.approx(9.9e37)
         generator.ch_1.amplitude_unit = "VRMS"
@@ -88,7 +88,7 @@ def test_their_33500_drives_ours(wire: str) -> None:
         generator.ch_1.voltage_low = -2.0
         generator.ch_1.output = "on"
         assert generator.output is True
-        assert hand.state()["voltage_v"] == pytest.approx(AMPLIFIER_GAIN * 2)
+        assert control.state()["voltage_v"] == pytest.approx(AMPLIFIER_GAIN * 2)
         generator.ch_2.frequency = 5_000
         assert generator.ch_2.frequency == 5_000
         assert generator.ch_1.frequency == 1_000, "the channels are apart"
@@ -122,7 +122,7 @@ def _got(generator: Any, name: str) -> object:
 
 @pytest.mark.parametrize("wire", WIRES)
 def test_a_burst_of_theirs_ends_by_itself(wire: str) -> None:
-    with opened("Agilent33220A", "keysight-33220A", wire) as (generator, hand):
+    with opened("Agilent33220A", "keysight-33220A", wire) as (generator, control):
         generator.burst_mode = "TRIGGERED"
         generator.burst_ncycles = 1000
         generator.trigger_source = "BUS"
@@ -130,10 +130,10 @@ def test_a_burst_of_theirs_ends_by_itself(wire: str) -> None:
         generator.frequency = 1_000
         generator.output = True
         assert generator.output is True
-        assert hand.state()["voltage_v"] == 0, "it waits for its trigger"
+        assert control.state()["voltage_v"] == 0, "it waits for its trigger"
         generator.trigger()
         generator.wait_for_trigger()
-        assert hand.state()["voltage_v"] > 0
-        hand.advance(1.5)
-        assert hand.state()["voltage_v"] == 0
+        assert control.state()["voltage_v"] > 0
+        control.advance(1.5)
+        assert control.state()["voltage_v"] == 0
         assert generator.check_errors() == []

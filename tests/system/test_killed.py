@@ -13,7 +13,7 @@ from protocol.journal.state import Event
 from runner.journal.store import Journal, JournalError, open_journal
 from runner.journal.verification import verdicts
 from runner.session.loop import run
-from tests.runner.fakes import FakeDevice, FakeParticipant, room
+from tests.runner.fakes import FakeDevice, FakeParticipant, context
 
 
 class Killed(BaseException):
@@ -54,14 +54,14 @@ def opened(path: Path) -> Iterator[Journal]:
 
 def writes_of_a_session(folder: Path) -> int:
     with opened(folder / "whole.db") as journal:
-        run(room(journal, FakeDevice(), FakeParticipant()))
+        run(context(journal, FakeDevice(), FakeParticipant()))
         return len(journal.events("P01/1"))
 
 
 def finished_after(path: Path, acknowledged: list[Event]) -> None:
     """Resume the session in `path` and require that everything is there exactly once."""
     with opened(path) as journal:
-        made = room(journal, FakeDevice(), FakeParticipant())
+        made = context(journal, FakeDevice(), FakeParticipant())
         if made.log.state.name != "completed":
             run(made)
         (verdict,) = verdicts(journal)
@@ -82,7 +82,7 @@ def test_killed_at_every_write_a_session_resumes(tmp_path: Path, after: bool) ->
         with opened(path) as journal:
             dying: Any = DyingJournal(journal, at, after=after)
             with pytest.raises(Killed):
-                run(room(dying, FakeDevice(), FakeParticipant()))
+                run(context(dying, FakeDevice(), FakeParticipant()))
             acknowledged = dying.acknowledged
         finished_after(path, acknowledged)
 
@@ -94,7 +94,7 @@ def test_killed_twice_it_still_resumes(tmp_path: Path) -> None:
             with opened(path) as journal:
                 dying: Any = DyingJournal(journal, at, after=False)
                 with pytest.raises(Killed):
-                    run(room(dying, FakeDevice(), FakeParticipant()))
+                    run(context(dying, FakeDevice(), FakeParticipant()))
         finished_after(path, [])
 
 
@@ -111,7 +111,7 @@ def test_a_torn_log_loses_only_its_end(tmp_path_factory: Any, cut: int, seed: in
     with opened(folder / "study.db") as journal:
         dying: Any = DyingJournal(journal, 20, after=False)
         with pytest.raises(Killed):
-            run(room(dying, FakeDevice(), FakeParticipant()))
+            run(context(dying, FakeDevice(), FakeParticipant()))
         for name in ("study.db", "study.db-wal"):
             shutil.copy(folder / name, folder / f"copy-{name}")
         whole = journal.events("P01/1")
@@ -131,7 +131,7 @@ def test_a_full_disk_is_an_error_and_the_session_resumes(tmp_path: Path) -> None
     path = tmp_path / "study.db"
     device = FakeDevice()
     with opened(path) as journal:
-        made = room(journal, device, FakeParticipant())
+        made = context(journal, device, FakeParticipant())
         pages = journal._connection.execute("PRAGMA page_count").fetchone()[0]
         journal._connection.execute(f"PRAGMA max_page_count = {pages + 4}")
         with pytest.raises(JournalError, match=r"cannot be written .*full"):
@@ -147,7 +147,7 @@ def test_a_locked_journal_is_an_error_before_the_output_goes_on(tmp_path: Path) 
     path = tmp_path / "study.db"
     device = FakeDevice()
     with opened(path) as journal, closing(sqlite3.connect(path, isolation_level=None)) as other:
-        made = room(journal, device, FakeParticipant())
+        made = context(journal, device, FakeParticipant())
         journal._connection.execute("PRAGMA busy_timeout = 50")
         other.execute("BEGIN IMMEDIATE")
         with pytest.raises(JournalError, match=r"cannot be written .*locked"):
@@ -159,9 +159,9 @@ def test_a_copy_made_during_a_session_is_consistent(tmp_path: Path) -> None:
     import shutil
 
     with opened(tmp_path / "study.db") as journal:
-        run(room(journal, FakeDevice(), FakeParticipant()))
+        run(context(journal, FakeDevice(), FakeParticipant()))
         journal.checkpoint()
-        made = room(journal, FakeDevice(), FakeParticipant())
+        made = context(journal, FakeDevice(), FakeParticipant())
         made.log.append("note", text="not checkpointed yet")
         shutil.copy(tmp_path / "study.db", tmp_path / "copy.db")
     with opened(tmp_path / "copy.db") as copy:

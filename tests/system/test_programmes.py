@@ -6,7 +6,7 @@ import pytest
 
 from protocol.plan.plan import plan
 from protocol.study_file.loading import parsed_study
-from runner.launch.rehearsal import rehearsed
+from runner.launch.rehearsal import rehearse
 
 STUDY = """
 [study]
@@ -28,7 +28,7 @@ def driven(touch: str) -> tuple[list[dict[str, Any]], float]:
     """What was read back during `touch`, from start to end, and the beam's resonance, Hz."""
     text = STUDY.format(touch=touch)
     study = parsed_study(text)
-    events = rehearsed(text, plan(study, 0), study.study.seed).events
+    events = rehearse(text, plan(study, 0), study.study.seed).events
     found = [event.payload for event in events if event.tag == "resonance-measured"]
     ended = [event.payload for event in events if event.tag == "touch-ended"]
     return ended[-1]["read_back"], found[-1]["frequency_hz"]

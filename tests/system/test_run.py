@@ -12,7 +12,7 @@ import pytest
 
 from runner.journal.session_log import SessionLog
 from runner.journal.store import read_journal
-from runner.launch import run_session as sitting
+from runner.launch import run_session as options
 from runner.people.operator_console import PlainDisplay
 from runner.study.folder import StudyFolder
 from tests.runner.command_line import TOUCHBEAM, assert_matches, typed
@@ -144,7 +144,7 @@ def test_nobody_is_at_a_terminal_that_is_closed(
     closed: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(sys, closed, None)
-    with sitting._console(quiet=False, say=lambda _: None) as (keys, display):
+    with options._console(quiet=False, say=lambda _: None) as (keys, display):
         assert keys(False) == ""
         assert isinstance(display, PlainDisplay)
 
@@ -160,7 +160,7 @@ def test_who_types_is_no_pipe_though_the_output_is_one(
             return somebody_types
 
     monkeypatch.setattr(sys, "stdin", Typing("\n"))
-    with sitting._operator(lambda _: None, lambda _: None) as operator:
+    with options._operator(lambda _: None, lambda _: None) as operator:
         assert operator.piped is not somebody_types
 
 

@@ -14,7 +14,7 @@ import pytest
 
 from device.errors import DeviceError, OutputUnknown
 from device.rig import Rig
-from device.simulator.client import Endpoints, Hand, simulator_process
+from device.simulator.client import ControlClient, Endpoints, simulator_process
 from protocol.study_file.loading import template
 from runner.cli.output import WORK_FAILED, complaint
 from runner.clock import SteppedClock
@@ -24,10 +24,10 @@ from runner.launch.rig import limits
 from runner.people.operator_console import OperatorConsole, PlainDisplay
 from runner.screens import Instruction, Pacing, Response, Screen
 from runner.session.loop import run
-from runner.session.session import Room
+from runner.session.session import SessionContext
 from tests.device.fault_table import BOARD, Row
 from tests.device.rigs import TOUCHBEAM, opened, until
-from tests.runner.fakes import FakeDevice, FakeParticipant, room
+from tests.runner.fakes import FakeDevice, FakeParticipant, context
 
 STUDY = (
     template("paper")
@@ -45,7 +45,7 @@ FAILING_TOUCH = 3
 class Provoking:
     """A participant during whose touch, or just before it, the device fails."""
 
-    hand: Hand
+    control: ControlClient
     row: Row
     inner: FakeParticipant
     touches: int = 0
@@ -58,7 +58,7 @@ class Provoking:
         self.touches += isinstance(screen, Pacing)
         due = self.touches >= FAILING_TOUCH - before
         if due and (before or during) and self.failed_s == float("inf"):
-            self.hand.fault(self.row.fault)
+            self.control.fault(self.row.fault)
             self.failed_s = time.monotonic()
 
     def poll(self) -> Response | None:
@@ -73,22 +73,26 @@ def simulator() -> Iterator[Endpoints]:
 
 
 @pytest.fixture
-def hand(simulator: Endpoints) -> Iterator[Hand]:
-    with Hand(simulator.control) as hand:
-        hand.reset()
-        yield hand
-        hand.reset()
+def control(simulator: Endpoints) -> Iterator[ControlClient]:
+    with ControlClient(simulator.control) as control:
+        control.reset()
+        yield control
+        control.reset()
 
 
 def on_the_rig(
-    made: Room, device: Rig, hand: Hand, row: Row, say: Callable[[str], None] = lambda _: None
-) -> Room:
+    made: SessionContext,
+    device: Rig,
+    control: ControlClient,
+    row: Row,
+    say: Callable[[str], None] = lambda _: None,
+) -> SessionContext:
     """`made` with a real byte path in place of its device."""
-    clock = SteppedClock(datetime(2026, 1, 1, tzinfo=UTC), hand.advance)
-    return Room(
+    clock = SteppedClock(datetime(2026, 1, 1, tzinfo=UTC), control.advance)
+    return SessionContext(
         session=made.session,
         device=device,
-        participant=Provoking(hand, row, FakeParticipant()),
+        participant=Provoking(control, row, FakeParticipant()),
         operator=OperatorConsole(lambda _: "", PlainDisplay(say), alone=True),
         clock=clock,
         log=made.log,
@@ -97,13 +101,15 @@ def on_the_rig(
 
 
 @pytest.mark.parametrize("row", BOARD, ids=lambda row: row.name)
-def test_a_fault_in_a_session(tmp_path: Path, simulator: Endpoints, hand: Hand, row: Row) -> None:
+def test_a_fault_in_a_session(
+    tmp_path: Path, simulator: Endpoints, control: ControlClient, row: Row
+) -> None:
     with open_journal(tmp_path / "study.db") as journal:
-        made = room(journal, FakeDevice(), FakeParticipant(), STUDY)
+        made = context(journal, FakeDevice(), FakeParticipant(), STUDY)
         with opened(simulator.url, "board", limits(made.session.study.rig)) as device:
             if row.when == "handshake":
-                hand.fault(row.fault)
-            there = on_the_rig(made, device, hand, row)
+                control.fault(row.fault)
+            there = on_the_rig(made, device, control, row)
             if row.error is None:
                 run(there)
                 assert made.log.state.name == "completed"
@@ -113,27 +119,27 @@ def test_a_fault_in_a_session(tmp_path: Path, simulator: Endpoints, hand: Hand, 
                 _is_told(caught.value, row)
                 _is_journalled(journal, caught.value)
         if not row.still_on:
-            assert until(lambda: hand.state()["voltage_v"] == 0, within_s=2.0)
-        hand.reset()
+            assert until(lambda: control.state()["voltage_v"] == 0, within_s=2.0)
+        control.reset()
         resumes(journal)
 
 
 def test_nobody_is_told_that_the_output_of_another_device_is_off(
-    tmp_path: Path, simulator: Endpoints, hand: Hand
+    tmp_path: Path, simulator: Endpoints, control: ControlClient
 ) -> None:
     """It does not understand OUTP OFF, and nothing else may be said to it."""
     row = Row(number=21, fault="wrong-idn", when="handshake")
     told: list[str] = []
     with open_journal(tmp_path / "study.db") as journal:
-        made = room(journal, FakeDevice(), FakeParticipant(), STUDY)
+        made = context(journal, FakeDevice(), FakeParticipant(), STUDY)
         for fault in (row.fault, "off-ignored", "panel-on"):
-            hand.fault(fault)
+            control.fault(fault)
         with (
             opened(simulator.url, "board", limits(made.session.study.rig)) as device,
             pytest.raises(OutputUnknown, match="expected a board") as caught,
         ):
-            run(on_the_rig(made, device, hand, row, told.append))
-        assert hand.state()["output"] is True
+            run(on_the_rig(made, device, control, row, told.append))
+        assert control.state()["output"] is True
     line, code = complaint(caught.value)
     assert code == WORK_FAILED
     assert line.count("output state UNKNOWN - cut the amplifier") == 1
@@ -165,7 +171,7 @@ def _is_journalled(journal: Journal, error: DeviceError) -> None:
 
 def resumes(journal: Journal) -> None:
     """The session goes on with a device that works."""
-    made = room(journal, FakeDevice(), FakeParticipant(), STUDY)
+    made = context(journal, FakeDevice(), FakeParticipant(), STUDY)
     if made.log.state.name != "completed":
         run(made)
     (verdict,) = verdicts(journal)

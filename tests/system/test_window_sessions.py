@@ -11,14 +11,14 @@ import pytest
 
 from protocol.study.questions import ANSWERS
 from protocol.study.study import Language
-from tests.runner.window.person import Hand, Person, virtual_display
+from tests.runner.window.person import ControlClient, Person, virtual_display
 from tests.runner.window.sessions import Seat, tiny_study
 
 CHOICES = [0, 0, 2, 0, 0, 1]
 SCORES = [10, 3, 0, 8, 5, 1]
 
 
-CASES: list[tuple[Hand, Language, tuple[int, int]]] = [
+CASES: list[tuple[ControlClient, Language, tuple[int, int]]] = [
     ("mouse", "en", (800, 600)),
     ("keyboard", "zh", (800, 600)),
     ("mouse", "zh", (1920, 1080)),
@@ -36,12 +36,12 @@ class Sat:
     seat: Seat
 
 
-def sit(case: tuple[Hand, Language, tuple[int, int]], folder: Path) -> Sat:
+def run_session(case: tuple[ControlClient, Language, tuple[int, int]], folder: Path) -> Sat:
     """Sit through a whole session with one hand on one device, on a display of one's own."""
-    hand, language, size = case
+    control, language, size = case
     with virtual_display(*size) as display:
         seat = Seat(folder / "study", display)
-        person = Person(display, hand, choices=CHOICES * 2, scores=SCORES * 2)
+        person = Person(display, control, choices=CHOICES * 2, scores=SCORES * 2)
         with seat.start("--language", language, "--consent", "C-7") as session:
             code = session.attend(person)
         return Sat(code=code, complaint=session.complaint, person=person, seat=seat)
@@ -52,12 +52,12 @@ def sat(small_display: str, tmp_path_factory: pytest.TempPathFactory) -> list[Sa
     """All sessions, held at the same time: most of each is waiting."""
     folders = [tmp_path_factory.mktemp("seat") for _ in CASES]
     with ThreadPoolExecutor(len(CASES)) as pool:
-        return list(pool.map(sit, CASES, folders))
+        return list(pool.map(run_session, CASES, folders))
 
 
 @pytest.mark.parametrize("case", CASES, ids=str)
 def test_every_answer_given_on_the_screen_stands_in_the_journal(
-    case: tuple[Hand, Language, tuple[int, int]], sat: list[Sat]
+    case: tuple[ControlClient, Language, tuple[int, int]], sat: list[Sat]
 ) -> None:
     done = sat[CASES.index(case)]
     assert done.code == 0, done.complaint
@@ -76,7 +76,7 @@ def test_every_answer_given_on_the_screen_stands_in_the_journal(
 
 @pytest.mark.parametrize("case", CASES, ids=str)
 def test_each_answer_says_how_it_came_about(
-    case: tuple[Hand, Language, tuple[int, int]], sat: list[Sat]
+    case: tuple[ControlClient, Language, tuple[int, int]], sat: list[Sat]
 ) -> None:
     done = sat[CASES.index(case)]
     for entry in done.seat.payloads("answered")[1:]:

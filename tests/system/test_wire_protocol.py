@@ -8,7 +8,7 @@ import pytest
 
 from device.link.codec import number
 from device.link.link import Link, open_link
-from device.simulator.client import Endpoints, Hand, simulator_process
+from device.simulator.client import ControlClient, Endpoints, simulator_process
 from device.simulator.device import simulated_device
 from device.simulator.faults import FAULTS
 from tests.device.rigs import TOUCHBEAM
@@ -37,12 +37,12 @@ def test_an_example_of_the_page_runs_as_printed(
 ) -> None:
     """`>` is sent, `<` is the whole answer (`~`: a number and its tolerance), `(` is the hand."""
     lines = example.splitlines()
-    with Hand(simulator.control) as hand:
-        hand.reset()
+    with ControlClient(simulator.control) as control:
+        control.reset()
         for line, after in zip(lines, [*lines[1:], ""], strict=True):
             mark, text = line[0], line[2:]
             if mark == "(":
-                hand._ask(text)
+                control._ask(text)
             elif mark == ">" and after.startswith("<"):
                 _agrees(link.ask(text), after[2:])
             elif mark == ">":

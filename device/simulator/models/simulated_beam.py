@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from device.beam.beam import Beam
 from device.beam.modes import modal_displacement_m
 from device.friction.coefficient import friction_coefficient
-from device.friction.scenes import Direction, Drive, Scene, Structure, Touch
+from device.friction.scenes import Direction, Drive, FingerContact, Scene, Structure
 from device.simulator.models.power_stage import Instrument
 
 MODE = 6
@@ -111,7 +111,7 @@ class SimulatedBeam:
         return Scene(
             structure=Structure(beam=self.beam, body_height_m=self.body_height_m),
             drive=Drive(voltage_v=voltage_v, frequency_hz=frequency_hz, mode=MODE),
-            touch=Touch(x_m=finger.position_m, finger_load_n=finger.force_n),
+            touch=FingerContact(x_m=finger.position_m, finger_load_n=finger.force_n),
             direction=finger.direction,
         )
 

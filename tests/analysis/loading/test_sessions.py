@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.loading.exclusions import LeftOut
+from analysis.loading.exclusions import Exclusion
 from analysis.loading.sessions import Happened, answered_trials
 from analysis.loading.study_data import NothingToReport, loaded
 from analysis.trials.contrasts import stepped, trial_contrasts
@@ -122,7 +122,7 @@ def test_a_hasty_trial_is_left_out_by_rule_and_said() -> None:
     events = with_reaction(paper_session(), 4, 0.1)
     found = loaded([events], rehearsals=False, rules=Exclusions(min_reaction_s=0.2))
     why = "answered after 0.1 s, sooner than 0.2 s"
-    assert found.left_out == (LeftOut(participant="P01", session=1, trial=4, by="rule", why=why),)
+    assert found.left_out == (Exclusion(participant="P01", session=1, trial=4, by="rule", why=why),)
     assert 4 not in {row.index for row in found.rows}
 
 

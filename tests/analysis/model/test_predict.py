@@ -10,7 +10,7 @@ import pytest
 
 from analysis.model.predict import OUTPUTS, PredictOptions, predict, study_defaults
 from device.friction.coefficient import friction_coefficient
-from device.friction.scenes import Drive, Scene, Touch
+from device.friction.scenes import Drive, FingerContact, Scene
 from protocol.study_file.loading import parsed_study, template
 
 
@@ -23,7 +23,7 @@ def test_a_row_is_the_scene_it_describes() -> None:
     row = _rows(predict("s.csv", text, PredictOptions(rung="mode")))[0]
     scene = Scene(
         drive=Drive(voltage_v=150.0, frequency_hz=24000.0),
-        touch=Touch(x_m=0.03, finger_load_n=0.7),
+        touch=FingerContact(x_m=0.03, finger_load_n=0.7),
         direction="left",
     )
     assert float(row["mu_effective"]) == pytest.approx(friction_coefficient(scene)[0], rel=1e-15)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis.estimates import NoAnswer
+from analysis.estimates import NotEstimable
 from analysis.sensitivity.joint_model import JointSensitivity, joint_sensitivity
 from analysis.sensitivity.linear_model import LinearSensitivity, linear_sensitivity
 from analysis.sensitivity.lines import Lines
@@ -44,14 +44,14 @@ def is_sound(lines: Lines) -> bool:
 @given(any_ratings())
 def test_lines_are_finite_or_there_is_a_reason(ratings: Ratings) -> None:
     result = linear_sensitivity(ratings)
-    assert isinstance(result, NoAnswer) or is_sound(result.lines)
+    assert isinstance(result, NotEstimable) or is_sound(result.lines)
 
 
 @settings(max_examples=10, deadline=None)
 @given(any_ratings())
 def test_the_latent_scale_is_finite_or_there_is_a_reason(ratings: Ratings) -> None:
     result = ordinal_sensitivity(ratings)
-    assert isinstance(result, NoAnswer) or is_sound(result.lines)
+    assert isinstance(result, NotEstimable) or is_sound(result.lines)
 
 
 @settings(max_examples=10, deadline=None)
@@ -59,7 +59,7 @@ def test_the_latent_scale_is_finite_or_there_is_a_reason(ratings: Ratings) -> No
 def test_detection_is_finite_or_there_is_a_reason(ratings: Ratings, chance: object) -> None:
     answer = np.where(np.arange(len(ratings.rating)) % 3 == 0, 0, 1)
     result = joint_sensitivity(ratings, answer)
-    if isinstance(result, NoAnswer):
+    if isinstance(result, NotEstimable):
         return
     assert is_sound(result.ratings.lines)
     assert np.isfinite([found.d_prime for found in result.detection]).all()

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from analysis.estimates import FloatArray, NoAnswer
+from analysis.estimates import FloatArray, NotEstimable
 from analysis.sensitivity.checks import (
     Discrimination,
     Drift,
@@ -110,15 +110,15 @@ def test_sessions_that_cannot_tell_say_why() -> None:
     ratings, position, previous = a_session(1)
     fixed = replace(ratings, condition=(position - 1) % CONDITIONS)
     alike = order_effect(fixed.where(position <= 5), position[position <= 5])
-    assert isinstance(alike, NoAnswer)
+    assert isinstance(alike, NotEstimable)
     assert "cannot show" in alike.reason
     steady = drift(ratings, np.ones_like(position))
-    assert isinstance(steady, NoAnswer)
+    assert isinstance(steady, NotEstimable)
     assert "no drift shows" in steady.reason
     first = carry_over(ratings.where(position == 1), previous[position == 1])
-    assert first == NoAnswer(reason="no rated trial follows another")
+    assert first == NotEstimable(reason="no rated trial follows another")
     unrated = replace(ratings, rating=np.full(len(position), np.nan))
-    assert order_effect(unrated, position) == NoAnswer(reason="no trial was rated")
+    assert order_effect(unrated, position) == NotEstimable(reason="no trial was rated")
 
 
 @given(st.integers(1, 30).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))))
@@ -132,7 +132,7 @@ def test_proportions_agree_with_scipy(counts: tuple[int, int]) -> None:
 def test_counts_that_cannot_be_are_refused() -> None:
     with pytest.raises(ValueError, match=r"count must lie in \[0, 4\], got 5"):
         proportion(5, 4)
-    assert proportion(0, 0) == NoAnswer(reason="there was no such trial")
+    assert proportion(0, 0) == NotEstimable(reason="there was no such trial")
 
 
 def test_discrimination_from_counts() -> None:
@@ -147,5 +147,5 @@ def test_discrimination_from_counts() -> None:
 
 
 def test_discrimination_needs_both_kinds_of_trial() -> None:
-    assert discrimination((1, 2), (0, 0)) == NoAnswer(reason="there were no catch trials")
-    assert discrimination((0, 0), (0, 3)) == NoAnswer(reason="there were no signal trials")
+    assert discrimination((1, 2), (0, 0)) == NotEstimable(reason="there were no catch trials")
+    assert discrimination((0, 0), (0, 3)) == NotEstimable(reason="there were no signal trials")

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.estimates import NoAnswer
+from analysis.estimates import NotEstimable
 from analysis.sensitivity.joint_model import JointSensitivity, joint_sensitivity
 from analysis.sensitivity.ratings import IntArray, Ratings
 from tests.analysis.sensitivity.simulated_raters import (
@@ -107,7 +107,7 @@ def test_designs_without_detection_say_why(change: str, reason: str) -> None:
     else:
         ratings = replace(ratings, rating=np.where(answer == 1, 7.0, np.nan))
     result = joint_sensitivity(ratings.where(keep), answer[keep])
-    assert isinstance(result, NoAnswer)
+    assert isinstance(result, NotEstimable)
     assert reason in result.reason
 
 

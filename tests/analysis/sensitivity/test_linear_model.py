@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from analysis.estimates import FloatArray, Interval, NoAnswer
+from analysis.estimates import FloatArray, Interval, NotEstimable
 from analysis.sensitivity.linear_model import (
     LinearSensitivity,
     line_posterior,
@@ -204,5 +204,5 @@ def test_ratings_without_a_line_say_why(
             rating=np.array(rating),
         )
     )
-    assert isinstance(result, NoAnswer)
+    assert isinstance(result, NotEstimable)
     assert reason in result.reason

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.estimates import FloatArray, NoAnswer
+from analysis.estimates import FloatArray, NotEstimable
 from analysis.sensitivity.curvature import OrdinalTrials, counted
 from analysis.sensitivity.laplace import Components, LatentField
 from analysis.sensitivity.linear_model import LinearSensitivity, linear_sensitivity
@@ -184,5 +184,5 @@ def test_ratings_without_a_scale_say_why(rating: list[float], reason: str) -> No
             rating=np.array(rating),
         )
     )
-    assert isinstance(result, NoAnswer)
+    assert isinstance(result, NotEstimable)
     assert reason in result.reason

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import stats
 
-from analysis.estimates import FloatArray, NoAnswer
+from analysis.estimates import FloatArray, NotEstimable
 from analysis.loading.score_table import ScoreTable
 from analysis.statistics.omnibus import Friedman, SkillingsMack, friedman, skillings_mack
 
@@ -36,7 +36,7 @@ def answer_to(scores: FloatArray) -> Friedman:
 
 def reason(scores: FloatArray) -> str:
     result = friedman(table_from(scores))
-    assert isinstance(result, NoAnswer)
+    assert isinstance(result, NotEstimable)
     return result.reason
 
 
@@ -117,14 +117,14 @@ def test_one_subject_agrees_with_nobody() -> None:
 def test_a_large_study_has_the_approximation_only() -> None:
     scores = np.random.default_rng(4).permuted(np.tile(np.arange(6.0), (60, 1)), axis=1)
     result = answer_to(scores)
-    assert isinstance(result.p_exact, NoAnswer)
+    assert isinstance(result.p_exact, NotEstimable)
     assert "with 60 subjects" in result.p_exact.reason
     assert 0.0 < result.p <= 1.0
 
 
 def test_eight_conditions_have_the_approximation_only() -> None:
     result = answer_to(np.arange(8.0)[None, :] * np.ones((3, 1)))
-    assert isinstance(result.p_exact, NoAnswer)
+    assert isinstance(result.p_exact, NotEstimable)
     assert "at most 7 conditions, got 8" in result.p_exact.reason
 
 
@@ -190,7 +190,7 @@ def test_without_holes_it_is_friedmans_test(published: ScoreTable) -> None:
 )
 def test_the_covariance_is_that_of_every_shuffling(table_of: TableOf, scores: FloatArray) -> None:
     result = skillings_mack(table_of(scores))
-    if isinstance(result, NoAnswer):
+    if isinstance(result, NotEstimable):
         return
     sums = np.array([np.sum(choice, axis=0) for choice in product(*map(shufflings, scores))])
     total = np.sum([weighted_ranks(row) for row in scores], axis=0)
@@ -222,5 +222,5 @@ def test_tables_without_a_test_say_why(
     table_of: TableOf, scores: list[list[float]], reason: str
 ) -> None:
     result = skillings_mack(table_of(np.array(scores)))
-    assert isinstance(result, NoAnswer)
+    assert isinstance(result, NotEstimable)
     assert reason in result.reason

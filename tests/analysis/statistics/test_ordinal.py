@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import integrate, stats
 
-from analysis.estimates import FloatArray, NoAnswer
+from analysis.estimates import FloatArray, NotEstimable
 from analysis.loading.score_table import ScoreTable
 from analysis.statistics.ordinal import OrdinalEffects, ordinal_effects, ordinal_effects_of_trials
 from analysis.statistics.ordinal_likelihood import Link, ScoreCounts, log_likelihood
@@ -108,7 +108,7 @@ def test_random_tables_have_a_maximum_or_a_reason(
 ) -> None:
     table = table_of(scores)
     result = ordinal_effects(table, link=link)
-    if isinstance(result, NoAnswer):
+    if isinstance(result, NotEstimable):
         return
     assert result.log_likelihood == pytest.approx(by_gauss_hermite(table, result), abs=1e-5)
     for name in result.effects:
@@ -154,5 +154,5 @@ def test_tables_without_a_maximum_say_why(
 ) -> None:
     for link in LINKS:
         result = ordinal_effects(table_of(np.array(scores)), link=link)
-        assert isinstance(result, NoAnswer)
+        assert isinstance(result, NotEstimable)
         assert reason in result.reason

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import stats
 
-from analysis.estimates import FloatArray, NoAnswer
+from analysis.estimates import FloatArray, NotEstimable
 from analysis.loading.score_table import ScoreTable
 from analysis.statistics.signed_rank import (
     PairwiseTest,
@@ -92,7 +92,7 @@ def test_missing_scores_drop_their_own_pair_only() -> None:
 
 
 def test_without_any_difference_there_is_nothing_to_test() -> None:
-    assert signed_rank(np.array([0.0, 0.0, np.nan, 1e-12])) == NoAnswer(
+    assert signed_rank(np.array([0.0, 0.0, np.nan, 1e-12])) == NotEstimable(
         reason="no difference in any subject (zeros: 3)"
     )
 
@@ -102,7 +102,7 @@ def test_a_pair_without_any_difference_is_not_counted_by_holm(
 ) -> None:
     scores = np.array([[1.0, 2.0, 2.0], [1.0, 4.0, 4.0], [0.0, 3.0, 3.0]])
     tests = pairwise_signed_ranks(table_of(scores))
-    assert isinstance(named(tests, "c1", "c2").p_holm, NoAnswer)
+    assert isinstance(named(tests, "c1", "c2").p_holm, NotEstimable)
     assert named(tests, "c0", "c1").p_holm == 2 * 0.25
 
 
@@ -113,8 +113,8 @@ def test_a_pair_nobody_scored_is_not_counted_by_holm(
     tests = pairwise_signed_ranks(table_of(scores))
     assert named(tests, "c0", "c1").p_holm == 0.25
     unscored = named(tests, "c0", "c2")
-    assert isinstance(unscored.p_holm, NoAnswer)
-    assert unscored.test == NoAnswer(reason="no subject has both scores")
+    assert isinstance(unscored.p_holm, NotEstimable)
+    assert unscored.test == NotEstimable(reason="no subject has both scores")
 
 
 def test_swapping_two_conditions_keeps_p_and_mirrors_v(published: ScoreTable) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from analysis.estimates import FloatArray, NoAnswer
+from analysis.estimates import FloatArray, NotEstimable
 from analysis.loading.score_table import ScoreTable
 from analysis.statistics.summary import MissingScores, missing_scores
 
@@ -32,7 +32,7 @@ def test_a_cell_that_nobody_answered_stays_missing_in_every_reading(table_of: Ta
 
 def test_no_score_at_all_has_no_lowest(table_of: TableOf) -> None:
     table = table_of(np.array([[np.nan]]))
-    assert missing_scores(table, ~table.given) == NoAnswer(
+    assert missing_scores(table, ~table.given) == NotEstimable(
         reason="no score was given, so that there is no lowest one"
     )
 

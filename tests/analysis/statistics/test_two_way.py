@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import stats
 
-from analysis.estimates import FloatArray, NoAnswer
+from analysis.estimates import FloatArray, NotEstimable
 from analysis.loading.score_table import ScoreTable
 from analysis.statistics.additive import (
     AdditiveEffects,
@@ -58,7 +58,7 @@ def test_incomplete_tables_agree_with_dummy_variables(
     table_of: TableOf, scores: FloatArray
 ) -> None:
     fit = two_way(table_of(scores))
-    if isinstance(fit, NoAnswer):
+    if isinstance(fit, NotEstimable):
         return
     squares, rank = dense_squares(scores, rows=True, columns=True)
     assert fit.residual_df == np.count_nonzero(~np.isnan(scores)) - rank
@@ -104,7 +104,7 @@ def test_complete_tables_agree_with_shrout_and_fleiss(
         (result.consistency_mean, between),
     ]
     for value, denominator in pairs:
-        if isinstance(value, NoAnswer):
+        if isinstance(value, NotEstimable):
             assert denominator == pytest.approx(0.0, abs=1e-9)
         else:
             assert value == pytest.approx((between - residual) / denominator, rel=1e-7, abs=1e-10)
@@ -276,7 +276,7 @@ def test_tables_without_effects_say_why(
         intraclass_correlation(table_of(np.array(scores)), target="subjects"),
     ]
     for result in results:
-        assert isinstance(result, NoAnswer)
+        assert isinstance(result, NotEstimable)
         assert reason in result.reason
 
 
@@ -284,8 +284,8 @@ def test_equal_scores_have_effects_of_zero_and_no_correlation(table_of: TableOf)
     scores = np.full((4, 3), 0.1)
     effects = effects_of(table_of(scores))
     assert (effects.residual_sd, effects.subject_sd) == (0.0, 0.0)
-    assert effects.shrinkage == NoAnswer(reason="neither subjects nor residuals vary")
-    assert isinstance(icc_of(scores, table_of).consistency_single, NoAnswer)
-    assert gain_heterogeneity(table_of(scores)) == NoAnswer(
+    assert effects.shrinkage == NotEstimable(reason="neither subjects nor residuals vary")
+    assert isinstance(icc_of(scores, table_of).consistency_single, NotEstimable)
+    assert gain_heterogeneity(table_of(scores)) == NotEstimable(
         reason="the conditions do not differ, so that no slope can be seen"
     )

@@ -5,7 +5,7 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from analysis.estimates import FloatArray, NoAnswer
+from analysis.estimates import FloatArray, NotEstimable
 from analysis.sensitivity.ratings import Ratings
 from analysis.trials.law_comparison import (
     LawLikelihood,
@@ -81,7 +81,7 @@ def test_where_contrasts_cannot_change_places_there_is_no_p() -> None:
         ),
     }
     for reason, found in reasons.items():
-        assert isinstance(found, NoAnswer)
+        assert isinstance(found, NotEstimable)
         assert reason in found.reason
 
 

@@ -10,7 +10,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from analysis.estimates import FloatArray, NoAnswer
+from analysis.estimates import FloatArray, NotEstimable
 from analysis.sensitivity.ratings import Ratings
 from analysis.trials.law_comparison import (
     LawLikelihood,
@@ -73,7 +73,7 @@ def test_correlations_agree_with_scipy_and_every_order(pairs: list[tuple[int, in
     if rare:
         assert result.rank_needed == pytest.approx(min(rare) / length, abs=1e-12)
     else:
-        assert isinstance(result.rank_needed, NoAnswer)
+        assert isinstance(result.rank_needed, NotEstimable)
 
 
 @pytest.mark.parametrize(("pairs", "needed"), [(5, 1.0), (6, 31 / 35), (7, 11 / 14), (8, 31 / 42)])
@@ -84,14 +84,14 @@ def test_what_a_rank_correlation_must_reach(pairs: int, needed: float) -> None:
 
 @pytest.mark.parametrize("pairs", [3, 4])
 def test_no_order_of_four_conditions_is_evidence(pairs: int) -> None:
-    assert critical_rank_correlation(pairs) == NoAnswer(
+    assert critical_rank_correlation(pairs) == NotEstimable(
         reason=f"no order of these {pairs} conditions has p < .05"
     )
 
 
 def test_ties_leave_five_conditions_no_order_that_is_evidence() -> None:
     claimed = order_of(np.array([0.0, 0.0, 1.0, 0.0, -1.0]), MEANS)
-    assert isinstance(claimed.rank_needed, NoAnswer)
+    assert isinstance(claimed.rank_needed, NotEstimable)
 
 
 def test_many_conditions_have_the_t_approximation() -> None:
@@ -116,11 +116,11 @@ def test_equal_contrasts_are_tied_in_the_order() -> None:
 
 def test_laws_without_an_order_say_why() -> None:
     flat = order_of(np.array([0.2, 0.2, 0.2]), np.array([1.0, 2.0, 3.0]))
-    assert isinstance(flat.spearman, NoAnswer)
+    assert isinstance(flat.spearman, NotEstimable)
     assert "contrasts, or all mean ratings, are equal" in flat.spearman.reason
     few = law_order(("a", "b"), np.array([0.1, 0.2]), np.array([1.0, 2.0]))
-    assert few == NoAnswer(reason="an order needs at least 3 conditions, got 2")
-    assert critical_correlation(2) == NoAnswer(
+    assert few == NotEstimable(reason="an order needs at least 3 conditions, got 2")
+    assert critical_correlation(2) == NotEstimable(
         reason="a correlation is tested with at least 3 pairs, got 2"
     )
     with pytest.raises(ValueError, match="2 conditions need as many values, got 1"):
@@ -137,7 +137,7 @@ def test_the_law_people_follow_is_the_likeliest(extended_study: StudyOf) -> None
         "silent": np.full(len(ratings.contrast), 0.2),
     }
     found = law_likelihoods(ratings, laws)
-    assert isinstance(found["silent"], NoAnswer)
+    assert isinstance(found["silent"], NotEstimable)
     known = [found[name] for name in ("true", "flawed", "unrelated")]
     values = [law.log_likelihood for law in known if isinstance(law, LawLikelihood)]
     assert values == sorted(values, reverse=True)

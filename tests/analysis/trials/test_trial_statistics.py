@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from analysis.estimates import NoAnswer
+from analysis.estimates import NotEstimable
 from analysis.loading.sessions import TrialRow
 from analysis.loading.study_data import loaded
 from analysis.report.report import report, report_html, report_json
@@ -86,12 +86,12 @@ def test_pooled_trials_of_several_people_have_no_interval() -> None:
     overall = catch_answers(rows).overall
     assert isinstance(overall, Discrimination)
     assert overall.hits.trials == 2
-    assert isinstance(overall.hits.interval, NoAnswer)
-    assert isinstance(overall.false_alarms.interval, NoAnswer)
-    assert not isinstance(told(rows).hits.interval, NoAnswer)
+    assert isinstance(overall.hits.interval, NotEstimable)
+    assert isinstance(overall.false_alarms.interval, NotEstimable)
+    assert not isinstance(told(rows).hits.interval, NotEstimable)
     alone = catch_answers([entry for entry in rows if entry.participant == "P01"]).overall
     assert isinstance(alone, Discrimination)
-    assert not isinstance(alone.hits.interval, NoAnswer)
+    assert not isinstance(alone.hits.interval, NotEstimable)
 
 
 def test_page_and_data_say_why_pooled_trials_have_no_interval() -> None:

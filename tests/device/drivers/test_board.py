@@ -10,7 +10,7 @@ from device.drivers.board import Board
 from device.drivers.setpoints import Limits, Setpoint, Sweep
 from device.errors import AddressError, DeviceError, ForeignOutput, LimitExceeded, OutputUnknown
 from device.link.link import Link, open_link
-from device.simulator.client import Endpoints, Hand, simulator_process
+from device.simulator.client import ControlClient, Endpoints, simulator_process
 from tests.device.scripted import ScriptedPort, ticking
 
 TOUCHBEAM = (str(Path(sys.executable).with_name("touchbeam")),)
@@ -31,31 +31,33 @@ def board(simulator: Endpoints) -> Iterator[Board]:
 
 
 @pytest.fixture
-def hand(simulator: Endpoints) -> Iterator[Hand]:
-    with Hand(simulator.control) as hand:
-        yield hand
+def control(simulator: Endpoints) -> Iterator[ControlClient]:
+    with ControlClient(simulator.control) as control:
+        yield control
 
 
 def setpoint(voltage_v: float) -> Setpoint:
     return Setpoint(voltage_v=voltage_v, frequency_hz=24221.37, ramp_v_per_s=400)
 
 
-def test_arming_leaves_the_output_off_and_the_limits_set(board: Board, hand: Hand) -> None:
+def test_arming_leaves_the_output_off_and_the_limits_set(
+    board: Board, control: ControlClient
+) -> None:
     identity = board.arm()
     assert identity.idn.startswith("touchbeam,BOARD")
     assert identity.boot == 1
-    state = hand.state()
+    state = control.state()
     assert (state["output"], state["watchdog_s"]) == (False, 5.0)
 
 
-def test_a_drive_is_read_back_and_off_is_off(board: Board, hand: Hand) -> None:
+def test_a_drive_is_read_back_and_off_is_off(board: Board, control: ControlClient) -> None:
     board.arm()
     read_back = board.drive(setpoint(100))
     assert (read_back.output, read_back.voltage_v) == (True, 100)
     assert read_back.frequency_hz == 24221.37
-    assert hand.state()["output"] is True
+    assert control.state()["output"] is True
     board.off()
-    assert hand.state()["output"] is False
+    assert control.state()["output"] is False
 
 
 @pytest.mark.parametrize(
@@ -74,29 +76,31 @@ def test_a_drive_is_read_back_and_off_is_off(board: Board, hand: Hand) -> None:
     ],
 )
 def test_the_driver_refuses_what_exceeds_the_limits(
-    board: Board, hand: Hand, wrong: Setpoint, message: str
+    board: Board, control: ControlClient, wrong: Setpoint, message: str
 ) -> None:
     board.arm()
     with pytest.raises(ValueError, match=message):
         board.drive(wrong)
-    assert hand.state()["output"] is False
+    assert control.state()["output"] is False
 
 
-def test_the_device_refuses_it_too(board: Board, hand: Hand) -> None:
+def test_the_device_refuses_it_too(board: Board, control: ControlClient) -> None:
     board.arm()
     with pytest.raises(DeviceError, match="VOLT was refused by the device: -222 Data out of range"):
         board.send("VOLT 121")
-    assert hand.state()["output"] is False
+    assert control.state()["output"] is False
 
 
-def test_a_sweep_moves_the_frequency_and_ends_at_its_end(board: Board, hand: Hand) -> None:
+def test_a_sweep_moves_the_frequency_and_ends_at_its_end(
+    board: Board, control: ControlClient
+) -> None:
     board.arm()
     board.drive(setpoint(10))
     board.sweep(Sweep(start_hz=24_000, stop_hz=24_400, duration_s=2))
-    hand.advance(1)
+    control.advance(1)
     assert board.read_back().frequency_hz == pytest.approx(24_200, abs=10)
-    hand.advance(2)
-    assert hand.state()["frequency_hz"] == 24_400
+    control.advance(2)
+    assert control.state()["frequency_hz"] == 24_400
     board.off()
 
 

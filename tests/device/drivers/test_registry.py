@@ -22,7 +22,7 @@ from device.drivers.setpoints import (
 )
 from device.errors import AddressError, ForeignDevice, LimitExceeded
 from device.link.link import Link
-from device.simulator.client import Hand, simulator_process
+from device.simulator.client import ControlClient, simulator_process
 from protocol.study.rig import Dialect
 from tests.device.rigs import DRIVE, LIMITS, TOUCHBEAM, opened, until
 from tests.device.scripted import ScriptedPort, ticking
@@ -184,7 +184,7 @@ def test_a_rig_ramps_and_sweeps_whatever_it_speaks(dialect: str) -> None:
     driver = dialect.split("-", maxsplit=1)[0]
     with (
         simulator_process(TOUCHBEAM, seed=1, dialect=dialect) as endpoints,
-        Hand(endpoints.control) as hand,
+        ControlClient(endpoints.control) as control,
         opened(endpoints.url, driver) as rig,
     ):
         rig.arm()
@@ -194,16 +194,16 @@ def test_a_rig_ramps_and_sweeps_whatever_it_speaks(dialect: str) -> None:
 
         def settled() -> bool:
             rig.beat()
-            return bool(hand.state()["voltage_v"] == pytest.approx(100))
+            return bool(control.state()["voltage_v"] == pytest.approx(100))
 
-        assert hand.state()["voltage_v"] < 100, "it starts low"
+        assert control.state()["voltage_v"] < 100, "it starts low"
         assert until(settled, within_s=3)
         assert rig.read_back().voltage_v == pytest.approx(100)
         rig.sweep(Sweep(start_hz=24_000, stop_hz=24_400, duration_s=0.2))
-        hand.advance(1)
-        assert hand.state()["frequency_hz"] == 24_400
+        control.advance(1)
+        assert control.state()["frequency_hz"] == 24_400
         rig.drive(DRIVE)
-        assert hand.state()["frequency_hz"] == DRIVE.frequency_hz
+        assert control.state()["frequency_hz"] == DRIVE.frequency_hz
         rig.off()
-        state = hand.state()
+        state = control.state()
         assert (state["output"], state["voltage_v"]) == (False, 0)

@@ -11,7 +11,7 @@ from device.friction.changes import trial_change
 from device.friction.coefficient import friction_coefficient
 from device.friction.contrasts import predicted_contrast
 from device.friction.scenes import REFERENCE_SPEED_M_S, Drive, Scene
-from device.friction.scenes import Touch as Finger
+from device.friction.scenes import FingerContact as Finger
 from protocol.plan.plan import plan
 from protocol.plan.trials import Trial
 from protocol.study.study import Study

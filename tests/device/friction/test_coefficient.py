@@ -20,9 +20,9 @@ from device.friction.scenes import (
     REFERENCE_SPEED_M_S,
     REFERENCE_TIP_SPEED_M_S,
     Drive,
+    FingerContact,
     Scene,
     Structure,
-    Touch,
 )
 
 PLACES = np.linspace(0.0, 0.1, 201)
@@ -71,14 +71,23 @@ def test_a_place_may_be_in_single_precision() -> None:
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Touch(body_load_n=-1.0), "body_load_n must be a finite number above 0, got -1.0"),
-        (lambda: Touch(contact_m=math.nan), "contact_m must be a finite number above 0, got nan"),
-        (lambda: Touch(finger_load_n=0.0), "finger_load_n must be a finite number above 0, got 0"),
+        (
+            lambda: FingerContact(body_load_n=-1.0),
+            "body_load_n must be a finite number above 0, got -1.0",
+        ),
+        (
+            lambda: FingerContact(contact_m=math.nan),
+            "contact_m must be a finite number above 0, got nan",
+        ),
+        (
+            lambda: FingerContact(finger_load_n=0.0),
+            "finger_load_n must be a finite number above 0, got 0",
+        ),
         (lambda: Drive(voltage_v=math.inf), "voltage_v must be a finite number of at least 0, got"),
         (lambda: Drive(frequency_hz=0.0), "frequency_hz must be a finite number above 0, got 0.0"),
         (lambda: Drive(mode=0), "mode must be a whole number of at least 1, got 0"),
         (lambda: Beam(damping_ratio=0.0), "damping_ratio must lie between 0 and 1, got 0.0"),
-        (lambda: Scene(touch=Touch(x_m=0.2)), "x_m must lie in [0, 0.1], got 0.2"),
+        (lambda: Scene(touch=FingerContact(x_m=0.2)), "x_m must lie in [0, 0.1], got 0.2"),
         (
             lambda: Scene(same_direction_fraction=1.5),
             "same_direction_fraction must lie in [0, 1], got 1.5",
@@ -111,7 +120,7 @@ def batches(draw: st.DrawFn) -> Batch:
             body_height_m=draw(st.floats(0.0, 3e-3)),
         ),
         drive=Drive(mode=mode),
-        touch=Touch(
+        touch=FingerContact(
             contact_m=draw(st.floats(1e-4, 0.1)),
             finger_load_n=draw(st.one_of(st.none(), st.floats(0.01, 10.0))),
         ),

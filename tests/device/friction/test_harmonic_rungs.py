@@ -15,7 +15,7 @@ from device.beam.motion_pattern import motion_summary
 from device.beam.timoshenko import segmented_natural_frequency_hz
 from device.friction.coefficient import friction_coefficient
 from device.friction.rungs import TOP_RUNG, rung_field, rung_resonance_hz
-from device.friction.scenes import Drive, Scene, Structure, Touch
+from device.friction.scenes import Drive, FingerContact, Scene, Structure
 from tests.device.friction import harmonic_reference as reference
 from tests.device.friction.harmonic_reference import Driven, Model
 
@@ -113,7 +113,7 @@ def test_friction_is_right_to_1e_9(point: Point) -> None:
     scene = Scene(
         structure=Structure(beam=Beam(damping_ratio=point.damping)),
         drive=drive,
-        touch=Touch(x_m=point.x_m, contact_m=0.01, finger_load_n=point.load_n),
+        touch=FingerContact(x_m=point.x_m, contact_m=0.01, finger_load_n=point.load_n),
     )
     with mp.workdps(40):
         exact = _exact_mu(point, frequency)
@@ -160,7 +160,7 @@ def test_no_warning_and_no_nan_far_from_and_at_resonance(
             scene = Scene(
                 structure=Structure(beam=Beam(damping_ratio=damping), body_count=1),
                 drive=Drive(voltage_v=voltage_v, frequency_hz=frequency_hz),
-                touch=Touch(body_load_n=load_n),
+                touch=FingerContact(body_load_n=load_n),
             )
             for law in ("printed", "consistent", "coulomb"):
                 mu = friction_coefficient(scene, law=law, rung=TOP_RUNG, x_m=places)

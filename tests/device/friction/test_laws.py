@@ -9,7 +9,7 @@ from device.beam.beam import Beam
 from device.beam.eq15 import same_direction_ratio
 from device.friction.coefficient import friction_coefficient
 from device.friction.laws import ContactTerms, anisotropy, consistent, coulomb
-from device.friction.scenes import Drive, Scene, Structure, Touch
+from device.friction.scenes import Drive, FingerContact, Scene, Structure
 
 PLACES = np.linspace(0.0, 0.1, 101)
 
@@ -29,7 +29,7 @@ def scenes(draw: st.DrawFn) -> Scene:
             frequency_hz=draw(st.floats(10.0, 1e6)) if detuned else "resonance",
             mode=draw(st.integers(1, 60)),
         ),
-        touch=Touch(
+        touch=FingerContact(
             contact_m=draw(st.floats(1e-6, 0.1)),
             body_load_n=draw(st.floats(1e-6, 1e3)),
             finger_load_n=draw(st.one_of(st.none(), st.floats(1e-3, 10.0))),

@@ -11,7 +11,7 @@ from device.beam.eq15 import same_direction_ratio
 from device.beam.modes import natural_frequency_hz
 from device.friction.coefficient import friction_coefficient
 from device.friction.prediction import LawChoice
-from device.friction.scenes import REFERENCE_TIP_SPEED_M_S, Drive, Scene, Structure, Touch
+from device.friction.scenes import REFERENCE_TIP_SPEED_M_S, Drive, FingerContact, Scene, Structure
 from tests.device.beam import beam_reference as reference
 
 CONTACT_M = 0.01
@@ -76,7 +76,7 @@ def test_friction_is_right_to_1e_12(point: Point) -> None:
     scene = Scene(
         structure=Structure(beam=Beam(damping_ratio=damping), body_count=bodies),
         drive=Drive(voltage_v=voltage_v, frequency_hz=frequency_hz or "resonance", mode=mode),
-        touch=Touch(x_m=x_m, contact_m=CONTACT_M, body_load_n=load_n),
+        touch=FingerContact(x_m=x_m, contact_m=CONTACT_M, body_load_n=load_n),
     )
     with mp.workdps(reference.DIGITS + 2 * mode):
         exact = _exact(scene, _natural(mode) if frequency_hz is None else mp.mpf(frequency_hz))

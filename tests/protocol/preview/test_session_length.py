@@ -11,10 +11,10 @@ from protocol.plan.plan import plan
 from protocol.plan.trials import session_s
 from protocol.preview.session_length import (
     RESIDUAL_SD,
-    Alternative,
-    alternatives,
+    SessionLength,
     half_width,
-    purchases,
+    precisions,
+    session_lengths,
     squared_spread,
     t_quantile,
 )
@@ -48,9 +48,9 @@ def test_the_interval_holds_the_true_gain_as_often_as_it_says() -> None:
 
 def test_longer_sessions_buy_narrower_intervals() -> None:
     sessions = [
-        Alternative(repeats=n, duration_s=100 + 200 * n, whole=True) for n in (1, 2, 4, 5, 8, 16)
+        SessionLength(repeats=n, duration_s=100 + 200 * n, whole=True) for n in (1, 2, 4, 5, 8, 16)
     ]
-    bought = purchases([0.1, 0.2, 0.3, 0.4] * 5, 4, sessions)
+    bought = precisions([0.1, 0.2, 0.3, 0.4] * 5, 4, sessions)
     assert [b.repeats for b in bought] == [1, 2, 4, 5, 8, 16]
     assert [b.duration_s for b in bought][2] == 900
     widths = [b.half_width for b in bought]
@@ -59,14 +59,14 @@ def test_longer_sessions_buy_narrower_intervals() -> None:
 
 
 def test_contrasts_that_do_not_differ_tell_nothing() -> None:
-    bought = purchases([0.3] * 5, 1, [Alternative(repeats=1, duration_s=60, whole=True)])
+    bought = precisions([0.3] * 5, 1, [SessionLength(repeats=1, duration_s=60, whole=True)])
     assert all(isinf(b.half_width) and b.relative == inf for b in bought)
     assert half_width(1.0, 2) == inf
 
 
 def test_what_a_study_allows_is_told_from_what_it_does_not() -> None:
     text = template("extended")
-    for option in alternatives(parsed_study(text)):
+    for option in session_lengths(parsed_study(text)):
         other = text.replace("repeats = 4", f"repeats = {option.repeats}", 1)
         if option.whole:
             study = parsed_study(other)
@@ -81,12 +81,12 @@ def test_breaks_and_beam_swaps_are_those_of_each_session(repeats: int) -> None:
     wishes = {"group_by_beam": "session", "break_every_blocks": 4, "break_s": 300}
     wishes |= {"max_alike_in_row": 8}
     study = Study.model_validate(small_document(3, 2, repeats=repeats, **wishes))
-    for option in alternatives(study):
+    for option in session_lengths(study):
         document = small_document(3, 2, repeats=option.repeats, **wishes)
         if option.whole:
             other = Study.model_validate(document)
             assert option.duration_s == session_s(other, plan(other, 0))
-    assert [option.repeats for option in alternatives(study) if option.whole].count(repeats) == 1
+    assert [option.repeats for option in session_lengths(study) if option.whole].count(repeats) == 1
 
 
 @settings(max_examples=60, deadline=None)
@@ -95,7 +95,7 @@ def test_every_sound_study_has_shorter_or_longer_sessions(document: Document) ->
     study = Study.model_validate(document)
     if problems(study):
         return
-    options = {option.repeats: option for option in alternatives(study)}
+    options = {option.repeats: option for option in session_lengths(study)}
     own = options[study.design.repeats]
     assert own.whole
     assert own.duration_s == session_s(study, plan(study, 0))
@@ -105,12 +105,12 @@ def test_every_sound_study_has_shorter_or_longer_sessions(document: Document) ->
 @pytest.mark.parametrize("order", ["random", "blocks"])
 def test_no_more_is_planned_than_a_study_may_ask_for(order: str) -> None:
     study = Study.model_validate(small_document(2, repeats=12, order=order))
-    assert [option.repeats for option in alternatives(study)] == [1, 2, 6, 12, 13]
+    assert [option.repeats for option in session_lengths(study)] == [1, 2, 6, 12, 13]
 
 
 def test_whatever_is_wished_for_there_is_a_shorter_and_a_longer_session() -> None:
     text = template("extended").replace("catch_trials = 4", "catch_trials = 6")
-    options = list(alternatives(parsed_study(text)))
+    options = list(session_lengths(parsed_study(text)))
     assert [option.repeats for option in options] == [1, 2, 4, 5, 8, 16]
     durations = [option.duration_s for option in options]
     assert durations == sorted(durations)

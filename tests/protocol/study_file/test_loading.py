@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from protocol.study.study import Study
 from protocol.study_file.loading import StudyError, parsed_study, template
-from protocol.study_file.recovery import salvaged
+from protocol.study_file.recovery import recovered
 from protocol.study_file.schema_errors import schema_problems
 
 PAPER = template("paper")
@@ -289,10 +289,10 @@ def test_a_mistaken_key_is_named_first_and_nothing_is_named_twice() -> None:
         {'kind = "': 'kind = "x', "watchdog_s": "watchdg_s"},
     ],
 )
-def test_mistakes_everywhere_do_not_hide_a_voltage(mistakes: dict[str, str]) -> None:
+def test_mistakes_everywhere_do_not_hide_a_voltage(semantic_problems: dict[str, str]) -> None:
     """Also where nothing in a list is without a mistake."""
     text = PAPER.replace("ramp_to_v = 200", "ramp_to_v = 250")
-    for right, wrong in mistakes.items():
+    for right, wrong in semantic_problems.items():
         text = text.replace(right, wrong)
     with pytest.raises(StudyError) as caught:
         parsed_study(text)
@@ -328,7 +328,7 @@ def test_whatever_is_broken_the_rest_is_still_looked_at(
             holder[place[-1]] = junk
             if junk == "delete":
                 del holder[place[-1]]
-    assert salvaged(document) is not None
+    assert recovered(document) is not None
     error = _error_of(document)
     if error is not None:
         assert 1 <= len(schema_problems(document, error)) <= error.error_count()

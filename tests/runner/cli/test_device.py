@@ -10,13 +10,13 @@ import pytest
 from device.beam.modes import natural_frequency_hz
 from device.errors import DeviceError, ForeignDevice
 from device.resonance import Resonance
-from device.simulator.client import Endpoints, Hand, simulator_process
+from device.simulator.client import ControlClient, Endpoints, simulator_process
 from device.simulator.models.simulated_beam import SimulatedBeam
 from protocol.errors import BadInput
 from protocol.study.rig import Rig as RigSettings
 from protocol.study_file.loading import template
 from runner.launch.probe import probed, swept
-from runner.launch.rig import keep_calibration, kept_calibration, rigged
+from runner.launch.rig import keep_calibration, kept_calibration, session_rig
 from tests.device.rigs import TOUCHBEAM
 from tests.runner.command_line import typed
 
@@ -34,20 +34,20 @@ def endpoints(request: pytest.FixtureRequest) -> Iterator[Endpoints]:
 
 
 def test_a_probe_says_who_and_how_and_changes_nothing(endpoints: Endpoints) -> None:
-    with Hand(endpoints.control) as hand:
-        hand.fault("panel-on")
+    with ControlClient(endpoints.control) as control:
+        control.fault("panel-on")
         said = probed(endpoints.url, TOUCHBEAM)
         assert said["output"] == "1"
-        assert hand.state()["output"] is True
+        assert control.state()["output"] is True
         assert {"board": "boot", "keysight": "load_ohm"}[said["dialect"]] in said
 
 
 def test_a_probe_of_a_stranger_shows_both(endpoints: Endpoints) -> None:
-    with Hand(endpoints.control) as hand:
-        hand.fault("wrong-idn")
+    with ControlClient(endpoints.control) as control:
+        control.fault("wrong-idn")
         with pytest.raises(ForeignDevice, match=r"TOUCHBEAM,BOARD.*33220A.*; got 'ACME,Toaster"):
             probed(endpoints.url, TOUCHBEAM)
-        hand.fault("wrong-idn", on=False)
+        control.fault("wrong-idn", on=False)
 
 
 def test_a_sweep_finds_the_hidden_resonance_and_is_kept(tmp_path: Path) -> None:
@@ -64,7 +64,7 @@ def test_a_sweep_finds_the_hidden_resonance_and_is_kept(tmp_path: Path) -> None:
 
 def test_a_generator_takes_the_calibration_that_is_kept() -> None:
     settings = RigSettings(dialect="keysight", amplifier_gain=20.0, generator_max_vpp=20.0)
-    with rigged("sim", settings, TOUCHBEAM, 1, FOUND) as rig:
+    with session_rig("sim", settings, TOUCHBEAM, 1, FOUND) as rig:
         rig.device.arm()
         assert rig.device.resonance(24_221.0, lambda _: None) == FOUND
 

@@ -11,20 +11,20 @@ from protocol.errors import BadInput
 from protocol.study_file.loading import template
 from runner.clock import WallClock
 from runner.journal.amendments import amend, exclude_session, exclude_trial, withdraw
-from runner.journal.cohort import slot_for, standings, states
+from runner.journal.cohort import session_summaries, slot_for, states
 from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal, JournalError, open_journal, read_journal
 from runner.journal.verification import verdicts
 from runner.session.loop import run
 from runner.session.resume import require_resumable
-from tests.runner.fakes import FakeClock, FakeDevice, FakeParticipant, room
+from tests.runner.fakes import FakeClock, FakeDevice, FakeParticipant, context
 
 CLOCK = WallClock()
 
 
 def finished(path: Path) -> Journal:
     journal = open_journal(path / "study.db")
-    run(room(journal, FakeDevice(), FakeParticipant()))
+    run(context(journal, FakeDevice(), FakeParticipant()))
     return journal
 
 
@@ -34,7 +34,7 @@ def test_an_excluded_trial_is_added_not_removed(tmp_path: Path) -> None:
         state = states(journal)["P01/1"]
         assert state.excluded == {3: "the phone rang"}
         assert len(state.answered) == 7
-        (line,) = standings({"P01/1": state})
+        (line,) = session_summaries({"P01/1": state})
         assert (line.state, line.excluded_trials) == ("completed", 1)
 
 
@@ -82,7 +82,7 @@ def test_a_session_that_nobody_runs_any_more_can_be_excluded(tmp_path: Path, las
 
 def test_a_dropouts_slot_is_given_out_again_and_a_finished_one_is_not(tmp_path: Path) -> None:
     with open_journal(tmp_path / "study.db") as journal:
-        room(journal, FakeDevice(), FakeParticipant())
+        context(journal, FakeDevice(), FakeParticipant())
         assert slot_for(states(journal), "P02", "participant") == 1
         assert slot_for(states(journal), "P01", "participant") == 0, "keeps its slot"
         exclude_session(journal, CLOCK, "P01/1", "did not come back")
@@ -96,7 +96,7 @@ def test_a_dropouts_slot_is_given_out_again_and_a_finished_one_is_not(tmp_path: 
 
 def test_rehearsals_use_no_participants_slot(tmp_path: Path) -> None:
     with open_journal(tmp_path / "study.db") as journal:
-        room(journal, FakeDevice(), FakeParticipant(), kind="rehearsal")
+        context(journal, FakeDevice(), FakeParticipant(), kind="rehearsal")
         assert slot_for(states(journal), "P02", "participant") == 0
         assert slot_for(states(journal), "P02", "rehearsal") == 1
 
@@ -182,8 +182,8 @@ def amended(text: str) -> str:
 def test_a_changed_study_needs_an_amendment(tmp_path: Path) -> None:
     text = template("paper")
     with open_journal(tmp_path / "study.db") as journal:
-        session = room(journal, FakeDevice(), FakeParticipant(), text).session
-        changed = room(journal, FakeDevice(), FakeParticipant(), amended(text)).session
+        session = context(journal, FakeDevice(), FakeParticipant(), text).session
+        changed = context(journal, FakeDevice(), FakeParticipant(), amended(text)).session
         state = states(journal)["P01/1"]
         require_resumable(journal, session, state, FakeClock().utc())
         with pytest.raises(BadInput, match=r"has changed since the last session; .* amend"):
@@ -201,17 +201,17 @@ def test_a_changed_study_needs_an_amendment(tmp_path: Path) -> None:
 
 def test_a_session_does_not_go_on_with_other_trials(tmp_path: Path) -> None:
     with open_journal(tmp_path / "study.db") as journal:
-        room(journal, FakeDevice(), FakeParticipant())
+        context(journal, FakeDevice(), FakeParticipant())
         fixed = template("paper").replace('order = "williams"', 'order = "fixed"')
         amend(journal, CLOCK, fixed, "simpler")
-        other = room(journal, FakeDevice(), FakeParticipant(), fixed).session
+        other = context(journal, FakeDevice(), FakeParticipant(), fixed).session
         with pytest.raises(BadInput, match=r"P01/1 has other trials .* finish it as --session 2"):
             require_resumable(journal, other, states(journal)["P01/1"], FakeClock().utc())
 
 
 def test_a_stale_session_is_not_resumed(tmp_path: Path) -> None:
     with open_journal(tmp_path / "study.db") as journal:
-        made = room(journal, FakeDevice(), FakeParticipant())
+        made = context(journal, FakeDevice(), FakeParticipant())
         later = FakeClock(passed_s=25 * 3600)
         with pytest.raises(
             BadInput, match="interrupted 25 h ago and the study resumes within 24 h"
@@ -221,7 +221,7 @@ def test_a_stale_session_is_not_resumed(tmp_path: Path) -> None:
 
 def test_a_session_of_tomorrow_is_not_resumed(tmp_path: Path) -> None:
     with open_journal(tmp_path / "study.db") as journal:
-        made = room(journal, FakeDevice(), FakeParticipant())
+        made = context(journal, FakeDevice(), FakeParticipant())
         before = FakeClock(passed_s=-25 * 3600)
         with pytest.raises(BadInput, match="which is yet to come: set this machine's clock"):
             require_resumable(journal, made.session, states(journal)["P01/1"], before.utc())
@@ -231,7 +231,7 @@ def test_a_session_of_tomorrow_is_not_resumed(tmp_path: Path) -> None:
 def test_a_session_whose_chain_is_broken_does_not_go_on(tmp_path: Path, column: str) -> None:
     path = tmp_path / "study.db"
     with open_journal(path) as journal:
-        made = room(journal, FakeDevice(), FakeParticipant())
+        made = context(journal, FakeDevice(), FakeParticipant())
         with closing(sqlite3.connect(path)) as other, other:
             other.execute("DROP TRIGGER event_is_erased_at_most")
             other.execute(f"UPDATE event SET {column} WHERE seq = 0")
@@ -241,8 +241,8 @@ def test_a_session_whose_chain_is_broken_does_not_go_on(tmp_path: Path, column: 
 
 def test_a_participants_session_does_not_become_a_rehearsal(tmp_path: Path) -> None:
     with open_journal(tmp_path / "study.db") as journal:
-        room(journal, FakeDevice(), FakeParticipant())
-        other = room(journal, FakeDevice(), FakeParticipant(), kind="rehearsal")
+        context(journal, FakeDevice(), FakeParticipant())
+        other = context(journal, FakeDevice(), FakeParticipant(), kind="rehearsal")
         with pytest.raises(BadInput, match=r"began as a participant session, now .* rehearsal"):
             require_resumable(journal, other.session, states(journal)["P01/1"], FakeClock().utc())
 

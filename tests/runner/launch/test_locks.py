@@ -11,7 +11,7 @@ import pytest
 
 from protocol.errors import BadInput
 from runner.journal.location import checked_place, mounts_of_this_machine
-from runner.launch.locks import RigHeld, UnsafeFolder, rig_held, session_held
+from runner.launch.locks import RigInUse, UnsafeFolder, rig_lock, session_lock
 
 MOUNTS = [("/", "ext4"), ("/net/lab", "nfs4"), ("/net/lab/local", "xfs"), ("/media/share", "cifs")]
 
@@ -46,20 +46,20 @@ def test_a_second_session_is_told_who_holds_the_rig() -> None:
         "from runner.launch.locks import rig_held\n"
         "with rig_held('/dev/test-rig', 'P02/1 of /study'): pass\n"
     )
-    with rig_held("/dev/test-rig", "P01/1 of /study"):
+    with rig_lock("/dev/test-rig", "P01/1 of /study"):
         second = subprocess.run(
             [sys.executable, "-c", program], capture_output=True, text=True, check=False
         )
     assert "/dev/test-rig is held by P01/1 of /study (process" in second.stderr
-    with rig_held("/dev/test-rig", "P03/1 of /study"):
+    with rig_lock("/dev/test-rig", "P03/1 of /study"):
         pass
 
 
 def test_the_same_process_does_not_hold_it_twice() -> None:
     with (
-        rig_held("/dev/test-rig-2", "first"),
-        pytest.raises(RigHeld, match="held by first"),
-        rig_held("/dev/test-rig-2", "second"),
+        rig_lock("/dev/test-rig-2", "first"),
+        pytest.raises(RigInUse, match="held by first"),
+        rig_lock("/dev/test-rig-2", "second"),
     ):
         pass
 
@@ -72,12 +72,12 @@ def test_a_rig_is_held_by_whatever_address_one_comes_to_it(tmp_path: Path) -> No
         ("socket://127.0.0.1:50251", "rfc2217://localhost:50251"),
     ]:
         with (
-            rig_held(first, "first"),
-            pytest.raises(RigHeld, match="held by first"),
-            rig_held(second, "second"),
+            rig_lock(first, "first"),
+            pytest.raises(RigInUse, match="held by first"),
+            rig_lock(second, "second"),
         ):
             pass
-    with rig_held("socket://localhost:50251", "one"), rig_held("socket://localhost:50252", "two"):
+    with rig_lock("socket://localhost:50251", "one"), rig_lock("socket://localhost:50252", "two"):
         pass
 
 
@@ -85,7 +85,7 @@ def test_a_rig_is_held_by_whatever_address_one_comes_to_it(tmp_path: Path) -> No
     "url", ["socket://127.0.0.1:port", "socket://", "socket://[bad:5025", "spy:///dev/x", ""]
 )
 def test_an_address_that_leads_nowhere_is_for_others_to_refuse(url: str) -> None:
-    with rig_held(url, "first"), pytest.raises(RigHeld), rig_held(url, "second"):
+    with rig_lock(url, "first"), pytest.raises(RigInUse), rig_lock(url, "second"):
         pass
 
 
@@ -95,7 +95,7 @@ def test_a_dead_holder_holds_nothing() -> None:
         "with rig_held('/dev/test-rig-3', 'dead'): os._exit(1)\n"
     )
     subprocess.run([sys.executable, "-c", program], check=False)
-    with rig_held("/dev/test-rig-3", "alive"):
+    with rig_lock("/dev/test-rig-3", "alive"):
         pass
 
 
@@ -106,17 +106,17 @@ def test_a_session_is_held_wherever_its_folder_is_found(
     study.mkdir()
     other.mkdir()
     (tmp_path / "link").symlink_to(study)
-    with session_held("P01/1", study, "the first"):
+    with session_lock("P01/1", study, "the first"):
         monkeypatch.setenv("TMPDIR", str(other))
         monkeypatch.setattr(tempfile, "tempdir", None)
         study.rename(tmp_path / "renamed")
         (tmp_path / "renamed").rename(study)
         with (
-            pytest.raises(RigHeld, match=r"session P01/1 of .*study is held by the first"),
-            session_held("P01/1", tmp_path / "link", "the second"),
+            pytest.raises(RigInUse, match=r"session P01/1 of .*study is held by the first"),
+            session_lock("P01/1", tmp_path / "link", "the second"),
         ):
             pass
-        with session_held("P01/1", other, "another study"), session_held("P02/1", study, "P02"):
+        with session_lock("P01/1", other, "another study"), session_lock("P02/1", study, "P02"):
             pass
 
 
@@ -156,7 +156,7 @@ def test_locks_are_kept_in_no_folder_that_others_can_write_to(
     taken(locks)
     with (
         pytest.raises(UnsafeFolder, match=f"{locks}: must be a folder that only .* got {told}; "),
-        rig_held("/dev/test-rig", "first"),
+        rig_lock("/dev/test-rig", "first"),
     ):
         pass
     assert not [path for path in locks.parent.rglob("*") if path.suffix in {".json", ".lock"}]
@@ -169,7 +169,7 @@ def test_the_folder_of_another_user_is_not_used(
     monkeypatch.setattr(os, "getuid", lambda: somebody)
     with (
         pytest.raises(UnsafeFolder, match=f"touchbeam-held-{somebody}: .* got one of another user"),
-        rig_held("/dev/test-rig", "first"),
+        rig_lock("/dev/test-rig", "first"),
     ):
         pass
     assert not locks.exists()
@@ -181,16 +181,16 @@ def test_the_folder_of_a_login_serves_where_the_common_one_is_taken(
     runtime = tmp_path / "runtime"
     runtime.mkdir(mode=0o700)
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(runtime))
-    with rig_held("/dev/test-rig", "first"):
+    with rig_lock("/dev/test-rig", "first"):
         monkeypatch.delenv("XDG_RUNTIME_DIR")
-        with pytest.raises(RigHeld, match="held by first"), rig_held("/dev/test-rig", "second"):
+        with pytest.raises(RigInUse, match="held by first"), rig_lock("/dev/test-rig", "second"):
             pass
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(runtime))
     locks.chmod(0o777)
     with (
-        rig_held("/dev/test-rig", "first"),
-        pytest.raises(RigHeld, match="held by first"),
-        rig_held("/dev/test-rig", "second"),
+        rig_lock("/dev/test-rig", "first"),
+        pytest.raises(RigInUse, match="held by first"),
+        rig_lock("/dev/test-rig", "second"),
     ):
         assert {path.suffix for path in (runtime / "touchbeam-held").iterdir()} == {
             ".json",
@@ -199,14 +199,14 @@ def test_the_folder_of_a_login_serves_where_the_common_one_is_taken(
     runtime.chmod(0o777)
     with (
         pytest.raises(UnsafeFolder, match="one with mode 0777"),
-        rig_held("/dev/test-rig", "first"),
+        rig_lock("/dev/test-rig", "first"),
     ):
         pass
 
 
 def _made(locks: Path, suffix: str) -> Path:
     """The file of that suffix that holding a rig makes."""
-    with rig_held("/dev/test-rig", "first"):
+    with rig_lock("/dev/test-rig", "first"):
         return next(locks.glob(f"*{suffix}"))
 
 
@@ -218,9 +218,9 @@ def test_who_holds_a_rig_is_not_written_through_a_link(
     thesis.write_text("a chapter")
     put(_made(locks, ".json"), thesis)
     with (
-        rig_held("/dev/test-rig", "first"),
-        pytest.raises(RigHeld, match="held by first"),
-        rig_held("/dev/test-rig", "second"),
+        rig_lock("/dev/test-rig", "first"),
+        pytest.raises(RigInUse, match="held by first"),
+        rig_lock("/dev/test-rig", "second"),
     ):
         pass
     assert thesis.read_text() == "a chapter"
@@ -229,13 +229,13 @@ def test_who_holds_a_rig_is_not_written_through_a_link(
 def test_who_holds_a_rig_is_not_read_through_a_link(locks: Path, tmp_path: Path) -> None:
     other = tmp_path / "other.json"
     other.write_text('{"holder": "somebody else", "process": 1}')
-    with rig_held("/dev/test-rig", "first"):
+    with rig_lock("/dev/test-rig", "first"):
         said = next(locks.glob("*.json"))
         said.unlink()
         said.symlink_to(other)
         with (
-            pytest.raises(RigHeld, match="held by another session"),
-            rig_held("/dev/test-rig", "second"),
+            pytest.raises(RigInUse, match="held by another session"),
+            rig_lock("/dev/test-rig", "second"),
         ):
             pass
 
@@ -246,6 +246,6 @@ def test_a_lock_that_is_a_link_changes_no_file(locks: Path, tmp_path: Path) -> N
     lock = _made(locks, ".lock")
     lock.unlink(missing_ok=True)
     lock.symlink_to(thesis)
-    with pytest.raises(OSError, match=lock.name), rig_held("/dev/test-rig", "first"):
+    with pytest.raises(OSError, match=lock.name), rig_lock("/dev/test-rig", "first"):
         pass
     assert thesis.read_text() == "a chapter"

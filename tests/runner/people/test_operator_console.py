@@ -7,7 +7,7 @@ import pytest
 from device.drivers.setpoints import ReadBack
 from runner.people.operator_console import OperatorConsole, PlainDisplay, panel_lines
 from runner.people.operator_keys import OperatorKeys
-from runner.screens import Note, View
+from runner.screens import Note, OperatorView
 
 ON = ReadBack(
     output=True,
@@ -20,7 +20,7 @@ ON = ReadBack(
 )
 
 
-def view(**changes: object) -> View:
+def view(**changes: object) -> OperatorView:
     fields: dict[str, object] = {
         "session": "P01/1",
         "kind": "rehearsal",
@@ -36,7 +36,7 @@ def view(**changes: object) -> View:
         "last_answer": "smoother, score 8",
         "warning": "",
     }
-    return View(**{**fields, **changes})  # type: ignore[arg-type]
+    return OperatorView(**{**fields, **changes})  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

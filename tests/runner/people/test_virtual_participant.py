@@ -29,18 +29,18 @@ class FakeHand:
 
 def felt(touches: list[Any], question: Question, resting: float = 0.4) -> tuple[str, int]:
     """Let a participant feel the resting beam, then `touches`, then ask."""
-    hand, clock = FakeHand(), FakeClock()
+    control, clock = FakeHand(), FakeClock()
     virtual = VirtualParticipant(
-        hand=hand,  # type: ignore[arg-type]
+        control=control,  # type: ignore[arg-type]
         clock=clock,
         character=EXACT,
         random_stream=random.Random(1),
     )
-    _touch(virtual, hand, clock, lambda _: resting)
+    _touch(virtual, control, clock, lambda _: resting)
     virtual.show(Instruction(text="remember"))
     assert virtual.poll() is not None
     for touch in touches:
-        _touch(virtual, hand, clock, touch)
+        _touch(virtual, control, clock, touch)
     virtual.show(AskChange(question=question))
     change = virtual.poll()
     virtual.show(AskScore(rating=Rating()))
@@ -51,8 +51,8 @@ def felt(touches: list[Any], question: Question, resting: float = 0.4) -> tuple[
     return change.answer, int(score.answer)
 
 
-def _touch(virtual: VirtualParticipant, hand: FakeHand, clock: FakeClock, feels: Any) -> None:
-    hand.feels = feels
+def _touch(virtual: VirtualParticipant, control: FakeHand, clock: FakeClock, feels: Any) -> None:
+    control.feels = feels
     way = Pacing(start_m=0.01, end_m=0.08, duration_s=1.0, force_n=0.5, direction="right")
     virtual.show(way)
     for _ in range(20):

@@ -11,7 +11,7 @@ from runner.journal.store import Journal, JournalError, open_journal
 from runner.screens import AskScore, Instruction, Note, Order, Pacing, Response
 from runner.session.loop import run
 from runner.session.tick import StoppedByOperator
-from tests.runner.fakes import FakeDevice, FakeOperator, FakeParticipant, room
+from tests.runner.fakes import FakeDevice, FakeOperator, FakeParticipant, context
 
 TEXT = template("paper")
 
@@ -23,7 +23,7 @@ def carried_out(
     text: str = TEXT,
     orders: list[tuple[str, Order | Note]] | None = None,
 ) -> SessionLog:
-    made = room(journal, device, participant, text, FakeOperator(device, orders or []))
+    made = context(journal, device, participant, text, FakeOperator(device, orders or []))
     run(made)
     return made.log
 
@@ -140,7 +140,7 @@ def test_the_console_says_at_last_that_an_output_is_unknown(tmp_path: Path) -> N
         open_journal(tmp_path / "study.db") as journal,
         pytest.raises(OutputUnknown, match="UNKNOWN - cut the amplifier"),
     ):
-        run(room(journal, device, FakeParticipant(), TEXT, operator))
+        run(context(journal, device, FakeParticipant(), TEXT, operator))
     assert operator.seen[0].output() == "not known yet", "nobody has asked"
     assert operator.seen[-1].output() == "state UNKNOWN - cut the amplifier"
 
@@ -164,7 +164,7 @@ def test_the_operator_is_told_what_became_of_an_order(tmp_path: Path) -> None:
     ]
     operator = FakeOperator(device, orders)
     with open_journal(tmp_path / "study.db") as journal:
-        run(room(journal, device, FakeParticipant(), TEXT, operator))
+        run(context(journal, device, FakeParticipant(), TEXT, operator))
     assert operator.told == [
         "no trial is running that could be repeated",
         "a pause comes before the next trial",
@@ -179,7 +179,7 @@ def test_a_resumed_session_asks_for_its_beam_again(tmp_path: Path) -> None:
         with pytest.raises(StoppedByOperator):
             carried_out(journal, device, FakeParticipant(), orders=[("trial", "stop")])
         operator = FakeOperator(device)
-        run(room(journal, device, FakeParticipant(), TEXT, operator))
+        run(context(journal, device, FakeParticipant(), TEXT, operator))
     assert operator.mounts[0] == "1 mm"
 
 
@@ -199,7 +199,7 @@ def test_an_order_takes_back_what_was_asked(tmp_path: Path, order: Order) -> Non
 
     operator = Slow(device)
     with open_journal(tmp_path / "study.db") as journal:
-        made = room(journal, device, FakeParticipant(), TEXT, operator)
+        made = context(journal, device, FakeParticipant(), TEXT, operator)
         if order == "repeat":
             run(made)
             assert made.log.state.answered == set(range(7))
@@ -294,7 +294,7 @@ class ClosedJournal:
 
 def test_an_unknown_output_is_told_before_a_journal_that_fails(tmp_path: Path) -> None:
     with open_journal(tmp_path / "study.db") as journal:
-        made = room(journal, FakeDevice(fails="off"), FakeParticipant())
+        made = context(journal, FakeDevice(fails="off"), FakeParticipant())
         made.log = ClosedJournal(made.log)  # type: ignore[assignment]
         with pytest.raises(OutputUnknown, match="UNKNOWN - cut the amplifier"):
             run(made)

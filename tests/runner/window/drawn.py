@@ -21,11 +21,11 @@ from runner.screens import AskChange, AskScore, Instruction, Notice, Screen, Wel
 from runner.window.canvas import PsychopyCanvas
 from runner.window.elements import Text
 from runner.window.messages import Settings
-from runner.window.pages import View, Wording, page
+from runner.window.pages import PageState, Wording, page
 from runner.window.preflight import foreseen
 from runner.window.text_layout import text_width, wrapped
 
-Shown = tuple[str, Screen, View]
+Shown = tuple[str, Screen, PageState]
 
 
 def _named(touch: Touch) -> str:
@@ -42,23 +42,23 @@ def pictures(study: Study) -> list[Shown]:
     texts |= {"place": "touch.smooth", "harder": "touch.smooth.harder"}
     score = AskScore(rating=study.rating)
     return [
-        ("wait", Notice(text="wait"), View()),
-        ("welcome", Welcome(consent="C-2026-07"), View()),
+        ("wait", Notice(text="wait"), PageState()),
+        ("welcome", Welcome(consent="C-2026-07"), PageState()),
         *(
-            (f"instruction-{name}", Instruction(text=texts[name], touch=way.touch), View())
+            (f"instruction-{name}", Instruction(text=texts[name], touch=way.touch), PageState())
             for name, way in ways.items()
         ),
-        ("pacing-right", ways["right"], View(passed_s=0.6)),
-        ("pacing-left", ways["left"], View(passed_s=0.6)),
-        ("lift", Notice(text="touch.end"), View()),
-        ("remember", Instruction(text="remember"), View()),
-        ("change", AskChange(question="roughness"), View()),
-        ("change-chosen", AskChange(question="places"), View(chosen="swapped")),
-        ("score", score, View()),
-        ("score-chosen", score, View(chosen="7", operator_called=True)),
-        ("pause", Notice(text="pause"), View()),
-        ("break", Instruction(text="break"), View()),
-        ("thanks", Notice(text="thanks"), View()),
+        ("pacing-right", ways["right"], PageState(passed_s=0.6)),
+        ("pacing-left", ways["left"], PageState(passed_s=0.6)),
+        ("lift", Notice(text="touch.end"), PageState()),
+        ("remember", Instruction(text="remember"), PageState()),
+        ("change", AskChange(question="roughness"), PageState()),
+        ("change-chosen", AskChange(question="places"), PageState(chosen="swapped")),
+        ("score", score, PageState()),
+        ("score-chosen", score, PageState(chosen="7", operator_called=True)),
+        ("pause", Notice(text="pause"), PageState()),
+        ("break", Instruction(text="break"), PageState()),
+        ("thanks", Notice(text="thanks"), PageState()),
     ]
 
 
@@ -66,9 +66,9 @@ def too_wide(canvas: PsychopyCanvas, screen: Screen, wording: Wording) -> list[d
     """The lines that are drawn wider than they were taken for."""
     found = []
     px_per_unit = canvas.look()["px_per_unit"]
-    for text in page(screen, View(operator_called=True), wording):
+    for text in page(screen, PageState(operator_called=True), wording):
         if isinstance(text, Text):
-            lines = wrapped(text.text, text.size, text.room.width)
+            lines = wrapped(text.text, text.size, text.box.width)
             for line, drawn in zip(lines, canvas._text(text), strict=True):
                 estimate = text_width(line, text.size) * px_per_unit
                 if drawn.boundingBox[0] > estimate:

@@ -17,7 +17,7 @@ from runner.window.elements import ACCENT, INK, PALE, WHITE, pixels_per_unit
 from runner.window.response import EARLY_S
 
 Sight = Literal["nothing", "button", "two", "three", "scale"]
-Hand = Literal["mouse", "keyboard"]
+ControlClient = Literal["mouse", "keyboard"]
 
 BUTTON = (-150.0, -215.0)
 ANSWERS = ((-190.0, 95.0), (-190.0, 17.0), (-190.0, -61.0))
@@ -60,7 +60,7 @@ class Person:
     """
 
     display: str
-    hand: Hand
+    control: ControlClient
     choices: list[int] = field(default_factory=list)
     scores: list[int] = field(default_factory=list)
     seen: list[Sight] = field(default_factory=list)
@@ -102,14 +102,14 @@ class Person:
 
     def _choose(self, position: int) -> None:
         self.given.append(position)
-        if self.hand == "mouse":
+        if self.control == "mouse":
             self.click(*ANSWERS[position])
         else:
             self.key(str(position + 1))
 
     def _score(self, score: int) -> None:
         self.scored.append(score)
-        if self.hand == "mouse":
+        if self.control == "mouse":
             self.click((score - 5) * 66.0, 50.0)
         else:
             self.key(*str(score))
@@ -117,7 +117,7 @@ class Person:
     def _confirm_and_wait(self, before: Sight) -> None:
         text = self._text()
         until_s = time.monotonic() + 3.0
-        if self.hand == "mouse":
+        if self.control == "mouse":
             self.click(*BUTTON)
         else:
             self.key("Return")

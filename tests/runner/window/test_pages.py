@@ -14,9 +14,9 @@ from protocol.study.study import Language, Study
 from protocol.study.texts import TEXTS, touch_text
 from protocol.study.touch import Direction, Touch, TouchDefaults
 from protocol.study_file.loading import TEMPLATES, parsed_study, template
-from runner.screens import AskChange, AskScore, Instruction, Pacing, Way, pacing
+from runner.screens import AskChange, AskScore, FingerPath, Instruction, Pacing, pacing
 from runner.window.elements import CANVAS, Dot, Outline, Text
-from runner.window.pages import View, Wording, page, targets
+from runner.window.pages import PageState, Wording, page, targets
 from runner.window.preflight import fit_problems, foreseen, require_fit
 from runner.window.widgets import beam_x, fingers, look, marked
 
@@ -85,9 +85,9 @@ def test_a_reference_of_the_consent_that_is_too_long_refuses_the_session() -> No
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_nothing_leaves_the_canvas_and_no_two_texts_share_a_place(language: Language) -> None:
     for screen in foreseen(parsed_study(template("extended")), consent="C-7"):
-        elements = page(screen, View(operator_called=True), wording(language))
-        rooms = [element.room for element in elements if isinstance(element, Text)]
-        corners = [point for room in rooms for point in room.corners]
+        elements = page(screen, PageState(operator_called=True), wording(language))
+        rooms = [element.box for element in elements if isinstance(element, Text)]
+        corners = [point for box in rooms for point in box.corners]
         corners += [
             point for each in elements if isinstance(each, Outline) for point in each.points
         ]
@@ -123,7 +123,7 @@ def test_pages_of_the_same_touch_are_the_same_whatever_the_device_does(
     for each in (touch, same):
         cue = pacing(each, TouchDefaults())
         instruction = Instruction(text=touch_text(each), touch=cue.touch)
-        seen.append([page(screen, View(), wording("en")) for screen in (instruction, cue)])
+        seen.append([page(screen, PageState(), wording("en")) for screen in (instruction, cue)])
     assert seen[0] == seen[1]
 
 
@@ -131,7 +131,9 @@ def test_pages_of_the_same_touch_are_the_same_whatever_the_device_does(
 def test_the_mark_moves_at_the_sliding_speed_and_rests_at_the_end(direction: Direction) -> None:
     touch = Touch(place="path", voltage_v=100, direction=direction)
     cue = pacing(touch, TouchDefaults(sliding_speed_m_s=0.04))
-    seen = [_mark_x(page(cue, View(passed_s=passed_s), wording("en"))) for passed_s in (0, 1, 9)]
+    seen = [
+        _mark_x(page(cue, PageState(passed_s=passed_s), wording("en"))) for passed_s in (0, 1, 9)
+    ]
     assert abs(seen[1] - seen[0]) == pytest.approx(abs(beam_x(0.04) - beam_x(0.0)))
     ends = (beam_x(0.010), beam_x(0.081))
     ends = ends if direction == "right" else ends[::-1]
@@ -144,7 +146,7 @@ def _mark_x(elements: tuple[object, ...]) -> float:
 
 
 def test_several_fingers_are_drawn_where_they_touch_the_beam() -> None:
-    way = Way(start_m=0.09, end_m=0.09, several=True)
+    way = FingerPath(start_m=0.09, end_m=0.09, several=True)
     assert [dot.x for dot in fingers(way, 0.0)] == pytest.approx(
         [beam_x(0.066), beam_x(0.082), beam_x(0.098)]
     )
@@ -158,7 +160,9 @@ def test_the_study_says_which_scores_are_marked(ticks: str, scores: list[int]) -
     rating = parsed_study(template("paper")).rating.model_copy(update={"ticks": ticks})
     assert marked(rating) == scores
     texts = {
-        e.text for e in page(AskScore(rating=rating), View(), wording("en")) if isinstance(e, Text)
+        e.text
+        for e in page(AskScore(rating=rating), PageState(), wording("en"))
+        if isinstance(e, Text)
     }
     assert {text for text in texts if text.isdigit()} == {str(score) for score in scores}
 
@@ -166,7 +170,7 @@ def test_the_study_says_which_scores_are_marked(ticks: str, scores: list[int]) -
 def test_the_scale_bears_no_mark_until_one_is_chosen() -> None:
     screen = AskScore(rating=Rating())
     dots = [
-        [e for e in page(screen, View(chosen=chosen), wording("en")) if isinstance(e, Dot)]
+        [e for e in page(screen, PageState(chosen=chosen), wording("en")) if isinstance(e, Dot)]
         for chosen in (None, "0", "10")
     ]
     assert [len(each) for each in dots] == [0, 1, 1]
@@ -175,15 +179,15 @@ def test_the_scale_bears_no_mark_until_one_is_chosen() -> None:
 
 def test_no_answer_stands_out_before_it_is_chosen() -> None:
     screen = AskChange(question="strength")
-    boxes = [e for e in page(screen, View(), wording("en")) if isinstance(e, Outline)][:3]
+    boxes = [e for e in page(screen, PageState(), wording("en")) if isinstance(e, Outline)][:3]
     assert len({(box.fill, box.edge, box.width) for box in boxes}) == 1
 
 
 def test_targets_for_fingers_are_large_and_apart() -> None:
     for screen in foreseen(parsed_study(template("paper")), consent=None):
-        rooms = [target.room for target in targets(screen)]
-        assert all(min(room.width, room.height) >= 60 for room in rooms)
-        edges = sorted((room.y - room.height / 2, room.y + room.height / 2) for room in rooms)
+        rooms = [target.box for target in targets(screen)]
+        assert all(min(box.width, box.height) >= 60 for box in rooms)
+        edges = sorted((box.y - box.height / 2, box.y + box.height / 2) for box in rooms)
         assert all(below[1] < above[0] for below, above in pairwise(edges))
 
 

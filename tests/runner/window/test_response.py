@@ -10,7 +10,7 @@ from protocol.study.questions import ANSWERS, Question, Rating
 from runner.screens import AskChange, AskScore, Instruction, Notice, Pacing, Screen, Welcome
 from runner.window.elements import Dragged, Input, Key, Pressed, Released
 from runner.window.pages import targets
-from runner.window.response import EARLY_S, Answering
+from runner.window.response import EARLY_S, PendingResponse
 from runner.window.widgets import score_x
 
 RATING = Rating()
@@ -25,23 +25,23 @@ INPUTS: st.SearchStrategy[Input] = st.one_of(
 )
 
 
-def after(screen: Screen, *given_inputs: Input | str) -> Answering:
+def after(screen: Screen, *given_inputs: Input | str) -> PendingResponse:
     """The screen after inputs a second apart; a string is a row of keys."""
-    answering = Answering(screen)
+    pending = PendingResponse(screen)
     inputs = [
         single
         for entry in given_inputs
         for single in ([Key(name=n) for n in entry.split()] if isinstance(entry, str) else [entry])
     ]
     for number, single in enumerate(inputs, start=1):
-        answering.take(single, float(number))
-    return answering
+        pending.take(single, float(number))
+    return pending
 
 
 def press(screen: Screen, name: str) -> Pressed:
     """A press in the middle of a target."""
-    room = next(target.room for target in targets(screen) if target.name == name)
-    return Pressed(x=room.x, y=room.y)
+    box = next(target.box for target in targets(screen) if target.name == name)
+    return Pressed(x=box.x, y=box.y)
 
 
 def press_score(score: float) -> Pressed:
@@ -111,9 +111,9 @@ def test_a_score_by_the_pointer_is_the_nearest_one(score: int) -> None:
 
 def test_the_mark_follows_the_pointer_and_its_path_is_kept() -> None:
     drag = [Dragged(x=score_x(place, RATING), y=-200) for place in (2.4, 3.2, 4.0)]
-    answering = after(SCORE, press_score(2), *drag, Released(), drag[0], "enter")
-    assert answering.answer == "4"
-    trace = answering.trace()
+    pending = after(SCORE, press_score(2), *drag, Released(), drag[0], "enter")
+    assert pending.answer == "4"
+    trace = pending.trace()
     assert trace["start"] == {"t_s": 1.0, "value": "2", "by": "pointer"}
     assert [step["at"] for step in trace["path"]] == [2.0, 2.4, 3.2, 4.0]
     assert [change["value"] for change in trace["changes"]] == ["2", "3", "4"]
@@ -132,20 +132,20 @@ def test_a_page_with_a_button_is_answered_by_the_button_or_enter(screen: Screen)
 
 
 def test_a_press_before_anybody_can_react_was_meant_for_the_screen_before() -> None:
-    answering = Answering(Instruction(text="remember"))
-    answering.take(Key(name="enter"), EARLY_S / 2)
-    assert (answering.answer, answering.early) == (None, 1)
+    pending = PendingResponse(Instruction(text="remember"))
+    pending.take(Key(name="enter"), EARLY_S / 2)
+    assert (pending.answer, pending.early) == (None, 1)
 
 
 @given(inputs=st.lists(INPUTS, max_size=60))
 def test_whatever_is_pressed_only_a_confirmed_choice_of_the_scale_is_an_answer(
     inputs: list[Input],
 ) -> None:
-    answering = after(SCORE, *inputs)
-    assert answering.chosen in {None, *(str(score) for score in range(11))}
-    if answering.answer is not None:
-        assert answering.answer == answering.chosen == answering.changes[-1]["value"]
-        assert all(0 <= step["at"] <= 10 for step in answering.path if step["at"] is not None)
+    pending = after(SCORE, *inputs)
+    assert pending.chosen in {None, *(str(score) for score in range(11))}
+    if pending.answer is not None:
+        assert pending.answer == pending.chosen == pending.changes[-1]["value"]
+        assert all(0 <= step["at"] <= 10 for step in pending.path if step["at"] is not None)
 
 
 @given(inputs=st.lists(INPUTS, max_size=60))

@@ -13,7 +13,7 @@ from runner.window.elements import Dot, Input, Key, Page
 from runner.window.messages import Settings, show_message
 from runner.window.pages import Wording
 from runner.window.presentation import FrameTimes
-from runner.window.server import Mailbox, Serving
+from runner.window.server import Mailbox, WindowServer
 
 INTERVAL_S = 1 / 60
 SETTINGS = Settings(wording=Wording(), foreseen=(AskScore(rating=Rating()),))
@@ -79,7 +79,7 @@ def served(script: dict[int, Any], *, holds_back: bool = False) -> tuple[FakeCan
         at: (lambda _, act=act: act(canvas) if callable(act) else mailbox.put(act))
         for at, act in script.items()
     }
-    Serving(canvas, SETTINGS, mailbox, sent.append, lambda: canvas.t_s).run()
+    WindowServer(canvas, SETTINGS, mailbox, sent.append, lambda: canvas.t_s).run()
     return canvas, sent
 
 

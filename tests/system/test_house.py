@@ -20,24 +20,22 @@ MOST_MODULES = 12
 FEWEST_LINES = 25
 
 
-def named(context: Path) -> str:
-    return ".".join(context.relative_to(ROOT).parts)
+def named(room: Path) -> str:
+    return ".".join(room.relative_to(ROOT).parts)
 
 
 @pytest.mark.parametrize("room", ROOMS, ids=named)
-def test_the_public_face_of_a_room_exists(context: Path) -> None:
+def test_the_public_face_of_a_room_exists(room: Path) -> None:
     """Each `module.Name` in a room's docstring can be imported from there."""
-    text = import_module(named(context)).__doc__ or ""
+    text = import_module(named(room)).__doc__ or ""
     _, _, face = text.partition("Public face:")
     for module, name in re.findall(r"`(\w+)\.(\w+)`", face):
-        assert hasattr(import_module(f"{named(context)}.{module}"), name), (
-            f"{context}: {module}.{name}"
-        )
+        assert hasattr(import_module(f"{named(room)}.{module}"), name), f"{room}: {module}.{name}"
 
 
 @pytest.mark.parametrize("room", ROOMS, ids=named)
-def test_a_room_has_at_most_twelve_modules(context: Path) -> None:
-    assert len([path for path in MODULES if path.parent == context]) <= MOST_MODULES
+def test_a_room_has_at_most_twelve_modules(room: Path) -> None:
+    assert len([path for path in MODULES if path.parent == room]) <= MOST_MODULES
 
 
 def test_no_module_is_a_splinter() -> None:
@@ -52,7 +50,7 @@ def test_no_file_name_is_used_twice_in_a_package(package: str) -> None:
 
 
 @pytest.mark.parametrize("room", ROOMS, ids=named)
-def test_a_room_imports_nothing(context: Path) -> None:
+def test_a_room_imports_nothing(room: Path) -> None:
     """Its `__init__` is a docstring, so that a name has one address and imports stay lazy."""
-    lines = (context / "__init__.py").read_text().splitlines()
+    lines = (room / "__init__.py").read_text().splitlines()
     assert not [line for line in lines if line.startswith(("import ", "from "))]

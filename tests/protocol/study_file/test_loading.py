@@ -289,10 +289,10 @@ def test_a_mistaken_key_is_named_first_and_nothing_is_named_twice() -> None:
         {'kind = "': 'kind = "x', "watchdog_s": "watchdg_s"},
     ],
 )
-def test_mistakes_everywhere_do_not_hide_a_voltage(semantic_problems: dict[str, str]) -> None:
+def test_mistakes_everywhere_do_not_hide_a_voltage(mistakes: dict[str, str]) -> None:
     """Also where nothing in a list is without a mistake."""
     text = PAPER.replace("ramp_to_v = 200", "ramp_to_v = 250")
-    for right, wrong in semantic_problems.items():
+    for right, wrong in mistakes.items():
         text = text.replace(right, wrong)
     with pytest.raises(StudyError) as caught:
         parsed_study(text)

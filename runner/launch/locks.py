@@ -38,7 +38,7 @@ def rig_lock(url: str, holder: str) -> Iterator[None]:
         holder: what somebody else is told, such as the session's name and the study's folder.
 
     Raises:
-        RigHeld: another process has it; the message says which session.
+        RigInUse: another process has it; the message says which session.
         UnsafeFolder: the folder of the locks is not this user's alone.
     """
     from runner.launch.rig import SIMULATED
@@ -70,7 +70,7 @@ def session_lock(session: str, study: Path, holder: str) -> Iterator[None]:
     """Hold a session of the study in the folder `study`, by whatever path one comes to it.
 
     Raises:
-        RigHeld: another process has it.
+        RigInUse: another process has it.
         UnsafeFolder: the folder of the locks is not this user's alone.
     """
     place = study.stat()

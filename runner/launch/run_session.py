@@ -64,7 +64,7 @@ def run_session(options: SessionOptions, say: Say) -> SessionState:
 
     Raises:
         BadInput, StudyError, AddressError: something given is wrong; nothing was changed.
-        DeviceError, JournalError, ParticipantGone, RigHeld: the work failed; it can be resumed.
+        DeviceError, JournalError, ParticipantGone, RigInUse: the work failed; it can be resumed.
     """
     text = options.folder.text()
     study = validated_study(text, str(options.folder.study_file))

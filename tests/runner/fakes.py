@@ -169,7 +169,7 @@ def context(
     operator: FakeOperator | None = None,
     kind: SessionKind = "participant",
 ) -> SessionContext:
-    """A room for the session P01/1 of the study `text`, opened in `journal` if it is new."""
+    """The context of the session P01/1 of the study `text`, opened in `journal` if it is new."""
     clock = FakeClock()
     log = SessionLog(journal, "P01/1", clock)
     if log.state.opened:

@@ -142,7 +142,7 @@ class Tracer:
         self.left = instruction
 
     def __call__(self, frame: FrameType, event: str, _: object) -> "Tracer | None":
-        if Path(frame.f_code.co_filename).name not in {"loop.py", "stopping.py", "contextlib.py"}:
+        if Path(frame.f_code.co_filename).name not in {"loop.py", "signals.py", "contextlib.py"}:
             return None
         frame.f_trace_opcodes = True
         if event == "opcode":

@@ -43,8 +43,8 @@ def test_this_machine_says_what_is_mounted() -> None:
 
 def test_a_second_session_is_told_who_holds_the_rig() -> None:
     program = (
-        "from runner.launch.locks import rig_held\n"
-        "with rig_held('/dev/test-rig', 'P02/1 of /study'): pass\n"
+        "from runner.launch.locks import rig_lock\n"
+        "with rig_lock('/dev/test-rig', 'P02/1 of /study'): pass\n"
     )
     with rig_lock("/dev/test-rig", "P01/1 of /study"):
         second = subprocess.run(
@@ -91,10 +91,10 @@ def test_an_address_that_leads_nowhere_is_for_others_to_refuse(url: str) -> None
 
 def test_a_dead_holder_holds_nothing() -> None:
     program = (
-        "import os\nfrom runner.launch.locks import rig_held\n"
-        "with rig_held('/dev/test-rig-3', 'dead'): os._exit(1)\n"
+        "import os\nfrom runner.launch.locks import rig_lock\n"
+        "with rig_lock('/dev/test-rig-3', 'dead'): os._exit(7)\n"
     )
-    subprocess.run([sys.executable, "-c", program], check=False)
+    assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 7
     with rig_lock("/dev/test-rig-3", "alive"):
         pass
 

@@ -1,0 +1,356 @@
+"""The events that a journal can hold: one record for each tag.
+
+This is the contract between the sessions that write a journal and all that read one. A tag, or a
+key of a payload, is written nowhere else. docs/journal.md is made of it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from functools import cached_property
+from typing import Annotated, Any, ClassVar
+
+from protocol.journal.json_record import JsonRecord, Key
+from protocol.journal.records import (
+    NOT_JUDGED,
+    CommandedDrive,
+    Compliance,
+    InstructionResponse,
+    PlannedTrial,
+    ReadBack,
+    TraceSample,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Event(JsonRecord):
+    """Something that happened; its fields are the keys of its payload."""
+
+    TAG: ClassVar[str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SessionOpened(Event):
+    """A session begins: who takes part, and the whole plan."""
+
+    TAG: ClassVar = "session-opened"
+    REQUIRED: ClassVar = frozenset({"participant", "session", "kind", "conditions", "trials"})
+    """The keys without which nothing can be said about a session."""
+
+    participant: Annotated[str, Key("pseudonym of the participant")]
+    session: Annotated[int, Key("number of the session, from 1", missing=1)]
+    kind: Annotated[str, Key("`participant` or `rehearsal`")]
+    study: Annotated[str, Key("name of the study", missing="")]
+    slot: Annotated[int | None, Key("place in the counterbalanced order, from 0", missing=None)]
+    sequence: Annotated[tuple[str, ...], Key("conditions in the order of the plan", missing=())]
+    conditions: Annotated[tuple[str, ...], Key("conditions in the order of the study file")]
+    study_sha256: Annotated[str | None, Key("digest of the study file", missing=None)]
+    study_text: Annotated[str | None, Key("the study file", missing=None)]
+    trials: Annotated[tuple[PlannedTrial, ...], Key("all planned trials", missing=())]
+    language: Annotated[str | None, Key("of the participant's texts, `en` or `zh`", missing=None)]
+    consent: Annotated[str | None, Key("reference of the signed consent, if any", missing=None)]
+    seed: Annotated[
+        int | None, Key("of the simulated device and the virtual participant", missing=None)
+    ]
+    versions: Annotated[Mapping[str, str], Key("of touchbeam and Python", missing={})]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SessionResumed(Event):
+    """An interrupted session goes on; what may be another than before is said again."""
+
+    TAG: ClassVar = "session-resumed"
+
+    study_sha256: Annotated[str | None, Key("digest of the study file", missing=None)]
+    study_text: Annotated[str | None, Key("the study file", missing=None)]
+    trials: Annotated[tuple[PlannedTrial, ...], Key("all trials as planned under it", missing=())]
+    language: Annotated[str | None, Key("of the participant's texts, `en` or `zh`", missing=None)]
+    consent: Annotated[str | None, Key("reference of the signed consent, if any", missing=None)]
+    seed: Annotated[
+        int | None, Key("of the simulated device and the virtual participant", missing=None)
+    ]
+    versions: Annotated[Mapping[str, str], Key("of touchbeam and Python", missing={})]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PracticeRenewed(Event):
+    """Practice is asked again after an interruption, if the study says so."""
+
+    TAG: ClassVar = "practice-renewed"
+
+    indices: Annotated[tuple[int, ...], Key("numbers of the practice trials")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeviceArmed(Event):
+    """The device has identified itself, its limits are set, and its output is off."""
+
+    TAG: ClassVar = "device-armed"
+
+    idn: Annotated[str | None, Key("its answer to `*IDN?`", missing=None)]
+    boot: Annotated[int | None, Key("how often it has booted, if it counts", missing=None)]
+    device_time_s: Annotated[float | None, Key("its own clock, s", missing=None)]
+    dialect: Annotated[str, Key("what it speaks", missing="board")]
+    cleared_errors: Annotated[
+        tuple[str, ...], Key("what stood in its error queue before", missing=())
+    ]
+    remarks: Annotated[tuple[str, ...], Key("what a person should know of it", missing=())]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RigDescribed(Event):
+    """The operator has answered the study's questions."""
+
+    TAG: ClassVar = "rig-described"
+
+    answers: Annotated[
+        Mapping[str, str],
+        Key("answer to each question, such as skin state, room temperature, cleaning", missing={}),
+    ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class BeamMounted(Event):
+    """The operator has mounted a beam, with the output off."""
+
+    TAG: ClassVar = "beam-mounted"
+
+    beam: Annotated[str, Key("its name")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResonanceMeasured(Event):
+    """The beam's resonance is known."""
+
+    TAG: ClassVar = "resonance-measured"
+
+    frequency_hz: Annotated[float, Key("frequency of the peak, Hz")]
+    tip_m_per_v: Annotated[float, Key("amplitude of the beam's tip there, m per V")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrialStarted(Event):
+    """A trial begins, perhaps not for the first time."""
+
+    TAG: ClassVar = "trial-started"
+
+    index: Annotated[int, Key("number of the trial")]
+    kind: Annotated[str, Key("its kind, as planned")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TouchStarted(Event):
+    """A touch begins; written before the output goes on."""
+
+    TAG: ClassVar = "touch-started"
+
+    touch: Annotated[int, Key("number of the touch in its trial, from 0")]
+    commanded: Annotated[CommandedDrive, Key("the drive it begins with")]
+    instruction: Annotated[
+        InstructionResponse | None, Key("how the participant got ready", missing=None)
+    ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TouchEnded(Event):
+    """A touch is over; written after the output is off."""
+
+    TAG: ClassVar = "touch-ended"
+
+    touch: Annotated[int, Key("number of the touch in its trial, from 0")]
+    read_back: Annotated[
+        tuple[ReadBack, ...],
+        Key(
+            "the device's own word at start and end, and five times a second in between where "
+            "amplitude or frequency change",
+            missing=(),
+        ),
+    ]
+    trace: Annotated[
+        tuple[TraceSample, ...],
+        Key("the finger's time (the device's, s), force (N) and position (m)", missing=()),
+    ]
+    judged: Annotated[Compliance, Key("how it was judged", missing=NOT_JUDGED)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Answered(Event):
+    """A trial is over and what it asked is answered."""
+
+    TAG: ClassVar = "answered"
+
+    index: Annotated[int, Key("number of the trial")]
+    kind: Annotated[str, Key("its kind, as planned")]
+    condition: Annotated[str | None, Key("name of its condition, if it has one")]
+    change: Annotated[str | None, Key("the answer, null if nothing is asked", missing=None)]
+    agrees: Annotated[bool | None, Key("whether it agrees with the expectation", missing=None)]
+    score: Annotated[int | None, Key("the score, null if none was given")]
+    level: Annotated[float, Key("of the trial, as planned", missing=1.0)]
+    opposite: Annotated[bool, Key("whether its touches came in the opposite order", missing=False)]
+    reaction_time_s: Annotated[tuple[float, ...], Key("of each answer in turn, s", missing=())]
+    traces: Annotated[
+        tuple[Mapping[str, Any] | None, ...],
+        Key("how each answer came about, see [window.md](window.md)", missing=()),
+    ]
+    judged: Annotated[tuple[Compliance, ...], Key("how each touch was judged", missing=())]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrialAborted(Event):
+    """A trial ended before it was answered; it is done again."""
+
+    TAG: ClassVar = "trial-aborted"
+
+    index: Annotated[int, Key("number of the trial")]
+    why: Annotated[str, Key("why", missing="")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Paused(Event):
+    """A pause at the operator's wish begins."""
+
+    TAG: ClassVar = "paused"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unpaused(Event):
+    """The pause is over."""
+
+    TAG: ClassVar = "unpaused"
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoteTaken(Event):
+    """The operator has written something down."""
+
+    TAG: ClassVar = "note"
+
+    text: Annotated[str, Key("what the operator typed", missing="")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeviceOff(Event):
+    """The device is no longer armed."""
+
+    TAG: ClassVar = "device-off"
+
+    confirmed: Annotated[bool, Key("whether the output was read back as off")]
+    why: Annotated[str, Key("why it was turned off", missing="")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SessionCompleted(Event):
+    """Every planned trial is answered."""
+
+    TAG: ClassVar = "session-completed"
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrialExcluded(Event):
+    """A trial is taken out of the analysis."""
+
+    TAG: ClassVar = "trial-excluded"
+
+    index: Annotated[int, Key("number of the trial")]
+    reason: Annotated[str, Key("why", missing="")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SessionExcluded(Event):
+    """The whole session is taken out of the analysis."""
+
+    TAG: ClassVar = "session-excluded"
+
+    reason: Annotated[str, Key("why", missing="")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Withdrawn(Event):
+    """The participant has withdrawn: the payloads of all their sessions are erased."""
+
+    TAG: ClassVar = "withdrawn"
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudyAmended(Event):
+    """A changed study file is accepted; in the chain `@study`."""
+
+    TAG: ClassVar = "study-amended"
+
+    study_sha256: Annotated[str, Key("digest of the changed file")]
+    reason: Annotated[str, Key("why", missing="")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScoresImported(Event):
+    """A subject of a published table: the only event of its session."""
+
+    TAG: ClassVar = "scores-imported"
+
+    participant: Annotated[str, Key("the subject's name in the table")]
+    session: Annotated[int, Key("number of the session", missing=1)]
+    conditions: Annotated[tuple[str, ...], Key("conditions in the order of the table")]
+    scores: Annotated[Mapping[str, float | None], Key("score of each condition, null if missing")]
+    source: Annotated[str | None, Key("name of the file", missing=None)]
+    source_sha256: Annotated[str | None, Key("digest of the file", missing=None)]
+
+    kind: ClassVar = "published"
+    slot: ClassVar = None
+    trials: ClassVar[tuple[PlannedTrial, ...]] = ()
+
+
+Opening = SessionOpened | ScoresImported
+"""The first event of a session."""
+
+EVENTS: tuple[type[Event], ...] = (
+    SessionOpened,
+    SessionResumed,
+    PracticeRenewed,
+    DeviceArmed,
+    RigDescribed,
+    BeamMounted,
+    ResonanceMeasured,
+    TrialStarted,
+    TouchStarted,
+    TouchEnded,
+    Answered,
+    TrialAborted,
+    Paused,
+    Unpaused,
+    NoteTaken,
+    DeviceOff,
+    SessionCompleted,
+    TrialExcluded,
+    SessionExcluded,
+    Withdrawn,
+    StudyAmended,
+    ScoresImported,
+)
+TAGS: Mapping[str, type[Event]] = {event.TAG: event for event in EVENTS}
+
+
+def event_of(tag: str, payload: Mapping[str, Any]) -> Event:
+    """Return the event that a journal holds as `tag` and `payload`.
+
+    Raises:
+        KeyError: no event has this tag, or the payload lacks what every build has written.
+        TypeError, AttributeError: a value has another shape than any build has written.
+    """
+    return TAGS[tag].from_json(payload)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StoredEvent:
+    """An event as it stands in a session's chain; its payload is empty once erased."""
+
+    seq: int
+    tag: str
+    utc: datetime
+    monotonic_s: float
+    payload: Mapping[str, Any]
+    erased: bool = False
+
+    @cached_property
+    def record(self) -> Event:
+        """What happened. Raises as `event_of`; an erased event has lost it."""
+        return event_of(self.tag, self.payload)

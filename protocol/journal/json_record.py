@@ -1,0 +1,108 @@
+"""Records that stand in a journal as JSON: their keys, and how each one is read and written."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from types import NoneType, UnionType
+from typing import Annotated, Any, Final, NamedTuple, Self, get_args, get_origin, get_type_hints
+
+_REQUIRED: Final = object()
+_Reader = Callable[[Any], Any]
+
+
+@dataclass(frozen=True)
+class Key:
+    """What a key of a payload means, and what it means that an earlier build did not write it.
+
+    Without `missing` every build has written the key.
+    """
+
+    meaning: str
+    missing: Any = _REQUIRED
+
+    @property
+    def required(self) -> bool:
+        """Whether every build has written the key."""
+        return self.missing is _REQUIRED
+
+
+class KeyOf(NamedTuple):
+    """A key of a record: its name, its type, what it means, and what reads its value."""
+
+    name: str
+    type: Any
+    key: Key
+    read: _Reader
+
+
+@dataclass(frozen=True, kw_only=True)
+class JsonRecord:
+    """A frozen dataclass whose fields are the keys of a JSON object.
+
+    Every field is annotated as `Annotated[type, Key(...)]`. The types say how JSON is read: another
+    record, a named tuple, a tuple of any of these, or a plain value.
+    """
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the object as JSON holds it, of dicts, lists and plain values."""
+        return {key.name: _plain(getattr(self, key.name)) for key in self.json_keys()}
+
+    @classmethod
+    def from_json(cls, payload: Mapping[str, Any]) -> Self:
+        """Return the record of a JSON object; keys that this build does not know are ignored.
+
+        Raises:
+            KeyError: a key is missing that every build has written.
+            TypeError, AttributeError: a value has another shape than any build has written.
+        """
+        return cls(
+            **{
+                name: read(payload[name]) if key.required or name in payload else key.missing
+                for name, _, key, read in cls.json_keys()
+            }
+        )
+
+    @classmethod
+    @cache
+    def json_keys(cls) -> tuple[KeyOf, ...]:
+        """Return the keys of the object in the order of writing."""
+        hints = get_type_hints(cls, include_extras=True)
+        described = [
+            (name, *get_args(hint)) for name, hint in hints.items() if get_origin(hint) is Annotated
+        ]
+        return tuple(KeyOf(name, kind, key, _reader(kind)) for name, kind, key in described)
+
+
+def _reader(hint: Any) -> _Reader:
+    """Return what makes a value of the type `hint` of JSON."""
+    if get_origin(hint) is UnionType:
+        return _optional(_reader(next(part for part in get_args(hint) if part is not NoneType)))
+    if get_origin(hint) is tuple:
+        return _each(_reader(get_args(hint)[0]))
+    if isinstance(hint, type) and issubclass(hint, JsonRecord):
+        return hint.from_json
+    if isinstance(hint, type) and issubclass(hint, tuple):
+        return lambda values: hint(*values)
+    return _as_it_is
+
+
+def _optional(read: _Reader) -> _Reader:
+    return read if read is _as_it_is else lambda value: None if value is None else read(value)
+
+
+def _each(read: _Reader) -> _Reader:
+    return tuple if read is _as_it_is else lambda values: tuple(map(read, values))
+
+
+def _as_it_is(value: Any) -> Any:
+    return value
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, JsonRecord):
+        return value.to_json()
+    if isinstance(value, Mapping):
+        return {name: _plain(entry) for name, entry in value.items()}
+    if isinstance(value, Iterable) and not isinstance(value, str):
+        return [_plain(entry) for entry in value]
+    return value

@@ -1,0 +1,269 @@
+"""Every event is written and read as the same JSON, by this build and by earlier ones."""
+
+import json
+from datetime import UTC, datetime
+from types import NoneType, UnionType
+from typing import Any, get_args, get_origin
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from protocol.journal.events import (
+    EVENTS,
+    TAGS,
+    Answered,
+    Event,
+    ScoresImported,
+    SessionOpened,
+    SessionResumed,
+    StoredEvent,
+    TouchEnded,
+    TouchStarted,
+    event_of,
+)
+from protocol.journal.json_record import JsonRecord
+from protocol.journal.records import Compliance, PlannedTrial, ReadBack, TraceSample
+
+_FLOATS = st.floats(allow_nan=False, allow_infinity=False)
+_JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | _FLOATS | st.text(),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(), inner, max_size=3),
+    max_leaves=5,
+)
+_OF_TYPE: dict[Any, st.SearchStrategy[Any]] = {
+    Any: _JSON,
+    bool: st.booleans(),
+    int: st.integers(),
+    float: _FLOATS,
+    str: st.text(),
+}
+
+
+def values(hint: Any) -> st.SearchStrategy[Any]:
+    """Anything that a field of this type may hold."""
+    if hint in _OF_TYPE:
+        return _OF_TYPE[hint]
+    origin, parts = get_origin(hint), get_args(hint)
+    if origin is UnionType:
+        return st.none() | st.one_of([values(part) for part in parts if part is not NoneType])
+    if origin is tuple:
+        return st.lists(values(parts[0]), max_size=3).map(tuple)
+    if origin is not None:
+        return st.dictionaries(st.text(), values(parts[1]), max_size=3)
+    if issubclass(hint, JsonRecord):
+        return records(hint)
+    return st.builds(hint, *[values(kind) for kind in hint.__annotations__.values()])
+
+
+def records(record: type[JsonRecord]) -> st.SearchStrategy[Any]:
+    """Any record of this class."""
+    return st.builds(record, **{key.name: values(key.type) for key in record.json_keys()})
+
+
+@given(event=st.one_of([records(event) for event in EVENTS]))
+def test_an_event_survives_the_journal(event: Event) -> None:
+    payload = event.to_json()
+    stored = json.loads(json.dumps(payload))
+    assert stored == payload, "plain JSON, so that reading it gives the same again"
+    assert event_of(event.TAG, stored) == event
+    assert event_of(event.TAG, stored).to_json() == payload
+
+
+PAYLOADS: dict[str, dict[str, Any]] = {
+    "session-opened": {
+        "participant": "P01",
+        "session": 1,
+        "kind": "participant",
+        "study": "paper",
+        "slot": 0,
+        "sequence": ["pressure"],
+        "conditions": ["pressure"],
+        "study_sha256": "0" * 64,
+        "study_text": "[study]",
+        "trials": [
+            {
+                "index": 0,
+                "block": 1,
+                "kind": "trial",
+                "condition": "pressure",
+                "question": "strength",
+                "expected": "stronger",
+                "scored": True,
+                "touches": [{"place": "path", "voltage_v": 100.0, "press": 1.0}],
+                "level": 1.0,
+                "opposite": False,
+                "break_s": 0.0,
+            }
+        ],
+        "language": "en",
+        "consent": None,
+        "seed": 1,
+        "versions": {"touchbeam": "0.1.0", "python": "3.11.7"},
+    },
+    "session-resumed": {
+        "study_sha256": "0" * 64,
+        "study_text": "[study]",
+        "trials": [],
+        "language": "zh",
+        "consent": "A-7",
+        "seed": 2,
+        "versions": {"touchbeam": "0.1.0", "python": "3.11.7"},
+    },
+    "practice-renewed": {"indices": [2, 3]},
+    "device-armed": {
+        "idn": "touchbeam,BOARD,SIM,1.1",
+        "boot": 1,
+        "device_time_s": 0.0,
+        "dialect": "board",
+        "cleared_errors": ['-113,"Undefined header"'],
+        "remarks": [],
+    },
+    "rig-described": {"answers": {"skin state": "dry"}},
+    "beam-mounted": {"beam": "1 mm"},
+    "resonance-measured": {"frequency_hz": 24068.8, "tip_m_per_v": 8.9e-09},
+    "trial-started": {"index": 0, "kind": "baseline"},
+    "touch-started": {
+        "touch": 0,
+        "commanded": {"voltage_v": 0.0, "frequency_hz": 24068.8, "ramp_v_per_s": 400.0},
+        "instruction": {"answer": "ready", "reaction_time_s": 0.744, "trace": None},
+    },
+    "touch-ended": {
+        "touch": 0,
+        "read_back": [
+            {
+                "output": True,
+                "voltage_v": 0.0,
+                "frequency_hz": 24068.80786,
+                "monitor_v": -0.02,
+                "force_n": 0.5,
+                "position_m": 0.0415,
+                "device_time_s": 6.25,
+            }
+        ],
+        "trace": [[6.25, 0.5, 0.0415]],
+        "judged": {"force_n": 0.5, "force_ok": True, "place_ok": None},
+    },
+    "answered": {
+        "index": 4,
+        "kind": "trial",
+        "condition": "pressure",
+        "change": "stronger",
+        "agrees": True,
+        "score": 7,
+        "level": 1.0,
+        "opposite": False,
+        "reaction_time_s": [1.767, 2.0],
+        "traces": [None, {"start": None, "changes": [[0.5, "7", "pointer"]]}],
+        "judged": [{"force_n": 0.5, "force_ok": True, "place_ok": True}],
+    },
+    "trial-aborted": {"index": 4, "why": "repeated at the operator's wish"},
+    "paused": {},
+    "unpaused": {},
+    "note": {"text": "the phone rang"},
+    "device-off": {"confirmed": True, "why": "end of session"},
+    "session-completed": {},
+    "trial-excluded": {"index": 4, "reason": "noise"},
+    "session-excluded": {"reason": "fell asleep"},
+    "withdrawn": {},
+    "study-amended": {"study_sha256": "1" * 64, "reason": "shorter ramp"},
+    "scores-imported": {
+        "participant": "S1",
+        "session": 1,
+        "conditions": ["voltage", "pressure"],
+        "scores": {"voltage": 7.5, "pressure": None},
+        "source": "scores.csv",
+        "source_sha256": "2" * 64,
+    },
+}
+"""A payload of each event as every journal holds it; these do not change."""
+
+
+def test_each_event_has_a_payload_of_its_own_here() -> None:
+    assert list(PAYLOADS) == [event.TAG for event in EVENTS] == list(TAGS)
+
+
+@pytest.mark.parametrize("tag", PAYLOADS)
+def test_what_journals_hold_is_read_and_written_alike(tag: str) -> None:
+    event = event_of(tag, PAYLOADS[tag])
+    assert json.dumps(event.to_json()) == json.dumps(PAYLOADS[tag]), "in the same order too"
+
+
+@pytest.mark.parametrize("tag", PAYLOADS)
+def test_keys_of_later_builds_are_passed_over(tag: str) -> None:
+    def later(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {name: later(entry) for name, entry in value.items()} | {"later": [1]}
+        return [later(entry) for entry in value] if isinstance(value, list) else value
+
+    open_ended = {"versions", "answers", "scores", "touches", "traces"}  # whose keys are data
+    payload = {
+        name: later(entry) for name, entry in PAYLOADS[tag].items() if name not in open_ended
+    }
+    for trial in payload.get("trials", ()):
+        del trial["touches"][0]["later"]
+    kept = {name: entry for name, entry in PAYLOADS[tag].items() if name in open_ended}
+    assert event_of(tag, {**payload, **kept, "later": 1}) == event_of(tag, PAYLOADS[tag])
+
+
+@pytest.mark.parametrize("event", EVENTS)
+def test_what_an_earlier_build_did_not_write_has_a_meaning(event: type[Event]) -> None:
+    written = PAYLOADS[event.TAG]
+    for key in event.json_keys():
+        without = {name: value for name, value in written.items() if name != key.name}
+        if key.key.required:
+            with pytest.raises(KeyError, match=key.name):
+                event.from_json(without)
+        else:
+            assert getattr(event.from_json(without), key.name) == key.key.missing
+
+
+def test_events_of_earlier_builds_are_read_as_they_were_meant() -> None:
+    session = {"participant": "P01", "kind": "participant", "conditions": ["a"]}
+    opened = SessionOpened.from_json(session)
+    assert (opened.session, opened.slot, opened.study_text, opened.versions) == (1, None, None, {})
+    table = ScoresImported.from_json({"participant": "S1", "conditions": [], "scores": {}})
+    assert (table.session, table.kind, table.slot, table.trials) == (1, "published", None, ())
+    assert SessionResumed.from_json({}).trials == ()
+    answer = {"index": 1, "kind": "trial", "condition": "a", "score": None}
+    answered = Answered.from_json(answer)
+    assert (answered.level, answered.opposite, answered.reaction_time_s) == (1.0, False, ())
+    touched = TouchEnded.from_json({"touch": 0})
+    assert (touched.read_back, touched.trace, touched.judged.force_n) == ((), (), None)
+
+
+def test_what_an_event_holds_has_a_type_too() -> None:
+    opened = SessionOpened.from_json(PAYLOADS["session-opened"])
+    assert isinstance(opened.trials[0], PlannedTrial)
+    assert opened.trials[0].touches[0]["voltage_v"] == 100.0
+    ended = TouchEnded.from_json(PAYLOADS["touch-ended"])
+    assert isinstance(ended.read_back[0], ReadBack)
+    assert ended.trace == (TraceSample(t_s=6.25, force_n=0.5, position_m=0.0415),)
+    assert ended.judged == Compliance(force_n=0.5, force_ok=True, place_ok=None)
+    begun = TouchStarted.from_json(PAYLOADS["touch-started"])
+    assert begun.commanded.ramp_v_per_s == 400.0
+
+
+@pytest.mark.parametrize(
+    ("tag", "payload"),
+    [
+        ("answered", {"index": 1}),
+        ("touch-ended", {"touch": 0, "trace": [[1.0]]}),
+        ("touch-ended", {"touch": 0, "judged": 1}),
+        ("practice-renewed", {"indices": 1}),
+        ("session-opened", {**PAYLOADS["session-opened"], "trials": [1]}),
+        ("no such event", {}),
+    ],
+)
+def test_what_no_build_has_written_is_refused(tag: str, payload: dict[str, Any]) -> None:
+    with pytest.raises((KeyError, TypeError, AttributeError), match=r"\w"):
+        event_of(tag, payload)
+
+
+def test_a_stored_event_knows_what_happened() -> None:
+    noon = datetime(2026, 1, 1, 12, tzinfo=UTC)
+    stored = StoredEvent(
+        seq=3, tag="answered", utc=noon, monotonic_s=1.5, payload=PAYLOADS["answered"]
+    )
+    assert isinstance(stored.record, Answered)
+    assert stored.record.score == 7

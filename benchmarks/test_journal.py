@@ -12,11 +12,13 @@ from time import perf_counter
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from protocol.journal.state import Event, folded
+from protocol.journal.events import StoredEvent
+from protocol.journal.state import folded
 from runner.journal.store import open_journal
 
 NOON = datetime(2026, 1, 1, 12, tzinfo=UTC)
 PAYLOAD = {"index": 3, "change": "smoother", "agrees": True, "score": 8, "reaction_time_s": [1.2]}
+OPENING = {"participant": "P01", "kind": "participant", "conditions": [], "trials": []}
 APPENDS = 400
 BARE = """CREATE TABLE event (session TEXT, seq INTEGER, tag TEXT, utc TEXT, monotonic_s REAL,
     body TEXT, PRIMARY KEY (session, seq)) STRICT"""
@@ -30,9 +32,9 @@ def folder() -> Iterator[Path]:
         yield Path(place)
 
 
-def event(seq: int) -> Event:
+def event(seq: int) -> StoredEvent:
     """An answer."""
-    return Event(seq=seq, tag="note", utc=NOON, monotonic_s=seq, payload=PAYLOAD)
+    return StoredEvent(seq=seq, tag="note", utc=NOON, monotonic_s=seq, payload=PAYLOAD)
 
 
 def test_an_event_costs_at_most_1_3_bare_inserts(benchmark: BenchmarkFixture, folder: Path) -> None:
@@ -65,7 +67,8 @@ def test_100_000_events_open_and_fold_in_a_second(
         for session in range(1_000):
             name = f"P{session:04d}/1"
             journal.append(
-                name, Event(seq=0, tag="session-opened", utc=NOON, monotonic_s=0, payload=PAYLOAD)
+                name,
+                StoredEvent(seq=0, tag="session-opened", utc=NOON, monotonic_s=0, payload=OPENING),
             )
             for seq in range(1, 100):
                 journal.append(name, event(seq))

@@ -11,7 +11,7 @@ from time import perf_counter
 import numpy as np
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from protocol.journal.state import Event
+from protocol.journal.events import StoredEvent
 from protocol.study_file.loading import parsed_study, template
 from runner.journal.store import open_journal
 from tests.analysis.reports import session_events
@@ -35,7 +35,9 @@ def _study(folder: Path, participants: int) -> Path:
             name = f"P{number + 1:04d}"
             events = session_events(STUDY, number % ARRANGEMENTS, rng, who=name)
             for seq, (tag, payload) in enumerate(events):
-                event = Event(seq=seq, tag=tag, utc=WHEN, monotonic_s=float(seq), payload=payload)
+                event = StoredEvent(
+                    seq=seq, tag=tag, utc=WHEN, monotonic_s=float(seq), payload=payload
+                )
                 journal.append(f"{name}/1", event)
     return folder
 

@@ -7,7 +7,6 @@ key of a payload, is written nowhere else. docs/journal.md is made of it.
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
-from functools import cached_property
 from typing import Annotated, Any, ClassVar
 
 from protocol.journal.json_record import JsonRecord, Key
@@ -339,7 +338,7 @@ def event_of(tag: str, payload: Mapping[str, Any]) -> Event:
     return TAGS[tag].from_json(payload)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class StoredEvent:
     """An event as it stands in a session's chain; its payload is empty once erased."""
 
@@ -350,7 +349,7 @@ class StoredEvent:
     payload: Mapping[str, Any]
     erased: bool = False
 
-    @cached_property
+    @property
     def record(self) -> Event:
-        """What happened. Raises as `event_of`; an erased event has lost it."""
+        """What happened, read anew each time; an erased event has lost it. Raises as `event_of`."""
         return event_of(self.tag, self.payload)

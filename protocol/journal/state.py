@@ -1,23 +1,40 @@
 """Where a session stands: a fold over its events, and nothing else."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from datetime import datetime
-from typing import Any
 
+from protocol.journal.events import (
+    Answered,
+    BeamMounted,
+    Event,
+    Opening,
+    PracticeRenewed,
+    ScoresImported,
+    SessionOpened,
+    SessionResumed,
+    StoredEvent,
+    TrialAborted,
+    TrialExcluded,
+    TrialStarted,
+)
 from protocol.journal.transitions import next_state
 
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Event:
-    """One thing that happened. `tag` is a plain string; `payload` is JSON, empty once erased."""
-
-    seq: int
-    tag: str
-    utc: datetime
-    monotonic_s: float
-    payload: Mapping[str, Any]
-    erased: bool = False
+_FOLDED = frozenset(
+    kind.TAG
+    for kind in (
+        SessionOpened,
+        ScoresImported,
+        SessionResumed,
+        BeamMounted,
+        PracticeRenewed,
+        TrialStarted,
+        TrialAborted,
+        Answered,
+        TrialExcluded,
+    )
+)
+"""The other events change nothing but the name of the state; a long trace need not be read."""
 
 
 @dataclass(kw_only=True)
@@ -25,70 +42,71 @@ class SessionState:
     """What the events so far add up to. Only `take` changes it."""
 
     name: str = "new"
-    opened: Mapping[str, Any] | None = None
+    opened: Opening | None = None
     trial: int | None = None
     beam: str | None = None
     answered: set[int] = field(default_factory=set)
     answered_twice: list[int] = field(default_factory=list)
     aborted: list[int] = field(default_factory=list)
-    attempts: dict[int, int] = field(default_factory=dict)
     excluded: dict[int, str] = field(default_factory=dict)
-    amended_to: list[str] = field(default_factory=list)
     last_answer: str = ""
     last_event_utc: datetime | None = None
 
-    def take(self, event: Event) -> None:
+    @property
+    def planned(self) -> set[int]:
+        """Indices of the planned trials; none for published scores or after a withdrawal."""
+        return set() if self.opened is None else {trial.index for trial in self.opened.trials}
+
+    def take(self, event: StoredEvent) -> None:
         """Take one more event in.
 
         Raises:
             NotAllowed: the state does not permit it; nothing changes.
+            KeyError, TypeError, AttributeError: no build has written such a payload.
         """
         self.name = next_state(self.name, event.tag)
         self.last_event_utc = event.utc
-        if not event.erased:
-            self._take_payload(event.tag, event.payload)
+        if event.tag in _FOLDED and not event.erased:
+            self._take_record(event.record)
 
-    def _take_payload(self, tag: str, payload: Mapping[str, Any]) -> None:
-        match tag:
-            case "session-opened" | "scores-imported":
-                self.opened = payload
-            case "study-amended":
-                self.amended_to.append(payload["study_sha256"])
-            case "beam-mounted" | "session-resumed":  # meanwhile another may have been mounted
-                self.beam = payload.get("beam")
-            case "practice-renewed":
-                self.answered.difference_update(payload["indices"])
-            case "trial-excluded":
-                self.excluded[payload["index"]] = payload["reason"]
-            case "answered":
-                self.last_answer = _in_words(payload)
-                self._take_trial(tag, payload["index"])
-            case "trial-started" | "trial-aborted":
-                self._take_trial(tag, payload["index"])
+    def _take_record(self, event: Event) -> None:
+        match event:
+            case SessionOpened() | ScoresImported():
+                self.opened = event
+            case SessionResumed():
+                self.beam = None  # meanwhile another may have been mounted
+            case BeamMounted():
+                self.beam = event.beam
+            case PracticeRenewed():
+                self.answered.difference_update(event.indices)
+            case TrialExcluded():
+                self.excluded[event.index] = event.reason
+            case TrialStarted() | TrialAborted() | Answered():
+                self._take_trial(event)
 
-    def _take_trial(self, tag: str, index: int) -> None:
-        self.trial = index if tag == "trial-started" else None
-        match tag:
-            case "trial-started":
-                self.attempts[index] = self.attempts.get(index, 0) + 1
-            case "trial-aborted":
-                self.aborted.append(index)
-            case "answered":
-                if index in self.answered:
-                    self.answered_twice.append(index)
-                self.answered.add(index)
+    def _take_trial(self, event: TrialStarted | TrialAborted | Answered) -> None:
+        self.trial = event.index if isinstance(event, TrialStarted) else None
+        match event:
+            case TrialAborted():
+                self.aborted.append(event.index)
+            case Answered():
+                self.last_answer = _in_words(event)
+                if event.index in self.answered:
+                    self.answered_twice.append(event.index)
+                self.answered.add(event.index)
 
 
-def _in_words(answer: Mapping[str, Any]) -> str:
-    change, score = answer.get("change"), answer.get("score")
-    return ", ".join([change or "felt", *([] if score is None else [f"score {score}"])])
+def _in_words(answer: Answered) -> str:
+    score = [] if answer.score is None else [f"score {answer.score}"]
+    return ", ".join([answer.change or "felt", *score])
 
 
-def folded(events: Iterable[Event]) -> SessionState:
+def folded(events: Iterable[StoredEvent]) -> SessionState:
     """Return the state that `events` lead to from the beginning.
 
     Raises:
         NotAllowed: one of them is not permitted where it stands.
+        KeyError, TypeError, AttributeError: no build has written such a payload.
     """
     state = SessionState()
     for event in events:

@@ -4,6 +4,14 @@ Whoever excludes from a session or withdraws it holds that session: no process i
 """
 
 from protocol.errors import BadInput
+from protocol.journal.events import (
+    Event,
+    SessionExcluded,
+    SessionOpened,
+    StudyAmended,
+    TrialExcluded,
+    Withdrawn,
+)
 from protocol.journal.transitions import NotAllowed
 from protocol.study_file.loading import text_digest
 from runner.clock import Clock
@@ -14,8 +22,13 @@ from runner.journal.verification import STUDY_CHAIN
 
 def accepted_digests(journal: Journal) -> list[str]:
     """Return the digests of the study files that were in force, the present one last."""
-    events = journal.tagged("session-opened", "study-amended")
-    return [event.payload["study_sha256"] for event in events if not event.erased]
+    events = journal.events_of(SessionOpened, StudyAmended)
+    records = [event.record for event in events if not event.erased]
+    return [
+        record.study_sha256
+        for record in records
+        if isinstance(record, SessionOpened | StudyAmended) and record.study_sha256 is not None
+    ]
 
 
 def exclude_trial(journal: Journal, clock: Clock, session: str, index: int, reason: str) -> None:
@@ -25,14 +38,14 @@ def exclude_trial(journal: Journal, clock: Clock, session: str, index: int, reas
         BadInput: there is no such session or trial, or it is excluded already.
     """
     log = _log(journal, clock, session)
-    planned = {trial["index"] for trial in (log.state.opened or {}).get("trials", ())}
+    planned = log.state.planned
     if index not in planned:
         raise BadInput(f"{session} has no trial {index}; it has {_span(planned)}")
     if index in log.state.excluded:
         why = log.state.excluded[index]
         raise BadInput(f"trial {index} of {session} is excluded already: {why}")
     close_interrupted(log)
-    _append(log, session, "trial-excluded", index=index, reason=reason)
+    _append(log, session, TrialExcluded(index=index, reason=reason))
 
 
 def exclude_session(journal: Journal, clock: Clock, session: str, reason: str) -> None:
@@ -43,7 +56,7 @@ def exclude_session(journal: Journal, clock: Clock, session: str, reason: str) -
     """
     log = _log(journal, clock, session)
     close_interrupted(log)
-    _append(log, session, "session-excluded", reason=reason)
+    _append(log, session, SessionExcluded(reason=reason))
 
 
 def amend(journal: Journal, clock: Clock, study_text: str, reason: str) -> None:
@@ -57,7 +70,7 @@ def amend(journal: Journal, clock: Clock, study_text: str, reason: str) -> None:
     if accepted and digest == accepted[-1]:
         raise BadInput("study.toml is the accepted one already; there is nothing to amend")
     log = SessionLog(journal, STUDY_CHAIN, clock)
-    log.append("study-amended", study_sha256=digest, reason=reason)
+    log.append(StudyAmended(study_sha256=digest, reason=reason))
 
 
 def withdraw(journal: Journal, clock: Clock, participant: str) -> list[str]:
@@ -75,7 +88,7 @@ def withdraw(journal: Journal, clock: Clock, participant: str) -> list[str]:
         for session in sessions:
             log = SessionLog(journal, session, clock)
             if log.state.name != "withdrawn":
-                log.append("withdrawn")
+                log.append(Withdrawn())
         journal.erase_payloads(sessions)
     journal.forget_erased()
     return sessions
@@ -94,9 +107,9 @@ def _log(journal: Journal, clock: Clock, session: str) -> SessionLog:
     return SessionLog(journal, session, clock)
 
 
-def _append(log: SessionLog, session: str, tag: str, **payload: object) -> None:
+def _append(log: SessionLog, session: str, exclusion: Event) -> None:
     try:
-        log.append(tag, **payload)
+        log.append(exclusion)
     except NotAllowed:
         raise BadInput(f"{session} is {log.state.name}; it cannot be excluded now") from None
 

@@ -9,7 +9,7 @@ import json
 from datetime import UTC, datetime
 from typing import Any, NamedTuple, NoReturn
 
-from protocol.journal.state import Event
+from protocol.journal.events import StoredEvent
 
 FIRST_HASH = "0" * 64
 
@@ -19,7 +19,7 @@ _PAYLOAD = json.JSONEncoder(ensure_ascii=False, sort_keys=True, allow_nan=False)
 class ChainLink(NamedTuple):
     """An event, its payload as it is stored (None: erased), and what ties it to the others."""
 
-    event: Event
+    event: StoredEvent
     payload: str | None
     payload_sha256: str
     hash: str
@@ -41,7 +41,7 @@ def _no_number(text: str) -> NoReturn:
 _STORED = json.JSONDecoder(parse_constant=_no_number)
 
 
-def stored_event(row: tuple[Any, ...]) -> Event:
+def stored_event(row: tuple[Any, ...]) -> StoredEvent:
     """Return the event of a row: number, tag, time, seconds, payload.
 
     Raises:
@@ -55,7 +55,7 @@ def stored_event(row: tuple[Any, ...]) -> Event:
         raise DamagedError(f"event {seq} is damaged: {error}") from error
     if not isinstance(payload, dict):
         raise DamagedError(f"event {seq} is damaged: its payload must be an object")
-    return Event(
+    return StoredEvent(
         seq=seq,
         tag=tag,
         utc=when,
@@ -65,12 +65,12 @@ def stored_event(row: tuple[Any, ...]) -> Event:
     )
 
 
-def payload_text(event: Event) -> str:
+def payload_text(event: StoredEvent) -> str:
     """Return the payload of `event` as it is stored."""
     return _PAYLOAD.encode(event.payload)
 
 
-def event_fields(session: str, event: Event, digest: str) -> tuple[object, ...]:
+def event_fields(session: str, event: StoredEvent, digest: str) -> tuple[object, ...]:
     """Return what of an event the chain's hash covers."""
     return (session, event.seq, event.tag, event.utc.isoformat(), event.monotonic_s, digest)
 

@@ -50,12 +50,12 @@ def slot_for(sessions: Mapping[str, SessionState], participant: str, kind: str) 
     """
     taken: dict[int, SlotState] = {}
     for state in sessions.values():
-        opened = state.opened or {}
-        if opened.get("kind") != kind:
+        opened = state.opened
+        if opened is None or opened.kind != kind or opened.slot is None:
             continue
-        if opened["participant"] == participant and state.name not in _GONE:
-            return int(opened["slot"])
-        taken[opened["slot"]] = _slot_state(state, taken.get(opened["slot"], "free"))
+        if opened.participant == participant and state.name not in _GONE:
+            return opened.slot
+        taken[opened.slot] = _slot_state(state, taken.get(opened.slot, "free"))
     highest = max(taken, default=-1)
     return next_slot([taken.get(slot, "free") for slot in range(highest + 1)])
 
@@ -68,20 +68,19 @@ def _slot_state(state: SessionState, before: SlotState) -> SlotState:
 
 
 def _finished_before_exclusion(state: SessionState) -> bool:
-    planned = len((state.opened or {}).get("trials", ()))
-    return state.name in _GONE and 0 < planned <= len(state.answered)
+    return state.name in _GONE and 0 < len(state.planned) <= len(state.answered)
 
 
 def _standing(name: str, state: SessionState) -> SessionSummary:
     participant, _, number = name.rpartition("/")
-    opened = state.opened or {}
+    opened = state.opened
     return SessionSummary(
         participant=participant,
         session=int(number) if number.isdecimal() else 0,
-        kind=opened.get("kind", "published" if "scores" in opened else "unknown"),
+        kind="unknown" if opened is None else opened.kind,
         state=state.name,
-        slot=opened.get("slot"),
+        slot=None if opened is None else opened.slot,
         answered=len(state.answered),
-        planned=len(opened.get("trials", ())),
+        planned=len(state.planned),
         excluded_trials=len(state.excluded),
     )

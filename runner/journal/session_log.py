@@ -1,8 +1,7 @@
 """The journal of one session: every event is checked against the state, stored, then folded."""
 
-from collections.abc import Mapping
-
-from protocol.journal.state import Event, SessionState, folded
+from protocol.journal.events import DeviceOff, Event, StoredEvent, TrialAborted
+from protocol.journal.state import SessionState, folded
 from protocol.journal.transitions import next_state
 from runner.clock import Clock
 from runner.journal.store import Journal
@@ -20,28 +19,28 @@ class SessionLog:
         self._next_seq = len(events)
         self.state: SessionState = folded(events)
 
-    def append(self, tag: str, **payload: object) -> None:
-        """Store an event; it is safe when this returns.
+    def append(self, event: Event) -> None:
+        """Store `event`; it is safe when this returns.
 
         Raises:
             NotAllowed: the state does not permit it; nothing is stored.
             JournalError: it could not be stored.
         """
-        next_state(self.state.name, tag)
+        next_state(self.state.name, event.TAG)
         with stops_deferred():
-            self._store(tag, payload)
+            self._store(event)
 
-    def _store(self, tag: str, payload: Mapping[str, object]) -> None:
-        event = Event(
+    def _store(self, event: Event) -> None:
+        stored = StoredEvent(
             seq=self._next_seq,
-            tag=tag,
+            tag=event.TAG,
             utc=self._clock.utc(),
             monotonic_s=self._clock.monotonic_s(),
-            payload=payload,
+            payload=event.to_json(),
         )
-        self._journal.append(self._session, event)
+        self._journal.append(self._session, stored)
         self._next_seq += 1
-        self.state.take(event)
+        self.state.take(stored)
 
 
 _WHY = "the session was interrupted"
@@ -54,10 +53,10 @@ def close_interrupted(log: SessionLog) -> None:
     """
     abort_trial(log, _WHY)
     if log.state.name in {"armed", "paused"}:
-        log.append("device-off", confirmed=False, why=_WHY)
+        log.append(DeviceOff(confirmed=False, why=_WHY))
 
 
 def abort_trial(log: SessionLog, why: str) -> None:
     """Mark the trial that is running, if one is, as aborted."""
     if log.state.trial is not None:
-        log.append("trial-aborted", index=log.state.trial, why=why)
+        log.append(TrialAborted(index=log.state.trial, why=why))

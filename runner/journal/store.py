@@ -14,7 +14,7 @@ from types import TracebackType
 from typing import Self
 
 from protocol.errors import WorkFailed
-from protocol.journal.state import Event
+from protocol.journal.events import Event, StoredEvent
 from runner.journal.chain import (
     FIRST_HASH,
     ChainLink,
@@ -94,12 +94,13 @@ class Journal:
             rows = self._connection.execute(_SESSIONS)
             return [row[0] for row in rows]
 
-    def events(self, session: str) -> list[Event]:
+    def events(self, session: str) -> list[StoredEvent]:
         """Return the events of `session` in their order."""
         return [link.event for link in self.chain(session)]
 
-    def tagged(self, *tags: str) -> list[Event]:
-        """Return the events with one of `tags`, of all sessions, in the order of writing."""
+    def events_of(self, *kinds: type[Event]) -> list[StoredEvent]:
+        """Return the events of these kinds, of all sessions, in the order of writing."""
+        tags = [kind.TAG for kind in kinds]
         names = ", ".join("?" * len(tags))
         with self._explained("read"):
             rows = self._connection.execute(f"{_TAGGED} IN ({names}) ORDER BY rowid", tags)
@@ -122,7 +123,7 @@ class Journal:
             self._last_hashes.clear()  # nothing of it was written
             raise
 
-    def append(self, session: str, event: Event) -> None:
+    def append(self, session: str, event: StoredEvent) -> None:
         """Add `event` to the chain of `session`; it is on the disk when this returns.
 
         Raises:

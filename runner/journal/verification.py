@@ -1,16 +1,16 @@
 """Whether a journal is what it claims to be: chains unbroken, every trial answered exactly once."""
 
 import hashlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from protocol.journal.state import Event, SessionState, folded
+from protocol.journal.events import ScoresImported, SessionOpened, StoredEvent, Withdrawn
+from protocol.journal.state import SessionState, folded
 from protocol.journal.transitions import NotAllowed
 from runner.journal.chain import FIRST_HASH, ChainLink, chain_hash, event_fields
 from runner.journal.store import Journal, JournalError
 
-_OPENING = {"participant", "session", "kind", "conditions", "trials"}
 STUDY_CHAIN = "@study"
 """The chain of what was decided on the study as a whole."""
 
@@ -74,7 +74,7 @@ def session_verdict(name: str, chain: list[ChainLink]) -> SessionVerdict:
     """Return the verdict on the chain of the session `name`."""
     participant, _, number = name.rpartition("/")
     state, problem = _folded(chain)
-    planned = _planned(state)
+    planned = state.planned
     erased = state.name == "withdrawn"
     return SessionVerdict(
         participant=participant or name,
@@ -91,7 +91,7 @@ def session_verdict(name: str, chain: list[ChainLink]) -> SessionVerdict:
     )
 
 
-def readable_events(journal: Journal, session: str) -> list[Event]:
+def readable_events(journal: Journal, session: str) -> list[StoredEvent]:
     """Return the events of `session`, whose payloads are all there unless it was withdrawn.
 
     Raises:
@@ -102,7 +102,7 @@ def readable_events(journal: Journal, session: str) -> list[Event]:
     return events
 
 
-def readable_chains(journal: Journal, broken: list[str]) -> Iterator[list[Event]]:
+def readable_chains(journal: Journal, broken: list[str]) -> Iterator[list[StoredEvent]]:
     """Yield the events of each chain of `journal`; name those that are not whole in `broken`.
 
     Raises:
@@ -117,22 +117,28 @@ def readable_chains(journal: Journal, broken: list[str]) -> Iterator[list[Event]
         yield events
 
 
-def _is_withdrawn(events: Iterable[Event]) -> bool:
-    return any(event.tag == "withdrawn" for event in events)
+def _is_withdrawn(events: Iterable[StoredEvent]) -> bool:
+    return any(event.tag == Withdrawn.TAG for event in events)
 
 
-def _require_readable(session: str, events: list[Event]) -> None:
+def _require_readable(session: str, events: list[StoredEvent]) -> None:
     withdrawn = _is_withdrawn(events)
     if any(event.erased for event in events) and not withdrawn:
         raise JournalError(f"session {session} has lost payloads; see touchbeam verify")
+    if not (withdrawn or session == STUDY_CHAIN or _says_how_it_began(events)):
+        raise JournalError(f"session {session} does not say how it began; see touchbeam verify")
     try:
-        state = folded(events)
+        folded(events)
     except (NotAllowed, KeyError, TypeError, AttributeError) as error:
         raise JournalError(f"session {session} is damaged; see touchbeam verify") from error
-    opened = state.opened or {}
-    lacking = _OPENING - opened.keys() if "scores" not in opened else set()
-    if lacking and not withdrawn and session != STUDY_CHAIN:
-        raise JournalError(f"session {session} does not say how it began; see touchbeam verify")
+
+
+def _says_how_it_began(events: Sequence[StoredEvent]) -> bool:
+    return any(
+        event.tag == ScoresImported.TAG
+        or (event.tag == SessionOpened.TAG and event.payload.keys() >= SessionOpened.REQUIRED)
+        for event in events[:1]
+    )
 
 
 def chain_is_unbroken(name: str, chain: Iterable[ChainLink], *, erased: bool) -> bool:
@@ -168,9 +174,3 @@ def _folded(chain: list[ChainLink]) -> tuple[SessionState, str]:
     if state.name == "withdrawn" and not all(link.event.erased for link in chain):
         return state, "withdrawn, but not erased: run touchbeam withdraw again"
     return state, ""
-
-
-def _planned(state: SessionState) -> set[int]:
-    """Indices of the planned trials; none for published scores or after a withdrawal."""
-    opened = state.opened or {}
-    return {trial["index"] for trial in opened.get("trials", ())}

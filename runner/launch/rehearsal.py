@@ -4,14 +4,18 @@ import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 from device.resonance import Resonance
-from protocol.journal.state import Event, SessionState
+from protocol.journal.events import Answered, DeviceOff, Event, StoredEvent, TouchEnded
+from protocol.journal.state import SessionState
 from protocol.plan.trials import Plan
 from runner.journal.store import open_journal, session_name
 from runner.launch.rig import touchbeam_command
 from runner.launch.run_session import SessionOptions, run_session
 from runner.study.folder import StudyFolder
+
+_Kind = TypeVar("_Kind", bound=Event)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,44 +23,41 @@ class Rehearsal:
     """A session that has been run: its plan, its journal, and the state that adds up to."""
 
     plan: Plan
-    events: tuple[Event, ...]
+    events: tuple[StoredEvent, ...]
     state: SessionState
 
     @property
     def answers(self) -> dict[int, str | None]:
         """What was answered, by the trial's index."""
-        answered = [event.payload for event in self.events if event.tag == "answered"]
-        return {payload["index"]: payload["change"] for payload in answered}
+        return {answered.index: answered.change for answered in self._records(Answered)}
 
     @property
     def largest_voltage_v(self) -> float:
         """Largest amplitude that the device reported, V."""
-        return max(
-            (
-                reading["voltage_v"]
-                for event in self.events
-                if event.tag == "touch-ended"
-                for reading in event.payload["read_back"]
-            ),
-            default=0.0,
-        )
+        ended = self._records(TouchEnded)
+        return max((said.voltage_v for touch in ended for said in touch.read_back), default=0.0)
 
     def assert_complete(self) -> None:
         """Assert that every planned trial was answered once and the device read back as off."""
-        tags = [event.tag for event in self.events]
+        answers = len(self._records(Answered))
         asked = [trial.index for trial in self.plan.trials]
         missing = sorted(set(asked) - set(self.state.answered))
-        if missing or self.state.aborted or tags.count("answered") != len(asked):
+        if missing or self.state.aborted or answers != len(asked):
             raise AssertionError(
-                f"every trial must be answered once, got {tags.count('answered')} answers to "
+                f"every trial must be answered once, got {answers} answers to "
                 f"{len(asked)} trials; missing {missing}, aborted {list(self.state.aborted)}"
             )
-        off = [event.payload.get("confirmed") for event in self.events if event.tag == "device-off"]
+        off = [event.confirmed for event in self._records(DeviceOff)]
         if self.state.name != "completed" or not off or not off[-1]:
             raise AssertionError(
                 f"a session must end complete and with the device off, got {self.state.name!r}, "
                 f"off confirmed: {off}"
             )
+
+    def _records(self, kind: type[_Kind]) -> list[_Kind]:
+        """Return what happened of one kind."""
+        records = [event.record for event in self.events]
+        return [record for record in records if isinstance(record, kind)]
 
 
 def rehearse(

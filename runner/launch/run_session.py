@@ -210,7 +210,7 @@ def _session(
         )
         require_resumable(journal, session, sessions.get(name), clock.utc())
         if name not in sessions:
-            SessionLog(journal, name, clock).append("session-opened", **session.opening())
+            SessionLog(journal, name, clock).append(session.opening())
     return session
 
 

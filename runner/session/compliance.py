@@ -1,11 +1,10 @@
 """What was done, judged against the instruction: the finger's place, its way and its force."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from statistics import median
-from typing import Any
 
 from device.drivers.setpoints import ReadBack
+from protocol.journal.records import NOT_JUDGED, Compliance, TraceSample
 from runner.screens import Pacing
 
 PLACE_TOLERANCE_M = 0.005
@@ -16,16 +15,7 @@ LIFTED_N = 0.02
 """Below this the beam is not touched; the noise of a force sensor."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Sample:
-    """One look at the finger while it touched."""
-
-    t_s: float
-    force_n: float
-    position_m: float
-
-
-def samples_of(read_back: ReadBack) -> list[Sample]:
+def samples_of(read_back: ReadBack) -> list[TraceSample]:
     """Return what `read_back` says of the finger: one sample, none without sensors."""
     t_s, force_n, position_m = (
         read_back.device_time_s,
@@ -34,10 +24,10 @@ def samples_of(read_back: ReadBack) -> list[Sample]:
     )
     if t_s is None or force_n is None or position_m is None:
         return []
-    return [Sample(t_s=t_s, force_n=force_n, position_m=position_m)]
+    return [TraceSample(t_s=t_s, force_n=force_n, position_m=position_m)]
 
 
-def judged(pacing: Pacing, samples: Sequence[Sample]) -> dict[str, Any]:
+def judged(pacing: Pacing, samples: Sequence[TraceSample]) -> Compliance:
     """Return what was done and whether it was what `pacing` asked for.
 
     `force_ok`: the median force lies within `FORCE_TOLERANCE` of the one asked for. `place_ok`:
@@ -46,16 +36,16 @@ def judged(pacing: Pacing, samples: Sequence[Sample]) -> dict[str, Any]:
     """
     touching = [entry for entry in samples if entry.force_n > LIFTED_N]
     if not touching:
-        return {"force_n": None, "force_ok": None, "place_ok": None}
+        return NOT_JUDGED
     force_n = median(entry.force_n for entry in touching)
-    return {
-        "force_n": round(force_n, 4),
-        "force_ok": abs(force_n - pacing.force_n) <= FORCE_TOLERANCE * pacing.force_n,
-        "place_ok": _moved_as_asked(pacing, touching),
-    }
+    return Compliance(
+        force_n=round(force_n, 4),
+        force_ok=abs(force_n - pacing.force_n) <= FORCE_TOLERANCE * pacing.force_n,
+        place_ok=_moved_as_asked(pacing, touching),
+    )
 
 
-def _moved_as_asked(pacing: Pacing, touching: Sequence[Sample]) -> bool:
+def _moved_as_asked(pacing: Pacing, touching: Sequence[TraceSample]) -> bool:
     way_m = pacing.end_m - pacing.start_m
     if way_m == 0:
         off_m = median(abs(entry.position_m - pacing.start_m) for entry in touching)

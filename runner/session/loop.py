@@ -4,13 +4,19 @@ from collections.abc import Callable
 
 from device.errors import OutputUnknown
 from protocol.errors import BadInput
+from protocol.journal.events import (
+    DeviceOff,
+    PracticeRenewed,
+    SessionCompleted,
+    TrialStarted,
+)
 from protocol.plan.trials import Trial
 from runner.journal.session_log import abort_trial, close_interrupted
 from runner.screens import Notice
 from runner.session.session import SessionContext
 from runner.session.setup import prepare
 from runner.session.tick import RepeatTrial, pause_if_wanted, update_view
-from runner.session.trial import answers, touch
+from runner.session.trial import ask, touch
 from runner.signals import stops_allowed, stops_deferred
 
 _OFF = "output off, read back"
@@ -47,11 +53,11 @@ def _next_trial(context: SessionContext) -> Trial | None:
 
 def _try(context: SessionContext, trial: Trial) -> None:
     """Carry out one trial; if the operator wants it again, it stays to be answered."""
-    context.log.append("trial-started", index=trial.index, kind=trial.kind)
+    context.log.append(TrialStarted(index=trial.index, kind=trial.kind))
     update_view(context)
     try:
         done = [touch(context, number, to_make) for number, to_make in enumerate(trial.touches)]
-        context.log.append("answered", **answers(context, trial), judged=done)
+        context.log.append(ask(context, trial, done))
     except RepeatTrial:
         context.device.off()
         abort_trial(context.log, "repeated at the operator's wish")
@@ -63,7 +69,7 @@ def _resume(context: SessionContext) -> None:
     if context.opened_now:
         return
     close_interrupted(log)
-    log.append("session-resumed", **context.session.resumption())
+    log.append(context.session.resumption())
     _renew_practice(context)
 
 
@@ -72,7 +78,7 @@ def _renew_practice(context: SessionContext) -> None:
         return
     practice = {trial.index for trial in context.session.plan.trials if trial.kind == "practice"}
     if again := sorted(practice & context.log.state.answered):
-        context.log.append("practice-renewed", indices=again)
+        context.log.append(PracticeRenewed(indices=tuple(again)))
 
 
 def _to_the_end(part: Callable[[SessionContext], None], context: SessionContext) -> None:
@@ -91,7 +97,7 @@ def _to_the_end(part: Callable[[SessionContext], None], context: SessionContext)
                 error.add_note(_GOES_ON)
             raise
         _turn_off(context, "end of session")
-        context.log.append("session-completed")
+        context.log.append(SessionCompleted())
 
 
 def _turn_off(context: SessionContext, why: str) -> None:
@@ -104,7 +110,7 @@ def _turn_off(context: SessionContext, why: str) -> None:
     try:
         abort_trial(context.log, why)
         if context.log.state.name in {"armed", "paused"}:
-            context.log.append("device-off", confirmed=unknown is None, why=why)
+            context.log.append(DeviceOff(confirmed=unknown is None, why=why))
         if unknown is not None:
             update_view(context, unknown=True)
     except Exception as error:

@@ -1,14 +1,17 @@
 """Whether a session may go on: the same study, the same kind, not too long ago."""
 
+from collections.abc import Sequence
 from datetime import datetime, timedelta
 
 from protocol.errors import BadInput
+from protocol.journal.records import PlannedTrial
 from protocol.journal.state import SessionState
+from protocol.plan.trials import Trial
 from protocol.study_file.loading import text_digest
 from runner.journal.amendments import accepted_digests
 from runner.journal.store import Journal, JournalError, session_name
 from runner.journal.verification import chain_is_unbroken
-from runner.session.session import Session, trial_record
+from runner.session.session import Session
 
 
 def require_resumable(
@@ -33,12 +36,12 @@ def require_resumable(
     _require_whole(journal, name)
     if before.name in {"completed", "excluded", "withdrawn"}:
         raise BadInput(f"{name} is {before.name}; take another participant or --session")
-    opened = before.opened or {}
-    if opened["kind"] != session.kind:
+    assert before.opened is not None, "every other event comes after it"
+    if before.opened.kind != session.kind:
         raise BadInput(
-            f"{name} began as a {opened['kind']} session, now it would be a {session.kind} one"
+            f"{name} began as a {before.opened.kind} session, now it would be a {session.kind} one"
         )
-    _require_same_trials(name, session, opened["trials"])
+    _require_same_trials(name, session, before.opened.trials)
     _require_fresh(name, session, before.last_event_utc, now)
 
 
@@ -61,8 +64,8 @@ def _require_accepted_study(journal: Journal, session: Session) -> None:
         )
 
 
-def _require_same_trials(name: str, session: Session, opened: list[dict[str, object]]) -> None:
-    planned = [trial_record(trial) for trial in session.plan.trials]
+def _require_same_trials(name: str, session: Session, opened: Sequence[PlannedTrial]) -> None:
+    planned = session.plan.trials
     if [_identity(trial) for trial in planned] != [_identity(trial) for trial in opened]:
         raise BadInput(
             f"{name} has other trials under the amended study; finish it as --session "
@@ -70,8 +73,8 @@ def _require_same_trials(name: str, session: Session, opened: list[dict[str, obj
         )
 
 
-def _identity(trial: dict[str, object]) -> tuple[object, ...]:
-    return trial["index"], trial["kind"], trial["condition"]
+def _identity(trial: Trial | PlannedTrial) -> tuple[object, ...]:
+    return trial.index, trial.kind, trial.condition
 
 
 def _require_fresh(name: str, session: Session, last_event: datetime | None, now: datetime) -> None:

@@ -1,10 +1,12 @@
 """What a session is: who, which plan, on which rig; and how that is written down."""
 
 import platform
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from importlib.metadata import version
-from typing import Any, Literal
+from typing import Literal
 
+from protocol.journal.events import SessionOpened, SessionResumed
+from protocol.journal.records import PlannedTrial
 from protocol.plan.trials import Plan, Trial
 from protocol.study.study import Language, Study
 from protocol.study_file.loading import text_digest
@@ -29,30 +31,30 @@ class Session:
     consent: str | None = None
     seed: int = 1
 
-    def resumption(self) -> dict[str, Any]:
+    def resumption(self) -> SessionResumed:
         """Return what the journal says of the session when it is taken up again."""
-        return {
-            "study_sha256": text_digest(self.study_text),
-            "study_text": self.study_text,
-            "trials": [trial_record(trial) for trial in self.plan.trials],
-            "language": self.language,
-            "consent": self.consent,
-            "seed": self.seed,
-            "versions": versions(),
-        }
+        return SessionResumed(
+            study_sha256=text_digest(self.study_text),
+            study_text=self.study_text,
+            trials=tuple(_planned(trial) for trial in self.plan.trials),
+            language=self.language,
+            consent=self.consent,
+            seed=self.seed,
+            versions=versions(),
+        )
 
-    def opening(self) -> dict[str, Any]:
+    def opening(self) -> SessionOpened:
         """Return what the journal says of the session when it opens."""
-        return {
-            "participant": self.participant,
-            "session": self.number,
-            "kind": self.kind,
-            "study": self.study.study.name,
-            "slot": self.plan.slot,
-            "sequence": list(self.plan.sequence),
-            "conditions": list(self.study.conditions),
-            **self.resumption(),
-        }
+        return SessionOpened(
+            participant=self.participant,
+            session=self.number,
+            kind=self.kind,
+            study=self.study.study.name,
+            slot=self.plan.slot,
+            sequence=self.plan.sequence,
+            conditions=self.study.conditions,
+            **vars(self.resumption()),
+        )
 
 
 def versions() -> dict[str, str]:
@@ -60,10 +62,9 @@ def versions() -> dict[str, str]:
     return {"touchbeam": version("touchbeam"), "python": platform.python_version()}
 
 
-def trial_record(trial: Trial) -> dict[str, Any]:
-    """Return `trial` as JSON can hold it."""
-    touches = [touch.model_dump(exclude_none=True) for touch in trial.touches]
-    return {**asdict(trial), "touches": touches}
+def _planned(trial: Trial) -> PlannedTrial:
+    touches = tuple(touch.model_dump(exclude_none=True) for touch in trial.touches)
+    return PlannedTrial(**{**vars(trial), "touches": touches})
 
 
 @dataclass(kw_only=True)

@@ -3,6 +3,7 @@
 from dataclasses import asdict
 
 from protocol.errors import BadInput
+from protocol.journal.events import BeamMounted, DeviceArmed, ResonanceMeasured, RigDescribed
 from protocol.study_file.limits import problems_at
 from runner.screens import Notice, Welcome
 from runner.session.session import SessionContext
@@ -15,17 +16,19 @@ def prepare(context: SessionContext) -> None:
     update_view(context)
     study = context.session.study
     identity = context.device.arm()
-    context.log.append("device-armed", **asdict(identity))
+    context.log.append(DeviceArmed(**asdict(identity)))
     update_view(context, warning="; ".join(identity.remarks))
     if study.session.operator_asks:
-        answers = {question: _told(context, question) for question in study.session.operator_asks}
-        context.log.append("rig-described", answers=answers)
+        asked = study.session.operator_asks
+        context.log.append(
+            RigDescribed(answers={question: _told(context, question) for question in asked})
+        )
     mount(context, study.touch.beam)
     update_view(context, warning="measuring the resonance: hands off the beam", searching=True)
     found = context.device.resonance(
         study.rig.nominal_resonance_hz, lambda seconds: tick(context, seconds)
     )
-    context.log.append("resonance-measured", **asdict(found))
+    context.log.append(ResonanceMeasured(**asdict(found)))
     _require_within_limits(context, found.frequency_hz)
     context.resonance_hz = found.frequency_hz
     update_view(context)
@@ -51,7 +54,7 @@ def mount(context: SessionContext, beam: str | None) -> None:
     context.operator.mount(beam)
     operator_answer(context)
     context.beam_in_doubt = False
-    context.log.append("beam-mounted", beam=beam)
+    context.log.append(BeamMounted(beam=beam))
 
 
 def _told(context: SessionContext, question: str) -> str:

@@ -5,6 +5,7 @@ from typing import TypeVar
 
 from device.drivers.setpoints import ReadBack
 from protocol.errors import WorkFailed
+from protocol.journal.events import NoteTaken, Paused, Unpaused
 from protocol.plan.trials import Trial, trial_s
 from runner.screens import Instruction, Note, Notice, OperatorView, Response
 from runner.session.session import SessionContext
@@ -42,7 +43,7 @@ def obey(context: SessionContext) -> None:
                 "a pause comes before the next trial" if context.pause_wanted else "no pause"
             )
         case Note(text=text):
-            context.log.append("note", text=text)
+            context.log.append(NoteTaken(text=text))
 
 
 TICK_S = 0.05
@@ -154,13 +155,13 @@ def pause_if_wanted(context: SessionContext, trial: Trial) -> None:
 
 
 def _pause(context: SessionContext) -> None:
-    context.log.append("paused")
+    context.log.append(Paused())
     context.participant.show(Notice(text="pause"))
     update_view(context)
     while context.pause_wanted:
         context.participant.poll()
         tick(context, TICK_S)
-    context.log.append("unpaused")
+    context.log.append(Unpaused())
 
 
 def _named(trials: list[Trial]) -> str:

@@ -1,15 +1,17 @@
 """One touch: the right beam, the instruction, the drive, the finger's way, and off again."""
 
+from collections.abc import Sequence
 from dataclasses import asdict, replace
-from typing import Any
 
 from device.drivers.setpoints import SLOWEST_RAMP_V_PER_S, ReadBack, Setpoint
+from protocol.journal import records
+from protocol.journal.events import Answered, TouchEnded, TouchStarted
 from protocol.plan.trials import Trial
 from protocol.study.questions import checked_answer
 from protocol.study.texts import touch_text
 from protocol.study.touch import Touch
 from runner.screens import AskChange, AskScore, Instruction, Notice, Response, pacing
-from runner.session.compliance import Sample, judged, samples_of
+from runner.session.compliance import judged, samples_of
 from runner.session.session import SessionContext
 from runner.session.setup import mount
 from runner.session.tick import TICK_S, response, update_view, wait
@@ -21,7 +23,7 @@ SWEEP_STEPS = 10
 FASTEST_STEP_S = 0.02
 
 
-def touch(context: SessionContext, number: int, to_make: Touch) -> dict[str, Any]:
+def touch(context: SessionContext, number: int, to_make: Touch) -> records.Compliance:
     """Carry out one touch of a trial and return how it was done.
 
     The output is off before and after it; it goes on only once the journal says that it will.
@@ -33,14 +35,25 @@ def touch(context: SessionContext, number: int, to_make: Touch) -> dict[str, Any
     ready = _instructed(context, to_make)
     start = _setpoint(context, to_make.voltage_v, to_make.frequency)
     context.log.append(
-        "touch-started", touch=number, commanded=asdict(start), instruction=asdict(ready)
+        TouchStarted(
+            touch=number,
+            commanded=records.CommandedDrive(**asdict(start)),
+            instruction=records.InstructionResponse(**vars(ready)),
+        )
     )
     stimulus = _Stimulus(context, to_make)
     stimulus.deliver(start)
     context.device.off()
     context.participant.show(Notice(text="touch.end"))
     verdict = judged(stimulus.pacing, stimulus.samples)
-    context.log.append("touch-ended", touch=number, **stimulus.record(), judged=verdict)
+    context.log.append(
+        TouchEnded(
+            touch=number,
+            read_back=tuple(stimulus.read_back),
+            trace=tuple(stimulus.samples),
+            judged=verdict,
+        )
+    )
     update_view(context, warning=_warning(verdict))
     return verdict
 
@@ -58,9 +71,9 @@ class _Stimulus:
     def __init__(self, context: SessionContext, to_make: Touch) -> None:
         self._room = context
         self._touch = to_make
-        self._read_back: list[dict[str, Any]] = []
         self._next_sample_s = 0.0
-        self.samples: list[Sample] = []
+        self.read_back: list[records.ReadBack] = []
+        self.samples: list[records.TraceSample] = []
         self.pacing = pacing(to_make, context.session.study.touch)
         self._next_step_s = self._step_s
 
@@ -79,11 +92,6 @@ class _Stimulus:
             self._move_on(1.0)
         self._look()
 
-    def record(self) -> dict[str, Any]:
-        """Return what was read back: the drive from start to end, the finger's trace."""
-        trace = [[entry.t_s, entry.force_n, entry.position_m] for entry in self.samples]
-        return {"read_back": self._read_back, "trace": trace}
-
     def _look(self) -> None:
         update_view(self._room, device=self._sampled(keep=True))
 
@@ -91,7 +99,7 @@ class _Stimulus:
         """Read the drive and the finger; a drive that stays as it was need not be kept."""
         read_back = self._room.device.read_back()
         if keep:
-            self._read_back.append(asdict(read_back))
+            self.read_back.append(records.ReadBack(**asdict(read_back)))
         self.samples += samples_of(read_back)
         return read_back
 
@@ -134,44 +142,54 @@ def _setpoint(context: SessionContext, voltage_v: float, frequency: float) -> Se
     )
 
 
-def _warning(verdict: dict[str, Any]) -> str:
-    missed = [name for name in ("force", "place") if verdict[f"{name}_ok"] is False]
+def _warning(verdict: records.Compliance) -> str:
+    judged_parts = {"force": verdict.force_ok, "place": verdict.place_ok}
+    missed = [name for name, is_ok in judged_parts.items() if is_ok is False]
     return f"the touch was not as asked: {' and '.join(missed)}" if missed else ""
 
 
-def answers(context: SessionContext, trial: Trial) -> dict[str, Any]:
+def ask(context: SessionContext, trial: Trial, judged: Sequence[records.Compliance]) -> Answered:
     """Ask what `trial` has to ask and return it as the journal holds it.
+
+    Args:
+        context: of the session.
+        trial: whose touches are made.
+        judged: how each of them was.
+    """
+    change, score, given = _answers(context, trial)
+    return Answered(
+        index=trial.index,
+        kind=trial.kind,
+        condition=trial.condition,
+        change=change,
+        agrees=None if change is None else change == trial.expected,
+        score=score,
+        level=trial.level,
+        opposite=trial.opposite,
+        reaction_time_s=tuple(entry.reaction_time_s for entry in given),
+        traces=tuple(entry.trace for entry in given),
+        judged=tuple(judged),
+    )
+
+
+def _answers(
+    context: SessionContext, trial: Trial
+) -> tuple[str | None, int | None, list[Response]]:
+    """Return what changed, its score, and how both were given.
 
     The score is missing where the answer disagrees with the expectation and the study asks only
     for scores of effects that agree (the paper's rule, section 5.2).
     """
     if trial.question is None:
         context.participant.show(Instruction(text="remember"))
-        return _record(trial, None, None, [response(context)])
+        return None, None, [response(context)]
     rating = context.session.study.rating
     context.participant.show(AskChange(question=trial.question))
     change = response(context)
     checked_answer(trial.question, change.answer)
     agrees = change.answer == trial.expected
     if not trial.scored or not (agrees or rating.score_when == "always"):
-        return _record(trial, change.answer, None, [change])
+        return change.answer, None, [change]
     context.participant.show(AskScore(rating=rating))
     score = response(context)
-    return _record(trial, change.answer, rating.checked_score(int(score.answer)), [change, score])
-
-
-def _record(
-    trial: Trial, change: str | None, score: int | None, given: list[Response]
-) -> dict[str, Any]:
-    return {
-        "index": trial.index,
-        "kind": trial.kind,
-        "condition": trial.condition,
-        "change": change,
-        "agrees": None if change is None else change == trial.expected,
-        "score": score,
-        "level": trial.level,
-        "opposite": trial.opposite,
-        "reaction_time_s": [entry.reaction_time_s for entry in given],
-        "traces": [entry.trace for entry in given],
-    }
+    return change.answer, rating.checked_score(int(score.answer)), [change, score]

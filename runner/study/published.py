@@ -6,6 +6,7 @@ from hashlib import sha256
 from pathlib import Path
 
 from protocol.errors import BadInput
+from protocol.journal.events import ScoresImported
 from protocol.study.fields import LONGEST_NAME, printable
 from protocol.study_file.loading import template
 from runner.clock import WallClock
@@ -64,13 +65,14 @@ def import_table(
         for subject, given in scores.items():
             log = SessionLog(journal, session_name(subject, 1), clock)
             log.append(
-                "scores-imported",
-                participant=subject,
-                session=1,
-                conditions=list(given),
-                scores=dict(given),
-                source=source,
-                source_sha256=digest,
+                ScoresImported(
+                    participant=subject,
+                    session=1,
+                    conditions=tuple(given),
+                    scores=given,
+                    source=source,
+                    source_sha256=digest,
+                )
             )
 
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from protocol.journal.state import Event, folded
+from protocol.journal.events import StoredEvent
+from protocol.journal.state import folded
 from protocol.plan.plan import plan
 from protocol.plan.trials import Trial
 from protocol.study.study import Study
@@ -65,7 +66,7 @@ class Written:
     number: int = 1
     kind: SessionKind = "participant"
     text: str = field(default_factory=study_text)
-    events: list[Event] = field(default_factory=list)
+    events: list[StoredEvent] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.study: Study = parsed_study(self.text)
@@ -78,13 +79,13 @@ class Written:
             study_text=self.text,
             plan=self.plan,
         )
-        self.add("session-opened", **json.loads(json.dumps(session.opening())))
+        self.add("session-opened", **session.opening().to_json())
 
     def add(self, tag: str, **payload: object) -> None:
         """Append an event; what the session's state does not allow is an error here too."""
         seq = len(self.events)
         self.events.append(
-            Event(
+            StoredEvent(
                 seq=seq,
                 tag=tag,
                 utc=datetime(2026, 1, 1, tzinfo=UTC) + timedelta(seconds=seq),
@@ -207,7 +208,7 @@ def _dropped_out(session: Written) -> Written:
     return session
 
 
-def imported(participant: str, scores: Mapping[str, float | None]) -> list[Event]:
+def imported(participant: str, scores: Mapping[str, float | None]) -> list[StoredEvent]:
     """The one event of a subject of a published table."""
     payload: dict[str, Any] = {
         "participant": participant,
@@ -218,4 +219,4 @@ def imported(participant: str, scores: Mapping[str, float | None]) -> list[Event
         "source_sha256": "0",
     }
     moment = datetime(2026, 1, 1, tzinfo=UTC)
-    return [Event(seq=0, tag="scores-imported", utc=moment, monotonic_s=0.0, payload=payload)]
+    return [StoredEvent(seq=0, tag="scores-imported", utc=moment, monotonic_s=0.0, payload=payload)]

@@ -78,6 +78,8 @@ def session_events(
         "trials": [
             {
                 "index": trial.index,
+                "kind": trial.kind,
+                "condition": trial.condition,
                 "question": trial.question,
                 "expected": trial.expected,
                 "touches": made,

@@ -185,7 +185,7 @@ def context(
     )
     new = log.state.name == "new"
     if new:
-        log.append("session-opened", **session.opening())
+        log.append(session.opening())
     return SessionContext(
         session=session,
         device=device,

@@ -11,6 +11,7 @@ from types import FrameType
 
 import pytest
 
+from protocol.journal.events import DeviceArmed
 from runner.journal.store import open_journal
 from runner.session.loop import _to_the_end
 from runner.session.session import SessionContext
@@ -157,7 +158,7 @@ def stopped_at(instruction: int, made: SessionContext) -> bool:
 
     def part(context: SessionContext) -> None:
         context.device.arm()
-        context.log.append("device-armed")
+        context.log.append(DeviceArmed.from_json({}))
 
     tracer, before = Tracer(instruction), sys.gettrace()
     with suppress(Stopped), signals_raise():

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from protocol.journal.state import Event
+from protocol.journal.events import NoteTaken, StoredEvent
 from runner.journal.store import Journal, JournalError, open_journal
 from runner.journal.verification import verdicts
 from runner.session.loop import run
@@ -28,12 +28,12 @@ class DyingJournal:
         self._left = at
         self._after = after
         self._dead = False
-        self.acknowledged: list[Event] = []
+        self.acknowledged: list[StoredEvent] = []
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._journal, name)
 
-    def append(self, session: str, event: Event) -> None:
+    def append(self, session: str, event: StoredEvent) -> None:
         if self._dead:
             raise Killed
         self._left -= 1
@@ -58,7 +58,7 @@ def writes_of_a_session(folder: Path) -> int:
         return len(journal.events("P01/1"))
 
 
-def finished_after(path: Path, acknowledged: list[Event]) -> None:
+def finished_after(path: Path, acknowledged: list[StoredEvent]) -> None:
     """Resume the session in `path` and require that everything is there exactly once."""
     with opened(path) as journal:
         made = context(journal, FakeDevice(), FakeParticipant())
@@ -162,7 +162,7 @@ def test_a_copy_made_during_a_session_is_consistent(tmp_path: Path) -> None:
         run(context(journal, FakeDevice(), FakeParticipant()))
         journal.checkpoint()
         made = context(journal, FakeDevice(), FakeParticipant())
-        made.log.append("note", text="not checkpointed yet")
+        made.log.append(NoteTaken(text="not checkpointed yet"))
         shutil.copy(tmp_path / "study.db", tmp_path / "copy.db")
     with opened(tmp_path / "copy.db") as copy:
         (verdict,) = verdicts(copy)

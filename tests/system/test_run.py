@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from protocol.journal.events import Event, TouchStarted
 from runner.journal.session_log import SessionLog
 from runner.journal.store import read_journal
 from runner.launch import run_session as options
@@ -106,9 +107,9 @@ def test_a_journal_that_is_deleted_meanwhile_ends_the_session(
     typed("new", "study")
     append = SessionLog.append
 
-    def append_and_delete(log: SessionLog, tag: str, **payload: object) -> None:
-        append(log, tag, **payload)
-        if tag == "touch-started":
+    def append_and_delete(log: SessionLog, event: Event) -> None:
+        append(log, event)
+        if isinstance(event, TouchStarted):
             Path("study/study.db").unlink(missing_ok=True)
 
     monkeypatch.setattr(SessionLog, "append", append_and_delete)
@@ -171,10 +172,10 @@ def test_a_signal_after_the_last_answer_finds_the_session_complete(
     typed("new", "study")
     append = SessionLog.append
 
-    def append_and_signal(log: SessionLog, tag_of_event: str, **payload: object) -> None:
-        if tag_of_event == tag:
+    def append_and_signal(log: SessionLog, event: Event) -> None:
+        if tag == event.TAG:
             signal.raise_signal(signal.SIGTERM)
-        append(log, tag_of_event, **payload)
+        append(log, event)
 
     monkeypatch.setattr(SessionLog, "append", append_and_signal)
     assert typed(*RUN, "virtual") == 1

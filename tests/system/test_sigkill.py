@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from protocol.journal.state import Event
+from protocol.journal.events import StoredEvent
 from protocol.study_file.loading import template
 from runner.journal.store import open_journal
 from runner.journal.verification import verdicts
@@ -36,7 +36,7 @@ def killed_and_resumed(folder: Path, draw: int) -> None:
     (folder / "study.toml").write_text(template("paper"))
     command = [TOUCHBEAM, "run", str(folder), "--participant", "P01", "--ratings", "virtual"]
     instants = random.Random(draw)
-    acknowledged: list[Event] = []
+    acknowledged: list[StoredEvent] = []
     for _ in range(instants.choice((1, 2))):
         kill_within_session(command, folder / "study.db", instants)
         events = recorded(folder)
@@ -79,7 +79,7 @@ def finish(command: list[str], *, already: bool) -> None:
     assert done.returncode == (2 if already else 0), done.stderr
 
 
-def recorded(folder: Path) -> list[Event]:
+def recorded(folder: Path) -> list[StoredEvent]:
     if not (folder / "study.db").exists():
         return []
     with open_journal(folder / "study.db") as journal:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from protocol.journal.state import Event
+from protocol.journal.events import StoredEvent
 from tests.runner.window.person import Person, virtual_display
 from tests.runner.window.sessions import Running, Seat, tiny_study
 
@@ -76,9 +76,9 @@ class Harmed:
 
     code: int
     complaint: str
-    events: list[Event]
+    events: list[StoredEvent]
     resumed: int
-    resumed_events: list[Event]
+    resumed_events: list[StoredEvent]
 
 
 def harmed(case: Case, folder: Path) -> Harmed:

@@ -18,7 +18,7 @@ from analysis.export.formats import EXPORTS, csv_export, trials_csv
 from analysis.export.psychds import psychds_export
 from analysis.files import write_new_folder
 from analysis.loading.study_data import loaded
-from protocol.journal.state import Event
+from protocol.journal.events import StoredEvent
 from protocol.study_file.loading import parsed_study
 from tests.analysis.export.data_slips import (
     bids_slips,
@@ -324,7 +324,9 @@ def test_an_erased_session_is_passed_over() -> None:
     kept = Written("P01")
     kept.whole({})
     erased = [
-        Event(seq=e.seq, tag=e.tag, utc=e.utc, monotonic_s=e.monotonic_s, payload={}, erased=True)
+        StoredEvent(
+            seq=e.seq, tag=e.tag, utc=e.utc, monotonic_s=e.monotonic_s, payload={}, erased=True
+        )
         for session in sessions(study_text())
         if session.participant == "W01"
         for e in session.events

@@ -6,17 +6,17 @@ import pytest
 
 from analysis.loading.records import TrialRecord
 from analysis.loading.sessions import NothingToExport, trials
-from protocol.journal.state import Event
+from protocol.journal.events import StoredEvent
 from tests.analysis.hostile_study import NOTES, Written, imported, sessions, study_text
 
 TEXT = study_text()
 
 
-def events(participant: str) -> list[list[Event]]:
+def events(participant: str) -> list[list[StoredEvent]]:
     return [session.events for session in sessions(TEXT) if session.participant == participant]
 
 
-def found(chains: Sequence[Sequence[Event]]) -> list[TrialRecord]:
+def found(chains: Sequence[Sequence[StoredEvent]]) -> list[TrialRecord]:
     return list(trials(chains, rehearsals=False).trials)
 
 

@@ -2,6 +2,7 @@
 
 import json
 from datetime import UTC, datetime
+from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, get_args, get_origin
 
@@ -24,6 +25,7 @@ from protocol.journal.events import (
 )
 from protocol.journal.json_record import JsonRecord
 from protocol.journal.records import Compliance, PlannedTrial, ReadBack, TraceSample
+from protocol.journal.transitions import TRANSITIONS
 
 _FLOATS = st.floats(allow_nan=False, allow_infinity=False)
 _JSON = st.recursive(
@@ -267,3 +269,25 @@ def test_a_stored_event_knows_what_happened() -> None:
     )
     assert isinstance(stored.record, Answered)
     assert stored.record.score == 7
+
+
+ROOT = Path(__file__).parents[3]
+SOURCES = {
+    path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8")
+    for package in ("protocol", "device", "runner")
+    for path in (ROOT / package).rglob("*.py")
+}
+COMMON_WORDS = {*TRANSITIONS.values(), "note"}
+"""Tags that are also the name of a state or of an order of the operator's."""
+
+
+@pytest.mark.parametrize("tag", sorted(TAGS.keys() - COMMON_WORDS))
+def test_a_tag_is_written_in_one_module(tag: str) -> None:
+    quoted = {f'"{tag}"', f"'{tag}'"}
+    holding = [name for name, text in SOURCES.items() if any(word in text for word in quoted)]
+    assert holding == ["protocol/journal/events.py"]
+
+
+def test_nobody_looks_a_key_of_a_payload_up() -> None:
+    lookups = (".payload[", ".payload.get(")
+    assert [name for name, text in SOURCES.items() if any(it in text for it in lookups)] == []

@@ -1,11 +1,17 @@
 """The table of transitions: what it allows, and that it refuses everything else."""
 
 from datetime import UTC, datetime
-from typing import Any
 
 import pytest
 
-from protocol.journal.state import Event, SessionState
+from protocol.journal.events import (
+    Answered,
+    Event,
+    StoredEvent,
+    TrialAborted,
+    TrialStarted,
+)
+from protocol.journal.state import SessionState
 from protocol.journal.transitions import TRANSITIONS, NotAllowed, next_state
 
 STATES = {state for state, _ in TRANSITIONS} | set(TRANSITIONS.values())
@@ -19,9 +25,14 @@ def test_what_the_table_does_not_allow_is_refused(state: str, tag: str) -> None:
         next_state(state, tag)
 
 
-def event(tag: str, **payload: Any) -> Event:
-    noon = datetime(2026, 1, 1, 12, tzinfo=UTC)
-    return Event(seq=0, tag=tag, utc=noon, monotonic_s=0.0, payload=payload)
+NOON = datetime(2026, 1, 1, 12, tzinfo=UTC)
+STARTED = TrialStarted(index=3, kind="trial")
+ABORTED = TrialAborted(index=3, why="repeated at the operator's wish")
+ANSWERED = Answered.from_json({"index": 3, "kind": "trial", "condition": "a", "score": 7})
+
+
+def stored(event: Event) -> StoredEvent:
+    return StoredEvent(seq=0, tag=event.TAG, utc=NOON, monotonic_s=0.0, payload=event.to_json())
 
 
 def test_every_state_can_be_reached_and_all_but_the_last_can_be_left() -> None:
@@ -31,23 +42,23 @@ def test_every_state_can_be_reached_and_all_but_the_last_can_be_left() -> None:
 
 def test_a_trial_is_answered_once() -> None:
     state = SessionState(name="armed")
-    for tag in ("trial-started", "answered"):
-        state.take(event(tag, index=3))
+    for event in (STARTED, ANSWERED):
+        state.take(stored(event))
     assert state.answered == {3}
-    assert state.attempts == {3: 1}
     assert state.trial is None
+    assert state.last_answer == "felt, score 7"
 
 
 def test_an_aborted_trial_stays_to_be_answered() -> None:
     state = SessionState(name="armed")
-    for tag in ("trial-started", "trial-aborted", "trial-started"):
-        state.take(event(tag, index=3))
-    assert (state.answered, state.aborted, state.attempts) == (set(), [3], {3: 2})
+    for event in (STARTED, ABORTED, STARTED):
+        state.take(stored(event))
+    assert (state.answered, state.aborted, state.trial) == (set(), [3], 3)
 
 
 @pytest.mark.parametrize(("state", "tag"), FORBIDDEN)
 def test_what_is_refused_changes_nothing(state: str, tag: str) -> None:
     before, after = SessionState(name=state), SessionState(name=state)
     with pytest.raises(NotAllowed):
-        after.take(event(tag, index=3, beam="1 mm", study_sha256="", reason="", indices=[]))
+        after.take(StoredEvent(seq=0, tag=tag, utc=NOON, monotonic_s=0.0, payload={}))
     assert after == before

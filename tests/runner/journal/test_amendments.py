@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from protocol.errors import BadInput
+from protocol.journal.events import NoteTaken, Withdrawn, event_of
 from protocol.study_file.loading import template
 from runner.clock import WallClock
 from runner.journal.amendments import amend, exclude_session, exclude_trial, withdraw
@@ -69,9 +70,9 @@ def test_a_session_that_nobody_runs_any_more_can_be_excluded(tmp_path: Path, las
     with open_journal(tmp_path / "study.db") as journal:
         log = SessionLog(journal, "P01/1", CLOCK)
         for event in events[: 2 if until is None else until + 1]:
-            log.append(event.tag, **event.payload)
+            log.append(event.record)
         if until is None:
-            log.append(last)
+            log.append(event_of(last, {}))
         exclude_session(journal, CLOCK, "P01/1", "did not come back")
         (verdict,) = verdicts(journal)
         assert (verdict.state, verdict.ok) == ("excluded", True)
@@ -111,7 +112,7 @@ def test_the_studys_own_chain_is_nobodys_to_withdraw(tmp_path: Path) -> None:
 def test_a_withdrawal_erases_what_was_said_and_the_chain_still_verifies(tmp_path: Path) -> None:
     with finished(tmp_path) as journal:
         log = SessionLog(journal, "P01/1", CLOCK)
-        log.append("note", text="something only this participant would say")
+        log.append(NoteTaken(text="something only this participant would say"))
         assert withdraw(journal, CLOCK, "P01") == ["P01/1"]
         (verdict,) = verdicts(journal)
         assert (verdict.state, verdict.chain_ok, verdict.ok) == ("withdrawn", True, True)
@@ -135,7 +136,7 @@ def test_a_withdrawal_that_was_cut_short_erases_all_or_nothing(
             with pytest.raises(KeyError):
                 withdraw(journal, CLOCK, "P01")
         assert verdicts(journal)[0].state == "completed"
-        SessionLog(journal, "P01/1", CLOCK).append("withdrawn")
+        SessionLog(journal, "P01/1", CLOCK).append(Withdrawn())
         (verdict,) = verdicts(journal)
         assert not verdict.ok
         assert verdict.problem == "withdrawn, but not erased: run touchbeam withdraw again"

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from protocol.journal.state import Event
+from protocol.journal.events import StoredEvent
 from runner.journal.chain import FIRST_HASH, chain_hash
 from runner.journal.store import Journal, JournalError, journal_if_used, open_journal, read_journal
 from runner.journal.verification import verdicts
@@ -18,8 +18,8 @@ NOON = datetime(2026, 1, 1, 12, tzinfo=UTC)
 TYPED = "粗糙 \"quoted\" '=cmd()'"
 
 
-def event(seq: int, **payload: object) -> Event:
-    return Event(seq=seq, tag="note", utc=NOON, monotonic_s=1.5, payload=payload)
+def event(seq: int, **payload: object) -> StoredEvent:
+    return StoredEvent(seq=seq, tag="note", utc=NOON, monotonic_s=1.5, payload=payload)
 
 
 def filled(path: Path) -> Journal:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
-from protocol.journal.state import Event
+from protocol.journal.events import StoredEvent
 from protocol.study_file.loading import template
 from runner.journal.store import open_journal, session_name
 from tests.runner.window.person import Person
@@ -80,7 +80,7 @@ class Seat:
         )
         return Running(process)
 
-    def events(self) -> list[Event]:
+    def events(self) -> list[StoredEvent]:
         """What the journal holds of the session."""
         with open_journal(self.folder / "study.db") as journal:
             return journal.events(session_name(self.participant, 1))

@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 
 from device.drivers.driver import Driver
 from device.drivers.registry import driver_of
-from device.drivers.setpoints import Identity, Limits, ReadBack, Setpoint, Sweep
+from device.drivers.setpoints import Identity, Limits, ReadBack, Setpoint
 from device.errors import DeviceError, EmergencyStop, ForeignDevice, OutputUnknown
 from device.link.link import open_link
 from device.resonance import Resonance, resonance
@@ -102,11 +102,6 @@ class Rig:
         """
         self.beat()
         return self._owned(lambda: self._guarded(lambda: self._drive(setpoint)))
-
-    def sweep(self, sweep: Sweep) -> None:
-        """Let the frequency move while the output is on. Raises as `drive`."""
-        self.beat()
-        self._owned(lambda: self._guarded(lambda: self._driver.sweep(sweep)))
 
     def read_back(self) -> ReadBack:
         """Get the drive and the sensors as the device reports them."""

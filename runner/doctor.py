@@ -106,9 +106,9 @@ def _disk() -> Finding:
 
 
 def _ports() -> Finding:
-    from device.link.port import serial_ports
+    from device.link.port import described_ports
 
-    names = serial_ports()
+    names = [port["name"] for port in described_ports()]
     return Finding(
         what="serial ports",
         ok=True,

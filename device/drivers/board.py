@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from device.drivers.driver import Driver
-from device.drivers.setpoints import Identity, ReadBack, Setpoint, Sweep
+from device.drivers.setpoints import Identity, ReadBack, Setpoint
 from device.errors import DeviceError
 from device.link.codec import fields, number, number_text, switch, whole
 
@@ -42,7 +42,7 @@ class Health:
 
 
 class Board(Driver):
-    """Control a touchbeam board: it ramps, sweeps, measures and guards by itself."""
+    """Control a touchbeam board: it ramps, measures and guards by itself."""
 
     dialect: ClassVar[str] = "board"
     idn: ClassVar["re.Pattern[str]"] = re.compile("touchbeam,BOARD,", re.IGNORECASE)
@@ -96,19 +96,7 @@ class Board(Driver):
             self.send("OUTP ON")
         self._most_v = max(self._most_v, setpoint.voltage_v)
         self.driven = setpoint
-        self.commanded_hz = (setpoint.frequency_hz, setpoint.frequency_hz)
         return self.read_back()
-
-    def sweep(self, sweep: Sweep) -> None:
-        """Let the frequency move while the output is on."""
-        if self.driven is None:
-            raise DeviceError("a sweep needs a drive that is on")
-        sweep.checked(self.limits, self.driven.voltage_v)
-        self.set_number("FREQ:SWE:STAR", sweep.start_hz)
-        self.set_number("FREQ:SWE:STOP", sweep.stop_hz)
-        self.set_number("FREQ:SWE:TIME", sweep.duration_s)
-        self.send("FREQ:SWE:STAT ON")
-        self.commanded_hz = sweep.range_hz
 
     def read_back(self) -> ReadBack:
         """Get the drive and the sensors, all of one moment.

@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from typing import ClassVar
 
-from device.drivers.setpoints import Identity, Limits, ReadBack, Setpoint, Sweep
+from device.drivers.setpoints import Identity, Limits, ReadBack, Setpoint
 from device.errors import DeviceError, ForeignOutput, OutputUnknown
 from device.link.codec import number, number_text, queued_error, switch
 from device.link.link import Link
@@ -45,8 +45,6 @@ class Driver(ABC):
         self.monotonic = monotonic
         self.driven: Setpoint | None = None
         """What is on, None while the output is to be off."""
-        self.commanded_hz = (0.0, 0.0)
-        """The lowest and the highest frequency that what is on may have."""
         self.foreign: ForeignOutput | None = None
         """What is to be said of who answered, if it is not ours to talk to."""
 
@@ -84,15 +82,6 @@ class Driver(ABC):
         Raises:
             LimitExceeded: the setpoint exceeds the limits; nothing was sent.
             DeviceError: the device reports an error or something else than what was set.
-        """
-
-    @abstractmethod
-    def sweep(self, sweep: Sweep) -> None:
-        """Let the frequency move while the output is on.
-
-        Raises:
-            LimitExceeded: the sweep exceeds the limits; nothing was sent.
-            DeviceError: nothing is driven, or the device does not take it.
         """
 
     @abstractmethod
@@ -182,17 +171,18 @@ class Driver(ABC):
             raise DeviceError(f"{header} was set to {value:g} and reads back as {kept:g}")
 
     def require_frequency(self, said_hz: float) -> None:
-        """See that what is driven has the frequency that was last set, or one within its sweep.
+        """See that what is driven has the frequency that was last set.
 
         Raises:
             DeviceError: it has another one.
         """
         if self.driven is None:
             return
-        lowest_hz, highest_hz = self.commanded_hz
-        if not lowest_hz * (1 - REL_TOL) <= said_hz <= highest_hz * (1 + REL_TOL):
-            ends = " to ".join(dict.fromkeys(map(number_text, self.commanded_hz)))
-            raise DeviceError(f"FREQ was set to {ends} and reads back as {number_text(said_hz)}")
+        set_hz = self.driven.frequency_hz
+        if not set_hz * (1 - REL_TOL) <= said_hz <= set_hz * (1 + REL_TOL):
+            raise DeviceError(
+                f"FREQ was set to {number_text(set_hz)} and reads back as {number_text(said_hz)}"
+            )
 
     def set_word(self, header: str, value: str) -> None:
         """Set a word, settle, and compare what the device kept."""
@@ -205,10 +195,6 @@ class Driver(ABC):
         """Send `command`, wait until the device has done it, and see whether it minded."""
         self.link.tell(command)
         self.link.ask("*OPC?")
-        self.refuse_errors(command)
-
-    def refuse_errors(self, command: str) -> None:
-        """See whether the device minded `command`."""
         errors = self.drained_errors()
         if errors:
             raise DeviceError(

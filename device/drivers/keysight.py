@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from device.drivers.driver import Driver
-from device.drivers.setpoints import Identity, ReadBack, Setpoint, Sweep
+from device.drivers.setpoints import Identity, ReadBack, Setpoint
 from device.errors import DeviceError, LimitExceeded
 from device.link.codec import fields, impedance, number, number_text, switch
 
@@ -131,7 +131,6 @@ class Keysight(Driver):
             self._set_amplitude(self._least_v)
             self.send(f"{self._output} ON")
         self.driven = setpoint
-        self.commanded_hz = (setpoint.frequency_hz, setpoint.frequency_hz)
         to_v, v_per_s = max(setpoint.voltage_v, self._least_v), setpoint.ramp_v_per_s
         if self._ramp is None or (self._ramp.to_v, self._ramp.v_per_s) != (to_v, v_per_s):
             self._ramp = Ramp(
@@ -154,23 +153,6 @@ class Keysight(Driver):
         if self.driven.voltage_v == 0:
             self.off()
         return False
-
-    def sweep(self, sweep: Sweep) -> None:
-        """Let the frequency move while the output is on; it starts on a trigger, once."""
-        if self.driven is None:
-            raise DeviceError("a sweep needs a drive that is on")
-        sweep.checked(self.limits, self.driven.voltage_v)
-        source = self._source
-        self.set_word("TRIG:SOUR" if not source else "TRIG1:SOUR", "BUS")
-        self.set_number(f"{source}FREQ:STAR", sweep.start_hz)
-        self.set_number(f"{source}FREQ:STOP", sweep.stop_hz)
-        self.set_number(f"{source}SWE:TIME", sweep.duration_s)
-        self.set_word(f"{source}SWE:STAT", "1")
-        self.link.tell("*TRG")  # not with *OPC?, which would wait for the end of the sweep
-        self.refuse_errors("*TRG")
-        lowest_hz, highest_hz = sweep.range_hz
-        carrier_hz = self.driven.frequency_hz  # which is what it may report while it sweeps
-        self.commanded_hz = (min(lowest_hz, carrier_hz), max(highest_hz, carrier_hz))
 
     def read_back(self) -> ReadBack:
         """Get the drive; a generator measures nothing.

@@ -122,32 +122,6 @@ class Setpoint:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sweep:
-    """A linear sweep of the frequency at the amplitude that is on; it ends at `stop_hz`."""
-
-    start_hz: float
-    stop_hz: float
-    duration_s: float
-
-    @property
-    def range_hz(self) -> tuple[float, float]:
-        """The lowest and the highest frequency of it."""
-        return min(self.start_hz, self.stop_hz), max(self.start_hz, self.stop_hz)
-
-    def checked(self, limits: Limits, voltage_v: float) -> "Sweep":
-        """Return this sweep if both ends stay within `limits` at this amplitude.
-
-        Raises:
-            LimitExceeded: it does not; nothing is clipped.
-        """
-        for frequency_hz in (self.start_hz, self.stop_hz):
-            _require("frequency_hz", frequency_hz, 1, limits.max_frequency_hz)
-            limits.amplifier.check(voltage_v, frequency_hz)
-        _require("duration_s", self.duration_s, 1e-3, 500)
-        return self
-
-
-@dataclass(frozen=True, kw_only=True)
 class Identity:
     """Who answered, how often it has booted, its time, and what a person should know of it.
 

@@ -136,11 +136,6 @@ def _numbers(error: BaseException | None) -> list[int]:
     return found
 
 
-def serial_ports() -> list[str]:
-    """Return the names of the serial ports of this machine."""
-    return [port["name"] for port in described_ports()]
-
-
 def described_ports() -> list[dict[str, str]]:
     """Return name and description of each serial port, without opening any: that takes no time."""
     from serial.tools.list_ports import comports

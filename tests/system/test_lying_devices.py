@@ -5,13 +5,11 @@ from dataclasses import replace
 import pytest
 
 from device.drivers.driver import Driver
-from device.drivers.setpoints import Sweep
 from device.errors import DeviceError, OutputUnknown
 from tests.device.lying import LyingPort, lying
 from tests.device.rigs import DRIVE, LIMITS
 
 FREQ = {"board": "FREQ?", "keysight": "SOUR1:FREQ?"}
-SWEEP = Sweep(start_hz=24_400, stop_hz=24_000, duration_s=2)
 
 
 @pytest.mark.parametrize("query", ["read_back", "check"])
@@ -88,28 +86,6 @@ def test_a_stepped_frequency_is_held_against_its_last_step(dialect: str) -> None
         driver.check()
     port.lies = {FREQ[dialect]: ["24000"]}
     with pytest.raises(DeviceError, match="FREQ was set to 24100 and reads back as 24000"):
-        driver.check()
-
-
-@pytest.mark.parametrize("dialect", FREQ)
-@pytest.mark.parametrize("beyond_hz", ["23990", "24410"])
-def test_a_sweep_stays_between_its_ends_and_ends_with_the_next_drive(
-    dialect: str, beyond_hz: str
-) -> None:
-    driver, port = lying(LIMITS, dialect)
-    driver.drive(DRIVE)
-    driver.sweep(SWEEP)
-    for _ in range(4):
-        driver.check()
-        driver.read_back()
-        port.advance(0.7)
-    truth, port.lies = port.lies, {FREQ[dialect]: [beyond_hz]}
-    with pytest.raises(DeviceError, match=f"FREQ was set to 24000 to 24400 and .* {beyond_hz}"):
-        driver.check()
-    port.lies = truth
-    driver.drive(DRIVE)
-    port.lies = {FREQ[dialect]: ["24000"]}
-    with pytest.raises(DeviceError, match=r"FREQ was set to 24221\.37 and reads back as 24000"):
         driver.check()
 
 

@@ -115,18 +115,6 @@ def choice(argument: str, spellings: tuple[str, ...]) -> str:
     raise ScpiError(-224, "Illegal parameter value")
 
 
-def string(argument: str) -> str:
-    """Return the quoted text that `argument` gives.
-
-    Raises:
-        ScpiError: missing (-109), or not in quotes (-151).
-    """
-    given(argument)
-    if len(argument) < 2 or argument[0] != argument[-1] or argument[0] not in "'\"":
-        raise ScpiError(-151, "Invalid string data")
-    return argument[1:-1]
-
-
 _TOKEN = re.compile(r"[*A-Za-z]+|[\[\]:#?]")
 _HEADER = re.compile(r":?[*A-Z][A-Z0-9_]*(:[A-Z][A-Z0-9_]*)*\??")
 _TOKENS = {"[": "(?:", "]": ")?", ":": ":", "?": r"\?", "#": r"(\d*)"}

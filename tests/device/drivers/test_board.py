@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from device.drivers.board import Board
-from device.drivers.setpoints import Limits, Setpoint, Sweep
-from device.errors import AddressError, DeviceError, ForeignOutput, LimitExceeded, OutputUnknown
+from device.drivers.setpoints import Limits, Setpoint
+from device.errors import AddressError, DeviceError, ForeignOutput, OutputUnknown
 from device.link.link import Link, open_link
 from device.simulator.client import ControlClient, Endpoints, simulator_process
 from tests.device.scripted import ScriptedPort, ticking
@@ -89,30 +89,6 @@ def test_the_device_refuses_it_too(board: Board, control: ControlClient) -> None
     with pytest.raises(DeviceError, match="VOLT was refused by the device: -222 Data out of range"):
         board.send("VOLT 121")
     assert control.state()["output"] is False
-
-
-def test_a_sweep_moves_the_frequency_and_ends_at_its_end(
-    board: Board, control: ControlClient
-) -> None:
-    board.arm()
-    board.drive(setpoint(10))
-    board.sweep(Sweep(start_hz=24_000, stop_hz=24_400, duration_s=2))
-    control.advance(1)
-    assert board.read_back().frequency_hz == pytest.approx(24_200, abs=10)
-    control.advance(2)
-    assert control.state()["frequency_hz"] == 24_400
-    board.off()
-
-
-def test_a_sweep_keeps_the_limits_and_needs_a_drive(board: Board) -> None:
-    board.arm()
-    sweep = Sweep(start_hz=24_000, stop_hz=41_000, duration_s=2)
-    with pytest.raises(DeviceError, match="a sweep needs a drive that is on"):
-        board.sweep(sweep)
-    board.drive(setpoint(10))
-    with pytest.raises(LimitExceeded, match=r"frequency_hz must .* 40000\], got 41000"):
-        board.sweep(sweep)
-    board.off()
 
 
 def scripted(answers: dict[bytes, bytes]) -> tuple[Board, ScriptedPort]:

@@ -64,6 +64,16 @@ def test_the_amplitude_moves_on_its_slew(ask: Ask, wall: list[float]) -> None:
     assert float(ask("MEAS:VOLT?") or "nan") == pytest.approx(100, abs=0.3)
 
 
+def test_a_sweep_moves_the_frequency_and_ends_at_its_end(ask: Ask, wall: list[float]) -> None:
+    ask("FREQ:SWE:STAR 24 KHZ;STOP 24.4 KHZ;TIME 2;STAT ON")
+    wall[0] = 1.0
+    assert ask("FREQ?;FREQ:SWE:STAT?") == "24200;1"
+    wall[0] = 3.0
+    assert ask("FREQ?") == "24400"
+    ask("FREQ 24 KHZ")
+    assert ask("FREQ?;FREQ:SWE:STAT?") == "24000;0"
+
+
 def test_the_watchdog_turns_a_silent_host_off(
     device: SimulatedDevice, ask: Ask, wall: list[float]
 ) -> None:

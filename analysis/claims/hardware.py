@@ -8,8 +8,8 @@ from analysis.claims.claim import Claim, Finding, without_law
 from device.beam.beam import Beam, Patches
 from device.beam.modes import modal_force_n_per_v
 from device.beam.zones import zones
+from device.friction.changes import PATH_M
 from device.friction.coefficient import friction_coefficient
-from device.friction.contrasts import PATH_M, SMOOTH_PLACE_M
 from device.friction.rungs import RUNG_NAMES, TOP_RUNG, rung_field, rung_resonance_hz
 from device.friction.scenes import Drive, FingerContact, Scene
 
@@ -190,7 +190,7 @@ def _sliding_variation(law: str) -> Finding:
     If it does not, nothing that varies can match it; if it does, the measured curve must decide.
     """
     path = np.linspace(*PATH_M, 711)
-    touch = FingerContact(finger_load_n=0.56, x_m=SMOOTH_PLACE_M)
+    touch = FingerContact(finger_load_n=0.56)
     drive = Drive(frequency_hz=23200.0)
     own = friction_coefficient(Scene(drive=drive, touch=touch), law=law, x_m=path)
     paper = friction_coefficient(Scene(), law=law, x_m=path)

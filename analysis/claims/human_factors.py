@@ -8,8 +8,10 @@ import numpy as np
 from analysis.claims.claim import Claim, Finding, without_law
 from analysis.claims.curves import MU
 from device.beam.modes import FloatArray
+from device.friction import changes
 from device.friction.coefficient import friction_coefficient
-from device.friction.contrasts import PATH_M, condition_contrast, reference_scene
+from device.friction.contrasts import predicted_contrast
+from device.friction.scenes import FingerContact, Scene
 
 SCORES = np.array(
     [
@@ -145,13 +147,14 @@ TABLE4_CLAIMS = (
     ),
 )
 
+REFERENCE_SCENE = Scene(touch=FingerContact(finger_load_n=0.5))
 CONDITIONS = ("frequency", "structure", "voltage", "direction", "pressure")
 
 
 @lru_cache(maxsize=8)
 def _contrasts(law: str) -> dict[str, float]:
     """The contrast that a law predicts for each condition."""
-    return {name: condition_contrast(name, law=law) for name in CONDITIONS}
+    return {name: predicted_contrast(changes.CONDITIONS[name], law) for name in CONDITIONS}
 
 
 def _voltage_best(law: str) -> Finding:
@@ -191,8 +194,8 @@ def _ranking(law: str) -> Finding:
 
 
 def _all_nine_smoother(law: str) -> Finding:
-    path = np.linspace(*PATH_M, 711)
-    curve = friction_coefficient(reference_scene(), law=law, x_m=path)
+    path = np.linspace(*changes.PATH_M, 711)
+    curve = friction_coefficient(REFERENCE_SCENE, law=law, x_m=path)
     rougher = float(np.mean(curve > MU * (1 + 1e-9)))
     return Finding(
         parts=(float(curve.mean()) < MU, rougher == 0),
@@ -234,11 +237,11 @@ def _structure_and_voltage_lead(law: str) -> Finding:
 
 def _amplitude_is_felt(law: str) -> Finding:
     voltages = (0.0, 50.0, 100.0, 200.0)
-    scene = reference_scene()
+    drive = REFERENCE_SCENE.drive
     values = [
         float(
             friction_coefficient(
-                replace(scene, drive=replace(scene.drive, voltage_v=voltage)), law=law
+                replace(REFERENCE_SCENE, drive=replace(drive, voltage_v=voltage)), law=law
             )[0]
         )
         for voltage in voltages

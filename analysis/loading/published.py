@@ -10,7 +10,7 @@ import numpy as np
 from analysis.cells import unguarded
 from analysis.estimates import FloatArray
 from analysis.loading.score_table import ScoreTable
-from device.friction.contrasts import CONDITIONS
+from device.friction.changes import CONDITIONS
 from protocol.errors import BadInput
 from protocol.study.fields import LONGEST_NAME, require_printable
 

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from analysis.estimates import BoolArray
 from device.beam.modes import FloatArray
-from device.friction.contrasts import SMOOTH_PLACE_M
 from device.friction.rungs import HIGHEST_MODE
 from device.friction.scenes import Scene
 from protocol.errors import BadInput
@@ -77,7 +76,7 @@ COLUMNS: Mapping[str, NumberColumn | WordColumn] = {
         word="resonance",
     ),
     "x_m": NumberColumn(
-        default=SMOOTH_PLACE_M,
+        default=_TOUCH.x_m,
         rule=f"must lie in [0, {_LENGTH_M:g}]",
         keeps=_between(0.0, _LENGTH_M),
     ),

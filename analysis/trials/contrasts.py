@@ -8,9 +8,8 @@ import numpy as np
 from analysis.estimates import FloatArray
 from analysis.loading.sessions import Drive, TouchDone, TrialRow
 from device.beam.beam import Beam
-from device.friction.changes import Change, Moment, trial_change
-from device.friction.contrasts import CONDITIONS, predicted_contrast
-from device.friction.contrasts import condition_contrast as standard_contrast
+from device.friction.changes import CONDITIONS, Change, Moment, trial_change
+from device.friction.contrasts import predicted_contrast
 from device.friction.laws import LAWS
 from protocol.study.study import Study
 
@@ -48,36 +47,25 @@ def trial_contrasts(study: Study, rows: Sequence[TrialRow]) -> TrialContrasts:
     for law in LAWS:
         # Trials whose touches were alike share a prediction.
         known: dict[Change, float] = {}
-        by_law[law] = np.array(
-            [_contrast(row, change, law, known) for row, change in zip(rows, changes, strict=True)]
-        )
+        by_law[law] = np.array([_contrast(change, law, known) for change in changes])
     return TrialContrasts(
         by_law=by_law,
         measured=np.array([any(map(_is_measured, row.touches)) for row in rows], dtype=np.bool_),
     )
 
 
-def _contrast(row: TrialRow, change: Change | None, law: str, known: dict[Change, float]) -> float:
-    if row.kind == "published" and row.condition is not None and row.condition in CONDITIONS:
-        return _standard(row.condition, law)
+def _contrast(change: Change | None, law: str, known: dict[Change, float]) -> float:
     if change is None:
         return float("nan")
     if change not in known:
-        known[change] = predicted_contrast(change, law)
+        known[change] = predicted_contrast(change, law, RUNG)
     return known[change]
-
-
-_STANDARD: dict[tuple[str, str], float] = {}
-
-
-def _standard(condition: str, law: str) -> float:
-    if (condition, law) not in _STANDARD:
-        _STANDARD[condition, law] = standard_contrast(condition, law=law)
-    return _STANDARD[condition, law]
 
 
 def _change(study: Study, row: TrialRow) -> Change | None:
     """The change that the trial's touches made; None where nothing was asked, or not of a beam."""
+    if row.kind == "published" and (standard := CONDITIONS.get(row.condition or "")):
+        return standard
     planned = [done.planned for done in row.touches]
     beams = {touch.beam for touch in planned if touch.beam is not None}
     if row.question is None or not planned or not beams <= study.beams.keys():

@@ -26,9 +26,10 @@ from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensi
 from analysis.statistics.ordinal import OrdinalEffects, ordinal_effects_of_trials
 from analysis.statistics.table4 import table4
 from analysis.trials.arrays import ScoredTrials, detection_trials, scored_trials
-from analysis.trials.contrasts import TrialContrasts, trial_contrasts
+from analysis.trials.contrasts import RUNG, TrialContrasts, trial_contrasts
 from analysis.trials.law_comparison import LawLikelihood, LawOrder, law_likelihoods, law_order
-from device.friction.contrasts import condition_contrast
+from device.friction.changes import CONDITIONS
+from device.friction.contrasts import predicted_contrast
 from device.friction.laws import LAWS
 from protocol.study.questions import ANSWERS, no_change
 from protocol.study.study import Study
@@ -207,7 +208,7 @@ def _signal(rows: Sequence[TrialRow], contrasts: TrialContrasts) -> SignalAnswer
     answered = [n for n, row in enumerate(rows) if row.kind == "signal" and row.agrees is not None]
     agreed = sum(bool(rows[number].agrees) for number in answered)
     if not answered:
-        predicted = {law: condition_contrast("signal", law=law) for law in LAWS}
+        predicted = {law: predicted_contrast(CONDITIONS["signal"], law, RUNG) for law in LAWS}
     else:
         predicted = {
             law: float(np.mean(values[answered])) for law, values in contrasts.by_law.items()

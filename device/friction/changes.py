@@ -1,11 +1,14 @@
-"""A change that a trial makes: what the finger feels before, and after. Plain records."""
+"""Changes: what a finger meets before and after, in a trial or in one of the paper's conditions."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Literal
 
+from device.friction.scenes import REFERENCE_SPEED_M_S
+from protocol.study.questions import CONTRARIES
 from protocol.study.study import Study
-from protocol.study.touch import Touch
+from protocol.study.touch import Coverage, Direction, Place, Touch, TouchDefaults
 
 Effect = Literal["friction", "depth", "places"]
 
@@ -19,8 +22,8 @@ class Moment:
 
     voltage_v: float
     frequency: float
-    direction: Literal["right", "left"]
-    coverage: Literal["local", "full"]
+    direction: Direction
+    coverage: Coverage
     force_n: float
     contact_m: float
     sliding_speed_m_s: float
@@ -48,8 +51,6 @@ class Change:
 _PLACES = 143
 """Along the path: every half millimetre of the paper's."""
 
-_CONTRARY = ("rougher", "weaker")
-
 
 def trial_change(
     study: Study, question: str, expected: str | None, touches: Sequence[Touch]
@@ -75,19 +76,19 @@ def trial_change(
         effect = "depth"
     return Change(
         effect=effect,
-        contrary=expected in _CONTRARY,
+        contrary=expected in CONTRARIES.values(),
         before=_moment(study, first, first.voltage_v, first.frequency),
         after=_moment(study, last, last.end_voltage_v, last.end_frequency),
-        places_m=_places_m(study, effect, last),
+        places_m=_places_m(study.touch, effect, last.place),
     )
 
 
-def _places_m(study: Study, effect: Effect, touch: Touch) -> tuple[float, ...]:
-    if effect == "friction" and touch.place == "smooth":
-        return (study.touch.smooth_place_m,)
-    left_m, right_m = study.touch.path_m
+def _places_m(finger: TouchDefaults, effect: Effect, place: Place) -> tuple[float, ...]:
+    if effect == "friction" and place == "smooth":
+        return (finger.smooth_place_m,)
+    left_m, right_m = finger.path_m
     step_m = (right_m - left_m) / (_PLACES - 1)
-    return tuple(left_m + place * step_m for place in range(_PLACES))
+    return tuple(left_m + number * step_m for number in range(_PLACES))
 
 
 def _moment(study: Study, touch: Touch, voltage_v: float, frequency: float) -> Moment:
@@ -102,3 +103,42 @@ def _moment(study: Study, touch: Touch, voltage_v: float, frequency: float) -> M
         sliding_speed_m_s=study.touch.sliding_speed_m_s,
         has_bodies=beam is None or study.beams[beam] > 0,
     )
+
+
+_FINGER = TouchDefaults()
+PATH_M = _FINGER.path_m
+REFERENCE = Moment(
+    voltage_v=100.0,
+    frequency=1.0,
+    direction="right",
+    coverage="local",
+    force_n=_FINGER.force_n,
+    contact_m=_FINGER.contact_m,
+    sliding_speed_m_s=REFERENCE_SPEED_M_S,
+    has_bodies=True,
+)
+"""The moment about which the paper's conditions change: 100 V at resonance."""
+
+
+def _condition(effect: Effect, before: Moment = REFERENCE, after: Moment = REFERENCE) -> Change:
+    return Change(
+        effect=effect,
+        contrary=False,
+        before=before,
+        after=after,
+        places_m=_places_m(_FINGER, effect, "smooth"),
+    )
+
+
+_OFF = replace(REFERENCE, voltage_v=0.0)
+CONDITIONS: Mapping[str, Change] = MappingProxyType(
+    {
+        "signal": _condition("friction", before=_OFF),
+        "frequency": _condition("depth", before=replace(REFERENCE, frequency=0.98)),
+        "structure": _condition("friction", before=replace(REFERENCE, has_bodies=False)),
+        "voltage": _condition("friction", _OFF, replace(REFERENCE, voltage_v=200.0)),
+        "direction": _condition("places", after=replace(REFERENCE, direction="left")),
+        "pressure": _condition("friction", after=replace(REFERENCE, force_n=1.5 * _FINGER.force_n)),
+    }
+)
+"""The paper's conditions by name (section 5.2), `signal` being what every session opens with."""

@@ -7,7 +7,7 @@ place (the second trough left of the patches), and the sliding speed, which the 
 
 import math
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, get_args
 
 from device.beam.beam import Beam
 from device.errors import not_negative, one_of, positive, whole, within
@@ -93,8 +93,8 @@ class Scene:
     same_direction_fraction: float | None = None
 
     def __post_init__(self) -> None:
-        one_of("coverage", self.coverage, ("local", "full"))
-        one_of("direction", self.direction, ("right", "left"))
+        one_of("coverage", self.coverage, get_args(Coverage))
+        one_of("direction", self.direction, get_args(Direction))
         within("x_m", self.touch.x_m, 0.0, self.structure.beam.length_m)
         if self.same_direction_fraction is not None:
             within("same_direction_fraction", self.same_direction_fraction, 0.0, 1.0)

@@ -30,8 +30,9 @@ def checked_answer(question: Question, answer: str) -> str:
     return answer
 
 
-_OPPOSITES = {"smoother": "rougher", "stronger": "weaker"}
-_OPPOSITES |= {other: answer for answer, other in _OPPOSITES.items()}
+CONTRARIES = {"smoother": "rougher", "stronger": "weaker"}
+"""Answers and their contraries; a predicted contrast is positive for the former."""
+_OPPOSITES = CONTRARIES | {contrary: answer for answer, contrary in CONTRARIES.items()}
 
 
 def opposite_answer(question: Question, answer: str) -> str | None:

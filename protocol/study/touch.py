@@ -9,8 +9,10 @@ from protocol.study.fields import Name, NotNegative, Positive, Record
 from protocol.study.rig import Rig
 
 Direction = Literal["right", "left"]
+Coverage = Literal["local", "full"]
+Place = Literal["path", "smooth"]
 Programme = Literal["hold", "ramp", "sweep", "ramp and sweep"]
-Place = Annotated[NotNegative, Field(le=1)]
+OnBeam = Annotated[NotNegative, Field(le=1)]
 """On a beam, m, which is never longer than 1 m; `device.study_limits` knows where this one ends."""
 TouchTime = Annotated[Positive, Field(ge=0.1, le=600)]
 """Of a touch, s: nothing is felt in less than 0.1 s, and nothing may be driven for over 600 s."""
@@ -34,13 +36,13 @@ class TouchDefaults(Record):
         Positive, Field(ge=0.001, le=1, description="of the mark that paces the finger")
     ] = 0.04
     path_m: Annotated[
-        tuple[Place, Place],
+        tuple[OnBeam, OnBeam],
         Field(
             description="the finger's way on the beam (0.1 m), right edge of the finger, clamp at 0"
         ),
     ] = (0.010, 0.081)
     smooth_place_m: Annotated[
-        Place, Field(description="where a place is touched, right edge of the finger")
+        OnBeam, Field(description="where a place is touched, right edge of the finger")
     ] = 0.0414
     hold_s: Annotated[TouchTime, Field(description="how long a place is touched")] = 2.0
     beam: Annotated[
@@ -63,7 +65,7 @@ class Touch(Record):
     """
 
     place: Annotated[
-        Literal["path", "smooth"],
+        Place,
         Field(description="slide along `touch.path_m`, or touch `touch.smooth_place_m`"),
     ]
     voltage_v: Annotated[NotNegative, Field(description="amplitude (peak) at the start")]
@@ -78,7 +80,7 @@ class Touch(Record):
     ] = None
     direction: Annotated[Direction, Field(description="of the sliding finger")] = "right"
     coverage: Annotated[
-        Literal["local", "full"], Field(description="one finger, or several that cover the beam")
+        Coverage, Field(description="one finger, or several that cover the beam")
     ] = "local"
     press: Annotated[
         Relative, Field(description="touch force, relative to `touch.force_n`; above 1 is harder")

@@ -9,7 +9,8 @@ from analysis.loading.exclusions import Exclusion
 from analysis.loading.sessions import Happened, answered_trials
 from analysis.loading.study_data import NothingToReport, loaded
 from analysis.trials.contrasts import stepped, trial_contrasts
-from device.friction.contrasts import condition_contrast
+from device.friction.changes import CONDITIONS
+from device.friction.contrasts import predicted_contrast
 from protocol.study.design import Exclusions
 from protocol.study_file.loading import parsed_study, template
 from tests.analysis.reports import EXTENDED, PAPER, imported, session_events
@@ -47,7 +48,7 @@ def test_what_was_planned_is_predicted_where_nothing_was_measured() -> None:
     for row, contrast in zip(found.rows, contrasts.by_law["coulomb"], strict=True):
         if row.condition is not None:
             assert contrast == pytest.approx(
-                condition_contrast(row.condition, law="coulomb"), rel=0.02
+                predicted_contrast(CONDITIONS[row.condition], "coulomb"), rel=0.02
             )
 
 
@@ -105,7 +106,7 @@ def test_measured_values_count_in_steps_from_the_planned_one() -> None:
 def test_a_published_condition_without_a_scene_has_no_prediction() -> None:
     rows = imported([[5, 6]], names=("voltage", "temperature")).rows
     found = trial_contrasts(PAPER, rows).by_law["consistent"]
-    assert found[0] == condition_contrast("voltage")
+    assert found[0] == predicted_contrast(CONDITIONS["voltage"])
     assert np.isnan(found[1])
 
 

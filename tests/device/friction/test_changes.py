@@ -6,8 +6,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from device.friction import contrasts as conditions
-from device.friction.changes import trial_change
+from device.friction.changes import CONDITIONS, trial_change
 from device.friction.coefficient import friction_coefficient
 from device.friction.contrasts import predicted_contrast
 from device.friction.scenes import REFERENCE_SPEED_M_S, Drive, Scene
@@ -45,7 +44,7 @@ def test_trials_of_the_paper_study_make_the_contrasts_of_the_named_conditions(
     study = PAPER.model_copy(update={"touch": finger})
     assert trial.question is not None
     change = trial_change(study, trial.question, trial.expected, trial.touches)
-    named = conditions.condition_contrast(trial.condition or "signal", law=law)
+    named = predicted_contrast(CONDITIONS[trial.condition or "signal"], law)
     assert predicted_contrast(change, law) == pytest.approx(named, rel=1e-9, abs=1e-12)
 
 

@@ -1,16 +1,11 @@
-"""The study's conditions: regression of the repaired law's changes at the smooth place."""
-
-import re
+"""The paper's conditions: regression of the repaired law's changes, and rungs of the prediction."""
 
 import pytest
 
-from device.friction.coefficient import friction_coefficient
-from device.friction.contrasts import (
-    CONDITIONS,
-    condition_by_name,
-    condition_contrast,
-    reference_scene,
-)
+from device.friction.changes import CONDITIONS, REFERENCE
+from device.friction.contrasts import friction_at, predicted_contrast
+from device.friction.scenes import FingerContact
+from protocol.study.touch import TouchDefaults
 
 CHANGES = {
     "frequency": -0.050,
@@ -23,21 +18,40 @@ CHANGES = {
 
 @pytest.mark.parametrize(("name", "change"), CHANGES.items())
 def test_change_at_the_smooth_place(name: str, change: float) -> None:
-    condition = condition_by_name(name, reference_scene())
-    before, after = (friction_coefficient(s)[0] for s in (condition.before, condition.after))
+    condition = CONDITIONS[name]
+    before, after = (
+        friction_at(moment, (FingerContact().x_m,))[0]
+        for moment in (condition.before, condition.after)
+    )
     assert after - before == pytest.approx(change, abs=5e-4)
 
 
 def test_the_repaired_law_orders_the_conditions() -> None:
-    order = sorted(CHANGES, key=condition_contrast, reverse=True)
+    order = sorted(CHANGES, key=lambda name: -predicted_contrast(CONDITIONS[name]))
     assert order == ["direction", "voltage", "frequency", "structure", "pressure"]
 
 
 @pytest.mark.parametrize("name", CONDITIONS)
 def test_every_condition_is_felt_as_expected_under_the_repaired_law(name: str) -> None:
-    assert condition_contrast(name) > 0.04
+    assert predicted_contrast(CONDITIONS[name]) > 0.04
 
 
-def test_an_unknown_condition_is_refused() -> None:
-    with pytest.raises(ValueError, match=re.escape("voltage, direction, pressure, got 'x'")):
-        condition_contrast("x")
+def test_a_study_file_and_the_model_have_the_same_finger_unless_they_are_told() -> None:
+    study, model = TouchDefaults(), FingerContact()
+    assert (study.smooth_place_m, study.contact_m) == (model.x_m, model.contact_m)
+
+
+@pytest.mark.parametrize("name", CONDITIONS)
+def test_a_contrast_is_that_of_the_rung_it_is_asked_of(name: str) -> None:
+    change = CONDITIONS[name]
+    found = {rung: predicted_contrast(change, rung=rung) for rung in ("mode", "far-field")}
+    assert found["mode"] == predicted_contrast(change)
+    assert found["far-field"] != found["mode"]
+
+
+def test_a_drive_is_relative_to_the_resonance_of_the_rung() -> None:
+    """Below its own resonance every rung moves less than at it."""
+    place, below = (FingerContact().x_m,), CONDITIONS["frequency"].before
+    for rung in ("mode", "timoshenko-patched"):
+        at_resonance = friction_at(REFERENCE, place, rung=rung)
+        assert friction_at(below, place, rung=rung) > at_resonance

@@ -9,10 +9,6 @@ UNKNOWN = "output state UNKNOWN - cut the amplifier"
 """What a person is told of an output that was not read back as off."""
 
 
-class AddressError(BadInput):
-    """The address of a device, or its dialect, is not one that exists: the user's mistake."""
-
-
 class LimitExceeded(BadInput):
     """More was asked of the device than its limits allow; nothing was sent."""
 

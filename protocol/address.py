@@ -1,12 +1,18 @@
-"""The addresses of devices: which ones a study file or a command may name."""
+"""Addresses of devices: the rule that one in a study file, a command or a session must keep."""
 
 import re
+
+from protocol.errors import BadInput
 
 ADDRESS_RULE = (
     "must be sim, a serial port, socket://HOST:PORT or rfc2217://HOST:PORT, without options"
 )
 _HOST = r"(?:[\w.-]+|\[[\w:.%]+\])"
 _ON_A_NETWORK = re.compile(rf"(?:socket|rfc2217)://{_HOST}:(\d{{1,5}})", re.ASCII | re.IGNORECASE)
+
+
+class AddressError(BadInput):
+    """The address of a device, or its dialect, is not one that exists: the user's mistake."""
 
 
 def is_address(text: str) -> bool:
@@ -24,3 +30,14 @@ def is_address(text: str) -> bool:
         return True
     found = _ON_A_NETWORK.fullmatch(text)
     return found is not None and 1 <= int(found[1]) <= 65_535
+
+
+def checked_address(text: str) -> str:
+    """Return `text` if it may be the address of a device.
+
+    Raises:
+        AddressError: it may not; the message gives the rule.
+    """
+    if not is_address(text):
+        raise AddressError(f"{text}: not the address of a device; it {ADDRESS_RULE}")
+    return text

@@ -5,7 +5,8 @@ from importlib import import_module
 from pkgutil import iter_modules
 
 from device.drivers.driver import Driver
-from device.errors import AddressError, ForeignDevice
+from device.errors import ForeignDevice
+from protocol.address import AddressError
 
 
 @cache

@@ -11,8 +11,8 @@ from typing import Protocol
 
 import serial
 
-from device.errors import AddressError, DeviceError
-from protocol.address import ADDRESS_RULE, is_address
+from device.errors import DeviceError
+from protocol.address import AddressError, checked_address
 
 try:
     from termios import error as _termios_error
@@ -97,11 +97,10 @@ def open_port(url: str) -> SerialPort:
     """Return the serial port, `socket://` or `rfc2217://` at `url`, opened for us alone.
 
     Raises:
-        AddressError: `url` is not an address (`is_address`), or is a plain file or folder.
+        AddressError: `url` is no address (`checked_address`), or is a plain file or folder.
         DeviceError: the port is missing, in use, or may not be opened; the message says what to do.
     """
-    if not is_address(url):
-        raise AddressError(f"{url}: not the address of a device; it {ADDRESS_RULE}")
+    checked_address(url)
     if Path(url).is_file() or Path(url).is_dir():
         kind = "file" if Path(url).is_file() else "folder"
         raise AddressError(f"{url}: a device must be a serial port, got a plain {kind}")

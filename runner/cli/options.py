@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from protocol.address import ADDRESS_RULE, is_address
+from protocol.address import checked_address
 from protocol.errors import BadInput
 
 if TYPE_CHECKING:
@@ -86,9 +86,7 @@ StudyArgument = Annotated[Path, typer.Argument(metavar="STUDY", help="The study'
 
 def address(given: str | None) -> str | None:
     """Return the address of a device, if one is given; refuse what cannot be one."""
-    if given is not None and not is_address(given):
-        raise BadInput(f"{given}: not the address of a device; it {ADDRESS_RULE}")
-    return given
+    return None if given is None else checked_address(given)
 
 
 UrlArgument = Annotated[

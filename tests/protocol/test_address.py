@@ -2,7 +2,7 @@
 
 import pytest
 
-from protocol.address import is_address
+from protocol.address import AddressError, checked_address, is_address
 
 
 @pytest.mark.parametrize(
@@ -22,6 +22,7 @@ from protocol.address import is_address
 )
 def test_ports_and_sockets_are_addresses(text: str) -> None:
     assert is_address(text)
+    assert checked_address(text) == text
 
 
 @pytest.mark.parametrize(
@@ -56,3 +57,5 @@ def test_ports_and_sockets_are_addresses(text: str) -> None:
 )
 def test_nothing_else_is_one(text: str) -> None:
     assert not is_address(text)
+    with pytest.raises(AddressError, match="not the address of a device; it must be sim, "):
+        checked_address(text)

@@ -8,9 +8,10 @@ import pytest
 
 from device.drivers.board import Board
 from device.drivers.setpoints import Limits, Setpoint
-from device.errors import AddressError, DeviceError, ForeignOutput, OutputUnknown
+from device.errors import DeviceError, ForeignOutput, OutputUnknown
 from device.link.link import Link, open_link
 from device.simulator.client import ControlClient, Endpoints, simulator_process
+from protocol.address import AddressError
 from tests.device.scripted import ScriptedPort, ticking
 
 TOUCHBEAM = (str(Path(sys.executable).with_name("touchbeam")),)

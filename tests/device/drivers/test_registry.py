@@ -19,9 +19,10 @@ from device.drivers.setpoints import (
     current_a,
     slew_v_per_us,
 )
-from device.errors import AddressError, ForeignDevice, LimitExceeded
+from device.errors import ForeignDevice, LimitExceeded
 from device.link.link import Link
 from device.simulator.client import ControlClient, simulator_process
+from protocol.address import AddressError
 from protocol.study.rig import Dialect
 from tests.device.rigs import DRIVE, LIMITS, TOUCHBEAM, opened, until
 from tests.device.scripted import ScriptedPort, ticking

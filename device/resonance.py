@@ -19,8 +19,6 @@ LEAST_RISE = 2.0
 _POINTS = 21
 _SETTLE_S = 0.1
 
-FloatArray = NDArray[np.float64]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Resonance:
@@ -71,7 +69,7 @@ def resonance(
     return _peak(fine, np.array([answer(frequency_hz) for frequency_hz in fine]))
 
 
-def _peak(frequencies_hz: FloatArray, tips_m: FloatArray) -> Resonance:
+def _peak(frequencies_hz: NDArray[np.float64], tips_m: NDArray[np.float64]) -> Resonance:
     """The vertex of the parabola through 1/amplitude²."""
     if not (tips_m > 0).all():
         raise DeviceError(f"the vibration must be above 0 m, got {tips_m.min():g} m")

@@ -1,10 +1,29 @@
-"""Places of a study that a finger cannot touch, for the beam ends before them."""
+"""Limits between a study and a device: what the driver never exceeds, where the beam ends."""
 
 from collections.abc import Iterator
 
 from device.beam.beam import Beam
+from device.drivers.setpoints import Amplifier, Limits
 from protocol.errors import Path, Problem
+from protocol.study.rig import Rig
 from protocol.study.study import Study
+
+
+def device_limits(rig: Rig) -> Limits:
+    """Return what the driver must never exceed on this rig."""
+    return Limits(
+        max_voltage_v=rig.max_voltage_v,
+        max_frequency_hz=rig.max_frequency_hz,
+        ramp_v_per_s=rig.ramp_v_per_s,
+        watchdog_s=rig.watchdog_s,
+        amplifier=Amplifier(
+            gain=rig.amplifier_gain,
+            max_vpp=rig.generator_max_vpp,
+            max_slew_v_per_us=rig.max_slew_v_per_us,
+            max_current_a=None if rig.max_current_ma is None else 1e-3 * rig.max_current_ma,
+            load_f=1e-9 * (rig.capacitance_nf or 0.0),
+        ),
+    )
 
 
 def reach_problems(study: Study) -> Iterator[Problem]:

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass, field
 
 from device.errors import LimitExceeded, not_negative, positive
+from protocol.study.touch import slew_v_per_us
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +54,7 @@ class Amplifier:
         """
         slew = slew_v_per_us(amplitude_v, frequency_hz)
         _within("slew_v_per_us", slew, self.max_slew_v_per_us)
-        _within("current_a", current_a(amplitude_v, frequency_hz, self.load_f), self.max_current_a)
+        _within("current_a", 1e6 * slew * self.load_f, self.max_current_a)
         if self.gain is not None:
             _within("peak-to-peak voltage", self.vpp(amplitude_v), self.max_vpp)
 
@@ -61,24 +62,6 @@ class Amplifier:
         if self.gain is None:
             raise LimitExceeded("a generator needs rig.amplifier_gain: volts out per volt in")
         return self.gain
-
-
-def slew_v_per_us(amplitude_v: float, frequency_hz: float) -> float:
-    """Return the steepest slope of a sine, V/µs.
-
-    >>> round(slew_v_per_us(200.0, 24221.0), 1)
-    30.4
-    """
-    return 2 * math.pi * frequency_hz * amplitude_v * 1e-6
-
-
-def current_a(amplitude_v: float, frequency_hz: float, load_f: float) -> float:
-    """Return the peak current into a capacitance, A.
-
-    >>> round(current_a(200.0, 24221.0, 1e-9), 3)
-    0.03
-    """
-    return 2 * math.pi * frequency_hz * load_f * amplitude_v
 
 
 def _within(name: str, value: float, most: float | None) -> None:

@@ -8,10 +8,10 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from device.drivers.setpoints import Amplifier, Limits
 from device.resonance import Resonance
 from device.rig import Rig, open_rig
 from device.simulator.client import ControlClient, simulator_process
+from device.study_limits import device_limits
 from protocol.errors import BadInput
 from protocol.study.rig import Rig as RigSettings
 
@@ -55,31 +55,9 @@ def session_rig(
             )
             control = stack.enter_context(ControlClient(endpoints.control))
             url = endpoints.url
-        device = open_rig(url, limits(settings), settings.dialect, calibration)
+        device = open_rig(url, device_limits(settings), settings.dialect, calibration)
         stack.callback(device.close)
         yield SessionRig(device=device, control=control)
-
-
-def limits(settings: RigSettings) -> Limits:
-    """Return what the driver must never exceed on this rig."""
-    return Limits(
-        max_voltage_v=settings.max_voltage_v,
-        max_frequency_hz=settings.max_frequency_hz,
-        ramp_v_per_s=settings.ramp_v_per_s,
-        watchdog_s=settings.watchdog_s,
-        amplifier=_amplifier(settings),
-    )
-
-
-def _amplifier(settings: RigSettings) -> Amplifier:
-    current_ma, load_nf = settings.max_current_ma, settings.capacitance_nf
-    return Amplifier(
-        gain=settings.amplifier_gain,
-        max_vpp=settings.generator_max_vpp,
-        max_slew_v_per_us=settings.max_slew_v_per_us,
-        max_current_a=None if current_ma is None else 1e-3 * current_ma,
-        load_f=1e-9 * (load_nf or 0.0),
-    )
 
 
 FILE = "calibration.json"

@@ -15,12 +15,12 @@ import pytest
 from device.errors import DeviceError, OutputUnknown
 from device.rig import Rig
 from device.simulator.client import ControlClient, Endpoints, simulator_process
+from device.study_limits import device_limits
 from protocol.study_file.loading import template
 from runner.cli.output import WORK_FAILED, complaint
 from runner.clock import SteppedClock
 from runner.journal.store import Journal, open_journal
 from runner.journal.verification import verdicts
-from runner.launch.rig import limits
 from runner.people.operator_console import OperatorConsole, PlainDisplay
 from runner.screens import Instruction, Pacing, Response, Screen
 from runner.session.loop import run
@@ -106,7 +106,7 @@ def test_a_fault_in_a_session(
 ) -> None:
     with open_journal(tmp_path / "study.db") as journal:
         made = context(journal, FakeDevice(), FakeParticipant(), STUDY)
-        with opened(simulator.url, "board", limits(made.session.study.rig)) as device:
+        with opened(simulator.url, "board", device_limits(made.session.study.rig)) as device:
             if row.when == "handshake":
                 control.fault(row.fault)
             there = on_the_rig(made, device, control, row)
@@ -135,7 +135,7 @@ def test_nobody_is_told_that_the_output_of_another_device_is_off(
         for fault in (row.fault, "off-ignored", "panel-on"):
             control.fault(fault)
         with (
-            opened(simulator.url, "board", limits(made.session.study.rig)) as device,
+            opened(simulator.url, "board", device_limits(made.session.study.rig)) as device,
             pytest.raises(OutputUnknown, match="expected a board") as caught,
         ):
             run(on_the_rig(made, device, control, row, told.append))

@@ -11,14 +11,7 @@ import device.drivers
 from device.drivers.board import Board
 from device.drivers.keysight import Keysight, Ramp
 from device.drivers.registry import driver_for, driver_of, drivers
-from device.drivers.setpoints import (
-    Amplifier,
-    Limits,
-    ReadBack,
-    Setpoint,
-    current_a,
-    slew_v_per_us,
-)
+from device.drivers.setpoints import Amplifier, Limits, ReadBack, Setpoint
 from device.errors import ForeignDevice, LimitExceeded
 from device.link.link import Link
 from device.simulator.client import ControlClient, simulator_process
@@ -67,8 +60,10 @@ def test_the_next_dialect_is_one_new_file(tmp_path: Path, monkeypatch: pytest.Mo
 
 
 def test_the_papers_numbers_for_the_amplifier() -> None:
-    assert slew_v_per_us(200, 24_221) == pytest.approx(30.4, abs=0.05)
-    assert current_a(200, 24_221, 1e-9) == pytest.approx(30e-3, rel=0.02)
+    amplifier = Amplifier(max_slew_v_per_us=30.5, max_current_a=30.5e-3, load_f=1e-9)
+    amplifier.check(200, 24_221)
+    with pytest.raises(LimitExceeded, match=r"slew_v_per_us must .* got 30\.58"):
+        amplifier.check(201, 24_221)
     assert Amplifier(gain=20).vpp(200) == 20
     assert Amplifier(gain=20).amplitude_v(20) == 200
 

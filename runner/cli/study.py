@@ -1,4 +1,4 @@
-"""The commands with which a study is made, looked at and carried out: new, check, run."""
+"""The commands that make a study, show its plan and carry it out: demo, new, check, run."""
 
 from pathlib import Path
 from typing import Annotated
@@ -15,8 +15,37 @@ from runner.cli.options import (
     StudyArgument,
     address,
 )
+from runner.cli.results import write_report
+
+app = typer.Typer()
 
 
+@app.command()
+def demo(
+    out: Annotated[
+        Path | None, typer.Option(help="A new folder. [default: ./demo, then ./demo-2, …]")
+    ] = None,
+    participants: Annotated[int, typer.Option(min=1, max=99)] = 9,
+    seed: Annotated[int, typer.Option(min=0)] = 1,
+) -> None:
+    """See it work: simulated device, virtual participants.
+
+    Runs the whole study of the paper and reports it.
+    """
+    from protocol.study_file.loading import template
+    from runner.cli.output import progress
+    from runner.launch.rehearsal import rehearse_cohort
+    from runner.launch.rig import touchbeam_command
+    from runner.study.folder import StudyFolder, new_study, numbered
+
+    folder = StudyFolder(path=out or numbered(Path("demo")))
+    with new_study(folder, template("paper")), progress("participants", participants) as step:
+        rehearse_cohort(folder, participants, seed, touchbeam_command(), step)
+    write_report(folder, folder.report, rehearsals=True, as_json=False)
+    typer.echo(f"Device off, read back after each of {participants} sessions.")
+
+
+@app.command()
 def new(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="A new or an empty folder.")],
     template: Annotated[str, typer.Option(help="The built-in study to start from.")] = "paper",
@@ -37,6 +66,7 @@ def new(
     )
 
 
+@app.command()
 def check(
     study: StudyArgument,
     participants: Annotated[
@@ -61,6 +91,7 @@ def check(
         raise typer.Exit(2)
 
 
+@app.command()
 def run(
     study: StudyArgument,
     participant: Annotated[str, typer.Option(help="A pseudonym, such as P01.")],

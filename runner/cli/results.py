@@ -1,0 +1,247 @@
+"""The commands about results: import, report, export, predict, ladder, claims."""
+
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from protocol.errors import BadInput
+from runner.cli.options import (
+    Format,
+    JsonOption,
+    Law,
+    Overlap,
+    StudyArgument,
+    named_folder,
+    print_json,
+    study_journal,
+)
+from runner.people.terminal import at_terminal
+
+if TYPE_CHECKING:
+    from runner.study.folder import StudyFolder
+
+app = typer.Typer()
+
+
+@app.command("import")
+def import_scores(
+    scores: Annotated[Path, typer.Argument(metavar="SCORES.csv", help="subject, then conditions.")],
+    study: Annotated[Path, typer.Argument(metavar="STUDY", help="A new or an empty folder.")],
+) -> None:
+    """Make a study of published scores.
+
+    SCORES.csv has a column `subject`, of pseudonyms with a digit, and one per condition; a blank
+    cell is a missing score.
+    """
+    from analysis.loading.published import published_table, unpredicted_note
+    from runner.study.folder import StudyFolder
+    from runner.study.published import bytes_of, import_table, text_of
+
+    content = bytes_of(scores)
+    table = published_table(text_of(content, scores), str(scores))
+    import_table(StudyFolder(path=study), table.by_subject(), scores.name, content)
+    note = unpredicted_note(table.conditions)
+    if note:
+        typer.echo(note)
+    typer.echo(f"{len(table.subjects)} subjects imported; next: touchbeam report {study}")
+
+
+@app.command()
+def report(
+    study: StudyArgument,
+    out: Annotated[
+        Path | None,
+        typer.Option(parser=named_folder, metavar="DIR", help="[default: STUDY/report]"),
+    ] = None,
+    rehearsals: Annotated[
+        bool, typer.Option("--rehearsals", help="Report rehearsals too, marked as such.")
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Write Table 4, statistics and figures.
+
+    As a page, CSV and JSON in the study's folder `report`.
+    """
+    from runner.study.folder import StudyFolder
+
+    folder = StudyFolder(path=study)
+    write_report(folder, out or folder.report, rehearsals=rehearsals, as_json=as_json)
+
+
+@app.command()
+def export(
+    study: StudyArgument,
+    folder: Annotated[
+        Path, typer.Argument(parser=named_folder, metavar="DIR", help="A new or an empty folder.")
+    ],
+    as_format: Annotated[Format, typer.Option("--format", help="csv is one tidy table.")],
+    rehearsals: Annotated[
+        bool, typer.Option("--rehearsals", help="Export rehearsals too, marked as such.")
+    ] = False,
+) -> None:
+    """Write the data for others: a row per trial.
+
+    Who has withdrawn is not there; excluded trials are, marked.
+    """
+    from importlib.metadata import version
+
+    from analysis.export.dataset import dataset
+    from analysis.export.formats import EXPORTS
+    from analysis.files import write_new_folder
+    from runner.journal.verification import readable_chains
+    from runner.study.folder import StudyFolder
+
+    source = StudyFolder(path=study)
+    broken: list[str] = []
+    with study_journal(source) as journal:
+        chains = list(readable_chains(journal, broken))
+    data = dataset(
+        chains, source.study(), version("touchbeam"), rehearsals=rehearsals, broken_chains=broken
+    )
+    _warn_of_broken(broken, study)
+    write_new_folder(EXPORTS[as_format.value](data), folder)
+    typer.echo(f"Written: {folder}, {data.trials.summary()}")
+
+
+@app.command()
+def predict(
+    scenes: Annotated[Path, typer.Argument(metavar="SCENES.csv", help="A row per scene.")],
+    out: Annotated[
+        Path, typer.Option("-o", "--out", metavar="OUT.csv", help="- is standard output.")
+    ],
+    law: Annotated[Law, typer.Option()] = Law.consistent,
+    rung: Annotated[str, typer.Option(help="auto, or a rung of `touchbeam ladder`.")] = "auto",
+    tolerance: Annotated[float, typer.Option(help="Largest error in μ' that auto makes.")] = 0.01,
+    eq15_overlap: Annotated[Overlap, typer.Option(help="For the printed law.")] = Overlap.first,
+    study: Annotated[Path | None, typer.Option(help="Whose values stand for blank cells.")] = None,
+) -> None:
+    """Predict the friction of many scenes.
+
+    Every column is optional; docs/model.md lists them. A bad cell stops the run, and nothing is
+    written.
+    """
+    from analysis.files import is_stream, write_whole
+    from analysis.model.predict import PredictOptions, study_defaults
+    from analysis.model.predict import predict as predicted
+    from runner.study.folder import StudyFolder
+    from runner.study.published import bytes_of, text_of
+
+    options = PredictOptions(
+        law=law.value, rung=rung, tolerance=tolerance, eq15_overlap=eq15_overlap.value
+    )
+    defaults = study_defaults(StudyFolder(path=study).study()) if study else None
+    text = predicted(str(scenes), text_of(bytes_of(scenes), scenes), options, defaults)
+    to_stdout = str(out) == "-"
+    if to_stdout:
+        typer.echo(text, nl=False)
+    else:
+        write_whole(out, text.encode())
+    # What is read as a table must hold nothing else.
+    streamed = to_stdout or is_stream(out)
+    if not streamed or at_terminal(sys.stderr):
+        typer.echo(f"{text.count(chr(10)) - 1} scenes predicted: {out}", err=streamed)
+
+
+@app.command()
+def ladder(
+    as_json: JsonOption = False,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw error against time: svg, png, pdf.")
+    ] = None,
+) -> None:
+    """Measure speed against accuracy.
+
+    Every rung of the friction model in the paper's scene, on this machine, now.
+    """
+    from analysis.model.ladder import ladder_json, ladder_lines, ladder_panel, measured_ladder
+
+    kind = plot.suffix.removeprefix(".").lower() if plot else "svg"
+    if kind not in ("svg", "png", "pdf"):
+        raise BadInput(f"--plot must end in .svg, .png or .pdf, got {plot}")
+    rows = measured_ladder()
+    if plot:
+        from analysis.files import write_whole
+        from analysis.report.drawing import panels_figure
+
+        write_whole(plot, panels_figure([ladder_panel(rows)], kind))
+    if as_json:
+        print_json(ladder_json(rows))
+        return
+    from runner.cli.output import print_table
+
+    print_table("The ladder", ladder_lines(rows))
+
+
+@app.command()
+def claims(as_json: JsonOption = False) -> None:
+    """Check the paper's claims.
+
+    Each claim is computed anew under every friction law.
+    """
+    from analysis.claims.audit import audit, claims_json, claims_lines
+
+    results = audit()
+    if as_json:
+        print_json(claims_json(results))
+        return
+    from runner.cli.output import print_table
+
+    print_table("Claims", claims_lines(results))
+
+
+def write_report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json: bool) -> None:
+    """Write the report on the study in `folder` into the folder `out`, and print Table 4."""
+    # Sums in one order, whatever the number of cores: the same input gives the same bytes.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    from analysis.cells import json_text
+    from analysis.loading.missing_scores import marks
+    from analysis.loading.study_data import loaded
+    from analysis.report.provenance import Origin
+    from analysis.report.report import report as made_report
+    from analysis.report.report import report_json, write_report
+    from analysis.report.wording import omnibus_line
+    from protocol.study_file.loading import text_digest
+    from runner.cli.output import print_table
+    from runner.journal.verification import readable_chains
+
+    broken: list[str] = []
+    with study_journal(folder) as journal:
+        study = folder.study()
+        sessions = (
+            [(event.tag, event.payload) for event in events]
+            for events in readable_chains(journal, broken)
+        )
+        found = loaded(sessions, rehearsals=rehearsals, rules=study.exclusions)
+    title = folder.path.resolve().name
+    origin = Origin(
+        command=f"touchbeam report {title}{' --rehearsals' if rehearsals else ''}",
+        study_sha256=text_digest(folder.text()),
+        broken_chains=tuple(broken),
+    )
+    _warn_of_broken(broken, folder.path)
+    result = made_report(title, found, study, origin)
+    written = write_report(result, out)
+    if as_json:
+        typer.echo(json_text(report_json(result)), nl=False)
+        return
+    print_table("Table 4", result.table.main.table4.lines("–", marks(result.loaded.empty)))
+    for note in result.table_notes:
+        typer.echo(note)
+    typer.echo(
+        f"{omnibus_line(result.table.main)}\nWritten: {', '.join(str(path) for path in written)}"
+    )
+
+
+def _warn_of_broken(sessions: "Sequence[str]", study: Path) -> None:
+    if not sessions:
+        return
+    named = ", ".join(sessions[:10]) + (f" and {len(sessions) - 10} more" if sessions[10:] else "")
+    typer.echo(
+        f"touchbeam: warning: the journal was changed by other means than touchbeam, in {named}; "
+        f"see touchbeam verify {study}",
+        err=True,
+    )

@@ -3,29 +3,14 @@
 Heavy imports stand inside the commands, so that `touchbeam --help` answers at once.
 """
 
-import gc
 import os
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
 
 import typer
 
 from runner.cli import device, journal, results, study
 from runner.cli.output import complaint
 from runner.signals import signals_raise
-
-
-@contextmanager
-def short_lived() -> Iterator[None]:
-    """Run the body without the collector, and spare the interpreter its last search."""
-    gc.disable()
-    try:
-        yield
-    finally:
-        gc.enable()
-        gc.freeze()
-
 
 app = typer.Typer(
     name="touchbeam",
@@ -41,10 +26,6 @@ for commands in (study, results, journal, device):
     app.add_typer(commands.app)
 
 
-_SHORT_LIVED = {"check", "new", "status"}
-"""Commands that load modules for longer than they work."""
-
-
 def main() -> None:
     """Run the command line; errors are one line on standard error.
 
@@ -55,7 +36,7 @@ def main() -> None:
     arguments = [argument for argument in sys.argv[1:] if argument != "--debug"]
     debug = len(arguments) < len(sys.argv) - 1
     try:
-        with signals_raise(), short_lived() if _SHORT_LIVED & {*arguments[:1]} else nullcontext():
+        with signals_raise():
             code = app(arguments or ["--help"], prog_name="touchbeam", standalone_mode=False)
     except Exception as error:
         if debug:

@@ -75,14 +75,11 @@ def check(
     as_json: JsonOption = False,
 ) -> None:
     """Show the plan that a study gives, or everything that is wrong with it."""
-    from runner.study.model_process import foretelling
+    from runner.study.check import checked
+    from runner.study.folder import StudyFolder
 
-    with foretelling() as contrasts:
-        from runner.study.check import checked
-        from runner.study.folder import StudyFolder
-
-        folder = StudyFolder(path=study)
-        shown, problems, in_order = checked(folder, participants, contrasts, as_json=as_json)
+    folder = StudyFolder(path=study)
+    shown, problems, in_order = checked(folder, participants, as_json=as_json)
     for line in problems:
         typer.echo(f"touchbeam: {line}", err=True)
     if shown:

@@ -1,21 +1,23 @@
 """`touchbeam check`: a study's problems, or the plan that it gives."""
 
 import json
-from collections.abc import Hashable, Iterator, Sequence
+import os
+from collections.abc import Iterator, Sequence
+from functools import cache
 from typing import Any
 
 from device.friction.changes import trial_change
 from device.study_limits import reach_problems
 from protocol.errors import Problem
 from protocol.plan.trials import Trial
-from protocol.preview.preview import Predict, Preview, preview, preview_record
+from protocol.preview.preview import Predict, preview, preview_record
 from protocol.preview.text import preview_lines
 from protocol.proof.cohort import cohort_problems
 from protocol.study.questions import PAPERS_BANDS
 from protocol.study.study import Study
+from protocol.study.touch import Touch
 from protocol.study_file.loading import StudyError, located, parsed_study
 from runner.study.folder import StudyFolder
-from runner.study.model_process import Contrasts
 
 
 def validated_study(text: str, source: str) -> Study:
@@ -36,18 +38,13 @@ def _out_of_place(study: Study) -> Iterator[Problem]:
 
 
 def checked(
-    folder: StudyFolder,
-    participants: int | None,
-    contrasts: Contrasts,
-    *,
-    as_json: bool,
+    folder: StudyFolder, participants: int | None, *, as_json: bool
 ) -> tuple[str, list[str], bool]:
     """Return what to print, the problems as lines, and whether the study is in order.
 
     Args:
         folder: the study.
         participants: size of the cohort; the study's own, or 1, without it.
-        contrasts: the friction model, to predict what is felt.
         as_json: whether to print one JSON document.
 
     Raises:
@@ -63,13 +60,10 @@ def checked(
     broken = cohort_problems(study, shown.plans)
     if broken:
         return _refused(source, located(text, broken), as_json=as_json)
-    return _text(shown, _predict(shown, contrasts), as_json=as_json), [], True
-
-
-def _text(shown: Preview, predict: Predict, *, as_json: bool) -> str:
+    predict = _prediction(study)
     if as_json:
-        return _json({"ok": True, "problems": [], **preview_record(shown, predict)})
-    return "\n".join(preview_lines(shown, predict))
+        return _json({"ok": True, "problems": [], **preview_record(shown, predict)}), [], True
+    return "\n".join(preview_lines(shown, predict)), [], True
 
 
 def _refused(
@@ -95,18 +89,19 @@ def _json(document: dict[str, Any]) -> str:
     return json.dumps(document, ensure_ascii=False, indent=1, allow_nan=False)
 
 
-def _predict(shown: Preview, contrasts: Contrasts) -> Predict:
-    """The friction model's prediction of every trial in `shown`."""
-    trials = {_what_changes(trial): trial for plan in shown.plans for trial in plan.trials}
-    changes = {
-        what: trial_change(shown.study, trial.question, trial.expected, trial.touches)
-        for what, trial in trials.items()
-        if trial.question is not None
-    }
-    predicted = dict(zip(changes, contrasts(list(changes.values())), strict=True))
-    return lambda trial: predicted.get(_what_changes(trial))
+def _prediction(study: Study) -> Predict:
+    """Return what the friction model predicts of a trial; it is loaded for studies in order."""
+    # One thread is enough for a few places; starting a pool of them takes longer than the work.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    from device.friction.contrasts import predicted_contrast
 
+    @cache  # a cohort's trials share few of these, and a prediction depends on nothing else
+    def contrast(question: str, expected: str | None, touches: tuple[Touch, ...]) -> float:
+        return predicted_contrast(trial_change(study, question, expected, touches))
 
-def _what_changes(trial: Trial) -> Hashable:
-    """What a prediction depends on: many trials of a cohort share it."""
-    return trial.question, trial.expected, trial.touches
+    def predict(trial: Trial) -> float | None:
+        if trial.question is None:
+            return None
+        return contrast(trial.question, trial.expected, trial.touches)
+
+    return predict

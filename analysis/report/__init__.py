@@ -1,4 +1,4 @@
 """The report of a study: its page, JSON, tables and figures.
 
-Public face: `report.report`, `report.write_report`, `page.page_html`.
+Public face: `report.report`, `report.report_files`, `page.page_html`.
 """

@@ -4,12 +4,10 @@ import json
 from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
-from pathlib import Path
 from typing import Any
 
 from analysis.cells import json_text
 from analysis.estimates import NotEstimable
-from analysis.files import made_folder, write_whole
 from analysis.loading.exclusions import rules_in_words
 from analysis.loading.missing_scores import notes, withheld
 from analysis.loading.study_data import Loaded, changed_journal
@@ -30,7 +28,6 @@ from analysis.report.provenance import Origin, provenance
 from analysis.statistics.summary import TableStatistics, table_statistics
 from analysis.statistics.table4 import table4_csv
 from analysis.trials.trial_statistics import TrialStatistics, trial_statistics
-from protocol.errors import BadInput
 from protocol.study.study import Study
 
 
@@ -132,41 +129,24 @@ def report_html(result: Report) -> str:
     )
 
 
-def write_report(result: Report, folder: Path) -> list[Path]:
-    """Write page, tables, data and figures into `folder`; return the paths of all but figures.
-
-    All is made before anything is written, and each file is replaced as a whole.
-
-    Raises:
-        BadInput: `folder` is a file.
-        OSError: something cannot be written; the error names it.
-    """
-    if folder.exists() and not folder.is_dir():
-        raise BadInput(f"{folder}: is a file; name a folder for the report")
-    contents = {
-        "table4.csv": table4_csv(result.table.main.table4),
-        "table4.tex": table4_tex(result.table.main.table4),
-        "report.html": report_html(result),
-        "report.json": json_text(report_json(result)),
+def report_files(result: Report) -> dict[str, bytes]:
+    """Return page, tables, data and figures by relative path."""
+    return {
+        "table4.csv": table4_csv(result.table.main.table4).encode(),
+        "table4.tex": table4_tex(result.table.main.table4).encode(),
+        "report.html": report_html(result).encode(),
+        "report.json": json_text(report_json(result)).encode(),
+        **_figures(result),
     }
-    figures = _figures(result)
-    with made_folder(folder), made_folder(folder / "figures"):
-        for name, text in contents.items():
-            write_whole(folder / name, text.encode())
-        for name in _FIGURE_FILES - figures.keys():
-            (folder / "figures" / name).unlink(missing_ok=True)  # an earlier report's
-        for name, data in figures.items():
-            write_whole(folder / "figures" / name, data)
-    return [folder / name for name in contents]
 
 
-_FIGURE_FILES = {f"{name}.{kind}" for name in FIGURES for kind in ("svg", "png")}
+FIGURE_FILES = tuple(f"figures/{name}.{kind}" for name in FIGURES for kind in ("svg", "png"))
+"""All figures that a report may have."""
 
 
 def _figures(result: Report) -> dict[str, bytes]:
-    """The figures by the names of their files."""
     found: dict[str, bytes] = {}
     for name, shown in result.illustrations.items():
-        found[f"{name}.svg"] = shown.drawing.svg.encode()
-        found[f"{name}.png"] = shown.drawing.png
+        found[f"figures/{name}.svg"] = shown.drawing.svg.encode()
+        found[f"figures/{name}.png"] = shown.drawing.png
     return found

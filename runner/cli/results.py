@@ -38,8 +38,9 @@ def import_scores(
     cell is a missing score.
     """
     from analysis.loading.published import published_table, unpredicted_note
+    from runner.study.files import bytes_of, text_of
     from runner.study.folder import StudyFolder
-    from runner.study.published import bytes_of, import_table, text_of
+    from runner.study.published import import_table
 
     content = bytes_of(scores)
     table = published_table(text_of(content, scores), str(scores))
@@ -91,8 +92,8 @@ def export(
 
     from analysis.export.dataset import dataset
     from analysis.export.formats import EXPORTS
-    from analysis.files import write_new_folder
     from runner.journal.verification import readable_chains
+    from runner.study.files import write_new_folder
     from runner.study.folder import StudyFolder
 
     source = StudyFolder(path=study)
@@ -103,7 +104,8 @@ def export(
         chains, source.study(), version("touchbeam"), rehearsals=rehearsals, broken_chains=broken
     )
     _warn_of_broken(broken, study)
-    write_new_folder(EXPORTS[as_format.value](data), folder)
+    texts = EXPORTS[as_format.value](data)
+    write_new_folder({name: text.encode() for name, text in texts.items()}, folder)
     typer.echo(f"Written: {folder}, {data.trials.summary()}")
 
 
@@ -124,11 +126,10 @@ def predict(
     Every column is optional; docs/model.md lists them. A bad cell stops the run, and nothing is
     written.
     """
-    from analysis.files import is_stream, write_whole
     from analysis.model.predict import PredictOptions, study_defaults
     from analysis.model.predict import predict as predicted
+    from runner.study.files import bytes_of, is_stream, text_of, write_whole
     from runner.study.folder import StudyFolder
-    from runner.study.published import bytes_of, text_of
 
     options = PredictOptions(
         law=law.value, rung=rung, tolerance=tolerance, eq15_overlap=eq15_overlap.value
@@ -164,8 +165,8 @@ def ladder(
         raise BadInput(f"--plot must end in .svg, .png or .pdf, got {plot}")
     rows = measured_ladder()
     if plot:
-        from analysis.files import write_whole
         from analysis.report.drawing import panels_figure
+        from runner.study.files import write_whole
 
         write_whole(plot, panels_figure([ladder_panel(rows)], kind))
     if as_json:
@@ -197,16 +198,16 @@ def write_report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json:
     """Write the report on the study in `folder` into the folder `out`, and print Table 4."""
     # Sums in one order, whatever the number of cores: the same input gives the same bytes.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    from analysis.cells import json_text
     from analysis.loading.missing_scores import marks
     from analysis.loading.study_data import loaded
     from analysis.report.provenance import Origin
+    from analysis.report.report import FIGURE_FILES, report_files
     from analysis.report.report import report as made_report
-    from analysis.report.report import report_json, write_report
     from analysis.report.wording import omnibus_line
     from protocol.study_file.loading import text_digest
     from runner.cli.output import print_table
     from runner.journal.verification import readable_chains
+    from runner.study.files import write_files
 
     broken: list[str] = []
     with study_journal(folder) as journal:
@@ -224,16 +225,18 @@ def write_report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json:
     )
     _warn_of_broken(broken, folder.path)
     result = made_report(title, found, study, origin)
-    written = write_report(result, out)
+    if out.exists() and not out.is_dir():
+        raise BadInput(f"{out}: is a file; name a folder for the report")
+    files = report_files(result)
+    write_files(files, out, replaced=FIGURE_FILES)
     if as_json:
-        typer.echo(json_text(report_json(result)), nl=False)
+        typer.echo(files["report.json"].decode(), nl=False)
         return
     print_table("Table 4", result.table.main.table4.lines("–", marks(result.loaded.empty)))
     for note in result.table_notes:
         typer.echo(note)
-    typer.echo(
-        f"{omnibus_line(result.table.main)}\nWritten: {', '.join(str(path) for path in written)}"
-    )
+    written = ", ".join(str(out / name) for name in files if name not in FIGURE_FILES)
+    typer.echo(f"{omnibus_line(result.table.main)}\nWritten: {written}")
 
 
 def _warn_of_broken(sessions: "Sequence[str]", study: Path) -> None:

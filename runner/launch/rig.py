@@ -14,6 +14,7 @@ from device.simulator.client import ControlClient, simulator_process
 from device.study_limits import device_limits
 from protocol.errors import BadInput
 from protocol.study.rig import Rig as RigSettings
+from runner.study.files import write_whole
 
 SIMULATED = "sim"
 
@@ -73,7 +74,7 @@ def keep_calibration(folder: Path, found: Resonance, idn: str, measured_utc: str
         raise BadInput(f"{folder}: no study here (study.toml is missing)")
     path = folder / FILE
     record = {**asdict(found), "idn": idn, "measured_utc": measured_utc}
-    path.write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
+    write_whole(path, (json.dumps(record, indent=2) + "\n").encode())
     return path
 
 

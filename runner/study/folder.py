@@ -2,8 +2,7 @@
 
 import os
 import re
-import shutil
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +10,7 @@ from pathlib import Path
 from protocol.errors import BadInput
 from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study
+from runner.study.files import make_folder, take_away
 
 _PSEUDONYM = re.compile(r"(?=.*[0-9])[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
 
@@ -93,7 +93,8 @@ def new_study(folder: StudyFolder, text: str) -> Iterator[StudyFolder]:
     Raises:
         BadInput: the folder is there already and not empty, or cannot be made.
     """
-    topmost = _made(folder.path)
+    place = Path(os.path.realpath(folder.path))
+    topmost = _made(place)
     try:
         folder.study_file.write_text(text, encoding="utf-8")
         yield folder
@@ -101,28 +102,21 @@ def new_study(folder: StudyFolder, text: str) -> Iterator[StudyFolder]:
         from runner.journal.store import unused
 
         if unused(folder.journal):
-            _take_away([topmost] if topmost else folder.path.iterdir())
+            take_away([topmost] if topmost else place.iterdir())
         raise
 
 
-def _made(given: Path) -> Path | None:
-    """Make the folder `given` and what is missing above it; return the topmost one made, if any.
-
-    What to take away again is known only of the folder that is really meant: where `..` and links
-    lead is found out first.
-    """
-    path = Path(os.path.realpath(given))
-    missing = [path, *(parent for parent in path.parents if not parent.exists())]
+def _made(place: Path) -> Path | None:
+    """Make the folder `place`, unless it is there and empty; return the topmost one made."""
     try:
-        path.mkdir(mode=0o700, parents=True)
-    except FileExistsError:
-        _require_empty(path)
-        return None
+        topmost = make_folder(place, mode=0o700)
     except OSError as error:
-        if missing[-1].exists() and missing[-1] != path:
-            shutil.rmtree(missing[-1])
-        raise BadInput(f"{path}: cannot be made ({error.strerror}); name another folder") from error
-    return missing[-1]
+        raise BadInput(
+            f"{place}: cannot be made ({error.strerror}); name another folder"
+        ) from error
+    if topmost is None:
+        _require_empty(place)
+    return topmost
 
 
 def _require_empty(path: Path) -> None:
@@ -132,14 +126,6 @@ def _require_empty(path: Path) -> None:
         raise BadInput(f"{path}: no folder for a study ({error.strerror}); name another") from error
     if taken:
         raise BadInput(f"{path}: is there already and not empty; name a new folder")
-
-
-def _take_away(paths: Iterable[Path]) -> None:
-    for path in list(paths):
-        if path.is_dir() and not path.is_symlink():
-            shutil.rmtree(path)
-        else:
-            path.unlink()
 
 
 def numbered(path: Path) -> Path:

@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from hashlib import sha256
 from pathlib import Path
 
-from protocol.errors import BadInput
 from protocol.journal.events import ScoresImported
 from protocol.study.fields import LONGEST_NAME, printable
 from protocol.study_file.loading import template
@@ -13,32 +12,6 @@ from runner.clock import WallClock
 from runner.journal.session_log import SessionLog
 from runner.journal.store import open_journal, session_name
 from runner.study.folder import StudyFolder, new_study
-
-
-def bytes_of(path: Path) -> bytes:
-    """Return what stands in the file `path`.
-
-    Raises:
-        BadInput: there is none that can be read.
-    """
-    try:
-        return path.read_bytes()
-    except FileNotFoundError:
-        raise BadInput(f"{path}: no such file") from None
-    except OSError as error:
-        raise BadInput(f"{path}: cannot be read ({error.strerror})") from error
-
-
-def text_of(content: bytes, path: Path) -> str:
-    """Return `content` of the file `path` as text, without a byte order mark.
-
-    Raises:
-        BadInput: it is not UTF-8.
-    """
-    try:
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise BadInput(f"{path}: cannot be read as UTF-8 text ({error})") from error
 
 
 def import_table(

@@ -18,7 +18,8 @@ from selenium.webdriver.common.print_page_options import PrintOptions
 
 from analysis.loading.sessions import Happened
 from analysis.loading.study_data import loaded
-from analysis.report.report import report, write_report
+from analysis.report.report import report, report_files
+from runner.study.files import write_files
 from tests.analysis.reports import EXTENDED, ORIGIN, session_events
 
 NEEDED = ("chromium", "chromedriver", "pdftotext")
@@ -62,7 +63,7 @@ def nasty_sessions() -> list[list[Happened]]:
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("report")
     found = loaded(nasty_sessions(), rehearsals=False, rules=EXTENDED.exclusions)
-    write_report(report(TYPED, found, EXTENDED, ORIGIN), place)
+    write_files(report_files(report(TYPED, found, EXTENDED, ORIGIN)), place)
     return place
 
 

@@ -16,7 +16,6 @@ from analysis.export.columns import COLUMNS
 from analysis.export.dataset import Dataset, dataset
 from analysis.export.formats import EXPORTS, csv_export, trials_csv
 from analysis.export.psychds import psychds_export
-from analysis.files import write_new_folder
 from analysis.loading.study_data import loaded
 from protocol.journal.events import StoredEvent
 from protocol.study_file.loading import parsed_study
@@ -62,6 +61,13 @@ def published(*subjects: str) -> Dataset:
     return dataset(chains, parsed_study(study_text()), "0", rehearsals=False)
 
 
+def written(files: Mapping[str, str], folder: Path) -> Path:
+    for name, text in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(text.encode())
+    return folder
+
+
 def complaints(folder: Path) -> list[dict[str, str]]:
     """What the official validator has to say."""
     said = subprocess.run(
@@ -93,14 +99,14 @@ def warnings(folder: Path) -> set[tuple[str, str | None]]:
 def test_the_official_validator_finds_no_error(
     data: Dataset, allowed: set[tuple[str, str]], tmp_path: Path
 ) -> None:
-    assert warnings(write_new_folder(bids_export(data), tmp_path / "bids")) == allowed
+    assert warnings(written(bids_export(data), tmp_path / "bids")) == allowed
 
 
 def test_the_validator_would_find_an_error(tmp_path: Path) -> None:
     files = bids_export(nasty())
     table = next(path for path in files if path.endswith("_beh.tsv"))
     broken = {**files, table: files[table].replace("\ttrial\t", "\tfrob\t"), "stray.txt": "x"}
-    found = complaints(write_new_folder(broken, tmp_path / "bids"))
+    found = complaints(written(broken, tmp_path / "bids"))
     codes = {entry["code"] for entry in found if entry["severity"] == "error"}
     assert codes == {"TSV_VALUE_INCORRECT_TYPE", "NOT_INCLUDED"}
 

@@ -1,4 +1,4 @@
-"""An export is there as a whole or not at all, and never over something else."""
+"""Files and folders are there as a whole or not at all, and never over something else."""
 
 import os
 import resource
@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from analysis.files import is_stream, write_new_folder, write_whole
 from protocol.errors import BadInput
+from runner.study.files import is_stream, write_files, write_new_folder, write_whole
 
-CONTENTS = {"README.md": "触觉\n", "sub-1/beh/a.tsv": "a\tb\n"}
+CONTENTS = {"README.md": "触觉\n".encode(), "sub-1/beh/a.tsv": b"a\tb\n"}
 
 
 def everything(folder: Path) -> dict[str, bytes]:
@@ -25,7 +25,7 @@ def test_the_folder_holds_the_contents_and_nothing_else(tmp_path: Path, name: st
     (tmp_path / "empty").mkdir()
     mode = (tmp_path / "empty").stat().st_mode
     write_new_folder(CONTENTS, tmp_path / name)
-    written = {f"{name}/{path}": text.encode() for path, text in CONTENTS.items()}
+    written = {f"{name}/{path}": data for path, data in CONTENTS.items()}
     assert everything(tmp_path) == written
     assert (tmp_path / name).stat().st_mode == mode, "as readable as any new folder"
 
@@ -44,7 +44,7 @@ def test_a_file_is_refused(tmp_path: Path) -> None:
 
 
 def test_what_fails_on_the_way_leaves_nothing_behind(tmp_path: Path) -> None:
-    clash = {"a": "a file\n", "a/b": "in a folder of the same name\n"}
+    clash = {"a": b"a file\n", "a/b": b"in a folder of the same name\n"}
     place = tmp_path / "deep" / "er" / "new"
     with pytest.raises(FileExistsError, match=f"File exists: '{place}'"):
         write_new_folder(clash, place)
@@ -55,15 +55,15 @@ def test_a_full_disk_is_told_of_the_folder_that_was_named(tmp_path: Path) -> Non
     place = tmp_path / "deep" / "new"
     program = f"""
 from pathlib import Path
-from analysis.files import write_new_folder
-write_new_folder({{"a": 9_999 * " "}}, Path({str(place)!r}))
+from runner.study.files import write_new_folder
+write_new_folder({{"a": bytes(9_999)}}, Path({str(place)!r}))
 """
     said = subprocess.run(
         [sys.executable, "-c", program],
         capture_output=True,
         text=True,
         check=False,
-        cwd=Path(__file__).parents[2],
+        cwd=Path(__file__).parents[3],
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (9_000, 9_000)),
     )
     assert said.stderr.endswith(f"OSError: [Errno 27] File too large: '{place}'\n")
@@ -73,6 +73,33 @@ write_new_folder({{"a": 9_999 * " "}}, Path({str(place)!r}))
 def test_a_long_folder_name_is_accepted(tmp_path: Path) -> None:
     write_new_folder(CONTENTS, tmp_path / ("x" * 255))
     assert [path.name for path in tmp_path.iterdir()] == ["x" * 255]
+
+
+def test_files_are_written_into_a_folder_and_replace_what_was_written_before(
+    tmp_path: Path,
+) -> None:
+    write_files({"page": b"old", "figures/a": b"old", "figures/b": b"old"}, tmp_path / "deep/er")
+    (tmp_path / "deep/er/mine").write_text("mine")
+    earlier = ("figures/a", "figures/b")
+    write_files({"page": b"new", "figures/a": b"new"}, tmp_path / "deep/er", replaced=earlier)
+    assert everything(tmp_path / "deep/er") == {
+        "page": b"new",
+        "figures/a": b"new",
+        "mine": b"mine",
+    }
+
+
+def test_no_file_is_written_where_none_can_be(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(NotADirectoryError, match=r"Not a directory: .*file/report"):
+        write_files({"page": b""}, tmp_path / "file" / "report")
+    with pytest.raises(NotADirectoryError, match=r"Not a directory: .*file'"):
+        write_files({"page": b""}, tmp_path / "file")
+    (tmp_path / "taken" / "figures").mkdir(parents=True)
+    with pytest.raises(BadInput, match="page: must be a file, got a folder"):
+        write_files({"figures/a": b"", "page/a": b"", "page": b""}, tmp_path / "new")
+    assert everything(tmp_path) == {"file": b""}
+    assert entries(tmp_path) == ["file", "taken"]
 
 
 def entries(folder: Path) -> list[str]:
@@ -130,13 +157,15 @@ def test_what_cannot_be_written_is_called_as_it_was_given(tmp_path: Path, name: 
 def test_a_file_too_large_for_the_disk_leaves_the_old_one(tmp_path: Path) -> None:
     path = tmp_path / "x.csv"
     path.write_text("old")
-    program = "from pathlib import Path; from analysis.files import write_whole as w; import sys"
+    program = (
+        "from pathlib import Path; from runner.study.files import write_whole as w; import sys"
+    )
     said = subprocess.run(
         [sys.executable, "-c", f"{program}; w(Path(sys.argv[1]), bytes(99_999))", str(path)],
         capture_output=True,
         text=True,
         check=False,
-        cwd=Path(__file__).parents[2],
+        cwd=Path(__file__).parents[3],
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (9_999, 9_999)),
     )
     assert said.stderr.endswith(f"OSError: [Errno 27] File too large: '{path}'\n")

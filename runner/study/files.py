@@ -1,0 +1,212 @@
+"""Files and folders that are written as a whole or not at all; pipes and devices are left alone."""
+
+import os
+import re
+import secrets
+import shutil
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from errno import ENOTDIR
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from protocol.errors import BadInput
+
+_DESCRIPTORS = re.compile(r"/proc/[^/]+/fd|/dev/fd")
+
+
+def bytes_of(path: Path) -> bytes:
+    """Return what stands in the file `path`.
+
+    Raises:
+        BadInput: there is none that can be read.
+    """
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise BadInput(f"{path}: no such file") from None
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be read ({error.strerror})") from error
+
+
+def text_of(content: bytes, path: Path) -> str:
+    """Return `content` of the file `path` as text, without a byte order mark.
+
+    Raises:
+        BadInput: it is not UTF-8.
+    """
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise BadInput(f"{path}: cannot be read as UTF-8 text ({error})") from error
+
+
+def is_stream(path: Path) -> bool:
+    """Return whether `path` is a pipe, a device or an open file of this process, no file by name.
+
+    `/dev/stdout` is one even where it leads to a file: that file is not ours to replace.
+    """
+    for _ in range(40):
+        if _DESCRIPTORS.fullmatch(os.path.realpath(path.parent)):
+            return True
+        if not path.is_symlink():
+            break
+        path = path.parent / path.readlink()
+    return path.exists() and not path.is_file()
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Write `data` to `path`; what fails leaves the file as it was.
+
+    A link is followed, and a file that was there keeps its permissions.
+
+    Raises:
+        BadInput: it is a folder.
+        OSError: it cannot be written; the error names `path`.
+    """
+    if path.is_dir():
+        raise BadInput(f"{path}: must be a file, got a folder")
+    try:
+        if is_stream(path):
+            path.write_bytes(data)
+        else:
+            _replaced(Path(os.path.realpath(path)), data)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from error
+
+
+def _replaced(place: Path, data: bytes) -> None:
+    """Put a file with `data` in the place of what was there, in one step."""
+    there = place.exists() or place.is_symlink()
+    if there:
+        # Refuses a file that is not ours to write, and a link that leads to itself.
+        os.close(os.open(place, os.O_WRONLY))
+    beside = place.with_name(f".touchbeam-{secrets.token_hex(8)}")
+    try:
+        with beside.open("xb") as file:
+            if there:
+                beside.chmod(place.stat().st_mode & 0o7777)
+            file.write(data)
+        beside.replace(place)
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def make_folder(place: Path, mode: int = 0o777) -> Path | None:
+    """Make the folder `place` and those missing above it.
+
+    Return the topmost one made, for `take_away`; None if something is at `place` already.
+
+    Args:
+        place: a real path: where `..` and links lead must be known, or what is taken away again
+            is something else than what was made.
+        mode: permissions of `place`, before the umask.
+
+    Raises:
+        OSError: it cannot be made; nothing of it stays.
+    """
+    missing = [place, *(parent for parent in place.parents if not parent.exists())]
+    try:
+        place.mkdir(mode, parents=True)
+    except FileExistsError:
+        return None
+    except BaseException:
+        for path in missing:
+            with suppress(OSError):  # it was never made, or another program uses it by now
+                path.rmdir()
+        raise
+    return missing[-1]
+
+
+def take_away(paths: Iterable[Path]) -> None:
+    """Remove `paths`, folders with all that is in them, as far as that can be done."""
+    for path in list(paths):
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            with suppress(OSError):
+                path.unlink()
+
+
+@contextmanager
+def made_folder(folder: Path) -> Iterator[Path]:
+    """Make `folder`, unless it is there, for the body to fill; yield its real path.
+
+    If the body fails, the folders that were made are taken away again.
+
+    Raises:
+        OSError: it cannot be made; the error names `folder`.
+    """
+    place = Path(os.path.realpath(folder))
+    try:
+        topmost = make_folder(place)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(folder)) from error
+    if topmost is None and not place.is_dir():
+        raise NotADirectoryError(ENOTDIR, os.strerror(ENOTDIR), str(folder))
+    try:
+        yield place
+    except BaseException:
+        take_away([topmost] if topmost else ())
+        raise
+
+
+def write_files(contents: Mapping[str, bytes], folder: Path, replaced: Iterable[str] = ()) -> None:
+    """Write `contents`, by relative path, into `folder`, each file whole.
+
+    Args:
+        contents: what to write.
+        folder: where, made if it is missing.
+        replaced: paths that are removed unless `contents` has them: what was written before.
+
+    Raises:
+        OSError: something cannot be written; the error names it.
+    """
+    gone = [name for name in replaced if name not in contents]
+    with ExitStack() as stack:
+        for place in dict.fromkeys((folder / name).parent for name in (*contents, *gone)):
+            stack.enter_context(made_folder(place))
+        for name, data in contents.items():
+            write_whole(folder / name, data)
+        for name in gone:
+            (folder / name).unlink(missing_ok=True)
+
+
+def write_new_folder(contents: Mapping[str, bytes], folder: Path) -> None:
+    """Write `contents`, by relative path, into the new folder `folder`.
+
+    Everything is written beside it first and takes its name in one step. What fails leaves nothing
+    behind.
+
+    Raises:
+        BadInput: the folder is there and not empty, or is no folder.
+        OSError: it cannot be written; the error names `folder`.
+    """
+    place = Path(os.path.realpath(folder))
+    _require_free(place, folder)
+    try:
+        _write(contents, place)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(folder)) from error
+
+
+def _write(contents: Mapping[str, bytes], place: Path) -> None:
+    with (
+        made_folder(place.parent) as parent,
+        TemporaryDirectory(prefix=".touchbeam-", dir=parent) as beside,
+    ):
+        whole = Path(beside) / "whole"
+        for name, data in contents.items():
+            path = whole / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(data)
+        if place.exists():
+            place.rmdir()  # empty; Windows renames no folder onto another
+        whole.rename(place)
+
+
+def _require_free(place: Path, given: Path) -> None:
+    if place.exists() and not place.is_dir():
+        raise BadInput(f"{given}: is a file; name a folder to make")
+    if place.exists() and any(place.iterdir()):
+        raise BadInput(f"{given}: is there already and not empty; name a folder to make")

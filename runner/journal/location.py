@@ -36,12 +36,12 @@ def checked_place(folder: Path, mounts: Iterable[Mount]) -> Path:
 
 def mounts_of_this_machine() -> list[Mount]:
     """Return what is mounted where; nothing on systems that do not say."""
+    import psutil
+
     try:
-        lines = Path("/proc/self/mounts").read_text(encoding="utf-8", errors="replace").splitlines()
+        return [(entry.mountpoint, entry.fstype) for entry in psutil.disk_partitions(all=True)]
     except OSError:
         return []
-    fields = (line.split(" ") for line in lines)
-    return [(place.replace("\\040", " "), kind) for _, place, kind, *_ in fields]
 
 
 def _file_system(path: Path, mounts: Iterable[Mount]) -> str:

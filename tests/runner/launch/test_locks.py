@@ -1,4 +1,4 @@
-"""Where a journal may lie, and that a rig has one session at a time."""
+"""A rig has one session at a time."""
 
 import os
 import subprocess
@@ -9,36 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from protocol.errors import BadInput
-from runner.journal.location import checked_place, mounts_of_this_machine
 from runner.launch.locks import RigInUse, UnsafeFolder, rig_lock, session_lock
-
-MOUNTS = [("/", "ext4"), ("/net/lab", "nfs4"), ("/net/lab/local", "xfs"), ("/media/share", "cifs")]
-
-
-@pytest.mark.parametrize(
-    ("folder", "why"),
-    [
-        ("/net/lab/study", r"on a network \(nfs4\)"),
-        ("/media/share/a/b", r"on a network \(cifs\)"),
-        ("/home/someone/Dropbox/study", r"synchronised \(Dropbox\)"),
-        ("/home/someone/OneDrive - Lab/study", r"synchronised \(OneDrive - Lab\)"),
-    ],
-)
-def test_network_and_cloud_folders_are_refused(folder: str, why: str) -> None:
-    with pytest.raises(BadInput, match=f"{folder}: a journal cannot be kept here, it is {why}"):
-        checked_place(Path(folder), MOUNTS)
-
-
-@pytest.mark.parametrize("folder", ["/home/someone/study", "/net/lab/local/study", "/net/labels"])
-def test_local_folders_are_fine(folder: str) -> None:
-    assert checked_place(Path(folder), MOUNTS) == Path(folder).resolve()
-
-
-def test_this_machine_says_what_is_mounted() -> None:
-    if not Path("/proc/self/mounts").exists():
-        pytest.skip("this system does not list its mounts in /proc")
-    assert "/" in dict(mounts_of_this_machine())
 
 
 def test_a_second_session_is_told_who_holds_the_rig() -> None:

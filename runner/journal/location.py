@@ -45,9 +45,11 @@ def mounts_of_this_machine() -> list[Mount]:
 
 
 def _file_system(path: Path, mounts: Iterable[Mount]) -> str:
-    """The type of the innermost mount that contains `path`."""
+    """Return the type of the innermost mount that contains `path`."""
     holding = [(place, kind) for place, kind in mounts if path.is_relative_to(place)]
-    return max(holding, key=lambda mount: len(PurePath(mount[0]).parts), default=("", ""))[1]
+    # Of several mounts at one place the last one hides the others: an automounter's lies below.
+    by_depth = sorted(holding, key=lambda mount: len(PurePath(mount[0]).parts))
+    return by_depth[-1][1] if by_depth else ""
 
 
 def _refusal(folder: Path, why: str) -> str:

@@ -29,5 +29,11 @@ def test_local_folders_are_fine(folder: str) -> None:
     assert checked_place(Path(folder), MOUNTS) == Path(folder).resolve()
 
 
+def test_a_share_that_an_automounter_mounted_is_refused() -> None:
+    mounts = [("/", "ext4"), ("/home/lab", "autofs"), ("/home/lab", "nfs4")]
+    with pytest.raises(BadInput, match=r"/home/lab/study: .* on a network \(nfs4\)"):
+        checked_place(Path("/home/lab/study"), mounts)
+
+
 def test_this_machine_says_what_is_mounted() -> None:
     assert "/" in dict(mounts_of_this_machine())

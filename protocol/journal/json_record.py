@@ -45,7 +45,7 @@ class JsonRecord:
 
     def to_json(self) -> dict[str, Any]:
         """Return the object as JSON holds it, of dicts, lists and plain values."""
-        return {key.name: _plain(getattr(self, key.name)) for key in self.json_keys()}
+        return {key.name: as_json(getattr(self, key.name)) for key in self.json_keys()}
 
     @classmethod
     def from_json(cls, payload: Mapping[str, Any]) -> Self:
@@ -73,9 +73,25 @@ class JsonRecord:
         return tuple(KeyOf(name, kind, key, _reader(kind)) for name, kind, key in described)
 
 
+def is_optional(hint: Any) -> bool:
+    """Return whether the type `hint` is another one or None."""
+    return get_origin(hint) is UnionType
+
+
+def as_json(value: Any) -> Any:
+    """Return `value` as JSON holds it, of dicts, lists and plain values."""
+    if isinstance(value, JsonRecord):
+        return value.to_json()
+    if isinstance(value, Mapping):
+        return {name: as_json(entry) for name, entry in value.items()}
+    if isinstance(value, Iterable) and not isinstance(value, str):
+        return [as_json(entry) for entry in value]
+    return value
+
+
 def _reader(hint: Any) -> _Reader:
     """Return what makes a value of the type `hint` of JSON."""
-    if get_origin(hint) is UnionType:
+    if is_optional(hint):
         return _optional(_reader(next(part for part in get_args(hint) if part is not NoneType)))
     if get_origin(hint) is tuple:
         return _each(_reader(get_args(hint)[0]))
@@ -95,14 +111,4 @@ def _each(read: _Reader) -> _Reader:
 
 
 def _as_it_is(value: Any) -> Any:
-    return value
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, JsonRecord):
-        return value.to_json()
-    if isinstance(value, Mapping):
-        return {name: _plain(entry) for name, entry in value.items()}
-    if isinstance(value, Iterable) and not isinstance(value, str):
-        return [_plain(entry) for entry in value]
     return value

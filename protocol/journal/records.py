@@ -38,7 +38,7 @@ class CommandedDrive(JsonRecord):
 
 @dataclass(frozen=True, kw_only=True)
 class ReadBack(JsonRecord):
-    """The drive as the device reports it, its monitor and its sensors; None where it has none."""
+    """The drive as the device reports it, its monitor and its sensors, where it has them."""
 
     output: Annotated[bool, Key("whether the output is on")]
     voltage_v: Annotated[float, Key("amplitude (peak), V")]
@@ -59,7 +59,7 @@ class TraceSample(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Compliance(JsonRecord):
-    """Whether a touch was as the instruction asked; None where the rig felt no finger."""
+    """Whether a touch was as the instruction asked, where the rig felt a finger at all."""
 
     force_n: Annotated[float | None, Key("median force of the finger, N", missing=None)]
     force_ok: Annotated[bool | None, Key("whether it was the force asked for", missing=None)]

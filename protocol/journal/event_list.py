@@ -1,0 +1,103 @@
+"""The events in docs/journal.md, written from their records.
+
+`python -m protocol.journal.event_list` prints that section of the page.
+"""
+
+import json
+import re
+from collections.abc import Iterable, Iterator
+from inspect import getdoc
+from types import NoneType
+from typing import Any, get_args, get_origin
+
+from protocol.journal.events import EVENTS
+from protocol.journal.json_record import JsonRecord, KeyOf, as_json, is_optional
+
+_INTRODUCTION = """\
+## Events
+
+`protocol/journal/events.py` defines them; `python -m protocol.journal.event_list` writes this
+section from there.
+
+A payload is a JSON object with the keys below. Readers pass over keys that they do not know. A key
+that earlier builds did not write is read as the column *if absent* says; all others must be there.
+"""
+
+_PLAIN = {
+    str: "text",
+    int: "whole number",
+    float: "number",
+    bool: "true or false",
+}
+
+
+def event_list() -> str:
+    """Return the section as Markdown."""
+    rows = [f"| `{event.TAG}` | {_meaning(event)} |" for event in EVENTS]
+    overview = _lines(["| tag | what happened |", "|---|---|", *rows])
+    events = [_section(f"`{event.TAG}`", event) for event in EVENTS if event.json_keys()]
+    records = [_section(_heading(kind), kind) for kind in _within(EVENTS)]
+    return "\n".join([_INTRODUCTION, overview, *events, *records])
+
+
+def _within(kinds: Iterable[type[JsonRecord]]) -> list[type[JsonRecord]]:
+    """Return the records that stand within those of `kinds`, each once."""
+    found = [part for kind in kinds for key in kind.json_keys() for part in _records(key.type)]
+    return list(dict.fromkeys(found))
+
+
+def _records(hint: Any) -> Iterator[type[JsonRecord]]:
+    if isinstance(hint, type) and issubclass(hint, JsonRecord):
+        yield hint
+    for part in get_args(hint):
+        yield from _records(part)
+
+
+def _section(heading: str, kind: type[JsonRecord]) -> str:
+    header = ["| key | value | if absent | meaning |", "|---|---|---|---|"]
+    rows = [_row(key) for key in kind.json_keys()]
+    return _lines([f"### {heading}", "", _meaning(kind), "", *header, *rows])
+
+
+def _row(key: KeyOf) -> str:
+    absent = "" if key.key.required else f"`{json.dumps(as_json(key.key.missing))}`"
+    return f"| `{key.name}` | {_value(key.type)} | {absent} | {key.key.meaning} |"
+
+
+def _lines(lines: Iterable[str]) -> str:
+    return "".join(f"{line}\n" for line in lines)
+
+
+def _meaning(kind: type[JsonRecord]) -> str:
+    return (getdoc(kind) or "").partition("\n\n")[0]
+
+
+def _heading(kind: type[JsonRecord]) -> str:
+    """Return the name of a record class in words.
+
+    >>> from protocol.journal.records import PlannedTrial
+    >>> _heading(PlannedTrial)
+    'Planned trial'
+    """
+    return re.sub(r"(?<=[a-z])([A-Z])", lambda found: f" {found[1].lower()}", kind.__name__)
+
+
+def _value(hint: Any) -> str:
+    """Return in words what JSON holds for a value of the type `hint`."""
+    parts = [part for part in get_args(hint) if part is not NoneType]
+    if is_optional(hint):
+        return f"{_value(parts[0])}, or null"
+    if get_origin(hint) is tuple:
+        return f"list of: {_value(parts[0])}"
+    if get_origin(hint) is not None:
+        return "object" if parts[1] is Any else f"object; each value: {_value(parts[1])}"
+    if hint in _PLAIN:
+        return _PLAIN[hint]
+    if issubclass(hint, tuple):
+        return f"list of {len(hint.__annotations__)} numbers"
+    name = _heading(hint)
+    return f"[{name.lower()}](#{name.lower().replace(' ', '-')})"
+
+
+if __name__ == "__main__":
+    print(event_list(), end="")

@@ -1,0 +1,19 @@
+"""The page on the journal lists the events as the records define them."""
+
+from pathlib import Path
+
+from protocol.journal.event_list import event_list
+
+PAGE = (Path(__file__).parents[3] / "docs" / "journal.md").read_text(encoding="utf-8")
+
+
+def test_the_page_is_up_to_date() -> None:
+    _, _, rest = PAGE.partition("## Events\n")
+    section, _, _ = rest.partition("\n## ")
+    assert f"## Events\n{section}" == event_list(), (
+        "replace the section by what `python -m protocol.journal.event_list` prints"
+    )
+
+
+def test_records_within_events_are_listed_once() -> None:
+    assert PAGE.count("\n### Read back\n") == PAGE.count("\n### Planned trial\n") == 1

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from device.drivers.setpoints import Limits, ReadBack, Setpoint
+from device.drivers.setpoints import Limits, Setpoint
 from device.errors import DeviceError
+from protocol.journal.records import ReadBack
 
 SWEEP_VOLTAGE_V = 10.0
 SWEEP_RAMP_V_PER_S = 200.0

@@ -16,11 +16,12 @@ from typing import Any, TypeVar
 
 from device.drivers.driver import Driver
 from device.drivers.registry import driver_of
-from device.drivers.setpoints import Identity, Limits, ReadBack, Setpoint
+from device.drivers.setpoints import Limits, Setpoint
 from device.errors import DeviceError, EmergencyStop, ForeignDevice, OutputUnknown
 from device.link.link import open_link
 from device.resonance import Resonance, resonance
 from protocol.errors import BadInput
+from protocol.journal.records import Identity, ReadBack
 
 FEEDS_PER_WATCHDOG = 5
 RAMP_STEP_S = 0.02

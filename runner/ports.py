@@ -6,8 +6,9 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
-    from device.drivers.setpoints import Identity, ReadBack, Setpoint
+    from device.drivers.setpoints import Setpoint
     from device.resonance import Resonance
+    from protocol.journal.records import Identity, ReadBack
     from runner.screens import Note, OperatorView, Order, Response, Screen
 
 

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from device.drivers.setpoints import ReadBack
 from device.errors import UNKNOWN
+from protocol.journal.records import ReadBack
 from protocol.study.questions import Question, Rating
 from protocol.study.touch import Touch, TouchDefaults, touch_s
 

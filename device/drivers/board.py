@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from device.drivers.driver import Driver
-from device.drivers.setpoints import Identity, ReadBack, Setpoint
+from device.drivers.setpoints import Setpoint
 from device.errors import DeviceError
 from device.link.codec import fields, number, number_text, switch, whole
+from protocol.journal.records import Identity, ReadBack
 
 MONITOR_REL_TOL = 0.05
 MONITOR_ABS_TOL_V = 2.0

@@ -11,10 +11,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from typing import ClassVar
 
-from device.drivers.setpoints import Identity, Limits, ReadBack, Setpoint
+from device.drivers.setpoints import Limits, Setpoint
 from device.errors import DeviceError, ForeignOutput, OutputUnknown
 from device.link.codec import number, number_text, queued_error, switch
 from device.link.link import Link
+from protocol.journal.records import Identity, ReadBack
 
 MOST_QUEUED_ERRORS = 32
 """An error queue that is longer than this does not end."""

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from device.drivers.driver import Driver
-from device.drivers.setpoints import Identity, ReadBack, Setpoint
+from device.drivers.setpoints import Setpoint
 from device.errors import DeviceError, LimitExceeded
 from device.link.codec import fields, impedance, number, number_text, switch
+from protocol.journal.records import Identity, ReadBack
 
 AMPLITUDE_REL_TOL = 1e-3
 """They keep four digits of an amplitude (33220A User's Guide, "Output Amplitude")."""

@@ -1,9 +1,10 @@
-"""What is asked of a device and what it says: plain records, SI units."""
+"""What is asked of a device, and what it must never exceed: plain records, SI units."""
 
 import math
 from dataclasses import dataclass, field
 
 from device.errors import LimitExceeded, not_negative, positive
+from protocol.journal.records import CommandedDrive
 from protocol.study.touch import slew_v_per_us
 
 
@@ -84,12 +85,8 @@ class Limits:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Setpoint:
-    """A drive: amplitude (peak, V), frequency (Hz), and how fast the amplitude moves there."""
-
-    voltage_v: float
-    frequency_hz: float
-    ramp_v_per_s: float
+class Setpoint(CommandedDrive):
+    """A drive that can be checked against the limits of a rig."""
 
     def checked(self, limits: Limits) -> "Setpoint":
         """Return this setpoint if it stays within `limits`.
@@ -102,34 +99,6 @@ class Setpoint:
         _require("ramp_v_per_s", self.ramp_v_per_s, SLOWEST_RAMP_V_PER_S, limits.ramp_v_per_s)
         limits.amplifier.check(self.voltage_v, self.frequency_hz)
         return self
-
-
-@dataclass(frozen=True, kw_only=True)
-class Identity:
-    """Who answered, how often it has booted, its time, and what a person should know of it.
-
-    `cleared_errors` stood in the device's error queue before we came.
-    """
-
-    idn: str
-    boot: int | None
-    device_time_s: float | None
-    dialect: str = "board"
-    cleared_errors: tuple[str, ...] = ()
-    remarks: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, kw_only=True)
-class ReadBack:
-    """The drive as the device reports it, its monitor and its sensors; None where it has none."""
-
-    output: bool
-    voltage_v: float
-    frequency_hz: float
-    monitor_v: float | None = None
-    force_n: float | None = None
-    position_m: float | None = None
-    device_time_s: float | None = None
 
 
 def _require(name: str, value: float, lowest: float, highest: float) -> None:

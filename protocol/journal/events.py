@@ -14,6 +14,7 @@ from protocol.journal.records import (
     NOT_JUDGED,
     CommandedDrive,
     Compliance,
+    Identity,
     InstructionResponse,
     PlannedTrial,
     ReadBack,
@@ -81,19 +82,10 @@ class PracticeRenewed(Event):
 
 
 @dataclass(frozen=True, kw_only=True)
-class DeviceArmed(Event):
+class DeviceArmed(Identity, Event):
     """The device has identified itself, its limits are set, and its output is off."""
 
     TAG: ClassVar = "device-armed"
-
-    idn: Annotated[str | None, Key("its answer to `*IDN?`", missing=None)]
-    boot: Annotated[int | None, Key("how often it has booted, if it counts", missing=None)]
-    device_time_s: Annotated[float | None, Key("its own clock, s", missing=None)]
-    dialect: Annotated[str, Key("what it speaks", missing="board")]
-    cleared_errors: Annotated[
-        tuple[str, ...], Key("what stood in its error queue before", missing=())
-    ]
-    remarks: Annotated[tuple[str, ...], Key("what a person should know of it", missing=())]
 
 
 @dataclass(frozen=True, kw_only=True)

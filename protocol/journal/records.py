@@ -1,4 +1,4 @@
-"""Records within events: a planned trial, the drive, what was read back, and its judgement."""
+"""Records within events, and what device and sessions share: the drive, what was read back."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -28,8 +28,22 @@ class PlannedTrial(JsonRecord):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Identity(JsonRecord):
+    """Who answered, how often it has booted, its time, and what a person should know of it."""
+
+    idn: Annotated[str, Key("its answer to `*IDN?`")]
+    boot: Annotated[int | None, Key("how often it has booted, if it counts", missing=None)]
+    device_time_s: Annotated[float | None, Key("its own clock, s", missing=None)]
+    dialect: Annotated[str, Key("what it speaks", missing="board")] = "board"
+    cleared_errors: Annotated[
+        tuple[str, ...], Key("what stood in its error queue before", missing=())
+    ] = ()
+    remarks: Annotated[tuple[str, ...], Key("what a person should know of it", missing=())] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
 class CommandedDrive(JsonRecord):
-    """The drive that the device is set to as a touch begins."""
+    """A drive that the device is set to."""
 
     voltage_v: Annotated[float, Key("amplitude (peak), V")]
     frequency_hz: Annotated[float, Key("frequency, Hz")]
@@ -43,10 +57,10 @@ class ReadBack(JsonRecord):
     output: Annotated[bool, Key("whether the output is on")]
     voltage_v: Annotated[float, Key("amplitude (peak), V")]
     frequency_hz: Annotated[float, Key("frequency, Hz")]
-    monitor_v: Annotated[float | None, Key("amplitude that the monitor measures, V", missing=None)]
-    force_n: Annotated[float | None, Key("force of the finger, N", missing=None)]
-    position_m: Annotated[float | None, Key("position of the finger, m", missing=None)]
-    device_time_s: Annotated[float | None, Key("the device's own clock, s", missing=None)]
+    monitor_v: Annotated[float | None, Key("measured by the monitor, V", missing=None)] = None
+    force_n: Annotated[float | None, Key("force of the finger, N", missing=None)] = None
+    position_m: Annotated[float | None, Key("position of the finger, m", missing=None)] = None
+    device_time_s: Annotated[float | None, Key("the device's own clock, s", missing=None)] = None
 
 
 class TraceSample(NamedTuple):

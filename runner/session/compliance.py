@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 from statistics import median
 
-from device.drivers.setpoints import ReadBack
-from protocol.journal.records import NOT_JUDGED, Compliance, TraceSample
+from protocol.journal.records import NOT_JUDGED, Compliance, ReadBack, TraceSample
 from runner.screens import Pacing
 
 PLACE_TOLERANCE_M = 0.005

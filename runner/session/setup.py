@@ -1,7 +1,5 @@
 """Before the first touch: what the operator notes, the armed device, its beam and its resonance."""
 
-from dataclasses import asdict
-
 from protocol.errors import BadInput
 from protocol.journal.events import BeamMounted, DeviceArmed, ResonanceMeasured, RigDescribed
 from protocol.study_file.limits import problems_at
@@ -16,7 +14,7 @@ def prepare(context: SessionContext) -> None:
     update_view(context)
     study = context.session.study
     identity = context.device.arm()
-    context.log.append(DeviceArmed(**asdict(identity)))
+    context.log.append(DeviceArmed(**vars(identity)))
     update_view(context, warning="; ".join(identity.remarks))
     if study.session.operator_asks:
         asked = study.session.operator_asks
@@ -28,7 +26,9 @@ def prepare(context: SessionContext) -> None:
     found = context.device.resonance(
         study.rig.nominal_resonance_hz, lambda seconds: tick(context, seconds)
     )
-    context.log.append(ResonanceMeasured(**asdict(found)))
+    context.log.append(
+        ResonanceMeasured(frequency_hz=found.frequency_hz, tip_m_per_v=found.tip_m_per_v)
+    )
     _require_within_limits(context, found.frequency_hz)
     context.resonance_hz = found.frequency_hz
     update_view(context)

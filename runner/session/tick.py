@@ -3,9 +3,9 @@
 from collections.abc import Callable
 from typing import TypeVar
 
-from device.drivers.setpoints import ReadBack
 from protocol.errors import WorkFailed
 from protocol.journal.events import NoteTaken, Paused, Unpaused
+from protocol.journal.records import ReadBack
 from protocol.plan.trials import Trial, trial_s
 from runner.screens import Instruction, Note, Notice, OperatorView, Response
 from runner.session.session import SessionContext

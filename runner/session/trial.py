@@ -1,11 +1,11 @@
 """One touch: the right beam, the instruction, the drive, the finger's way, and off again."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 
-from device.drivers.setpoints import SLOWEST_RAMP_V_PER_S, ReadBack, Setpoint
-from protocol.journal import records
+from device.drivers.setpoints import SLOWEST_RAMP_V_PER_S, Setpoint
 from protocol.journal.events import Answered, TouchEnded, TouchStarted
+from protocol.journal.records import Compliance, InstructionResponse, ReadBack, TraceSample
 from protocol.plan.trials import Trial
 from protocol.study.questions import checked_answer
 from protocol.study.texts import touch_text
@@ -23,7 +23,7 @@ SWEEP_STEPS = 10
 FASTEST_STEP_S = 0.02
 
 
-def touch(context: SessionContext, number: int, to_make: Touch) -> records.Compliance:
+def touch(context: SessionContext, number: int, to_make: Touch) -> Compliance:
     """Carry out one touch of a trial and return how it was done.
 
     The output is off before and after it; it goes on only once the journal says that it will.
@@ -37,8 +37,10 @@ def touch(context: SessionContext, number: int, to_make: Touch) -> records.Compl
     context.log.append(
         TouchStarted(
             touch=number,
-            commanded=records.CommandedDrive(**asdict(start)),
-            instruction=records.InstructionResponse(**vars(ready)),
+            commanded=start,
+            instruction=InstructionResponse(
+                answer=ready.answer, reaction_time_s=ready.reaction_time_s, trace=ready.trace
+            ),
         )
     )
     stimulus = _Stimulus(context, to_make)
@@ -72,8 +74,8 @@ class _Stimulus:
         self._room = context
         self._touch = to_make
         self._next_sample_s = 0.0
-        self.read_back: list[records.ReadBack] = []
-        self.samples: list[records.TraceSample] = []
+        self.read_back: list[ReadBack] = []
+        self.samples: list[TraceSample] = []
         self.pacing = pacing(to_make, context.session.study.touch)
         self._next_step_s = self._step_s
 
@@ -99,7 +101,7 @@ class _Stimulus:
         """Read the drive and the finger; a drive that stays as it was need not be kept."""
         read_back = self._room.device.read_back()
         if keep:
-            self.read_back.append(records.ReadBack(**asdict(read_back)))
+            self.read_back.append(read_back)
         self.samples += samples_of(read_back)
         return read_back
 
@@ -142,13 +144,13 @@ def _setpoint(context: SessionContext, voltage_v: float, frequency: float) -> Se
     )
 
 
-def _warning(verdict: records.Compliance) -> str:
+def _warning(verdict: Compliance) -> str:
     judged_parts = {"force": verdict.force_ok, "place": verdict.place_ok}
     missed = [name for name, is_ok in judged_parts.items() if is_ok is False]
     return f"the touch was not as asked: {' and '.join(missed)}" if missed else ""
 
 
-def ask(context: SessionContext, trial: Trial, judged: Sequence[records.Compliance]) -> Answered:
+def ask(context: SessionContext, trial: Trial, judged: Sequence[Compliance]) -> Answered:
     """Ask what `trial` has to ask and return it as the journal holds it.
 
     Args:

@@ -6,10 +6,11 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from device.drivers.setpoints import Amplifier, Limits, ReadBack, Setpoint
+from device.drivers.setpoints import Amplifier, Limits, Setpoint
 from device.errors import DeviceError
 from device.rig import Rig, open_rig
 from device.simulator.client import ControlClient
+from protocol.journal.records import ReadBack
 
 TOUCHBEAM = (str(Path(sys.executable).with_name("touchbeam")),)
 LIMITS = Limits(

@@ -5,9 +5,10 @@ import random
 
 import pytest
 
-from device.drivers.setpoints import Limits, ReadBack, Setpoint
+from device.drivers.setpoints import Limits, Setpoint
 from device.errors import DeviceError
 from device.resonance import SWEEP_VOLTAGE_V, resonance
+from protocol.journal.records import ReadBack
 
 LIMITS = Limits(max_voltage_v=200, max_frequency_hz=40_000, ramp_v_per_s=400, watchdog_s=0.5)
 

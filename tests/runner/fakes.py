@@ -4,9 +4,10 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 
-from device.drivers.setpoints import Identity, ReadBack, Setpoint
+from device.drivers.setpoints import Setpoint
 from device.errors import DeviceError, OutputUnknown
 from device.resonance import Resonance
+from protocol.journal.records import Identity, ReadBack
 from protocol.plan.plan import plan
 from protocol.study_file.loading import parsed_study, template
 from runner.journal.session_log import SessionLog

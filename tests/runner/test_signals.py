@@ -158,7 +158,7 @@ def stopped_at(instruction: int, made: SessionContext) -> bool:
 
     def part(context: SessionContext) -> None:
         context.device.arm()
-        context.log.append(DeviceArmed.from_json({}))
+        context.log.append(DeviceArmed.from_json({"idn": "test"}))
 
     tracer, before = Tracer(instruction), sys.gettrace()
     with suppress(Stopped), signals_raise():

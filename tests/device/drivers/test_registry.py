@@ -11,11 +11,12 @@ import device.drivers
 from device.drivers.board import Board
 from device.drivers.keysight import Keysight, Ramp
 from device.drivers.registry import driver_for, driver_of, drivers
-from device.drivers.setpoints import Amplifier, Limits, ReadBack, Setpoint
+from device.drivers.setpoints import Amplifier, Limits, Setpoint
 from device.errors import ForeignDevice, LimitExceeded
 from device.link.link import Link
 from device.simulator.client import ControlClient, simulator_process
 from protocol.address import AddressError
+from protocol.journal.records import ReadBack
 from protocol.study.rig import Dialect
 from tests.device.rigs import DRIVE, LIMITS, TOUCHBEAM, opened, until
 from tests.device.scripted import ScriptedPort, ticking

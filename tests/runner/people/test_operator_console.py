@@ -4,7 +4,7 @@ import io
 
 import pytest
 
-from device.drivers.setpoints import ReadBack
+from protocol.journal.records import ReadBack
 from runner.people.operator_console import OperatorConsole, PlainDisplay, panel_lines
 from runner.people.operator_keys import OperatorKeys
 from runner.screens import Note, OperatorView

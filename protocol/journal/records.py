@@ -71,6 +71,10 @@ class TraceSample(NamedTuple):
     position_m: float
 
 
+LIFTED_N = 0.02
+"""Below this force of a sample the beam is not touched; the noise of a force sensor."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Compliance(JsonRecord):
     """Whether a touch was as the instruction asked, where the rig felt a finger at all."""

@@ -3,15 +3,13 @@
 from collections.abc import Sequence
 from statistics import median
 
-from protocol.journal.records import NOT_JUDGED, Compliance, ReadBack, TraceSample
+from protocol.journal.records import LIFTED_N, NOT_JUDGED, Compliance, ReadBack, TraceSample
 from runner.screens import Pacing
 
 PLACE_TOLERANCE_M = 0.005
 """Half the contact of a finger."""
 FORCE_TOLERANCE = 0.5
 """Relative to the force asked for; people do not press evenly."""
-LIFTED_N = 0.02
-"""Below this the beam is not touched; the noise of a force sensor."""
 
 
 def samples_of(read_back: ReadBack) -> list[TraceSample]:

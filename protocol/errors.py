@@ -12,6 +12,8 @@ class WorkFailed(Exception):
 
 
 Path = tuple[str | int, ...]
+MOST_PROBLEMS = 50
+"""Of a study file, listed at once."""
 
 
 @dataclass(frozen=True, kw_only=True)

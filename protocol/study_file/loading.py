@@ -10,7 +10,7 @@ from importlib.resources import files
 
 from pydantic import ValidationError
 
-from protocol.errors import BadInput, Problem
+from protocol.errors import MOST_PROBLEMS, BadInput, Problem
 from protocol.study.study import Study
 from protocol.study_file.limits import problems
 from protocol.study_file.toml import toml_document
@@ -59,7 +59,7 @@ def parsed_study(text: str, source: str = "study.toml", further: Further = lambd
     """
     document = toml_document(text)
     if isinstance(document, Problem):
-        raise StudyError(source, located(text, [document]) if document.path else [document])
+        raise StudyError(source, [document])
     try:
         study = Study.model_validate(document)
     except ValidationError as error:
@@ -74,12 +74,20 @@ def parsed_study(text: str, source: str = "study.toml", further: Further = lambd
 
 
 def located(text: str, found: list[Problem]) -> list[Problem]:
-    """Return the problems with their lines in the study file `text`, in its order."""
+    """Return the problems with their lines in the study file `text`, in its order.
+
+    Of more than `MOST_PROBLEMS` the first ones, and one that says so.
+    """
     from protocol.study_file.toml import key_lines, line_of
 
     lines = key_lines(text)
     located = [replace(problem, line=line_of(lines, problem.path)) for problem in found]
-    return sorted(located, key=lambda problem: problem.line or 0)
+    located.sort(key=lambda problem: problem.line or 0)
+    if len(located) > MOST_PROBLEMS:
+        rule = f"at most {MOST_PROBLEMS} problems are listed"
+        more = Problem(where="file", rule=rule, value="more", hint="correct these first")
+        return [*located[:MOST_PROBLEMS], more]
+    return located
 
 
 def text_digest(text: str) -> str:

@@ -7,7 +7,7 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from protocol.errors import Path, Problem
+from protocol.errors import MOST_PROBLEMS, Path, Problem
 from protocol.study.fields import unprintable
 from protocol.study.study import Study
 from protocol.study_file.units import unit_hint
@@ -36,9 +36,13 @@ _PEAK = "amplitudes are peak: half of the peak-to-peak value, as a plain number 
 
 
 def schema_problems(document: Mapping[str, Any], error: ValidationError) -> list[Problem]:
-    """Return a problem for each error found in `document`, unknown keys before missing ones."""
-    entries = sorted(error.errors(include_url=False), key=lambda entry: entry["type"] == "missing")
-    return [_problem(document, entry) for entry in entries if not follows(entry)]
+    """Return a problem for each error found in `document`, unknown keys before missing ones.
+
+    No more than one above `MOST_PROBLEMS`.
+    """
+    entries = [entry for entry in error.errors(include_url=False) if not follows(entry)]
+    entries.sort(key=lambda entry: entry["type"] == "missing")
+    return [_problem(document, entry) for entry in entries[: MOST_PROBLEMS + 1]]
 
 
 def follows(entry: Any) -> bool:

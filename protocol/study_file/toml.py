@@ -1,38 +1,53 @@
-"""From the text of a TOML file to its values, or to the one thing that keeps it from being read.
-
-`tomllib` stops with an internal error at a number that is too long, or at lists in lists in lists.
-"""
+"""The text of a TOML file: its values, or why it cannot be read, and the lines of its keys."""
 
 import re
 import tomllib
+from bisect import bisect_left
 from collections.abc import Mapping
 from typing import Any
 
 from protocol.errors import Path, Problem
 
+LONGEST_TEXT = 262_144
+"""Bytes or characters: ten times as many as a study of the most conditions has."""
 MAX_DEPTH = 16
 """Three times as deep as anything that a study holds."""
 _MOST = 2**63
 """A whole number of TOML has 64 bits; Python's could have so many that it cannot be printed."""
-_LONG = re.compile(r"[0-9_]{4301,}")
-_MARK = re.compile(
-    r'"""(?:\\.|[^\\])*?"{3,5}|' + r"'''.*?'{3,5}|" + r""""(?:\\.|[^"\\])*"|'[^']*'|"""
-    r"#[^\n]*|(?P<opens>[\[{])|(?P<closes>[\]}])",
+_EXTREME = Problem(
+    where="file",
+    rule=f"nothing may be nested more than {MAX_DEPTH} deep, nor a number have thousands of digits",
+    value="more",
+    hint="close the brackets sooner, or shorten the dotted key or the number",
+)
+_BLANK = re.compile(r"(?:\s|#[^\n]*)+")
+_KEY = re.compile(r"""[A-Za-z0-9_-]++|"(?:\\.|[^"\\])*+"|'[^']*+'""")
+_TEXT = re.compile(
+    r'"""(?:\\.|[^\\])*?"{3,5}|' + r"'''.*?'{3,5}|" + r""""(?:\\.|[^"\\])*"|'[^']*'""", re.DOTALL
+)
+_PLAIN = re.compile(r"[^,\]}#\n]+")
+_DEEP_KEY = re.compile(
+    rf"(?P<deep>(?:(?:{_KEY.pattern})[ \t]*+\.[ \t]*+){{{MAX_DEPTH}}})"
+    rf"|{_TEXT.pattern}|#[^\n]*+|[A-Za-z0-9_-]++",
     re.DOTALL,
 )
 
 
 def toml_document(text: str) -> dict[str, Any] | Problem:
     """Return the values in `text`, or why there are none."""
+    if len(text) > LONGEST_TEXT:
+        rule = f"must have at most {LONGEST_TEXT} characters"
+        return Problem(where="file", rule=rule, value="more", hint="leave out what is no study")
+    # tomllib takes minutes for a key of many parts.
+    if any(token["deep"] for token in _DEEP_KEY.finditer(text)):
+        return _EXTREME
     try:
         document = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         return _no_toml(text, error)
-    except RecursionError:
-        return _nested(text)
-    except ValueError as error:
-        return _too_long(text, error)
-    return _extreme(text, document) or document
+    except (RecursionError, ValueError, MemoryError):
+        return _EXTREME
+    return _extreme(document, ()) or document
 
 
 def _no_toml(text: str, error: tomllib.TOMLDecodeError) -> Problem:
@@ -46,68 +61,21 @@ def _no_toml(text: str, error: tomllib.TOMLDecodeError) -> Problem:
     )
 
 
-def _too_long(text: str, error: ValueError) -> Problem:
-    number = _LONG.search(text)
-    digits = f"one of {len(number[0])} digits" if number else str(error)
-    line = text.count("\n", 0, number.start()) + 1 if number else None
-    return _beyond_64_bits("file", digits, (), line)
-
-
-def _beyond_64_bits(where: str, value: str, path: Path, line: int | None = None) -> Problem:
-    return Problem(
-        where=where,
-        rule="a whole number must fit into 64 bits",
-        value=value,
-        hint="shorten it to 18 digits",
-        path=path,
-        line=line,
-    )
-
-
-def _extreme(text: str, document: dict[str, Any]) -> Problem | None:
+def _extreme(value: Any, path: Path) -> Problem | None:
     """The first value that is too deep or too large for anything else to look at it."""
-    left: list[tuple[Path, Any]] = [((), document)]
-    while left:
-        path, value = left.pop()
-        if len(path) > MAX_DEPTH:
-            return _nested(text)
-        if isinstance(value, dict):
-            left += [((*path, key), inner) for key, inner in value.items()]
-        elif isinstance(value, list):
-            left += [((*path, number), inner) for number, inner in enumerate(value)]
-        elif isinstance(value, int) and not -_MOST <= value < _MOST:
-            bits = f"one of {value.bit_length()} bits"
-            return _beyond_64_bits(".".join(map(str, path)), bits, path)
-    return None
-
-
-def _nested(text: str) -> Problem:
-    return Problem(
-        where="file",
-        rule=f"nothing may be nested more than {MAX_DEPTH} deep",
-        value="more",
-        hint="close the brackets sooner, or shorten the dotted key",
-        line=_deep_line(text),
-    )
-
-
-def _deep_line(text: str) -> int | None:
-    """The line of the bracket that is too deep, or of a key with too many dots."""
-    depth = 0
-    for mark in _MARK.finditer(text):
-        depth += (mark["opens"] is not None) - (mark["closes"] is not None)
-        if depth > MAX_DEPTH:
-            return text.count("\n", 0, mark.start()) + 1
-    dotted = (line.partition("=")[0].count(".") for line in text.splitlines())
-    return next((number for number, dots in enumerate(dotted, 1) if dots >= MAX_DEPTH), None)
-
-
-_BLANK = re.compile(r"(?:\s|#[^\n]*)+")
-_KEY = re.compile(r"""[A-Za-z0-9_-]+|"(?:\\.|[^"\\])*"|'[^']*'""")
-_TEXT = re.compile(
-    r'"""(?:\\.|[^\\])*?"{3,5}|' + r"'''.*?'{3,5}|" + r""""(?:\\.|[^"\\])*"|'[^']*'""", re.DOTALL
-)
-_PLAIN = re.compile(r"[^,\]}#\n]+")
+    if len(path) > MAX_DEPTH:
+        return _EXTREME
+    if isinstance(value, int) and not -_MOST <= value < _MOST:
+        return Problem(
+            where=".".join(map(str, path)),
+            rule="a whole number must fit into 64 bits",
+            value=f"one of {value.bit_length()} bits",
+            hint="shorten it to 18 digits",
+        )
+    inner: Any = value.items() if isinstance(value, dict) else ()
+    inner = enumerate(value) if isinstance(value, list) else inner
+    found = (_extreme(item, (*path, key)) for key, item in inner)
+    return next(filter(None, found), None)
 
 
 def key_lines(text: str) -> Mapping[Path, int]:
@@ -138,6 +106,7 @@ class _Scanner:
     def __init__(self, text: str) -> None:
         self.text = text
         self.at = 0
+        self.ends = [end.start() for end in re.finditer("\n", text)]
         self.lines: dict[Path, int] = {}
         self.arrays: dict[Path, int] = {}
 
@@ -162,7 +131,10 @@ class _Scanner:
         return found.group()
 
     def _seen(self, path: Path) -> None:
-        self.lines.setdefault(path, self.text.count("\n", 0, self.at) + 1)
+        self.lines.setdefault(path, self._line(self.at))
+
+    def _line(self, at: int) -> int:
+        return bisect_left(self.ends, at) + 1
 
     def _header(self) -> Path:
         """`[table]` or `[[element]]`; the path holds the current element of every array above."""
@@ -199,7 +171,7 @@ class _Scanner:
         path = table
         for key in self._keys():
             path += (key,)
-            self.lines.setdefault(path, self.text.count("\n", 0, start) + 1)
+            self.lines.setdefault(path, self._line(start))
         self.at += 1
         self._value(path)
 

@@ -15,6 +15,7 @@ from device.study_limits import device_limits
 from protocol.errors import BadInput
 from protocol.study.rig import Rig as RigSettings
 from runner.study.files import write_whole
+from runner.study.folder import short_text
 
 SIMULATED = "sim"
 
@@ -88,11 +89,13 @@ def kept_calibration(folder: Path) -> Resonance | None:
     if not path.exists():
         return None
     try:
-        kept = json.loads(path.read_text(encoding="utf-8"))
+        kept = json.loads(short_text(path))
         found = Resonance(
             frequency_hz=float(kept["frequency_hz"]), tip_m_per_v=float(kept["tip_m_per_v"])
         )
-    except (ValueError, KeyError, TypeError) as error:
+    except BadInput:
+        raise
+    except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
         raise BadInput(f"{path}: not a calibration ({error!r}); measure it anew") from error
     if not (math.isfinite(found.frequency_hz) and found.frequency_hz > 0):
         raise BadInput(f"{path}: frequency_hz must be above 0, got {found.frequency_hz}")

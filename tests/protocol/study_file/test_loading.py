@@ -1,6 +1,7 @@
 """Study files: the built-in studies, and what is said about bad ones."""
 
 import copy
+import re
 import tomllib
 from typing import Any
 
@@ -168,19 +169,25 @@ def test_peak_to_peak_taken_for_peak_is_caught(right: str, wrong: str, message: 
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
+        ("7" * 5000, r"study\.toml: file: .* nor a number have thousands of digits, got more"),
+        ("7" * 4000, r"study\.toml: study\.seed: .* 64 bits, got one of 13288 bits; shorten it"),
+        ("0x" + "f" * 5000, r"study\.toml: study\.seed: .* 64 bits, got one of 20000 bits"),
+        ("9223372036854775808", r"study\.toml: study\.seed: .* 64 bits, got one of 64 bits"),
+        ("[" * 17 + "]" * 17, r"study\.toml: file: nothing may be nested more than 16 deep, nor"),
+        ("[" * 400 + "]" * 400, r"study\.toml: file: nothing may be nested more than 16 deep"),
+        ("[" * 9999 + "]" * 9999, r"study\.toml: file: nothing may be nested more than 16 deep"),
+        ("{a = " * 999 + "1" + "}" * 999, r"study\.toml: file: nothing may be nested more than"),
+        ("1\n" + "a." * 40_000 + "a = 1", r"study\.toml: file: nothing may be nested more than 16"),
+        ("1\n" + "'a' . " * 999 + "a = 1", r"study\.toml: file: nothing may be nested more than"),
+        ("1\n[" + "a." * 999 + "a]", r"study\.toml: file: nothing may be nested more than 16"),
         (
-            "7" * 5000,
-            r"study\.toml:7: file: .* fit into 64 bits, got one of 5000 digits; shorten it",
+            "[" + "1," * 100_000 + "]",
+            r"study\.toml:7: study\.seed: must be a whole number, got \[1,",
         ),
-        ("7" * 4000, r"study\.toml:7: study\.seed: .* 64 bits, got one of 13288 bits; shorten it"),
-        ("0x" + "f" * 5000, r"study\.toml:7: study\.seed: .* 64 bits, got one of 20000 bits"),
-        ("9223372036854775808", r"study\.toml:7: study\.seed: .* 64 bits, got one of 64 bits"),
-        ("[" * 17 + "]" * 17, r"study\.toml:7: file: nothing may be nested more than 16 deep, got"),
-        ("[" * 400 + "]" * 400, r"study\.toml:7: file: nothing may be nested more than 16 deep"),
-        ("[" * 9999 + "]" * 9999, r"study\.toml:7: file: nothing may be nested more than 16 deep"),
-        ("{a = " * 999 + "1" + "}" * 999, r"study\.toml:7: file: nothing may be nested more than"),
-        ("1\n" + "a." * 999 + "a = 1", r"study\.toml:8: file: nothing may be nested more than 16"),
-        ("1\n[" + "a." * 999 + "a]", r"study\.toml:8: file: nothing may be nested more than 16"),
+        (
+            "[" + "1," * 500_000 + "]",
+            r"study\.toml: file: must have at most 262144 characters, got",
+        ),
         ('"' + "[" * 99 + '"', r"study\.toml:7: study\.seed: must be a whole number, got '\[\["),
     ],
 )
@@ -188,6 +195,24 @@ def test_what_no_reader_expects_is_one_line_all_the_same(wrong: str, message: st
     with pytest.raises(StudyError, match=message) as caught:
         parsed_study(PAPER.replace("seed = 1", f"seed = {wrong}", 1))
     assert len(str(caught.value)) < 200
+
+
+def test_dots_in_texts_and_comments_are_no_key() -> None:
+    dotted = "1." * 99
+    name = f'name = "{dotted[:60]}" # {dotted}'
+    study = parsed_study(re.sub('name = ".*?"', name, PAPER, count=1))
+    assert study.study.name == dotted[:60]
+
+
+@pytest.mark.parametrize("place", ["[rig]", "[texts.en]", "[publication]"])
+def test_no_more_problems_are_listed_than_anybody_reads(place: str) -> None:
+    wrong = "".join(f"k{number} = 1\n" for number in range(9_000))
+    text = PAPER if place in PAPER else f"{PAPER}\n{place}\n"
+    with pytest.raises(StudyError, match=r".and 50 more: touchbeam check.$") as caught:
+        parsed_study(text.replace(f"{place}\n", f"{place}\n{wrong}", 1))
+    *listed, last = caught.value.problems
+    assert len(listed) == 50
+    assert str(last) == "file: at most 50 problems are listed, got more; correct these first"
 
 
 def test_a_file_that_ends_too_soon_is_named_by_its_last_line() -> None:

@@ -1,0 +1,47 @@
+"""A study's folder: files that nobody would write there, and that must not keep it waiting."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from protocol.errors import BadInput
+from protocol.study_file.toml import LONGEST_TEXT
+from runner.launch.rig import kept_calibration
+from runner.study.folder import StudyFolder
+
+READERS: dict[str, Callable[[Path], object]] = {
+    "study.toml": lambda folder: StudyFolder(path=folder).study(),
+    "calibration.json": kept_calibration,
+}
+
+
+@pytest.fixture(params=READERS)
+def name(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+def test_a_pipe_or_a_device_is_refused_without_being_read(tmp_path: Path, name: str) -> None:
+    os.mkfifo(tmp_path / name)
+    with pytest.raises(BadInput, match=f"{name}: must be a file, got a pipe or a device$"):
+        READERS[name](tmp_path)
+    (tmp_path / name).unlink()
+    (tmp_path / name).symlink_to("/dev/zero")
+    with pytest.raises(BadInput, match=f"{name}: must be a file, got a pipe or a device$"):
+        READERS[name](tmp_path)
+
+
+def test_a_file_that_is_too_long_is_refused_without_being_read(tmp_path: Path, name: str) -> None:
+    with (tmp_path / name).open("wb") as file:
+        file.truncate(10**12)
+    told = f"{name}: must have at most {LONGEST_TEXT} bytes, got 1000000000000$"
+    with pytest.raises(BadInput, match=told):
+        READERS[name](tmp_path)
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, '{"frequency_hz": 1' + "0" * 400 + "}", "\x00"])
+def test_what_is_no_calibration_is_refused_in_one_line(tmp_path: Path, text: str) -> None:
+    (tmp_path / "calibration.json").write_text(text, encoding="utf-8")
+    with pytest.raises(BadInput, match=r"not a calibration .*; measure it anew$"):
+        kept_calibration(tmp_path)

@@ -1,0 +1,99 @@
+"""Who answers and who operates: at the participant's window, at the terminal, or nobody at all."""
+
+import random
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from device.simulator.client import ControlClient
+from protocol.study.texts import study_texts
+from runner.clock import Clock, SteppedClock
+from runner.launch.rig import SessionRig
+from runner.people.operator_console import Display, LiveDisplay, OperatorConsole, PlainDisplay
+from runner.people.participant_console import ConsoleParticipant, TypedLines
+from runner.people.terminal import at_terminal, terminal_keys
+from runner.people.virtual_participant import VirtualParticipant, drawn_character, swapping
+from runner.ports import Operator, Participant
+from runner.session.session import Session
+from runner.window.client import WindowParticipant
+
+Say = Callable[[str], None]
+"""Prints a line."""
+
+
+@contextmanager
+def participant_and_operator(
+    session: Session,
+    rig: SessionRig,
+    clock: Clock,
+    say: Say,
+    window: WindowParticipant | None,
+    *,
+    virtual: bool,
+) -> Iterator[tuple[Participant, Operator]]:
+    """Yield who answers and who operates in `session`; a terminal is given back afterwards.
+
+    Args:
+        session: whose study and language they need.
+        rig: whose beam the operator, or a virtual participant's hand, reaches.
+        clock: the session's pace.
+        say: where lines are printed.
+        window: the participant's, if it is open.
+        virtual: whether the participant is a simulated one.
+    """
+    swap = swapping(rig.control, session.study.beams) if rig.control else lambda _: None
+    if virtual:
+        assert rig.control is not None
+        participant = _virtual_participant(session, rig.control, clock)
+        with keys_and_display(say, quiet=isinstance(clock, SteppedClock)) as (typed, display):
+            yield participant, OperatorConsole(typed, display, swap, alone=True)
+    elif window is not None:
+        with operator_at_terminal(say, swap) as operator:
+            window.call_operator = operator.called
+            yield window, operator
+    else:
+        lines = TypedLines(sys.stdin)
+        texts = study_texts(session.study, session.language)
+        participant_there = ConsoleParticipant(lines, say, session.language, texts)
+        yield participant_there, _operator_by_lines(lines, say, swap)
+
+
+def _virtual_participant(
+    session: Session, control: ControlClient, clock: Clock
+) -> VirtualParticipant:
+    stream = random.Random(f"virtual/{session.seed}/{session.participant}/{session.number}")
+    return VirtualParticipant(
+        control=control, clock=clock, character=drawn_character(stream), random_stream=stream
+    )
+
+
+def _operator_by_lines(lines: TypedLines, say: Say, swap: Callable[[str], None]) -> OperatorConsole:
+    """Return an operator who types lines, or a file or program that does."""
+    return OperatorConsole(
+        lines.operator_typed, PlainDisplay(say), swap, lines.forget, piped=not lines.at_terminal
+    )
+
+
+@contextmanager
+def operator_at_terminal(say: Say, swap: Callable[[str], None]) -> Iterator[OperatorConsole]:
+    """Yield an operator who has the terminal alone; in a pipe, lines serve as well as keys."""
+    if not at_terminal(sys.stdin, sys.stdout):
+        yield _operator_by_lines(TypedLines(sys.stdin), say, swap)
+        return
+    with keys_and_display(say) as (typed, display):
+        yield OperatorConsole(typed, display, swap)
+
+
+@contextmanager
+def keys_and_display(
+    say: Say, *, quiet: bool = False
+) -> Iterator[tuple[Callable[[bool], str], Display]]:
+    """Yield the operator's keys and display: a panel at a terminal, plain lines elsewhere.
+
+    If `quiet`, nothing is displayed and no key is read.
+    """
+    if quiet or not at_terminal(sys.stdin, sys.stdout):
+        yield lambda _: "", PlainDisplay((lambda _: None) if quiet else say)
+        return
+    with terminal_keys() as typed, LiveDisplay() as display:
+        yield typed, display

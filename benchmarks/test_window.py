@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 
@@ -15,8 +16,8 @@ from pytest_benchmark.fixture import BenchmarkFixture
 
 from protocol.study_file.loading import parsed_study, template
 from runner.screens import Instruction, Pacing, Screen
-from runner.window.client import WindowParticipant, participant_window
-from runner.window.messages import Settings
+from runner.window.client import Peer, participant_window
+from runner.window.messages import Settings, show_message
 from runner.window.pages import Wording
 from runner.window.preflight import study_window
 from tests.runner.window.person import virtual_display
@@ -89,32 +90,38 @@ def test_the_window_shows_a_touch_within_one_frame(
 ) -> None:
     window = study_window([TOUCHBEAM], PAPER, "en", None, screen=0, windowed=False)
     with suppress(_Seen), window as participant:
-        _settled(participant)
-        waits = [_wait_s(participant) for _ in range(TOUCHES)]
-        benchmark.pedantic(_wait_s, args=(participant,), rounds=5)
+        screens = Screens(participant.peer)
+        for _ in range(40):  # until all that is foreseen was built
+            screens.shown_s(Instruction(text="remember"))
+        waits = [_wait_s(screens) for _ in range(TOUCHES)]
+        benchmark.pedantic(_wait_s, args=(screens,), rounds=5)
         raise _Seen
     benchmark.extra_info["median ms"] = round(1000 * median(waits), 2)
     benchmark.extra_info["largest ms"] = round(1000 * max(waits), 2)
     assert median(waits) <= FRAME_S
 
 
-def _settled(participant: WindowParticipant) -> None:
-    """Until all that is foreseen was built."""
-    for _ in range(40):
-        _shown_s(participant, Instruction(text="remember"))
+@dataclass
+class Screens:
+    """Shows screens one after another by the window's own messages."""
+
+    window: Peer
+    number: int = 0
+
+    def shown_s(self, screen: Screen) -> float:
+        """Show `screen`; return when its first frame was seen, on the clock that is journalled."""
+        self.number += 1
+        self.window.send(show_message(self.number, screen))
+        while True:
+            for message in self.window.received():
+                if message.get("shown") == self.number:
+                    return float(message["at_s"])
+            time.sleep(0.002)
 
 
-def _wait_s(participant: WindowParticipant) -> float:
-    """Time from the session's wish to the touch's first frame, on the clock that is journalled."""
-    _shown_s(participant, Instruction(text="remember"))
+def _wait_s(screens: Screens) -> float:
+    """Return the time from the session's wish to the touch's first frame."""
+    screens.shown_s(Instruction(text="remember"))
     pacing = Pacing(start_m=0.01, end_m=0.081, duration_s=1.775, force_n=0.5, direction="right")
     asked_s = time.monotonic()
-    return _shown_s(participant, pacing) - asked_s
-
-
-def _shown_s(participant: WindowParticipant, screen: Screen) -> float:
-    participant.show(screen)
-    while participant.shown_s is None:
-        participant.poll()
-        time.sleep(0.002)
-    return participant.shown_s
+    return screens.shown_s(pacing) - asked_s

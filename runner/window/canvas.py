@@ -88,13 +88,25 @@ class PsychopyCanvas:
     def draw(self, page: Page) -> None:
         """Draw `page` into the back buffer."""
         for element in page:
-            for stimulus in self._stimuli(element):
+            for stimulus in self.stimuli(element):
                 stimulus.draw()
 
     def prepare(self, page: Page) -> None:
         """Build what `page` needs, so that its first frame is not late."""
         for element in page:
-            self._stimuli(element)
+            self.stimuli(element)
+
+    def stimuli(self, element: Element) -> list[Any]:
+        """Return what draws `element`.
+
+        It is built once and kept: setting a text takes milliseconds.
+        """
+        if isinstance(element, Dot):
+            return [self._dot(element)]
+        if element not in self._drawn:
+            built = self._text(element) if isinstance(element, Text) else [self._outline(element)]
+            self._drawn[element] = built
+        return self._drawn[element]
 
     def flip(self) -> float:
         """Show what was drawn; return when that was, s on the monotonic clock."""
@@ -114,15 +126,6 @@ class PsychopyCanvas:
     def close(self) -> None:
         """Close the window."""
         self._window.close()
-
-    def _stimuli(self, element: Element) -> list[Any]:
-        """What draws `element`: built once and kept, for a text takes milliseconds to set."""
-        if isinstance(element, Dot):
-            return [self._dot(element)]
-        if element not in self._drawn:
-            built = self._text(element) if isinstance(element, Text) else [self._outline(element)]
-            self._drawn[element] = built
-        return self._drawn[element]
 
     def _dot(self, dot: Dot) -> Any:
         rest = Dot(x=0, y=0, radius=dot.radius, fill=dot.fill)

@@ -1,4 +1,4 @@
-"""Opens the participant's window in its own process, and ends that one on every way out."""
+"""The session's side of the participant's window, which runs in a process of its own."""
 
 import os
 import queue
@@ -48,7 +48,6 @@ class WindowParticipant:
     peer: Peer
     monotonic_s: Callable[[], float]
     call_operator: Callable[[], None] = lambda: None
-    shown_s: float | None = field(default=None, init=False)
     _number: int = field(default=0, init=False)
     _answer: Response | None = field(default=None, init=False)
     _silent_s: float = field(default=0.0, init=False)
@@ -57,7 +56,7 @@ class WindowParticipant:
     def show(self, screen: Screen) -> None:
         """Send `screen`."""
         self._number += 1
-        self._answer = self.shown_s = None
+        self._answer = None
         self.peer.send(show_message(self._number, screen))
 
     def poll(self) -> Response | None:
@@ -80,8 +79,6 @@ class WindowParticipant:
             raise WindowGone(f"the participant's window cannot draw ({message['broken']}); {GO_ON}")
         if "operator" in message:
             self.call_operator()
-        elif message.get("shown") == self._number:
-            self.shown_s = message["at_s"]
         elif message.get("of") == self._number:
             self._answer = Response(
                 answer=message["answer"],
@@ -117,6 +114,7 @@ class WindowProcess:
 
     def __post_init__(self) -> None:
         self._said: queue.SimpleQueue[Mapping[str, Any] | None] = queue.SimpleQueue()
+        # A daemon: where the process hangs, so does its pipe, and the session must be able to end.
         threading.Thread(target=self._read, name="window", daemon=True).start()
 
     def send(self, message: Mapping[str, Any]) -> None:
@@ -144,7 +142,7 @@ class WindowProcess:
             if message is not None:
                 messages.append(message)
                 continue
-            self._said.put(None)
+            self._said.put(None)  # the end stays to be found by the next call
             if messages:
                 return messages
             raise self._gone()
@@ -232,7 +230,9 @@ def _await_opening(peer: WindowProcess, until_s: float) -> None:
     while time.monotonic() < until_s:
         for message in peer.received():
             if "failed" in message:
-                raise WorkFailed(_with_console(message["failed"]))
+                why = message["failed"]
+                remedy = "" if "--ratings console" in why else "; use --ratings console"
+                raise WorkFailed(f"{why}{remedy}")
             if "opened" in message:
                 return
         time.sleep(_TICK_S)
@@ -240,10 +240,6 @@ def _await_opening(peer: WindowProcess, until_s: float) -> None:
         f"the participant's window did not open within {OPENS_WITHIN_S:g} s "
         "(a virtual screen needs 24 bits); use --ratings console"
     )
-
-
-def _with_console(why: str) -> str:
-    return why if "--ratings console" in why else f"{why}; use --ratings console"
 
 
 def _linger(participant: WindowParticipant, until_s: float) -> None:

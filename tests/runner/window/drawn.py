@@ -69,7 +69,7 @@ def too_wide(canvas: PsychopyCanvas, screen: Screen, wording: Wording) -> list[d
     for text in page(screen, PageState(operator_called=True), wording):
         if isinstance(text, Text):
             lines = wrapped(text.text, text.size, text.box.width)
-            for line, drawn in zip(lines, canvas._text(text), strict=True):
+            for line, drawn in zip(lines, canvas.stimuli(text), strict=True):
                 estimate = text_width(line, text.size) * px_per_unit
                 if drawn.boundingBox[0] > estimate:
                     found.append({"line": line, "drawn": drawn.boundingBox[0], "taken": estimate})

@@ -71,7 +71,6 @@ def test_an_answer_is_given_once() -> None:
     assert at.poll(ALIVE) is None
     given = at.poll({"shown": 1, "at_s": 5.0}, answer(1, "swapped"))
     assert given == Response(answer="swapped", reaction_time_s=0.7, trace={"path": []})
-    assert at.participant.shown_s == 5.0
     assert at.poll(ALIVE) is None
 
 

@@ -24,7 +24,10 @@ class _Stop:
         self.shields = 0
 
     def ask(self, number: int, _frame: FrameType | None = None) -> None:
-        """Take the first signal; later ones change nothing."""
+        """Take the first signal; later ones change nothing.
+
+        Python calls this in the main thread, between any two instructions of whatever runs there.
+        """
         if self.wish is None:
             self.wish = Stopped(f"stopped by {signal.Signals(number).name}")
         self.raise_wish()
@@ -61,7 +64,7 @@ def signals_raise() -> Iterator[None]:
     before = {number: signal.signal(number, _stop.ask) for number in numbers}
     try:
         yield
-    except (WorkFailed, BadInput, OSError):
+    except (WorkFailed, BadInput, OSError):  # they say what happened: an output that is unknown
         raise
     except Exception as error:
         if _stop.wish is None:
@@ -85,7 +88,7 @@ def stops_deferred() -> Iterator[None]:
         yield
     finally:
         stop.shields -= 1
-    stop.raise_wish()
+    stop.raise_wish()  # not in `finally`: an error of the body is told, not the signal
 
 
 @contextmanager

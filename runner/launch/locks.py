@@ -16,7 +16,7 @@ from filelock import FileLock, Timeout
 from protocol.errors import WorkFailed
 
 _ON_A_NETWORK = {"socket", "rfc2217"}
-_COMMON = Path("/tmp")  # noqa: S108 - the folder in it is the user's own
+COMMON = Path("/tmp")  # noqa: S108 - the folder in it is the user's own
 
 
 class RigInUse(WorkFailed):
@@ -28,7 +28,7 @@ class UnsafeFolder(WorkFailed):
 
 
 @contextmanager
-def rig_lock(url: str, holder: str) -> Iterator[None]:
+def rig_lock(url: str, holder: str, common: Path = COMMON) -> Iterator[None]:
     """Hold the rig at `url`, by whatever address one comes to it, while the body runs.
 
     A simulated one is everybody's own.
@@ -36,6 +36,7 @@ def rig_lock(url: str, holder: str) -> Iterator[None]:
     Args:
         url: a serial port's path or URL.
         holder: what somebody else is told, such as the session's name and the study's folder.
+        common: a folder that every process of this user finds.
 
     Raises:
         RigInUse: another process has it; the message says which session.
@@ -43,14 +44,16 @@ def rig_lock(url: str, holder: str) -> Iterator[None]:
     """
     from runner.launch.rig import SIMULATED
 
-    with nullcontext() if url == SIMULATED else _held(url, holder, known_as=_rig(url)):
+    lock = _held(url, holder, _rig(url), common) if url != SIMULATED else nullcontext()
+    with lock:
         yield
 
 
 @contextmanager
-def _held(what: str, holder: str, *, known_as: str) -> Iterator[None]:
+def _held(what: str, holder: str, known_as: str, common: Path) -> Iterator[None]:
     """Hold `what`, which `known_as` tells from others; the lock ends with the process."""
-    folder = _folder()
+    folder = _folder(common)
+    # Names of sessions and addresses of rigs may hold any character; a file name may not.
     name = hashlib.sha256(known_as.encode()).hexdigest()[:24]
     lock, said = FileLock(folder / f"{name}.lock"), folder / f"{name}.json"
     try:
@@ -61,7 +64,7 @@ def _held(what: str, holder: str, *, known_as: str) -> Iterator[None]:
         _say(said, holder)
         yield
     finally:
-        said.unlink(missing_ok=True)
+        said.unlink(missing_ok=True)  # while the lock is held: the next holder writes its own
         lock.release()
 
 
@@ -75,7 +78,7 @@ def session_lock(session: str, study: Path, holder: str) -> Iterator[None]:
     """
     place = study.stat()
     known_as = f"session {session} of {place.st_dev}:{place.st_ino}"
-    with _held(f"session {session} of {study.resolve()}", holder, known_as=known_as):
+    with _held(f"session {session} of {study.resolve()}", holder, known_as, COMMON):
         yield
 
 
@@ -113,7 +116,7 @@ def _not_through_a_link(path: str, flags: int) -> int:
     return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0))
 
 
-def _folder() -> Path:
+def _folder(common: Path) -> Path:
     """Return the folder of the locks, which belongs to this user alone and the system empties.
 
     All processes of a user must find the same one. It is therefore in /tmp, where there is one,
@@ -121,9 +124,9 @@ def _folder() -> Path:
     That folder serves only where somebody else has taken the place in /tmp.
     """
     user = os.getuid() if hasattr(os, "getuid") else os.environ.get("USERNAME", "user")
-    common = _COMMON if _COMMON.is_dir() else Path(tempfile.gettempdir())
+    place = common if common.is_dir() else Path(tempfile.gettempdir())
     try:
-        return _own_folder(common / f"touchbeam-held-{user}")
+        return _own_folder(place / f"touchbeam-held-{user}")
     except UnsafeFolder:
         runtime = Path(os.environ.get("XDG_RUNTIME_DIR", ""))
         if not runtime.is_absolute() or not runtime.exists() or _not_own(runtime):

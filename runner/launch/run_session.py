@@ -18,7 +18,7 @@ from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal, JournalError, journal_if_used, session_name
 from runner.launch.locks import rig_lock, session_lock
 from runner.launch.participants import Say, participant_and_operator
-from runner.launch.rig import SIMULATED, SessionRig, kept_calibration, session_rig
+from runner.launch.rig import SIMULATED, kept_calibration, session_rig
 from runner.people.participant_console import require_typist
 from runner.session.loop import run
 from runner.session.resume import require_resumable
@@ -151,7 +151,9 @@ def _context(request: _Request, say: Say, stack: ExitStack) -> SessionContext:
     rig = stack.enter_context(
         session_rig(request.url, request.study.rig, options.touchbeam, request.seed, calibration)
     )
-    clock = _clock(request.pace, rig)
+    clock: Clock = WallClock()
+    if request.pace == "stepped" and rig.control is not None:
+        clock = SteppedClock(clock.utc(), rig.control.advance)
     # The rig before the journal: where no device answers, no session is opened.
     journal = stack.enter_context(journal_if_used(options.folder.journal))
     new = name not in journal.sessions()
@@ -186,12 +188,6 @@ def _window(request: _Request) -> AbstractContextManager[WindowParticipant | Non
         screen=options.screen,
         windowed=options.windowed,
     )
-
-
-def _clock(pace: Pace, rig: SessionRig) -> Clock:
-    if pace == "wall" or rig.control is None:
-        return WallClock()
-    return SteppedClock(WallClock().utc(), rig.control.advance)
 
 
 def _session(request: _Request, journal: Journal, clock: Clock) -> Session:

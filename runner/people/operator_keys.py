@@ -77,7 +77,8 @@ class OperatorKeys:
         if self._confirming and not self._noting:
             characters = self._confirm(characters)
         for character in characters:
-            if self._is_emergency(character):
+            # No line begins with a space: there it is the emergency stop that it is elsewhere.
+            if character == _CTRL_E or (character == " " and self.line == ""):
                 self._orders.append("emergency stop")
             elif self.line is not None:
                 self._collect(character)
@@ -118,10 +119,6 @@ class OperatorKeys:
             return False
         return True
 
-    def _is_emergency(self, character: str) -> bool:
-        """Ctrl-E anywhere; where a line is typed, a space that begins it, since none does."""
-        return character == _CTRL_E or (character == " " and self.line == "")
-
     def order(self) -> Order | Note | None:
         """Return the oldest order that was not returned yet; an emergency stop comes first."""
         if "emergency stop" in self._orders:
@@ -141,14 +138,11 @@ class OperatorKeys:
         elif character not in _ENTER:
             self._line += character
         elif self._noting:
-            self._finish_note()
+            self._noting = False
+            self._note(self._finished())
         else:
             self._answers.append(self._finished())
             self._asked = False
-
-    def _finish_note(self) -> None:
-        self._noting = False
-        self._note(self._finished())
 
     def _note(self, text: str) -> None:
         if text := text.strip():

@@ -5,7 +5,7 @@ import io
 import queue
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TextIO
 
@@ -60,6 +60,7 @@ class TypedLines:
         self._lines: queue.Queue[str | None] = queue.Queue(MOST_LINES)
         self._orders: queue.Queue[str] = queue.Queue(MOST_LINES)
         self._ended = False
+        # A daemon: reading a line cannot be cut short, and the session must be able to end.
         threading.Thread(target=self._read, name="typed lines", daemon=True).start()
 
     def take(self) -> str | None:
@@ -90,17 +91,13 @@ class TypedLines:
         return "" if line is None else f"{line}\n"
 
     def _read(self) -> None:
-        for line in self._typed():
-            if line.startswith(OPERATOR_MARK):
-                self._orders.put(line.rstrip("\r\n") + "\n")
-            elif not (self.at_terminal and self._lines.full()):
-                self._lines.put(line)
+        with contextlib.suppress(OSError, ValueError):  # a terminal that is gone ends the lines
+            for line in self._source:
+                if line.startswith(OPERATOR_MARK):
+                    self._orders.put(line.rstrip("\r\n") + "\n")
+                elif not (self.at_terminal and self._lines.full()):
+                    self._lines.put(line)
         self._lines.put(None)
-
-    def _typed(self) -> Iterator[str]:
-        """The lines; a terminal that is gone ends them."""
-        with contextlib.suppress(OSError, ValueError):
-            yield from self._source
 
 
 @dataclass

@@ -92,15 +92,12 @@ class PendingResponse:
 
     def _typed_key(self, name: str, t_s: float) -> None:
         if name == "backspace":
-            self._choose(self._without_last_digit(), "key", t_s)
+            self._typed = self._typed[:-1]
+            self._choose(self._typed or None, "key", t_s)
         elif isinstance(self.screen, AskChange):
             self._choose(self._answer_by_key(name, ANSWERS[self.screen.question]), "key", t_s)
         elif isinstance(self.screen, AskScore):
             self._choose(self._score_by_key(name, self.screen.rating), "key", t_s)
-
-    def _without_last_digit(self) -> str | None:
-        self._typed = self._typed[:-1]
-        return self._typed or None
 
     def _answer_by_key(self, name: str, answers: tuple[str, ...]) -> str | None:
         if name.isdigit():

@@ -169,6 +169,7 @@ def serve_window() -> None:
 
     Standard output belongs to the session: whatever a library prints goes to standard error.
     """
+    # Libraries print from C as well, so the descriptor itself is led elsewhere.
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
 

@@ -96,7 +96,6 @@ def locks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Where the locks are kept, in a place of this test's own; nothing is there yet."""
     if not hasattr(os, "getuid"):
         pytest.skip("Windows gives each user a temporary folder")
-    monkeypatch.setattr("runner.launch.locks._COMMON", tmp_path)
     monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
     return tmp_path / f"touchbeam-held-{os.getuid()}"
 
@@ -127,7 +126,7 @@ def test_locks_are_kept_in_no_folder_that_others_can_write_to(
     taken(locks)
     with (
         pytest.raises(UnsafeFolder, match=f"{locks}: must be a folder that only .* got {told}; "),
-        rig_lock("/dev/test-rig", "first"),
+        rig_lock("/dev/test-rig", "first", locks.parent),
     ):
         pass
     assert not [path for path in locks.parent.rglob("*") if path.suffix in {".json", ".lock"}]
@@ -140,7 +139,7 @@ def test_the_folder_of_another_user_is_not_used(
     monkeypatch.setattr(os, "getuid", lambda: somebody)
     with (
         pytest.raises(UnsafeFolder, match=f"touchbeam-held-{somebody}: .* got one of another user"),
-        rig_lock("/dev/test-rig", "first"),
+        rig_lock("/dev/test-rig", "first", locks.parent),
     ):
         pass
     assert not locks.exists()
@@ -152,16 +151,19 @@ def test_the_folder_of_a_login_serves_where_the_common_one_is_taken(
     runtime = tmp_path / "runtime"
     runtime.mkdir(mode=0o700)
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(runtime))
-    with rig_lock("/dev/test-rig", "first"):
+    with rig_lock("/dev/test-rig", "first", locks.parent):
         monkeypatch.delenv("XDG_RUNTIME_DIR")
-        with pytest.raises(RigInUse, match="held by first"), rig_lock("/dev/test-rig", "second"):
+        with (
+            pytest.raises(RigInUse, match="held by first"),
+            rig_lock("/dev/test-rig", "second", locks.parent),
+        ):
             pass
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(runtime))
     locks.chmod(0o777)
     with (
-        rig_lock("/dev/test-rig", "first"),
+        rig_lock("/dev/test-rig", "first", locks.parent),
         pytest.raises(RigInUse, match="held by first"),
-        rig_lock("/dev/test-rig", "second"),
+        rig_lock("/dev/test-rig", "second", locks.parent),
     ):
         assert {path.suffix for path in (runtime / "touchbeam-held").iterdir()} == {
             ".json",
@@ -170,14 +172,14 @@ def test_the_folder_of_a_login_serves_where_the_common_one_is_taken(
     runtime.chmod(0o777)
     with (
         pytest.raises(UnsafeFolder, match="one with mode 0777"),
-        rig_lock("/dev/test-rig", "first"),
+        rig_lock("/dev/test-rig", "first", locks.parent),
     ):
         pass
 
 
 def _made(locks: Path, suffix: str) -> Path:
     """The file of that suffix that holding a rig makes."""
-    with rig_lock("/dev/test-rig", "first"):
+    with rig_lock("/dev/test-rig", "first", locks.parent):
         return next(locks.glob(f"*{suffix}"))
 
 
@@ -189,9 +191,9 @@ def test_who_holds_a_rig_is_not_written_through_a_link(
     thesis.write_text("a chapter")
     put(_made(locks, ".json"), thesis)
     with (
-        rig_lock("/dev/test-rig", "first"),
+        rig_lock("/dev/test-rig", "first", locks.parent),
         pytest.raises(RigInUse, match="held by first"),
-        rig_lock("/dev/test-rig", "second"),
+        rig_lock("/dev/test-rig", "second", locks.parent),
     ):
         pass
     assert thesis.read_text() == "a chapter"
@@ -200,13 +202,13 @@ def test_who_holds_a_rig_is_not_written_through_a_link(
 def test_who_holds_a_rig_is_not_read_through_a_link(locks: Path, tmp_path: Path) -> None:
     other = tmp_path / "other.json"
     other.write_text('{"holder": "somebody else", "process": 1}')
-    with rig_lock("/dev/test-rig", "first"):
+    with rig_lock("/dev/test-rig", "first", locks.parent):
         said = next(locks.glob("*.json"))
         said.unlink()
         said.symlink_to(other)
         with (
             pytest.raises(RigInUse, match="held by another session"),
-            rig_lock("/dev/test-rig", "second"),
+            rig_lock("/dev/test-rig", "second", locks.parent),
         ):
             pass
 
@@ -217,6 +219,6 @@ def test_a_lock_that_is_a_link_changes_no_file(locks: Path, tmp_path: Path) -> N
     lock = _made(locks, ".lock")
     lock.unlink(missing_ok=True)
     lock.symlink_to(thesis)
-    with pytest.raises(OSError, match=lock.name), rig_lock("/dev/test-rig", "first"):
+    with pytest.raises(OSError, match=lock.name), rig_lock("/dev/test-rig", "first", locks.parent):
         pass
     assert thesis.read_text() == "a chapter"

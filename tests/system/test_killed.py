@@ -1,5 +1,6 @@
 """Power cuts: wherever a session is killed, it resumes, and nothing acknowledged is lost."""
 
+import sqlite3
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -50,6 +51,14 @@ class DyingJournal:
 def opened(path: Path) -> Iterator[Journal]:
     with open_journal(path) as journal:
         yield journal
+
+
+def connected(path: Path) -> sqlite3.Connection:
+    """SQLite's connection to the journal, which is made if it is missing, with its log there."""
+    open_journal(path).__exit__(None, None, None)
+    connection = sqlite3.connect(path, isolation_level=None)
+    connection.execute("SELECT count(*) FROM event")  # the first look makes the log
+    return connection
 
 
 def writes_of_a_session(folder: Path) -> int:
@@ -130,10 +139,11 @@ def test_a_torn_log_loses_only_its_end(tmp_path_factory: Any, cut: int, seed: in
 def test_a_full_disk_is_an_error_and_the_session_resumes(tmp_path: Path) -> None:
     path = tmp_path / "study.db"
     device = FakeDevice()
-    with opened(path) as journal:
+    connection = connected(path)
+    with Journal(connection, path) as journal:
         made = context(journal, device, FakeParticipant())
-        pages = journal._connection.execute("PRAGMA page_count").fetchone()[0]
-        journal._connection.execute(f"PRAGMA max_page_count = {pages + 4}")
+        pages = connection.execute("PRAGMA page_count").fetchone()[0]
+        connection.execute(f"PRAGMA max_page_count = {pages + 4}")
         with pytest.raises(JournalError, match=r"cannot be written .*full"):
             run(made)
     assert not device.on
@@ -142,13 +152,12 @@ def test_a_full_disk_is_an_error_and_the_session_resumes(tmp_path: Path) -> None
 
 
 def test_a_locked_journal_is_an_error_before_the_output_goes_on(tmp_path: Path) -> None:
-    import sqlite3
-
     path = tmp_path / "study.db"
     device = FakeDevice()
-    with opened(path) as journal, closing(sqlite3.connect(path, isolation_level=None)) as other:
+    connection = connected(path)
+    with Journal(connection, path) as journal, closing(connected(path)) as other:
         made = context(journal, device, FakeParticipant())
-        journal._connection.execute("PRAGMA busy_timeout = 50")
+        connection.execute("PRAGMA busy_timeout = 50")
         other.execute("BEGIN IMMEDIATE")
         with pytest.raises(JournalError, match=r"cannot be written .*locked"):
             run(made)

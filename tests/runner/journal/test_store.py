@@ -1,11 +1,14 @@
 """The journal: append-only, chained, private, and never half-written."""
 
+import resource
 import sqlite3
 import subprocess
 import sys
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -28,6 +31,16 @@ def filled(path: Path) -> Journal:
     journal.append("P01/1", event(1, value=1.25))
     journal.append("P02/1", event(0))
     return journal
+
+
+def connected(
+    path: Path, kind: type[sqlite3.Connection] = sqlite3.Connection
+) -> sqlite3.Connection:
+    """SQLite's connection to a filled journal, with its log there."""
+    filled(path).__exit__(None, None, None)
+    connection = sqlite3.connect(path, isolation_level=None, factory=kind)
+    connection.execute("SELECT count(*) FROM event")  # the first look makes the log
+    return connection
 
 
 def test_events_come_back_as_they_went_in(tmp_path: Path) -> None:
@@ -83,8 +96,9 @@ def test_a_gap_is_refused(tmp_path: Path) -> None:
 
 
 def test_what_could_not_be_committed_is_forgotten(tmp_path: Path) -> None:
-    with filled(tmp_path / "study.db") as journal:
-        connection = journal._connection
+    path = tmp_path / "study.db"
+    connection = connected(path)
+    with Journal(connection, path) as journal:
         connection.execute("PRAGMA foreign_keys = ON")
         connection.execute("CREATE TABLE known (number INTEGER PRIMARY KEY)")
         connection.execute(
@@ -215,19 +229,30 @@ class NoRoomError(Exception):
     pass
 
 
-def test_a_journal_made_for_nothing_does_not_stay(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = tmp_path / "study.db"
+@contextmanager
+def room_for(size: int) -> Iterator[None]:
+    """No file grows beyond `size` bytes."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
-    def no_room(_: sqlite3.Connection) -> None:
-        raise sqlite3.OperationalError("database or disk is full")
 
-    with monkeypatch.context() as patched:
-        patched.setattr("runner.journal.store._ensure_schema", no_room)
-        with pytest.raises(JournalError, match="cannot be opened"), journal_if_used(path):
-            pass
+@pytest.mark.parametrize("size", [0, 4096, 8192])
+def test_a_journal_that_has_no_room_does_not_stay(tmp_path: Path, size: int) -> None:
+    with (
+        room_for(size),
+        pytest.raises(JournalError, match="cannot be opened as a journal"),
+        journal_if_used(tmp_path / "study.db"),
+    ):
+        pass
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_journal_made_for_nothing_does_not_stay(tmp_path: Path) -> None:
+    path = tmp_path / "study.db"
     with pytest.raises(NoRoomError), journal_if_used(path):
         raise NoRoomError
     assert list(tmp_path.iterdir()) == []
@@ -268,18 +293,18 @@ def test_who_opened_a_journal_that_does_not_stay_is_told(tmp_path: Path) -> None
         other.append("P01/1", event(0))
 
 
-def test_a_first_event_is_kept_only_if_the_file_is_still_there_afterwards(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_first_event_is_kept_only_if_the_file_is_still_there_afterwards(tmp_path: Path) -> None:
     """Somebody may take an unused journal away between the look and the write."""
     path = tmp_path / "study.db"
-    with filled(path) as journal:
-        hash_before = Journal._hash_before
 
-        def deleted_meanwhile(of: Journal, session: str, seq: int) -> str:
-            path.unlink()
-            return hash_before(of, session, seq)
+    class DeletedMeanwhile(sqlite3.Connection):
+        def execute(self, sql: str, *parameters: Any) -> sqlite3.Cursor:
+            if sql.startswith("INSERT"):
+                path.unlink()
+            return super().execute(sql, *parameters)
 
-        monkeypatch.setattr(Journal, "_hash_before", deleted_meanwhile)
-        with pytest.raises(JournalError, match="is not the journal any more"):
-            journal.append("P03/1", event(0))
+    with (
+        Journal(connected(path, DeletedMeanwhile), path) as journal,
+        pytest.raises(JournalError, match="is not the journal any more"),
+    ):
+        journal.append("P03/1", event(0))

@@ -17,7 +17,7 @@ from runner.window.elements import ACCENT, INK, PALE, WHITE, pixels_per_unit
 from runner.window.response import EARLY_S
 
 Sight = Literal["nothing", "button", "two", "three", "scale"]
-ControlClient = Literal["mouse", "keyboard"]
+Controls = Literal["mouse", "keyboard"]
 
 BUTTON = (-150.0, -215.0)
 ANSWERS = ((-190.0, 95.0), (-190.0, 17.0), (-190.0, -61.0))
@@ -60,7 +60,7 @@ class Person:
     """
 
     display: str
-    control: ControlClient
+    control: Controls
     choices: list[int] = field(default_factory=list)
     scores: list[int] = field(default_factory=list)
     seen: list[Sight] = field(default_factory=list)

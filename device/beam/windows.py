@@ -15,112 +15,64 @@ import numpy as np
 from device.beam.modes import FloatArray, mode_constants, mode_integral
 from device.beam.zones import Zones, node_remainders_m, zones
 
+_NARROW = 0.5  # width in bξ below which an antiderivative's difference would lose digits
+_TINY_M = 1e-300  # stands for a window of no width, which `_settle_narrow` then settles
 _CLAMP_REACH = 2.0  # in bξ: below it the textbook form is accurate, above it a node is near
-
-
 _SERIES = tuple(2.0 / math.factorial(power) for power in (23, 19, 15, 11, 7, 3))
 
 
-def _sinh_minus_sin(angle: FloatArray) -> FloatArray:
-    """Sinh - sin by its series 2(t³/3! + t⁷/7! + …), to rounding for |t| ≤ 2."""
-    square = angle * angle
-    fourth = square * square
-    total = _SERIES[0] * fourth
-    for coefficient in _SERIES[1:-1]:
-        total += coefficient
-        total *= fourth
-    total += _SERIES[-1]
-    return total * (square * angle)
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Window:
+    """What a finger meets over its window: directions and magnitude of the motion.
 
-
-def _piece_mean(half: FloatArray, shape: FloatArray, swing: FloatArray) -> FloatArray:
-    """The mean of φ over a piece from φ and cos - σ sin at its middle, by series for h ≤ ¼."""
-    square = half * half
-    grown = 1 + square / 6 * (1 + square / 20 * (1 + square / 42 * (1 + square / 72)))
-    fourth = square * square
-    return grown * shape + square / 3 * (1 + fourth / 840 * (1 + fourth / 7920)) * swing
-
-
-def _near_clamp(here: Zones, end_m: FloatArray, width_m: FloatArray) -> FloatArray:
-    """The mean over windows whose middle lies near the clamp, where φ does not change sign."""
-    c = mode_constants(here.order)
-    scale = c.root / here.length_m
-    middle = scale * (end_m - width_m / 2)
-    double_sine = np.sinh(middle / 2) ** 2 + np.sin(middle / 2) ** 2
-    shape = 2 * double_sine - c.sigma * _sinh_minus_sin(middle)
-    swing = np.cos(middle) - c.sigma * np.sin(middle)
-    return _piece_mean(scale * width_m / 2, shape, swing)
-
-
-def clamp_window_mean(here: Zones, end_m: FloatArray) -> FloatArray:
-    """Mean of |φ| over [0, end], dimensionless, for ends of at most ½ in bξ; 0 at the clamp.
-
-    (2/t)[t³/3! + t⁷/7! + … - σ(t⁴/4! + t⁸/8! + …)] with t = b·end/L.
+    Attributes:
+        right: the part of the window that moves right, in [0, 1].
+        left: the part that moves left; right + left = 1, each with its own small error.
+        mean: mean magnitude over the window, relative to the displacement: mean |φ| for a mode.
     """
-    c = mode_constants(here.order)
-    t = end_m * (c.root / here.length_m)
-    square = t * t
-    fourth = square * square
-    odd = 1 + fourth / 840 * (1 + fourth / 7920 * (1 + fourth / 32760))
-    even = 1 + fourth / 1680 * (1 + fourth / 11880 * (1 + fourth / 43680))
-    return square / 3 * (odd - t * (c.sigma / 4) * even)
+
+    right: FloatArray
+    left: FloatArray
+    mean: FloatArray
 
 
-def _about_node(
-    here: Zones, index: FloatArray, middle: FloatArray, width: FloatArray
-) -> FloatArray:
-    """|∫φ d(bξ)| over a piece about `middle`, both in bξ, `middle` from node `index` (1 …)."""
-    c = mode_constants(here.order)
-    shift = np.asarray(here.node_shifts)[index.astype(np.intp) - 1]
-    angle = (index + 0.25) * math.pi + shift
-    from_tip = (here.order - 0.75 - index) * math.pi + c.root_offset - shift
-    clamp, tip = c.clamp_weight * np.exp(-angle), c.tip_weight * np.exp(-from_tip)
-    fold = np.where(index % 2, -1.0, 1.0) / math.sqrt(2.0)
-    sine_part = fold * ((1 + c.sigma) * np.cos(shift) + c.one_minus_sigma * np.sin(shift))
-    shape = clamp * np.expm1(-middle) + tip * np.expm1(middle) + sine_part * np.sin(middle)
-    shape += 2 * (clamp + tip) * np.sin(middle / 2) ** 2
-    swing = (clamp + tip) * np.cos(middle) - sine_part * np.sin(middle)
-    return np.abs(_piece_mean(width / 2, shape, swing)) * width
+def window_width(end_m: FloatArray, contact_m: FloatArray | float) -> FloatArray:
+    """The covered length min(x, l_s), m: what of the contact lies on the beam's free part."""
+    return np.minimum(end_m, contact_m)
 
 
-def _near_node(here: Zones, end_m: FloatArray, width_m: FloatArray) -> FloatArray:
-    """The mean over windows near an inner node, which may lie inside the window."""
-    nodes = here.nodes_m
-    nearest = np.searchsorted((nodes[1:] + nodes[:-1]) / 2, end_m - width_m / 2)
-    scale = mode_constants(here.order).root / here.length_m
-    remainder = node_remainders_m(here.order, here.length_m)[nearest]
-    stop = scale * ((end_m - nodes[nearest]) - remainder)
-    width = scale * width_m
-    after = np.clip(stop, 0.0, width)  # what of the window lies beyond the node
-    before = np.where(stop < width, width - after, 0.0)
-    index = np.asarray(nearest + 1.0)
-    inner_stop, inner_start = np.minimum(stop, 0.0), np.maximum(stop - width, 0.0)
-    total = _about_node(here, index, inner_stop - before / 2, before)
-    total += _about_node(here, index, inner_start + after / 2, after)
-    return total / width
+def mode_window(order: int, length_m: float, end_m: FloatArray, width_m: FloatArray) -> Window:
+    """Right-moving part and mean of |φ| for many windows over mode `order`.
 
-
-def narrow_window_mean(here: Zones, end_m: FloatArray, width_m: FloatArray) -> FloatArray:
-    """Mean of |φ| over [end - width, end], dimensionless, for windows of at most ½ in bξ.
+    Exact sums from the zone edges and the mode's antiderivative split at its nodes; windows
+    narrower than half a unit of bξ take a form without cancellation (`_settle_narrow`).
 
     Args:
-        here: the mode's zones on its beam.
-        end_m: right ends of the windows, shape (n,), in [0, L]; x = 0 gives φ's limit there, 0.
-        width_m: widths, shape (n,), at most `end_m`.
+        order: the mode's number.
+        length_m: the beam's length.
+        end_m: right ends, shape (n,), in [0, L].
+        width_m: widths, shape (n,), from `window_width`.
     """
-    middle = mode_constants(here.order).root * (end_m - width_m / 2) / here.length_m
-    clamped = (middle < _CLAMP_REACH) | (here.order == 1)
-    if clamped.all():
-        return _near_clamp(here, end_m, width_m)
-    mean = np.empty_like(end_m)
-    mean[clamped] = _near_clamp(here, end_m[clamped], width_m[clamped])
-    free = ~clamped
-    mean[free] = _near_node(here, end_m[free], width_m[free])
-    return mean
-
-
-_TINY_M = 1e-300  # stands for a window of no width, which `_settle_narrow` then settles
-_NARROW = 0.5  # width in bξ below which an antiderivative's difference would lose digits
+    sums = _sums(order, length_m)
+    places = np.concatenate([end_m - width_m, end_m])
+    zone = np.searchsorted(sums.here.edges_m[1:-1], places, side="right")
+    right_m = sums.moves_right.take(zone)
+    right_m *= places
+    right_m += sums.right_offset_m.take(zone)
+    integral = mode_integral(order, places / length_m)
+    integral *= sums.sign.take(zone)
+    integral += sums.offset.take(zone)
+    count = end_m.size
+    right = right_m[count:] - right_m[:count]
+    mean = integral[count:] - integral[:count]
+    per_width = 1.0 / np.maximum(width_m, _TINY_M)
+    right *= per_width
+    per_width *= length_m
+    mean *= per_width
+    np.maximum(right, 0.0, out=right)
+    np.minimum(right, 1.0, out=right)
+    _settle_narrow(sums.here, end_m, width_m, right, mean)
+    return Window(right=right, left=1.0 - right, mean=mean)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -156,41 +108,7 @@ def _sums(order: int, length_m: float) -> _Sums:
     )
 
 
-def _zone_of(here: Zones, place_m: FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.intp]]:
-    """The number of the zone that each place lies in."""
-    return np.searchsorted(here.edges_m[1:-1], place_m, side="right")
-
-
-def window_width(end_m: FloatArray, contact_m: FloatArray | float) -> FloatArray:
-    """The covered length min(x, l_s), m: what of the contact lies on the beam's free part."""
-    return np.minimum(end_m, contact_m)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Window:
-    """What a finger meets over its window: directions and magnitude of the motion.
-
-    Attributes:
-        right: the part of the window that moves right, in [0, 1].
-        left: the part that moves left; right + left = 1, each with its own small error.
-        mean: mean magnitude over the window, relative to the displacement: mean |φ| for a mode.
-    """
-
-    right: FloatArray
-    left: FloatArray
-    mean: FloatArray
-
-
-def _narrow_right(here: Zones, end_m: FloatArray, width_m: FloatArray) -> FloatArray:
-    """The right-moving part of windows that hold at most one zone edge, from that edge alone."""
-    edges = here.edges_m[1:-1]
-    if not edges.size:
-        return np.zeros_like(end_m)
-    nearest = np.searchsorted((edges[1:] + edges[:-1]) / 2, end_m - width_m / 2)
-    beyond = end_m - edges[nearest]
-    width = np.where(width_m > 0, width_m, 1.0)
-    after = np.clip(beyond / width, 0.0, 1.0)
-    return np.where(nearest % 2, 1.0 - after, after)
+# Narrow windows, where the difference of an antiderivative would lose digits.
 
 
 def _settle_narrow(
@@ -206,42 +124,118 @@ def _settle_narrow(
         return
     clamped = end_m[narrow] == width_m[narrow]
     first = narrow[clamped]
-    right[first], mean[first] = 0.0, clamp_window_mean(here, end_m[first])
+    right[first], mean[first] = 0.0, _clamp_mean(here, end_m[first])
     if first.size < narrow.size:
         rest = narrow[~clamped]
         right[rest] = _narrow_right(here, end_m[rest], width_m[rest])
-        mean[rest] = narrow_window_mean(here, end_m[rest], width_m[rest])
+        mean[rest] = _narrow_mean(here, end_m[rest], width_m[rest])
 
 
-def mode_window(order: int, length_m: float, end_m: FloatArray, width_m: FloatArray) -> Window:
-    """Right-moving part and mean of |φ| for many windows over mode `order`.
+def _narrow_right(here: Zones, end_m: FloatArray, width_m: FloatArray) -> FloatArray:
+    """The right-moving part of windows that hold at most one zone edge, from that edge alone."""
+    edges = here.edges_m[1:-1]
+    if not edges.size:
+        return np.zeros_like(end_m)
+    nearest = np.searchsorted((edges[1:] + edges[:-1]) / 2, end_m - width_m / 2)
+    beyond = end_m - edges[nearest]
+    width = np.where(width_m > 0, width_m, 1.0)
+    after = np.clip(beyond / width, 0.0, 1.0)
+    return np.where(nearest % 2, 1.0 - after, after)
 
-    Exact sums from the zone edges and the mode's antiderivative split at its nodes; windows
-    narrower than half a unit of bξ take a form without cancellation (`narrow_windows`).
+
+def _narrow_mean(here: Zones, end_m: FloatArray, width_m: FloatArray) -> FloatArray:
+    """Mean of |φ| over [end - width, end], dimensionless, for windows of at most ½ in bξ.
 
     Args:
-        order: the mode's number.
-        length_m: the beam's length.
-        end_m: right ends, shape (n,), in [0, L].
-        width_m: widths, shape (n,), from `window_width`.
+        here: the mode's zones on its beam.
+        end_m: right ends of the windows, shape (n,), in [0, L]; x = 0 gives φ's limit there, 0.
+        width_m: widths, shape (n,), at most `end_m`.
     """
-    sums = _sums(order, length_m)
-    places = np.concatenate([end_m - width_m, end_m])
-    zone = _zone_of(sums.here, places)
-    right_m = sums.moves_right.take(zone)
-    right_m *= places
-    right_m += sums.right_offset_m.take(zone)
-    integral = mode_integral(order, places / length_m)
-    integral *= sums.sign.take(zone)
-    integral += sums.offset.take(zone)
-    count = end_m.size
-    right = right_m[count:] - right_m[:count]
-    mean = integral[count:] - integral[:count]
-    per_width = 1.0 / np.maximum(width_m, _TINY_M)
-    right *= per_width
-    per_width *= length_m
-    mean *= per_width
-    np.maximum(right, 0.0, out=right)
-    np.minimum(right, 1.0, out=right)
-    _settle_narrow(sums.here, end_m, width_m, right, mean)
-    return Window(right=right, left=1.0 - right, mean=mean)
+    middle = mode_constants(here.order).root * (end_m - width_m / 2) / here.length_m
+    clamped = (middle < _CLAMP_REACH) | (here.order == 1)
+    if clamped.all():
+        return _near_clamp(here, end_m, width_m)
+    mean = np.empty_like(end_m)
+    mean[clamped] = _near_clamp(here, end_m[clamped], width_m[clamped])
+    free = ~clamped
+    mean[free] = _near_node(here, end_m[free], width_m[free])
+    return mean
+
+
+def _clamp_mean(here: Zones, end_m: FloatArray) -> FloatArray:
+    """Mean of |φ| over [0, end], dimensionless, for ends of at most ½ in bξ; 0 at the clamp.
+
+    (2/t)[t³/3! + t⁷/7! + … - σ(t⁴/4! + t⁸/8! + …)] with t = b·end/L.
+    """
+    c = mode_constants(here.order)
+    t = end_m * (c.root / here.length_m)
+    square = t * t
+    fourth = square * square
+    odd = 1 + fourth / 840 * (1 + fourth / 7920 * (1 + fourth / 32760))
+    even = 1 + fourth / 1680 * (1 + fourth / 11880 * (1 + fourth / 43680))
+    return square / 3 * (odd - t * (c.sigma / 4) * even)
+
+
+def _near_clamp(here: Zones, end_m: FloatArray, width_m: FloatArray) -> FloatArray:
+    """The mean over windows whose middle lies near the clamp, where φ does not change sign."""
+    c = mode_constants(here.order)
+    scale = c.root / here.length_m
+    middle = scale * (end_m - width_m / 2)
+    double_sine = np.sinh(middle / 2) ** 2 + np.sin(middle / 2) ** 2
+    shape = 2 * double_sine - c.sigma * _sinh_minus_sin(middle)
+    swing = np.cos(middle) - c.sigma * np.sin(middle)
+    return _piece_mean(scale * width_m / 2, shape, swing)
+
+
+def _near_node(here: Zones, end_m: FloatArray, width_m: FloatArray) -> FloatArray:
+    """The mean over windows near an inner node, which may lie inside the window."""
+    nodes = here.nodes_m
+    nearest = np.searchsorted((nodes[1:] + nodes[:-1]) / 2, end_m - width_m / 2)
+    scale = mode_constants(here.order).root / here.length_m
+    remainder = node_remainders_m(here.order, here.length_m)[nearest]
+    stop = scale * ((end_m - nodes[nearest]) - remainder)
+    width = scale * width_m
+    after = np.clip(stop, 0.0, width)  # what of the window lies beyond the node
+    before = np.where(stop < width, width - after, 0.0)
+    index = np.asarray(nearest + 1.0)
+    inner_stop, inner_start = np.minimum(stop, 0.0), np.maximum(stop - width, 0.0)
+    total = _about_node(here, index, inner_stop - before / 2, before)
+    total += _about_node(here, index, inner_start + after / 2, after)
+    return total / width
+
+
+def _about_node(
+    here: Zones, index: FloatArray, middle: FloatArray, width: FloatArray
+) -> FloatArray:
+    """|∫φ d(bξ)| over a piece about `middle`, both in bξ, `middle` from node `index` (1 …)."""
+    c = mode_constants(here.order)
+    shift = np.asarray(here.node_shifts)[index.astype(np.intp) - 1]
+    angle = (index + 0.25) * math.pi + shift
+    from_tip = (here.order - 0.75 - index) * math.pi + c.root_offset - shift
+    clamp, tip = c.clamp_weight * np.exp(-angle), c.tip_weight * np.exp(-from_tip)
+    fold = np.where(index % 2, -1.0, 1.0) / math.sqrt(2.0)
+    sine_part = fold * ((1 + c.sigma) * np.cos(shift) + c.one_minus_sigma * np.sin(shift))
+    shape = clamp * np.expm1(-middle) + tip * np.expm1(middle) + sine_part * np.sin(middle)
+    shape += 2 * (clamp + tip) * np.sin(middle / 2) ** 2
+    swing = (clamp + tip) * np.cos(middle) - sine_part * np.sin(middle)
+    return np.abs(_piece_mean(width / 2, shape, swing)) * width
+
+
+def _piece_mean(half: FloatArray, shape: FloatArray, swing: FloatArray) -> FloatArray:
+    """The mean of φ over a piece from φ and cos - σ sin at its middle, by series for h ≤ ¼."""
+    square = half * half
+    grown = 1 + square / 6 * (1 + square / 20 * (1 + square / 42 * (1 + square / 72)))
+    fourth = square * square
+    return grown * shape + square / 3 * (1 + fourth / 840 * (1 + fourth / 7920)) * swing
+
+
+def _sinh_minus_sin(angle: FloatArray) -> FloatArray:
+    """Sinh - sin by its series 2(t³/3! + t⁷/7! + …), to rounding for |t| ≤ 2."""
+    square = angle * angle
+    fourth = square * square
+    total = _SERIES[0] * fourth
+    for coefficient in _SERIES[1:-1]:
+        total += coefficient
+        total *= fourth
+    total += _SERIES[-1]
+    return total * (square * angle)

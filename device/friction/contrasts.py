@@ -22,7 +22,7 @@ def predicted_contrast(change: Change, law: str = "consistent", rung: str = "mod
 
     >>> from device.friction.changes import CONDITIONS
     >>> round(predicted_contrast(CONDITIONS["pressure"]), 2)
-    0.05
+    0.04
     """
     before, after = (
         friction_at(moment, change.places_m, law, rung) for moment in (change.before, change.after)

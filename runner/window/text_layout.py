@@ -41,7 +41,7 @@ def text_width(text: str, size: float) -> float:
     """Return how wide one line of `text` can become, in the unit of `size`.
 
     >>> round(text_width("smooth", 20), 1)
-    79.1
+    77.9
     >>> round(text_width("光滑", 20), 1)
     41.6
     """

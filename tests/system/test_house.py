@@ -1,5 +1,6 @@
 """The house itself: rooms of a size that can be read, and doors that lead where they say."""
 
+import doctest
 import re
 from collections import Counter
 from importlib import import_module
@@ -31,6 +32,11 @@ def test_the_public_face_of_a_room_exists(room: Path) -> None:
     _, _, face = text.partition("Public face:")
     for module, name in re.findall(r"`(\w+)\.(\w+)`", face):
         assert hasattr(import_module(f"{named(room)}.{module}"), name), f"{room}: {module}.{name}"
+
+
+@pytest.mark.parametrize("path", [path for path in MODULES if ">>>" in path.read_text()], ids=named)
+def test_the_examples_of_a_module_are_right(path: Path) -> None:
+    assert doctest.testmod(import_module(named(path.with_suffix("")))).failed == 0
 
 
 @pytest.mark.parametrize("room", ROOMS, ids=named)

@@ -29,7 +29,10 @@ def device_limits(rig: Rig) -> Limits:
 def reach_problems(study: Study) -> Iterator[Problem]:
     """Yield every place of `study` that lies beyond the end of the beam."""
     length_m = Beam().length_m
-    for path, place_m in _places(study):
+    places: list[tuple[Path, float]] = [
+        (("touch", "path_m", number), place_m) for number, place_m in enumerate(study.touch.path_m)
+    ]
+    for path, place_m in [*places, (("touch", "smooth_place_m"), study.touch.smooth_place_m)]:
         if place_m > length_m:
             yield Problem(
                 where=".".join(map(str, path)),
@@ -38,9 +41,3 @@ def reach_problems(study: Study) -> Iterator[Problem]:
                 hint=f"that is {1e3 * place_m:.12g} mm; the beam is {1e3 * length_m:g} mm long",
                 path=path,
             )
-
-
-def _places(study: Study) -> Iterator[tuple[Path, float]]:
-    for number, place_m in enumerate(study.touch.path_m):
-        yield ("touch", "path_m", number), place_m
-    yield ("touch", "smooth_place_m"), study.touch.smooth_place_m

@@ -20,8 +20,6 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
 _CELLS_PER_RADIAN = 4
 _ROUGH, _FLOOR, _HALVINGS = 3e-8, 1e-11, 26
 _NARROW = 1e-5  # part of the length below which a window is summed on its own
-
-
 _MONOMIALS = np.linalg.inv(np.vander(_NODES, increasing=True))
 
 

@@ -97,12 +97,8 @@ def certified(batch: Batch) -> NDArray[np.bool_]:
     damped = (batch.damping_ratio >= low) & (batch.damping_ratio <= high)
     resonant = np.isnan(batch.frequency_hz)
     known = resonant & (str(batch.mode) in table["modes"])
-    bins = _bins(batch)
-    return np.asarray(damped & np.where(resonant, known, (bins >= 0) & (bins < _bin_count())))
-
-
-def _bin_count() -> int:
-    return len(_table()["envelope"]["speed_per_v_m"])
+    bins, count = _bins(batch), len(table["envelope"]["speed_per_v_m"])
+    return np.asarray(damped & np.where(resonant, known, (bins >= 0) & (bins < count)))
 
 
 def _bins(batch: Batch) -> NDArray[np.intp]:

@@ -8,8 +8,11 @@ from typing import Literal
 from protocol.plan.randomisation import Name, Stream, shuffle
 from protocol.study.design import Order
 
+Orders = tuple[tuple[int, ...], ...]
 
-def williams_sequences(n: int) -> tuple[tuple[int, ...], ...]:
+
+@lru_cache(maxsize=64)
+def williams_sequences(n: int) -> Orders:
     """Return the sequences of a Williams design for `n` conditions, numbered from 0.
 
     There are `n` sequences for even `n` and `2 n` for odd `n`; over all of them every condition
@@ -26,20 +29,12 @@ def williams_sequences(n: int) -> tuple[tuple[int, ...], ...]:
     """
     if n < 1:
         raise ValueError(f"a design needs at least 1 condition, got {n}")
-    first = _zigzag(n)
+    # 0, 1, n-1, 2, n-2, …: the differences of neighbours are all distinct.
+    first = [(step + 1) // 2 if step % 2 else (n - step // 2) % n for step in range(n)]
     square = tuple(tuple((start + row) % n for start in first) for row in range(n))
     if n % 2 == 0 or n == 1:
         return square
     return square + tuple(sequence[::-1] for sequence in square)
-
-
-def _zigzag(n: int) -> tuple[int, ...]:
-    """0, 1, n-1, 2, n-2, …: the differences of neighbours are all distinct."""
-    low_and_high = ((step + 1) // 2 if step % 2 else (n - step // 2) % n for step in range(n))
-    return tuple(low_and_high)
-
-
-Orders = tuple[tuple[int, ...], ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,16 +64,11 @@ def block_orders(wanted: Blocks, name: Name, slot: int) -> Orders:
     if wanted.order == "fixed" or wanted.conditions == 1:
         return (tuple(range(wanted.conditions)),) * wanted.repeats
     if wanted.order == "williams":
-        size = len(_design(wanted.conditions))
+        size = len(williams_sequences(wanted.conditions))
         cycle = _williams_cycle(wanted, name, slot // size)
         return tuple(block[slot % size] for block in cycle)
     stream = Stream(*name, "slot", slot)
     return _shuffled(wanted, stream) if wanted.order == "random" else _blocks(wanted, stream)
-
-
-@lru_cache(maxsize=64)
-def _design(conditions: int) -> Orders:
-    return williams_sequences(conditions)
 
 
 @lru_cache(maxsize=256)
@@ -95,7 +85,7 @@ def _williams_cycle(wanted: Blocks, name: Name, cycle: int) -> tuple[Orders, ...
 
 def _relabelled(conditions: int, stream: Stream) -> Orders:
     labels = stream.shuffled(range(conditions))
-    sequences = stream.shuffled(_design(conditions))
+    sequences = stream.shuffled(williams_sequences(conditions))
     return tuple(tuple(labels[number] for number in sequence) for sequence in sequences)
 
 

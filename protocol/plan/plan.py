@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 from protocol.plan.blocks import ordered_conditions, practice_pool
 from protocol.plan.randomisation import Name, Stream, spaced_places
 from protocol.plan.trials import Plan, Trial, beams_of
+from protocol.study.questions import no_change
 from protocol.study.study import Condition, Opening, Study
-from protocol.study.variants import at_level, catch_expected, opposite, opposite_expected
+from protocol.study.variants import at_level, opposite, opposite_expected
 
 
 def level_draws(study: Study, name: Name) -> list[list[float]]:
@@ -170,7 +171,7 @@ def _catch_trial(condition: Condition, block: int) -> Trial:
         kind="catch",
         condition=condition.name,
         question=condition.question,
-        expected=catch_expected(condition),
+        expected=no_change(condition.question),
         scored=False,
         touches=at_level(condition.touches, 0.0),
         level=0.0,

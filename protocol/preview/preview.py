@@ -44,13 +44,12 @@ def preview(study: Study, participants: int) -> Preview:
         swaps=tuple(plan_swaps(study, each) for each in plans),
         max_voltage_v=max(touch.peak_voltage_v for touch in touches),
         max_frequency_hz=max(touch.peak_frequency for touch in touches) * nominal_hz,
-        max_slew_v_per_us=max(_slew(touch, nominal_hz) for touch in touches),
+        max_slew_v_per_us=max(
+            slew_v_per_us(touch.peak_voltage_v, touch.peak_frequency * nominal_hz)
+            for touch in touches
+        ),
         max_resonance_hz=max_resonance_hz(study, touches),
     )
-
-
-def _slew(touch: Touch, nominal_hz: float) -> float:
-    return slew_v_per_us(touch.peak_voltage_v, touch.peak_frequency * nominal_hz)
 
 
 def precision_by_length(shown: Preview, predict: Predict) -> list[Precision]:

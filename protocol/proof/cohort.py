@@ -18,9 +18,8 @@ def cohort_problems(study: Study, plans: Sequence[Plan]) -> list[Problem]:
     found = [problem for plan in plans for problem in plan_problems(study, plan)]
     if [plan.slot for plan in plans] != list(range(len(plans))):
         found.append(_problem("slots must be numbered from 0", [plan.slot for plan in plans]))
-    if _promised(study, len(plans)):
-        pairs = _pairs(plans)
-        names = study.conditions
+    if balance_promised(study, len(plans)):
+        pairs, names = _pairs(plans, within_blocks=True), study.conditions
         counts = {(a, b): pairs[a, b] for a in names for b in names if a != b}
         if len(set(counts.values())) > 1:
             found.append(_problem("every condition must follow every other equally often", counts))
@@ -31,18 +30,19 @@ def _problem(rule: str, value: object) -> Problem:
     return Problem(where="cohort", rule=rule, value=str(value))
 
 
-def _promised(study: Study, size: int) -> bool:
-    number, design = len(study.condition), study.design
-    whole = number if number % 2 == 0 else 2 * number
-    free = design.group_by_beam == "no" and design.max_beam_swaps is None
-    return design.order == "williams" and free and number > 1 and size % whole == 0
+Pairs = Counter[tuple[str | None, str | None]]
 
 
-def _pairs(plans: Sequence[Plan]) -> Counter[tuple[str | None, str | None]]:
-    pairs: Counter[tuple[str | None, str | None]] = Counter()
+def _pairs(plans: Iterable[Plan], *, within_blocks: bool) -> Pairs:
+    """How often one condition directly follows another, within blocks or across their ends."""
+    pairs: Pairs = Counter()
     for plan in plans:
         main = [trial for trial in plan.trials if trial.kind == "trial"]
-        pairs.update((a.condition, b.condition) for a, b in pairwise(main) if a.block == b.block)
+        pairs.update(
+            (before.condition, after.condition)
+            for before, after in pairwise(main)
+            if (before.block == after.block) == within_blocks
+        )
     return pairs
 
 
@@ -80,25 +80,15 @@ class CarryOver:
 
 def carry_over(study: Study, plans: Sequence[Plan]) -> CarryOver:
     """Return the carry-over of `plans`, conditions in the order of the file."""
-    within: list[tuple[str, str]] = []
-    across: list[tuple[str, str]] = []
-    for plan in plans:
-        main = [trial for trial in plan.trials if trial.kind == "trial"]
-        for before, after in pairwise(main):
-            pair = (before.condition or "", after.condition or "")
-            (within if before.block == after.block else across).append(pair)
     return CarryOver(
-        counts=_counts(study.conditions, within),
-        across_blocks=_counts(study.conditions, across),
+        counts=_counts(study.conditions, _pairs(plans, within_blocks=True)),
+        across_blocks=_counts(study.conditions, _pairs(plans, within_blocks=False)),
         promised=balance_promised(study, len(plans)),
     )
 
 
-def _counts(names: Sequence[str], pairs: Iterable[tuple[str, str]]) -> Counts:
-    table = {name: dict.fromkeys(names, 0) for name in names}
-    for before, after in pairs:
-        table[before][after] += 1
-    return tuple(tuple(row.values()) for row in table.values())
+def _counts(names: Sequence[str], pairs: Pairs) -> Counts:
+    return tuple(tuple(pairs[before, after] for after in names) for before in names)
 
 
 def balance_promised(study: Study, participants: int) -> bool:

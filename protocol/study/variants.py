@@ -2,7 +2,7 @@
 
 from functools import lru_cache
 
-from protocol.study.questions import no_change, opposite_answer
+from protocol.study.questions import opposite_answer
 from protocol.study.study import Condition
 from protocol.study.touch import Touch
 
@@ -48,8 +48,3 @@ def _courses(touches: tuple[Touch, ...]) -> list[Touch]:
         touch.model_copy(update={"ramp_to_v": touch.end_voltage_v, "sweep_to": touch.end_frequency})
         for touch in touches
     ]
-
-
-def catch_expected(condition: Condition) -> str:
-    """Return the answer that is right when the condition is felt at 0 V."""
-    return no_change(condition.question)

@@ -277,6 +277,10 @@ class ScoresImported(Event):
     """A subject of a published table: the only event of its session."""
 
     TAG: ClassVar = "scores-imported"
+    kind: ClassVar = "published"
+    slot: ClassVar = None
+    trials: ClassVar[tuple[PlannedTrial, ...]] = ()
+    """Nothing is known of how it was done: what `SessionOpened` says of it is the same for all."""
 
     participant: Annotated[str, Key("the subject's name in the table")]
     session: Annotated[int, Key("number of the session", missing=1)]
@@ -284,10 +288,6 @@ class ScoresImported(Event):
     scores: Annotated[Mapping[str, float | None], Key("score of each condition, null if missing")]
     source: Annotated[str | None, Key("name of the file", missing=None)]
     source_sha256: Annotated[str | None, Key("digest of the file", missing=None)]
-
-    kind: ClassVar = "published"
-    slot: ClassVar = None
-    trials: ClassVar[tuple[PlannedTrial, ...]] = ()
 
 
 Opening = SessionOpened | ScoresImported

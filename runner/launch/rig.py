@@ -14,8 +14,7 @@ from device.simulator.client import ControlClient, simulator_process
 from device.study_limits import device_limits
 from protocol.errors import BadInput
 from protocol.study.rig import Rig as RigSettings
-from runner.study.files import write_whole
-from runner.study.folder import short_text
+from runner.study.files import short_text, write_whole
 
 SIMULATED = "sim"
 

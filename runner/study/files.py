@@ -11,6 +11,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from protocol.errors import BadInput
+from protocol.study_file.toml import LONGEST_TEXT
 
 _DESCRIPTORS = re.compile(r"/proc/[^/]+/fd|/dev/fd")
 
@@ -39,6 +40,22 @@ def text_of(content: bytes, path: Path) -> str:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise BadInput(f"{path}: cannot be read as UTF-8 text ({error})") from error
+
+
+def short_text(path: Path) -> str:
+    """Return the text of the file `path`, without a byte order mark.
+
+    Raises:
+        BadInput: it is longer than a study can be, or is a pipe or a device, which need not end.
+        OSError: it cannot be read.
+        UnicodeDecodeError: it is not UTF-8.
+    """
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise BadInput(f"{path}: must be a file, got a pipe or a device")
+    size = path.stat().st_size
+    if size > LONGEST_TEXT:
+        raise BadInput(f"{path}: must have at most {LONGEST_TEXT} bytes, got {size}")
+    return path.read_text(encoding="utf-8-sig")
 
 
 def is_stream(path: Path) -> bool:

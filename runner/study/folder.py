@@ -10,8 +10,7 @@ from pathlib import Path
 from protocol.errors import BadInput
 from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study
-from protocol.study_file.toml import LONGEST_TEXT
-from runner.study.files import make_folder, take_away
+from runner.study.files import make_folder, short_text, take_away
 
 _PSEUDONYM = re.compile(r"(?=.*[0-9])[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
 
@@ -127,22 +126,6 @@ def _require_empty(path: Path) -> None:
         raise BadInput(f"{path}: no folder for a study ({error.strerror}); name another") from error
     if taken:
         raise BadInput(f"{path}: is there already and not empty; name a new folder")
-
-
-def short_text(path: Path) -> str:
-    """Return the text of the file `path`, which is no longer than a study can be.
-
-    Raises:
-        BadInput: it is longer, or a pipe or a device, which need not end.
-        OSError: it cannot be read.
-        UnicodeDecodeError: it is not UTF-8.
-    """
-    if path.exists() and not (path.is_file() or path.is_dir()):
-        raise BadInput(f"{path}: must be a file, got a pipe or a device")
-    size = path.stat().st_size
-    if size > LONGEST_TEXT:
-        raise BadInput(f"{path}: must have at most {LONGEST_TEXT} bytes, got {size}")
-    return path.read_text(encoding="utf-8-sig")
 
 
 def numbered(path: Path) -> Path:

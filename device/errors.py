@@ -1,4 +1,4 @@
-"""What can go wrong between us and the device."""
+"""Errors between us and the device, and checks of values that raise them."""
 
 import math
 from collections.abc import Collection

@@ -1,4 +1,4 @@
-"""The two kinds of errors that are not ours, told apart by the exit code of a command."""
+"""Errors that are not ours, told apart by exit codes, and problems of a study file."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Patterns: what the surface under a window does, by the mode shape or a simpler stand-in."""
+"""Fields of motion: the size of the motion, and its pattern under a window of the beam."""
 
 import math
 from dataclasses import dataclass, replace

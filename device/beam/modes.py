@@ -1,4 +1,4 @@
-"""Mode shapes of a clamped-free beam, for any order, without the textbook form's cancellation.
+"""Modes of a clamped-free beam: shapes of any order without cancellation, and their response.
 
 The textbook form cosh - cos - σ(sinh - sin) is a difference of large numbers: in double precision
 its error passes 1e-6 at mode 8 and 1 at mode 13. Written with decaying exponentials from either

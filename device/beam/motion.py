@@ -1,4 +1,4 @@
-"""The driven beam's complex motion along its length: deflection, rotation and their slopes."""
+"""The driven beam's complex motion along its length, and the places where its direction changes."""
 
 import math
 from collections.abc import Callable, Sequence

@@ -1,4 +1,4 @@
-"""The beam as three segments - before, under and beyond the patches - and the waves in each.
+"""The beam as three segments, before, under and beyond the patches: waves and natural frequencies.
 
 Timoshenko's equations, of which Euler-Bernoulli's are the case without shear and rotary inertia:
 

@@ -1,4 +1,4 @@
-"""What is asked of a device, and what it must never exceed: plain records, SI units."""
+"""Setpoints, and the limits of driver and amplifier that they must keep."""
 
 import math
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""The friction coefficient of a scene, or of one scene at many places."""
+"""The friction coefficient of a scene, by a named rung or the cheapest that is certified."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

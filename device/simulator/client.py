@@ -1,4 +1,4 @@
-"""The hand on the simulated device: a client of its control socket."""
+"""The simulated device as a client has it: its process, and the hand on its control socket."""
 
 import json
 import socket

@@ -1,4 +1,4 @@
-"""The loop that serves a simulated device's wire and its control socket.
+"""The server of a simulated device: its wire, its control socket, and its end by a signal.
 
 One thread. It ends when its host is gone, after the watchdog has taken the output to 0 V; a
 generator has none, and is switched off at the end.

@@ -1,4 +1,4 @@
-"""The wire as the simulated device sees it: a pseudo-terminal, or a loopback port."""
+"""Transports of the simulated device: pseudo-terminal, loopback port and control socket."""
 
 import contextlib
 import os

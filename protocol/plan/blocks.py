@@ -1,4 +1,4 @@
-"""Trials that need the same beam stand together, so that the operator swaps beams rarely."""
+"""Blocks of a session: their conditions in order, grouped where beams are to be swapped rarely."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

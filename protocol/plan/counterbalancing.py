@@ -1,4 +1,4 @@
-"""The order of the conditions in each block of a session, fair over the whole cohort."""
+"""Counterbalancing over a cohort: Williams designs, orders of blocks, and the next slot to fill."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

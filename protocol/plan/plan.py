@@ -1,4 +1,4 @@
-"""The plan of one session: the study's trials in the order that the participant's slot gives."""
+"""The plan of a session: scored trials in the slot's order; opening, practice and catch trials."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

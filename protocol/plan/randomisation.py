@@ -1,4 +1,4 @@
-"""Named random streams: each purpose draws from its own, so that changing one leaves the others.
+"""Random streams, a named one for each purpose, and shuffles that keep constraints.
 
 Python promises the same sequence on every platform and version for `random.random` alone, not for
 its shuffles. Here every draw is defined by SHA-256, so that a seed gives the same plan anywhere.

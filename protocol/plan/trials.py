@@ -1,4 +1,4 @@
-"""The records of a plan: what is asked of one participant in one session, trial by trial."""
+"""Records of a plan: its trials, the beams they need, and how long they take."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

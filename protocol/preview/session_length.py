@@ -1,4 +1,4 @@
-"""What the minutes buy: how precisely a session of some length tells a person's sensitivity.
+"""Precision by session length: how precisely a session tells one person's sensitivity.
 
 Sensitivity is the slope g of `rating = a + g contrast + error`, by least squares for one person
 alone. Its interval is half as wide as t(n - 2) s / sqrt(sum (x - mean x)^2): four times the

@@ -1,4 +1,4 @@
-"""Proves the plans of a whole cohort: each by itself, and carry-over where it is promised."""
+"""Checks of a cohort: each plan by itself, and carry-over, counted and held against the design."""
 
 from collections import Counter
 from collections.abc import Iterable, Sequence

@@ -1,4 +1,4 @@
-"""Proves that no trial of a plan exceeds a limit of its rig; part of the plan's check."""
+"""Checks that no trial of a plan exceeds a limit of its rig."""
 
 from collections.abc import Iterator
 from itertools import pairwise

@@ -1,4 +1,4 @@
-"""Proves a plan against its study, without using anything of what drew it.
+"""Checks of a plan and its trials against the study, without anything of what drew it.
 
 Each check below states one promise of the study file afresh; none asks how the plan came about.
 """

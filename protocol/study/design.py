@@ -1,4 +1,4 @@
-"""The design: which trials a participant gets, how they are ordered and how long they take."""
+"""The design of a study, its timing, session rules, exclusions and facts for publication."""
 
 from typing import Annotated, Literal, Self
 

@@ -1,4 +1,4 @@
-"""What all records of a study have in common, and the kinds of number they hold."""
+"""The base of a study's records: what their numbers, names and lines of text may be."""
 
 import re
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""The questions a participant can be asked after a touch, and the answers each one allows."""
+"""Questions after a touch, the answers that each one allows, and the scale of scores."""
 
 from typing import Annotated, Literal, Self
 

@@ -1,4 +1,4 @@
-"""One touch of the beam: what the finger does and what the device does meanwhile."""
+"""A touch: what finger and device do, how long it takes, what slew and current it needs."""
 
 from math import pi
 from typing import Annotated, Literal

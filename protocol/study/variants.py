@@ -1,4 +1,4 @@
-"""What becomes of a condition's touches at another level, in the opposite order, or at 0 V."""
+"""Variants of a condition: its touches at another level, at 0 V, or in the opposite order."""
 
 from functools import lru_cache
 

@@ -1,4 +1,4 @@
-"""Names in a study: each can be read, and no two can be taken for each other."""
+"""Consistency of a study's names and of its opening trials."""
 
 from collections.abc import Iterator, Sequence
 

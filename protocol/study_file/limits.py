@@ -1,4 +1,4 @@
-"""What a study may not ask of its rig, whatever the schema lets through."""
+"""Limits of the rig that a study breaks, at the nominal resonance or at a measured one."""
 
 from collections.abc import Iterable, Iterator
 from math import inf

@@ -1,4 +1,4 @@
-"""What is sound in a study file that breaks the schema, so that its limits are checked as well.
+"""Problems in the sound part of a study file that breaks the schema.
 
 Without it a misspelt key would hide a 201 V programme until the key is mended.
 """

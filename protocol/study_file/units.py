@@ -1,4 +1,4 @@
-"""Which unit the number at a key is in, for one who took another."""
+"""Hints for values that were entered in the wrong unit."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""What all dialects share: compound lines, the common commands, the error queue."""
+"""The base of all dialects: compound lines, common commands, status registers and error queue."""
 
 from collections import deque
 from collections.abc import Callable

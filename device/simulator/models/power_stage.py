@@ -1,6 +1,6 @@
-"""What every simulated device has inside: output, amplitude on its slew, watchdog, protection.
+"""The power stage of every simulated device: output, slew, watchdog and protection; its clock.
 
-No clock of its own: device time and wall time are handed in.
+The stage has no clock of its own: device time and wall time are handed in.
 """
 
 from collections.abc import Callable

@@ -1,7 +1,7 @@
-"""The grammar of SCPI as an instrument reads it: program messages, paths, headers.
+"""The grammar of SCPI as an instrument reads it: program messages, paths, headers and values.
 
 Source: IEEE 488.2-1992, chapter 7 (program messages), and SCPI-99, volume 1, chapter 6 (paths,
-long and short forms, numeric suffixes). Values are read in `values`.
+long and short forms, numeric suffixes).
 """
 
 import re

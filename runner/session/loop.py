@@ -32,7 +32,7 @@ def run(context: SessionContext) -> None:
         StoppedByOperator: likewise resumable.
     """
     _resume(context)
-    _to_the_end(_trials, context)
+    to_the_end(_trials, context)
     context.participant.show(Notice(text="thanks"))
     update_view(context)
 
@@ -81,8 +81,8 @@ def _renew_practice(context: SessionContext) -> None:
         context.log.append(PracticeRenewed(indices=tuple(again)))
 
 
-def _to_the_end(part: Callable[[SessionContext], None], context: SessionContext) -> None:
-    """Whatever happens in `part`: the output goes off first, then the journal says so.
+def to_the_end(part: Callable[[SessionContext], None], context: SessionContext) -> None:
+    """Carry out `part`; whatever happens in it, the output goes off, then the journal says so.
 
     A signal that comes after the last answer is heeded when the session is complete.
     """

@@ -69,7 +69,7 @@ def _planned(trial: Trial) -> PlannedTrial:
 
 @dataclass(kw_only=True)
 class SessionContext:
-    """Who and what is in the room.
+    """What a running session works with.
 
     `opened_now` tells a new session from one that is taken up again; `resonance_hz` is known once
     it was measured. `beam_in_doubt` says that the operator was asked for a beam and did not

@@ -71,7 +71,7 @@ class _Stimulus:
     """What the device does while the finger is on the beam, and what was read back meanwhile."""
 
     def __init__(self, context: SessionContext, to_make: Touch) -> None:
-        self._room = context
+        self._context = context
         self._touch = to_make
         self._next_sample_s = 0.0
         self.read_back: list[ReadBack] = []
@@ -81,7 +81,7 @@ class _Stimulus:
 
     def deliver(self, start: Setpoint) -> None:
         """Soft start, the touch itself with its ramp and sweep; the output stays on."""
-        context, to_make = self._room, self._touch
+        context, to_make = self._context, self._touch
         update_view(context, device=context.device.drive(start))
         wait(context, start.voltage_v / start.ramp_v_per_s)
         context.participant.show(self.pacing)
@@ -95,11 +95,11 @@ class _Stimulus:
         self._look()
 
     def _look(self) -> None:
-        update_view(self._room, device=self._sampled(keep=True))
+        update_view(self._context, device=self._sampled(keep=True))
 
     def _sampled(self, *, keep: bool) -> ReadBack:
         """Read the drive and the finger; a drive that stays as it was need not be kept."""
-        read_back = self._room.device.read_back()
+        read_back = self._context.device.read_back()
         if keep:
             self.read_back.append(read_back)
         self.samples += samples_of(read_back)
@@ -115,7 +115,7 @@ class _Stimulus:
 
     def _meanwhile(self) -> None:
         """Look at the finger now and then; move the frequency on if it sweeps."""
-        passed_s = self._room.clock.monotonic_s() - self._began_s
+        passed_s = self._context.clock.monotonic_s() - self._began_s
         sweeps = self._touch.sweep_to is not None
         if passed_s >= self._next_sample_s:
             self._next_sample_s += SAMPLE_EVERY_S
@@ -129,11 +129,11 @@ class _Stimulus:
         to_make = self._touch
         frequency = to_make.frequency + share * (to_make.end_frequency - to_make.frequency)
         change_v = abs(to_make.end_voltage_v - to_make.voltage_v)
-        towards = _setpoint(self._room, to_make.end_voltage_v, frequency)
+        towards = _setpoint(self._context, to_make.end_voltage_v, frequency)
         if self._ramps:
             slope = max(change_v / self.pacing.duration_s, SLOWEST_RAMP_V_PER_S)
             towards = replace(towards, ramp_v_per_s=min(slope, towards.ramp_v_per_s))
-        self._room.device.drive(towards)
+        self._context.device.drive(towards)
 
 
 def _setpoint(context: SessionContext, voltage_v: float, frequency: float) -> Setpoint:

@@ -13,7 +13,7 @@ import pytest
 
 from protocol.journal.events import DeviceArmed
 from runner.journal.store import open_journal
-from runner.session.loop import _to_the_end
+from runner.session.loop import to_the_end
 from runner.session.session import SessionContext
 from runner.signals import Stopped, raise_if_stopped, signals_raise, stops_allowed, stops_deferred
 from tests.runner.fakes import FakeDevice, FakeParticipant, context
@@ -164,7 +164,7 @@ def stopped_at(instruction: int, made: SessionContext) -> bool:
     with suppress(Stopped), signals_raise():
         sys.settrace(tracer)
         try:
-            _to_the_end(part, made)
+            to_the_end(part, made)
         finally:
             sys.settrace(before)
     return tracer.left <= 0

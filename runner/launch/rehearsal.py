@@ -11,7 +11,7 @@ from protocol.journal.events import Answered, DeviceOff, Event, StoredEvent, Tou
 from protocol.journal.state import SessionState
 from protocol.plan.trials import Plan
 from runner.journal.store import open_journal, session_name
-from runner.launch.rig import touchbeam_command
+from runner.launch.rig import SIMULATED, touchbeam_command
 from runner.launch.run_session import SessionOptions, run_session
 from runner.study.folder import StudyFolder
 
@@ -81,7 +81,7 @@ def rehearse(
         options = SessionOptions(
             folder=folder,
             participant="P01",
-            device="sim",
+            device=SIMULATED,
             ratings="virtual",
             rehearsal=True,
             consent="rehearsal",
@@ -115,7 +115,7 @@ def rehearse_cohort(
         options = SessionOptions(
             folder=folder,
             participant=f"P{number:02d}",
-            device="sim",
+            device=SIMULATED,
             ratings="virtual",
             seed=seed,
             touchbeam=touchbeam,

@@ -3,7 +3,6 @@
 import os
 import re
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -15,9 +14,9 @@ from typing import Any, Self
 from protocol.journal.events import StoredEvent
 from protocol.study_file.loading import template
 from runner.journal.store import open_journal, session_name
+from tests.runner.command_line import TOUCHBEAM
 from tests.runner.window.person import Person
 
-TOUCHBEAM = str(Path(sys.executable).with_name("touchbeam"))
 ENDS_WITHIN_S = 240.0
 
 _SHORTER = {

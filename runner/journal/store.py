@@ -259,7 +259,7 @@ def read_journal(path: Path) -> Journal:
             version = connection.execute("PRAGMA user_version").fetchone()[0]
             if version not in {0, SCHEMA_VERSION}:
                 raise sqlite3.DatabaseError(_other_schema(version))
-            if version == 0:
+            if version == 0:  # made and never filled: its process was killed
                 _require_empty(connection)
                 connection.close()
                 connection = sqlite3.connect(":memory:")
@@ -305,12 +305,16 @@ def open_journal(path: Path) -> Journal:
             "recorded last; put the journal back beside it"
         )
     try:
+        # SQLite itself would make a file that others may read, as the umask has it.
         os.close(os.open(path, os.O_CREAT | os.O_RDWR, 0o600))
+        # Without an isolation level Python begins no transactions: each event is its own.
         connection = sqlite3.connect(path, timeout=LOCK_WAIT_S, isolation_level=None)
     except (OSError, sqlite3.Error) as error:
         raise JournalError(f"{path}: cannot be opened as a journal ({error})") from error
     try:
         _log_ahead(connection)
+        # In this order: a stored event outlasts a power cut; what a participant takes back is
+        # overwritten; only `checkpoint` moves events into the file.
         for setting in ("synchronous = FULL", "secure_delete = ON", "wal_autocheckpoint = 0"):
             connection.execute(f"PRAGMA {setting}")
         _ensure_schema(connection)

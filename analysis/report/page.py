@@ -10,6 +10,7 @@ from analysis.loading.missing_scores import withheld
 from analysis.loading.study_data import Loaded
 from analysis.report.illustrations import Illustration
 from analysis.report.methods import laws_line
+from analysis.report.table4_text import table4_lines
 from analysis.report.tables import (
     PageTable,
     catch_table,
@@ -208,7 +209,7 @@ def page_html(page: Page) -> str:
     return environment.from_string(source).render(
         page=page,
         missing=MISSING,
-        header=main.lines(MISSING)[0],
+        header=table4_lines(main, MISSING)[0],
         table4=table4_cells(main, trials, page.loaded.empty),
         tables=tables(page.loaded, page.table, page.trials),
         said=sentences(page.loaded, page.table, page.trials),

@@ -21,12 +21,11 @@ from analysis.report.as_json import (
     trials_json,
 )
 from analysis.report.illustrations import FIGURES, Illustration, illustrations
-from analysis.report.latex import table4_tex
 from analysis.report.methods import limits, methods
 from analysis.report.page import Page, page_html
 from analysis.report.provenance import Origin, provenance
+from analysis.report.table4_text import table4_csv, table4_tex
 from analysis.statistics.summary import TableStatistics, table_statistics
-from analysis.statistics.table4 import table4_csv
 from analysis.trials.trial_statistics import TrialStatistics, trial_statistics
 from protocol.study.study import Study
 

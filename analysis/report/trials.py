@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from analysis.loading.missing_scores import LABELS, EmptyCells, marks
+from analysis.report.table4_text import table4_lines
 from analysis.report.wording import MISSING, number
 from analysis.statistics.table4 import Table4
 
@@ -106,7 +107,7 @@ def table4_cells(
 ) -> list[list[TableCell]]:
     """Return the lines of Table 4; each score leads to its trials, each mean to predictions."""
     targets = {line.target for subject in trials for line in subject.lines}
-    _, *rows, averages = table.lines(MISSING, marks(empty))
+    _, *rows, averages = table4_lines(table, MISSING, marks(empty))
     found = []
     for row, texts in enumerate(rows):
         names = ["", *(cell_name(row, column) for column in range(len(texts) - 2)), ""]

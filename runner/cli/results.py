@@ -203,6 +203,7 @@ def write_report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json:
     from analysis.report.provenance import Origin
     from analysis.report.report import FIGURE_FILES, report_files
     from analysis.report.report import report as made_report
+    from analysis.report.table4_text import table4_lines
     from analysis.report.wording import omnibus_line
     from protocol.study_file.loading import text_digest
     from runner.cli.output import print_table
@@ -232,7 +233,8 @@ def write_report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json:
     if as_json:
         typer.echo(files["report.json"].decode(), nl=False)
         return
-    print_table("Table 4", result.table.main.table4.lines("–", marks(result.loaded.empty)))
+    table4 = result.table.main.table4
+    print_table("Table 4", table4_lines(table4, "–", marks(result.loaded.empty)))
     for note in result.table_notes:
         typer.echo(note)
     written = ", ".join(str(out / name) for name in files if name not in FIGURE_FILES)

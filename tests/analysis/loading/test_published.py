@@ -6,15 +6,16 @@ import numpy as np
 import pytest
 
 from analysis.loading.published import TableError, mean_column, published_table
+from analysis.report.table4_text import table4_csv, table4_lines
 from analysis.statistics.omnibus import Friedman, friedman
-from analysis.statistics.table4 import table4, table4_csv
+from analysis.statistics.table4 import table4
 
 PUBLISHED = (Path(__file__).parents[2] / "data" / "published_scores.csv").read_text()
 
 
 def test_the_averages_are_those_of_the_paper() -> None:
     result = table4(published_table(PUBLISHED))
-    assert result.lines()[-1] == ["average", "8.44", "8.89", "9.67", "8.33", "6.22", "8.31"]
+    assert table4_lines(result)[-1] == ["average", "8.44", "8.89", "9.67", "8.33", "6.22", "8.31"]
 
 
 def test_the_comprehensive_scores_are_those_of_the_paper() -> None:
@@ -46,7 +47,7 @@ def test_a_byte_order_mark_and_other_line_ends_do_no_harm() -> None:
 
 def with_means(column: str | None, row: str | None) -> str:
     """The published table with its means as printed, under these names."""
-    lines = table4(published_table(PUBLISHED)).lines()
+    lines = table4_lines(table4(published_table(PUBLISHED)))
     named = [[*lines[0][:-1], column or ""], *lines[1:-1], [row or "", *lines[-1][1:]]]
     wanted = named if row else named[:-1]
     return "".join(",".join(line if column else line[:-1]) + "\n" for line in wanted)

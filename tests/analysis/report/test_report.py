@@ -10,8 +10,8 @@ import pytest
 
 from analysis.loading.study_data import loaded
 from analysis.report.illustrations import FIGURES
-from analysis.report.latex import table4_tex
 from analysis.report.report import FIGURE_FILES, report, report_files, report_html, report_json
+from analysis.report.table4_text import table4_tex
 from tests.analysis.reports import (
     NAMES,
     ORIGIN,
@@ -160,20 +160,6 @@ def test_the_page_needs_no_network_and_names_its_parts() -> None:
 def test_text_from_a_file_stays_text() -> None:
     page = report_html(made(SCORES[:1], who="<script>alert(1)</script>"))
     assert "<script>" not in page
-
-
-def test_the_latex_table_has_the_rules_of_booktabs_and_escapes_names() -> None:
-    assert table4_tex(made(SCORES[:1], who="50 % of P_").table.main.table4).splitlines() == [
-        r"\begin{tabular}{lrrrr}",
-        r"\toprule",
-        r"subject & voltage & structure & pressure & comprehensive \\",
-        r"\midrule",
-        r"50 \% of P\_0 & 5 & 7 & 9 & 7.00 \\",
-        r"\midrule",
-        r"average & 5.00 & 7.00 & 9.00 & 7.00 \\",
-        r"\bottomrule",
-        r"\end{tabular}",
-    ]
 
 
 def test_a_cell_that_begins_like_a_formula_stays_text() -> None:

@@ -1,0 +1,40 @@
+"""Table 4 as lines, CSV and LaTeX: missing scores, means, and names that mean something there."""
+
+import numpy as np
+
+from analysis.report.table4_text import escaped, table4_csv, table4_lines, table4_tex
+from analysis.statistics.table4 import table4
+from tests.analysis.reports import SCORES, imported
+
+HOLED = table4(imported([[5, 7.5, np.nan], [np.nan] * 3]).table)
+
+
+def test_a_missing_score_is_marked_by_its_cause_and_a_missing_mean_is_not() -> None:
+    assert table4_lines(HOLED, "–", {(0, 2): "×"}) == [
+        ["subject", "voltage", "structure", "pressure", "comprehensive"],
+        ["P00", "5", "7.50", "×", "6.25"],
+        ["P01", "–", "–", "–", "–"],
+        ["average", "5.00", "7.50", "–", "6.25"],
+    ]
+
+
+def test_a_missing_score_is_an_empty_cell_of_the_csv_file() -> None:
+    assert table4_csv(HOLED).splitlines()[1:3] == ["P00,5,7.50,,6.25", "P01,,,,"]
+
+
+def test_the_latex_table_has_the_rules_of_booktabs_and_escapes_names() -> None:
+    assert table4_tex(table4(imported(SCORES[:1], who="50 % of P_").table)).splitlines() == [
+        r"\begin{tabular}{lrrrr}",
+        r"\toprule",
+        r"subject & voltage & structure & pressure & comprehensive \\",
+        r"\midrule",
+        r"50 \% of P\_0 & 5 & 7 & 9 & 7.00 \\",
+        r"\midrule",
+        r"average & 5.00 & 7.00 & 9.00 & 7.00 \\",
+        r"\bottomrule",
+        r"\end{tabular}",
+    ]
+
+
+def test_every_letter_of_latex_is_printed_as_itself() -> None:
+    assert escaped("\\a{b}[c]") == r"\textbackslash{}a\{b\}{[}c{]}"

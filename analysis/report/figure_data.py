@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.estimates import FloatArray
+from analysis.estimates import FloatArray, IntArray
 from analysis.loading.score_table import ScoreTable
 from analysis.sensitivity.linear_model import LinearSensitivity
 from analysis.sensitivity.lines import Lines
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
-from analysis.sensitivity.ratings import IntArray, Ratings
+from analysis.sensitivity.ratings import Ratings
 from analysis.trials.trial_statistics import TrialStatistics
 
 MOST_LINES = 100

@@ -1,10 +1,10 @@
-"""How the report writes numbers, and the sentences that stand between its tables."""
+"""How the report writes numbers, and sentences that more than one place of it needs."""
 
 import math
 from collections.abc import Sequence
 
 from analysis.estimates import Interval, NotEstimable
-from analysis.sensitivity.checks import Discrimination, Drift, FTest, Proportion
+from analysis.sensitivity.checks import Proportion
 from analysis.statistics.omnibus import Friedman
 from analysis.statistics.summary import Reading
 
@@ -43,7 +43,7 @@ def interval(ends: Interval, digits: int = 2) -> str:
     return f"[{number(ends[0], digits)},\N{NO-BREAK SPACE}{number(ends[1], digits)}]"
 
 
-def friedman_line(test: Friedman | NotEstimable) -> str:
+def _friedman_line(test: Friedman | NotEstimable) -> str:
     """Return the omnibus test in one sentence."""
     if isinstance(test, NotEstimable):
         return f"Friedman's test: none ({test.reason})."
@@ -62,7 +62,7 @@ def omnibus_line(reading: Reading) -> str:
     """Return the omnibus test that fits: Skillings and Mack's where scores are missing."""
     test = reading.skillings_mack
     if test is None:
-        return friedman_line(reading.friedman)
+        return _friedman_line(reading.friedman)
     if isinstance(test, NotEstimable):
         return f"No omnibus test: {test.reason}."
     return (
@@ -76,40 +76,12 @@ def _without(conditions: Sequence[str]) -> str:
     return f", without {', '.join(conditions)}, which nobody scored" if conditions else ""
 
 
-def drift_line(found: Drift | NotEstimable) -> str:
-    """Return the drift within a session in one sentence."""
-    if isinstance(found, NotEstimable):
-        return f"Drift: not told ({found.reason})."
-    return (
-        f"Drift: {number(found.points_per_trial)} points per trial, 95 % interval "
-        f"{interval(found.interval, 3)}, p = {p_value(found.p)}."
-    )
-
-
-def f_line(name: str, found: FTest | NotEstimable) -> str:
-    """Return an F test in one sentence."""
-    if isinstance(found, NotEstimable):
-        return f"{name}: not told ({found.reason})."
-    return f"{name}: F({found.df[0]}, {found.df[1]}) = {found.f:.3f}, p = {p_value(found.p)}."
-
-
 def share(found: Proportion) -> str:
     """Return a share with its counts, and with its interval if it has one."""
     ends = "" if isinstance(found.interval, NotEstimable) else f", {interval(found.interval)}"
     return f"{found.count} of {found.trials} ({found.share:.0%}{ends})"
 
 
-def catch_line(found: Discrimination | NotEstimable) -> str:
-    """Return hits and false alarms in one sentence."""
-    if isinstance(found, NotEstimable):
-        return f"Catch trials: nothing to tell ({found.reason})."
-    return (
-        f"Catch trials (0 V): a change, whichever it was, was reported on "
-        f"{share(found.false_alarms)} of them, and on {share(found.hits)} of the scored trials; "
-        f"d′ = {number(found.d_prime, 2)}, criterion {number(found.criterion, 2)}{_pooled(found)}."
-    )
-
-
-def _pooled(found: Discrimination) -> str:
-    unknown = found.hits.interval
-    return f" (no intervals: {unknown.reason})" if isinstance(unknown, NotEstimable) else ""
+def of_all(shown: int, of: int, what: str) -> str:
+    """Return a sentence on how much is drawn, empty where it is all."""
+    return f" {shown} of {of} {what} are drawn, evenly spaced." if shown < of else ""

@@ -64,6 +64,11 @@ class PairwiseTest:
     test: SignedRank | NotEstimable
     p_holm: float | NotEstimable
 
+    @property
+    def differs(self) -> bool:
+        """Whether the conditions differ after Holm's correction, p < .05."""
+        return not isinstance(self.p_holm, NotEstimable) and self.p_holm < 0.05
+
 
 def signed_rank(differences: FloatArray) -> SignedRank | NotEstimable:
     """Return the signed rank test of the differences, or why there is none.

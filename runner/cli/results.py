@@ -200,9 +200,9 @@ def write_report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from analysis.loading.missing_scores import marks
     from analysis.loading.study_data import loaded
-    from analysis.report.provenance import Origin
-    from analysis.report.report import FIGURE_FILES, report_files
+    from analysis.report.findings import Origin
     from analysis.report.report import report as made_report
+    from analysis.report.report import report_files
     from analysis.report.table4_text import table4_lines
     from analysis.report.wording import omnibus_line
     from protocol.study_file.loading import text_digest
@@ -229,7 +229,7 @@ def write_report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json:
     if out.exists() and not out.is_dir():
         raise BadInput(f"{out}: is a file; name a folder for the report")
     files = report_files(result)
-    write_files(files, out, replaced=FIGURE_FILES)
+    write_files(files, out, replaced=result.figure_files)
     if as_json:
         typer.echo(files["report.json"].decode(), nl=False)
         return
@@ -237,7 +237,7 @@ def write_report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json:
     print_table("Table 4", table4_lines(table4, "–", marks(result.loaded.empty)))
     for note in result.table_notes:
         typer.echo(note)
-    written = ", ".join(str(out / name) for name in files if name not in FIGURE_FILES)
+    written = ", ".join(str(out / name) for name in files if name not in result.figure_files)
     typer.echo(f"{omnibus_line(result.table.main)}\nWritten: {written}")
 
 

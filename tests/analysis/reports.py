@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 from functools import cache
+from html.parser import HTMLParser
 from typing import Any
 
 import numpy as np
 
 from analysis.loading.sessions import Happened
 from analysis.loading.study_data import Loaded, loaded
-from analysis.report.provenance import Origin
+from analysis.report.findings import Origin
 from analysis.report.report import Report, report
 from protocol.plan.plan import plan
 from protocol.plan.trials import Trial
@@ -169,3 +170,19 @@ def study_report() -> Report:
     """A report of sessions of the extended study, with catch and opposite trials."""
     found = loaded(cohort(EXTENDED, 4), rehearsals=False, rules=EXTENDED.exclusions)
     return report("a study", found, EXTENDED, ORIGIN)
+
+
+class ReadPage(HTMLParser):
+    """What a reader finds on a page."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.words: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_data(self, data: str) -> None:
+        self.words.append(data.strip())

@@ -1,58 +1,52 @@
-"""Where a report comes from: its input, the versions and seeds at work, the model's parameters."""
+"""Where the report comes from: its input, versions and seeds, and the model's parameters."""
 
+import json
 import platform
-from collections.abc import Mapping
-from dataclasses import dataclass
+from hashlib import sha256
 from importlib.metadata import version
 
 from analysis.loading.study_data import Loaded, changed_journal
+from analysis.report.findings import Findings, Origin
+from analysis.report.section import Definitions, Section
 from analysis.trials.arrays import LAW
 from analysis.trials.contrasts import RUNG
 from device.friction.laws import LAWS
 from device.friction.scenes import REFERENCE_SPEED_M_S, REFERENCE_TIP_SPEED_M_S, Scene
 from protocol.study.study import Study
 
-LIBRARIES = ("touchbeam", "numpy", "scipy", "matplotlib")
+_LIBRARIES = ("touchbeam", "numpy", "scipy", "matplotlib")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Origin:
-    """What a report was asked for with, and the digest of the study file.
+def section(found: Findings) -> Section:
+    """Return what a reader needs to make the report again."""
+    facts = _provenance(found)
+    return Section(
+        name="provenance",
+        title="Where this comes from",
+        blocks=[Definitions(entries=facts)],
+        data={"provenance": facts},
+    )
 
-    `broken_chains` are the sessions whose events are not as they were recorded.
-    """
 
-    command: str
-    study_sha256: str
-    broken_chains: tuple[str, ...] = ()
-
-
-def provenance(origin: Origin, loaded: Loaded, study: Study, trials_sha256: str) -> dict[str, str]:
-    """Return what a reader needs to make the report again, name by name.
-
-    Args:
-        origin: what was asked for.
-        loaded: what was found.
-        study: the study file's content.
-        trials_sha256: digest of the trials that count, with their predictions.
-    """
-    recording = loaded.recording
+def _provenance(found: Findings) -> dict[str, str]:
+    origin, study, recording = found.origin, found.study, found.loaded.recording
+    trials = json.dumps(found.trial_records, ensure_ascii=False)
     return {
         "command": origin.command,
         **({"journal": changed_journal(origin.broken_chains)} if origin.broken_chains else {}),
-        "scores": ", ".join(loaded.kinds),
-        "input, SHA-256 of all trials that count": trials_sha256,
+        "scores": ", ".join(found.loaded.kinds),
+        "input, SHA-256 of all trials that count": sha256(trials.encode()).hexdigest(),
         "study file, SHA-256": origin.study_sha256,
-        "sessions recorded under": _recorded_under(origin, loaded),
+        "sessions recorded under": _recorded_under(origin, found.loaded),
         "imported from": "; ".join(recording.sources) or "nothing imported",
-        "versions": ", ".join(f"{name} {version(name)}" for name in LIBRARIES)
+        "versions": ", ".join(f"{name} {version(name)}" for name in _LIBRARIES)
         + f", python {platform.python_version()}",
         "versions that recorded": "; ".join(recording.versions) or "none: imported",
         "seeds": f"design {study.study.seed}; sessions "
         + (", ".join(map(str, recording.seeds)) or "none")
         + "; the analysis draws nothing at random",
         "model parameters": ", ".join(
-            f"{name} {value}" for name, value in model_parameters(study).items()
+            f"{name} {value}" for name, value in _model_parameters(study).items()
         ),
     }
 
@@ -66,8 +60,8 @@ def _recorded_under(origin: Origin, loaded: Loaded) -> str:
     return "other versions of the study file too, SHA-256 " + ", ".join(others)
 
 
-def model_parameters(study: Study) -> Mapping[str, str]:
-    """Return the parameters of the friction model, with their units."""
+def _model_parameters(study: Study) -> dict[str, str]:
+    """The parameters of the friction model, with their units."""
     scene, finger = Scene(), study.touch
     beam = scene.structure.beam
     return {

@@ -1,0 +1,126 @@
+"""Whether the conditions differ: the omnibus test, and each pair of conditions."""
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+
+from analysis.estimates import NotEstimable
+from analysis.loading.score_table import ScoreTable
+from analysis.report.as_json import Json, friedman_json, pair_json, skillings_mack_json, why
+from analysis.report.drawing import raincloud_figure
+from analysis.report.figure_data import raincloud
+from analysis.report.findings import Findings
+from analysis.report.section import Figure, Section, Table, columns
+from analysis.report.wording import number, of_all, omnibus_line, p_value
+from analysis.statistics.omnibus import Friedman
+from analysis.statistics.signed_rank import PairwiseTest, SignedRank
+from analysis.statistics.summary import Reading
+
+
+def section(found: Findings) -> Section:
+    """Return the tests of the conditions, and the scores that they are made on."""
+    main = found.table.main
+    return Section(
+        name="tests",
+        title="Do the conditions differ?",
+        blocks=[
+            omnibus_line(main),
+            _pairs_line(main.pairwise),
+            _pairwise_table(main.pairwise) if main.pairwise else None,
+            _scores_figure(found),
+        ],
+        data=_tests_json(main),
+    )
+
+
+def _pairs_line(pairs: Sequence[PairwiseTest]) -> str:
+    differ = [f"{pair.a} and {pair.b}" for pair in pairs if pair.differs]
+    if all(isinstance(pair.test, NotEstimable) for pair in pairs):
+        return "No pair of conditions can be tested."
+    if not differ:
+        return "No pair of conditions differs after Holm's correction."
+    return f"After Holm's correction differ: {', '.join(differ)}."
+
+
+def _pairwise_table(pairs: Sequence[PairwiseTest]) -> Table:
+    numbers = ("V", "n", "zeros", "rank-biserial r", "p", "p (Holm)")
+    return Table(
+        name="pairwise",
+        caption="Wilcoxon's signed rank test of each pair of conditions, two-sided. V is the sum "
+        "of the ranks of positive differences; differences of zero are dropped and counted; "
+        "p (Holm) is corrected for the number of pairs that have a test.",
+        columns=columns("pair", *numbers, "method"),
+        rows=[[f"{pair.a} − {pair.b}", *_pair_cells(pair)] for pair in pairs],
+        unbroken=True,
+    )
+
+
+def _pair_cells(pair: PairwiseTest) -> list[str]:
+    test = pair.test
+    if not isinstance(test, SignedRank):
+        return [*[number(None)] * 6, test.reason]
+    return [
+        f"{test.statistic:g}",
+        str(test.n),
+        str(test.n_zero),
+        number(test.rank_biserial, 2),
+        p_value(test.p),
+        p_value(pair.p_holm),
+        test.method,
+    ]
+
+
+def _scores_figure(found: Findings) -> Figure:
+    table = found.loaded.table
+    data = raincloud(table, found.table.main.table4.column_means)
+    drawn = of_all(len(data.lines), len(table.subjects), "subjects' lines")
+    return Figure(
+        name="scores",
+        title="Scores by condition",
+        caption="Scores by condition: a line with circles per subject, clouds with the density of "
+        "the scores, bars from the lower to the upper quartile with the median, and means as "
+        f"diamonds.{drawn}",
+        draw=partial(raincloud_figure, data),
+        table=_quartile_table(table),
+    )
+
+
+def _quartile_table(table: ScoreTable) -> Table:
+    """What the clouds show: how many scores, and their spread, by condition."""
+    rows = []
+    for name, column in zip(table.conditions, table.scores.T, strict=True):
+        given = column[~np.isnan(column)]
+        spread = np.quantile(given, [0, 0.25, 0.5, 0.75, 1]) if given.size else [np.nan] * 5
+        mean = float(given.mean()) if given.size else np.nan
+        rows.append([name, str(given.size), number(mean, 2), *(number(q, 2) for q in spread)])
+    spread_names = ("lowest", "quartile", "median", "quartile", "highest")
+    return Table(
+        name="quartiles",
+        caption="The numbers behind the figure; single scores stand in Table 4.",
+        columns=columns("condition", "n", "mean", *spread_names),
+        rows=rows,
+    )
+
+
+_COMPLETE = NotEstimable(reason="no score is missing, so that Friedman's test applies")
+
+
+def _tests_json(main: Reading) -> Json:
+    test = main.friedman
+    return {
+        "friedman": friedman_json(main),
+        "skillings_mack": skillings_mack_json(main.skillings_mack),
+        **why("skillings_mack", main.skillings_mack or _COMPLETE),
+        "kendall_w": None if isinstance(test, NotEstimable) else test.kendall_w,
+        **why("kendall_w", test),
+        "rank_sums": _rank_sums(test, main.table4.table),
+        **why("rank_sums", test),
+        "pairwise": [pair_json(pair) for pair in main.pairwise],
+    }
+
+
+def _rank_sums(test: Friedman | NotEstimable, table: ScoreTable) -> Json | None:
+    if isinstance(test, NotEstimable):
+        return None
+    return dict(zip(table.conditions, test.rank_sums, strict=True))

@@ -1,0 +1,171 @@
+"""Agreement of subjects, and the effects of conditions and subjects."""
+
+from collections.abc import Mapping
+
+from analysis.estimates import NotEstimable
+from analysis.report.as_json import Json, or_null, plain, why
+from analysis.report.findings import Findings
+from analysis.report.section import Section, Table, columns
+from analysis.report.wording import number, p_value
+from analysis.statistics.ordinal import OrdinalEffects
+from analysis.statistics.summary import TableStatistics
+from analysis.statistics.two_way import IntraclassCorrelation
+from analysis.trials.trial_statistics import TrialStatistics
+
+
+def section(found: Findings) -> Section:
+    """Return intraclass correlations, and additive and ordinal effects."""
+    return Section(
+        name="agreement",
+        title="Agreement and effects",
+        blocks=[
+            _icc_table(found.table),
+            _additive_line(found.table),
+            _ordinal_line(found.trials),
+            _condition_table(found),
+            _subject_table(found.table),
+        ],
+        data={
+            "icc": {
+                "subjects": _icc_json(found.table.icc_subjects),
+                "conditions": _icc_json(found.table.icc_conditions),
+            },
+            "additive": _additive_json(found.table),
+            "gain_heterogeneity": plain(found.table.heterogeneity),
+            "ordinal": {link: _ordinal_json(said) for link, said in found.trials.ordinal.items()},
+        },
+    )
+
+
+def _icc_table(table: TableStatistics) -> Table:
+    """Both intraclass correlations, named by their target."""
+    targets = {
+        "subjects (how well one condition's score stands for a person)": table.icc_subjects,
+        "conditions (how well one person's score stands for a condition)": table.icc_conditions,
+    }
+    return Table(
+        name="icc",
+        caption="Intraclass correlations by target (Shrout and Fleiss): (2,1) absolute agreement "
+        "of single scores, (3,1) consistency of single scores, (3,k) consistency of means.",
+        columns=columns("target", "ICC(2,1)", "ICC(3,1)", "ICC(3,k)"),
+        rows=[[target, *_icc_cells(icc)] for target, icc in targets.items()],
+    )
+
+
+def _icc_cells(icc: IntraclassCorrelation | NotEstimable) -> list[str]:
+    if isinstance(icc, NotEstimable):
+        return [f"none: {icc.reason}", number(None), number(None)]
+    values = (icc.agreement_single, icc.consistency_single, icc.consistency_mean)
+    return [number(value) for value in values]
+
+
+def _additive_line(table: TableStatistics) -> str:
+    effects, gains = table.additive, table.heterogeneity
+    if isinstance(effects, NotEstimable):
+        return f"Additive effects: none ({effects.reason})."
+    slopes = (
+        f"none ({gains.reason})"
+        if isinstance(gains, NotEstimable)
+        else f"F({gains.df[0]}, {gains.df[1]}) = {gains.f:.3f}, p = {p_value(gains.p)}, "
+        f"moment estimate of their spread τ = {number(gains.tau)}"
+    )
+    return (
+        f"Score = {number(effects.grand_mean)} + condition + subject + residual: residual standard "
+        f"deviation {number(effects.residual_sd)} ({effects.residual_df} df), of subjects "
+        f"{number(effects.subject_sd)}, shrinkage {number(effects.shrinkage)}. Do subjects differ "
+        f"in how strongly conditions show (gain heterogeneity)? {slopes}."
+    )
+
+
+def _ordinal_line(trials: TrialStatistics) -> str:
+    said = [
+        f"{link}: none ({effects.reason})"
+        if isinstance(effects, NotEstimable)
+        else f"{link}: standard deviation of subjects {number(effects.subject_sd)}, "
+        f"log-likelihood {number(effects.log_likelihood, 4)}"
+        for link, effects in trials.ordinal.items()
+    ]
+    return f"Ordinal mixed model, {'; '.join(said)}."
+
+
+def _condition_table(found: Findings) -> Table:
+    """Each condition's effect: additive, and on the latent scales of the ordinal models."""
+    conditions, ordinal = found.loaded.table.conditions, found.trials.ordinal
+    effects = found.table.additive
+    additive: Mapping[str, float] = {} if isinstance(effects, NotEstimable) else effects.conditions
+    return Table(
+        name="conditions",
+        caption="Effects of conditions: additive, in rating points about the grand mean; and of "
+        "the ordinal mixed model with a random level of each subject, on its latent scale against "
+        f"{conditions[0]}, with standard errors.",
+        columns=columns("condition", "additive", *(f"ordinal, {link}" for link in ordinal)),
+        rows=[
+            [name, number(additive.get(name)), *(_effect(e, name) for e in ordinal.values())]
+            for name in conditions
+        ],
+    )
+
+
+def _effect(effects: OrdinalEffects | NotEstimable, name: str) -> str:
+    if isinstance(effects, NotEstimable):
+        return number(None)
+    if name == effects.reference:
+        return "reference"
+    return f"{number(effects.effects[name])} ± {number(effects.standard_errors[name])}"
+
+
+def _subject_table(table: TableStatistics) -> Table | None:
+    """Each subject's level and slope, None where there are none."""
+    effects, gains = table.additive, table.heterogeneity
+    if isinstance(effects, NotEstimable):
+        return None
+    slopes: Mapping[str, float] = {} if isinstance(gains, NotEstimable) else gains.gains
+    return Table(
+        name="subjects",
+        caption="Each subject's additive effect in rating points, the share of it that is to be "
+        "believed (shrinkage), and the slope of the subject's scores on the conditions' effects "
+        "(1 on average).",
+        columns=columns("subject", "additive", "shrinkage", "slope"),
+        rows=[
+            [
+                name,
+                number(effect),
+                number(effects.subject_shrinkage[name]),
+                number(slopes.get(name)),
+            ]
+            for name, effect in effects.subjects.items()
+        ],
+    )
+
+
+def _icc_json(icc: IntraclassCorrelation | NotEstimable) -> Json:
+    if isinstance(icc, NotEstimable):
+        return {**dict.fromkeys(("2,1", "3,1", "3,k")), "reason": icc.reason}
+    kinds = {
+        "2,1": icc.agreement_single,
+        "3,1": icc.consistency_single,
+        "3,k": icc.consistency_mean,
+    }
+    known: Json = {name: or_null(value) for name, value in kinds.items()}
+    lacking = [value.reason for value in kinds.values() if isinstance(value, NotEstimable)]
+    return {**known, "reason": lacking[0]} if lacking else known
+
+
+def _additive_json(table: TableStatistics) -> Json:
+    effects = table.additive
+    if isinstance(effects, NotEstimable):
+        nothing = dict.fromkeys(("residual_sd", "subject_sd", "shrinkage"))
+        return {"conditions": {}, "subjects": {}, **nothing, "reason": effects.reason}
+    return {
+        **plain(effects),
+        "shrinkage": or_null(effects.shrinkage),
+        **why("shrinkage", effects.shrinkage),
+        "subject_shrinkage": {who: or_null(s) for who, s in effects.subject_shrinkage.items()},
+    }
+
+
+def _ordinal_json(effects: OrdinalEffects | NotEstimable) -> Json:
+    if isinstance(effects, NotEstimable):
+        nothing = dict.fromkeys(("subject_sd", "log_likelihood"))
+        return {"effects": {}, **nothing, "reason": effects.reason}
+    return dict(plain(effects))

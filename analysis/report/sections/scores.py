@@ -1,0 +1,147 @@
+"""Table 4, and what follows from its missing scores."""
+
+from analysis.loading.missing_scores import LABELS, marks, unscored, withheld
+from analysis.report.as_json import Json, friedman_json, pair_json, plain
+from analysis.report.findings import Findings
+from analysis.report.section import Cell, Column, Items, Row, Section, Table, columns
+from analysis.report.sections.predictions import PREDICTIONS
+from analysis.report.sections.trials import is_scored, trials_anchor
+from analysis.report.table4_text import table4_csv, table4_lines, table4_tex
+from analysis.report.wording import MISSING, number, omnibus_line
+from analysis.statistics.summary import Reading
+from analysis.statistics.table4 import Table4
+
+
+def section(found: Findings) -> Section:
+    """Return the scores, and the means under each reading of the missing ones."""
+    main = found.table.main.table4
+    return Section(
+        name="table4",
+        title="Table 4",
+        blocks=[
+            _score_table(found),
+            Items(name="table4-notes", lines=found.table_notes),
+            _readings_table(found),
+        ],
+        data={
+            "table4": {**_means_json(main), **_empty_json(found)},
+            "missing_readings": _readings_json(found.table.readings),
+        },
+        files={"table4.csv": table4_csv(main), "table4.tex": table4_tex(main)},
+    )
+
+
+def _score_table(found: Findings) -> Table:
+    """Table 4; each score leads to its trials, each mean to the predictions."""
+    table, empty = found.loaded.table, found.loaded.empty
+    header, *rows, averages = table4_lines(found.table.main.table4, MISSING, marks(empty))
+    with_trials = {(r["subject"], r["condition"]) for r in found.trial_records if is_scored(r)}
+
+    def score(row: int, column: int, text: str) -> Cell:
+        why = LABELS[empty[row, column]] if (row, column) in empty else ""
+        leads = (table.subjects[row], table.conditions[column]) in with_trials
+        return Cell(
+            text=text,
+            target=trials_anchor(row, column) if leads else "",
+            label=why and f"{why}: its trials",
+            why=why,
+            missing=bool(why),
+        )
+
+    lines: list[Row] = [
+        [subject, *(score(row, place, text) for place, text in enumerate(texts)), _mean(mean)]
+        for row, (subject, *texts, mean) in enumerate(rows)
+    ]
+    name, *means, grand_mean = averages
+    lines.append([name, *(_mean(mean, target=PREDICTIONS) for mean in means), _mean(grand_mean)])
+    told_apart = "Cells without a score are told apart below. " if found.table_notes else ""
+    return Table(
+        name="table4",
+        label="Table 4",
+        caption=f"Scores by subject and condition, 0 (no effect) to 10 (very effective). "
+        f"{told_apart}A score leads to its trials and what the model predicts for them, an "
+        "average to the predictions.",
+        columns=columns(*header),
+        rows=lines,
+        footer=True,
+    )
+
+
+def _mean(text: str, target: str = "") -> Cell:
+    return Cell(text=text, target=target, missing=text == MISSING)
+
+
+def _readings_table(found: Findings) -> Table | None:
+    """The means and the omnibus test under each reading of withheld scores, None without such."""
+    readings, table = found.table.readings, found.loaded.table
+    if len(readings) == 1 or not withheld(table, found.loaded.empty).any():
+        return None
+    words = {"missing": "left missing", "zero": "as 0", "lowest": "as the lowest score given"}
+    numbers = (*table.conditions, "all", "pairs that differ (Holm)")
+    return Table(
+        name="readings",
+        caption="What follows if scores that were withheld, as the answer disagreed, are left "
+        "missing, read as 0 (no effect), or read as the lowest score that anybody gave: mean of "
+        "each condition, and the omnibus test. Blank cells of a published table are taken for "
+        "such; cells whose trials are excluded or were never reached stay missing throughout.",
+        columns=[*columns("withheld scores", *numbers), Column(name="test", kind="sentence")],
+        rows=[
+            [
+                words[reading.name],
+                *(number(mean, 2) for mean in reading.table4.column_means),
+                number(reading.table4.grand_mean, 2),
+                str(sum(pair.differs for pair in reading.pairwise)),
+                omnibus_line(reading),
+            ]
+            for reading in readings
+        ],
+    )
+
+
+def _means_json(result: Table4) -> Json:
+    """The table with its means; a missing score is `null`."""
+    table = result.table
+    return {
+        "columns": list(table.conditions),
+        "rows": [
+            {"subject": subject, "scores": plain(scores), "comprehensive": plain(mean)}
+            for subject, scores, mean in zip(
+                table.subjects, table.scores, result.row_means, strict=True
+            )
+        ],
+        "column_means": _column_means(result),
+        "grand_mean": plain(result.grand_mean),
+        "missing": table.missing_count,
+    }
+
+
+def _column_means(result: Table4) -> Json:
+    return dict(zip(result.table.conditions, plain(result.column_means), strict=True))
+
+
+def _empty_json(found: Findings) -> Json:
+    """Why cells of the table have no score, and who and what has none at all."""
+    table = found.loaded.table
+    subjects, conditions = unscored(table)
+    return {
+        "empty": [
+            {"subject": table.subjects[row], "condition": table.conditions[column], "why": str(why)}
+            for (row, column), why in found.loaded.empty.items()
+        ],
+        "unscored_subjects": list(subjects),
+        "unscored_conditions": list(conditions),
+    }
+
+
+def _readings_json(readings: tuple[Reading, ...]) -> Json:
+    if len(readings) == 1:
+        return {}
+    return {
+        reading.name: {
+            "column_means": _column_means(reading.table4),
+            "grand_mean": plain(reading.table4.grand_mean),
+            "friedman": friedman_json(reading),
+            "pairwise": [pair_json(pair) for pair in reading.pairwise],
+        }
+        for reading in readings
+    }

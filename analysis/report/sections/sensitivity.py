@@ -1,0 +1,240 @@
+"""Sensitivity of each subject under the models M1, M2 and M3, and what the data cannot tell."""
+
+from collections.abc import Sequence
+from functools import partial
+
+from analysis.estimates import NotEstimable
+from analysis.report.as_json import Json, plain
+from analysis.report.drawing import gains_figure
+from analysis.report.figure_data import Gains, gains
+from analysis.report.findings import Findings
+from analysis.report.section import Figure, Items, Section, Table, columns
+from analysis.report.wording import interval, number, of_all
+from analysis.sensitivity.joint_model import JointSensitivity
+from analysis.sensitivity.linear_model import LinearSensitivity
+from analysis.sensitivity.lines import Lines, SubjectLine
+from analysis.sensitivity.ordinal_model import OrdinalSensitivity
+from analysis.trials.law_comparison import (
+    LawOrder,
+    critical_correlation,
+    critical_rank_correlation,
+)
+from analysis.trials.trial_statistics import TrialStatistics
+
+_CEILING = 0.05
+"""A larger share than this of the highest scores there are is worth a warning."""
+
+
+def section(found: Findings) -> Section:
+    """Return bias and gain of each subject, and what notices a change."""
+    trials = found.trials
+    return Section(
+        name="sensitivity",
+        title="Sensitivity",
+        blocks=[
+            Items(heading="What these data cannot tell.", lines=_limits(found)),
+            *_lacking(trials),
+            _gains_figure(trials),
+            None if isinstance(trials.m3, NotEstimable) else _detection_table(trials.m3),
+        ],
+        data=_sensitivity_json(trials),
+    )
+
+
+def _limits(found: Findings) -> list[str]:
+    """What these data cannot tell, a sentence or two each."""
+    said, trials = [], found.trials
+    if not trials.has_repeats:
+        said.append(
+            "There is one rating per subject and condition. Whether subjects differ in sensitivity "
+            "cannot be told then: a subject's gain is known only by pooling with the others, and "
+            "its own share shows how little of it is the subject's. With so few ratings the "
+            "intervals of M1 and M2 rest largely on their priors."
+        )
+    if isinstance(trials.m1, LinearSensitivity):
+        said.append(
+            "M1 takes the predicted contrast for all in which conditions differ. Whatever else "
+            "sets them apart is noise to it, of single trials and not of conditions, so that its "
+            "intervals are too narrow, the group's most of all; M2 allows for a discrepancy of "
+            "each condition."
+        )
+    rated = [score.order.rated for score in trials.laws if isinstance(score.order, LawOrder)]
+    if rated:
+        said.append(_too_few_means(rated[0]))
+    ceiling = _share_at_ceiling(found)
+    if ceiling > _CEILING:
+        said.append(
+            f"{ceiling:.0%} of the scores are the highest possible. M1 knows no ceiling and makes "
+            "gains too small; M2 is for such ratings."
+        )
+    if isinstance(trials.m3, NotEstimable):
+        said.append(
+            f"M3, change detection and rating in one model, has no answer: {trials.m3.reason}."
+        )
+    return said
+
+
+def _too_few_means(count: int) -> str:
+    """What so many condition means can say of a law, by either correlation."""
+    ranks, moments = critical_rank_correlation(count), critical_correlation(count)
+    if isinstance(ranks, NotEstimable):
+        reached = "has p < .05 in no order, not even a perfect one"
+    elif ranks >= 1:
+        reached = "has p < .05 only if it is 1 or −1"
+    else:
+        reached = f"must reach {ranks:.3f} for p < .05"
+    products = (
+        ""
+        if isinstance(moments, NotEstimable)
+        else f" (Pearson's, of the contrasts and means themselves, must exceed {moments:.3f})"
+    )
+    return (
+        f"With {count} condition means and no ties Spearman's rank correlation, the one shown, "
+        f"{reached}{products}. Most orders of the conditions are no evidence for or against a law."
+    )
+
+
+def _share_at_ceiling(found: Findings) -> float:
+    rows = found.loaded.rows
+    scores = [row.score for row in rows if row.is_scored and row.score == row.score]
+    return sum(score >= 10 for score in scores) / len(scores) if scores else 0.0
+
+
+def _lacking(trials: TrialStatistics) -> list[str]:
+    return [
+        f"{model} has no answer: {fit.reason}."
+        for model, fit in (("M1", trials.m1), ("M2", trials.m2))
+        if isinstance(fit, NotEstimable)
+    ]
+
+
+def _gains_figure(trials: TrialStatistics) -> Figure:
+    data = gains(trials)
+    if data is None:
+        return Figure(name="sensitivity")
+    return Figure(
+        name="sensitivity",
+        title="Sensitivity of each subject",
+        caption="Sensitivity of each subject with its 95 % interval, by M1 (circles) and M2 "
+        f"(squares); dashed lines are the group's.{of_all(len(data.shown), data.of, 'subjects')}",
+        draw=partial(gains_figure, data),
+        table=_gains_table(data),
+    )
+
+
+def _gains_table(data: Gains) -> Table:
+    """Every subject's bias and gain under each model, with intervals and shrinkage."""
+    models = data.models
+    names = ["subject"]
+    for model in models:
+        names += [f"{model} bias", "95 %", f"{model} gain", "95 %", "own share"]
+    group = [cell for lines in models.values() for cell in (*_line_cells(lines), "")]
+    rows = [["group", *group]]
+    for place, line in enumerate(next(iter(models.values())).subjects):
+        lines = [fit.subjects[place] for fit in models.values()]
+        own = [cell for own in lines for cell in (*_line_cells(own), number(own.shrinkage, 2))]
+        rows.append([line.subject, *own])
+    return Table(
+        name="gains",
+        caption="Bias (rating at no contrast) and sensitivity (gain, rating points per unit of "
+        "contrast) of each subject and of the group, with 95 % intervals. The own share says how "
+        "much of a gain comes from the subject's own trials; the rest is borrowed from the group.",
+        columns=columns(*names),
+        rows=rows,
+    )
+
+
+def _line_cells(line: SubjectLine | Lines) -> list[str]:
+    return [
+        number(line.bias, 2),
+        interval(line.bias_interval),
+        number(line.gain, 2),
+        interval(line.gain_interval),
+    ]
+
+
+def _detection_table(fit: JointSensitivity) -> Table:
+    """Each subject's d′ and criterion by M3."""
+    return Table(
+        name="detection",
+        caption="Noticing a change (M3: answers and ratings as one ordered scale): d′ at a "
+        f"contrast of {fit.reference_contrast:.3f}, and criterion, with 95 % intervals.",
+        columns=columns("subject", "d′", "95 %", "criterion", "95 %", "gain", "95 %"),
+        rows=[
+            [
+                entry.subject,
+                number(entry.d_prime, 2),
+                interval(entry.d_prime_interval),
+                number(entry.criterion, 2),
+                interval(entry.criterion_interval),
+                number(line.gain, 2),
+                interval(line.gain_interval),
+            ]
+            for entry, line in zip(fit.detection, fit.ratings.lines.subjects, strict=True)
+        ],
+    )
+
+
+def _sensitivity_json(trials: TrialStatistics) -> Json:
+    m1 = trials.m1
+    subjects = m1.lines.subjects if isinstance(m1, LinearSensitivity) else ()
+    return {
+        "sensitivity": _subjects_json(subjects),
+        "sensitivity_models": {
+            "M1": _m1_json(m1),
+            "M2": _m2_json(trials.m2),
+            "M3": _m3_json(trials.m3),
+        },
+    }
+
+
+def _m1_json(fit: LinearSensitivity | NotEstimable) -> Json:
+    if isinstance(fit, NotEstimable):
+        return {"reason": fit.reason}
+    return {**_lines_json(fit.lines), "residual_sd": fit.residual_sd}
+
+
+def _m2_json(fit: OrdinalSensitivity | NotEstimable) -> Json:
+    if isinstance(fit, NotEstimable):
+        return {"reason": fit.reason}
+    return {
+        **_lines_json(fit.lines),
+        "residual_sd": fit.residual_sd,
+        "categories": list(fit.categories),
+        "thresholds": list(fit.thresholds),
+        "discrepancies": plain(fit.discrepancies),
+    }
+
+
+def _m3_json(fit: JointSensitivity | NotEstimable) -> Json:
+    if isinstance(fit, NotEstimable):
+        return {"reason": fit.reason}
+    return {
+        **_m2_json(fit.ratings),
+        "detection": plain(fit.detection),
+        "reference_contrast": fit.reference_contrast,
+    }
+
+
+def _lines_json(lines: Lines) -> Json:
+    names = ("bias", "gain", "bias_sd", "gain_sd")
+    return {
+        "subjects": _subjects_json(lines.subjects),
+        "population": {name: plain(getattr(lines, name)) for name in names}
+        | {f"{name}_ci": plain(getattr(lines, f"{name}_interval")) for name in names},
+    }
+
+
+def _subjects_json(lines: Sequence[SubjectLine]) -> list[Json]:
+    return [
+        {
+            "subject": line.subject,
+            "bias": line.bias,
+            "bias_ci": list(line.bias_interval),
+            "gain": line.gain,
+            "gain_ci": list(line.gain_interval),
+            "shrinkage": line.shrinkage,
+            "trials": line.trials,
+        }
+        for line in lines
+    ]

@@ -1,0 +1,144 @@
+"""Order, carry-over, drift and catch trials: what else than the conditions shows in the answers."""
+
+from functools import partial
+
+from analysis.estimates import NotEstimable
+from analysis.report.as_json import Json, or_null, plain, why
+from analysis.report.drawing import course_figure
+from analysis.report.figure_data import Course, course
+from analysis.report.findings import Findings
+from analysis.report.section import Figure, Items, Section, Table, columns
+from analysis.report.wording import interval, number, p_value, share
+from analysis.sensitivity.checks import Discrimination, Drift, FTest, Proportion
+from analysis.trials.trial_statistics import CatchAnswers, TrialStatistics
+
+
+def section(found: Findings) -> Section:
+    """Return the checks of sessions as wholes."""
+    trials = found.trials
+    return Section(
+        name="checks",
+        title="Order, carry-over, drift, catch trials",
+        blocks=[
+            Items(
+                lines=[
+                    _f_line("Place in the session", trials.order),
+                    _f_line("Carry-over from the trial before", trials.carry_over),
+                    _drift_line(trials.drift),
+                    _catch_line(trials.catch.overall),
+                ]
+            ),
+            _course_figure(trials),
+            _catch_table(trials.catch) if trials.catch.subjects else None,
+        ],
+        data={
+            "checks": {
+                "order": plain(trials.order),
+                "carry_over": plain(trials.carry_over),
+                "drift": plain(trials.drift),
+                "catch_trials": _catch_json(trials.catch),
+            }
+        },
+    )
+
+
+def _f_line(name: str, test: FTest | NotEstimable) -> str:
+    if isinstance(test, NotEstimable):
+        return f"{name}: not told ({test.reason})."
+    return f"{name}: F({test.df[0]}, {test.df[1]}) = {test.f:.3f}, p = {p_value(test.p)}."
+
+
+def _drift_line(drift: Drift | NotEstimable) -> str:
+    if isinstance(drift, NotEstimable):
+        return f"Drift: not told ({drift.reason})."
+    return (
+        f"Drift: {number(drift.points_per_trial)} points per trial, 95 % interval "
+        f"{interval(drift.interval, 3)}, p = {p_value(drift.p)}."
+    )
+
+
+def _catch_line(answers: Discrimination | NotEstimable) -> str:
+    if isinstance(answers, NotEstimable):
+        return f"Catch trials: nothing to tell ({answers.reason})."
+    unknown = answers.hits.interval
+    pooled = f" (no intervals: {unknown.reason})" if isinstance(unknown, NotEstimable) else ""
+    return (
+        f"Catch trials (0 V): a change, whichever it was, was reported on "
+        f"{share(answers.false_alarms)} of them, and on {share(answers.hits)} of the scored "
+        f"trials; d′ = {number(answers.d_prime, 2)}, criterion {number(answers.criterion, 2)}"
+        f"{pooled}."
+    )
+
+
+def _course_figure(trials: TrialStatistics) -> Figure:
+    data = course(trials)
+    if data is None:
+        return Figure(name="course")
+    return Figure(
+        name="course",
+        title="Scores over the session",
+        caption="Mean score, with its standard error, by the trial's place in the session.",
+        draw=partial(course_figure, data),
+        table=_course_table(data),
+    )
+
+
+def _course_table(data: Course) -> Table:
+    """The mean score at each place of the session."""
+    return Table(
+        name="course",
+        caption="The numbers behind the figure: mean score by place in the session.",
+        columns=columns("place", "mean score", "standard error", "scores"),
+        rows=[
+            [str(place), number(mean, 2), number(error, 2), str(count)]
+            for place, mean, error, count in zip(
+                data.places.tolist(),
+                data.means.tolist(),
+                data.errors.tolist(),
+                data.counts.tolist(),
+                strict=True,
+            )
+        ],
+    )
+
+
+def _catch_table(catch: CatchAnswers) -> Table:
+    """Hits and false alarms of each subject."""
+    return Table(
+        name="catch",
+        caption="Trials on which a change was reported, whichever it was: scored trials (hits) and "
+        "catch trials at 0 V (false alarms), with exact 95 % intervals; d′ and criterion from "
+        "counts alone.",
+        columns=columns("subject", "hits", "false alarms", "d′", "criterion"),
+        rows=[[who, *_catch_cells(answers)] for who, answers in catch.subjects.items()],
+    )
+
+
+def _catch_cells(answers: Discrimination | NotEstimable) -> list[str]:
+    if isinstance(answers, NotEstimable):
+        return [f"none: {answers.reason}", *[number(None)] * 3]
+    rates = [share(answers.hits), share(answers.false_alarms)]
+    return [*rates, number(answers.d_prime, 2), number(answers.criterion, 2)]
+
+
+def _catch_json(catch: CatchAnswers) -> Json:
+    """Hits and false alarms, pooled and by subject."""
+    return {
+        "overall": _discrimination_json(catch.overall),
+        "subjects": {who: _discrimination_json(said) for who, said in catch.subjects.items()},
+    }
+
+
+def _discrimination_json(answers: Discrimination | NotEstimable) -> Json:
+    if isinstance(answers, NotEstimable):
+        return {"reason": answers.reason}
+    return {
+        **plain(answers),
+        "hits": _proportion_json(answers.hits),
+        "false_alarms": _proportion_json(answers.false_alarms),
+    }
+
+
+def _proportion_json(found: Proportion) -> Json:
+    ends = found.interval
+    return {**plain(found), "interval": or_null(ends), **why("interval", ends)}

@@ -1,0 +1,102 @@
+"""Every trial that counts, with the contrast that each friction law predicts for it."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from analysis.report.findings import Findings
+from analysis.report.section import Cell, Column, Row, Section, Table, TableGroup, columns
+from analysis.report.wording import MISSING, number
+
+
+def section(found: Findings) -> Section:
+    """Return a table of trials per subject."""
+    return Section(
+        name="trials",
+        title="Trials",
+        blocks=[
+            "Every trial that counts, with the contrast that each friction law predicts for it.",
+            TableGroup(name="trial-tables", tables=_subject_tables(found)),
+        ],
+        data={"trials": found.trial_records},
+    )
+
+
+def trials_anchor(row: int, column: int) -> str:
+    """Return the id of the first trial behind a cell of Table 4."""
+    return f"trials-{row + 1}-{column + 1}"
+
+
+def is_scored(record: Mapping[str, Any]) -> bool:
+    """Return whether a trial counts for Table 4."""
+    return record["kind"] in {"trial", "published"}
+
+
+def _subject_tables(found: Findings) -> list[Table]:
+    """The trials of each subject in the order of the conditions, others at the end."""
+    table = found.loaded.table
+    places = {name: place for place, name in enumerate(table.conditions)}
+    own: dict[str, list[Mapping[str, Any]]] = {name: [] for name in table.subjects}
+    for record in found.trial_records:
+        own[record["subject"]].append(record)
+    header = _columns(found.trials.contrasts.by_law)
+    return [
+        Table(
+            name="",
+            caption=f"Trials of {subject}",
+            columns=header,
+            rows=_rows(row, records, places),
+        )
+        for row, (subject, records) in enumerate(own.items())
+    ]
+
+
+def _columns(laws: Mapping[str, object]) -> list[Column]:
+    return [
+        *columns("condition", "session", "trial"),
+        Column(name="kind", kind="word"),
+        Column(name="level"),
+        Column(name="answer", kind="word"),
+        *columns("as expected", "score", *(f"predicted, {law}" for law in laws), "touch"),
+    ]
+
+
+def _rows(
+    row: int, records: Sequence[Mapping[str, Any]], places: Mapping[str, int]
+) -> Sequence[Row]:
+    """A subject's trials; the first one of each condition is what a cell of Table 4 leads to."""
+
+    def place(record: Mapping[str, Any]) -> int:
+        return places[record["condition"]] if is_scored(record) else len(places)
+
+    rows: list[Row] = []
+    anchored = {len(places)}
+    for record in sorted(records, key=place):
+        name, *cells = _cells(record)
+        column = place(record)
+        anchor = "" if column in anchored else trials_anchor(row, column)
+        anchored.add(column)
+        rows.append([Cell(text=name, anchor=anchor), *cells])
+    return rows
+
+
+def _cells(record: Mapping[str, Any]) -> list[str]:
+    kind = f"{record['kind']}, opposite" if record["opposite"] else record["kind"]
+    return [
+        record["condition"] or MISSING,
+        str(record["session"]),
+        str(record["index"]),
+        kind,
+        f"{record['level']:g}",
+        record["change"] or MISSING,
+        {True: "yes", False: "no", None: MISSING}[record["agrees"]],
+        MISSING if record["score"] is None else f"{record['score']:g}",
+        *(number(contrast, 4) for contrast in record["predicted"].values()),
+        _touch(record),
+    ]
+
+
+def _touch(record: Mapping[str, Any]) -> str:
+    """Under what touch the contrast is predicted."""
+    if record["kind"] == "published":
+        return "standard"
+    return "measured" if record["measured"] else "as planned"

@@ -1,0 +1,16 @@
+"""Correlations and effects, and why there is none."""
+
+from analysis.report.report import report_json
+from tests.analysis.reports import (
+    made,
+)
+
+
+def test_equal_scores_say_why_there_is_no_correlation() -> None:
+    numbers = report_json(made([[5, 5, 5]] * 3))
+    assert numbers["icc"]["subjects"]["3,1"] is None
+    assert "do not vary" in numbers["icc"]["subjects"]["reason"]
+    law = numbers["laws"][0]
+    assert (law["spearman"], law["p"], law["r_needed"]) == (None, None, None)
+    assert law["reason"] == "all contrasts, or all mean ratings, are equal"
+    assert "same score" in numbers["kendall_w_reason"]

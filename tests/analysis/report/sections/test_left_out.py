@@ -1,0 +1,28 @@
+"""What is left out, and what is known of interruptions."""
+
+import numpy as np
+
+from analysis.loading.study_data import loaded
+from analysis.report.report import report, report_html
+from tests.analysis.reports import (
+    ORIGIN,
+    PAPER,
+    plain_report,
+    session_events,
+)
+
+
+def test_a_session_counts_as_uninterrupted_only_where_that_is_known() -> None:
+    undisturbed = "No session was interrupted, and nothing was noted."
+    events = session_events(PAPER, 0, np.random.default_rng(1))
+    pages = [
+        report_html(report("a", loaded([found], rehearsals=False), PAPER, ORIGIN))
+        for found in (events, events[:-1])
+    ]
+    assert undisturbed in pages[0]
+    assert undisturbed not in pages[1]
+    assert "unfinished sessions: P01" in pages[1]
+    published = report_html(plain_report())
+    assert undisturbed not in published
+    assert "What interrupted the sessions behind a published table is not known." in published
+    assert "unfinished sessions: not known" in published

@@ -1,0 +1,49 @@
+"""The page: what it says on top, its parts, and texts that stay texts."""
+
+import re
+
+import numpy as np
+
+from analysis.loading.study_data import loaded
+from analysis.report.report import report, report_html
+from analysis.report.table4_text import table4_tex
+from tests.analysis.reports import (
+    ORIGIN,
+    PAPER,
+    SCORES,
+    ReadPage,
+    made,
+    plain_report,
+    session_events,
+)
+
+
+def test_rehearsals_are_marked_on_top() -> None:
+    events = session_events(PAPER, 0, np.random.default_rng(1), kind="rehearsal")
+    page = report_html(report("a", loaded([events], rehearsals=True), PAPER, ORIGIN))
+    assert 0 < page.index("<strong>Rehearsals.") < page.index("<table")
+    assert "<strong>Rehearsals." not in report_html(plain_report())
+
+
+def test_the_page_needs_no_network_and_names_its_parts() -> None:
+    tags = ReadPage(report_html(plain_report())).tags
+    sources = [v for _, attrs in tags for k, v in attrs.items() if k in {"src", "href"} and v]
+    assert all(source.startswith("#") for source in sources)
+    assert ("html", {"lang": "en"}) in tags
+    assert {attrs.get("scope") for tag, attrs in tags if tag == "th"} == {"col", "row"}
+
+
+def test_text_from_a_file_stays_text() -> None:
+    page = report_html(made(SCORES[:1], who="<script>alert(1)</script>"))
+    assert "<script>" not in page
+
+
+def test_what_would_show_something_else_is_not_in_the_page_nor_in_latex() -> None:
+    found = made(names=("vol\x1btage", "\u202eerutcurts", "pressure"))
+    page, tex = report_html(found), table4_tex(found.table.main.table4)
+    for text in (page, tex):
+        assert not re.search(
+            "[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]", text
+        )
+        assert "vol\ufffdtage" in text
+    assert "<svg" in page

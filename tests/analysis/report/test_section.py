@@ -1,0 +1,92 @@
+"""A section of any content on the page: how columns, cells, lists and figures are set."""
+
+from dataclasses import replace
+from html import escape
+
+import pytest
+
+from analysis.report.page import page_html
+from analysis.report.section import (
+    Block,
+    Cell,
+    Column,
+    Definitions,
+    Figure,
+    Items,
+    Section,
+    Table,
+    TableGroup,
+    columns,
+)
+from tests.analysis.reports import plain_report
+
+SPEED = Table(
+    name="speed",
+    caption="How fast <everybody> was.",
+    columns=[Column(name="subject"), Column(name="m/s"), Column(name="in words", kind="text")],
+    rows=[["P01", "0.02", "slow & steady"]],
+)
+
+
+def shown(*blocks: Block) -> str:
+    """The page of one section with these blocks, from its heading on."""
+    page = page_html(plain_report(), [Section(name="speed", title="Speed", blocks=blocks)])
+    return page[page.index('<h2 id="h-speed">Speed</h2>') :]
+
+
+def test_a_column_says_how_its_cells_are_set() -> None:
+    page = shown(SPEED)
+    assert '<th scope="col">m/s</th><th scope="col" class="text">in words</th>' in page
+    assert '<th scope="row">P01</th><td>0.02</td><td class="text">slow &amp; steady</td>' in page
+    assert f'aria-label="{escape(SPEED.caption)}"' in page
+
+
+@pytest.mark.parametrize("kind", ["word", "text", "ranking", "sentence"])
+def test_the_page_has_a_style_for_each_kind_of_column(kind: str) -> None:
+    style, _, _ = page_html(plain_report(), []).partition("</style>")
+    assert f".{kind}" in style
+    assert "nth-child" not in style
+
+
+def test_a_cell_leads_somewhere_and_says_why_it_has_no_value() -> None:
+    empty = Cell(text="–", target="there", label="lost: why", why="lost", missing=True)
+    rows = [[Cell(text="P01", anchor="here"), empty, Cell(text="b")]]
+    page = shown(replace(SPEED, rows=rows))
+    assert '<tr id="here"><th scope="row">P01</th>' in page
+    link = '<a href="#there" aria-label="lost: why">–</a>'
+    assert f'<td class="number missing" title="lost">{link}</td><td class="text">b</td>' in page
+
+
+def test_a_footer_stands_apart_and_names_can_be_kept_unbroken() -> None:
+    rows = [*SPEED.rows, ["all", "0.02", ""]]
+    page = shown(replace(SPEED, rows=rows, footer=True, unbroken=True))
+    assert '<tfoot><tr><th scope="row">all</th>' in page
+    assert '<table id="speed" class="unbroken">' in page
+
+
+def test_a_list_without_lines_shows_nothing_of_its_heading() -> None:
+    assert "What was slow." not in shown(Items(heading="What was slow.", lines=[]))
+    page = shown(Items(heading="What was slow.", lines=["P01"], name="slow"))
+    assert '<p><strong>What was slow.</strong></p>\n<ul id="slow">\n<li>P01</li>\n</ul>' in page
+
+
+def test_a_figure_that_is_not_drawn_says_why_above_its_numbers() -> None:
+    page = shown(Figure(name="speed", instead="Nobody moved.", table=SPEED), "", None)
+    assert 0 < page.index("<p>Nobody moved.</p>") < page.index('<table id="speed">')
+    assert "<figure" not in page
+    assert "<table" not in shown(Figure(name="speed"))
+
+
+def test_texts_definitions_and_groups_of_tables_have_their_places() -> None:
+    group = TableGroup(name="both", tables=[replace(SPEED, name=""), SPEED])
+    page = shown("At rest.", Definitions(entries={"v": "speed"}), group)
+    places = [
+        page.index(part)
+        for part in ("<p>At rest.</p>", "<dt>v</dt><dd>speed</dd>", '<div id="both">', "<table>")
+    ]
+    assert places == sorted(places)
+    assert page.count("<caption>") == 2
+
+
+def test_columns_of_one_kind_are_made_at_once() -> None:
+    assert columns("a", "b", kind="word")[1] == Column(name="b", kind="word")

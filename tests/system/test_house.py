@@ -60,3 +60,13 @@ def test_a_room_imports_nothing(room: Path) -> None:
     """Its `__init__` is a docstring, so that a name has one address and imports stay lazy."""
     lines = (room / "__init__.py").read_text().splitlines()
     assert not [line for line in lines if line.startswith(("import ", "from "))]
+
+
+def test_the_map_names_only_what_there_is() -> None:
+    """Every folder and file that docs/architecture.md names exists."""
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`((?:protocol|device|runner|analysis|tests)/[\w/.]+)`", page))
+    assert {place for place in named if not (ROOT / place).exists()} == set()
+    rooms = {"/".join(room.relative_to(ROOT).parts) for room in ROOMS} - set(PACKAGES)
+    unnamed = {room for room in rooms if not any(room.startswith(place) for place in named)}
+    assert not unnamed, f"rooms that the map lacks: {unnamed}"

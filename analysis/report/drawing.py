@@ -18,6 +18,7 @@ from matplotlib.ticker import MaxNLocator
 
 from analysis.estimates import FloatArray
 from analysis.report.figure_data import Course, Gains, Raincloud, Scatter
+from analysis.report.findings import Scale
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,8 +63,10 @@ _STYLE: Any = {
 }
 _WIDTH_IN = 7.2
 _DOTS_PER_INCH = 150
-_CLOUD_SD = 0.4
-"""Of the kernel that makes a cloud of the scores, in rating points."""
+_CLOUD_SD = 0.04
+"""Of the kernel that makes a cloud of the scores, as a share of the scale."""
+_JITTER = 0.016
+"""How far equal scores are drawn apart, as a share of the scale."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,10 +93,10 @@ def raincloud_figure(data: Raincloud, words: Words) -> Drawing:
     def draw(axes: Axes) -> None:
         places = np.arange(len(data.table.conditions))
         for place, column in zip(places, data.table.scores.T, strict=True):
-            _cloud(axes, float(place), column[~np.isnan(column)])
+            _cloud(axes, float(place), column[~np.isnan(column)], data.scale)
         axes.plot(
             places,
-            data.lines.T + _jitter(len(data.lines)),
+            data.lines.T + _jitter(len(data.lines), data.scale),
             color=_GREY,
             marker="o",
             markersize=3,
@@ -102,8 +105,8 @@ def raincloud_figure(data: Raincloud, words: Words) -> Drawing:
         )
         axes.plot(places, data.means, "D", color=_COLOURS[1], markersize=8, label="mean")
         axes.set_xticks(places, _labels(data.table.conditions, "condition"))
-        axes.set_ylim(-0.5, 10.7)
-        axes.set_ylabel("score, 0 to 10")
+        _limit(axes, data.scale)
+        axes.set_ylabel(f"score, {data.scale}")
         axes.legend(loc="lower left", frameon=False)
 
     return _drawing(words, draw)
@@ -119,7 +122,7 @@ def scatter_figure(data: Scatter, words: Words) -> Drawing:
             own = ratings.condition == place
             axes.plot(
                 ratings.contrast[own],
-                ratings.rating[own] + _jitter(int(own.sum())),
+                ratings.rating[own] + _jitter(int(own.sum()), data.scale),
                 linestyle="none",
                 marker=_MARKERS[place % len(_MARKERS)],
                 color=_COLOURS[place % len(_COLOURS)],
@@ -130,9 +133,9 @@ def scatter_figure(data: Scatter, words: Words) -> Drawing:
         if data.line is not None:
             ends = np.array([ratings.contrast.min(), ratings.contrast.max()])
             axes.plot(ends, data.line[0] + data.line[1] * ends, color="black", label="group (M1)")
-        axes.set_ylim(-0.5, 10.7)
+        _limit(axes, data.scale)
         axes.set_xlabel("predicted contrast, change of log friction")
-        axes.set_ylabel("rating, 0 to 10")
+        axes.set_ylabel(f"rating, {data.scale}")
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
 
     return _drawing(words, draw)
@@ -176,7 +179,7 @@ def course_figure(data: Course, words: Words) -> Drawing:
         axes.errorbar(
             data.places, data.means, yerr=errors, fmt="o-", color=_COLOURS[0], markersize=5
         )
-        axes.set_ylim(-0.5, 10.7)
+        _limit(axes, data.scale)
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.set_xlabel("place among the session's scored trials")
         axes.set_ylabel("mean score ± standard error")
@@ -214,13 +217,18 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
         axes.legend(frameon=False, fontsize=7)
 
 
-def _cloud(axes: Axes, place: float, scores: FloatArray) -> None:
+def _limit(axes: Axes, scale: Scale) -> None:
+    """Show the whole scale, with room for what lies at its ends."""
+    axes.set_ylim(scale.lowest - 0.05 * scale.span, scale.highest + 0.07 * scale.span)
+
+
+def _cloud(axes: Axes, place: float, scores: FloatArray, scale: Scale) -> None:
     """Half a violin to the right of `place`: a density with a normal kernel, and a box of half."""
     if scores.size < 2:
         return
     values, counts = np.unique(scores, return_counts=True)
-    grid = np.linspace(0, 10, 201)
-    density = np.exp(-(((grid[:, None] - values) / _CLOUD_SD) ** 2) / 2) @ counts
+    grid = np.linspace(scale.lowest, scale.highest, 201)
+    density = np.exp(-(((grid[:, None] - values) / (_CLOUD_SD * scale.span)) ** 2) / 2) @ counts
     width = 0.38 * density / density.max()
     axes.fill_betweenx(
         grid, place + 0.06, place + 0.06 + width, color=_COLOURS[5], alpha=0.5, linewidth=0
@@ -230,9 +238,9 @@ def _cloud(axes: Axes, place: float, scores: FloatArray) -> None:
     axes.plot([place - 0.06], [middle], "_", color="black", markersize=9)
 
 
-def _jitter(count: int) -> FloatArray:
+def _jitter(count: int, scale: Scale) -> FloatArray:
     """Small shifts that keep equal scores apart, the same every time."""
-    return np.asarray(0.16 * ((np.arange(count) * 0.6180339887) % 1.0 - 0.5))
+    return np.asarray(_JITTER * scale.span * ((np.arange(count) * 0.6180339887) % 1.0 - 0.5))
 
 
 @lru_cache(maxsize=1)

@@ -6,6 +6,7 @@ import numpy as np
 
 from analysis.estimates import FloatArray, IntArray
 from analysis.loading.score_table import ScoreTable
+from analysis.report.findings import Findings, Scale
 from analysis.sensitivity.linear_model import LinearSensitivity
 from analysis.sensitivity.lines import Lines
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
@@ -22,6 +23,7 @@ class Raincloud:
     """Scores by condition: all of them for the clouds, those of some subjects as lines."""
 
     table: ScoreTable
+    scale: Scale
     lines: FloatArray
     means: FloatArray
 
@@ -31,6 +33,7 @@ class Scatter:
     """Ratings against predicted contrasts, and the population's line if there is one."""
 
     ratings: Ratings
+    scale: Scale
     of: int
     line: tuple[float, float] | None
 
@@ -49,6 +52,7 @@ class Course:
     """Mean score, its standard error (NaN of one score) and count at each place in the session."""
 
     places: IntArray
+    scale: Scale
     means: FloatArray
     errors: FloatArray
     counts: IntArray
@@ -65,31 +69,32 @@ def thinned(count: int, most: int) -> IntArray:
     return np.arange(most) * count // most
 
 
-def raincloud(table: ScoreTable, means: FloatArray) -> Raincloud:
+def raincloud(found: Findings) -> Raincloud:
     """Return the scores with the lines of a part of the subjects."""
+    table, means = found.loaded.table, found.table.main.table4.column_means
     lines = table.scores[thinned(len(table.subjects), MOST_LINES)]
-    return Raincloud(table=table, lines=lines, means=means)
+    return Raincloud(table=table, scale=found.scale, lines=lines, means=means)
 
 
-def scatter(found: TrialStatistics) -> Scatter | None:
+def scatter(found: Findings) -> Scatter | None:
     """Return ratings and contrasts, or None where no rated trial has a prediction."""
-    given = found.scored.ratings.given
+    given = found.trials.scored.ratings.given
     count = len(given.rating)
     if not count:
         return None
     chosen = np.isin(np.arange(count), thinned(count, MOST_POINTS))
-    m1 = found.m1
+    m1 = found.trials.m1
     line = (m1.lines.bias, m1.lines.gain) if isinstance(m1, LinearSensitivity) else None
-    return Scatter(ratings=given.where(chosen), of=count, line=line)
+    return Scatter(ratings=given.where(chosen), scale=found.scale, of=count, line=line)
 
 
-def gains(found: TrialStatistics) -> Gains | None:
+def gains(trials: TrialStatistics) -> Gains | None:
     """Return each model's lines, or None where neither has an answer."""
     models = {}
-    if isinstance(found.m1, LinearSensitivity):
-        models["M1"] = found.m1.lines
-    if isinstance(found.m2, OrdinalSensitivity):
-        models["M2"] = found.m2.lines
+    if isinstance(trials.m1, LinearSensitivity):
+        models["M1"] = trials.m1.lines
+    if isinstance(trials.m2, OrdinalSensitivity):
+        models["M2"] = trials.m2.lines
     if not models:
         return None
     count = len(next(iter(models.values())).subjects)
@@ -97,16 +102,17 @@ def gains(found: TrialStatistics) -> Gains | None:
     return Gains(models=models, shown=shown, of=count)
 
 
-def course(found: TrialStatistics) -> Course | None:
+def course(found: Findings) -> Course | None:
     """Return the scores by place in the session, or None where the places are not known."""
-    ratings = found.scored.every
-    known = (found.scored.place > 0) & ~np.isnan(ratings.rating)
+    scored = found.trials.scored
+    ratings = scored.every
+    known = (scored.place > 0) & ~np.isnan(ratings.rating)
     if not known.any():
         return None
-    places, which = np.unique(found.scored.place[known], return_inverse=True)
+    places, which = np.unique(scored.place[known], return_inverse=True)
     counts = np.bincount(which)
     means = np.bincount(which, weights=ratings.rating[known]) / counts
     squares = np.bincount(which, weights=(ratings.rating[known] - means[which]) ** 2)
     with np.errstate(invalid="ignore", divide="ignore"):
         errors = np.sqrt(squares / (counts - 1) / counts)
-    return Course(places=places, means=means, errors=errors, counts=counts)
+    return Course(places=places, scale=found.scale, means=means, errors=errors, counts=counts)

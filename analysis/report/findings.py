@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 from analysis.loading.missing_scores import notes
+from analysis.loading.published import SCALE
 from analysis.loading.sessions import TrialRow
 from analysis.loading.study_data import Loaded
 from analysis.report.as_json import plain
@@ -25,6 +26,27 @@ class Origin:
     command: str
     study_sha256: str
     broken_chains: tuple[str, ...] = ()
+
+
+class Scale(NamedTuple):
+    """The lowest and the highest score there can be."""
+
+    lowest: float
+    highest: float
+
+    @property
+    def span(self) -> float:
+        """How far its ends lie apart."""
+        return self.highest - self.lowest
+
+    def __str__(self) -> str:
+        """The ends alone."""
+        return f"{self.lowest:g} to {self.highest:g}"
+
+    @property
+    def in_words(self) -> str:
+        """The ends, and what they mean."""
+        return f"{self.lowest:g} (no effect) to {self.highest:g} (very effective)"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -57,6 +79,12 @@ class Findings:
     def published(self) -> bool:
         """Whether all scores are those of a published table, behind which nothing is known."""
         return self.loaded.kinds == ("published",)
+
+    @property
+    def scale(self) -> Scale:
+        """The scale of the scores: the study's, or that of published tables if all are of one."""
+        rating = self.study.rating
+        return Scale(*SCALE) if self.published else Scale(rating.minimum, rating.maximum)
 
 
 def trial_records(rows: Sequence[TrialRow], contrasts: TrialContrasts) -> list[dict[str, Any]]:

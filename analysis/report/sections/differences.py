@@ -73,7 +73,7 @@ def _pair_cells(pair: PairwiseTest) -> list[str]:
 
 def _scores_figure(found: Findings) -> Figure:
     table = found.loaded.table
-    data = raincloud(table, found.table.main.table4.column_means)
+    data = raincloud(found)
     drawn = of_all(len(data.lines), len(table.subjects), "subjects' lines")
     return Figure(
         name="scores",

@@ -35,7 +35,7 @@ def _data(found: Findings) -> str:
             if study.rating.score_when == "agrees"
             else "whatever they said,"
         )
-        + " scored the strength of the effect from 0 (no effect) to 10 (very effective)."
+        + f" scored the strength of the effect from {found.scale.in_words}."
     )
     return (
         f"{origin} {subjects} {'subject' if subjects == 1 else 'subjects'} and {conditions} "

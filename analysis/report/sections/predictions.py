@@ -47,7 +47,7 @@ def _signal_line(trials: TrialStatistics) -> str:
 
 
 def _ratings_figure(found: Findings) -> Figure:
-    data, table = scatter(found.trials), _prediction_table(found)
+    data, table = scatter(found), _prediction_table(found)
     if data is None:
         return Figure(
             name="model",

@@ -58,9 +58,8 @@ def _score_table(found: Findings) -> Table:
     return Table(
         name="table4",
         label="Table 4",
-        caption=f"Scores by subject and condition, 0 (no effect) to 10 (very effective). "
-        f"{told_apart}A score leads to its trials and what the model predicts for them, an "
-        "average to the predictions.",
+        caption=f"Scores by subject and condition, {found.scale.in_words}. {told_apart}A score "
+        "leads to its trials and what the model predicts for them, an average to the predictions.",
         columns=columns(*header),
         rows=lines,
         footer=True,

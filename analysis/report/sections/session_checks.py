@@ -10,7 +10,7 @@ from analysis.report.findings import Findings
 from analysis.report.section import Figure, Items, Section, Table, columns
 from analysis.report.wording import interval, number, p_value, share
 from analysis.sensitivity.checks import Discrimination, Drift, FTest, Proportion
-from analysis.trials.trial_statistics import CatchAnswers, TrialStatistics
+from analysis.trials.trial_statistics import CatchAnswers
 
 
 def section(found: Findings) -> Section:
@@ -28,7 +28,7 @@ def section(found: Findings) -> Section:
                     _catch_line(trials.catch.overall),
                 ]
             ),
-            _course_figure(trials),
+            _course_figure(found),
             _catch_table(trials.catch) if trials.catch.subjects else None,
         ],
         data={
@@ -70,8 +70,8 @@ def _catch_line(answers: Discrimination | NotEstimable) -> str:
     )
 
 
-def _course_figure(trials: TrialStatistics) -> Figure:
-    data = course(trials)
+def _course_figure(found: Findings) -> Figure:
+    data = course(found)
     if data is None:
         return Figure(name="course")
     return Figure(

@@ -1,9 +1,14 @@
 """The report's figures: names that they can write, and the scale of the scores."""
 
-from tests.analysis.reports import (
-    SCORES,
-    made,
-)
+import re
+
+import numpy as np
+import pytest
+
+from analysis.report.drawing import Words, raincloud_figure
+from analysis.report.figure_data import Raincloud
+from analysis.report.findings import Scale
+from tests.analysis.reports import SCORES, imported, made
 
 
 def test_names_that_the_figures_font_lacks_are_numbered_and_dollars_are_no_formulas() -> None:
@@ -11,3 +16,20 @@ def test_names_that_the_figures_font_lacks_are_numbered_and_dollars_are_no_formu
     assert drawing is not None
     assert "<!-- condition 1 -->" in drawing.svg
     assert "<!-- $a^$ -->" in drawing.svg
+
+
+def cloud(highest: float) -> list[float]:
+    """Up to where the first cloud's outline reaches, for scores on a scale from 0 to `highest`."""
+    table = imported(np.array(SCORES) * highest / 10).table
+    scale = Scale(0, highest)
+    data = Raincloud(table=table, scale=scale, lines=table.scores, means=table.scores.mean(axis=0))
+    svg = raincloud_figure(data, Words(name="scores", title="", description="")).svg
+    _, _, rest = svg.partition('id="scores-FillBetweenPolyCollection_1"')
+    outline = re.search(r' d="([^"]*)"', rest)
+    assert outline is not None
+    return [float(y) for y in re.findall(r"-?[\d.]+ (-?[\d.]+)", outline[1])]
+
+
+def test_scores_on_any_scale_make_clouds_of_one_shape() -> None:
+    assert len(cloud(10)) > 400
+    assert cloud(100) == pytest.approx(cloud(10), abs=0.01)

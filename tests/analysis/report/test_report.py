@@ -7,13 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.report.report import report_files, report_html, report_json
-from tests.analysis.reports import (
-    SCORES,
-    ReadPage,
-    made,
-    plain_report,
-    study_report,
-)
+from tests.analysis.reports import SCORES, ReadPage, made, plain_report, study_report
 
 
 def test_page_csv_and_json_say_the_same() -> None:

@@ -3,11 +3,7 @@
 import numpy as np
 
 from analysis.report.report import report_html, report_json
-from tests.analysis.reports import (
-    NAMES,
-    SCORES,
-    made,
-)
+from tests.analysis.reports import NAMES, SCORES, made
 
 
 def test_a_missing_score_has_no_test_and_says_why() -> None:

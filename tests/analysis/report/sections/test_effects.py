@@ -1,9 +1,7 @@
 """Correlations and effects, and why there is none."""
 
 from analysis.report.report import report_json
-from tests.analysis.reports import (
-    made,
-)
+from tests.analysis.reports import made
 
 
 def test_equal_scores_say_why_there_is_no_correlation() -> None:

@@ -4,12 +4,7 @@ import numpy as np
 
 from analysis.loading.study_data import loaded
 from analysis.report.report import report, report_html
-from tests.analysis.reports import (
-    ORIGIN,
-    PAPER,
-    plain_report,
-    session_events,
-)
+from tests.analysis.reports import ORIGIN, PAPER, plain_report, session_events
 
 
 def test_a_session_counts_as_uninterrupted_only_where_that_is_known() -> None:

@@ -4,12 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.report.report import report_html, report_json
-from tests.analysis.reports import (
-    SCORES,
-    ReadPage,
-    made,
-    study_report,
-)
+from tests.analysis.reports import SCORES, ReadPage, made, study_report
 
 
 def test_a_subject_who_scored_nothing_is_still_a_row() -> None:

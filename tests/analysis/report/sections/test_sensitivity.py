@@ -1,9 +1,7 @@
 """Sensitivities, and what the data cannot tell."""
 
 from analysis.report.report import report_json
-from tests.analysis.reports import (
-    study_report,
-)
+from tests.analysis.reports import study_report
 
 
 def test_catch_and_opposite_trials_give_change_detection() -> None:

@@ -1,0 +1,23 @@
+"""Where the report comes from: what it states is what it was made with."""
+
+import re
+
+import pytest
+
+from analysis.report.report import report_json
+from analysis.trials.arrays import LAW
+from device.friction.changes import CONDITIONS
+from device.friction.contrasts import predicted_contrast
+from tests.analysis.reports import plain_report
+
+
+def test_the_rung_that_is_stated_is_the_one_that_predicted() -> None:
+    numbers = report_json(plain_report())
+    stated = re.search(r"\brung (\w+)", numbers["provenance"]["model parameters"])
+    assert stated is not None
+    trial = next(trial for trial in numbers["trials"] if trial["condition"] == "voltage")
+    by_rung = {
+        rung: predicted_contrast(CONDITIONS["voltage"], LAW, rung) for rung in ("mode", "far-field")
+    }
+    assert trial["predicted"][LAW] == by_rung[stated[1]]
+    assert by_rung["far-field"] != pytest.approx(by_rung["mode"], rel=1e-9)

@@ -1,0 +1,55 @@
+"""The scale of the scores: a report of any scale names it and draws to it."""
+
+from functools import cache
+
+import numpy as np
+
+from analysis.loading.study_data import loaded
+from analysis.report.findings import Scale
+from analysis.report.report import Report, report, report_html
+from tests.analysis.reports import ORIGIN, PAPER, SCORES, imported, session_events
+
+HUNDRED = PAPER.model_copy(
+    update={"rating": PAPER.rating.model_copy(update={"minimum": 0, "maximum": 100})}
+)
+
+
+@cache
+def of_a_hundred() -> Report:
+    """A report of two sessions whose scores are ten times as large as those of the paper."""
+    rng = np.random.default_rng(1)
+    sessions = [
+        [
+            (tag, {**payload, "score": 10 * payload["score"]} if payload.get("score") else payload)
+            for tag, payload in session_events(PAPER, slot, rng)
+        ]
+        for slot in range(2)
+    ]
+    return report("a study", loaded(sessions, rehearsals=False), HUNDRED, ORIGIN)
+
+
+def test_the_scale_is_the_studys_and_that_of_a_published_table_is_its_own() -> None:
+    assert of_a_hundred().scale == Scale(0, 100)
+    assert str(of_a_hundred().scale) == "0 to 100"
+    published = report("a study", imported(SCORES), HUNDRED, ORIGIN)
+    assert published.scale == Scale(0, 10)
+
+
+def test_captions_methods_and_figures_name_the_studys_scale() -> None:
+    page = report_html(of_a_hundred())
+    assert "condition, 0 (no effect) to 100 (very effective)." in page
+    assert "strength of the effect from 0 (no effect) to 100 (very effective)." in page
+    assert "<!-- score, 0 to 100 -->" in page
+    assert "<!-- rating, 0 to 100 -->" in page
+    assert "to 10 (very effective)" not in page
+    assert "0 to 10 -->" not in page
+
+
+def test_only_the_highest_score_of_the_scale_is_at_the_ceiling() -> None:
+    assert "of the scores are the highest possible" not in report_html(of_a_hundred())
+    assert "of the scores are the highest possible" in report_html(
+        report("a study", imported([[10, 7, 9], [4, 10, 9]]), PAPER, ORIGIN)
+    )
+    assert "of the scores are the highest possible" not in report_html(
+        report("a study", imported([[9, 7, 9], [4, 9, 9]]), PAPER, ORIGIN)
+    )

@@ -1,5 +1,6 @@
 """The scale of the scores: a report of any scale names it and draws to it."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -7,7 +8,7 @@ import numpy as np
 from analysis.loading.study_data import loaded
 from analysis.report.findings import Scale
 from analysis.report.report import Report, report, report_html
-from tests.analysis.reports import ORIGIN, PAPER, SCORES, imported, session_events
+from tests.analysis.reports import ORIGIN, PAPER, plain_report, session_events
 
 HUNDRED = PAPER.model_copy(
     update={"rating": PAPER.rating.model_copy(update={"minimum": 0, "maximum": 100})}
@@ -31,8 +32,7 @@ def of_a_hundred() -> Report:
 def test_the_scale_is_the_studys_and_that_of_a_published_table_is_its_own() -> None:
     assert of_a_hundred().scale == Scale(0, 100)
     assert str(of_a_hundred().scale) == "0 to 100"
-    published = report("a study", imported(SCORES), HUNDRED, ORIGIN)
-    assert published.scale == Scale(0, 10)
+    assert replace(plain_report(), study=HUNDRED).scale == Scale(0, 10)
 
 
 def test_captions_methods_and_figures_name_the_studys_scale() -> None:
@@ -46,10 +46,6 @@ def test_captions_methods_and_figures_name_the_studys_scale() -> None:
 
 
 def test_only_the_highest_score_of_the_scale_is_at_the_ceiling() -> None:
-    assert "of the scores are the highest possible" not in report_html(of_a_hundred())
-    assert "of the scores are the highest possible" in report_html(
-        report("a study", imported([[10, 7, 9], [4, 10, 9]]), PAPER, ORIGIN)
-    )
-    assert "of the scores are the highest possible" not in report_html(
-        report("a study", imported([[9, 7, 9], [4, 9, 9]]), PAPER, ORIGIN)
-    )
+    warning = "of the scores are the highest possible"
+    assert f"8% {warning}" in report_html(plain_report())
+    assert warning not in report_html(of_a_hundred())

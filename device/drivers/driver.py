@@ -1,7 +1,7 @@
 """What a driver is: one interface for every dialect, and what all of them do alike.
 
 Set, wait until it is done, drain the error queue, read back: the read-back is the contract.
-A new dialect is one new file in `device/drivers`, and its name in `protocol.study.rig.Dialect`.
+A new dialect is one new file in `device/drivers`.
 """
 
 import math

@@ -1,9 +1,11 @@
 """The base of a study's records: what their numbers, names and lines of text may be."""
 
 import re
-from typing import Annotated
+from collections.abc import Callable, Iterable, Sequence
+from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
+from pydantic_core import PydanticKnownError
 
 _UNPRINTABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
 UNWANTED = "must hold no control characters and none that turn the direction of writing"
@@ -48,6 +50,36 @@ Name = Annotated[
     str, Field(min_length=1, max_length=LONGEST_NAME), AfterValidator(require_printable)
 ]
 Line = Annotated[str, Field(min_length=1, max_length=500)]
+
+
+Names = Callable[[], Iterable[str]]
+"""Of what there is, looked up when somebody asks."""
+
+
+def known_as(kind: str) -> BeforeValidator:
+    """Return what refuses a name that the validation's context does not list under `kind`.
+
+    The context holds `Names`. Where it has none of that kind, any name will do.
+    """
+
+    def known(name: Any, info: ValidationInfo) -> Any:
+        names: Names | None = (info.context or {}).get(kind)
+        there = None if names is None else tuple(names())
+        if there is not None and name not in there:
+            raise PydanticKnownError("literal_error", {"expected": alternatives(there)})
+        return name
+
+    return BeforeValidator(known)
+
+
+def alternatives(names: Sequence[str]) -> str:
+    """Return `names` as a choice.
+
+    >>> alternatives(["board", "keysight", "rigol"])
+    "'board', 'keysight' or 'rigol'"
+    """
+    *first, last = map(repr, names)
+    return f"{', '.join(first)} or {last}" if first else last
 
 
 class Record(BaseModel):

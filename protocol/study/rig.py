@@ -5,9 +5,9 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field
 
 from protocol.address import ADDRESS_RULE, is_address
-from protocol.study.fields import Line, Positive, Record
+from protocol.study.fields import Line, Positive, Record, known_as
 
-Dialect = Literal["board", "keysight"]
+Dialect = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$"), known_as("dialects")]
 """Each is a driver of that name; what is no board is a generator with an amplifier behind it."""
 
 
@@ -29,7 +29,8 @@ class Rig(Record):
         ),
     ] = "sim"
     dialect: Annotated[
-        Dialect, Field(description="what the device speaks: `keysight` is a generator")
+        Dialect,
+        Field(description="what the device speaks: `board`, or `keysight`, which is a generator"),
     ] = "board"
     voltages_are: Annotated[
         Literal["peak"],

@@ -11,6 +11,7 @@ from importlib.resources import files
 from pydantic import ValidationError
 
 from protocol.errors import MOST_PROBLEMS, BadInput, Problem
+from protocol.study.fields import Names
 from protocol.study.study import Study
 from protocol.study_file.limits import problems
 from protocol.study_file.toml import toml_document
@@ -45,13 +46,19 @@ def template_tests() -> str:
     return (files("protocol") / "templates" / "test_study.py.txt").read_text(encoding="utf-8")
 
 
-def parsed_study(text: str, source: str = "study.toml", further: Further = lambda _: ()) -> Study:
+def parsed_study(
+    text: str,
+    source: str = "study.toml",
+    further: Further = lambda _: (),
+    dialects: Names | None = None,
+) -> Study:
     """Return the study that `text` describes.
 
     Args:
         text: a study file in TOML.
         source: what to call it in messages.
         further: finds what else is wrong with the study, where more is known than its file says.
+        dialects: what devices there are speak; without it any name will do.
 
     Raises:
         StudyError: the text is no TOML, breaks the schema, asks for more than the rig allows or
@@ -60,14 +67,14 @@ def parsed_study(text: str, source: str = "study.toml", further: Further = lambd
     document = toml_document(text)
     if isinstance(document, Problem):
         raise StudyError(source, [document])
+    known = {} if dialects is None else {"dialects": dialects}
     try:
-        study = Study.model_validate(document)
+        study = Study.model_validate(document, context=known)
     except ValidationError as error:
         from protocol.study_file.recovery import semantic_problems
 
-        raise StudyError(
-            source, located(text, semantic_problems(document, error, further))
-        ) from error
+        found = semantic_problems(document, error, further, known)
+        raise StudyError(source, located(text, found)) from error
     if found := problems(study, further(study)):
         raise StudyError(source, located(text, found))
     return study

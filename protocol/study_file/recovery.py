@@ -3,7 +3,7 @@
 Without it a misspelt key would hide a 201 V programme until the key is mended.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from copy import deepcopy
 from typing import Any
 
@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from protocol.errors import MOST_PROBLEMS, Path, Problem
 from protocol.plan.feasibility import design_problems
+from protocol.study.fields import Names
 from protocol.study.study import Study
 from protocol.study_file.limits import limit_problems
 from protocol.study_file.schema_errors import follows, schema_problems, unreadable
@@ -30,6 +31,7 @@ def semantic_problems(
     document: dict[str, Any],
     error: ValidationError,
     further: Callable[[Study], Iterable[Problem]],
+    known: Mapping[str, Names],
 ) -> list[Problem]:
     """Return what breaks the schema, and what else is wrong in the rest of the document.
 
@@ -39,9 +41,10 @@ def semantic_problems(
         document: the study file's content.
         error: what the schema says of it.
         further: finds what else is wrong with a study, where more is known than its file says.
+        known: the names that it may choose from, by kind.
     """
     broken = schema_problems(document, error)
-    if len(broken) > MOST_PROBLEMS or (study := recovered(document)) is None:
+    if len(broken) > MOST_PROBLEMS or (study := recovered(document, known)) is None:
         return broken
     unknown = [unreadable(problem) for problem in broken]
     found = [*limit_problems(study), *further(study)]
@@ -55,15 +58,19 @@ def _rests_on(path: Path, unknown: list[Path]) -> bool:
     return any(path[: len(other)] == other[: len(path)] for other in unknown)
 
 
-def recovered(document: dict[str, Any]) -> Study | None:
+def recovered(document: dict[str, Any], known: Mapping[str, Names]) -> Study | None:
     """Return the study that is left when what breaks the schema is replaced by something harmless.
 
     `None` if nothing can be made of the document.
+
+    Args:
+        document: the study file's content.
+        known: the names that it may choose from, by kind.
     """
     sound = deepcopy(document)
     for _ in range(_ROUNDS):
         try:
-            return Study.model_validate(sound)
+            return Study.model_validate(sound, context=known)
         except ValidationError as error:
             for entry in error.errors(include_url=False):
                 if not follows(entry):

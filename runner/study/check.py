@@ -17,7 +17,7 @@ from protocol.study.questions import PAPERS_BANDS
 from protocol.study.study import Study
 from protocol.study.touch import Touch
 from protocol.study_file.loading import StudyError, located, parsed_study
-from runner.study.folder import StudyFolder
+from runner.study.folder import StudyFolder, dialects
 
 
 def validated_study(text: str, source: str) -> Study:
@@ -26,7 +26,7 @@ def validated_study(text: str, source: str) -> Study:
     Raises:
         StudyError: it cannot be used.
     """
-    return parsed_study(text, source, _out_of_place)
+    return parsed_study(text, source, _out_of_place, dialects)
 
 
 def _out_of_place(study: Study) -> Iterator[Problem]:

@@ -2,7 +2,7 @@
 
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +13,13 @@ from protocol.study_file.loading import parsed_study
 from runner.study.files import make_folder, short_text, take_away
 
 _PSEUDONYM = re.compile(r"(?=.*[0-9])[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
+
+
+def dialects() -> Iterable[str]:
+    """Return what the devices speak that there is a driver for."""
+    from device.drivers.registry import drivers
+
+    return drivers()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +75,7 @@ class StudyFolder:
             BadInput: there is none.
             StudyError: it cannot be used.
         """
-        return parsed_study(self.text(), str(self.study_file))
+        return parsed_study(self.text(), str(self.study_file), dialects=dialects)
 
     def existing_journal(self) -> Path:
         """Return the path of the journal.

@@ -1,9 +1,9 @@
 """The drivers behind one interface: the registry, the amplifier's arithmetic, order of set-up."""
 
 import sys
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import get_args
 
 import pytest
 
@@ -17,7 +17,7 @@ from device.link.link import Link
 from device.simulator.client import ControlClient, simulator_process
 from protocol.address import AddressError
 from protocol.journal.records import ReadBack
-from protocol.study.rig import Dialect
+from protocol.study_file.loading import StudyError, parsed_study, template
 from tests.device.rigs import DRIVE, LIMITS, TOUCHBEAM, opened, until
 from tests.device.scripted import ScriptedPort, ticking
 
@@ -45,19 +45,31 @@ def test_dialects_are_found_by_name_and_by_who_answers() -> None:
         driver_for("Rigol,DG1022,1,2")
 
 
-def test_a_study_may_name_every_dialect_that_there_is() -> None:
-    assert set(get_args(Dialect)) == set(drivers())
-
-
-def test_the_next_dialect_is_one_new_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture
+def next_dialect(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """A dialect that a new file brings."""
     (tmp_path / "next_dialect.py").write_text(NEW_DIALECT)
     monkeypatch.setattr(device.drivers, "__path__", [*device.drivers.__path__, str(tmp_path)])
     drivers.cache_clear()
-    try:
-        assert driver_of("next").dialect == "next"
-    finally:
-        drivers.cache_clear()
-        sys.modules.pop("device.drivers.next_dialect", None)
+    yield "next"
+    drivers.cache_clear()
+    sys.modules.pop("device.drivers.next_dialect", None)
+
+
+def test_the_next_dialect_is_one_new_file(next_dialect: str) -> None:
+    assert driver_of(next_dialect).dialect == next_dialect
+
+
+def rig(dialect: str) -> str:
+    keys = f'dialect = "{dialect}"\namplifier_gain = 20\ngenerator_max_vpp = 20'
+    return template("paper").replace('device = "sim"', keys, 1)
+
+
+def test_a_study_may_name_every_dialect_that_there_is(next_dialect: str) -> None:
+    for dialect in drivers():
+        assert parsed_study(rig(dialect), dialects=drivers).rig.dialect == dialect
+    with pytest.raises(StudyError, match="'board', 'keysight' or 'next', got 'nxt'; did you mean"):
+        parsed_study(rig("nxt"), dialects=drivers)
 
 
 def test_the_papers_numbers_for_the_amplifier() -> None:

@@ -144,8 +144,15 @@ def test_an_unknown_template_is_refused() -> None:
 def test_a_bad_study_is_refused_in_one_line(right: str, wrong: str, message: str) -> None:
     assert right in PAPER
     with pytest.raises(StudyError, match=message) as caught:
-        parsed_study(PAPER.replace(right, wrong, 1))
+        parsed_study(PAPER.replace(right, wrong, 1), dialects=lambda: ("board", "keysight"))
     assert "\n" not in str(caught.value)
+
+
+def test_a_dialect_is_a_name_where_nobody_says_which_there_are() -> None:
+    rig = 'dialect = "rigol"\namplifier_gain = 20\ngenerator_max_vpp = 20'
+    assert parsed_study(PAPER.replace('device = "sim"', rig, 1)).rig.dialect == "rigol"
+    with pytest.raises(StudyError, match=r"rig\.dialect: string should match pattern"):
+        parsed_study(PAPER.replace('device = "sim"', 'dialect = "a b"', 1))
 
 
 @pytest.mark.parametrize(
@@ -353,7 +360,7 @@ def test_whatever_is_broken_the_rest_is_still_looked_at(
             holder[place[-1]] = junk
             if junk == "delete":
                 del holder[place[-1]]
-    assert recovered(document) is not None
+    assert recovered(document, {}) is not None
     error = _error_of(document)
     if error is not None:
         assert 1 <= len(schema_problems(document, error)) <= error.error_count()

@@ -274,3 +274,23 @@ def test_a_text_that_does_not_fit_the_participants_screen_is_found_by_line(
     assert "rating.bands.0.en: a text must fit its place" in line
     assert "got 'imperceptible'; shorten it" in line
     assert ": rating" in line.split("study.toml:")[1]
+
+
+@pytest.mark.parametrize(
+    ("dialect", "shown"),
+    [
+        (
+            "boards",
+            "study.toml:11: rig.dialect: must be one of 'board' or 'keysight', got 'boards'",
+        ),
+        ("Keysight", "got 'Keysight'; did you mean 'keysight'?"),
+    ],
+)
+def test_a_dialect_must_have_a_driver(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], dialect: str, shown: str
+) -> None:
+    folder = study(tmp_path, "paper", ("voltages_are", f'dialect = "{dialect}"\nvoltages_are'))
+    assert typed("check", folder) == 2
+    assert shown in capsys.readouterr().err
+    assert typed("run", folder, "--participant", "P01", "--ratings", "virtual") == 2
+    assert shown in capsys.readouterr().err

@@ -14,11 +14,11 @@ from statistics import median
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
+from protocol.study.texts import study_wording
 from protocol.study_file.loading import parsed_study, template
 from runner.screens import Instruction, Pacing, Screen
 from runner.window.client import Peer, participant_window
 from runner.window.messages import Settings, show_message
-from runner.window.pages import Wording
 from runner.window.preflight import study_window
 from tests.runner.window.person import virtual_display
 
@@ -65,7 +65,7 @@ class _Seen(Exception):
 
 def _first_screen_s() -> float:
     start = time.perf_counter()
-    settings = Settings(wording=Wording())
+    settings = Settings(wording=study_wording(PAPER, "en"))
     with suppress(_Seen), participant_window([TOUCHBEAM, "participant-window"], settings):
         took_s = time.perf_counter() - start
         raise _Seen
@@ -88,7 +88,9 @@ def test_the_first_screen_takes_at_most_half_as_long_again_as_a_bare_window(
 def test_the_window_shows_a_touch_within_one_frame(
     benchmark: BenchmarkFixture,
 ) -> None:
-    window = study_window([TOUCHBEAM], PAPER, "en", None, screen=0, windowed=False)
+    window = study_window(
+        [TOUCHBEAM], PAPER, study_wording(PAPER, "en"), None, screen=0, windowed=False
+    )
     with suppress(_Seen), window as participant:
         screens = Screens(participant.peer)
         for _ in range(40):  # until all that is foreseen was built

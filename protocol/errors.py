@@ -1,6 +1,7 @@
 """Errors that are not ours, told apart by exit codes, and problems of a study file."""
 
 from dataclasses import dataclass
+from pathlib import PurePath
 
 
 class BadInput(ValueError):
@@ -20,7 +21,8 @@ MOST_PROBLEMS = 50
 class Problem:
     """Something wrong with a study: where it stands, the broken rule, the value, what to do.
 
-    `path` leads to the key in the study file, `line` says where that is, counted from 1.
+    `path` leads to the key in the study file, `line` says where that is, counted from 1. `file` is
+    another file beside the study file, if it stands there.
     """
 
     where: str
@@ -29,6 +31,7 @@ class Problem:
     hint: str = ""
     path: Path = ()
     line: int | None = None
+    file: str = ""
 
     def __str__(self) -> str:
         """One line for a person."""
@@ -37,4 +40,5 @@ class Problem:
 
     def located(self, source: str) -> str:
         """The same line with the file, and the line in it, in front."""
-        return f"{source}:{self.line}: {self}" if self.line else f"{source}: {self}"
+        place = str(PurePath(source).parent / self.file) if self.file else source
+        return f"{place}:{self.line}: {self}" if self.line else f"{place}: {self}"

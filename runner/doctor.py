@@ -15,7 +15,8 @@ from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
 
-from runner.window.text_layout import FONTS, first_font, missing
+from protocol.study.languages import built_in, built_in_codes
+from runner.window.text_layout import first_font, missing_font
 
 PACKAGES = ("protocol", "device", "runner", "analysis")
 DEPENDENCIES = ("psychopy", "pyserial", "numpy", "scipy", "matplotlib", "pydantic")
@@ -146,11 +147,15 @@ def _fonts() -> Finding:
     if fc_list is None:
         return Finding(what="fonts", ok=True, value="unknown", hint="fontconfig is not installed")
     names = subprocess.run([fc_list], capture_output=True, text=True, check=False).stdout
-    found = {language: first_font(language, names.__contains__) for language in FONTS}
-    lacking = [language for language, font in found.items() if font is None]
+    languages = {code: built_in(code) for code in built_in_codes()}
+    found = {code: first_font(each.fonts, names.__contains__) for code, each in languages.items()}
+    lacking = [code for code, font in found.items() if font is None]
     return Finding(
         what="fonts",
         ok=True,
-        value=", ".join(f"{language}: {font or 'none'}" for language, font in found.items()),
-        hint="; ".join(missing(language) for language in lacking),
+        value=", ".join(f"{code}: {font or 'none'}" for code, font in found.items()),
+        hint="; ".join(
+            missing_font(code, languages[code].fonts, languages[code].font_package)
+            for code in lacking
+        ),
     )

@@ -117,7 +117,7 @@ def _described(column: Column, data: Dataset) -> dict[str, Any]:
     """
     if column.per_touch:
         return {"Description": _in_words(column), "Delimiter": BETWEEN_TOUCHES}
-    levels = data.condition_levels() if column.name == "condition" else column.levels
+    levels = data.levels(column)
     return _given(
         {
             "Description": column.description,

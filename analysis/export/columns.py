@@ -279,7 +279,6 @@ _SETTING = (
     Column(
         name="language",
         description="What the participant read.",
-        levels={"en": "English", "zh": "Chinese"},
         of=_opened("language"),
     ),
     Column(

@@ -11,8 +11,8 @@ from analysis.cells import Cell
 from analysis.loading.records import TrialRecord, Trials
 from analysis.loading.sessions import Recorded, trials
 from protocol.study.design import Publication
-from protocol.study.study import Language, Study
-from protocol.study.texts import study_texts
+from protocol.study.study import Study
+from protocol.study.texts import language, study_codes, study_wording
 
 _OTHER = re.compile(r"[^0-9A-Za-z]")
 
@@ -123,6 +123,14 @@ class Dataset:
         """Return the label of each participant, by pseudonym."""
         return labels(trial.session.participant for trial in self.trials.trials)
 
+    def levels(self, column: "Column") -> Mapping[str, str]:
+        """Return what the words in `column` stand for; this study may have words of its own."""
+        if column.name == "condition":
+            return self.condition_levels()
+        if column.name == "language":
+            return {code: language(self.study, code).name for code in study_codes(self.study)}
+        return column.levels
+
     def condition_levels(self) -> dict[str, str]:
         """Return what each condition asks, as far as the study file still has it."""
         asked = {
@@ -154,9 +162,11 @@ class Dataset:
             )
         )
 
-    def instructions(self, language: Language | None) -> str | None:
-        """Return what participants read at first in `language`; None if nobody knows."""
-        return None if language is None else study_texts(self.study, language)["welcome"]
+    def instructions(self, code: str | None) -> str | None:
+        """Return what participants read at first in a language; None if nobody knows."""
+        if code not in study_codes(self.study):
+            return None
+        return study_wording(self.study, code).texts.get("welcome")
 
 
 def dataset(
@@ -189,9 +199,9 @@ def dataset(
     )
 
 
-def language_of(rows: Sequence[TrialRecord]) -> Language | None:
+def language_of(rows: Sequence[TrialRecord]) -> str | None:
     """Return the language of a session; None for a published one."""
-    found: Language | None = rows[0].session.opened.get("language")
+    found: str | None = rows[0].session.opened.get("language")
     return found
 
 

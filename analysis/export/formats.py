@@ -31,7 +31,7 @@ def trials_csv(data: Dataset) -> str:
 
 
 def _described(column: Column, data: Dataset) -> dict[str, object]:
-    levels = data.condition_levels() if column.name == "condition" else column.levels
+    levels = data.levels(column)
     return {
         "description": column.description,
         **({"unit": column.unit} if column.unit else {}),

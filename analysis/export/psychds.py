@@ -73,7 +73,7 @@ def _institution(data: Dataset) -> dict[str, str] | None:
 
 
 def _variable(column: Column, data: Dataset) -> dict[str, Any]:
-    levels = data.condition_levels() if column.name == "condition" else column.levels
+    levels = data.levels(column)
     terms = [
         {"@type": "DefinedTerm", "name": csv_cell(level), "description": meaning}
         for level, meaning in levels.items()

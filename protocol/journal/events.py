@@ -45,9 +45,9 @@ class SessionOpened(Event):
     sequence: Annotated[tuple[str, ...], Key("conditions in the order of the plan", missing=())]
     conditions: Annotated[tuple[str, ...], Key("conditions in the order of the study file")]
     study_sha256: Annotated[str | None, Key("digest of the study file", missing=None)]
-    study_text: Annotated[str | None, Key("the study file", missing=None)]
+    study_text: Annotated[str | None, Key("the study file, with its own languages", missing=None)]
     trials: Annotated[tuple[PlannedTrial, ...], Key("all planned trials", missing=())]
-    language: Annotated[str | None, Key("of the participant's texts, `en` or `zh`", missing=None)]
+    language: Annotated[str | None, Key("code of the participant's language", missing=None)]
     consent: Annotated[str | None, Key("reference of the signed consent, if any", missing=None)]
     seed: Annotated[
         int | None, Key("of the simulated device and the virtual participant", missing=None)
@@ -62,9 +62,9 @@ class SessionResumed(Event):
     TAG: ClassVar = "session-resumed"
 
     study_sha256: Annotated[str | None, Key("digest of the study file", missing=None)]
-    study_text: Annotated[str | None, Key("the study file", missing=None)]
+    study_text: Annotated[str | None, Key("the study file, with its own languages", missing=None)]
     trials: Annotated[tuple[PlannedTrial, ...], Key("all trials as planned under it", missing=())]
-    language: Annotated[str | None, Key("of the participant's texts, `en` or `zh`", missing=None)]
+    language: Annotated[str | None, Key("code of the participant's language", missing=None)]
     consent: Annotated[str | None, Key("reference of the signed consent, if any", missing=None)]
     seed: Annotated[
         int | None, Key("of the simulated device and the virtual participant", missing=None)

@@ -5,6 +5,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from protocol.study.fields import Count, Line, NotNegative, Positive, Record, Share, Whole
+from protocol.study.languages import KnownCode
 
 Order = Literal["williams", "blocks", "random", "fixed"]
 Grouping = Literal["no", "block", "session"]
@@ -109,8 +110,12 @@ OperatorQuestion = Literal["skin state", "room temperature", "humidity", "cleani
 
 
 class SessionRules(Record):
-    """What a session asks of the operator, and when it may be resumed."""
+    """What a session is read in, what it asks of the operator, and when it may be resumed."""
 
+    languages: Annotated[
+        tuple[KnownCode, ...],
+        Field(min_length=1, description="in which all that participants read must be there"),
+    ] = ("en", "zh")
     operator_asks: Annotated[
         tuple[OperatorQuestion, ...],
         Field(description="what the operator notes before the first trial"),

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
 from protocol.study.fields import Line, Record, Whole
 
@@ -57,21 +57,29 @@ def no_change(question: Question) -> str:
 
 
 class Band(Record):
-    """The name of a range of scores, in each language."""
+    """A range of scores, and its name in each language by the language's code."""
+
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[
+        str, Annotated[Line, Field(description="its name in that language, such as `en`")]
+    ] = Field(init=False)
 
     first: Annotated[Whole, Field(alias="from", description="lowest score of the band")]
     last: Annotated[Whole, Field(alias="to", description="highest score of the band")]
-    en: Annotated[Line, Field(description="its name in English")]
-    zh: Annotated[Line, Field(description="its name in Chinese")]
+
+    @property
+    def names(self) -> dict[str, str]:
+        """The names that the study file gives, by language."""
+        return self.__pydantic_extra__
 
 
-PAPERS_BANDS = (
-    Band(first=0, last=0, en="no effect", zh="无效果"),
-    Band(first=1, last=4, en="very weak", zh="很弱"),
-    Band(first=5, last=7, en="general", zh="一般"),
-    Band(first=8, last=10, en="very effective", zh="非常有效"),
-)
-"""The paper's names of its scores (section 5.2)."""
+PAPERS_BANDS = {
+    (0, 0): "no effect",
+    (1, 4): "very weak",
+    (5, 7): "general",
+    (8, 10): "very effective",
+}
+"""The paper's names of its scores (section 5.2): first and last score, and the key in languages."""
 
 
 class Rating(Record):

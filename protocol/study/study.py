@@ -10,11 +10,11 @@ from pydantic import Field, model_validator
 
 from protocol.study.design import Design, Exclusions, Publication, SessionRules, Timing
 from protocol.study.fields import Name, NotNegative, Positive, Record, Whole
+from protocol.study.languages import Code, KnownCode, Language
 from protocol.study.questions import ANSWERS, Question, Rating
 from protocol.study.rig import Rig
 from protocol.study.touch import Touch, TouchDefaults
 
-Language = Literal["en", "zh"]
 Level = Annotated[Positive, Field(ge=0.001, le=200)]
 """Of an amplitude: 200 makes 1 V the largest there is, and a thousandth drives nothing."""
 Spacing = Annotated[NotNegative, Field(le=0.05)]
@@ -116,8 +116,15 @@ class Study(Record):
         Publication, Field(description="Facts for exported data that only the author knows.")
     ] = Publication()
     texts: Annotated[
-        dict[Language, dict[Name, Annotated[str, Field(min_length=1)]]],
+        dict[KnownCode, dict[Name, Annotated[str, Field(min_length=1)]]],
         Field(description="Texts that replace the built-in ones, per language."),
+    ] = Field(default_factory=dict)
+    languages: Annotated[
+        dict[Code, Language],
+        Field(
+            description="Languages of the study's own, before the built-in ones: each a file "
+            "`texts/CODE.toml` beside the study file."
+        ),
     ] = Field(default_factory=dict)
     opening: Annotated[
         tuple[Opening, ...], Field(description="Trials that begin every session, not scored.")

@@ -4,17 +4,18 @@ What finds and tells mistakes is loaded when there are any.
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from hashlib import sha256
 from importlib.resources import files
+from typing import Any
 
 from pydantic import ValidationError
 
-from protocol.errors import MOST_PROBLEMS, BadInput, Problem
+from protocol.errors import BadInput, Problem
 from protocol.study.fields import Names
+from protocol.study.languages import built_in_codes
 from protocol.study.study import Study
+from protocol.study_file.language_files import located, whole_document
 from protocol.study_file.limits import problems
-from protocol.study_file.toml import toml_document
 
 TEMPLATES = ("paper", "extended")
 Further = Callable[[Study], Iterable[Problem]]
@@ -64,10 +65,10 @@ def parsed_study(
         StudyError: the text is no TOML, breaks the schema, asks for more than the rig allows or
             for what cannot be met.
     """
-    document = toml_document(text)
+    document = whole_document(text)
     if isinstance(document, Problem):
         raise StudyError(source, [document])
-    known = {} if dialects is None else {"dialects": dialects}
+    known = _known(document, dialects)
     try:
         study = Study.model_validate(document, context=known)
     except ValidationError as error:
@@ -80,21 +81,14 @@ def parsed_study(
     return study
 
 
-def located(text: str, found: list[Problem]) -> list[Problem]:
-    """Return the problems with their lines in the study file `text`, in its order.
-
-    Of more than `MOST_PROBLEMS` the first ones, and one that says so.
-    """
-    from protocol.study_file.toml import key_lines, line_of
-
-    lines = key_lines(text)
-    located = [replace(problem, line=line_of(lines, problem.path)) for problem in found]
-    located.sort(key=lambda problem: problem.line or 0)
-    if len(located) > MOST_PROBLEMS:
-        rule = f"at most {MOST_PROBLEMS} problems are listed"
-        more = Problem(where="file", rule=rule, value="more", hint="correct these first")
-        return [*located[:MOST_PROBLEMS], more]
-    return located
+def _known(document: dict[str, Any], dialects: Names | None) -> dict[str, Names]:
+    """What names there are for a study to choose from."""
+    own = document.get("languages")
+    codes = own if isinstance(own, dict) else {}
+    known: dict[str, Names] = {
+        "languages": lambda: dict.fromkeys([*built_in_codes(), *codes]),
+    }
+    return known if dialects is None else {**known, "dialects": dialects}
 
 
 def text_digest(text: str) -> str:

@@ -4,8 +4,8 @@ import json
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from protocol.study.languages import reference_texts
 from protocol.study.study import Study
-from protocol.study.texts import TEXTS
 
 _Schema = Mapping[str, Any]
 
@@ -42,6 +42,17 @@ _DESIGN = """\
 """
 
 
+_LANGUAGES = """\
+A code is one of BCP 47, such as `fr` or `pt-BR`. Every key must be there, and every text must have
+the fields in braces that the built-in one has; a touch may name further keys as its `instruction`.
+`touchbeam check` lists what is wrong with the file, by line, and `touchbeam run --language CODE`
+takes it. The journal keeps the file with the study file, and `touchbeam amend` accepts a change.
+
+`protocol/texts/en.toml` is a file to start from. One that is added there is a language of every
+study; `session.languages` says in which languages a study must be complete.
+"""
+
+
 def study_file_page() -> str:
     """Return the page as Markdown."""
     schema = Study.model_json_schema()
@@ -60,7 +71,9 @@ def _sections(schema: _Schema) -> Iterator[str]:
         if name == "rating":
             yield f"### A band, in `bands`\n\n{_table(records['Band'])}"
         if name == "texts":
-            yield _list(TEXTS["en"])
+            yield _list(reference_texts())
+        if name == "languages":
+            yield _LANGUAGES
     touch = records["Touch"]
     yield f"## A touch, in `touches`\n\n{touch['description']}\n\n{_table(touch).rstrip()}\n"
 
@@ -73,6 +86,8 @@ def _list(texts: Mapping[str, str]) -> str:
 def _header(name: str, entry: _Schema) -> str:
     if entry.get("type") == "array":
         return f"[[{name}]]"
+    if name == "languages":
+        return "texts/CODE.toml"
     return f"[{name}.en]` and `[{name}.zh]" if name == "texts" else f"[{name}]"
 
 
@@ -81,7 +96,10 @@ def _description(entry: _Schema, record: _Schema | None) -> str:
 
 
 def _record(entry: _Schema, records: _Schema) -> _Schema | None:
-    reference = entry.get("$ref") or entry.get("items", {}).get("$ref")
+    several = (entry.get("items", {}), *entry.get("patternProperties", {}).values())
+    reference = entry.get("$ref") or next(
+        (each["$ref"] for each in several if "$ref" in each), None
+    )
     return records[reference.rpartition("/")[2]] if reference else None
 
 
@@ -91,6 +109,10 @@ def _table(record: _Schema) -> str:
         f"| `{key}` | {_kind(entry)} | {_default(entry, key in required)} | {_meaning(entry)} |"
         for key, entry in record["properties"].items()
     ]
+    if isinstance(other := record.get("additionalProperties"), dict):
+        rows.append(
+            f"| a language's code | {_kind(other)} | the language's own | {_meaning(other)} |"
+        )
     return "\n".join(["| key | value | default | meaning |", "|---|---|---|---|", *rows, ""])
 
 
@@ -122,6 +144,8 @@ def _kind(entry: _Schema) -> str:
         return ", ".join(f"`{_toml(choice)}`" for choice in entry.get("enum", [entry.get("const")]))
     if entry.get("type") == "array":
         return _list_kind(entry)
+    if entry.get("type") == "object":
+        return f"table of: {_kind(entry['additionalProperties'])}"
     names = {"number": "number", "integer": "whole number", "boolean": "true or false"}
     return names.get(entry.get("type", ""), "text") + _range(entry)
 

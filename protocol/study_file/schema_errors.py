@@ -160,14 +160,14 @@ def unreadable(problem: Problem) -> Path:
 def _keys_at(path: Path) -> list[str]:
     record: type[BaseModel] = Study
     for part in path:
-        if isinstance(part, str):
-            fields = {field.alias or name: field for name, field in record.model_fields.items()}
-            record = record_in(fields[part].annotation)
+        fields = {field.alias or name: field for name, field in record.model_fields.items()}
+        if part in fields:
+            record = _record_in(fields[part].annotation) or record
     return [field.alias or name for name, field in record.model_fields.items()]
 
 
-def record_in(annotation: Any) -> type[BaseModel]:
-    """Return the record that an annotation such as `tuple[Touch, ...]` contains."""
+def _record_in(annotation: Any) -> type[BaseModel] | None:
+    """The record that an annotation such as `tuple[Touch, ...]` contains."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
-    return next(record_in(part) for part in get_args(annotation) if part is not ...)
+    return next(filter(None, map(_record_in, get_args(annotation))), None)

@@ -1,10 +1,12 @@
 """What several commands share: arguments, options, and how a result is printed."""
 
+from collections.abc import Callable, Iterable, Mapping
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer.core import TyperCommand
 
 from protocol.address import checked_address
 from protocol.errors import BadInput
@@ -27,13 +29,6 @@ class Pace(StrEnum):
 
     wall = "wall"
     stepped = "stepped"
-
-
-class Language(StrEnum):
-    """What the participant reads."""
-
-    en = "en"
-    zh = "zh"
 
 
 class Format(StrEnum):
@@ -72,6 +67,27 @@ class Overlap(StrEnum):
 
     first = "first"
     last = "last"
+
+
+def _languages() -> Iterable[str]:
+    from protocol.study.languages import built_in_codes
+
+    return built_in_codes()
+
+
+_CHOICES: Mapping[str, Callable[[], Iterable[str]]] = {"language": _languages}
+"""What there is to choose from, by the parameter; the lists stand where they are used."""
+
+
+class Choosing(TyperCommand):
+    """A command whose help lists choices, which are looked up for it alone."""
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write the options as every command does, with the choices there are."""
+        for parameter in self.params:
+            if parameter.name in _CHOICES:
+                parameter.metavar = f"<{'|'.join(_CHOICES[parameter.name]())}>"
+        super().format_options(ctx, formatter)
 
 
 def named_folder(text: str) -> Path:

@@ -7,9 +7,9 @@ import typer
 
 from protocol.errors import BadInput
 from runner.cli.options import (
+    Choosing,
     ConsentOption,
     JsonOption,
-    Language,
     Pace,
     Ratings,
     StudyArgument,
@@ -88,7 +88,7 @@ def check(
         raise typer.Exit(2)
 
 
-@app.command()
+@app.command(cls=Choosing)
 def run(
     study: StudyArgument,
     participant: Annotated[str, typer.Option(help="A pseudonym, such as P01.")],
@@ -108,7 +108,7 @@ def run(
     rehearsal: Annotated[
         bool, typer.Option("--rehearsal", help="Use no slot of the design; kept out of reports.")
     ] = False,
-    language: Annotated[Language, typer.Option()] = Language.en,
+    language: Annotated[str, typer.Option()] = "en",
     screen: Annotated[
         int, typer.Option(min=0, help="The participant's screen, counted from 0.")
     ] = 0,
@@ -134,7 +134,7 @@ def run(
         ratings=ratings.value,
         pace=pace.value if pace else None,
         rehearsal=rehearsal,
-        language=language.value,
+        language=language,
         screen=screen,
         windowed=windowed,
         consent=consent,

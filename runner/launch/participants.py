@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from device.simulator.client import ControlClient
-from protocol.study.texts import study_texts
+from protocol.study.texts import study_wording
 from runner.clock import Clock, SteppedClock
 from runner.launch.rig import SessionRig
 from runner.people.operator_console import Display, LiveDisplay, OperatorConsole, PlainDisplay
@@ -53,8 +53,8 @@ def participant_and_operator(
             yield window, operator
     else:
         lines = TypedLines(sys.stdin)
-        texts = study_texts(session.study, session.language)
-        participant_there = ConsoleParticipant(lines, say, session.language, texts)
+        wording = study_wording(session.study, session.language)
+        participant_there = ConsoleParticipant(lines, say, wording)
         yield participant_there, _operator_by_lines(lines, say, swap)
 
 

@@ -10,7 +10,8 @@ from device.resonance import Resonance
 from protocol.errors import BadInput
 from protocol.journal.state import SessionState
 from protocol.plan.plan import plan
-from protocol.study.study import Language, Study
+from protocol.study.study import Study
+from protocol.study.texts import Wording, lacking, study_codes, study_wording
 from runner.clock import Clock, SteppedClock, WallClock
 from runner.journal.cohort import slot_for, states
 from runner.journal.location import checked_place, mounts_of_this_machine
@@ -44,7 +45,7 @@ class SessionOptions:
     ratings: Ratings = "window"
     pace: Pace | None = None
     rehearsal: bool = False
-    language: Language = "en"
+    language: str = "en"
     consent: str | None = None
     seed: int | None = None
     calibration: Resonance | None = None
@@ -81,6 +82,7 @@ class _Request:
     options: SessionOptions
     study: Study
     text: str
+    wording: Wording
     url: str
     pace: Pace
     kind: SessionKind
@@ -103,6 +105,7 @@ def _request(options: SessionOptions) -> _Request:
         options=options,
         study=study,
         text=text,
+        wording=_wording(study, options.language),
         url=url,
         pace=_pace(options, url),
         kind=_kind(options, study, url),
@@ -133,6 +136,15 @@ def _kind(options: SessionOptions, study: Study, url: str) -> SessionKind:
     if study.session.consent_required and not options.consent:
         raise BadInput("this study asks for a consent: give its reference with --consent")
     return "participant"
+
+
+def _wording(study: Study, code: str) -> Wording:
+    """Return what the participant reads in the language asked for, if nothing of it is lacking."""
+    if code not in study_codes(study):
+        raise BadInput(f"--language must be one of {', '.join(study_codes(study))}, got {code!r}")
+    for text in lacking(study, code):
+        raise BadInput(f"--language {code}: this study lacks {text} in it")
+    return study_wording(study, code)
 
 
 def _context(request: _Request, say: Say, stack: ExitStack) -> SessionContext:
@@ -183,7 +195,7 @@ def _window(request: _Request) -> AbstractContextManager[WindowParticipant | Non
     return study_window(
         options.touchbeam,
         request.study,
-        options.language,
+        request.wording,
         options.consent,
         screen=options.screen,
         windowed=options.windowed,

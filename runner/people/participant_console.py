@@ -11,8 +11,7 @@ from typing import TextIO
 
 from protocol.errors import BadInput, WorkFailed
 from protocol.study.questions import ANSWERS, Rating
-from protocol.study.study import Language
-from protocol.study.texts import band_names
+from protocol.study.texts import Wording, band_names
 from runner.people.operator_keys import OPERATOR_MARK
 from runner.people.terminal import at_terminal
 from runner.screens import (
@@ -102,15 +101,18 @@ class TypedLines:
 
 @dataclass
 class ConsoleParticipant:
-    """Shows `texts`, takes typed answers, and says so when one does not fit."""
+    """Shows texts, takes typed answers, and says so when one does not fit."""
 
     typed: TypedLines
     say: Callable[[str], None]
-    language: Language
-    texts: Mapping[str, str]
+    wording: Wording
     monotonic_s: Callable[[], float] = time.monotonic
     _screen: Screen | None = field(default=None, init=False)
     _shown_s: float = field(default=0.0, init=False)
+
+    @property
+    def _texts(self) -> Mapping[str, str]:
+        return self.wording.texts
 
     def show(self, screen: Screen) -> None:
         """Print `screen`."""
@@ -136,17 +138,20 @@ class ConsoleParticipant:
     def _lines_of(self, screen: Screen) -> list[str]:
         match screen:
             case Notice(text=text):
-                return [self.texts[text]]
+                return [self._texts[text]]
             case Welcome():
-                return [self.texts["welcome"], self.texts["ready"]]
+                return [self._texts["welcome"], self._texts["ready"]]
             case Instruction(text=text):
-                return [self.texts[text], self.texts["ready"]]
+                return [self._texts[text], self._texts["ready"]]
             case Pacing(duration_s=duration_s):
-                return [f"{self.texts['touch.now']} ({duration_s:.2g} s)"]
+                return [f"{self._texts['touch.now']} ({duration_s:.2g} s)"]
             case AskChange(question=question):
-                return [self.texts[f"question.{question}"], *self._choices(ANSWERS[question])]
+                return [
+                    self._texts[f"question.{question}"],
+                    *self._choices(ANSWERS[question]),
+                ]
             case AskScore(rating=rating):
-                return [self.texts["score"], "   ".join(band_names(rating, self.language))]
+                return [self._texts["score"], "   ".join(band_names(rating, self.wording))]
 
     def _understood(self, line: str) -> str | None:
         """The answer that `line` gives to the screen, None if it gives none."""
@@ -159,7 +164,7 @@ class ConsoleParticipant:
 
     def _choice(self, line: str, answers: tuple[str, ...]) -> str | None:
         for number, answer in enumerate(answers, start=1):
-            words = {str(number), answer, self.texts[f"answer.{answer}"].strip()}
+            words = {str(number), answer, self._texts[f"answer.{answer}"].strip()}
             if line.casefold() in {word.casefold() for word in words}:
                 return answer
         self.say(f"? {line!r}")
@@ -171,11 +176,11 @@ class ConsoleParticipant:
         try:
             return str(rating.checked_score(int(line)))
         except ValueError:
-            self.say(f"? {line!r}: {self.texts['score']}")
+            self.say(f"? {line!r}: {self._texts['score']}")
             return None
 
     def _choices(self, answers: tuple[str, ...]) -> list[str]:
         return [
-            f"  {number}  {self.texts[f'answer.{answer}']}"
+            f"  {number}  {self._texts[f'answer.{answer}']}"
             for number, answer in enumerate(answers, start=1)
         ]

@@ -8,7 +8,7 @@ from typing import Literal
 from protocol.journal.events import SessionOpened, SessionResumed
 from protocol.journal.records import PlannedTrial
 from protocol.plan.trials import Plan, Trial
-from protocol.study.study import Language, Study
+from protocol.study.study import Study
 from protocol.study_file.loading import text_digest
 from runner.clock import Clock
 from runner.journal.session_log import SessionLog
@@ -27,7 +27,7 @@ class Session:
     study: Study
     study_text: str
     plan: Plan
-    language: Language = "en"
+    language: str = "en"
     consent: str | None = None
     seed: int = 1
 

@@ -13,10 +13,11 @@ from protocol.plan.trials import Trial
 from protocol.preview.preview import Predict, preview, preview_record
 from protocol.preview.text import preview_lines
 from protocol.proof.cohort import cohort_problems
-from protocol.study.questions import PAPERS_BANDS
 from protocol.study.study import Study
+from protocol.study.texts import worded_as_built
 from protocol.study.touch import Touch
-from protocol.study_file.loading import StudyError, located, parsed_study
+from protocol.study_file.language_files import located
+from protocol.study_file.loading import StudyError, parsed_study
 from runner.study.folder import StudyFolder, dialects
 
 
@@ -31,7 +32,7 @@ def validated_study(text: str, source: str) -> Study:
 
 def _out_of_place(study: Study) -> Iterator[Problem]:
     yield from reach_problems(study)
-    if study.texts or study.rating.bands not in ((), PAPERS_BANDS):  # the built-in ones do fit
+    if not worded_as_built(study):  # the built-in texts do fit
         from runner.window.preflight import fit_problems
 
         yield from fit_problems(study)
@@ -79,6 +80,7 @@ def _refused(
             "value": problem.value,
             "hint": problem.hint,
             "line": problem.line,
+            **({"file": problem.file} if problem.file else {}),
         }
         for problem in problems
     ]

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from protocol.errors import BadInput
+from protocol.study.languages import CODE
 from protocol.study.study import Study
+from protocol.study_file.language_files import with_languages
 from protocol.study_file.loading import parsed_study
 from runner.study.files import make_folder, short_text, take_away
 
@@ -48,12 +50,24 @@ class StudyFolder:
         """Where reports go unless another place is named."""
         return self.path / "report"
 
+    @property
+    def languages(self) -> Path:
+        """Languages of the study's own, one file each."""
+        return self.path / "texts"
+
     def text(self) -> str:
-        """Return the text of the study file.
+        """Return the text of the study file, with the files of the study's own languages.
 
         Raises:
-            BadInput: there is none, or nothing that can be a study.
+            BadInput: there is none, or nothing that can be a study or a language.
         """
+        return with_languages(self._study_text(), self._languages())
+
+    def _languages(self) -> dict[str, str]:
+        """What stands in the file of each language, by its code."""
+        return {_code(file): _language_text(file) for file in sorted(self.languages.glob("*.toml"))}
+
+    def _study_text(self) -> str:
         try:
             return short_text(self.study_file)
         except FileNotFoundError:
@@ -133,6 +147,19 @@ def _require_empty(path: Path) -> None:
         raise BadInput(f"{path}: no folder for a study ({error.strerror}); name another") from error
     if taken:
         raise BadInput(f"{path}: is there already and not empty; name a new folder")
+
+
+def _code(file: Path) -> str:
+    if not re.fullmatch(CODE, file.stem):
+        raise BadInput(f"{file}: must be named by a language's code, as fr.toml")
+    return file.stem
+
+
+def _language_text(file: Path) -> str:
+    try:
+        return short_text(file)
+    except (OSError, UnicodeDecodeError) as error:
+        raise BadInput(f"{file}: cannot be read ({error})") from error
 
 
 def numbered(path: Path) -> Path:

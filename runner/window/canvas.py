@@ -29,7 +29,7 @@ from runner.window.elements import (
     pixels_per_unit,
 )
 from runner.window.messages import Settings
-from runner.window.text_layout import LINE_HEIGHT, first_font, missing, wrapped
+from runner.window.text_layout import LINE_HEIGHT, first_font, missing_font, wrapped
 
 SMALL_WINDOW_PX = (800, 600)
 LOOK_FOR_WINDOW_EVERY_S = 0.5
@@ -53,9 +53,10 @@ class PsychopyCanvas:
 
     def __init__(self, settings: Settings) -> None:
         logging.console.setLevel(logging.CRITICAL)
-        font = first_font(settings.wording.language, pyglet.font.have_font)
+        wording = settings.wording
+        font = first_font(wording.fonts, pyglet.font.have_font)
         if font is None:
-            raise WorkFailed(missing(settings.wording.language))
+            raise WorkFailed(missing_font(wording.code, wording.fonts, wording.font_package))
         self._font = font
         self._window = _window(settings)
         self._scale = float(pixels_per_unit(*self._window.size))

@@ -11,6 +11,7 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from protocol.study.questions import Rating
+from protocol.study.texts import Wording
 from runner.screens import (
     AskChange,
     AskScore,
@@ -21,7 +22,6 @@ from runner.screens import (
     Screen,
     Welcome,
 )
-from runner.window.pages import Wording
 
 _SCREENS = {
     kind.__name__: kind for kind in (Notice, Welcome, Instruction, Pacing, AskChange, AskScore)
@@ -62,10 +62,7 @@ def message_of(line: str) -> dict[str, Any]:
 def settings_message(settings: Settings) -> dict[str, Any]:
     """Return `settings` as a message."""
     return {
-        "wording": {
-            "language": settings.wording.language,
-            "texts": dict(settings.wording.texts),
-        },
+        "wording": asdict(settings.wording),
         "screen": settings.screen,
         "windowed": settings.windowed,
         "foreseen": [show_message(0, screen) for screen in settings.foreseen],
@@ -75,7 +72,7 @@ def settings_message(settings: Settings) -> dict[str, Any]:
 def settings_of(message: Mapping[str, Any]) -> Settings:
     """Return the settings that `message` holds."""
     return Settings(
-        wording=Wording(**message["wording"]),
+        wording=Wording(**{**message["wording"], "fonts": tuple(message["wording"]["fonts"])}),
         screen=message["screen"],
         windowed=message["windowed"],
         foreseen=tuple(screen_of(show) for show in message["foreseen"]),

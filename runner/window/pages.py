@@ -5,11 +5,10 @@ nor which answer is expected can be seen.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from protocol.study.questions import ANSWERS
-from protocol.study.study import Language
-from protocol.study.texts import TEXTS
+from protocol.study.texts import Wording
 from runner.screens import AskChange, AskScore, Instruction, Notice, Pacing, Screen, Welcome
 from runner.window.elements import (
     ACCENT,
@@ -34,14 +33,6 @@ _BUTTON = Box(x=0, y=-215, width=320, height=68)
 _FOOT = Box(x=0, y=-275, width=760, height=30)
 _ANSWER = Box(x=0, y=95, width=420, height=62)
 _ANSWER_STEP = 78.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class Wording:
-    """The participant's language, and every text in it."""
-
-    language: Language = "en"
-    texts: Mapping[str, str] = field(default_factory=lambda: TEXTS["en"])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,7 +141,7 @@ def _score(screen: AskScore, view: PageState, wording: Wording) -> Page:
     chosen = None if view.chosen is None else int(view.chosen)
     return (
         Text(text=texts["score"], box=_TITLE, size=TITLE_SIZE),
-        *scale(screen.rating, wording.language, chosen),
+        *scale(screen.rating, wording, chosen),
         _small(texts["hint.score"], _HINT),
         *_button(texts["button.confirm"], active=chosen is not None),
     )

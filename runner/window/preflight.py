@@ -1,17 +1,24 @@
 """Texts that do not fit their places on the participant's screen, found without a screen."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager
-from typing import get_args
 
 from protocol.errors import BadInput, Path, Problem
-from protocol.study.study import Item, Language, Study
-from protocol.study.texts import study_texts, touch_text
+from protocol.study.study import Item, Study
+from protocol.study.texts import (
+    Wording,
+    band_name,
+    lacking,
+    required_codes,
+    study_wording,
+    text_path,
+    touch_text,
+)
 from runner.screens import AskChange, AskScore, Instruction, Notice, Screen, Welcome, pacing
 from runner.window.client import WindowParticipant, participant_window
 from runner.window.elements import Text
 from runner.window.messages import Settings
-from runner.window.pages import PageState, Wording, page
+from runner.window.pages import PageState, page
 from runner.window.text_layout import text_height, text_width, wrapped
 
 _NOTICES = ("wait", "touch.end", "pause", "thanks")
@@ -56,14 +63,19 @@ def misfits(screens: tuple[Screen, ...], wording: Wording) -> Iterator[str]:
 
 
 def fit_problems(study: Study) -> Iterator[Problem]:
-    """Yield a problem for every text of `study`, in every language, that does not fit its place."""
+    """Yield a problem for every text of `study` that does not fit its place.
+
+    In every language in which it must be complete, and is.
+    """
     screens = foreseen(study, consent=None)
-    for language in get_args(Language):
-        wording = Wording(language=language, texts=study_texts(study, language))
+    for code in required_codes(study):
+        if any(lacking(study, code)):
+            continue
+        wording = study_wording(study, code)
         for text in misfits(screens, wording):
-            path = _path(study, language, text)
+            path = _path(study, wording, text)
             yield Problem(
-                where=".".join(str(part) for part in path) or f"the text in {language}",
+                where=".".join(str(part) for part in path) or f"the text in {code}",
                 rule="a text must fit its place on the participant's screen",
                 value=repr(text),
                 hint="shorten it",
@@ -71,35 +83,34 @@ def fit_problems(study: Study) -> Iterator[Problem]:
             )
 
 
-def require_fit(study: Study, language: Language, consent: str | None) -> None:
+def require_fit(study: Study, wording: Wording, consent: str | None) -> None:
     """Refuse a session whose participant could not read everything.
 
     Raises:
         BadInput: a text, or the consent's reference, does not fit its place.
     """
-    wording = Wording(language=language, texts=study_texts(study, language))
     for text in misfits(foreseen(study, consent), wording):
         raise BadInput(
             f"a text must fit its place on the participant's screen, got {text!r}; shorten it"
         )
 
 
-def _path(study: Study, language: Language, text: str) -> Path:
+def _path(study: Study, wording: Wording, text: str) -> Path:
     """Where in the study file `text` stands, empty if it is a built-in one."""
-    own: Mapping[str, str] = study.texts.get(language, {})
-    for key, value in own.items():
-        if value in text:
-            return ("texts", language, key)
+    for key in (*study.texts.get(wording.code, {}), *wording.texts):
+        path = text_path(study, wording.code, key)
+        if path is not None and wording.texts[key] in text:
+            return path
     for number, band in enumerate(study.rating.bands):
-        if getattr(band, language) == text:
-            return ("rating", "bands", number, language)
+        if band_name(band, wording) == text:
+            return ("rating", "bands", number, wording.code)
     return ()
 
 
 def study_window(
     touchbeam: Sequence[str],
     study: Study,
-    language: Language,
+    wording: Wording,
     consent: str | None,
     *,
     screen: int,
@@ -110,9 +121,9 @@ def study_window(
     Raises:
         BadInput: a text does not fit its place.
     """
-    require_fit(study, language, consent)
+    require_fit(study, wording, consent)
     settings = Settings(
-        wording=Wording(language=language, texts=study_texts(study, language)),
+        wording=wording,
         screen=screen,
         windowed=windowed,
         foreseen=foreseen(study, consent),

@@ -5,9 +5,10 @@ from itertools import pairwise
 from statistics import median
 from typing import Any
 
+from protocol.study.texts import Wording
 from runner.screens import AskChange, AskScore, Instruction, Notice, Screen
 from runner.window.elements import Input, Key, Page
-from runner.window.pages import PageState, Wording, page
+from runner.window.pages import PageState, page
 from runner.window.response import PendingResponse
 from runner.window.widgets import look
 
@@ -130,7 +131,7 @@ def _name(screen: Screen) -> str:
 
 
 def _scale_look(screen: AskScore, display: dict[str, Any], wording: Wording) -> dict[str, object]:
-    seen = look(screen.rating, wording.language, display["px_per_unit"])
+    seen = look(screen.rating, wording, display["px_per_unit"])
     mm_per_px = display["mm_per_px"]
     length_px = seen["length_px"]
     assert isinstance(length_px, float)

@@ -7,12 +7,10 @@ that fits here fits on the screen.
 
 import unicodedata
 from bisect import bisect_right
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from itertools import pairwise
 from typing import NamedTuple
-
-from protocol.study.study import Language
 
 LINE_HEIGHT = 1.25
 """Distance of two lines, in ems."""
@@ -126,28 +124,20 @@ def _wide(character: str) -> bool:
     return unicodedata.east_asian_width(character) in "WF"
 
 
-FONTS: dict[Language, tuple[str, ...]] = {
-    "en": ("DejaVu Sans", "Arial", "Helvetica", "Liberation Sans"),
-    "zh": (
-        "WenQuanYi Micro Hei",
-        "Noto Sans CJK JP",  # the face of the collection that can be loaded by its name
-        "Microsoft YaHei",
-        "PingFang SC",
-    ),
-}
+def missing_font(code: str, fonts: Sequence[str], package: str | None) -> str:
+    """Return what to say when none of a language's fonts is there.
 
-PACKAGES: dict[Language, str] = {"en": "fonts-dejavu-core", "zh": "fonts-wqy-microhei"}
-"""What brings the first font on Debian and Ubuntu."""
-
-
-def missing(language: Language) -> str:
-    """Return what to say when none of the language's fonts is there."""
+    Args:
+        code: of the language.
+        fonts: that show it.
+        package: what brings the first one.
+    """
     return (
-        f"no font for the language {language} (looked for {', '.join(FONTS[language])}); "
-        f"install {PACKAGES[language]}, or use --ratings console"
+        f"no font for the language {code} (looked for {', '.join(fonts)}); "
+        f"install {package or 'one of them'}, or use --ratings console"
     )
 
 
-def first_font(language: Language, there: Callable[[str], bool]) -> str | None:
-    """Return the best font that is `there`, None if none is."""
-    return next((name for name in FONTS[language] if there(name)), None)
+def first_font(fonts: Sequence[str], there: Callable[[str], bool]) -> str | None:
+    """Return the first of `fonts` that is `there`, None if none is."""
+    return next(filter(there, fonts), None)

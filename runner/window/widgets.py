@@ -4,7 +4,7 @@ from itertools import pairwise
 
 from device.beam.beam import Beam
 from protocol.study.questions import Band, Rating
-from protocol.study.study import Language
+from protocol.study.texts import Wording, band_name
 from runner.screens import FingerPath
 from runner.window.elements import ACCENT, FAINT, INK, PALE, Box, Dot, Element, Outline, Page, Text
 
@@ -32,7 +32,7 @@ def scale_box(rating: Rating) -> Box:
     return Box(x=0, y=_LINE_Y - 12, width=width, height=90)
 
 
-def scale(rating: Rating, language: Language, chosen: int | None) -> tuple[Element, ...]:
+def scale(rating: Rating, wording: Wording, chosen: int | None) -> tuple[Element, ...]:
     """Return the scale with its four bands; it bears no mark until one is chosen."""
     ends = [score_x(end, rating) for end in (rating.minimum, rating.maximum)]
     line = Outline(
@@ -42,7 +42,7 @@ def scale(rating: Rating, language: Language, chosen: int | None) -> tuple[Eleme
     )
     mark = () if chosen is None else (Dot(x=score_x(chosen, rating), y=_LINE_Y, radius=15.0),)
     ticks = [element for score in marked(rating) for element in _tick(score, rating)]
-    bands = [element for band in rating.bands for element in _band(band, rating, language)]
+    bands = [element for band in rating.bands for element in _band(band, rating, wording)]
     return (line, *ticks, *bands, *mark)
 
 
@@ -56,13 +56,13 @@ def marked(rating: Rating) -> list[int]:
     return sorted(ends)
 
 
-def look(rating: Rating, language: Language, px_per_unit: float) -> dict[str, object]:
+def look(rating: Rating, wording: Wording, px_per_unit: float) -> dict[str, object]:
     """Return how the scale looks on a screen, for the journal."""
     length = score_x(rating.maximum, rating) - score_x(rating.minimum, rating)
     return {
         "ticks": marked(rating),
         "labels": [str(score) for score in marked(rating)],
-        "bands": [[band.first, band.last, getattr(band, language)] for band in rating.bands],
+        "bands": [[band.first, band.last, band_name(band, wording)] for band in rating.bands],
         "length_px": round(length * px_per_unit, 1),
     }
 
@@ -76,7 +76,7 @@ def _tick(score: int, rating: Rating) -> tuple[Element, ...]:
     )
 
 
-def _band(band: Band, rating: Rating, language: Language) -> tuple[Element, ...]:
+def _band(band: Band, rating: Rating, wording: Wording) -> tuple[Element, ...]:
     left = score_x(band.first, rating) - _STEP / 2 + 4
     right = score_x(band.last, rating) + _STEP / 2 - 4
     box = Box(x=(left + right) / 2, y=_BRACKET_Y - 38, width=right - left, height=62)
@@ -85,7 +85,7 @@ def _band(band: Band, rating: Rating, language: Language) -> tuple[Element, ...]
     sides = pairwise(bracket)
     return (
         *(Outline(points=side, edge=FAINT) for side in sides),
-        Text(text=getattr(band, language), box=box, size=BAND_SIZE),
+        Text(text=band_name(band, wording) or "", box=box, size=BAND_SIZE),
     )
 
 

@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 from protocol.study.questions import ANSWERS
-from protocol.study.study import Language
 from tests.runner.window.person import Controls, Person, virtual_display
 from tests.runner.window.sessions import Seat, tiny_study
 
@@ -18,7 +17,7 @@ CHOICES = [0, 0, 2, 0, 0, 1]
 SCORES = [10, 3, 0, 8, 5, 1]
 
 
-CASES: list[tuple[Controls, Language, tuple[int, int]]] = [
+CASES: list[tuple[Controls, str, tuple[int, int]]] = [
     ("mouse", "en", (800, 600)),
     ("keyboard", "zh", (800, 600)),
     ("mouse", "zh", (1920, 1080)),
@@ -36,7 +35,7 @@ class Sat:
     seat: Seat
 
 
-def run_session(case: tuple[Controls, Language, tuple[int, int]], folder: Path) -> Sat:
+def run_session(case: tuple[Controls, str, tuple[int, int]], folder: Path) -> Sat:
     """Sit through a whole session with one hand on one device, on a display of one's own."""
     control, language, size = case
     with virtual_display(*size) as display:
@@ -57,7 +56,7 @@ def sat(small_display: str, tmp_path_factory: pytest.TempPathFactory) -> list[Sa
 
 @pytest.mark.parametrize("case", CASES, ids=str)
 def test_every_answer_given_on_the_screen_stands_in_the_journal(
-    case: tuple[Controls, Language, tuple[int, int]], sat: list[Sat]
+    case: tuple[Controls, str, tuple[int, int]], sat: list[Sat]
 ) -> None:
     done = sat[CASES.index(case)]
     assert done.code == 0, done.complaint
@@ -76,7 +75,7 @@ def test_every_answer_given_on_the_screen_stands_in_the_journal(
 
 @pytest.mark.parametrize("case", CASES, ids=str)
 def test_each_answer_says_how_it_came_about(
-    case: tuple[Controls, Language, tuple[int, int]], sat: list[Sat]
+    case: tuple[Controls, str, tuple[int, int]], sat: list[Sat]
 ) -> None:
     done = sat[CASES.index(case)]
     for entry in done.seat.payloads("answered")[1:]:

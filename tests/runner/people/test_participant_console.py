@@ -3,12 +3,14 @@
 import io
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 
 import pytest
 
 from protocol.errors import BadInput
 from protocol.study.questions import Rating
-from protocol.study.texts import TEXTS
+from protocol.study.texts import study_wording
+from protocol.study_file.loading import parsed_study, template
 from runner.people.participant_console import (
     MOST_LINES,
     ConsoleParticipant,
@@ -16,6 +18,8 @@ from runner.people.participant_console import (
     TypedLines,
 )
 from runner.screens import AskChange, AskScore, Instruction, Notice, Response, Screen
+
+PAPER = parsed_study(template("paper"))
 
 
 class Terminal:
@@ -28,8 +32,7 @@ class Terminal:
         self.participant = ConsoleParticipant(
             self.typed,
             self.said.append,
-            "zh" if language == "zh" else "en",
-            TEXTS["zh" if language == "zh" else "en"],
+            study_wording(PAPER, language),
             monotonic_s=lambda: float(next(ticks)),
         )
 
@@ -50,7 +53,9 @@ def test_a_change_is_given_by_number_or_word(typed: str) -> None:
 @pytest.mark.parametrize("typed", ["Glatter", "glatter", " GLATTER "])
 def test_a_studys_own_word_is_understood_in_any_case(typed: str) -> None:
     terminal = Terminal(f"{typed}\n")
-    terminal.participant.texts = {**TEXTS["en"], "answer.smoother": "Glatter"}
+    english = terminal.participant.wording
+    texts = {**english.texts, "answer.smoother": "Glatter"}
+    terminal.participant.wording = replace(english, texts=texts)
     assert terminal.answer(AskChange(question="roughness")).answer == "smoother"
 
 
@@ -115,7 +120,7 @@ def test_a_closed_input_is_refused_before_anything_begins() -> None:
 def test_bytes_that_are_no_text_are_asked_about_again() -> None:
     source = io.TextIOWrapper(io.BytesIO(b"\xff\xfe\n2\n"), encoding="utf-8", errors="strict")
     said: list[str] = []
-    participant = ConsoleParticipant(TypedLines(source), said.append, "en", TEXTS["en"])
+    participant = ConsoleParticipant(TypedLines(source), said.append, study_wording(PAPER, "en"))
     participant.show(AskChange(question="roughness"))
     until_s = time.monotonic() + 5
     answer = None

@@ -13,15 +13,15 @@ from typing import Any
 
 from PIL import Image, ImageGrab
 
-from protocol.study.study import Language, Study
-from protocol.study.texts import study_texts
+from protocol.study.study import Study
+from protocol.study.texts import Wording, study_wording
 from protocol.study.touch import Touch
 from protocol.study_file.loading import parsed_study, template
 from runner.screens import AskChange, AskScore, Instruction, Notice, Screen, Welcome, pacing
 from runner.window.canvas import PsychopyCanvas
 from runner.window.elements import Text
 from runner.window.messages import Settings
-from runner.window.pages import PageState, Wording, page
+from runner.window.pages import PageState, page
 from runner.window.preflight import foreseen
 from runner.window.text_layout import text_width, wrapped
 
@@ -82,10 +82,10 @@ def keep(picture: Image.Image, path: Path) -> None:
     colours.save(path, optimize=True)
 
 
-def main(language: Language, folder: Path | None) -> None:
+def main(language: str, folder: Path | None) -> None:
     """Draw, measure, and keep: all pages of a small screen, the fullest one of a large one."""
     study = parsed_study(template("paper"))
-    wording = Wording(language=language, texts=study_texts(study, language))
+    wording = study_wording(study, language)
     canvas = PsychopyCanvas(Settings(wording=wording))
     screens = foreseen(parsed_study(template("extended")), consent="C-7")
     wide = [line for screen in screens for line in too_wide(canvas, screen, wording)]
@@ -102,4 +102,4 @@ def main(language: Language, folder: Path | None) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], Path(sys.argv[2]) if len(sys.argv) > 2 else None)  # type: ignore[arg-type]
+    main(sys.argv[1], Path(sys.argv[2]) if len(sys.argv) > 2 else None)

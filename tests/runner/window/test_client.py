@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from protocol.errors import WorkFailed
-from protocol.study.texts import TEXTS
+from protocol.study.languages import built_in
+from protocol.study.texts import study_wording
 from protocol.study_file.loading import parsed_study, template
 from runner.screens import AskChange, Instruction, Notice, Response
 from runner.window.client import SILENT_S, WindowGone, WindowParticipant, participant_window
@@ -22,9 +23,8 @@ from runner.window.messages import (
     settings_of,
     show_message,
 )
-from runner.window.pages import Wording
 from runner.window.preflight import foreseen
-from runner.window.text_layout import FONTS, first_font, missing
+from runner.window.text_layout import first_font, missing_font
 
 PAPER = parsed_study(template("paper"))
 ALIVE = {"alive": 1.0}
@@ -125,7 +125,7 @@ def test_no_display_is_one_line_that_names_the_console(monkeypatch: pytest.Monke
     expected = r"no display .*\(DISPLAY is not set\); use --ratings console"
     with (
         pytest.raises(WorkFailed, match=expected),
-        participant_window(["false"], Settings(wording=Wording())),
+        participant_window(["false"], Settings(wording=study_wording(PAPER, "en"))),
     ):
         raise AssertionError("a window was opened without a display")
 
@@ -138,7 +138,7 @@ def test_every_screen_comes_through_the_wire_unchanged(screen: Any) -> None:
 @pytest.mark.parametrize("language", ["en", "zh"])
 def test_the_settings_come_through_the_wire_unchanged(language: Any) -> None:
     settings = Settings(
-        wording=Wording(language=language, texts=TEXTS[language]),
+        wording=study_wording(PAPER, language),
         screen=1,
         windowed=True,
         foreseen=foreseen(PAPER, consent=None),
@@ -159,6 +159,8 @@ def test_an_unknown_screen_is_refused() -> None:
 
 
 def test_the_first_font_that_is_there_is_taken() -> None:
-    assert first_font("zh", {"Noto Sans CJK JP", "PingFang SC"}.__contains__) == "Noto Sans CJK JP"
-    assert first_font("zh", {"DejaVu Sans"}.__contains__) is None
-    assert FONTS["zh"][0] in missing("zh")
+    fonts = built_in("zh").fonts
+    assert first_font(fonts, {"Noto Sans CJK JP", "PingFang SC"}.__contains__) == "Noto Sans CJK JP"
+    assert first_font(fonts, {"DejaVu Sans"}.__contains__) is None
+    assert f"{fonts[0]}, " in missing_font("zh", fonts, "fonts-wqy-microhei")
+    assert "install one of them, or use" in missing_font("xx", ("Nice Sans",), None)

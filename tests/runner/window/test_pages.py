@@ -9,23 +9,24 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from protocol.errors import BadInput
-from protocol.study.questions import PAPERS_BANDS, Band, Rating
-from protocol.study.study import Language, Study
-from protocol.study.texts import TEXTS, touch_text
+from protocol.study.languages import built_in_codes
+from protocol.study.questions import Band, Rating
+from protocol.study.study import Study
+from protocol.study.texts import Wording, study_wording, touch_text, worded_as_built
 from protocol.study.touch import Direction, Touch, TouchDefaults
 from protocol.study_file.loading import TEMPLATES, parsed_study, template
 from runner.screens import AskChange, AskScore, FingerPath, Instruction, Pacing, pacing
 from runner.window.elements import CANVAS, Dot, Outline, Text
-from runner.window.pages import PageState, Wording, page, targets
+from runner.window.pages import PageState, page, targets
 from runner.window.preflight import fit_problems, foreseen, require_fit
 from runner.window.widgets import beam_x, fingers, look, marked
 
-LANGUAGES: tuple[Language, ...] = ("en", "zh")
+PAPER = parsed_study(template("paper"))
 RIGHT = Pacing(start_m=0.01, end_m=0.081, duration_s=1.775, force_n=0.5, direction="right")
 
 
-def wording(language: Language) -> Wording:
-    return Wording(language=language, texts=TEXTS[language])
+def wording(code: str) -> Wording:
+    return study_wording(PAPER, code)
 
 
 def study(**texts: str) -> Study:
@@ -39,7 +40,7 @@ def test_every_text_of_the_built_in_studies_fits(name: str) -> None:
 
 
 @pytest.mark.parametrize("ticks", ["all", "bands", "ends"])
-@pytest.mark.parametrize("bands", [(), PAPERS_BANDS])
+@pytest.mark.parametrize("bands", [(), PAPER.rating.bands])
 def test_every_built_in_text_fits_whatever_is_touched(
     ticks: Literal["all", "bands", "ends"], bands: tuple[Band, ...]
 ) -> None:
@@ -58,7 +59,7 @@ def test_every_built_in_text_fits_whatever_is_touched(
             "rating": Rating(ticks=ticks, bands=bands),
         }
     )
-    assert plain.rating.bands == PAPERS_BANDS
+    assert worded_as_built(every)
     assert list(fit_problems(every)) == []
 
 
@@ -77,13 +78,13 @@ def test_a_word_that_is_too_wide_for_its_band_is_found() -> None:
 
 
 def test_a_reference_of_the_consent_that_is_too_long_refuses_the_session() -> None:
-    require_fit(study(), "en", "C-2026-0042")
+    require_fit(study(), wording("en"), "C-2026-0042")
     with pytest.raises(BadInput, match=r"fit its place .* got 'Your consent is filed as x{90}"):
-        require_fit(study(), "en", "x" * 90)
+        require_fit(study(), wording("en"), "x" * 90)
 
 
-@pytest.mark.parametrize("language", LANGUAGES)
-def test_nothing_leaves_the_canvas_and_no_two_texts_share_a_place(language: Language) -> None:
+@pytest.mark.parametrize("language", built_in_codes())
+def test_nothing_leaves_the_canvas_and_no_two_texts_share_a_place(language: str) -> None:
     for screen in foreseen(parsed_study(template("extended")), consent="C-7"):
         elements = page(screen, PageState(operator_called=True), wording(language))
         rooms = [element.box for element in elements if isinstance(element, Text)]
@@ -174,7 +175,7 @@ def test_the_scale_bears_no_mark_until_one_is_chosen() -> None:
         for chosen in (None, "0", "10")
     ]
     assert [len(each) for each in dots] == [0, 1, 1]
-    assert dots[2][0].x - dots[1][0].x == look(Rating(), "en", 1.0)["length_px"]
+    assert dots[2][0].x - dots[1][0].x == look(Rating(), wording("en"), 1.0)["length_px"]
 
 
 def test_no_answer_stands_out_before_it_is_chosen() -> None:

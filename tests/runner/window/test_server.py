@@ -8,15 +8,19 @@ from typing import Any
 import pytest
 
 from protocol.study.questions import Rating
+from protocol.study.texts import study_wording
+from protocol.study_file.loading import parsed_study, template
 from runner.screens import AskScore, Instruction, Notice, Pacing
 from runner.window.elements import Dot, Input, Key, Page
 from runner.window.messages import Settings, show_message
-from runner.window.pages import Wording
 from runner.window.presentation import FrameTimes
 from runner.window.server import Mailbox, WindowServer
 
 INTERVAL_S = 1 / 60
-SETTINGS = Settings(wording=Wording(), foreseen=(AskScore(rating=Rating()),))
+SETTINGS = Settings(
+    wording=study_wording(parsed_study(template("paper")), "en"),
+    foreseen=(AskScore(rating=Rating()),),
+)
 PACING = Pacing(start_m=0.0, end_m=0.1, duration_s=1.0, force_n=0.5, direction="right")
 
 

@@ -1,0 +1,63 @@
+"""The languages that participants read, one file each: texts, fonts and names of score bands.
+
+The built-in ones stand in `protocol/texts`. A study's own come with the study.
+"""
+
+import tomllib
+from functools import cache
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from typing import Annotated
+
+from pydantic import AfterValidator, Field
+
+from protocol.study.fields import Line, Name, Record, known_as, require_printable
+
+REFERENCE = "en"
+"""The language whose texts say which keys there are, and with which fields in braces."""
+FOLDER: Traversable = files("protocol") / "texts"
+CODE = r"[a-z]{2,3}(-[A-Za-z0-9]{2,8})*"
+
+Code = Annotated[str, Field(pattern=f"^{CODE}$")]
+"""Of a language, as in BCP 47: `fr`, `pt-BR`."""
+KnownCode = Annotated[str, known_as("languages")]
+_Shown = Annotated[Line, AfterValidator(require_printable)]
+
+
+class Language(Record):
+    """What participants read in one language, as its file has it."""
+
+    name: Annotated[_Shown, Field(description="in English, for exported data")]
+    fonts: Annotated[
+        tuple[_Shown, ...],
+        Field(min_length=1, description="families that show it; the first one there is taken"),
+    ]
+    font_package: Annotated[
+        _Shown | None, Field(description="what brings the first font on Debian and Ubuntu")
+    ] = None
+    bands: Annotated[
+        dict[Name, Line],
+        Field(
+            description="names of score bands, by their English names, where `[rating]` gives none"
+        ),
+    ] = Field(default_factory=dict)
+    texts: Annotated[dict[Name, Line], Field(description="all texts, by the keys listed above")]
+
+
+@cache
+def built_in_codes() -> tuple[str, ...]:
+    """Return the codes of the languages that every study has."""
+    names = (entry.name for entry in FOLDER.iterdir())
+    return tuple(sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml")))
+
+
+@cache
+def built_in(code: str) -> Language:
+    """Return one of the languages that every study has."""
+    text = (FOLDER / f"{code}.toml").read_text(encoding="utf-8")
+    return Language.model_validate(tomllib.loads(text))
+
+
+def reference_texts() -> dict[str, str]:
+    """Return every key with its text in the language of reference."""
+    return built_in(REFERENCE).texts

@@ -1,4 +1,4 @@
-"""What a session needs of the world: small interfaces, each with a real and a simulated side."""
+"""The interfaces of a session: device, participant, operator; each real or simulated."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ class Device(Protocol):
     """The device under the finger. Every method raises `DeviceError` if it cannot be trusted."""
 
     def arm(self) -> Identity:
-        """Turn the output off, see who answers, set limits and watchdog."""
+        """Turn the output off, identify the device, set limits and watchdog."""
         ...
 
     def resonance(self, near_hz: float, sleep: Callable[[float], None]) -> Resonance:
-        """Find the resonance near `near_hz`, untouched; off afterwards."""
+        """Find the resonance of the untouched beam near `near_hz`; leave the output off."""
         ...
 
     def drive(self, setpoint: Setpoint) -> ReadBack:
-        """Set, switch on, read back."""
+        """Apply `setpoint`, switch the output on, and read it back."""
         ...
 
     def read_back(self) -> ReadBack:
-        """Get drive and sensors."""
+        """Read the drive and the sensors."""
         ...
 
     def off(self) -> None:
@@ -36,53 +36,53 @@ class Device(Protocol):
         ...
 
     def emergency_stop(self) -> None:
-        """Send off at once, whatever the port is busy with; nothing is driven afterwards."""
+        """Turn the output off at once, even if the port is busy; refuse every later drive."""
         ...
 
     def beat(self) -> None:
-        """Say that the session is alive; raises if the device has failed meanwhile."""
+        """Keep the watchdog fed; raise the device's failure, if there was one."""
         ...
 
 
 class Participant(Protocol):
-    """Whoever touches and answers. Neither method waits."""
+    """The person who touches the beam and answers, or a simulation. No method blocks."""
 
     def show(self, screen: Screen) -> None:
-        """Put `screen` before the participant."""
+        """Show `screen` to the participant."""
         ...
 
     def poll(self) -> Response | None:
-        """Return the answer to the last screen, None while there is none."""
+        """Return the answer to the current screen, None before it is given."""
         ...
 
 
 class Operator(Protocol):
-    """Whoever serves the rig and watches over the session. No method waits."""
+    """The person who supervises the rig and the session. No method blocks."""
 
     def ask(self, text: str) -> None:
-        """Ask for something: a beam to be mounted, the state of the skin."""
+        """Ask a question, such as the state of the skin."""
         ...
 
     def answered(self) -> str | None:
-        """Return what was typed in answer, maybe nothing; None while it was not answered."""
+        """Return the answer, which may be empty; None before it is given."""
         ...
 
-    def unask(self) -> None:
-        """Take back what was asked and not answered."""
+    def withdraw_question(self) -> None:
+        """Withdraw the open question, if there is one."""
         ...
 
     def mount(self, beam: str) -> None:
-        """Ask for `beam` to be mounted; confirmed by an answer."""
+        """Ask the operator to mount `beam`; the answer confirms it."""
         ...
 
     def order(self) -> Order | Note | None:
-        """Return what the operator ordered since the last call, one thing at a time."""
+        """Return the operator's next order, None if there is none."""
         ...
 
-    def see(self, view: OperatorView) -> None:
-        """Show where the session stands."""
+    def show(self, view: OperatorView) -> None:
+        """Show the session's progress."""
         ...
 
-    def tell(self, text: str) -> None:
-        """Show what became of an order."""
+    def notify(self, text: str) -> None:
+        """Show the result of an order."""
         ...

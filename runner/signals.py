@@ -1,4 +1,4 @@
-"""Signals that end a program become exceptions, so that every way out is the same way out."""
+"""Termination signals as exceptions, so that every exit of the program runs the same cleanup."""
 
 import signal
 from collections.abc import Iterator
@@ -12,64 +12,64 @@ _SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT")
 
 
 class Stopped(WorkFailed):
-    """Somebody ended the program from outside."""
+    """A signal ended the program."""
 
 
 class _Stop:
-    """The one wish to stop that a process can have: signals belong to the process."""
+    """The pending stop request; there is one per process, because signals belong to it."""
 
     def __init__(self) -> None:
-        self.wish: Stopped | None = None
+        self.request: Stopped | None = None
         self.raised = False
         self.shields = 0
 
-    def ask(self, number: int, _frame: FrameType | None = None) -> None:
-        """Take the first signal; later ones change nothing.
+    def handle(self, number: int, _frame: FrameType | None = None) -> None:
+        """Take the first signal as the request; ignore later ones.
 
-        Python calls this in the main thread, between any two instructions of whatever runs there.
+        Python calls this in the main thread, between any two bytecode instructions.
         """
-        if self.wish is None:
-            self.wish = Stopped(f"stopped by {signal.Signals(number).name}")
-        self.raise_wish()
+        if self.request is None:
+            self.request = Stopped(f"stopped by {signal.Signals(number).name}")
+        self.raise_request()
 
-    def raise_wish(self) -> None:
-        """Raise the wish to stop, once, and not while anything is shielded."""
-        if self.wish is not None and not self.raised and self.shields == 0:
+    def raise_request(self) -> None:
+        """Raise the request once, unless it is deferred."""
+        if self.request is not None and not self.raised and self.shields == 0:
             self.raised = True
-            raise self.wish
+            raise self.request
 
 
 _stop = _Stop()
 
 
 def raise_if_stopped() -> None:
-    """Raise the wish to stop again, if there is one and nothing is shielded.
+    """Raise the stop request again, unless there is none or it is deferred.
 
-    An exception that a signal raises in somebody else's code, such as a finalizer, can get lost.
+    The first exception can get lost if the signal arrives in foreign code, such as a finalizer.
     """
-    if _stop.wish is not None and _stop.shields == 0:
-        raise _stop.wish
+    if _stop.request is not None and _stop.shields == 0:
+        raise _stop.request
 
 
 @contextmanager
 def signals_raise() -> Iterator[None]:
     """Raise `Stopped` in the body on the first SIGINT, SIGTERM, SIGHUP or SIGQUIT.
 
-    An internal error of a body that was to stop is told as the stop: an import that is cut short,
-    for one, makes an error of its own of it.
+    An internal error after a stop request is raised as the stop: an interrupted import, for
+    example, raises an error of its own.
     """
     global _stop  # noqa: PLW0603 - see _Stop
     _stop = _Stop()
     numbers = [getattr(signal, name) for name in _SIGNALS if hasattr(signal, name)]
-    before = {number: signal.signal(number, _stop.ask) for number in numbers}
+    before = {number: signal.signal(number, _stop.handle) for number in numbers}
     try:
         yield
-    except (WorkFailed, BadInput, OSError):  # they say what happened: an output that is unknown
+    except (WorkFailed, BadInput, OSError):  # more important than the stop: an unknown output
         raise
     except Exception as error:
-        if _stop.wish is None:
+        if _stop.request is None:
             raise
-        raise _stop.wish from error
+        raise _stop.request from error
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
@@ -78,9 +78,10 @@ def signals_raise() -> Iterator[None]:
 
 @contextmanager
 def stops_deferred() -> Iterator[None]:
-    """Let no signal cut the body short; what came meanwhile is raised after it.
+    """Defer signals until the end of the body.
 
-    Storing an event and knowing of it, turning the device off and reading it back, belong together.
+    Storing an event and updating the state, or turning the device off and reading it back, must
+    not be separated.
     """
     stop = _stop
     stop.shields += 1
@@ -88,20 +89,20 @@ def stops_deferred() -> Iterator[None]:
         yield
     finally:
         stop.shields -= 1
-    stop.raise_wish()  # not in `finally`: an error of the body is told, not the signal
+    stop.raise_request()  # not in `finally`: an error of the body takes precedence
 
 
 @contextmanager
 def stops_allowed() -> Iterator[None]:
-    """Let signals end the body, within what is `stops_deferred`.
+    """Allow signals to end the body, inside a `stops_deferred` block.
 
-    What has to follow the body, such as turning the device off, is then shielded before the body is
-    over: no instruction lies between the two at which a signal could skip it.
+    Signals are deferred again before the body is left, so that no signal can skip the code that
+    must follow it, such as turning the device off.
     """
     stop = _stop
     stop.shields -= 1
     try:
-        stop.raise_wish()
+        stop.raise_request()
         yield
     finally:
         stop.shields += 1

@@ -49,7 +49,7 @@ def participant_and_operator(
             yield participant, OperatorConsole(typed, display, swap, alone=True)
     elif window is not None:
         with operator_at_terminal(say, swap) as operator:
-            window.call_operator = operator.called
+            window.call_operator = operator.participant_called
             yield window, operator
     else:
         lines = TypedLines(sys.stdin)

@@ -1,4 +1,4 @@
-"""Participants and operators: at a terminal, or virtual.
+"""Participants and operators, at a terminal or virtual.
 
 Public face: `participant_console.ConsoleParticipant`, `virtual_participant.VirtualParticipant`,
 `operator_console.OperatorConsole`.

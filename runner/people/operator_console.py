@@ -1,6 +1,6 @@
-"""The operator's console: where the session stands, what the device does, and one-key orders.
+"""The operator's console: session progress, device output and one-key orders.
 
-On a terminal it redraws itself; elsewhere it prints a line whenever something changes.
+On a terminal it redraws a panel; elsewhere it prints a line whenever something changes.
 """
 
 from collections.abc import Callable
@@ -12,10 +12,10 @@ from runner.screens import Note, OperatorView, Order
 
 
 class Display(Protocol):
-    """Where the operator looks."""
+    """The operator's display."""
 
     def show(self, view: OperatorView, question: str, typed: str | None) -> None:
-        """Show the session, what is asked of the operator, and what was typed so far."""
+        """Show the session, the question to the operator, and the line typed so far."""
         ...
 
 
@@ -27,15 +27,15 @@ class PlainDisplay:
     _last: tuple[str, ...] = field(default=("", "", ""), init=False)
 
     def show(self, view: OperatorView, question: str, typed: str | None) -> None:
-        """Print what has changed; what is being typed stands there already."""
-        del typed
-        where = f"{view.session} {view.state} {view.trial}".rstrip(" -")
-        line = f"{where}; {view.progress()}; output {view.output()}"
-        now = (line, view.warning and f"warning: {view.warning}", question)
-        for text, before in zip(now, self._last, strict=True):
+        """Print what has changed."""
+        del typed  # the terminal has echoed it
+        place = f"{view.session} {view.state} {view.trial}".rstrip(" -")
+        line = f"{place}; {view.progress()}; output {view.output()}"
+        current = (line, view.warning and f"warning: {view.warning}", question)
+        for text, before in zip(current, self._last, strict=True):
             if text and text != before:
                 self.say(text)
-        self._last = now
+        self._last = current
 
 
 class LiveDisplay:
@@ -54,7 +54,7 @@ class LiveDisplay:
         self._live.stop()
 
     def show(self, view: OperatorView, question: str, typed: str | None) -> None:
-        """Draw the panel anew."""
+        """Redraw the panel."""
         from rich.panel import Panel
 
         self._live.update(
@@ -63,7 +63,7 @@ class LiveDisplay:
 
 
 def panel_lines(view: OperatorView, question: str, typed: str | None) -> list[str]:
-    """Return what stands in the panel, what matters most first: a low terminal cuts the rest."""
+    """Return the lines of the panel, most important first: a low terminal cuts off the last."""
     from rich.markup import escape
 
     colour = "green" if view.output() == "off" else "red"
@@ -88,10 +88,14 @@ def panel_lines(view: OperatorView, question: str, typed: str | None) -> list[st
 class OperatorConsole:
     """An operator at a console.
 
-    `typed` returns the characters typed since its last call; it is told whether something was
-    asked. `forget` drops what was typed before a question and can be no answer to it. `swap` mounts
-    a simulated beam. Where lines come from a file or a program (`piped`), any of them confirms a
-    beam. Where nobody is there (`alone`), what is asked is answered with nothing.
+    Args:
+        typed: returns the characters typed since its last call; its argument is True while a
+            question is open.
+        display: shows the session and the open question.
+        swap: mounts a simulated beam.
+        forget: discards input typed before a question, which cannot answer it.
+        piped: input comes from a file or a program; any line confirms a beam.
+        alone: there is no operator; every question gets an empty answer at once.
     """
 
     typed: Callable[[bool], str]
@@ -105,11 +109,11 @@ class OperatorConsole:
     _question: str = field(default="", init=False)
 
     def ask(self, text: str) -> None:
-        """Ask the operator; a session without one goes on at once."""
+        """Ask the operator; without an operator the answer is empty and immediate."""
         self._ask(text, self._keys.expect_answer)
 
     def _ask(self, text: str, expect: Callable[[], None]) -> None:
-        self._listen()  # what was typed before the question is no answer to it
+        self._listen()  # take in earlier input now, so that it cannot answer the question
         self.forget()
         self._question = text
         expect()
@@ -117,14 +121,14 @@ class OperatorConsole:
             self._keys.feed("\n")
         self._redraw()
 
-    def unask(self) -> None:
-        """Take back what was asked: the session has gone elsewhere, or has ended."""
+    def withdraw_question(self) -> None:
+        """Withdraw the open question: the session has moved on or has ended."""
         self._question = ""
         self._keys.expect_nothing()
         self._redraw()
 
     def answered(self) -> str | None:
-        """Return the answer once Enter was pressed."""
+        """Return the answer once Enter has been pressed, None before."""
         self._listen()
         answer = self._keys.answer()
         if answer is not None:
@@ -133,27 +137,27 @@ class OperatorConsole:
         return answer
 
     def mount(self, beam: str) -> None:
-        """Ask for a beam; the output is off."""
+        """Ask the operator to mount `beam`; the output must be off."""
         self.swap(beam)
         text = f"The output is off. Mount the beam '{beam}', then press Enter."
         self._ask(text, lambda: self._keys.expect_confirmation(any_line=self.piped))
 
     def order(self) -> Order | Note | None:
-        """Return the next order."""
+        """Return the next order, or None."""
         self._listen()
         return self._keys.order()
 
-    def see(self, view: OperatorView) -> None:
+    def show(self, view: OperatorView) -> None:
         """Show `view`."""
         self._view = view
         self._redraw()
 
-    def called(self) -> None:
-        """Show that the participant calls, until there is something else to warn of."""
-        self.tell("the participant calls you (Escape)")
+    def participant_called(self) -> None:
+        """Show until the next view that the participant calls the operator."""
+        self.notify("the participant is calling you (Escape)")
 
-    def tell(self, text: str) -> None:
-        """Show `text` until there is something else to warn of."""
+    def notify(self, text: str) -> None:
+        """Show `text` as a warning until the next view."""
         if self._view is not None:
             self._view = replace(self._view, warning=text)
             self._redraw()
@@ -162,7 +166,7 @@ class OperatorConsole:
         characters = self.typed(bool(self._question))
         if characters.startswith(OPERATOR_MARK) and characters.endswith("\n"):
             if not self._keys.feed_order(characters.removeprefix(OPERATOR_MARK)):
-                self.tell(f"{characters.strip()!r} is no order; {HELP_LINES}")
+                self.notify(f"{characters.strip()!r} is not an order; use {HELP_LINES}")
         elif characters:
             self._keys.feed(characters)
             self._redraw()

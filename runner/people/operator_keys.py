@@ -1,4 +1,4 @@
-"""What the operator's keys mean: one key each, and lines for answers and notes. Does no I/O."""
+"""The operator's keys: one per order, and lines for answers and notes. Does no I/O."""
 
 from collections import deque
 
@@ -11,13 +11,13 @@ KEYS: dict[str, Order] = {
     "e": "emergency stop",
     " ": "emergency stop",
 }
-HELP = "p pause/go on   r repeat trial   n note   s stop   space or Ctrl-E EMERGENCY STOP"
-HELP_TYPING = "Enter when it is typed   Ctrl-C stop   Ctrl-E EMERGENCY STOP"
-HELP_LINES = ":p pause or go on, :r repeat the trial, :n note, :s stop, :e EMERGENCY STOP"
+HELP = "p pause/continue   r repeat trial   n note   s stop   space or Ctrl-E EMERGENCY STOP"
+HELP_TYPING = "Enter to finish   Ctrl-C stop   Ctrl-E EMERGENCY STOP"
+HELP_LINES = ":p pause or continue, :r repeat trial, :n note, :s stop, :e EMERGENCY STOP"
 _WORDS = {"pause": "p", "stop": "s", "repeat": "r", "note": "n"}
 
 OPERATOR_MARK = ":"
-"""A line typed at the participant's terminal that begins with it is the operator's."""
+"""First character of an operator's line at a terminal shared with the participant."""
 
 _ENTER = "\r\n"
 _BACKSPACE = "\x7f\b"
@@ -26,7 +26,11 @@ _CTRL_E = "\x05"
 
 
 def _key_of(line: str) -> str | None:
-    """The key that a whole line means; in doubt, an emergency stop is one."""
+    """Return the key that a whole line stands for, None if it is not an order.
+
+    Any word that begins with `e`, and a line of spaces, is an emergency stop: stopping by mistake
+    is safe, missing a stop is not.
+    """
     word = line.strip().lower()
     if _CTRL_E in line or word.startswith("e") or (line.strip(_ENTER) and not word):
         return _CTRL_E
@@ -35,11 +39,11 @@ def _key_of(line: str) -> str | None:
 
 
 class OperatorKeys:
-    """Characters in, orders and answers out.
+    """Turns typed characters into orders and answers.
 
-    A line is collected while an answer is expected or after `n`; otherwise each key is an order,
-    and Enter confirms where that is expected. An emergency stop is always one key away: Ctrl-E, or
-    a space where nothing has been typed yet.
+    While an answer is expected, or after `n`, characters form a line; otherwise each key is an
+    order, and Enter confirms if a confirmation is expected. An emergency stop is always one key
+    away: Ctrl-E, or a space at the beginning of a line.
     """
 
     def __init__(self) -> None:
@@ -52,32 +56,32 @@ class OperatorKeys:
 
     @property
     def line(self) -> str | None:
-        """What has been typed of a line so far, None while keys are orders."""
+        """The line typed so far, None while keys are orders."""
         return self._line if self._noting or self._asked else None
 
     def expect_answer(self) -> None:
-        """Take the next line as an answer."""
+        """Treat the next line as an answer."""
         self._asked = True
         self._answers.clear()
 
     def expect_confirmation(self, *, any_line: bool = False) -> None:
-        """Take Enter as an answer, or any line that is no order; other keys stay what they are."""
+        """Treat Enter as an answer, or with `any_line` any line that is not an order."""
         self._confirming, self._any_line = True, any_line
         self._answers.clear()
 
     def expect_nothing(self) -> None:
-        """Forget what was asked, and what was typed of an answer."""
+        """Drop the expected answer and what has been typed of it; a note in progress stays."""
         if not self._noting:
             self._line = ""
         self._asked = self._confirming = False
         self._answers.clear()
 
     def feed(self, characters: str) -> None:
-        """Take what was typed."""
+        """Process typed characters."""
         if self._confirming and not self._noting:
             characters = self._confirm(characters)
         for character in characters:
-            # No line begins with a space: there it is the emergency stop that it is elsewhere.
+            # A space at the beginning of a line is an emergency stop, as it is outside of lines.
             if character == _CTRL_E or (character == " " and self.line == ""):
                 self._orders.append("emergency stop")
             elif self.line is not None:
@@ -88,10 +92,10 @@ class OperatorKeys:
                 self._orders.append(KEYS[character])
 
     def _confirm(self, characters: str) -> str:
-        """Look for the confirmation in what was typed; return the keys that are orders.
+        """Find the confirmation in `characters`; return the keys that are orders.
 
-        A whole line is looked at as a line: one that is an order is that order and confirms
-        nothing, and but for `any_line` only an empty one confirms.
+        A whole line counts as one: if it is an order it confirms nothing; otherwise an empty line
+        confirms, or with `any_line` every line.
         """
         line = characters.strip(_ENTER)
         if line == characters:
@@ -104,11 +108,10 @@ class OperatorKeys:
         return ""
 
     def feed_order(self, line: str) -> bool:
-        """Take a typed line that is an order, whatever was asked: `e`, or `n` and a note.
+        """Carry out a line as an order, such as `e`, or `n` and a note; return whether it is one.
 
-        The line is over when it comes: what stands in it is told apart without a second key, and
-        only an empty line with a space in it means what the space alone means. Returns whether it
-        is an order.
+        It never answers a question. The line is complete, so that its first words decide what it
+        means: a space is an emergency stop only in a line of nothing but spaces.
         """
         order = line.strip()
         if order[:1] in {"n", "N"}:
@@ -120,14 +123,14 @@ class OperatorKeys:
         return True
 
     def order(self) -> Order | Note | None:
-        """Return the oldest order that was not returned yet; an emergency stop comes first."""
+        """Return the next order; an emergency stop comes first and cancels all others."""
         if "emergency stop" in self._orders:
             self._orders.clear()
             return "emergency stop"
         return self._orders.popleft() if self._orders else None
 
     def answer(self) -> str | None:
-        """Return the answer, None while there is none."""
+        """Return the answer, or None before it has been given."""
         return self._answers.popleft() if self._answers else None
 
     def _collect(self, character: str) -> None:
@@ -139,15 +142,15 @@ class OperatorKeys:
             self._line += character
         elif self._noting:
             self._noting = False
-            self._note(self._finished())
+            self._note(self._take_line())
         else:
-            self._answers.append(self._finished())
+            self._answers.append(self._take_line())
             self._asked = False
 
     def _note(self, text: str) -> None:
         if text := text.strip():
             self._orders.append(Note(text=text))
 
-    def _finished(self) -> str:
+    def _take_line(self) -> str:
         text, self._line = self._line.strip(), ""
         return text

@@ -1,4 +1,4 @@
-"""A participant at a terminal: texts out, typed lines in. The operator shares the terminal."""
+"""A participant at a terminal, who reads texts and types lines; the operator shares it."""
 
 import contextlib
 import io
@@ -29,25 +29,25 @@ MOST_LINES = 1000
 
 
 class ParticipantGone(WorkFailed):
-    """Nobody types any more."""
+    """The participant's input has ended."""
 
 
 def require_typist(source: TextIO | None) -> TextIO:
-    """Return where somebody types.
+    """Return `source`, the session's standard input.
 
     Raises:
         BadInput: standard input is closed.
     """
     if source is None:
-        raise BadInput("a session needs somebody who types: standard input is closed")
+        raise BadInput("standard input must be open, got a closed one; use a terminal or a pipe")
     return source
 
 
 class TypedLines:
-    """Lines from a terminal, read by a thread so that nobody waits for them.
+    """Lines from a terminal, read by a thread so that the session never blocks on input.
 
-    No more than `MOST_LINES` are read ahead, whatever a pipe may hold. At a terminal, lines beyond
-    that are dropped: an order behind them is heard at once.
+    At most `MOST_LINES` are read ahead. A pipe then waits; at a terminal further lines are
+    dropped, so that an operator's order behind them still arrives.
     """
 
     def __init__(self, source: TextIO | None) -> None:
@@ -59,11 +59,11 @@ class TypedLines:
         self._lines: queue.Queue[str | None] = queue.Queue(MOST_LINES)
         self._orders: queue.Queue[str] = queue.Queue(MOST_LINES)
         self._ended = False
-        # A daemon: reading a line cannot be cut short, and the session must be able to end.
+        # A daemon: a blocking read cannot be interrupted, and the process must be able to exit.
         threading.Thread(target=self._read, name="typed lines", daemon=True).start()
 
     def take(self) -> str | None:
-        """Return the participant's next line without its end, None while there is none.
+        """Return the participant's next line without its line ending, None if there is none yet.
 
         Raises:
             ParticipantGone: the input has ended.
@@ -74,23 +74,23 @@ class TypedLines:
             return None
         if line is None:
             self._ended = True
-            raise ParticipantGone("the input has ended before the session did")
+            raise ParticipantGone("the input ended before the session was complete")
         return line.rstrip("\r\n")
 
     def forget(self) -> None:
-        """Drop what was typed before it was asked for; lines from a file or pipe all count."""
+        """Discard lines typed before they were asked for; keep those from a file or pipe."""
         while self.at_terminal and not (self._ended or self._lines.empty()):
             self._ended = self._lines.get_nowait() is None
 
     def operator_typed(self, asked: bool) -> str:
-        """Return what the operator typed: a line with its mark, or, if `asked`, any line."""
+        """Return the operator's next line: one with `OPERATOR_MARK`, or any line if `asked`."""
         if not self._orders.empty():
             return self._orders.get_nowait()
         line = self.take() if asked else None
         return "" if line is None else f"{line}\n"
 
     def _read(self) -> None:
-        with contextlib.suppress(OSError, ValueError):  # a terminal that is gone ends the lines
+        with contextlib.suppress(OSError, ValueError):  # a closed terminal ends the input
             for line in self._source:
                 if line.startswith(OPERATOR_MARK):
                     self._orders.put(line.rstrip("\r\n") + "\n")
@@ -101,7 +101,7 @@ class TypedLines:
 
 @dataclass
 class ConsoleParticipant:
-    """Shows texts, takes typed answers, and says so when one does not fit."""
+    """Prints texts, takes typed answers, and asks again after an invalid one."""
 
     typed: TypedLines
     say: Callable[[str], None]
@@ -123,13 +123,13 @@ class ConsoleParticipant:
         self._shown_s = self.monotonic_s()
 
     def poll(self) -> Response | None:
-        """Return the answer to the last screen once it has been typed."""
+        """Return the answer to the current screen once it has been typed."""
         if self._screen is None or isinstance(self._screen, Notice | Pacing):
             return None
         line = self.typed.take()
         if line is None:
             return None
-        answer = self._understood(line.strip())
+        answer = self._parse(line.strip())
         if answer is None:
             return None
         self._screen = None
@@ -153,16 +153,16 @@ class ConsoleParticipant:
             case AskScore(rating=rating):
                 return [self._texts["score"], "   ".join(band_names(rating, self.wording))]
 
-    def _understood(self, line: str) -> str | None:
-        """The answer that `line` gives to the screen, None if it gives none."""
+    def _parse(self, line: str) -> str | None:
+        """Return the answer in `line`, None if it is invalid."""
         match self._screen:
             case AskChange(question=question):
-                return self._choice(line, ANSWERS[question])
+                return self._parse_choice(line, ANSWERS[question])
             case AskScore(rating=rating):
-                return self._score(line, rating)
+                return self._parse_score(line, rating)
         return "ready"
 
-    def _choice(self, line: str, answers: tuple[str, ...]) -> str | None:
+    def _parse_choice(self, line: str, answers: tuple[str, ...]) -> str | None:
         for number, answer in enumerate(answers, start=1):
             words = {str(number), answer, self._texts[f"answer.{answer}"].strip()}
             if line.casefold() in {word.casefold() for word in words}:
@@ -172,7 +172,7 @@ class ConsoleParticipant:
             self.say(choice)
         return None
 
-    def _score(self, line: str, rating: Rating) -> str | None:
+    def _parse_score(self, line: str, rating: Rating) -> str | None:
         try:
             return str(rating.checked_score(int(line)))
         except ValueError:

@@ -1,4 +1,4 @@
-"""Single keys from a terminal, as they are pressed."""
+"""Single key presses from a terminal, and detection of terminals."""
 
 import os
 import select
@@ -12,7 +12,7 @@ from typing import TextIO
 def terminal_keys() -> Iterator[Callable[[bool], str]]:
     """Yield a function that returns the characters typed since the last call, without waiting.
 
-    The terminal echoes nothing meanwhile and is as before afterwards.
+    The terminal does not echo in the body; its settings are restored afterwards.
     """
     if sys.platform == "win32":
         yield lambda _: _windows_keys()
@@ -36,9 +36,10 @@ def _typed(terminal: int) -> str:
 
 
 def _keep_single_keys(terminal: int) -> None:
-    """Have the terminal give single keys again if somebody took that back.
+    """Return the terminal to single keys if it has been switched back to whole lines.
 
-    Shells do when a program goes on that was stopped by Ctrl-Z.
+    Shells switch it back when they continue a program that Ctrl-Z had stopped. A program in the
+    background must not change the terminal.
     """
     import termios
     import tty
@@ -57,8 +58,8 @@ def _windows_keys() -> str:
 
 
 def at_terminal(*streams: TextIO | None) -> bool:
-    """Return whether all of `streams` are a terminal's.
+    """Return whether all of `streams` are terminals.
 
-    rich also takes FORCE_COLOR for a terminal, which is none.
+    rich's own check does not serve: it takes FORCE_COLOR for a terminal.
     """
     return all(stream is not None and stream.isatty() for stream in streams)

@@ -1,7 +1,7 @@
-"""A virtual participant: touches the simulated beam, feels its friction, answers and rates.
+"""A virtual participant, who touches the simulated beam, feels its friction, answers and rates.
 
-What it feels is what the simulated device really does, by way of the hand on its beam; it knows
-neither the plan nor the drive.
+It feels the friction that the simulated device really produces, through a control connection; it
+knows neither the plan nor the drive.
 """
 
 import math
@@ -24,12 +24,12 @@ from runner.screens import (
 )
 
 JUST_NOTICEABLE = 0.01
-"""Change of log friction below which a virtual participant says that nothing changed."""
+"""Change of log friction below which a virtual participant answers that nothing changed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Character:
-    """How a virtual participant judges: rating = bias + gain · felt contrast + noise."""
+    """Parameters of a virtual participant: score = bias + gain · felt contrast + noise."""
 
     bias: float
     gain: float
@@ -44,7 +44,7 @@ def drawn_character(random_stream: random.Random) -> Character:
 
 @dataclass(frozen=True, kw_only=True)
 class _Felt:
-    """Friction coefficient felt at a place."""
+    """Friction coefficient felt at a position."""
 
     position_m: float
     friction: float
@@ -52,10 +52,10 @@ class _Felt:
 
 @dataclass
 class VirtualParticipant:
-    """Answers at once.
+    """A participant who answers at once.
 
-    It compares a trial's last touch with its first one. Where there is only one it compares its end
-    with its beginning, or, if nothing changed meanwhile, with the resting beam it remembers.
+    It compares the last touch of a trial with the first. If there is only one touch, it compares
+    the end with the beginning, or, if they feel the same, with the remembered beam at rest.
     """
 
     control: ControlClient
@@ -69,7 +69,7 @@ class VirtualParticipant:
     _contrast: float = field(default=0.0, init=False)
 
     def show(self, screen: Screen) -> None:
-        """Take note of `screen`; a pacing cue puts the finger on the beam."""
+        """Receive `screen`; a pacing cue puts the finger on the beam."""
         self._screen = screen
         if isinstance(screen, Pacing):
             self._pacing_from_s = self.clock.monotonic_s()
@@ -79,7 +79,7 @@ class VirtualParticipant:
             self.control.lift()
 
     def poll(self) -> Response | None:
-        """Return the answer to the last screen; while touching, move the finger on."""
+        """Return the answer to the current screen; while touching, move the finger."""
         match self._screen:
             case Pacing() as pacing:
                 self._feel(pacing)
@@ -87,16 +87,16 @@ class VirtualParticipant:
             case Instruction(text="remember"):
                 self._resting = self._touches[-1][-1].friction
                 self._touches.clear()
-                return self._given("ready")
+                return self._respond("ready")
             case Instruction() | Welcome():
-                return self._given("ready")
+                return self._respond("ready")
             case AskChange(question=question):
-                return self._given(self._judged(question))
+                return self._respond(self._change(question))
             case AskScore():
-                return self._given(str(self._rated()))
+                return self._respond(str(self._score()))
         return None
 
-    def _given(self, answer: str) -> Response:
+    def _respond(self, answer: str) -> Response:
         self._screen = None
         return Response(answer=answer, reaction_time_s=round(self.random_stream.uniform(0.4, 2), 3))
 
@@ -107,7 +107,7 @@ class VirtualParticipant:
         friction = self.control.touch(pacing.force_n, position_m, pacing.direction)
         self._touches[-1].append(_Felt(position_m=position_m, friction=friction))
 
-    def _judged(self, question: Question) -> str:
+    def _change(self, question: Question) -> str:
         noise = self.random_stream.gauss(0, self.character.felt_noise)
         felt = self._felt_contrast(question) + noise
         self._touches.clear()
@@ -122,7 +122,7 @@ class VirtualParticipant:
         return more if felt > 0 else less
 
     def _felt_contrast(self, question: Question) -> float:
-        """Change of log friction in the sense of `question`."""
+        """Return the change of log friction that `question` asks about."""
         first, last = self._touches[0], self._touches[-1]
         if question == "places":
             return _swap(first, last)
@@ -132,28 +132,28 @@ class VirtualParticipant:
         return math.log(self._before(resting) / last[-1].friction)
 
     def _before(self, resting: float) -> float:
-        """What the last feeling is compared with: the touch before, or how this one began."""
+        """Return the friction to compare the last touch with."""
         first = self._touches[0]
         if len(self._touches) > 1:
             return first[-1].friction
         changed = abs(math.log(first[0].friction / first[-1].friction)) > JUST_NOTICEABLE
         return first[0].friction if changed else resting
 
-    def _rated(self) -> int:
+    def _score(self) -> int:
         character = self.character
-        rating = character.bias + character.gain * self._contrast
-        rating += self.random_stream.gauss(0, character.rating_noise)
-        return round(min(max(rating, 0.0), 10.0))
+        score = character.bias + character.gain * self._contrast
+        score += self.random_stream.gauss(0, character.rating_noise)
+        return round(min(max(score, 0.0), 10.0))
 
 
 def _depth(touch: list[_Felt], resting: float) -> float:
-    """How much the friction differs from that of the resting beam, root mean square of its log."""
+    """Return the root mean square of the log friction relative to the beam at rest."""
     logs = [math.log(felt.friction / resting) for felt in touch]
     return math.sqrt(sum(log * log for log in logs) / len(logs))
 
 
 def _swap(there: list[_Felt], back: list[_Felt]) -> float:
-    """Difference of log friction between two ways, place by place, root mean square."""
+    """Return the root mean square difference of log friction between two slides, by position."""
     returned = sorted(back, key=lambda felt: felt.position_m)
     logs = [math.log(felt.friction / _nearest(returned, felt.position_m)) for felt in there]
     return math.sqrt(sum(log * log for log in logs) / len(logs))
@@ -164,5 +164,5 @@ def _nearest(touch: list[_Felt], position_m: float) -> float:
 
 
 def swapping(control: ControlClient, body_spacing_m: Mapping[str, float]) -> Callable[[str], None]:
-    """Return a function that mounts one of the study's beams on the simulated device."""
+    """Return a function that mounts one of the study's beams, by name, on the simulated device."""
     return lambda beam: control.swap_beam(body_spacing_m[beam])

@@ -1,4 +1,4 @@
-"""The session's loop: trials, touches, questions, resuming, and the output off at its end.
+"""The session loop: trials, touches, questions, resuming, and turning the output off at the end.
 
 Public face: `loop.run`, `session.Session`, `trial.touch`, `resume.require_resumable`.
 """

@@ -1,4 +1,4 @@
-"""What was done, judged against the instruction: the finger's place, its way and its force."""
+"""Compliance with the touch instruction: the finger's position, movement and force."""
 
 from collections.abc import Sequence
 from statistics import median
@@ -7,13 +7,13 @@ from protocol.journal.records import LIFTED_N, NOT_JUDGED, Compliance, ReadBack,
 from runner.screens import Pacing
 
 PLACE_TOLERANCE_M = 0.005
-"""Half the contact of a finger."""
+"""Half the length of a finger's contact."""
 FORCE_TOLERANCE = 0.5
-"""Relative to the force asked for; people do not press evenly."""
+"""Relative to the instructed force; people do not press evenly."""
 
 
 def samples_of(read_back: ReadBack) -> list[TraceSample]:
-    """Return what `read_back` says of the finger: one sample, none without sensors."""
+    """Return the finger sample in `read_back`, or an empty list if the rig has no sensors."""
     t_s, force_n, position_m = (
         read_back.device_time_s,
         read_back.force_n,
@@ -25,11 +25,11 @@ def samples_of(read_back: ReadBack) -> list[TraceSample]:
 
 
 def judged(pacing: Pacing, samples: Sequence[TraceSample]) -> Compliance:
-    """Return what was done and whether it was what `pacing` asked for.
+    """Return the measured force and whether the touch complied with `pacing`.
 
-    `force_ok`: the median force lies within `FORCE_TOLERANCE` of the one asked for. `place_ok`:
-    the finger stayed at its place, or moved the right way over at least half of its path. Both are
-    None where the rig felt no finger at all: it may have no sensors.
+    `force_ok`: the median force lies within `FORCE_TOLERANCE` of the instructed force. `place_ok`:
+    the finger stayed in place, or moved in the right direction over 50 to 150 % of its path. Both
+    are None if no sample shows contact: the rig may have no sensors.
     """
     touching = [entry for entry in samples if entry.force_n > LIFTED_N]
     if not touching:
@@ -38,14 +38,14 @@ def judged(pacing: Pacing, samples: Sequence[TraceSample]) -> Compliance:
     return Compliance(
         force_n=round(force_n, 4),
         force_ok=abs(force_n - pacing.force_n) <= FORCE_TOLERANCE * pacing.force_n,
-        place_ok=_moved_as_asked(pacing, touching),
+        place_ok=_place_ok(pacing, touching),
     )
 
 
-def _moved_as_asked(pacing: Pacing, touching: Sequence[TraceSample]) -> bool:
-    way_m = pacing.end_m - pacing.start_m
-    if way_m == 0:
-        off_m = median(abs(entry.position_m - pacing.start_m) for entry in touching)
-        return off_m <= PLACE_TOLERANCE_M
+def _place_ok(pacing: Pacing, touching: Sequence[TraceSample]) -> bool:
+    path_m = pacing.end_m - pacing.start_m
+    if path_m == 0:
+        deviation_m = median(abs(entry.position_m - pacing.start_m) for entry in touching)
+        return deviation_m <= PLACE_TOLERANCE_M
     moved_m = touching[-1].position_m - touching[0].position_m
-    return 0.5 <= moved_m / way_m <= 1.5
+    return 0.5 <= moved_m / path_m <= 1.5

@@ -1,4 +1,4 @@
-"""A session: every trial that is not answered yet, and the device off on every way out."""
+"""The session loop: runs every pending trial and turns the device off however it ends."""
 
 from collections.abc import Callable
 
@@ -20,28 +20,28 @@ from runner.session.trial import ask, touch
 from runner.signals import stops_allowed, stops_deferred
 
 _OFF = "output off, read back"
-_GOES_ON = "run it again to go on"
+_RESUMABLE = "run the same command again to resume"
 
 
 def run(context: SessionContext) -> None:
-    """Take the session from where its log says it is to its end.
+    """Run the session from the state in its log to its end.
 
     Raises:
         DeviceError: the device cannot be trusted; the session can be resumed.
         OutputUnknown: the output could not be read back as off.
-        StoppedByOperator: likewise resumable.
+        StoppedByOperator: the operator stopped the session; it can be resumed.
     """
     _resume(context)
-    to_the_end(_trials, context)
+    run_then_turn_off(_run_trials, context)
     context.participant.show(Notice(text="thanks"))
     update_view(context)
 
 
-def _trials(context: SessionContext) -> None:
+def _run_trials(context: SessionContext) -> None:
     prepare(context)
     while (trial := _next_trial(context)) is not None:
         pause_if_wanted(context, trial)
-        _try(context, trial)
+        _run_trial(context, trial)
 
 
 def _next_trial(context: SessionContext) -> Trial | None:
@@ -51,8 +51,8 @@ def _next_trial(context: SessionContext) -> Trial | None:
     )
 
 
-def _try(context: SessionContext, trial: Trial) -> None:
-    """Carry out one trial; if the operator wants it again, it stays to be answered."""
+def _run_trial(context: SessionContext, trial: Trial) -> None:
+    """Run one trial; if the operator asks to repeat it, it remains pending."""
     context.log.append(TrialStarted(index=trial.index, kind=trial.kind))
     update_view(context)
     try:
@@ -60,11 +60,11 @@ def _try(context: SessionContext, trial: Trial) -> None:
         context.log.append(ask(context, trial, done))
     except RepeatTrial:
         context.device.off()
-        abort_trial(context.log, "repeated at the operator's wish")
+        abort_trial(context.log, "repeated at the operator's request")
 
 
 def _resume(context: SessionContext) -> None:
-    """Take the session up again where its last process left it, unless it was opened just now."""
+    """Record that the session is resumed, unless it has just been opened."""
     log = context.log
     if context.opened_now:
         return
@@ -81,11 +81,12 @@ def _renew_practice(context: SessionContext) -> None:
         context.log.append(PracticeRenewed(indices=tuple(again)))
 
 
-def to_the_end(part: Callable[[SessionContext], None], context: SessionContext) -> None:
-    """Carry out `part`; whatever happens in it, the output goes off, then the journal says so.
+def run_then_turn_off(part: Callable[[SessionContext], None], context: SessionContext) -> None:
+    """Run `part`; however it ends, turn the output off first and record that second.
 
-    A signal that comes after the last answer is heeded when the session is complete.
+    A signal after the last answer takes effect once the session is complete.
     """
+    # Signals are deferred here and allowed only in `part`, so that none can skip `_turn_off`.
     with stops_deferred():
         try:
             with stops_allowed():
@@ -93,15 +94,15 @@ def to_the_end(part: Callable[[SessionContext], None], context: SessionContext) 
         except BaseException as error:
             _turn_off(context, str(error) or type(error).__name__)
             error.add_note(_OFF)
-            if not isinstance(error, BadInput):  # which would end it again
-                error.add_note(_GOES_ON)
+            if not isinstance(error, BadInput):  # the same input would fail again
+                error.add_note(_RESUMABLE)
             raise
         _turn_off(context, "end of session")
         context.log.append(SessionCompleted())
 
 
 def _turn_off(context: SessionContext, why: str) -> None:
-    """Turn the output off and write it down; nothing is told before an output that is unknown."""
+    """Turn the output off and record it; an unknown output is always reported first."""
     unknown = None
     try:
         context.device.off()
@@ -117,7 +118,7 @@ def _turn_off(context: SessionContext, why: str) -> None:
         if unknown is not None:
             raise unknown from error
         error.add_note(_OFF)
-        error.add_note(_GOES_ON)
+        error.add_note(_RESUMABLE)
         raise
     if unknown is not None:
         raise unknown

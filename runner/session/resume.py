@@ -1,4 +1,4 @@
-"""Whether a session may go on: the same study, the same kind, not too long ago."""
+"""Checks before a session starts or resumes: same study, same kind, intact chain, not too old."""
 
 from collections.abc import Sequence
 from datetime import datetime, timedelta
@@ -17,17 +17,17 @@ from runner.session.session import Session
 def require_resumable(
     journal: Journal, session: Session, before: SessionState | None, now: datetime
 ) -> None:
-    """Refuse a session that cannot begin or go on as it is asked for.
+    """Refuse a session that cannot start or resume as requested.
 
     Args:
-        journal: of the study.
-        session: as it would run now.
-        before: where its events left it, None for a new one.
-        now: the date and time.
+        journal: the study's journal.
+        session: the session as it would run now.
+        before: the state recorded so far, None for a new session.
+        now: the current date and time, UTC.
 
     Raises:
-        BadInput: the message says why, and what can be done.
-        JournalError: what there is of the session has been changed.
+        BadInput: the session cannot run; the message gives the reason and the remedy.
+        JournalError: the recorded events of the session have been changed.
     """
     name = session_name(session.participant, session.number)
     _require_accepted_study(journal, session)
@@ -35,32 +35,33 @@ def require_resumable(
         return
     _require_whole(journal, name)
     if before.name in {"completed", "excluded", "withdrawn"}:
-        raise BadInput(f"{name} is {before.name}; take another participant or --session")
-    assert before.opened is not None, "every other event comes after it"
+        raise BadInput(f"{name} is already {before.name}; choose another participant or --session")
+    assert before.opened is not None, "session-opened is the first event of every session"
     if before.opened.kind != session.kind:
         raise BadInput(
-            f"{name} began as a {before.opened.kind} session, now it would be a {session.kind} one"
+            f"{name} began as a {before.opened.kind} session and cannot resume as a "
+            f"{session.kind} session"
         )
     _require_same_trials(name, session, before.opened.trials)
     _require_fresh(name, session, before.last_event_utc, now)
 
 
 def _require_whole(journal: Journal, name: str) -> None:
-    """What goes on goes on from what really happened."""
+    """Resume only from events that have not been changed since they were recorded."""
     if not chain_is_unbroken(name, journal.chain(name), erased=True):
         raise JournalError(
-            f"{name}: its chain of events is broken, so that it cannot go on; see touchbeam "
-            "verify, and take another participant or --session"
+            f"{name}: cannot resume, because its chain of events is broken; run touchbeam verify, "
+            "and choose another participant or --session"
         )
 
 
 def _require_accepted_study(journal: Journal, session: Session) -> None:
-    """The study file is the one that the study's sessions began with, or an amended one."""
+    """Require the study file of the earlier sessions, or its latest amendment."""
     accepted = accepted_digests(journal)
     if accepted and text_digest(session.study_text) != accepted[-1]:
         raise BadInput(
             "study.toml has changed since the last session; restore it, or accept the change "
-            "with touchbeam amend --reason"
+            "with touchbeam amend --reason TEXT"
         )
 
 
@@ -68,7 +69,7 @@ def _require_same_trials(name: str, session: Session, opened: Sequence[PlannedTr
     planned = session.plan.trials
     if [_identity(trial) for trial in planned] != [_identity(trial) for trial in opened]:
         raise BadInput(
-            f"{name} has other trials under the amended study; finish it as --session "
+            f"{name} has different trials in the amended study; finish it as --session "
             f"{session.number + 1}"
         )
 
@@ -81,12 +82,12 @@ def _require_fresh(name: str, session: Session, last_event: datetime | None, now
     limit_h = session.study.session.resume_within_h
     if last_event is not None and last_event - now > timedelta(hours=limit_h):
         raise BadInput(
-            f"{name} was interrupted at {last_event:%Y-%m-%d %H:%M} UTC, which is yet to come: "
-            "set this machine's clock"
+            f"{name} was interrupted at {last_event:%Y-%m-%d %H:%M} UTC, which lies in the future; "
+            "check this computer's clock"
         )
     if last_event is not None and now - last_event > timedelta(hours=limit_h):
         hours = (now - last_event).total_seconds() / 3600
         raise BadInput(
-            f"{name} was interrupted {hours:.0f} h ago and the study resumes within {limit_h:g} h; "
-            f"exclude it (touchbeam exclude) and take another participant or --session"
+            f"{name} was interrupted {hours:.0f} h ago and must be resumed within {limit_h:g} h; "
+            f"exclude it (touchbeam exclude) and choose another participant or --session"
         )

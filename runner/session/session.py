@@ -1,4 +1,4 @@
-"""What a session is: who, which plan, on which rig; and how that is written down."""
+"""A session's fixed settings, the events that record them, and its running context."""
 
 import platform
 from dataclasses import dataclass, field
@@ -19,7 +19,7 @@ SessionKind = Literal["participant", "rehearsal"]
 
 @dataclass(frozen=True, kw_only=True)
 class Session:
-    """One participant's session, decided before it begins."""
+    """One participant's session, fixed before it starts."""
 
     participant: str
     number: int
@@ -32,7 +32,7 @@ class Session:
     seed: int = 1
 
     def resumption(self) -> SessionResumed:
-        """Return what the journal says of the session when it is taken up again."""
+        """Return the event that records the session when it is resumed."""
         return SessionResumed(
             study_sha256=text_digest(self.study_text),
             study_text=self.study_text,
@@ -44,7 +44,7 @@ class Session:
         )
 
     def opening(self) -> SessionOpened:
-        """Return what the journal says of the session when it opens."""
+        """Return the event that records the session when it is opened."""
         return SessionOpened(
             participant=self.participant,
             session=self.number,
@@ -58,7 +58,7 @@ class Session:
 
 
 def versions() -> dict[str, str]:
-    """Return what ran: touchbeam and Python."""
+    """Return the versions of touchbeam and Python."""
     return {"touchbeam": version("touchbeam"), "python": platform.python_version()}
 
 
@@ -69,11 +69,11 @@ def _planned(trial: Trial) -> PlannedTrial:
 
 @dataclass(kw_only=True)
 class SessionContext:
-    """What a running session works with.
+    """A running session with its device, people, clock and log.
 
-    `opened_now` tells a new session from one that is taken up again; `resonance_hz` is known once
-    it was measured. `beam_in_doubt` says that the operator was asked for a beam and did not
-    confirm it.
+    `opened_now` is True for a new session and False for a resumed one. `resonance_hz` is 0 until
+    it has been measured. `beam_in_doubt` is True while the operator has been asked to mount a beam
+    and has not confirmed it.
     """
 
     session: Session

@@ -1,4 +1,4 @@
-"""Before the first touch: what the operator notes, the armed device, its beam and its resonance."""
+"""Session setup: arm the device, ask the operator, mount the beam, measure its resonance."""
 
 from protocol.errors import BadInput
 from protocol.journal.events import BeamMounted, DeviceArmed, ResonanceMeasured, RigDescribed
@@ -9,7 +9,7 @@ from runner.session.tick import operator_answer, response, tick, update_view
 
 
 def prepare(context: SessionContext) -> None:
-    """Arm the device and find the beam's resonance before anybody touches it; then greet."""
+    """Arm the device, measure the resonance of the untouched beam, then welcome the participant."""
     context.participant.show(Notice(text="wait"))
     update_view(context)
     study = context.session.study
@@ -19,7 +19,7 @@ def prepare(context: SessionContext) -> None:
     if study.session.operator_asks:
         asked = study.session.operator_asks
         context.log.append(
-            RigDescribed(answers={question: _told(context, question) for question in asked})
+            RigDescribed(answers={question: _ask_operator(context, question) for question in asked})
         )
     mount(context, study.touch.beam)
     update_view(context, warning="measuring the resonance: hands off the beam", searching=True)
@@ -37,26 +37,26 @@ def prepare(context: SessionContext) -> None:
 
 
 def _require_within_limits(context: SessionContext, resonance_hz: float) -> None:
-    """See before the first touch that no touch will break a limit on this very beam.
+    """Check all touches against the limits at the resonance of the mounted beam.
 
     Raises:
-        BadInput: one would.
+        BadInput: a touch would exceed a limit.
     """
     for problem in problems_at(context.session.study, resonance_hz):
         raise BadInput(f"the resonance of this beam is {resonance_hz:.0f} Hz: {problem}")
 
 
 def mount(context: SessionContext, beam: str | None) -> None:
-    """Have the operator swap beams, with the output off, unless the beam is there already."""
+    """Have the operator mount `beam`, with the output off, unless it is already mounted."""
     if beam is None or (beam == context.log.state.beam and not context.beam_in_doubt):
         return
-    context.beam_in_doubt = True
+    context.beam_in_doubt = True  # and stays so if the operator does not confirm
     context.operator.mount(beam)
     operator_answer(context)
     context.beam_in_doubt = False
     context.log.append(BeamMounted(beam=beam))
 
 
-def _told(context: SessionContext, question: str) -> str:
+def _ask_operator(context: SessionContext, question: str) -> str:
     context.operator.ask(f"{question}?")
     return operator_answer(context)

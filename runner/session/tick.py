@@ -1,4 +1,4 @@
-"""Waiting, with the device kept alive, the operator heard and the participant served meanwhile."""
+"""The tick: waiting while the watchdog is fed and the operator and participant are served."""
 
 from collections.abc import Callable
 from typing import TypeVar
@@ -13,19 +13,20 @@ from runner.signals import raise_if_stopped
 
 
 class StoppedByOperator(WorkFailed):
-    """The operator ended the session; it can be resumed."""
+    """The operator stopped the session; it can be resumed."""
 
 
 class RepeatTrial(Exception):
-    """The operator wants the trial that is running again."""
+    """The operator asked to repeat the running trial."""
 
 
 def obey(context: SessionContext) -> None:
-    """Do what the operator has ordered, if anything.
+    """Carry out the operator's next order, if there is one.
 
     Raises:
-        StoppedByOperator: the session is to end here; after an emergency stop the output is off.
-        RepeatTrial: the trial is to be done again.
+        StoppedByOperator: the operator stopped the session; an emergency stop has already sent
+            the command that turns the output off.
+        RepeatTrial: the operator asked to repeat the running trial.
     """
     match context.operator.order():
         case "emergency stop":
@@ -36,11 +37,11 @@ def obey(context: SessionContext) -> None:
         case "repeat" if context.log.state.trial is not None:
             raise RepeatTrial
         case "repeat":
-            context.operator.tell("no trial is running that could be repeated")
+            context.operator.notify("there is no running trial to repeat")
         case "pause":
             context.pause_wanted = not context.pause_wanted
-            context.operator.tell(
-                "a pause comes before the next trial" if context.pause_wanted else "no pause"
+            context.operator.notify(
+                "pausing before the next trial" if context.pause_wanted else "pause cancelled"
             )
         case Note(text=text):
             context.log.append(NoteTaken(text=text))
@@ -51,22 +52,22 @@ TICK_S = 0.05
 _Thing = TypeVar("_Thing")
 
 
-def awaited(context: SessionContext, poll: Callable[[], _Thing | None]) -> _Thing:
-    """Return what `poll` gives as soon as it gives something."""
+def wait_for(context: SessionContext, poll: Callable[[], _Thing | None]) -> _Thing:
+    """Tick until `poll` returns something other than None, and return it."""
     while (thing := poll()) is None:
         tick(context, TICK_S)
     return thing
 
 
 def response(context: SessionContext) -> Response:
-    """Return the participant's answer to what was last shown."""
-    return awaited(context, context.participant.poll)
+    """Return the participant's answer to the current screen."""
+    return wait_for(context, context.participant.poll)
 
 
 def operator_answer(context: SessionContext) -> str:
-    """Return what the operator answers; the participant is looked after meanwhile.
+    """Return the operator's answer, and keep serving the participant until it arrives.
 
-    A question that is left without an answer is taken back: nothing may be done about it any more.
+    An unanswered question is withdrawn, because a late answer must have no effect.
     """
 
     def poll() -> str | None:
@@ -74,34 +75,34 @@ def operator_answer(context: SessionContext) -> str:
         return context.operator.answered()
 
     try:
-        return awaited(context, poll)
+        return wait_for(context, poll)
     except BaseException:
-        context.operator.unask()
+        context.operator.withdraw_question()
         raise
 
 
 def wait(
     context: SessionContext,
     seconds: float,
-    meanwhile: Callable[[], None] = lambda: None,
+    on_tick: Callable[[], None] = lambda: None,
     every_s: float = TICK_S,
 ) -> None:
-    """Let `seconds` pass; the participant goes on touching, `meanwhile` is called `every_s`."""
+    """Wait for `seconds`; serve the participant and call `on_tick` every `every_s`."""
     end_s = context.clock.monotonic_s() + seconds
-    while (left_s := end_s - context.clock.monotonic_s()) > 1e-9:
+    while (left_s := end_s - context.clock.monotonic_s()) > 1e-9:  # rounding of summed ticks
         context.participant.poll()
-        meanwhile()
+        on_tick()
         tick(context, min(every_s, left_s))
     context.participant.poll()
 
 
 def tick(context: SessionContext, seconds: float) -> None:
-    """Let one tick pass.
+    """Check signals, device and operator once, then sleep for `seconds`.
 
     Raises:
-        DeviceError: the device failed meanwhile.
-        StoppedByOperator, RepeatTrial: the operator ordered so.
-        Stopped: a signal did.
+        DeviceError: the device has failed since the last tick.
+        StoppedByOperator, RepeatTrial: the operator ordered it.
+        Stopped: a signal arrived.
     """
     raise_if_stopped()
     context.device.beat()
@@ -117,18 +118,18 @@ def update_view(
     searching: bool = False,
     unknown: bool = False,
 ) -> None:
-    """Show the operator where the session stands, and what `device` read back, if it is on."""
+    """Show the operator the session's progress and, while the output is on, its read-back."""
     state, session = context.log.state, context.session
     left = [entry for entry in session.plan.trials if entry.index not in state.answered]
     running = [entry for entry in left if entry.index == state.trial]
     coming = [entry for entry in left if entry.index != state.trial]
-    context.operator.see(
+    context.operator.show(
         OperatorView(
             session=f"{session.participant}/{session.number}",
             kind=session.kind,
             state=state.name,
-            trial=_named(running),
-            next_trial=_named(coming),
+            trial=_label(running),
+            next_trial=_label(coming),
             done=len(state.answered),
             total=len(session.plan.trials),
             left_s=sum(trial_s(session.study, entry) for entry in left),
@@ -143,7 +144,7 @@ def update_view(
 
 
 def pause_if_wanted(context: SessionContext, trial: Trial) -> None:
-    """Keep the pause before `trial`: the study's own, a break, and the operator's."""
+    """Wait before `trial`: the inter-trial interval, a planned break, the operator's pause."""
     wait(context, context.session.study.timing.inter_trial_s)
     if trial.break_s > 0:
         context.participant.show(Notice(text="break"))
@@ -164,6 +165,6 @@ def _pause(context: SessionContext) -> None:
     context.log.append(Unpaused())
 
 
-def _named(trials: list[Trial]) -> str:
-    """What the operator calls the first of `trials`."""
+def _label(trials: list[Trial]) -> str:
+    """Return the operator's label for the first of `trials`."""
     return (trials[0].condition or trials[0].kind) if trials else "-"

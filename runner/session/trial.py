@@ -1,4 +1,4 @@
-"""One touch: the right beam, the instruction, the drive, the finger's way, and off again."""
+"""The parts of a trial: its touches, each with instruction and stimulus, and its questions."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -19,20 +19,21 @@ from runner.session.tick import TICK_S, response, update_view, wait
 SAMPLE_EVERY_S = 0.2
 SWEEP_STEP_S = 0.1
 SWEEP_STEPS = 10
-"""Of a sweep that is shorter than 1 s, as far as `FASTEST_STEP_S` allows."""
+"""Steps in a sweep shorter than 1 s; fewer if they would be shorter than `FASTEST_STEP_S`."""
 FASTEST_STEP_S = 0.02
 
 
 def touch(context: SessionContext, number: int, to_make: Touch) -> Compliance:
-    """Carry out one touch of a trial and return how it was done.
+    """Carry out one touch of a trial and return its compliance.
 
-    The output is off before and after it; it goes on only once the journal says that it will.
+    The output is off before and after the touch. It is switched on only after the journal has
+    recorded the commanded setpoint.
     """
     study = context.session.study
     mount(context, to_make.beam or study.touch.beam)
     if number > 0:
         wait(context, study.timing.between_touches_s)
-    ready = _instructed(context, to_make)
+    ready = _instruct(context, to_make)
     start = _setpoint(context, to_make.voltage_v, to_make.frequency)
     context.log.append(
         TouchStarted(
@@ -60,15 +61,15 @@ def touch(context: SessionContext, number: int, to_make: Touch) -> Compliance:
     return verdict
 
 
-def _instructed(context: SessionContext, to_make: Touch) -> Response:
-    """Say how to touch, and nothing else, until the participant is ready."""
-    way = pacing(to_make, context.session.study.touch).touch
-    context.participant.show(Instruction(text=touch_text(to_make), touch=way))
+def _instruct(context: SessionContext, to_make: Touch) -> Response:
+    """Show how to touch, and return the response when the participant is ready."""
+    path = pacing(to_make, context.session.study.touch).touch
+    context.participant.show(Instruction(text=touch_text(to_make), touch=path))
     return response(context)
 
 
 class _Stimulus:
-    """What the device does while the finger is on the beam, and what was read back meanwhile."""
+    """The drive during one touch, with the read-backs and finger samples taken."""
 
     def __init__(self, context: SessionContext, to_make: Touch) -> None:
         self._context = context
@@ -80,25 +81,25 @@ class _Stimulus:
         self._next_step_s = self._step_s
 
     def deliver(self, start: Setpoint) -> None:
-        """Soft start, the touch itself with its ramp and sweep; the output stays on."""
+        """Ramp up to `start`, then run the touch with its ramp and sweep; leave the output on."""
         context, to_make = self._context, self._touch
         update_view(context, device=context.device.drive(start))
         wait(context, start.voltage_v / start.ramp_v_per_s)
         context.participant.show(self.pacing)
-        self._look()
+        self._sample_and_show()
         if self._ramps:
-            self._move_on(0.0)
+            self._drive_at(0.0)
         self._began_s = context.clock.monotonic_s()
-        wait(context, self.pacing.duration_s, self._meanwhile, min(TICK_S, self._step_s))
+        wait(context, self.pacing.duration_s, self._on_tick, min(TICK_S, self._step_s))
         if to_make.sweep_to is not None:
-            self._move_on(1.0)
-        self._look()
+            self._drive_at(1.0)
+        self._sample_and_show()
 
-    def _look(self) -> None:
-        update_view(self._context, device=self._sampled(keep=True))
+    def _sample_and_show(self) -> None:
+        update_view(self._context, device=self._sample(keep=True))
 
-    def _sampled(self, *, keep: bool) -> ReadBack:
-        """Read the drive and the finger; a drive that stays as it was need not be kept."""
+    def _sample(self, *, keep: bool) -> ReadBack:
+        """Read back the drive and the finger; keep the read-back only if `keep`."""
         read_back = self._context.device.read_back()
         if keep:
             self.read_back.append(read_back)
@@ -113,27 +114,28 @@ class _Stimulus:
     def _ramps(self) -> bool:
         return self._touch.end_voltage_v != self._touch.voltage_v
 
-    def _meanwhile(self) -> None:
-        """Look at the finger now and then; move the frequency on if it sweeps."""
+    def _on_tick(self) -> None:
+        """Sample the finger when a sample is due; take the next step of a sweep when it is due."""
         passed_s = self._context.clock.monotonic_s() - self._began_s
         sweeps = self._touch.sweep_to is not None
         if passed_s >= self._next_sample_s:
             self._next_sample_s += SAMPLE_EVERY_S
-            self._sampled(keep=sweeps or self._ramps)
+            # Each read-back of a changing drive is kept; of a constant one, the first and the last.
+            self._sample(keep=sweeps or self._ramps)
         if sweeps and passed_s >= self._next_step_s:
             self._next_step_s += self._step_s
-            self._move_on(min(passed_s / self.pacing.duration_s, 1.0))
+            self._drive_at(min(passed_s / self.pacing.duration_s, 1.0))
 
-    def _move_on(self, share: float) -> None:
-        """Go to this share of the sweep; the amplitude goes on towards the end of its ramp."""
+    def _drive_at(self, share: float) -> None:
+        """Set the frequency at `share` (0 to 1) of the sweep, and the end of the amplitude ramp."""
         to_make = self._touch
         frequency = to_make.frequency + share * (to_make.end_frequency - to_make.frequency)
         change_v = abs(to_make.end_voltage_v - to_make.voltage_v)
-        towards = _setpoint(self._context, to_make.end_voltage_v, frequency)
-        if self._ramps:
+        target = _setpoint(self._context, to_make.end_voltage_v, frequency)
+        if self._ramps:  # the device itself ramps, evenly over the touch
             slope = max(change_v / self.pacing.duration_s, SLOWEST_RAMP_V_PER_S)
-            towards = replace(towards, ramp_v_per_s=min(slope, towards.ramp_v_per_s))
-        self._context.device.drive(towards)
+            target = replace(target, ramp_v_per_s=min(slope, target.ramp_v_per_s))
+        self._context.device.drive(target)
 
 
 def _setpoint(context: SessionContext, voltage_v: float, frequency: float) -> Setpoint:
@@ -147,16 +149,16 @@ def _setpoint(context: SessionContext, voltage_v: float, frequency: float) -> Se
 def _warning(verdict: Compliance) -> str:
     judged_parts = {"force": verdict.force_ok, "place": verdict.place_ok}
     missed = [name for name, is_ok in judged_parts.items() if is_ok is False]
-    return f"the touch was not as asked: {' and '.join(missed)}" if missed else ""
+    return f"the touch did not follow the instruction: {' and '.join(missed)}" if missed else ""
 
 
 def ask(context: SessionContext, trial: Trial, judged: Sequence[Compliance]) -> Answered:
-    """Ask what `trial` has to ask and return it as the journal holds it.
+    """Ask the questions of `trial` and return the event that records the answers.
 
     Args:
-        context: of the session.
-        trial: whose touches are made.
-        judged: how each of them was.
+        context: the running session.
+        trial: the trial whose touches have just been made.
+        judged: the compliance of each touch.
     """
     change, score, given = _answers(context, trial)
     return Answered(
@@ -177,10 +179,10 @@ def ask(context: SessionContext, trial: Trial, judged: Sequence[Compliance]) -> 
 def _answers(
     context: SessionContext, trial: Trial
 ) -> tuple[str | None, int | None, list[Response]]:
-    """Return what changed, its score, and how both were given.
+    """Return the reported change, its score, and the responses that gave them.
 
-    The score is missing where the answer disagrees with the expectation and the study asks only
-    for scores of effects that agree (the paper's rule, section 5.2).
+    The score is None if the answer disagrees with the expectation and the study asks for a score
+    only where it agrees (the paper's rule, section 5.2).
     """
     if trial.question is None:
         context.participant.show(Instruction(text="remember"))

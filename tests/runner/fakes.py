@@ -1,4 +1,4 @@
-"""A device, a clock and a participant that live in the test's own process."""
+"""A device, a clock and people that live in the test's own process."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
@@ -28,7 +28,7 @@ from runner.session.session import Session, SessionContext, SessionKind
 
 @dataclass
 class FakeClock:
-    """Time that passes when somebody sleeps."""
+    """Time that passes only by `sleep`."""
 
     passed_s: float = 0.0
 
@@ -44,7 +44,7 @@ class FakeClock:
 
 @dataclass
 class FakeDevice:
-    """Remembers what it was told; fails in `fails` at that call, if asked to."""
+    """Records its calls; the call named in `fails` fails."""
 
     fails: str = ""
     on: bool = False
@@ -108,7 +108,7 @@ class FakeParticipant:
     def show(self, screen: Screen) -> None:
         self.shown.append(screen)
         if self.stops_at and self.stops_at in str(screen):
-            raise KeyboardInterrupt("somebody pressed Ctrl-C")
+            raise KeyboardInterrupt("Ctrl-C")
 
     def poll(self) -> Response | None:
         match self.shown[-1]:
@@ -125,9 +125,9 @@ class FakeParticipant:
 
 @dataclass
 class FakeOperator:
-    """Does what is asked at once; swaps beams only while the output is off.
+    """Answers at once; asserts that beams are swapped only while the output is off.
 
-    Gives `orders` in turn, each once `when` holds for what is seen.
+    Gives `orders` in turn, each when the session is in the state it is paired with.
     """
 
     device: FakeDevice
@@ -135,10 +135,10 @@ class FakeOperator:
     mounts: list[str] = field(default_factory=list)
     asked: list[str] = field(default_factory=list)
     seen: list[OperatorView] = field(default_factory=list)
-    told: list[str] = field(default_factory=list)
+    notices: list[str] = field(default_factory=list)
 
     def mount(self, beam: str) -> None:
-        assert not self.device.on, "a beam is swapped with the output off"
+        assert not self.device.on, "the output must be off while a beam is swapped"
         self.mounts.append(beam)
 
     def ask(self, text: str) -> None:
@@ -147,7 +147,7 @@ class FakeOperator:
     def answered(self) -> str | None:
         return "fine"
 
-    def unask(self) -> None:
+    def withdraw_question(self) -> None:
         self.asked.append("")
 
     def order(self) -> Order | Note | None:
@@ -155,11 +155,11 @@ class FakeOperator:
             return self.orders.pop(0)[1]
         return None
 
-    def see(self, view: OperatorView) -> None:
+    def show(self, view: OperatorView) -> None:
         self.seen.append(view)
 
-    def tell(self, text: str) -> None:
-        self.told.append(text)
+    def notify(self, text: str) -> None:
+        self.notices.append(text)
 
 
 def context(
@@ -170,7 +170,7 @@ def context(
     operator: FakeOperator | None = None,
     kind: SessionKind = "participant",
 ) -> SessionContext:
-    """The context of the session P01/1 of the study `text`, opened in `journal` if it is new."""
+    """Return the context of session P01/1 of the study `text`; open it in `journal` if new."""
     clock = FakeClock()
     log = SessionLog(journal, "P01/1", clock)
     if log.state.opened:

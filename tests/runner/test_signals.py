@@ -1,4 +1,4 @@
-"""Signals: one exception, once, and never in the middle of what belongs together."""
+"""Signals: one exception, raised once, and never inside a block that defers it."""
 
 import itertools
 import os
@@ -13,7 +13,7 @@ import pytest
 
 from protocol.journal.events import DeviceArmed
 from runner.journal.store import open_journal
-from runner.session.loop import to_the_end
+from runner.session.loop import run_then_turn_off
 from runner.session.session import SessionContext
 from runner.signals import Stopped, raise_if_stopped, signals_raise, stops_allowed, stops_deferred
 from tests.runner.fakes import FakeDevice, FakeParticipant, context
@@ -26,7 +26,7 @@ def send(number: signal.Signals) -> None:
 
 
 def stopped_by(body: Callable[[], None]) -> str:
-    """What the body was stopped by."""
+    """Return the message of the stop that ends `body`."""
     with pytest.raises(Stopped) as caught, signals_raise():
         body()
     return str(caught.value)
@@ -51,7 +51,7 @@ def test_a_second_signal_changes_nothing() -> None:
     assert done == ["device off"]
 
 
-def test_a_signal_waits_for_what_belongs_together() -> None:
+def test_a_signal_is_deferred_to_the_end_of_the_block() -> None:
     done = []
 
     def body() -> None:
@@ -66,7 +66,7 @@ def test_a_signal_waits_for_what_belongs_together() -> None:
     assert done == ["stored", "known"]
 
 
-def test_a_part_of_what_belongs_together_can_be_stopped() -> None:
+def test_a_signal_is_allowed_in_a_part_of_the_block() -> None:
     done = []
 
     def body() -> None:
@@ -83,7 +83,7 @@ def test_a_part_of_what_belongs_together_can_be_stopped() -> None:
     assert done == ["before", "device off"]
 
 
-def test_a_stop_that_got_lost_is_raised_again() -> None:
+def test_a_lost_stop_is_raised_again() -> None:
     done = []
 
     def body() -> None:
@@ -99,7 +99,7 @@ def test_a_stop_that_got_lost_is_raised_again() -> None:
     assert done == ["shielded"]
 
 
-def test_what_others_make_of_a_stop_is_told_as_the_stop() -> None:
+def test_an_error_caused_by_a_stop_is_raised_as_the_stop() -> None:
     def imports() -> None:
         try:
             send(signal.SIGTERM)
@@ -109,12 +109,12 @@ def test_what_others_make_of_a_stop_is_told_as_the_stop() -> None:
     assert "SIGTERM" in stopped_by(imports)
 
 
-def test_an_error_without_a_stop_stays_what_it_is() -> None:
+def test_an_error_without_a_stop_is_unchanged() -> None:
     with pytest.raises(ImportError, match="no module of that name"), signals_raise():
         raise ImportError("no module of that name")
 
 
-def test_a_stop_is_forgotten_with_what_it_stopped() -> None:
+def test_a_stop_is_forgotten_after_its_block() -> None:
     stopped_by(lambda: send(signal.SIGTERM))
     raise_if_stopped()
 
@@ -129,7 +129,7 @@ def test_an_error_of_the_body_is_not_hidden_by_a_signal() -> None:
         body()
 
 
-def test_handlers_are_as_before_afterwards() -> None:
+def test_earlier_handlers_are_restored() -> None:
     before = signal.getsignal(signal.SIGTERM)
     with signals_raise():
         assert signal.getsignal(signal.SIGTERM) != before
@@ -137,7 +137,7 @@ def test_handlers_are_as_before_afterwards() -> None:
 
 
 class Tracer:
-    """Sends a signal before the n-th instruction of the loop and of what shields it."""
+    """Sends a signal before the n-th instruction of the loop and of the signal handling."""
 
     def __init__(self, instruction: int) -> None:
         self.left = instruction
@@ -154,7 +154,7 @@ class Tracer:
 
 
 def stopped_at(instruction: int, made: SessionContext) -> bool:
-    """Whether there is such an instruction."""
+    """Run a session, stop it at `instruction`, and return whether there is that instruction."""
 
     def part(context: SessionContext) -> None:
         context.device.arm()
@@ -164,7 +164,7 @@ def stopped_at(instruction: int, made: SessionContext) -> bool:
     with suppress(Stopped), signals_raise():
         sys.settrace(tracer)
         try:
-            to_the_end(part, made)
+            run_then_turn_off(part, made)
         finally:
             sys.settrace(before)
     return tracer.left <= 0
@@ -178,8 +178,8 @@ def test_a_signal_before_any_instruction_leaves_the_device_off(tmp_path: Path) -
             more = stopped_at(instruction, made)
             tags = [event.tag for event in journal.events("P01/1")]
         assert device.calls in ([], ["off"], ["arm", "off"]), instruction
-        told = ["device-armed", "device-off", "session-completed"]
-        assert tags[1:] in ([], told[:2], told), instruction
+        complete = ["device-armed", "device-off", "session-completed"]
+        assert tags[1:] in ([], complete[:2], complete), instruction
         if not more:
             break
     assert instruction > 100

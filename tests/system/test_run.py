@@ -28,7 +28,7 @@ def test_a_virtual_session_is_not_run_twice(capsys: pytest.CaptureFixture[str]) 
     assert typed(*arguments) == 0
     assert "7 trials answered, device off (read back)" in capsys.readouterr().out
     assert typed(*arguments) == 2
-    assert "P01/1 is complete" in capsys.readouterr().err
+    assert "P01/1 is already completed" in capsys.readouterr().err
     assert typed("report", "study") == 2
     assert "nothing but rehearsals here; name them with --rehearsals" in capsys.readouterr().err
 
@@ -70,7 +70,7 @@ def test_a_signal_turns_the_device_off_and_the_session_goes_on_later(number: int
     _, said = process.communicate(timeout=20)
     assert process.returncode == 1
     assert said.strip() == f"touchbeam: stopped by {signal.Signals(number).name}; " + (
-        "output off, read back; run it again to go on"
+        "output off, read back; run the same command again to resume"
     )
     assert recorded()[-2:] == ["trial-aborted", "device-off"]
     assert subprocess.run(command, check=True, capture_output=True, text=True).stderr == ""
@@ -134,7 +134,7 @@ def test_a_closed_stream_is_no_error_of_ours(closed: str, arguments: str, code: 
     done = subprocess.run(["sh", "-c", command], stderr=subprocess.PIPE, text=True, check=False)
     assert done.returncode == code
     assert "internal error" not in done.stderr
-    assert (code == 2) == ("needs somebody who types" in done.stderr)
+    assert (code == 2) == ("standard input must be open" in done.stderr)
     assert Path("study/study.db").exists() == (code == 0)
 
 

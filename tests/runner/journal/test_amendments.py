@@ -206,7 +206,7 @@ def test_a_session_does_not_go_on_with_other_trials(tmp_path: Path) -> None:
         fixed = template("paper").replace('order = "williams"', 'order = "fixed"')
         amend(journal, CLOCK, fixed, "simpler")
         other = context(journal, FakeDevice(), FakeParticipant(), fixed).session
-        with pytest.raises(BadInput, match=r"P01/1 has other trials .* finish it as --session 2"):
+        with pytest.raises(BadInput, match=r"P01/1 has different trials .* it as --session 2"):
             require_resumable(journal, other, states(journal)["P01/1"], FakeClock().utc())
 
 
@@ -214,9 +214,7 @@ def test_a_stale_session_is_not_resumed(tmp_path: Path) -> None:
     with open_journal(tmp_path / "study.db") as journal:
         made = context(journal, FakeDevice(), FakeParticipant())
         later = FakeClock(passed_s=25 * 3600)
-        with pytest.raises(
-            BadInput, match="interrupted 25 h ago and the study resumes within 24 h"
-        ):
+        with pytest.raises(BadInput, match="interrupted 25 h ago and must be resumed within 24 h"):
             require_resumable(journal, made.session, states(journal)["P01/1"], later.utc())
 
 
@@ -224,7 +222,7 @@ def test_a_session_of_tomorrow_is_not_resumed(tmp_path: Path) -> None:
     with open_journal(tmp_path / "study.db") as journal:
         made = context(journal, FakeDevice(), FakeParticipant())
         before = FakeClock(passed_s=-25 * 3600)
-        with pytest.raises(BadInput, match="which is yet to come: set this machine's clock"):
+        with pytest.raises(BadInput, match="lies in the future; check this computer's clock"):
             require_resumable(journal, made.session, states(journal)["P01/1"], before.utc())
 
 
@@ -236,7 +234,7 @@ def test_a_session_whose_chain_is_broken_does_not_go_on(tmp_path: Path, column: 
         with closing(sqlite3.connect(path)) as other, other:
             other.execute("DROP TRIGGER event_is_erased_at_most")
             other.execute(f"UPDATE event SET {column} WHERE seq = 0")
-        with pytest.raises(JournalError, match="P01/1: its chain of events is broken, so that it"):
+        with pytest.raises(JournalError, match="P01/1: cannot resume, because its chain of events"):
             require_resumable(journal, made.session, states(journal)["P01/1"], FakeClock().utc())
 
 
@@ -244,7 +242,9 @@ def test_a_participants_session_does_not_become_a_rehearsal(tmp_path: Path) -> N
     with open_journal(tmp_path / "study.db") as journal:
         context(journal, FakeDevice(), FakeParticipant())
         other = context(journal, FakeDevice(), FakeParticipant(), kind="rehearsal")
-        with pytest.raises(BadInput, match=r"began as a participant session, now .* rehearsal"):
+        with pytest.raises(
+            BadInput, match="began as a participant session and cannot resume as a rehearsal"
+        ):
             require_resumable(journal, other.session, states(journal)["P01/1"], FakeClock().utc())
 
 

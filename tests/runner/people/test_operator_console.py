@@ -1,4 +1,4 @@
-"""The operator's console: keys, lines, and what is shown on wide and narrow terminals."""
+"""The operator's console: keys, lines, and the panel on wide and narrow terminals."""
 
 import io
 
@@ -62,7 +62,7 @@ def test_other_keys_do_nothing() -> None:
     assert keys.order() is None
 
 
-def test_an_emergency_stop_overtakes_what_was_ordered_before() -> None:
+def test_an_emergency_stop_overtakes_earlier_orders() -> None:
     keys = OperatorKeys()
     keys.feed("ppre")
     assert keys.order() == "emergency stop"
@@ -75,13 +75,13 @@ def test_a_note_is_typed_corrected_and_finished() -> None:
     assert keys.order() == Note(text="skin dry")
 
 
-def test_a_note_can_be_given_up() -> None:
+def test_a_note_can_be_cancelled() -> None:
     keys = OperatorKeys()
     keys.feed("nski\x1bp")
     assert keys.order() == "pause"
 
 
-def test_an_answer_is_a_line_and_no_order() -> None:
+def test_a_line_that_answers_a_question_is_not_an_order() -> None:
     keys = OperatorKeys()
     keys.expect_answer()
     keys.feed("pers\n")
@@ -89,7 +89,7 @@ def test_an_answer_is_a_line_and_no_order() -> None:
     assert keys.order() is None
 
 
-def test_the_panel_says_what_the_device_really_does() -> None:
+def test_the_panel_shows_what_the_device_really_does() -> None:
     text = "\n".join(panel_lines(view(warning="no watchdog"), "", None))
     assert "ON 200 V 24221 Hz (monitor 200 V)" in text
     assert "3 of 7 trials, about 2 min left" in text
@@ -100,23 +100,23 @@ def test_the_panel_says_what_the_device_really_does() -> None:
 
 
 @pytest.mark.parametrize("changes", [{"state": "idle"}, {"unknown": True}])
-def test_an_output_that_was_not_read_back_is_not_shown_as_off(changes: dict[str, object]) -> None:
+def test_an_output_not_read_back_is_not_shown_as_off(changes: dict[str, object]) -> None:
     first = panel_lines(view(device=None, **changes), "", None)[0]
     assert first.startswith("output: [bold red]")
     assert "off" not in first
 
 
-def test_the_panel_keeps_markup_that_was_typed_as_text() -> None:
+def test_typed_markup_is_shown_as_text() -> None:
     lines = panel_lines(view(last_answer="[red]x"), "", "[bold]note")
     assert "\\[red]x" in lines[-1]
     assert "\\[bold]note" in lines[1]
 
 
-def test_plain_lines_come_only_when_something_changed() -> None:
+def test_plain_lines_are_printed_only_when_something_changes() -> None:
     said: list[str] = []
     console = OperatorConsole(lambda _: "", PlainDisplay(said.append))
     for _ in range(3):
-        console.see(view())
+        console.show(view())
     assert said == [
         "P01/1 touching voltage; 3 of 7 trials, about 2 min left; "
         "output ON 200 V 24221 Hz (monitor 200 V)"
@@ -130,7 +130,7 @@ def test_a_question_waits_for_enter() -> None:
     assert [console.answered() for _ in range(3)] == [None, None, "dry"]
 
 
-def test_nobody_answers_with_nothing_and_the_beam_is_swapped() -> None:
+def test_without_an_operator_the_answer_is_empty_and_the_beam_is_swapped() -> None:
     swapped: list[str] = []
     console = OperatorConsole(
         lambda _: "", PlainDisplay(lambda _: None), swapped.append, alone=True
@@ -149,7 +149,7 @@ def test_an_emergency_stop_is_one_key_away_while_a_line_is_typed() -> None:
 
 
 @pytest.mark.parametrize(("line", "order"), [("e\n", "emergency stop"), ("s\n", "stop")])
-def test_an_order_never_answers_what_was_asked(line: str, order: str) -> None:
+def test_an_order_never_answers_a_question(line: str, order: str) -> None:
     typed = iter(["", f":{line}", "", "dry\n"])
     console = OperatorConsole(lambda _: next(typed), PlainDisplay(lambda _: None))
     console.ask("skin state?")
@@ -185,7 +185,7 @@ def test_an_order_never_answers_what_was_asked(line: str, order: str) -> None:
         ("repeat\n", "repeat"),
     ],
 )
-def test_a_typed_line_is_one_order(line: str, order: object) -> None:
+def test_a_typed_line_gives_one_order(line: str, order: object) -> None:
     keys = OperatorKeys()
     keys.feed_order(line)
     assert keys.order() == order
@@ -212,7 +212,7 @@ def test_enter_confirms_a_beam(enter: str) -> None:
 
 
 @pytest.mark.parametrize("line", ["yes\n", "1\n", "mounted\r"])
-def test_a_line_confirms_a_beam_only_where_no_one_types(line: str) -> None:
+def test_a_line_confirms_a_beam_only_if_input_is_piped(line: str) -> None:
     for any_line, answer in ((False, None), (True, "")):
         keys = OperatorKeys()
         keys.expect_confirmation(any_line=any_line)
@@ -240,7 +240,7 @@ def test_a_line_confirms_a_beam_only_where_no_one_types(line: str) -> None:
         ("x \n", None),
     ],
 )
-def test_an_order_confirms_no_beam(typed: str, order: object) -> None:
+def test_an_order_does_not_confirm_a_beam(typed: str, order: object) -> None:
     keys = OperatorKeys()
     keys.expect_confirmation()
     keys.feed(typed)
@@ -250,7 +250,7 @@ def test_an_order_confirms_no_beam(typed: str, order: object) -> None:
     assert keys.answer() == ""
 
 
-def test_a_note_confirms_no_beam() -> None:
+def test_a_note_does_not_confirm_a_beam() -> None:
     keys = OperatorKeys()
     keys.expect_confirmation()
     keys.feed("n")
@@ -260,7 +260,7 @@ def test_a_note_confirms_no_beam() -> None:
     assert keys.answer() == ""
 
 
-def test_what_was_typed_before_a_question_answers_nothing() -> None:
+def test_input_typed_before_a_question_does_not_answer_it() -> None:
     typed, forgotten = iter(["\n\n", "", "\n"]), []
     console = OperatorConsole(
         lambda _: next(typed), PlainDisplay(lambda _: None), forget=lambda: forgotten.append(True)
@@ -270,50 +270,50 @@ def test_what_was_typed_before_a_question_answers_nothing() -> None:
     assert [console.answered() for _ in range(2)] == [None, ""]
 
 
-def test_a_question_taken_back_is_neither_shown_nor_answered() -> None:
+def test_a_withdrawn_question_is_neither_shown_nor_answered() -> None:
     said: list[str] = []
     typed = iter(["", "dr", "", "\n"])
     console = OperatorConsole(lambda _: next(typed), PlainDisplay(said.append))
-    console.see(view(device=None))
+    console.show(view(device=None))
     console.ask("skin state?")
     assert console.answered() is None
-    console.unask()
-    console.see(view())
+    console.withdraw_question()
+    console.show(view())
     assert said.count("skin state?") == 1
     assert "skin state?" not in said[said.index("skin state?") + 1 :]
     assert console.answered() is None
     assert console.answered() is None
 
 
-def test_a_question_is_said_once_whatever_else_is_shown() -> None:
+def test_a_question_is_printed_once_whatever_else_is_shown() -> None:
     said: list[str] = []
     console = OperatorConsole(lambda _: "", PlainDisplay(said.append))
-    console.see(view())
+    console.show(view())
     console.ask("skin state?")
     for _ in range(3):
-        console.see(view())
-    console.see(view(done=4))
+        console.show(view())
+    console.show(view(done=4))
     assert said.count("skin state?") == 1
     assert len(said) == 3
 
 
-def test_what_is_no_order_is_said_to_be_none() -> None:
+def test_an_unknown_order_is_reported() -> None:
     said: list[str] = []
     typed = iter([":resume\n"])
     console = OperatorConsole(lambda _: next(typed), PlainDisplay(said.append))
-    console.see(view())
+    console.show(view())
     assert console.order() is None
-    assert said[-1].startswith("warning: ':resume' is no order; :p pause or go on")
+    assert said[-1].startswith("warning: ':resume' is not an order; use :p pause or continue")
 
 
-def test_while_a_line_is_typed_the_panel_says_what_keys_do_then() -> None:
+def test_the_panel_explains_the_keys_that_work_while_a_line_is_typed() -> None:
     typing, mounting = panel_lines(view(), "skin state?", "dr"), panel_lines(view(), "Mount", None)
     assert "Ctrl-E EMERGENCY STOP" in typing[2]
     assert "r repeat" not in "".join(typing)
     assert "r repeat" in mounting[2]
 
 
-def test_a_low_and_narrow_terminal_shows_the_output_and_what_is_asked() -> None:
+def test_a_small_terminal_shows_the_output_and_the_question() -> None:
     from rich.console import Console
     from rich.panel import Panel
 

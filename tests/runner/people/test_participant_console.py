@@ -1,4 +1,4 @@
-"""A participant at a terminal: what is shown, what is understood, and what is asked again."""
+"""A participant at a terminal: the texts, valid answers, and questions asked again."""
 
 import io
 import time
@@ -23,7 +23,7 @@ PAPER = parsed_study(template("paper"))
 
 
 class Terminal:
-    """A participant who types `lines`, and what was said to them."""
+    """A participant who types `lines`, and the lines printed for them."""
 
     def __init__(self, lines: str, language: str = "en") -> None:
         self.said: list[str] = []
@@ -51,7 +51,7 @@ def test_a_change_is_given_by_number_or_word(typed: str) -> None:
 
 
 @pytest.mark.parametrize("typed", ["Glatter", "glatter", " GLATTER "])
-def test_a_studys_own_word_is_understood_in_any_case(typed: str) -> None:
+def test_a_studys_own_answer_text_matches_in_any_case(typed: str) -> None:
     terminal = Terminal(f"{typed}\n")
     english = terminal.participant.wording
     texts = {**english.texts, "answer.smoother": "Glatter"}
@@ -59,20 +59,20 @@ def test_a_studys_own_word_is_understood_in_any_case(typed: str) -> None:
     assert terminal.answer(AskChange(question="roughness")).answer == "smoother"
 
 
-def test_chinese_words_are_understood() -> None:
+def test_chinese_answers_are_accepted() -> None:
     terminal = Terminal("没有互换\n", language="zh")
     assert terminal.answer(AskChange(question="places")).answer == "not swapped"
     assert "光滑和粗糙的位置是否互换了？" in terminal.said
 
 
-def test_what_does_not_fit_is_asked_again() -> None:
+def test_an_invalid_answer_is_asked_for_again() -> None:
     terminal = Terminal("4\nyes\n2\n")
     assert terminal.answer(AskChange(question="roughness")).answer == "rougher"
     assert "? '4'" in terminal.said
     assert "? 'yes'" in terminal.said
 
 
-def test_a_score_beyond_the_scale_is_asked_again() -> None:
+def test_a_score_outside_the_scale_is_asked_for_again() -> None:
     terminal = Terminal("11\nx\n-1\n7\n")
     assert terminal.answer(AskScore(rating=Rating())).answer == "7"
     assert [line for line in terminal.said if line.startswith("?")] == [
@@ -82,7 +82,7 @@ def test_a_score_beyond_the_scale_is_asked_again() -> None:
     ]
 
 
-def test_a_reaction_time_counts_from_the_question() -> None:
+def test_the_reaction_time_starts_at_the_question() -> None:
     assert Terminal("\n").answer(Instruction(text="remember")).reaction_time_s == 1.0
 
 
@@ -92,18 +92,18 @@ def test_a_notice_is_not_answered() -> None:
     assert terminal.participant.poll() is None
 
 
-def test_an_input_that_ends_is_somebody_gone() -> None:
-    with pytest.raises(ParticipantGone, match="input has ended"):
+def test_input_that_ends_too_early_is_an_error() -> None:
+    with pytest.raises(ParticipantGone, match="the input ended before the session was complete"):
         Terminal("").answer(Instruction(text="remember"))
 
 
-def test_a_line_with_a_colon_is_the_operators() -> None:
+def test_a_line_that_begins_with_a_colon_is_the_operators() -> None:
     terminal = Terminal(":p\n1\n")
     assert terminal.answer(AskChange(question="roughness")).answer == "smoother"
     assert terminal.typed.operator_typed(asked=False) == ":p\n"
 
 
-def test_what_the_operator_was_asked_is_answered_by_any_line() -> None:
+def test_any_line_answers_a_question_to_the_operator() -> None:
     typed = TypedLines(io.StringIO("dry\n"))
     until_s = time.monotonic() + 5
     line = ""
@@ -112,12 +112,12 @@ def test_what_the_operator_was_asked_is_answered_by_any_line() -> None:
     assert line == "dry\n"
 
 
-def test_a_closed_input_is_refused_before_anything_begins() -> None:
-    with pytest.raises(BadInput, match="standard input is closed"):
+def test_a_closed_input_is_refused_at_the_start() -> None:
+    with pytest.raises(BadInput, match="standard input must be open, got a closed one"):
         TypedLines(None)
 
 
-def test_bytes_that_are_no_text_are_asked_about_again() -> None:
+def test_undecodable_bytes_are_asked_for_again() -> None:
     source = io.TextIOWrapper(io.BytesIO(b"\xff\xfe\n2\n"), encoding="utf-8", errors="strict")
     said: list[str] = []
     participant = ConsoleParticipant(TypedLines(source), said.append, study_wording(PAPER, "en"))
@@ -130,7 +130,7 @@ def test_bytes_that_are_no_text_are_asked_about_again() -> None:
     assert answer.answer == "rougher"
 
 
-def test_an_order_is_heard_behind_a_key_that_got_stuck() -> None:
+def test_an_order_arrives_behind_a_stuck_key() -> None:
     class Typist(io.StringIO):
         def isatty(self) -> bool:
             return True

@@ -1,4 +1,4 @@
-"""Single keys from a terminal, also after a shell has taken it back for a while."""
+"""Single key presses from a terminal, also after a shell has changed its settings."""
 
 import os
 import pty
@@ -22,23 +22,23 @@ def keyboard(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     os.close(keyboard)
 
 
-def taken_back(terminal: int) -> None:
-    """What a shell does with the terminal while a program is stopped."""
+def switch_to_lines(terminal: int) -> None:
+    """Change the settings as a shell does while a program is stopped."""
     settings = termios.tcgetattr(terminal)
     settings[3] |= termios.ICANON | termios.ECHO
     termios.tcsetattr(terminal, termios.TCSANOW, settings)
 
 
-def test_a_key_comes_without_enter(keyboard: int) -> None:
+def test_a_key_arrives_without_enter(keyboard: int) -> None:
     with terminal_keys() as typed:
         assert typed(False) == ""
         os.write(keyboard, b" ")
         assert typed(False) == " "
 
 
-def test_a_key_comes_without_enter_after_the_program_was_stopped(keyboard: int) -> None:
+def test_a_key_arrives_without_enter_after_the_program_was_stopped(keyboard: int) -> None:
     with terminal_keys() as typed:
-        taken_back(sys.stdin.fileno())
+        switch_to_lines(sys.stdin.fileno())
         assert typed(False) == ""
         os.write(keyboard, b" ")
         assert typed(False) == " "
@@ -49,12 +49,12 @@ def test_in_the_background_the_terminal_is_left_alone(
 ) -> None:
     with terminal_keys() as typed:
         monkeypatch.setattr(os, "tcgetpgrp", lambda _: os.getpgrp() + 1)
-        taken_back(sys.stdin.fileno())
+        switch_to_lines(sys.stdin.fileno())
         assert typed(False) == ""
         assert termios.tcgetattr(sys.stdin.fileno())[3] & termios.ICANON
 
 
-def test_the_terminal_is_as_before_afterwards(keyboard: int) -> None:
+def test_the_settings_of_the_terminal_are_restored(keyboard: int) -> None:
     before = termios.tcgetattr(sys.stdin.fileno())
     with terminal_keys():
         assert termios.tcgetattr(sys.stdin.fileno()) != before

@@ -1,4 +1,4 @@
-"""Virtual participants: they answer what they feel, and nothing else."""
+"""Virtual participants: answers and scores follow from the friction they feel."""
 
 import math
 import random
@@ -15,7 +15,7 @@ EXACT = Character(bias=2.0, gain=5.0, felt_noise=0.0, rating_noise=0.0)
 
 
 class FakeHand:
-    """A hand that feels what it is told to, touch by touch, from start to end."""
+    """A hand that feels the friction of `feels`, a function of the share of the path."""
 
     def __init__(self) -> None:
         self.feels: Any = lambda fraction: 0.4
@@ -77,7 +77,7 @@ def _touch(virtual: VirtualParticipant, control: FakeHand, clock: FakeClock, fee
         ([lambda _: 0.3, lambda _: 0.6], "places", "swapped", math.log(2)),
     ],
 )
-def test_the_answer_and_the_score_follow_what_was_felt(
+def test_the_answer_and_the_score_follow_the_felt_friction(
     touches: list[Any], question: Question, answer: str, contrast: float
 ) -> None:
     assert felt(touches, question) == (answer, round(max(2 + 5 * contrast, 0)))

@@ -1,4 +1,4 @@
-"""The session's loop: what is recorded, and the device off on every way out."""
+"""The session loop: what is recorded, and the device off however the session ends."""
 
 from pathlib import Path
 
@@ -57,11 +57,11 @@ def test_each_touch_is_commanded_and_read_back(tmp_path: Path) -> None:
     assert {entry["commanded"]["frequency_hz"] for entry in started} == {
         1.01 * 24_221,
         0.98 * (1.01 * 24_221),
-    }, "frequencies are relative to the resonance that was measured"
+    }, "frequencies are relative to the measured resonance"
     assert max(point.voltage_v for point in device.driven) == 200
 
 
-def test_the_participant_is_not_told_what_the_device_does(tmp_path: Path) -> None:
+def test_the_participant_does_not_learn_what_the_device_does(tmp_path: Path) -> None:
     participant = FakeParticipant()
     with open_journal(tmp_path / "study.db") as journal:
         carried_out(journal, FakeDevice(), participant)
@@ -88,7 +88,7 @@ def test_an_answer_that_disagrees_leaves_the_score_missing(tmp_path: Path) -> No
     assert not any(isinstance(screen, AskScore) for screen in participant.shown)
 
 
-def test_a_study_may_ask_for_the_score_always(tmp_path: Path) -> None:
+def test_a_study_may_always_ask_for_the_score(tmp_path: Path) -> None:
     participant = FakeParticipant(changes=["rougher"] * 9)
     text = TEXT.replace('score_when = "agrees"', 'score_when = "always"').replace(
         '"places"\nexpected = "swapped"', '"roughness"\nexpected = "smoother"'
@@ -101,7 +101,7 @@ def test_a_study_may_ask_for_the_score_always(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("call", ["arm", "resonance", "drive", "beat"])
-def test_a_device_that_fails_leaves_a_session_that_resumes(tmp_path: Path, call: str) -> None:
+def test_a_session_resumes_after_a_device_failure(tmp_path: Path, call: str) -> None:
     failing = FakeDevice(fails=call)
     with open_journal(tmp_path / "study.db") as journal:
         with pytest.raises(DeviceError, match=f"{call} failed"):
@@ -113,7 +113,7 @@ def test_a_device_that_fails_leaves_a_session_that_resumes(tmp_path: Path, call:
 
 
 @pytest.mark.parametrize("moment", ["touch.right", "Pacing", "AskChange", "AskScore"])
-def test_a_stop_in_a_trial_aborts_it_and_it_is_repeated(tmp_path: Path, moment: str) -> None:
+def test_a_trial_interrupted_by_a_stop_is_aborted_and_repeated(tmp_path: Path, moment: str) -> None:
     device = FakeDevice()
     with open_journal(tmp_path / "study.db") as journal:
         with pytest.raises(KeyboardInterrupt):
@@ -126,7 +126,7 @@ def test_a_stop_in_a_trial_aborts_it_and_it_is_repeated(tmp_path: Path, moment: 
         assert tags(journal).count("answered") == 7
 
 
-def test_an_output_that_is_not_read_back_as_off_is_said_to_be_unknown(tmp_path: Path) -> None:
+def test_an_output_not_read_back_as_off_is_reported_as_unknown(tmp_path: Path) -> None:
     with open_journal(tmp_path / "study.db") as journal:
         with pytest.raises(OutputUnknown, match="UNKNOWN - cut the amplifier"):
             carried_out(journal, FakeDevice(fails="off"), FakeParticipant())
@@ -134,7 +134,7 @@ def test_an_output_that_is_not_read_back_as_off_is_said_to_be_unknown(tmp_path: 
         assert (off.tag, off.payload["confirmed"]) == ("device-off", False)
 
 
-def test_the_console_says_at_last_that_an_output_is_unknown(tmp_path: Path) -> None:
+def test_the_console_ends_by_showing_that_the_output_is_unknown(tmp_path: Path) -> None:
     device = FakeDevice(fails="off")
     operator = FakeOperator(device)
     with (
@@ -142,11 +142,11 @@ def test_the_console_says_at_last_that_an_output_is_unknown(tmp_path: Path) -> N
         pytest.raises(OutputUnknown, match="UNKNOWN - cut the amplifier"),
     ):
         run(context(journal, device, FakeParticipant(), TEXT, operator))
-    assert operator.seen[0].output() == "not known yet", "nobody has asked"
+    assert operator.seen[0].output() == "not known yet", "the device has not been asked"
     assert operator.seen[-1].output() == "state UNKNOWN - cut the amplifier"
 
 
-def test_the_operator_stops_a_session_and_it_goes_on_later(tmp_path: Path) -> None:
+def test_a_session_stopped_by_the_operator_can_be_resumed(tmp_path: Path) -> None:
     device = FakeDevice()
     with open_journal(tmp_path / "study.db") as journal:
         with pytest.raises(StoppedByOperator, match="stopped by the operator"):
@@ -156,7 +156,7 @@ def test_the_operator_stops_a_session_and_it_goes_on_later(tmp_path: Path) -> No
         assert carried_out(journal, device, FakeParticipant()).state.name == "completed"
 
 
-def test_the_operator_is_told_what_became_of_an_order(tmp_path: Path) -> None:
+def test_the_operator_sees_the_result_of_an_order(tmp_path: Path) -> None:
     device = FakeDevice()
     orders: list[tuple[str, Order | Note]] = [
         ("armed", "repeat"),
@@ -166,15 +166,15 @@ def test_the_operator_is_told_what_became_of_an_order(tmp_path: Path) -> None:
     operator = FakeOperator(device, orders)
     with open_journal(tmp_path / "study.db") as journal:
         run(context(journal, device, FakeParticipant(), TEXT, operator))
-    assert operator.told == [
-        "no trial is running that could be repeated",
-        "a pause comes before the next trial",
-        "no pause",
+    assert operator.notices == [
+        "there is no running trial to repeat",
+        "pausing before the next trial",
+        "pause cancelled",
     ]
 
 
 def test_a_resumed_session_asks_for_its_beam_again(tmp_path: Path) -> None:
-    """Another participant may have been here meanwhile."""
+    """Another participant may have used the rig in between."""
     device = FakeDevice()
     with open_journal(tmp_path / "study.db") as journal:
         with pytest.raises(StoppedByOperator):
@@ -185,8 +185,8 @@ def test_a_resumed_session_asks_for_its_beam_again(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("order", ["stop", "repeat", "emergency stop"])
-def test_an_order_takes_back_what_was_asked(tmp_path: Path, order: Order) -> None:
-    """Nobody is to be told to mount a beam while the next touch drives it."""
+def test_an_order_withdraws_the_pending_question(tmp_path: Path, order: Order) -> None:
+    """The operator must not be asked to mount a beam while the next touch drives it."""
     device, asked = FakeDevice(), False
 
     class Slow(FakeOperator):
@@ -204,11 +204,11 @@ def test_an_order_takes_back_what_was_asked(tmp_path: Path, order: Order) -> Non
         if order == "repeat":
             run(made)
             assert made.log.state.answered == set(range(7))
-            assert operator.mounts[:3] == ["1 mm", "no bodies", "no bodies"], "not sure any more"
+            assert operator.mounts[:3] == ["1 mm", "no bodies", "no bodies"], "beam in doubt"
         else:
             with pytest.raises(StoppedByOperator):
                 run(made)
-    assert operator.asked[-1] == "", "taken back"
+    assert operator.asked[-1] == "", "withdrawn"
 
 
 def test_an_emergency_stop_turns_off_before_anything_else(tmp_path: Path) -> None:
@@ -262,7 +262,7 @@ def test_practice_is_renewed_on_resuming_if_the_study_says_so(tmp_path: Path) ->
 
 
 class Crashing(FakeParticipant):
-    """A participant whose window breaks down while the finger is on the beam."""
+    """A participant whose window crashes while the finger is on the beam."""
 
     def poll(self) -> Response | None:
         if isinstance(self.shown[-1], Pacing):
@@ -281,7 +281,7 @@ def test_an_exception_in_the_participants_window_leaves_the_device_off(tmp_path:
 
 
 class ClosedJournal:
-    """A journal that can be written until the device is turned off at the end."""
+    """A journal that becomes unwritable when the device is turned off at the end."""
 
     def __init__(self, log: SessionLog) -> None:
         self._log = log
@@ -293,7 +293,7 @@ class ClosedJournal:
         self._log.append(event)
 
 
-def test_an_unknown_output_is_told_before_a_journal_that_fails(tmp_path: Path) -> None:
+def test_an_unknown_output_is_reported_before_a_journal_error(tmp_path: Path) -> None:
     with open_journal(tmp_path / "study.db") as journal:
         made = context(journal, FakeDevice(fails="off"), FakeParticipant())
         made.log = ClosedJournal(made.log)  # type: ignore[assignment]

@@ -1,1 +1,1 @@
-"""A session: its loop, journal, people, window and the command line."""
+"""Sessions: loop, journal, people, participant's window, and the command line."""

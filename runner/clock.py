@@ -1,4 +1,4 @@
-"""The two paces of a session: a person's, and as fast as the machine can."""
+"""The two clocks of a session: wall time, and stepped time as fast as the machine allows."""
 
 import time
 from collections.abc import Callable
@@ -14,7 +14,7 @@ class WallClock:
         return datetime.now(UTC)
 
     def monotonic_s(self) -> float:
-        """Return seconds since some moment."""
+        """Return seconds since an arbitrary moment."""
         return time.monotonic()
 
     def sleep(self, seconds: float) -> None:
@@ -23,7 +23,7 @@ class WallClock:
 
 
 class SteppedClock:
-    """Time that passes only when somebody sleeps; `advance` takes the simulated device along."""
+    """Time that passes only by `sleep`; `advance` lets it pass in the simulated device as well."""
 
     def __init__(self, start: datetime, advance: Callable[[float], None]) -> None:
         self._start = start
@@ -31,7 +31,7 @@ class SteppedClock:
         self._passed_s = 0.0
 
     def utc(self) -> datetime:
-        """Return the date and time, UTC, as stepped."""
+        """Return the stepped date and time, UTC."""
         return self._start + timedelta(seconds=self._passed_s)
 
     def monotonic_s(self) -> float:
@@ -39,22 +39,22 @@ class SteppedClock:
         return self._passed_s
 
     def sleep(self, seconds: float) -> None:
-        """Let `seconds` pass at once, here and in the device."""
+        """Advance this clock and the device by `seconds` without waiting."""
         self._advance(seconds)
         self._passed_s += seconds
 
 
 class Clock(Protocol):
-    """Time as the session sees it."""
+    """The session's clock."""
 
     def utc(self) -> datetime:
         """Return the date and time, UTC."""
         ...
 
     def monotonic_s(self) -> float:
-        """Return seconds that never run backwards."""
+        """Return a time in seconds that never decreases."""
         ...
 
     def sleep(self, seconds: float) -> None:
-        """Let time pass."""
+        """Wait for `seconds` of this clock's time."""
         ...

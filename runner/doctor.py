@@ -1,6 +1,6 @@
-"""What a session needs of this machine: packages, versions, ports, disk, screen, fonts, sound.
+"""Checks of this machine: packages, versions, ports, disk, screen, fonts and sound.
 
-A finding that stops every session is not ok; one that only some sessions need is a remark.
+A finding is not ok if it prevents every session; if it affects only some sessions it has a hint.
 """
 
 import ctypes.util
@@ -25,7 +25,7 @@ LEAST_DISK_BYTES = 200e6
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """One thing looked at."""
+    """The result of one check."""
 
     what: str
     ok: bool
@@ -33,17 +33,17 @@ class Finding:
     hint: str = ""
 
     def line(self) -> str:
-        """One line for a person."""
+        """Return one line for people to read."""
         mark = "ok  " if self.ok else "FAIL"
         return f"{mark}  {self.what}: {self.value}" + (f" ({self.hint})" if self.hint else "")
 
     def record(self) -> dict[str, object]:
-        """The same for a program."""
+        """Return the same for programs."""
         return asdict(self)
 
 
 def findings() -> list[Finding]:
-    """Return everything looked at, in the order in which it matters."""
+    """Return the results of all checks, most important first."""
     return [
         *_origins(),
         _python(),
@@ -57,7 +57,7 @@ def findings() -> list[Finding]:
 
 
 def _origins() -> Iterator[Finding]:
-    """Our packages have plain names; another one of that name must not have taken their place."""
+    """Check that no other package hides one of ours, whose names are common words."""
     ours = Path(__file__).resolve().parent.parent
     for name in PACKAGES:
         spec = find_spec(name)
@@ -67,9 +67,7 @@ def _origins() -> Iterator[Finding]:
             what=f"package {name}",
             ok=ok,
             value=str(place or "not found"),
-            hint=""
-            if ok
-            else f"expected {ours / name}; another package of this name is in the way",
+            hint="" if ok else f"expected {ours / name}; another package of this name hides it",
         )
 
 
@@ -95,14 +93,14 @@ def _disk() -> Finding:
         free = shutil.disk_usage(Path.cwd()).free
     except OSError as error:
         return Finding(
-            what="disk", ok=False, value=f"unknown ({error})", hint="go to another folder"
+            what="disk", ok=False, value=f"unknown ({error})", hint="change to another folder"
         )
     ok = free > LEAST_DISK_BYTES
     return Finding(
         what="disk",
         ok=ok,
-        value=f"{free / 1e9:.1f} GB free here",
-        hint="" if ok else "free some space",
+        value=f"{free / 1e9:.1f} GB free in this folder",
+        hint="" if ok else f"at least {LEAST_DISK_BYTES / 1e9:.1f} GB must be free; delete files",
     )
 
 
@@ -114,30 +112,30 @@ def _ports() -> Finding:
         what="serial ports",
         ok=True,
         value=", ".join(names) or "none",
-        hint="" if names else "only the simulated device and network addresses can be used",
+        hint="" if names else "only the simulated device and network addresses are available",
     )
 
 
 def _screen() -> Finding:
     needs_display = sys.platform.startswith("linux")
     display = os.environ.get("DISPLAY", "")
-    there = bool(display) or not needs_display
+    available = bool(display) or not needs_display
     return Finding(
         what="screen",
         ok=True,
-        value=display or ("there" if there else "none"),
-        hint="" if there else "use --ratings console here",
+        value=display or ("available" if available else "none"),
+        hint="" if available else "use --ratings console",
     )
 
 
 def _sound() -> Finding:
-    """PsychoPy's keyboard falls back to a broken backend where these libraries are missing."""
+    """Check the libraries without which PsychoPy's keyboard falls back to a broken backend."""
     needed = ("asound", "jack") if sys.platform.startswith("linux") else ()
     missing = [name for name in needed if ctypes.util.find_library(name) is None]
     return Finding(
         what="sound libraries",
         ok=True,
-        value=f"missing: {', '.join(missing)}" if missing else "there",
+        value=f"missing: {', '.join(missing)}" if missing else "installed",
         hint="the participant's window needs libasound2 and libjack" if missing else "",
     )
 

@@ -1,6 +1,6 @@
-"""Fixtures for the tests of a study: pytest finds them wherever touchbeam is installed.
+"""Fixtures for the tests of a study, which pytest finds wherever touchbeam is installed.
 
-Nothing is imported before a fixture is asked for: other people's tests are not slowed down.
+Imports are inside the fixtures, so that the tests of other projects are not slowed down.
 """
 
 import random
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
 STUDY_FILE = "study.toml"
 UNUSABLE = "the study cannot be used:"
-_TOLD = pytest.StashKey[set[str]]()
+_REPORTED = pytest.StashKey[set[str]]()
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Keep folders of a study, such as `analysis/`, from hiding the packages of that name."""
+    """Prevent a study's folders, such as `analysis/`, from hiding touchbeam's packages."""
     if (config.invocation_params.dir / STUDY_FILE).is_file():
         config.option.importmode = "importlib"
 
@@ -33,14 +33,14 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_runtest_makereport(
     item: pytest.Item, call: "pytest.CallInfo[None]"
 ) -> "Generator[None, pytest.TestReport, pytest.TestReport]":
-    """Tell once why a study cannot be used: every test that needs it fails for the same reason."""
+    """Report only once why a study cannot be used: all its tests fail for the same reason."""
     report = yield
     if call.excinfo is None or not str(call.excinfo.value).startswith(UNUSABLE):
         return report
-    told = item.config.stash.setdefault(_TOLD, set())
-    if report.longreprtext in told:
+    reported = item.config.stash.setdefault(_REPORTED, set())
+    if report.longreprtext in reported:
         report.longrepr = f"{UNUSABLE} see above"
-    told.add(report.longreprtext)
+    reported.add(report.longreprtext)
     return report
 
 
@@ -54,12 +54,13 @@ def study_text(request: pytest.FixtureRequest) -> str:
         return StudyFolder(path=Path(str(request.path)).parent).text()
     except BadInput as error:
         found = str(error)
-    pytest.fail(f"{UNUSABLE} {found}", pytrace=False)  # outside, or pytest shows what led to it
+    # Outside of `except`, or pytest would show the exception that led to it.
+    pytest.fail(f"{UNUSABLE} {found}", pytrace=False)
 
 
 @pytest.fixture(scope="module")
 def study(study_text: str) -> "Study":
-    """Return the checked study; what is wrong with it fails the test, line by line."""
+    """Return the validated study; fail with one line for each problem in it."""
     from protocol.study_file.loading import StudyError
     from runner.study.check import validated_study
 
@@ -67,12 +68,12 @@ def study(study_text: str) -> "Study":
         return validated_study(study_text, STUDY_FILE)
     except StudyError as error:
         found = [problem.located(STUDY_FILE) for problem in error.problems]
-    pytest.fail("\n".join([UNUSABLE, *found]), pytrace=False)  # outside, likewise
+    pytest.fail("\n".join([UNUSABLE, *found]), pytrace=False)  # outside of `except` as above
 
 
 @pytest.fixture(scope="module")
 def cohort(study: "Study") -> "tuple[Plan, ...]":
-    """Return the plans of all participants, session 1: as many as the study plans, or 40."""
+    """Return the session-1 plans of all participants: the study's number of them, or 40."""
     from protocol.plan.plan import plan as drawn
 
     return tuple(drawn(study, slot) for slot in range(study.design.participants or 40))
@@ -86,10 +87,10 @@ def plan(cohort: "tuple[Plan, ...]") -> "Plan":
 
 @pytest.fixture(scope="module")
 def simulated_rig(study: "Study") -> "Iterator[SessionRig]":
-    """Yield a simulated device in a process of its own, and the hand that touches it.
+    """Yield a simulated device that runs in a process of its own.
 
-    `simulated_rig.device` is what a session drives, over the real byte path;
-    `simulated_rig.control` moves the finger, lets time pass and swaps the beam.
+    `simulated_rig.device` is driven as in a session, over the real byte path;
+    `simulated_rig.control` moves the finger, advances time and swaps the beam.
     """
     from runner.launch.rig import SIMULATED, session_rig, touchbeam_command
 
@@ -120,9 +121,9 @@ def virtual_participant(simulated_rig: "SessionRig", study: "Study") -> "Virtual
 def rehearsal(
     request: pytest.FixtureRequest, study: "Study", study_text: str, plan: "Plan"
 ) -> "Rehearsal":
-    """Return a whole session, run in fake time on the simulated device by a virtual participant.
+    """Return a rehearsal: a whole session in stepped time, simulated device, virtual participant.
 
-    A calibration that is kept beside the study is used.
+    It uses the calibration beside the study file, if there is one.
     """
     from runner.launch.rehearsal import rehearse
     from runner.launch.rig import kept_calibration

@@ -1,4 +1,7 @@
-"""What stands before the participant, and what comes back. No screen says what the device does."""
+"""The participant's screens and responses, and the operator's view and orders.
+
+No screen reveals to the participant what the device does.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,7 +17,7 @@ Order = Literal["pause", "stop", "repeat", "emergency stop"]
 
 @dataclass(frozen=True, kw_only=True)
 class Notice:
-    """A text to read; nothing to answer."""
+    """A text that needs no answer."""
 
     text: str
 
@@ -28,7 +31,7 @@ class Welcome:
 
 @dataclass(frozen=True, kw_only=True)
 class FingerPath:
-    """The finger's way along the beam; both ends are the same place if it does not slide."""
+    """The finger's path along the beam; start and end are equal if it does not slide."""
 
     start_m: float
     end_m: float
@@ -38,7 +41,7 @@ class FingerPath:
 
 @dataclass(frozen=True, kw_only=True)
 class Instruction:
-    """What to do next, with the touch to make if it is one; answered with `ready`."""
+    """What to do next, with the finger's path if it is a touch; answered with `ready`."""
 
     text: str
     touch: FingerPath | None = None
@@ -46,9 +49,9 @@ class Instruction:
 
 @dataclass(frozen=True, kw_only=True)
 class Pacing:
-    """The touch to make now: the finger's way from `start_m` to `end_m` in `duration_s`.
+    """The touch to make now: the finger's path from `start_m` to `end_m` in `duration_s`.
 
-    Both are the same place for a touch that does not slide.
+    Start and end are equal for a touch that does not slide.
     """
 
     start_m: float
@@ -61,7 +64,7 @@ class Pacing:
 
     @property
     def touch(self) -> FingerPath:
-        """The same touch as its instruction showed it."""
+        """The path that the instruction for this touch showed."""
         return FingerPath(
             start_m=self.start_m, end_m=self.end_m, harder=self.harder, several=self.several
         )
@@ -69,14 +72,14 @@ class Pacing:
 
 @dataclass(frozen=True, kw_only=True)
 class AskChange:
-    """What changed? Answered with one of the question's answers."""
+    """The question what changed; answered with one of the question's answers."""
 
     question: Question
 
 
 @dataclass(frozen=True, kw_only=True)
 class AskScore:
-    """How strong is it? Answered with a number on the scale."""
+    """The question how strong the change is; answered with a score on the rating scale."""
 
     rating: Rating
 
@@ -88,7 +91,7 @@ Screen = Notice | Welcome | Instruction | Pacing | AskChange | AskScore
 class Response:
     """An answer: `ready`, one of a question's answers, or a score in digits.
 
-    `trace` says how it came about, where the screen can tell: marks, changes, frames.
+    `trace` records how it was given (marks, changes, frames) if the screen can measure that.
     """
 
     answer: str
@@ -98,10 +101,10 @@ class Response:
 
 @dataclass(frozen=True, kw_only=True)
 class OperatorView:
-    """Where the session stands and what the device really does, as it was last read back.
+    """The session's progress and the device's last read-back.
 
-    Without a `device` the output was read back as off, unless it is `unknown` or the session is
-    idle: then nobody has asked yet.
+    `device` is None if the output has been read back as off, if it is `unknown`, or while the
+    session is idle and the device has not been asked yet.
     """
 
     session: str
@@ -120,11 +123,11 @@ class OperatorView:
     unknown: bool = False
 
     def progress(self) -> str:
-        """Return how far the session is, such as `3 of 7 trials, about 2 min left`."""
+        """Return the progress in words, such as `3 of 7 trials, about 2 min left`."""
         return f"{self.done} of {self.total} trials, about {max(self.left_s, 0) / 60:.0f} min left"
 
     def output(self) -> str:
-        """Return what is on the device, in words."""
+        """Return the state of the output in words."""
         if self.unknown:
             return UNKNOWN.removeprefix("output ")
         if self.searching:
@@ -140,7 +143,7 @@ class OperatorView:
 
 
 def pacing(touch: Touch, finger: TouchDefaults) -> Pacing:
-    """Return the cue for `touch`: a place that is held, or a way at the study's sliding speed."""
+    """Return the cue for `touch`: a place to hold, or a slide at the study's speed."""
     start_m = end_m = finger.smooth_place_m
     if touch.place == "path":
         start_m, end_m = finger.path_m if touch.direction == "right" else finger.path_m[::-1]
@@ -157,6 +160,6 @@ def pacing(touch: Touch, finger: TouchDefaults) -> Pacing:
 
 @dataclass(frozen=True, kw_only=True)
 class Note:
-    """Something the operator wants written down."""
+    """A note by the operator."""
 
     text: str

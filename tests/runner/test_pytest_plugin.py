@@ -1,4 +1,4 @@
-"""The tests that a new study gets: they pass as it is, and say what is wrong when it is not."""
+"""The tests that come with a new study: they pass, or report the problems of the study."""
 
 import re
 import subprocess
@@ -18,15 +18,13 @@ from runner.people.virtual_participant import VirtualParticipant
 from runner.screens import AskChange, Pacing
 
 PYTEST = str(Path(sys.executable).with_name("pytest"))
-SUMMARY = (
-    "short test summary info"  # whose lines pytest cuts short at a desk and not where CI is set
-)
+SUMMARY = "short test summary info"  # pytest shortens its lines unless CI is set
 PAPER = template("paper")
 
 
 @pytest.fixture(scope="module")
 def study_text() -> str:
-    """The paper's study stands in for the file beside a study's own test."""
+    """Return the paper's study in place of the file beside a study's own test."""
     return PAPER
 
 
@@ -47,7 +45,7 @@ def pytest_run(folder: Path, text: str | bytes) -> subprocess.CompletedProcess[s
 
 
 def test_a_new_study_passes_its_own_tests(tmp_path: Path) -> None:
-    """Even beside a folder whose name is that of one of our packages."""
+    """Also beside a folder with the name of one of touchbeam's packages."""
     (tmp_path / "analysis").mkdir()
     (tmp_path / "analysis" / "__init__.py").write_text("raise RuntimeError('shadowed')\n")
     done = pytest_run(tmp_path, PAPER)
@@ -56,7 +54,7 @@ def test_a_new_study_passes_its_own_tests(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("where")
-def test_a_study_made_wrong_fails_and_says_why(tmp_path: Path) -> None:
+def test_a_broken_study_fails_with_its_problems(tmp_path: Path) -> None:
     text = (
         PAPER.replace("ramp_to_v = 200", "ramp_to_v = 201")
         .replace("watchdog_s", "watchdg_s")
@@ -71,13 +69,13 @@ def test_a_study_made_wrong_fails_and_says_why(tmp_path: Path) -> None:
     assert "During handling" not in done.stdout
     assert "pydantic" not in done.stdout
     failures = done.stdout.partition(SUMMARY)[0]
-    assert failures.count("rig.watchdg_s") == 1, "said once, not for every test"
+    assert failures.count("rig.watchdg_s") == 1, "reported once, not for every test"
     assert failures.count("the study cannot be used: see above") == 4
     assert "5 errors in" in done.stdout
     assert "passed" not in done.stdout
 
 
-def test_a_study_that_begins_with_a_byte_order_mark_is_read_as_check_reads_it(
+def test_a_byte_order_mark_is_accepted_as_in_check(
     tmp_path: Path,
 ) -> None:
     done = pytest_run(tmp_path, b"\xef\xbb\xbf" + PAPER.encode())
@@ -93,7 +91,7 @@ def test_a_study_that_begins_with_a_byte_order_mark_is_read_as_check_reads_it(
         (b"[study]\nname = ,", "study.toml:2: file: must be TOML, got Invalid value"),
     ],
 )
-def test_a_file_that_cannot_be_read_is_one_clear_line(
+def test_an_unreadable_file_is_reported_in_one_line(
     tmp_path: Path, content: bytes, why: str
 ) -> None:
     done = pytest_run(tmp_path, content)
@@ -129,7 +127,7 @@ def test_the_rehearsal_is_a_whole_session(rehearsal: Rehearsal) -> None:
     assert 195 < rehearsal.largest_voltage_v <= 200
 
 
-def test_a_session_that_is_not_whole_is_named(rehearsal: Rehearsal) -> None:
+def test_an_incomplete_session_fails(rehearsal: Rehearsal) -> None:
     lost = [event for event in rehearsal.events if event.payload.get("index") != 3]
     state = replace(rehearsal.state, answered={0, 1, 2, 4, 5, 6})
     with pytest.raises(AssertionError, match=r"got 6 answers to 7 trials; missing \[3\]"):
@@ -139,7 +137,7 @@ def test_a_session_that_is_not_whole_is_named(rehearsal: Rehearsal) -> None:
         replace(rehearsal, events=tuple(on)).assert_complete()
 
 
-def test_a_virtual_participant_feels_that_the_beam_is_at_rest(
+def test_a_virtual_participant_feels_the_beam_at_rest(
     simulated_rig: SessionRig, virtual_participant: VirtualParticipant
 ) -> None:
     assert simulated_rig.device.read_back().voltage_v == 0
@@ -155,8 +153,8 @@ def test_a_virtual_participant_feels_that_the_beam_is_at_rest(
     assert response.answer in ANSWERS["places"]
 
 
-def test_a_study_with_everything_in_it_can_be_rehearsed() -> None:
-    """Catch, opposite and practice trials, breaks and levels go through a whole session."""
+def test_a_study_with_all_features_can_be_rehearsed() -> None:
+    """Catch, opposite and practice trials, breaks and levels work in a whole session."""
     text = template("extended")
     session = rehearse(text, plan(parsed_study(text), 0))
     session.assert_complete()

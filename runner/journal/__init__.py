@@ -1,4 +1,4 @@
-"""The journal's file: appending, reading, verifying and amending a study's events.
+"""The journal file: appending, reading, verifying and amending a study's events.
 
 Public face: `store.Journal`, `store.open_journal`, `session_log.SessionLog`,
 `verification.verdicts`.

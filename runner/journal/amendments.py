@@ -1,6 +1,7 @@
-"""What is decided afterwards: exclusions, an amended study, a withdrawal. All of it is added.
+"""Later decisions: exclusions, an amended study, withdrawals. Each one is appended as an event.
 
-Whoever excludes from a session or withdraws it holds that session: no process is running it.
+To exclude from a session or withdraw it, the caller must hold the session's lock, so that no
+process is running it.
 """
 
 from protocol.errors import BadInput
@@ -21,7 +22,7 @@ from runner.journal.verification import STUDY_CHAIN
 
 
 def accepted_digests(journal: Journal) -> list[str]:
-    """Return the digests of the study files that were in force, the present one last."""
+    """Return the digests of the study files accepted so far, the current one last."""
     events = journal.events_of(SessionOpened, StudyAmended)
     records = [event.record for event in events if not event.erased]
     return [
@@ -32,10 +33,10 @@ def accepted_digests(journal: Journal) -> list[str]:
 
 
 def exclude_trial(journal: Journal, clock: Clock, session: str, index: int, reason: str) -> None:
-    """Take a trial out of the analysis.
+    """Exclude a trial from the analysis.
 
     Raises:
-        BadInput: there is no such session or trial, or it is excluded already.
+        BadInput: there is no such session or trial, or it is already excluded.
     """
     log = _log(journal, clock, session)
     planned = log.state.planned
@@ -43,16 +44,16 @@ def exclude_trial(journal: Journal, clock: Clock, session: str, index: int, reas
         raise BadInput(f"{session} has no trial {index}; it has {_span(planned)}")
     if index in log.state.excluded:
         why = log.state.excluded[index]
-        raise BadInput(f"trial {index} of {session} is excluded already: {why}")
+        raise BadInput(f"trial {index} of {session} is already excluded: {why}")
     close_interrupted(log)
     _append(log, session, TrialExcluded(index=index, reason=reason))
 
 
 def exclude_session(journal: Journal, clock: Clock, session: str, reason: str) -> None:
-    """Take a session out of the analysis; an unfinished one gives its slot back.
+    """Exclude a session from the analysis; an unfinished one frees its slot.
 
     Raises:
-        BadInput: there is no such session, or it is excluded or withdrawn already.
+        BadInput: there is no such session, or it is already excluded or withdrawn.
     """
     log = _log(journal, clock, session)
     close_interrupted(log)
@@ -63,23 +64,23 @@ def amend(journal: Journal, clock: Clock, study_text: str, reason: str) -> None:
     """Accept a study file that has changed since the last session.
 
     Raises:
-        BadInput: nothing has changed.
+        BadInput: the study file has not changed.
     """
     digest = text_digest(study_text)
     accepted = accepted_digests(journal)
     if accepted and digest == accepted[-1]:
-        raise BadInput("study.toml is the accepted one already; there is nothing to amend")
+        raise BadInput("study.toml has not changed since it was accepted; nothing to amend")
     log = SessionLog(journal, STUDY_CHAIN, clock)
     log.append(StudyAmended(study_sha256=digest, reason=reason))
 
 
 def withdraw(journal: Journal, clock: Clock, participant: str) -> list[str]:
-    """Erase what `participant` gave in all sessions; return their names.
+    """Erase the data of `participant` in all sessions; return the names of the sessions.
 
-    The events stay, without what they said, and their chains still verify.
+    The events remain without their payloads, and their chains still verify.
 
     Raises:
-        BadInput: nobody of that name took part.
+        BadInput: `participant` has no session.
     """
     sessions = sessions_of(journal, participant)
     if not sessions:
@@ -95,7 +96,7 @@ def withdraw(journal: Journal, clock: Clock, participant: str) -> list[str]:
 
 
 def sessions_of(journal: Journal, participant: str) -> list[str]:
-    """Return the names of the sessions of `participant`; the study's own chain is nobody's."""
+    """Return the names of the sessions of `participant`, without the study's own chain."""
     names = [name for name in journal.sessions() if name != STUDY_CHAIN]
     return [name for name in names if name.rpartition("/")[0] == participant]
 

@@ -1,7 +1,7 @@
-"""How an event is stored, and what ties it to the one before.
+"""The stored form of an event and the hash chain of a session.
 
-Each session has a chain of its own. The chain hashes digests of the payloads, not the payloads:
-what a participant gave can be erased and the chain still verifies.
+Each session has a chain of its own. The chain covers digests of the payloads, not the payloads
+themselves, so that it still verifies after a participant's data have been erased.
 """
 
 import hashlib
@@ -17,7 +17,7 @@ _PAYLOAD = json.JSONEncoder(ensure_ascii=False, sort_keys=True, allow_nan=False)
 
 
 class ChainLink(NamedTuple):
-    """An event, its payload as it is stored (None: erased), and what ties it to the others."""
+    """An event, its stored payload (None if erased), and its hashes."""
 
     event: StoredEvent
     payload: str | None
@@ -26,26 +26,26 @@ class ChainLink(NamedTuple):
 
 
 class DamagedError(Exception):
-    """An event that no touchbeam has written."""
+    """A stored event that touchbeam cannot have written."""
 
 
 def _with_zone(when: datetime) -> datetime:
-    """All times are UTC, also where somebody has taken away that it says so."""
+    """Return `when` with UTC as its zone if the zone is missing from an edited journal."""
     return when if when.tzinfo else when.replace(tzinfo=UTC)
 
 
-def _no_number(text: str) -> NoReturn:
-    raise ValueError(f"{text} is no number")
+def _reject_constant(text: str) -> NoReturn:
+    raise ValueError(f"{text} is not a number")
 
 
-_STORED = json.JSONDecoder(parse_constant=_no_number)
+_STORED = json.JSONDecoder(parse_constant=_reject_constant)
 
 
 def stored_event(row: tuple[Any, ...]) -> StoredEvent:
-    """Return the event of a row: number, tag, time, seconds, payload.
+    """Return the event in a row of number, tag, UTC time, monotonic seconds and payload.
 
     Raises:
-        DamagedError: no touchbeam has written it.
+        DamagedError: touchbeam cannot have written the row.
     """
     seq, tag, utc, monotonic_s, body = row
     try:
@@ -66,15 +66,15 @@ def stored_event(row: tuple[Any, ...]) -> StoredEvent:
 
 
 def payload_text(event: StoredEvent) -> str:
-    """Return the payload of `event` as it is stored."""
+    """Return the payload of `event` as stored text."""
     return _PAYLOAD.encode(event.payload)
 
 
 def event_fields(session: str, event: StoredEvent, digest: str) -> tuple[object, ...]:
-    """Return what of an event the chain's hash covers."""
+    """Return the fields of an event that its hash covers."""
     return (session, event.seq, event.tag, event.utc.isoformat(), event.monotonic_s, digest)
 
 
 def chain_hash(previous: str, fields: tuple[object, ...]) -> str:
-    """Return the hash that ties an event to the one before it."""
+    """Return the hash of an event: of its fields and the hash of the previous event."""
     return hashlib.sha256(json.dumps([previous, *fields]).encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""The cohort as the journal tells it: who took part, who is done, whose slot is free again."""
+"""The cohort as recorded in the journal: sessions, their states and their slots."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -15,7 +15,7 @@ _GONE = {"excluded", "withdrawn"}
 
 @dataclass(frozen=True, kw_only=True)
 class SessionSummary:
-    """One session's line in the status of a study."""
+    """One session in the status of a study."""
 
     participant: str
     session: int
@@ -27,26 +27,27 @@ class SessionSummary:
     excluded_trials: int
 
     def record(self) -> dict[str, Any]:
-        """The same for a program."""
+        """Return the summary for programs."""
         return asdict(self)
 
 
 def states(journal: Journal) -> dict[str, SessionState]:
-    """Return the state of every session by name, without the study's own chain."""
+    """Return the states of all sessions by name, without the study's own chain."""
     names = [name for name in journal.sessions() if name != STUDY_CHAIN]
     return {name: folded(readable_events(journal, name)) for name in names}
 
 
 def session_summaries(sessions: Mapping[str, SessionState]) -> list[SessionSummary]:
-    """Return a line for each session, in the order in which they were opened."""
-    return [_standing(name, state) for name, state in sessions.items()]
+    """Return a summary of each session, in the order in which they were opened."""
+    return [_summary(name, state) for name, state in sessions.items()]
 
 
 def slot_for(sessions: Mapping[str, SessionState], participant: str, kind: str) -> int:
     """Return the slot of `participant` among the sessions of `kind`.
 
-    A participant keeps the slot of an earlier session; a new one takes the first that nobody has
-    or has finished. Rehearsals have slots of their own, so that they use up nobody's.
+    A participant keeps the slot of an earlier session; a new participant takes the first slot that
+    is neither in use nor finished. Rehearsals have slots of their own and use up none of a
+    participant's.
     """
     taken: dict[int, SlotState] = {}
     for state in sessions.values():
@@ -61,7 +62,7 @@ def slot_for(sessions: Mapping[str, SessionState], participant: str, kind: str) 
 
 
 def _slot_state(state: SessionState, before: SlotState) -> SlotState:
-    """What a session makes of its slot: a finished one settles it for good."""
+    """Return the state of a session's slot; a finished session settles it for good."""
     if before == "done" or state.name in _FINISHED or _finished_before_exclusion(state):
         return "done"
     return "dropped" if state.name in _GONE else "running"
@@ -71,7 +72,7 @@ def _finished_before_exclusion(state: SessionState) -> bool:
     return state.name in _GONE and 0 < len(state.planned) <= len(state.answered)
 
 
-def _standing(name: str, state: SessionState) -> SessionSummary:
+def _summary(name: str, state: SessionState) -> SessionSummary:
     participant, _, number = name.rpartition("/")
     opened = state.opened
     return SessionSummary(

@@ -1,4 +1,4 @@
-"""Where a journal must not lie: network and cloud-synced folders lose or fork SQLite files."""
+"""The location of a journal: not in network or cloud folders, which lose or fork SQLite files."""
 
 from collections.abc import Iterable
 from pathlib import Path, PurePath
@@ -15,27 +15,27 @@ CLOUD_FOLDERS = (
 )  # fmt: skip
 
 Mount = tuple[str, str]
-"""Where something is mounted, and the type of its file system."""
+"""A mount point and the type of its file system."""
 
 
 def checked_place(folder: Path, mounts: Iterable[Mount]) -> Path:
-    """Return `folder`, made absolute, if a journal may lie there.
+    """Return the absolute path of `folder` if a journal may be kept there.
 
     Raises:
-        BadInput: it is on a network or synchronised by a cloud service.
+        BadInput: the folder is on a network or synchronised by a cloud service.
     """
     absolute = folder.resolve()
     for part in absolute.parts:
         if part.casefold().startswith(CLOUD_FOLDERS):
-            raise BadInput(_refusal(folder, f"it is synchronised ({part})"))
+            raise BadInput(_refusal(folder, f"synchronised by a cloud service ({part})"))
     kind = _file_system(absolute, mounts)
     if kind in NETWORK_TYPES:
-        raise BadInput(_refusal(folder, f"it is on a network ({kind})"))
+        raise BadInput(_refusal(folder, f"on a network ({kind})"))
     return absolute
 
 
 def mounts_of_this_machine() -> list[Mount]:
-    """Return what is mounted where; nothing on systems that do not say."""
+    """Return the mounts of this machine; an empty list if the system does not list them."""
     import psutil
 
     try:
@@ -47,10 +47,10 @@ def mounts_of_this_machine() -> list[Mount]:
 def _file_system(path: Path, mounts: Iterable[Mount]) -> str:
     """Return the type of the innermost mount that contains `path`."""
     holding = [(place, kind) for place, kind in mounts if path.is_relative_to(place)]
-    # Of several mounts at one place the last one hides the others: an automounter's lies below.
+    # Of several mounts at one place the last hides the others, such as an automounter's.
     by_depth = sorted(holding, key=lambda mount: len(PurePath(mount[0]).parts))
     return by_depth[-1][1] if by_depth else ""
 
 
 def _refusal(folder: Path, why: str) -> str:
-    return f"{folder}: a journal cannot be kept here, {why}; use a folder on this machine's disk"
+    return f"{folder}: must not be {why}, where journals get damaged; use a folder on a local disk"

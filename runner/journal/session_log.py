@@ -1,4 +1,4 @@
-"""The journal of one session: every event is checked against the state, stored, then folded."""
+"""The log of one session: checks each event against the state, stores it, updates the state."""
 
 from protocol.journal.events import DeviceOff, Event, StoredEvent, TrialAborted
 from protocol.journal.state import SessionState, folded
@@ -9,7 +9,7 @@ from runner.signals import stops_deferred
 
 
 class SessionLog:
-    """Appends a session's events; `state` is what they add up to."""
+    """Appends a session's events; `state` is the state that results from them."""
 
     def __init__(self, journal: Journal, session: str, clock: Clock) -> None:
         self._journal = journal
@@ -20,14 +20,14 @@ class SessionLog:
         self.state: SessionState = folded(events)
 
     def append(self, event: Event) -> None:
-        """Store `event`; it is safe when this returns.
+        """Store `event`; it is on the disk when this returns.
 
         Raises:
-            NotAllowed: the state does not permit it; nothing is stored.
-            JournalError: it could not be stored.
+            NotAllowed: the state does not permit the event; nothing is stored.
+            JournalError: the event could not be stored.
         """
         next_state(self.state.name, event.TAG)
-        with stops_deferred():
+        with stops_deferred():  # a signal between storing and counting would repeat the number
             self._store(event)
 
     def _store(self, event: Event) -> None:
@@ -47,9 +47,9 @@ _WHY = "the session was interrupted"
 
 
 def close_interrupted(log: SessionLog) -> None:
-    """Mark the trial that was running, and a device that was armed: nobody can tell whether it is.
+    """Record the interrupted trial as aborted, and the device's state as unknown.
 
-    To be called by whoever holds the session.
+    The caller must hold the session's lock.
     """
     abort_trial(log, _WHY)
     if log.state.name in {"armed", "paused"}:
@@ -57,6 +57,6 @@ def close_interrupted(log: SessionLog) -> None:
 
 
 def abort_trial(log: SessionLog, why: str) -> None:
-    """Mark the trial that is running, if one is, as aborted."""
+    """Record the running trial, if there is one, as aborted."""
     if log.state.trial is not None:
         log.append(TrialAborted(index=log.state.trial, why=why))

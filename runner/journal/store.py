@@ -1,6 +1,6 @@
 """The journal: a study's events in one SQLite file, appended one by one and chained by hashes.
 
-The one module that imports sqlite3; `runner.journal.chain` says how an event is stored.
+No other module imports sqlite3. `runner.journal.chain` defines the stored form of an event;
 docs/journal.md describes the file.
 """
 
@@ -28,7 +28,7 @@ from runner.journal.chain import (
 SCHEMA_VERSION = 2
 LOCK_WAIT_S = 2.0
 _ONE_PAGE = 4096
-"""Without a table in it."""
+"""Size of a database without tables, bytes."""
 
 _SCHEMA = (
     """CREATE TABLE event (
@@ -64,7 +64,7 @@ _TAGGED = f"{_EVENT} FROM event WHERE tag"
 
 
 class JournalError(WorkFailed):
-    """The journal cannot be read or written; nothing that was acknowledged is lost."""
+    """The journal cannot be read or written; no acknowledged event is lost."""
 
 
 class Journal:
@@ -89,91 +89,93 @@ class Journal:
         self._connection.close()
 
     def sessions(self) -> list[str]:
-        """Return the names of all chains in the order in which they were begun."""
-        with self._explained("read"):
+        """Return the names of all chains, oldest first."""
+        with self._errors_explained("read"):
             rows = self._connection.execute(_SESSIONS)
             return [row[0] for row in rows]
 
     def events(self, session: str) -> list[StoredEvent]:
-        """Return the events of `session` in their order."""
+        """Return the events of `session` in order."""
         return [link.event for link in self.chain(session)]
 
     def events_of(self, *kinds: type[Event]) -> list[StoredEvent]:
-        """Return the events of these kinds, of all sessions, in the order of writing."""
+        """Return the events of these kinds in all sessions, in the order of writing."""
         tags = [kind.TAG for kind in kinds]
         names = ", ".join("?" * len(tags))
-        with self._explained("read"):
+        with self._errors_explained("read"):
             rows = self._connection.execute(f"{_TAGGED} IN ({names}) ORDER BY rowid", tags)
             return [stored_event(row) for row in rows]
 
     def chain(self, session: str) -> Iterator[ChainLink]:
-        """Yield the events of `session` with what ties them together."""
-        with self._explained("read"):
+        """Yield the events of `session` with their hashes."""
+        with self._errors_explained("read"):
             for row in self._connection.execute(_CHAIN, (session,)):
                 yield ChainLink(stored_event(row[:5]), *row[4:])
 
     @contextmanager
     def alone(self) -> Iterator[None]:
-        """Keep other writers out while the body looks and then appends."""
+        """Exclude other writers while the body reads and then appends, all or nothing."""
         try:
-            with self._explained("written"), self._connection:
-                self._connection.execute("BEGIN IMMEDIATE")
+            with self._errors_explained("written"), self._connection:
+                self._connection.execute("BEGIN IMMEDIATE")  # takes the write lock before reading
                 yield
         except BaseException:
-            self._last_hashes.clear()  # nothing of it was written
+            self._last_hashes.clear()  # of events that were rolled back
             raise
 
     def append(self, session: str, event: StoredEvent) -> None:
         """Add `event` to the chain of `session`; it is on the disk when this returns.
 
         Raises:
-            JournalError: it could not be written; nothing of it was.
+            JournalError: the event could not be written; the chain is unchanged.
         """
         self._require_in_place()
         body = payload_text(event)
         fields = event_fields(session, event, hashlib.sha256(body.encode()).hexdigest())
-        with self._explained("written"):
+        with self._errors_explained("written"):
             chained = chain_hash(self._hash_before(session, event.seq), fields)
             self._connection.execute(_APPEND, (*fields, chained, body))
-        if event.seq == 0:  # an unused journal may be taken away: see journal_if_used
+        if event.seq == 0:  # another process may have removed an unused journal: journal_if_used
             self._require_in_place()
         self._last_hashes = {(session, event.seq): chained}
 
     def erase_payloads(self, sessions: Iterable[str]) -> None:
-        """Erase what stands in the payloads of `sessions`; `forget_erased` makes it final."""
-        with self._explained("written"):
+        """Erase the payloads of `sessions`; `forget_erased` must follow to clear the disk."""
+        with self._errors_explained("written"):
             self._connection.executemany(
                 "UPDATE event SET payload = NULL WHERE session = ?", [(name,) for name in sessions]
             )
 
     def forget_erased(self) -> None:
-        """Leave nothing on the disk of what was erased.
+        """Remove all copies of erased payloads from the disk.
 
         Raises:
-            JournalError: it could not be done; an old copy may still be there.
+            JournalError: it failed; an old copy may remain.
         """
-        with self._explained("written"):
-            self._connection.execute("VACUUM")
-        if not self.checkpoint():
+        with self._errors_explained("written"):
+            self._connection.execute("VACUUM")  # free pages still hold erased payloads
+        if not self.checkpoint():  # and so does the write-ahead log
             raise JournalError(
-                f"{self._path}: erased, but another program that reads it keeps an old copy alive; "
-                "end that program and do it again"
+                f"{self._path}: erased, but an old copy remains while another program reads it; "
+                "end that program and repeat the command"
             )
 
     def checkpoint(self) -> bool:
-        """Bring everything into the one file; return False if a reader is in the way."""
+        """Move the write-ahead log into the main file; return False if a reader prevents it."""
         self._require_in_place()
-        with self._explained("written"):
+        with self._errors_explained("written"):
             busy, _, _ = self._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
             return not busy
 
     def _require_in_place(self) -> None:
-        """Nothing is kept that is written to a file that is deleted, moved or replaced."""
+        """Require that the open files are still the ones at their paths.
+
+        SQLite does not notice a change, and would write to files that have lost their names.
+        """
         if _files_at(self._places) != self._files:
             raise JournalError(
-                f"{self._path}: is not the journal any more that was opened there, or its log "
-                f"{_log_of(self._path).name} is not (deleted, moved or replaced by another); put "
-                "both back before anything else"
+                f"{self._path}: the journal file or its log {_log_of(self._path).name} was "
+                "deleted, moved or replaced while in use; restore both before you continue"
             )
 
     def _hash_before(self, session: str, seq: int) -> str:
@@ -189,7 +191,7 @@ class Journal:
         return str(row[0])
 
     @contextmanager
-    def _explained(self, what: str) -> Iterator[None]:
+    def _errors_explained(self, what: str) -> Iterator[None]:
         try:
             yield
         except (sqlite3.Error, DamagedError) as error:
@@ -201,23 +203,26 @@ def _log_of(path: Path) -> Path:
 
 
 def _files_at(places: Iterable[str]) -> list[tuple[int, int]]:
-    """What tells the journal and its log from other files: until a session ends, all is in both."""
+    """Return the device and inode numbers of the files that exist at `places`.
+
+    The log counts too: until a checkpoint, part of the events are only in the log.
+    """
     files = []
     for place in places:
         with suppress(OSError):
-            found = os.stat(place)  # noqa: PTH116 - a path would take as long again
+            found = os.stat(place)  # noqa: PTH116 - Path.stat takes twice as long
             files.append((found.st_dev, found.st_ino))
     return files
 
 
 @contextmanager
 def journal_if_used(path: Path) -> Iterator[Journal]:
-    """Yield the journal at `path`, made if it is missing; one made for nothing does not stay.
+    """Yield the journal at `path`; create it if missing, remove it again if nothing was written.
 
-    Whoever has opened it meanwhile is told so at the next event.
+    Another process that has opened it in between gets an error when it appends.
 
     Raises:
-        JournalError: it cannot be opened.
+        JournalError: the journal cannot be opened.
     """
     before = path.exists()
     try:
@@ -231,9 +236,9 @@ def journal_if_used(path: Path) -> Iterator[Journal]:
 
 
 def unused(path: Path) -> bool:
-    """Return whether nothing was ever written to the journal at `path`, if there is one.
+    """Return whether the journal at `path` is missing or has no events.
 
-    A full disk may keep it from being read: then its size tells.
+    If it cannot be read, for example because the disk is full, its size decides.
     """
     if not path.exists():
         return True
@@ -247,10 +252,10 @@ def unused(path: Path) -> bool:
 
 
 def read_journal(path: Path) -> Journal:
-    """Return the journal at `path` for reading only; it need not be writable.
+    """Return the journal at `path` opened read-only; the file need not be writable.
 
     Raises:
-        JournalError: it cannot be read, or another version of touchbeam made it.
+        JournalError: it cannot be read, or has another version's schema.
     """
     try:
         connection = sqlite3.connect(f"{path.absolute().as_uri()}?{_access(path)}", uri=True)
@@ -274,9 +279,9 @@ def read_journal(path: Path) -> Journal:
 
 
 def _access(path: Path) -> str:
-    """How to open a journal that is only read: its folder may not be writable at all.
+    """Return SQLite's URI parameter for reading the journal, whose folder may be read-only.
 
-    Where it is, SQLite tidies up its log behind us.
+    In a writable folder SQLite opens it read-write, so that it can remove its log afterwards.
     """
     if os.access(path, os.W_OK) and os.access(path.parent, os.W_OK):
         return "mode=rw"
@@ -285,24 +290,24 @@ def _access(path: Path) -> str:
 
 def _other_schema(version: int) -> str:
     return (
-        f"schema {version}; this touchbeam knows {SCHEMA_VERSION}; "
-        "use the touchbeam that made the journal"
+        f"schema must be {SCHEMA_VERSION}, got {version}; "
+        "use the version of touchbeam that created the journal"
     )
 
 
 def open_journal(path: Path) -> Journal:
-    """Return the journal at `path`, made if it is missing, ready to be written.
+    """Return the journal at `path` opened for writing; create it if missing.
 
-    It grows in its write-ahead log and is checkpointed at the end of a session, so that a copy of
-    the file is consistent at any moment.
+    Events go to the write-ahead log, which is checkpointed at the end of a session, so that a copy
+    of the main file is consistent at any moment.
 
     Raises:
-        JournalError: it cannot be opened, or another version of touchbeam made it.
+        JournalError: it cannot be opened, or has another version's schema.
     """
     if _log_of(path).exists() and not path.exists():
         raise JournalError(
-            f"{path}: is missing, and its log {_log_of(path).name} is there, which holds what was "
-            "recorded last; put the journal back beside it"
+            f"{path}: is missing, but its log {_log_of(path).name} exists and holds the latest "
+            "events; restore the journal beside it"
         )
     try:
         # SQLite itself would make a file that others may read, as the umask has it.
@@ -327,7 +332,8 @@ def open_journal(path: Path) -> Journal:
 def _log_ahead(connection: sqlite3.Connection) -> None:
     """Turn the write-ahead log on.
 
-    Of two processes that do so at once SQLite refuses one without waiting; it does wait to begin.
+    If two processes do so at once, SQLite refuses one of them without waiting for its timeout. It
+    does wait for BEGIN, which therefore comes before the next attempt.
     """
     for _ in range(10):
         try:
@@ -344,13 +350,13 @@ def _log_ahead(connection: sqlite3.Connection) -> None:
 
 def _require_empty(connection: sqlite3.Connection) -> None:
     if connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
-        raise sqlite3.DatabaseError("it has tables that no touchbeam has made, or is damaged")
+        raise sqlite3.DatabaseError("it is damaged, or has tables that are not touchbeam's")
 
 
 def _ensure_schema(connection: sqlite3.Connection) -> None:
-    """Make the tables unless they are there; another process may be making them just now."""
+    """Create the tables unless they exist."""
     with connection:
-        connection.execute("BEGIN IMMEDIATE")
+        connection.execute("BEGIN IMMEDIATE")  # another process may be creating them too
         version = connection.execute("PRAGMA user_version").fetchone()[0]
         if version == 0:
             _require_empty(connection)
@@ -362,5 +368,5 @@ def _ensure_schema(connection: sqlite3.Connection) -> None:
 
 
 def session_name(participant: str, number: int) -> str:
-    """Return what a session is called in the journal."""
+    """Return the name of a session in the journal."""
     return f"{participant}/{number}"

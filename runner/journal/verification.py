@@ -1,4 +1,4 @@
-"""Whether a journal is what it claims to be: chains unbroken, every trial answered exactly once."""
+"""Verification of a journal: unbroken chains, permitted events, each trial answered once."""
 
 import hashlib
 from collections.abc import Iterable, Iterator, Sequence
@@ -12,12 +12,12 @@ from runner.journal.chain import FIRST_HASH, ChainLink, chain_hash, event_fields
 from runner.journal.store import Journal, JournalError
 
 STUDY_CHAIN = "@study"
-"""The chain of what was decided on the study as a whole."""
+"""The chain of decisions on the study as a whole."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SessionVerdict:
-    """What was found of one session."""
+    """The result of verifying one session."""
 
     participant: str
     session: int
@@ -33,32 +33,32 @@ class SessionVerdict:
 
     @property
     def ok(self) -> bool:
-        """Nothing is wrong; a session that goes on may still lack answers."""
+        """Whether there is no problem; only a completed session must have all its answers."""
         lacking = self.state == "completed" and self.missing > 0
         return self.chain_ok and not (self.problem or self.duplicates or lacking)
 
     def line(self) -> str:
-        """One line for a person."""
-        chain = "chain whole" if self.chain_ok else "CHAIN BROKEN"
-        line = f"{'ok  ' if self.ok else 'FAIL'}  {self._told()}, {chain}"
+        """Return one line for people to read."""
+        chain = "chain unbroken" if self.chain_ok else "CHAIN BROKEN"
+        line = f"{'ok  ' if self.ok else 'FAIL'}  {self._summary()}, {chain}"
         return f"{line}; {self.problem}" if self.problem else line
 
-    def _told(self) -> str:
+    def _summary(self) -> str:
         if self.participant == STUDY_CHAIN:
             return f"the study itself  {self.state}  {self.events} events"
         return (
             f"{self.participant}/{self.session}  {self.state}  "
             f"{self.trials_answered} of {self.trials_planned} trials answered, "
-            f"{self.trials_aborted} aborted, {self.duplicates} twice"
+            f"{self.trials_aborted} aborted, {self.duplicates} answered twice"
         )
 
     def record(self) -> dict[str, Any]:
-        """The same for a program."""
+        """Return the verdict for programs."""
         return {"ok": self.ok, **asdict(self)}
 
 
 def verdicts(journal: Journal) -> list[SessionVerdict]:
-    """Return a verdict on every chain of `journal`."""
+    """Return a verdict on each chain of `journal`."""
     return [_verdict(journal, name) for name in journal.sessions()]
 
 
@@ -92,10 +92,10 @@ def session_verdict(name: str, chain: list[ChainLink]) -> SessionVerdict:
 
 
 def readable_events(journal: Journal, session: str) -> list[StoredEvent]:
-    """Return the events of `session`, whose payloads are all there unless it was withdrawn.
+    """Return the events of `session`, with all payloads unless it was withdrawn.
 
     Raises:
-        JournalError: some are missing, so that nothing can be said about the session.
+        JournalError: the session is damaged, or payloads are missing although it was not withdrawn.
     """
     events = journal.events(session)
     _require_readable(session, events)
@@ -103,10 +103,10 @@ def readable_events(journal: Journal, session: str) -> list[StoredEvent]:
 
 
 def readable_chains(journal: Journal, broken: list[str]) -> Iterator[list[StoredEvent]]:
-    """Yield the events of each chain of `journal`; name those that are not whole in `broken`.
+    """Yield the events of each chain of `journal`; append the names of broken chains to `broken`.
 
     Raises:
-        JournalError: of a session too much is missing for anything to be said about it.
+        JournalError: a session is damaged or has lost payloads.
     """
     for name in journal.sessions():
         chain = list(journal.chain(name))
@@ -124,16 +124,16 @@ def _is_withdrawn(events: Iterable[StoredEvent]) -> bool:
 def _require_readable(session: str, events: list[StoredEvent]) -> None:
     withdrawn = _is_withdrawn(events)
     if any(event.erased for event in events) and not withdrawn:
-        raise JournalError(f"session {session} has lost payloads; see touchbeam verify")
-    if not (withdrawn or session == STUDY_CHAIN or _says_how_it_began(events)):
-        raise JournalError(f"session {session} does not say how it began; see touchbeam verify")
+        raise JournalError(f"session {session} has lost payloads; run touchbeam verify")
+    if not (withdrawn or session == STUDY_CHAIN or _has_beginning(events)):
+        raise JournalError(f"session {session} has no opening event; run touchbeam verify")
     try:
         folded(events)
     except (NotAllowed, KeyError, TypeError, AttributeError) as error:
-        raise JournalError(f"session {session} is damaged; see touchbeam verify") from error
+        raise JournalError(f"session {session} is damaged; run touchbeam verify") from error
 
 
-def _says_how_it_began(events: Sequence[StoredEvent]) -> bool:
+def _has_beginning(events: Sequence[StoredEvent]) -> bool:
     return any(
         event.tag == ScoresImported.TAG
         or (event.tag == SessionOpened.TAG and event.payload.keys() >= SessionOpened.REQUIRED)
@@ -142,26 +142,26 @@ def _says_how_it_began(events: Sequence[StoredEvent]) -> bool:
 
 
 def chain_is_unbroken(name: str, chain: Iterable[ChainLink], *, erased: bool) -> bool:
-    """Return whether every event follows from the one before and has the payload it was given.
+    """Return whether each event's hash follows from the previous one and its payload is unchanged.
 
     Args:
-        name: of the session.
+        name: the session.
         chain: its events with digests and hashes.
-        erased: whether payloads may be missing, since the participant withdrew.
+        erased: whether payloads may be missing because the participant has withdrawn.
     """
     previous = FIRST_HASH
     chain = list(chain)
-    for place, link in enumerate(chain):
+    for seq, link in enumerate(chain):
         fields = event_fields(name, link.event, link.payload_sha256)
-        if link.event.seq != place or chain_hash(previous, fields) != link.hash:
+        if link.event.seq != seq or chain_hash(previous, fields) != link.hash:
             return False
-        if not (erased if link.payload is None else _is_its_payload(link.payload, link)):
+        if not (erased if link.payload is None else _matches_digest(link.payload, link)):
             return False
         previous = link.hash
     return bool(chain)
 
 
-def _is_its_payload(stored: str, link: ChainLink) -> bool:
+def _matches_digest(stored: str, link: ChainLink) -> bool:
     digest = hashlib.sha256(stored.encode("utf-8", "surrogatepass")).hexdigest()
     return digest == link.payload_sha256
 
@@ -172,5 +172,5 @@ def _folded(chain: list[ChainLink]) -> tuple[SessionState, str]:
     except (NotAllowed, KeyError, TypeError, AttributeError) as error:
         return SessionState(name="impossible"), str(error)
     if state.name == "withdrawn" and not all(link.event.erased for link in chain):
-        return state, "withdrawn, but not erased: run touchbeam withdraw again"
+        return state, "withdrawn but not erased; run touchbeam withdraw again"
     return state, ""

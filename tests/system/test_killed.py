@@ -1,4 +1,4 @@
-"""Power cuts: wherever a session is killed, it resumes, and nothing acknowledged is lost."""
+"""Power cuts: a session killed anywhere resumes, and no acknowledged event is lost."""
 
 import sqlite3
 from collections.abc import Iterator
@@ -18,11 +18,11 @@ from tests.runner.fakes import FakeDevice, FakeParticipant, context
 
 
 class Killed(BaseException):
-    """The process is gone: nothing that would follow happens either."""
+    """The process is dead: none of its cleanup happens either."""
 
 
 class DyingJournal:
-    """A journal whose process dies at the write number `at`, before or after it is on the disk."""
+    """A journal whose process dies at write number `at`, before or after it reaches the disk."""
 
     def __init__(self, journal: Journal, at: int, *, after: bool) -> None:
         self._journal = journal
@@ -54,10 +54,10 @@ def opened(path: Path) -> Iterator[Journal]:
 
 
 def connected(path: Path) -> sqlite3.Connection:
-    """SQLite's connection to the journal, which is made if it is missing, with its log there."""
+    """Return SQLite's connection to the journal, created if missing, whose log exists."""
     open_journal(path).__exit__(None, None, None)
     connection = sqlite3.connect(path, isolation_level=None)
-    connection.execute("SELECT count(*) FROM event")  # the first look makes the log
+    connection.execute("SELECT count(*) FROM event")  # the first query creates the log
     return connection
 
 
@@ -68,7 +68,7 @@ def writes_of_a_session(folder: Path) -> int:
 
 
 def finished_after(path: Path, acknowledged: list[StoredEvent]) -> None:
-    """Resume the session in `path` and require that everything is there exactly once."""
+    """Resume the session in `path` and assert that it has each event and answer exactly once."""
     with opened(path) as journal:
         made = context(journal, FakeDevice(), FakeParticipant())
         if made.log.state.name != "completed":
@@ -85,7 +85,7 @@ def finished_after(path: Path, acknowledged: list[StoredEvent]) -> None:
 
 
 @pytest.mark.parametrize("after", [False, True], ids=["before", "after"])
-def test_killed_at_every_write_a_session_resumes(tmp_path: Path, after: bool) -> None:
+def test_a_session_killed_at_any_write_resumes(tmp_path: Path, after: bool) -> None:
     for at in range(writes_of_a_session(tmp_path)):
         path = tmp_path / f"{at}.db"
         with opened(path) as journal:
@@ -96,7 +96,7 @@ def test_killed_at_every_write_a_session_resumes(tmp_path: Path, after: bool) ->
         finished_after(path, acknowledged)
 
 
-def test_killed_twice_it_still_resumes(tmp_path: Path) -> None:
+def test_a_session_killed_twice_resumes(tmp_path: Path) -> None:
     for first, second in [(9, 4), (15, 12), (3, 20)]:
         path = tmp_path / f"{first}-{second}.db"
         for at in (first, second):
@@ -112,7 +112,7 @@ def test_killed_twice_it_still_resumes(tmp_path: Path) -> None:
 )
 @given(cut=st.integers(0, 60_000), seed=st.integers(0, 2**32))
 def test_a_torn_log_loses_only_its_end(tmp_path_factory: Any, cut: int, seed: int) -> None:
-    """The last bytes of the write-ahead log never reached the disk, or are rubbish."""
+    """The last bytes of the write-ahead log are missing or garbage."""
     import random
     import shutil
 
@@ -127,11 +127,11 @@ def test_a_torn_log_loses_only_its_end(tmp_path_factory: Any, cut: int, seed: in
     log = folder / "copy-study.db-wal"
     data = log.read_bytes()
     keep = max(len(data) - cut, 0)
-    rubbish = random.Random(seed).randbytes(min(cut, len(data)) // 2)
-    log.write_bytes(data[:keep] + rubbish)
+    garbage = random.Random(seed).randbytes(min(cut, len(data)) // 2)
+    log.write_bytes(data[:keep] + garbage)
     with opened(folder / "copy-study.db") as journal:
         events = journal.events("P01/1")
-        assert events == whole[: len(events)], "what is left is a beginning of what there was"
+        assert events == whole[: len(events)], "the first events are left"
         assert all(verdict.chain_ok for verdict in verdicts(journal))
     finished_after(folder / "copy-study.db", [])
 
@@ -151,7 +151,7 @@ def test_a_full_disk_is_an_error_and_the_session_resumes(tmp_path: Path) -> None
     finished_after(path, [])
 
 
-def test_a_locked_journal_is_an_error_before_the_output_goes_on(tmp_path: Path) -> None:
+def test_a_locked_journal_is_an_error_before_the_output_is_switched_on(tmp_path: Path) -> None:
     path = tmp_path / "study.db"
     device = FakeDevice()
     connection = connected(path)

@@ -1,4 +1,4 @@
-"""`touchbeam run` in use: cut short, changed under its hands, its streams closed or piped."""
+"""`touchbeam run` in use: interrupted, with files changed while it runs, with closed streams."""
 
 import signal
 import sqlite3
@@ -22,7 +22,7 @@ def somewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-def test_a_virtual_session_is_not_run_twice(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_completed_session_is_not_run_again(capsys: pytest.CaptureFixture[str]) -> None:
     assert typed("new", "study") == 0
     arguments = ("run", "study", "--participant", "P01", "--ratings", "virtual")
     assert typed(*arguments) == 0
@@ -33,7 +33,7 @@ def test_a_virtual_session_is_not_run_twice(capsys: pytest.CaptureFixture[str]) 
     assert "nothing but rehearsals here; name them with --rehearsals" in capsys.readouterr().err
 
 
-def test_a_changed_study_does_not_go_on(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_session_of_a_changed_study_is_not_resumed(capsys: pytest.CaptureFixture[str]) -> None:
     typed("new", "study")
     study = Path("study/study.toml")
     study.write_text(study.read_text().replace("= 24221 ", "= 12000 "))
@@ -45,7 +45,7 @@ def test_a_changed_study_does_not_go_on(capsys: pytest.CaptureFixture[str]) -> N
     assert "study.toml has changed since the last session" in capsys.readouterr().err
 
 
-def test_what_run_would_refuse_is_not_accepted(capsys: pytest.CaptureFixture[str]) -> None:
+def test_amend_refuses_a_study_that_run_would_refuse(capsys: pytest.CaptureFixture[str]) -> None:
     typed("new", "study")
     assert typed(*RUN, "virtual") == 0
     study, before = Path("study/study.toml"), recorded()
@@ -57,7 +57,7 @@ def test_what_run_would_refuse_is_not_accepted(capsys: pytest.CaptureFixture[str
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_turns_the_device_off_and_the_session_goes_on_later(number: int) -> None:
+def test_a_signal_turns_the_device_off_and_the_session_resumes_later(number: int) -> None:
     typed("new", "study")
     command = [TOUCHBEAM, *RUN, "virtual"]
     process = subprocess.Popen(
@@ -65,7 +65,7 @@ def test_a_signal_turns_the_device_off_and_the_session_goes_on_later(number: int
     )
     assert process.stdout is not None
     lines = iter(process.stdout)
-    assert any("touching" in line and "output ON" in line for line in lines), "nobody touched"
+    assert any("touching" in line and "output ON" in line for line in lines), "no touch began"
     process.send_signal(number)
     _, said = process.communicate(timeout=20)
     assert process.returncode == 1
@@ -78,19 +78,19 @@ def test_a_signal_turns_the_device_off_and_the_session_goes_on_later(number: int
     assert (tags.count("answered"), tags[-1]) == (7, "session-completed")
 
 
-def test_what_is_run_is_what_the_journal_says_was_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A study file that is saved while the session begins is not half of it."""
+def test_the_journal_records_the_study_that_was_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The study file is read once, even if it is saved while the session starts."""
     typed("new", "study")
     study = Path("study/study.toml")
     first = study.read_text()
     text = StudyFolder.text
 
-    def saved_meanwhile(folder: StudyFolder) -> str:
+    def text_then_save(folder: StudyFolder) -> str:
         read = text(folder)
         study.write_text(first.replace("voltage_v = 100", "voltage_v = 40"))
         return read
 
-    monkeypatch.setattr(StudyFolder, "text", saved_meanwhile)
+    monkeypatch.setattr(StudyFolder, "text", text_then_save)
     assert typed(*RUN, "virtual") == 0
     with read_journal(Path("study/study.db")) as journal:
         opened, *events = journal.events("P01/1")
@@ -99,7 +99,7 @@ def test_what_is_run_is_what_the_journal_says_was_run(monkeypatch: pytest.Monkey
     assert {drive["voltage_v"] for drive in commanded} == {0, 100}
 
 
-def test_a_journal_that_is_deleted_meanwhile_ends_the_session(
+def test_deleting_the_journal_ends_the_session(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     typed("new", "study")
@@ -114,7 +114,8 @@ def test_a_journal_that_is_deleted_meanwhile_ends_the_session(
     assert typed(*RUN, "virtual") == 1
     said = capsys.readouterr()
     assert_matches(
-        r"study\.db: is not the journal any more .*before anything else; output off, read", said.err
+        r"study\.db: the journal file .* restore both before you continue; output off, read",
+        said.err,
     )
     assert "complete" not in said.out
 
@@ -128,7 +129,7 @@ def test_a_journal_that_is_deleted_meanwhile_ends_the_session(
         ("<&-", "--ratings window", 2),
     ],
 )
-def test_a_closed_stream_is_no_error_of_ours(closed: str, arguments: str, code: int) -> None:
+def test_a_closed_stream_causes_no_internal_error(closed: str, arguments: str, code: int) -> None:
     typed("new", "study")
     command = f"{TOUCHBEAM} run study --participant P01 {arguments} {closed}"
     done = subprocess.run(["sh", "-c", command], stderr=subprocess.PIPE, text=True, check=False)
@@ -163,5 +164,5 @@ def recorded() -> list[str]:
     with closing(sqlite3.connect("study/study.db", timeout=5)) as journal:
         try:
             return [tag for (tag,) in journal.execute("SELECT tag FROM event ORDER BY rowid")]
-        except sqlite3.OperationalError:  # the file is there, its table not yet
+        except sqlite3.OperationalError:  # the file exists, its table not yet
             return []

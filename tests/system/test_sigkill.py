@@ -1,4 +1,4 @@
-"""SIGKILL at random instants of virtual sessions: they resume, and every trial is answered once."""
+"""SIGKILL at random times in virtual sessions: they resume, and each trial is answered once."""
 
 import random
 import signal
@@ -17,22 +17,22 @@ from runner.journal.verification import verdicts
 from tests.runner.command_line import TOUCHBEAM
 
 EVENTS = 47
-"""How many a session of the paper's study has."""
+"""Number of events in a session of the paper's study."""
 
 
 @pytest.mark.parametrize("draw", range(3))
-def test_killed_at_a_random_instant(tmp_path: Path, draw: int) -> None:
+def test_a_session_killed_at_a_random_time_resumes(tmp_path: Path, draw: int) -> None:
     killed_and_resumed(tmp_path, draw)
 
 
 @pytest.mark.soak
 @pytest.mark.parametrize("draw", range(100, 400))
-def test_killed_at_300_random_instants(tmp_path: Path, draw: int) -> None:
+def test_sessions_killed_at_300_random_times_resume(tmp_path: Path, draw: int) -> None:
     killed_and_resumed(tmp_path, draw)
 
 
 def killed_and_resumed(folder: Path, draw: int) -> None:
-    """Kill a session once or twice at instants drawn by `draw`, then let it finish."""
+    """Kill a session once or twice at random times with seed `draw`, then let it finish."""
     (folder / "study.toml").write_text(template("paper"))
     command = [TOUCHBEAM, "run", str(folder), "--participant", "P01", "--ratings", "virtual"]
     instants = random.Random(draw)
@@ -50,11 +50,11 @@ def killed_and_resumed(folder: Path, draw: int) -> None:
     events = recorded(folder)
     assert events[: len(acknowledged)] == acknowledged
     begun = sum(event.tag == "trial-started" for event in events)
-    assert begun == 7 + verdict.trials_aborted, "an interrupted trial is marked"
+    assert begun == 7 + verdict.trials_aborted, "an interrupted trial is recorded as aborted"
 
 
 def kill_within_session(command: list[str], journal: Path, instants: random.Random) -> None:
-    """Kill the session at a drawn instant after a drawn number of its events."""
+    """Kill the session at a random time after a random number of events."""
     before = len_of(journal)
     after = before + instants.randrange(max(1, EVENTS - before))
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -66,7 +66,7 @@ def kill_within_session(command: list[str], journal: Path, instants: random.Rand
 
 
 def len_of(journal: Path) -> int:
-    """How many events stand in the journal, looked at from outside while it is written."""
+    """Return the number of events in the journal, read while another process writes it."""
     try:
         with closing(sqlite3.connect(f"{journal.as_uri()}?mode=ro", uri=True)) as reader:
             return int(reader.execute("SELECT count(*) FROM event").fetchone()[0])

@@ -1,4 +1,4 @@
-"""What is decided after the fact: exclusions, amendments, withdrawals, and the status they give."""
+"""Exclusions, amendments and withdrawals, and the status that results from them."""
 
 import json
 import sqlite3
@@ -29,7 +29,7 @@ def finished(path: Path) -> Journal:
     return journal
 
 
-def test_an_excluded_trial_is_added_not_removed(tmp_path: Path) -> None:
+def test_an_exclusion_adds_an_event_and_removes_nothing(tmp_path: Path) -> None:
     with finished(tmp_path) as journal:
         exclude_trial(journal, CLOCK, "P01/1", 3, "the phone rang")
         state = states(journal)["P01/1"]
@@ -39,7 +39,7 @@ def test_an_excluded_trial_is_added_not_removed(tmp_path: Path) -> None:
         assert (line.state, line.excluded_trials) == ("completed", 1)
 
 
-def test_what_does_not_exist_cannot_be_excluded(tmp_path: Path) -> None:
+def test_unknown_trials_and_sessions_cannot_be_excluded(tmp_path: Path) -> None:
     with finished(tmp_path) as journal:
         with pytest.raises(BadInput, match="P01/1 has no trial 7; it has trials 0 to 6"):
             exclude_trial(journal, CLOCK, "P01/1", 7, "x")
@@ -47,22 +47,22 @@ def test_what_does_not_exist_cannot_be_excluded(tmp_path: Path) -> None:
             exclude_session(journal, CLOCK, "P09/1", "x")
 
 
-def test_a_session_is_excluded_once(tmp_path: Path) -> None:
+def test_a_session_can_be_excluded_only_once(tmp_path: Path) -> None:
     with finished(tmp_path) as journal:
         exclude_session(journal, CLOCK, "P01/1", "ill")
         with pytest.raises(BadInput, match="P01/1 is excluded; it cannot be excluded now"):
             exclude_session(journal, CLOCK, "P01/1", "ill")
 
 
-def test_a_trial_is_excluded_once(tmp_path: Path) -> None:
+def test_a_trial_can_be_excluded_only_once(tmp_path: Path) -> None:
     with finished(tmp_path) as journal:
         exclude_trial(journal, CLOCK, "P01/1", 3, "noise")
-        with pytest.raises(BadInput, match="trial 3 of P01/1 is excluded already: noise"):
+        with pytest.raises(BadInput, match="trial 3 of P01/1 is already excluded: noise"):
             exclude_trial(journal, CLOCK, "P01/1", 3, "more noise")
 
 
 @pytest.mark.parametrize("last", ["device-armed", "trial-started", "touch-started", "paused"])
-def test_a_session_that_nobody_runs_any_more_can_be_excluded(tmp_path: Path, last: str) -> None:
+def test_an_abandoned_session_can_be_excluded(tmp_path: Path, last: str) -> None:
     (tmp_path / "done").mkdir()
     with finished(tmp_path / "done") as done:
         events = done.events("P01/1")
@@ -81,7 +81,9 @@ def test_a_session_that_nobody_runs_any_more_can_be_excluded(tmp_path: Path, las
         assert slot_for(states(journal), "P02", "participant") == 0
 
 
-def test_a_dropouts_slot_is_given_out_again_and_a_finished_one_is_not(tmp_path: Path) -> None:
+def test_the_slot_of_a_dropout_is_reused_and_that_of_a_finished_session_is_not(
+    tmp_path: Path,
+) -> None:
     with open_journal(tmp_path / "study.db") as journal:
         context(journal, FakeDevice(), FakeParticipant())
         assert slot_for(states(journal), "P02", "participant") == 1
@@ -95,21 +97,21 @@ def test_a_dropouts_slot_is_given_out_again_and_a_finished_one_is_not(tmp_path: 
         assert slot_for(states(journal), "P02", "participant") == 1
 
 
-def test_rehearsals_use_no_participants_slot(tmp_path: Path) -> None:
+def test_rehearsals_do_not_use_up_participants_slots(tmp_path: Path) -> None:
     with open_journal(tmp_path / "study.db") as journal:
         context(journal, FakeDevice(), FakeParticipant(), kind="rehearsal")
         assert slot_for(states(journal), "P02", "participant") == 0
         assert slot_for(states(journal), "P02", "rehearsal") == 1
 
 
-def test_the_studys_own_chain_is_nobodys_to_withdraw(tmp_path: Path) -> None:
+def test_the_studys_own_chain_cannot_be_withdrawn(tmp_path: Path) -> None:
     with finished(tmp_path) as journal:
         amend(journal, CLOCK, amended(template("paper")), "longer touches")
         with pytest.raises(BadInput, match="a participant without a name has no sessions here"):
             withdraw(journal, CLOCK, "")
 
 
-def test_a_withdrawal_erases_what_was_said_and_the_chain_still_verifies(tmp_path: Path) -> None:
+def test_a_withdrawal_erases_the_data_and_the_chain_still_verifies(tmp_path: Path) -> None:
     with finished(tmp_path) as journal:
         log = SessionLog(journal, "P01/1", CLOCK)
         log.append(NoteTaken(text="something only this participant would say"))
@@ -122,12 +124,12 @@ def test_a_withdrawal_erases_what_was_said_and_the_chain_still_verifies(tmp_path
     assert b"smoother" not in held
 
 
-def test_nobody_withdraws_who_did_not_take_part(tmp_path: Path) -> None:
+def test_an_unknown_participant_cannot_be_withdrawn(tmp_path: Path) -> None:
     with finished(tmp_path) as journal, pytest.raises(BadInput, match="P09 has no sessions here"):
         withdraw(journal, CLOCK, "P09")
 
 
-def test_a_withdrawal_that_was_cut_short_erases_all_or_nothing(
+def test_an_interrupted_withdrawal_erases_all_or_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with finished(tmp_path) as journal:
@@ -139,7 +141,7 @@ def test_a_withdrawal_that_was_cut_short_erases_all_or_nothing(
         SessionLog(journal, "P01/1", CLOCK).append(Withdrawn())
         (verdict,) = verdicts(journal)
         assert not verdict.ok
-        assert verdict.problem == "withdrawn, but not erased: run touchbeam withdraw again"
+        assert verdict.problem == "withdrawn but not erased; run touchbeam withdraw again"
         withdraw(journal, CLOCK, "P01")
         assert verdicts(journal)[0].ok
 
@@ -161,7 +163,7 @@ def test_a_withdrawal_can_be_repeated(tmp_path: Path) -> None:
         ("DELETE FROM event WHERE seq > 30", "lacks"),
     ],
 )
-def test_verify_finds_what_was_changed(tmp_path: Path, tampering: str, problem: str) -> None:
+def test_verify_finds_changes(tmp_path: Path, tampering: str, problem: str) -> None:
     finished(tmp_path).__exit__(None, None, None)
     with closing(sqlite3.connect(tmp_path / "study.db")) as other, other:
         for trigger in ("event_is_erased_at_most", "event_is_not_deleted"):
@@ -197,10 +199,10 @@ def test_a_changed_study_needs_an_amendment(tmp_path: Path) -> None:
             require_resumable(journal, session, state, FakeClock().utc())
         assert all(verdict.ok for verdict in verdicts(journal))
         lines = [verdict.line() for verdict in verdicts(journal)]
-        assert "ok    the study itself  amended  1 events, chain whole" in lines
+        assert "ok    the study itself  amended  1 events, chain unbroken" in lines
 
 
-def test_a_session_does_not_go_on_with_other_trials(tmp_path: Path) -> None:
+def test_a_session_is_not_resumed_with_different_trials(tmp_path: Path) -> None:
     with open_journal(tmp_path / "study.db") as journal:
         context(journal, FakeDevice(), FakeParticipant())
         fixed = template("paper").replace('order = "williams"', 'order = "fixed"')
@@ -218,7 +220,7 @@ def test_a_stale_session_is_not_resumed(tmp_path: Path) -> None:
             require_resumable(journal, made.session, states(journal)["P01/1"], later.utc())
 
 
-def test_a_session_of_tomorrow_is_not_resumed(tmp_path: Path) -> None:
+def test_a_session_from_the_future_is_not_resumed(tmp_path: Path) -> None:
     with open_journal(tmp_path / "study.db") as journal:
         made = context(journal, FakeDevice(), FakeParticipant())
         before = FakeClock(passed_s=-25 * 3600)
@@ -227,7 +229,7 @@ def test_a_session_of_tomorrow_is_not_resumed(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("column", ["utc = '2026-01-02T00:00:00+00:00'", "hash = 'x'"])
-def test_a_session_whose_chain_is_broken_does_not_go_on(tmp_path: Path, column: str) -> None:
+def test_a_session_with_a_broken_chain_is_not_resumed(tmp_path: Path, column: str) -> None:
     path = tmp_path / "study.db"
     with open_journal(path) as journal:
         made = context(journal, FakeDevice(), FakeParticipant())
@@ -238,7 +240,7 @@ def test_a_session_whose_chain_is_broken_does_not_go_on(tmp_path: Path, column: 
             require_resumable(journal, made.session, states(journal)["P01/1"], FakeClock().utc())
 
 
-def test_a_participants_session_does_not_become_a_rehearsal(tmp_path: Path) -> None:
+def test_a_participants_session_cannot_become_a_rehearsal(tmp_path: Path) -> None:
     with open_journal(tmp_path / "study.db") as journal:
         context(journal, FakeDevice(), FakeParticipant())
         other = context(journal, FakeDevice(), FakeParticipant(), kind="rehearsal")
@@ -248,7 +250,7 @@ def test_a_participants_session_does_not_become_a_rehearsal(tmp_path: Path) -> N
             require_resumable(journal, other.session, states(journal)["P01/1"], FakeClock().utc())
 
 
-def test_verify_counts_as_others_rely_on(tmp_path: Path) -> None:
+def test_the_verdict_has_the_fields_that_other_programs_rely_on(tmp_path: Path) -> None:
     with finished(tmp_path) as journal:
         record = json.loads(json.dumps(verdicts(journal)[0].record()))
     expected = {
@@ -291,16 +293,18 @@ def test_a_damaged_journal_fails_verification_and_is_not_reported(
         assert found
         assert not all(verdict.ok for verdict in found)
         if "P01/x" not in damage:
-            with pytest.raises(JournalError, match=r"damaged|lost|began"):
+            with pytest.raises(JournalError, match=r"damaged|lost|no opening event"):
                 states(journal)
 
 
-def test_an_erasure_that_a_reader_prevents_is_not_called_done(tmp_path: Path) -> None:
+def test_an_erasure_prevented_by_a_reader_is_an_error(tmp_path: Path) -> None:
     with finished(tmp_path) as journal, closing(sqlite3.connect(tmp_path / "study.db")) as reader:
         journal.checkpoint()
         reader.execute("BEGIN")
         reader.execute("SELECT count(*) FROM event").fetchone()
-        with pytest.raises(JournalError, match="another program that reads it"):
+        with pytest.raises(
+            JournalError, match="an old copy remains while another program reads it"
+        ):
             withdraw(journal, CLOCK, "P01")
         reader.rollback()
         withdraw(journal, CLOCK, "P01")

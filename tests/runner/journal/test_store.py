@@ -36,14 +36,14 @@ def filled(path: Path) -> Journal:
 def connected(
     path: Path, kind: type[sqlite3.Connection] = sqlite3.Connection
 ) -> sqlite3.Connection:
-    """SQLite's connection to a filled journal, with its log there."""
+    """Return SQLite's connection to a filled journal whose log exists."""
     filled(path).__exit__(None, None, None)
     connection = sqlite3.connect(path, isolation_level=None, factory=kind)
-    connection.execute("SELECT count(*) FROM event")  # the first look makes the log
+    connection.execute("SELECT count(*) FROM event")  # the first query creates the log
     return connection
 
 
-def test_events_come_back_as_they_went_in(tmp_path: Path) -> None:
+def test_events_are_read_as_they_were_written(tmp_path: Path) -> None:
     with filled(tmp_path / "study.db"):
         pass
     with open_journal(tmp_path / "study.db") as journal:
@@ -62,7 +62,7 @@ def test_events_come_back_as_they_went_in(tmp_path: Path) -> None:
         "INSERT OR REPLACE INTO event SELECT * FROM event WHERE seq = 0",
     ],
 )
-def test_nothing_can_be_changed_afterwards(tmp_path: Path, statement: str) -> None:
+def test_events_cannot_be_changed(tmp_path: Path, statement: str) -> None:
     path = tmp_path / "study.db"
     with (
         filled(path),
@@ -81,7 +81,7 @@ def test_each_event_is_chained_to_the_one_before(tmp_path: Path) -> None:
     assert second[1] == chain_hash(first[1], second[0])
 
 
-def test_an_event_twice_is_refused_and_leaves_nothing(tmp_path: Path) -> None:
+def test_a_repeated_event_is_refused_and_not_stored(tmp_path: Path) -> None:
     with filled(tmp_path / "study.db") as journal:
         with pytest.raises(JournalError, match=r"cannot be written \(the journal is append-only"):
             journal.append("P01/1", event(1))
@@ -95,7 +95,7 @@ def test_a_gap_is_refused(tmp_path: Path) -> None:
         journal.append("P01/1", event(5))
 
 
-def test_what_could_not_be_committed_is_forgotten(tmp_path: Path) -> None:
+def test_events_that_could_not_be_committed_are_forgotten(tmp_path: Path) -> None:
     path = tmp_path / "study.db"
     connection = connected(path)
     with Journal(connection, path) as journal:
@@ -114,14 +114,14 @@ def test_what_could_not_be_committed_is_forgotten(tmp_path: Path) -> None:
             journal.append("P01/1", event(3))
 
 
-def test_it_is_readable_by_its_owner_alone(tmp_path: Path) -> None:
+def test_the_journal_is_readable_only_by_its_owner(tmp_path: Path) -> None:
     with filled(tmp_path / "study.db"):
         files = list(tmp_path.glob("study.db*"))
         assert len(files) == 3, "the journal, its log and its index"
         assert all(file.stat().st_mode & 0o077 == 0 for file in files)
 
 
-def test_a_file_that_is_no_journal_is_left_alone(tmp_path: Path) -> None:
+def test_a_file_that_is_not_a_journal_is_left_alone(tmp_path: Path) -> None:
     path = tmp_path / "study.db"
     path.write_text("scores, scores, scores" * 100)
     with pytest.raises(JournalError, match="cannot be opened as a journal"):
@@ -133,7 +133,7 @@ def test_a_journal_of_another_version_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "study.db"
     with closing(sqlite3.connect(path)) as other:
         other.execute("PRAGMA user_version = 99")
-    with pytest.raises(JournalError, match="schema 99; this touchbeam knows 2"):
+    with pytest.raises(JournalError, match="schema must be 2, got 99"):
         open_journal(path)
 
 
@@ -142,11 +142,11 @@ def test_a_journal_that_has_lost_its_version_is_refused(tmp_path: Path) -> None:
     with filled(path), closing(sqlite3.connect(path)) as other:
         other.execute("PRAGMA user_version = 0")
     for opened in (open_journal, read_journal):
-        with pytest.raises(JournalError, match="tables that no touchbeam has made, or is damaged"):
+        with pytest.raises(JournalError, match="damaged, or has tables that are not touchbeam's"):
             opened(path)
 
 
-def test_two_processes_may_make_it_at_once(tmp_path: Path) -> None:
+def test_two_processes_may_create_the_journal_at_once(tmp_path: Path) -> None:
     program = (
         "import sys; from pathlib import Path; from runner.journal.store import open_journal\n"
         "for n in range(20): open_journal(Path(sys.argv[1], f'{n}.db')).__exit__(None, None, None)"
@@ -159,7 +159,7 @@ def test_two_processes_may_make_it_at_once(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("what", ["deleted", "replaced", "log deleted", "moved with its folder"])
-def test_nothing_is_kept_in_a_file_that_nobody_will_find(tmp_path: Path, what: str) -> None:
+def test_a_deleted_moved_or_replaced_journal_is_an_error(tmp_path: Path, what: str) -> None:
     folder = tmp_path / "study"
     folder.mkdir()
     path = folder / "study.db"
@@ -173,9 +173,9 @@ def test_nothing_is_kept_in_a_file_that_nobody_will_find(tmp_path: Path, what: s
             path.write_bytes((folder / "old.db").read_bytes())
         else:
             folder.rename(tmp_path / "elsewhere")
-        with pytest.raises(JournalError, match=r"study\.db: is not the journal any more"):
+        with pytest.raises(JournalError, match=r"study\.db: the journal file .*replaced while in"):
             journal.append("P01/1", event(2))
-        with pytest.raises(JournalError, match="put both back"):
+        with pytest.raises(JournalError, match="restore both"):
             journal.checkpoint()
         if what == "moved with its folder":
             (tmp_path / "elsewhere").rename(folder)
@@ -186,7 +186,7 @@ def test_nothing_is_kept_in_a_file_that_nobody_will_find(tmp_path: Path, what: s
     "payload",
     ['{"a": NaN}', '{"a": 1e999}', '{"a": "\\ud800"}', "[" * 30_000, '{"a": ' * 30_000, "[]", ""],
 )
-def test_a_damaged_payload_is_one_session_s_own(tmp_path: Path, payload: str) -> None:
+def test_a_damaged_payload_affects_only_its_session(tmp_path: Path, payload: str) -> None:
     path = tmp_path / "study.db"
     with filled(path) as journal:
         journal.checkpoint()
@@ -199,7 +199,7 @@ def test_a_damaged_payload_is_one_session_s_own(tmp_path: Path, payload: str) ->
     assert (second.participant, second.chain_ok) == ("P02", True)
 
 
-def test_a_time_without_its_zone_is_utc_as_all_are(tmp_path: Path) -> None:
+def test_a_time_without_a_zone_is_utc(tmp_path: Path) -> None:
     path = tmp_path / "study.db"
     filled(path).__exit__(None, None, None)
     with closing(sqlite3.connect(path)) as other, other:
@@ -210,13 +210,13 @@ def test_a_time_without_its_zone_is_utc_as_all_are(tmp_path: Path) -> None:
         assert [verdict.chain_ok for verdict in verdicts(journal)] == [True, True]
 
 
-def test_a_journal_whose_log_alone_is_there_is_not_begun_anew(tmp_path: Path) -> None:
-    """SQLite would throw the log away, and with it all that was recorded since the last end."""
+def test_a_missing_journal_whose_log_exists_is_not_replaced(tmp_path: Path) -> None:
+    """SQLite would delete the log, and with it all events since the last checkpoint."""
     path, moved = tmp_path / "study.db", tmp_path / "moved.db"
     journal = filled(path)
     path.rename(moved)
     held = (tmp_path / "study.db-wal").read_bytes()
-    with pytest.raises(JournalError, match=r"is missing, and its log study\.db-wal is there"):
+    with pytest.raises(JournalError, match=r"is missing, but its log study\.db-wal exists"):
         open_journal(path)
     assert (tmp_path / "study.db-wal").read_bytes() == held
     assert not path.exists()
@@ -231,7 +231,7 @@ class NoRoomError(Exception):
 
 @contextmanager
 def room_for(size: int) -> Iterator[None]:
-    """No file grows beyond `size` bytes."""
+    """Limit files to `size` bytes."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
     try:
@@ -241,7 +241,7 @@ def room_for(size: int) -> Iterator[None]:
 
 
 @pytest.mark.parametrize("size", [0, 4096, 8192])
-def test_a_journal_that_has_no_room_does_not_stay(tmp_path: Path, size: int) -> None:
+def test_a_journal_that_does_not_fit_on_the_disk_is_removed(tmp_path: Path, size: int) -> None:
     with (
         room_for(size),
         pytest.raises(JournalError, match="cannot be opened as a journal"),
@@ -251,14 +251,14 @@ def test_a_journal_that_has_no_room_does_not_stay(tmp_path: Path, size: int) -> 
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_journal_made_for_nothing_does_not_stay(tmp_path: Path) -> None:
+def test_an_unused_journal_is_removed(tmp_path: Path) -> None:
     path = tmp_path / "study.db"
     with pytest.raises(NoRoomError), journal_if_used(path):
         raise NoRoomError
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_journal_that_holds_something_or_was_there_stays(tmp_path: Path) -> None:
+def test_a_journal_with_events_or_an_existing_one_is_kept(tmp_path: Path) -> None:
     path = tmp_path / "study.db"
 
     def fails_later() -> None:
@@ -277,7 +277,7 @@ def test_a_journal_that_holds_something_or_was_there_stays(tmp_path: Path) -> No
     assert empty.exists()
 
 
-def test_who_opened_a_journal_that_does_not_stay_is_told(tmp_path: Path) -> None:
+def test_appending_to_a_journal_that_was_removed_is_an_error(tmp_path: Path) -> None:
     path = tmp_path / "study.db"
     others: list[Journal] = []
 
@@ -289,12 +289,12 @@ def test_who_opened_a_journal_that_does_not_stay_is_told(tmp_path: Path) -> None
     with pytest.raises(NoRoomError):
         opened_by_two()
     (other,) = others
-    with other, pytest.raises(JournalError, match="is not the journal any more"):
+    with other, pytest.raises(JournalError, match="deleted, moved or replaced while in use"):
         other.append("P01/1", event(0))
 
 
-def test_a_first_event_is_kept_only_if_the_file_is_still_there_afterwards(tmp_path: Path) -> None:
-    """Somebody may take an unused journal away between the look and the write."""
+def test_a_first_event_counts_only_if_the_file_still_exists_afterwards(tmp_path: Path) -> None:
+    """Another process may remove an unused journal between the check and the write."""
     path = tmp_path / "study.db"
 
     class DeletedMeanwhile(sqlite3.Connection):
@@ -305,6 +305,6 @@ def test_a_first_event_is_kept_only_if_the_file_is_still_there_afterwards(tmp_pa
 
     with (
         Journal(connected(path, DeletedMeanwhile), path) as journal,
-        pytest.raises(JournalError, match="is not the journal any more"),
+        pytest.raises(JournalError, match="deleted, moved or replaced while in use"),
     ):
         journal.append("P03/1", event(0))

@@ -1,4 +1,4 @@
-"""From options to a running session: who takes part, on which rig, at which pace.
+"""The launch of a session from its options: locks, rig, participant, operator and clock.
 
 Public face: `run_session.SessionOptions`, `run_session.run_session`, `rig.session_rig`,
 `locks.rig_lock`.

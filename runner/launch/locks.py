@@ -1,4 +1,4 @@
-"""One session per rig at a time: who holds a rig, and what a second one is told."""
+"""Locks that allow one session per rig, and one process per session, at a time."""
 
 import hashlib
 import json
@@ -16,74 +16,76 @@ from filelock import FileLock, Timeout
 from protocol.errors import WorkFailed
 
 _ON_A_NETWORK = {"socket", "rfc2217"}
-COMMON = Path("/tmp")  # noqa: S108 - the folder in it is the user's own
+COMMON = Path("/tmp")  # noqa: S108 - the locks are in a folder that only the user can open
 
 
 class RigInUse(WorkFailed):
-    """Another process has the rig, or the session."""
+    """Another process holds the rig or the session."""
 
 
 class UnsafeFolder(WorkFailed):
-    """Other users can write to the folder of the locks, or could have put it there."""
+    """Other users can write to the folder of the locks, or may have created it."""
 
 
 @contextmanager
 def rig_lock(url: str, holder: str, common: Path = COMMON) -> Iterator[None]:
-    """Hold the rig at `url`, by whatever address one comes to it, while the body runs.
+    """Lock the rig, identified by its real device or host address, while the body runs.
 
-    A simulated one is everybody's own.
+    The simulated rig needs no lock: each session has its own.
 
     Args:
         url: a serial port's path or URL.
-        holder: what somebody else is told, such as the session's name and the study's folder.
+        holder: the session's name and the study's folder, shown to others who want the rig.
         common: a folder that every process of this user finds.
 
     Raises:
-        RigInUse: another process has it; the message says which session.
-        UnsafeFolder: the folder of the locks is not this user's alone.
+        RigInUse: another process holds the rig; the message names its session.
+        UnsafeFolder: other users can open the folder of the locks.
     """
     from runner.launch.rig import SIMULATED
 
-    lock = _held(url, holder, _rig(url), common) if url != SIMULATED else nullcontext()
+    lock = _lock(url, holder, _address(url), common) if url != SIMULATED else nullcontext()
     with lock:
         yield
 
 
 @contextmanager
-def _held(what: str, holder: str, known_as: str, common: Path) -> Iterator[None]:
-    """Hold `what`, which `known_as` tells from others; the lock ends with the process."""
+def _lock(what: str, holder: str, identity: str, common: Path) -> Iterator[None]:
+    """Lock `what`, identified by `identity`; the system releases the lock if the process dies."""
     folder = _folder(common)
-    # Names of sessions and addresses of rigs may hold any character; a file name may not.
-    name = hashlib.sha256(known_as.encode()).hexdigest()[:24]
-    lock, said = FileLock(folder / f"{name}.lock"), folder / f"{name}.json"
+    # Session names and rig addresses may contain any character; file names may not.
+    name = hashlib.sha256(identity.encode()).hexdigest()[:24]
+    lock, holder_file = FileLock(folder / f"{name}.lock"), folder / f"{name}.json"
     try:
         lock.acquire(timeout=0)
     except Timeout:
-        raise RigInUse(f"{what} is held by {_holder(said)}; end that session first") from None
+        raise RigInUse(
+            f"{what} is in use by {_read_holder(holder_file)}; end that session first"
+        ) from None
     try:
-        _say(said, holder)
+        _write_holder(holder_file, holder)
         yield
     finally:
-        said.unlink(missing_ok=True)  # while the lock is held: the next holder writes its own
+        holder_file.unlink(missing_ok=True)  # before the release: the next holder writes its own
         lock.release()
 
 
 @contextmanager
 def session_lock(session: str, study: Path, holder: str) -> Iterator[None]:
-    """Hold a session of the study in the folder `study`, by whatever path one comes to it.
+    """Lock a session of the study in the folder `study`, identified by the folder's inode.
 
     Raises:
-        RigInUse: another process has it.
-        UnsafeFolder: the folder of the locks is not this user's alone.
+        RigInUse: another process holds the session.
+        UnsafeFolder: other users can open the folder of the locks.
     """
     place = study.stat()
-    known_as = f"session {session} of {place.st_dev}:{place.st_ino}"
-    with _held(f"session {session} of {study.resolve()}", holder, known_as, COMMON):
+    identity = f"session {session} of {place.st_dev}:{place.st_ino}"
+    with _lock(f"session {session} of {study.resolve()}", holder, identity, COMMON):
         yield
 
 
-def _rig(url: str) -> str:
-    """What an address leads to: a host and a port by number, a device by its real path."""
+def _address(url: str) -> str:
+    """Return the numeric host and port, or the real path of the device, that `url` leads to."""
     if "://" not in url:
         return os.path.realpath(url)
     try:
@@ -91,37 +93,37 @@ def _rig(url: str) -> str:
         if parts.scheme not in _ON_A_NETWORK:
             return url
         known = socket.getaddrinfo(parts.hostname, parts.port, type=socket.SOCK_STREAM)
-    except (OSError, ValueError):  # whoever opens it will say what is wrong with it
+    except (OSError, ValueError):  # opening it will give the right error
         return url
     return repr(min(known)[-1][:2])
 
 
-def _say(said: Path, holder: str) -> None:
-    """Write who holds the lock into a new file, never through a link that lies in its place."""
-    said.unlink(missing_ok=True)
-    with said.open("x", encoding="utf-8") as file:
+def _write_holder(path: Path, holder: str) -> None:
+    """Write the holder of a lock to a new file, never through a link in its place."""
+    path.unlink(missing_ok=True)
+    with path.open("x", encoding="utf-8") as file:
         json.dump({"holder": holder, "process": os.getpid()}, file)
 
 
-def _holder(said: Path) -> str:
+def _read_holder(path: Path) -> str:
     try:
-        with open(said, encoding="utf-8", opener=_not_through_a_link) as file:
+        with open(path, encoding="utf-8", opener=_open_no_link) as file:
             holder = json.load(file)
     except (OSError, ValueError):
         return "another session"
     return f"{holder['holder']} (process {holder['process']})"
 
 
-def _not_through_a_link(path: str, flags: int) -> int:
+def _open_no_link(path: str, flags: int) -> int:
     return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0))
 
 
 def _folder(common: Path) -> Path:
-    """Return the folder of the locks, which belongs to this user alone and the system empties.
+    """Return the folder of the locks, which only this user can open and the system empties.
 
-    All processes of a user must find the same one. It is therefore in /tmp, where there is one,
-    and not in XDG_RUNTIME_DIR, which cron and sudo do not set and which ends with the last login.
-    That folder serves only where somebody else has taken the place in /tmp.
+    All processes of a user must find the same folder. It is therefore in /tmp, if that exists, and
+    not in XDG_RUNTIME_DIR, which cron and sudo do not set and which is removed after the last
+    logout. XDG_RUNTIME_DIR is used only if another user has taken the name in /tmp.
     """
     user = os.getuid() if hasattr(os, "getuid") else os.environ.get("USERNAME", "user")
     place = common if common.is_dir() else Path(tempfile.gettempdir())
@@ -129,16 +131,20 @@ def _folder(common: Path) -> Path:
         return _own_folder(place / f"touchbeam-held-{user}")
     except UnsafeFolder:
         runtime = Path(os.environ.get("XDG_RUNTIME_DIR", ""))
-        if not runtime.is_absolute() or not runtime.exists() or _not_own(runtime):
+        if not runtime.is_absolute() or not runtime.exists() or _unsafe(runtime):
             raise
         return _own_folder(runtime / "touchbeam-held")
 
 
 def _own_folder(path: Path) -> Path:
-    """Return the folder `path`, made if there is none; nobody else can write to it."""
+    """Return the folder `path`, created if missing, after checking that only this user can open it.
+
+    Raises:
+        UnsafeFolder: it is not a folder, or others can open it.
+    """
     with suppress(FileExistsError):
         path.mkdir(mode=0o700)
-    if found := _not_own(path):
+    if found := _unsafe(path):
         raise UnsafeFolder(
             f"{path}: must be a folder that only this user can open, got {found}; remove it, or "
             "ask an administrator to"
@@ -146,14 +152,14 @@ def _own_folder(path: Path) -> Path:
     return path
 
 
-def _not_own(path: Path) -> str:
-    """Return what is at `path` if it is not a folder of this user alone, else nothing."""
+def _unsafe(path: Path) -> str:
+    """Return what is at `path` if it is not a folder that only this user can open, else ''."""
     found = path.lstat()
     if not stat.S_ISDIR(found.st_mode):
         return "a link" if stat.S_ISLNK(found.st_mode) else "a file"
-    if not hasattr(os, "getuid"):  # Windows: a user's temporary folder is closed to others
+    if not hasattr(os, "getuid"):  # Windows: others cannot open a user's temporary folder
         return ""
     if found.st_uid != os.getuid():
-        return "one of another user"
+        return "a folder of another user"
     mode = stat.S_IMODE(found.st_mode)
-    return "" if mode & 0o777 == 0o700 else f"one with mode {mode:04o}"
+    return "" if mode & 0o777 == 0o700 else f"a folder with mode {mode:04o}"

@@ -1,4 +1,4 @@
-"""Who answers and who operates: at the participant's window, at the terminal, or nobody at all."""
+"""The participant and the operator of a session: at the window, at the terminal, or simulated."""
 
 import random
 import sys
@@ -31,15 +31,15 @@ def participant_and_operator(
     *,
     virtual: bool,
 ) -> Iterator[tuple[Participant, Operator]]:
-    """Yield who answers and who operates in `session`; a terminal is given back afterwards.
+    """Yield the participant and the operator of `session`; restore the terminal afterwards.
 
     Args:
-        session: whose study and language they need.
-        rig: whose beam the operator, or a virtual participant's hand, reaches.
-        clock: the session's pace.
-        say: where lines are printed.
-        window: the participant's, if it is open.
-        virtual: whether the participant is a simulated one.
+        session: gives the study and the language.
+        rig: the rig whose simulated beam is swapped and touched, if it is simulated.
+        clock: the session's clock.
+        say: prints a line.
+        window: the participant's window, None if there is none.
+        virtual: whether the participant is simulated.
     """
     swap = swapping(rig.control, session.study.beams) if rig.control else lambda _: None
     if virtual:
@@ -54,8 +54,8 @@ def participant_and_operator(
     else:
         lines = TypedLines(sys.stdin)
         wording = study_wording(session.study, session.language)
-        participant_there = ConsoleParticipant(lines, say, wording)
-        yield participant_there, _operator_by_lines(lines, say, swap)
+        console_participant = ConsoleParticipant(lines, say, wording)
+        yield console_participant, _operator_by_lines(lines, say, swap)
 
 
 def _virtual_participant(
@@ -68,7 +68,7 @@ def _virtual_participant(
 
 
 def _operator_by_lines(lines: TypedLines, say: Say, swap: Callable[[str], None]) -> OperatorConsole:
-    """Return an operator who types lines, or a file or program that does."""
+    """Return an operator who types lines, or whose lines come from a file or a program."""
     return OperatorConsole(
         lines.operator_typed, PlainDisplay(say), swap, lines.forget, piped=not lines.at_terminal
     )
@@ -76,7 +76,7 @@ def _operator_by_lines(lines: TypedLines, say: Say, swap: Callable[[str], None])
 
 @contextmanager
 def operator_at_terminal(say: Say, swap: Callable[[str], None]) -> Iterator[OperatorConsole]:
-    """Yield an operator who has the terminal alone; in a pipe, lines serve as well as keys."""
+    """Yield an operator who has the terminal alone: keys at a terminal, lines from a pipe."""
     if not at_terminal(sys.stdin, sys.stdout):
         yield _operator_by_lines(TypedLines(sys.stdin), say, swap)
         return
@@ -90,7 +90,7 @@ def keys_and_display(
 ) -> Iterator[tuple[Callable[[bool], str], Display]]:
     """Yield the operator's keys and display: a panel at a terminal, plain lines elsewhere.
 
-    If `quiet`, nothing is displayed and no key is read.
+    If `quiet`, display nothing and read no keys.
     """
     if quiet or not at_terminal(sys.stdin, sys.stdout):
         yield lambda _: "", PlainDisplay((lambda _: None) if quiet else say)

@@ -1,4 +1,4 @@
-"""`touchbeam device`: which ports there are, who answers at one, and where the beam resonates."""
+"""The work behind `touchbeam device`: list ports, identify a device, measure the resonance."""
 
 import time
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ BLUETOOTH = ("rfcomm", "bluetooth")
 
 
 def ports() -> list[dict[str, str]]:
-    """Return the serial ports of this machine, and how each one can be used."""
+    """Return the serial ports of this machine, each with a hint on how to use it."""
     return [{**port, "hint": _hint(port)} for port in described_ports()]
 
 
@@ -30,12 +30,12 @@ def _hint(port: dict[str, str]) -> str:
 
 
 def probed(url: str, touchbeam: Sequence[str]) -> dict[str, Any]:
-    """Return who answers at `url` and how it is, as it says; nothing is set.
+    """Return the identity and status that the device at `url` reports; change nothing in it.
 
     Raises:
-        AddressError: `url` is no address of a device.
-        ForeignDevice: who answers is no device that there is a driver for.
-        DeviceError: nobody answers, or not as it must.
+        AddressError: `url` is not the address of a device.
+        ForeignDevice: there is no driver for the device.
+        DeviceError: the device does not answer, or answers wrongly.
     """
     with ExitStack() as stack:
         if url == SIMULATED:
@@ -46,24 +46,24 @@ def probed(url: str, touchbeam: Sequence[str]) -> dict[str, Any]:
             idn = link.identify()
         except LinkTimeout as error:
             raise LinkTimeout(
-                f"{url}: nobody answered *IDN? within {HANDSHAKE_S:g} s ({error}); "
-                "is the device on, and at this speed?"
+                f"{url}: no device answered *IDN? within {HANDSHAKE_S:g} s ({error}); "
+                "check that it is on and set to this speed"
             ) from error
         driver = driver_for(idn)
         link.synchronise()
-        said = {name: link.ask(query) for name, query in driver.health.items()}
-    return {"url": url, "idn": idn, "dialect": driver.dialect, **said}
+        health = {name: link.ask(query) for name, query in driver.health.items()}
+    return {"url": url, "idn": idn, "dialect": driver.dialect, **health}
 
 
 def swept(
     url: str, near_hz: float, dialect: str, touchbeam: Sequence[str], seed: int = 1
 ) -> tuple[Resonance, str]:
-    """Return the resonance of the beam at `url`, and who measured it; the output is off after.
+    """Return the resonance of the beam at `url` and the device's identity; leave the output off.
 
-    The simulated device's time is stepped, so that nobody waits for it.
+    The time of the simulated device is stepped, so that the sweep takes no real time.
 
     Raises:
-        AddressError: `url` is no address of a device, or there is no such dialect.
+        AddressError: `url` is not the address of a device, or the dialect is unknown.
         DeviceError: the device does not work, or there is no resonance near `near_hz`.
         OutputUnknown: the output could not be read back as off.
     """
@@ -75,5 +75,5 @@ def swept(
 
 
 def kept(folder: Path, found: Resonance, idn: str) -> Path:
-    """Keep a resonance as the calibration of the study in `folder`; return the file."""
+    """Store a resonance as the calibration of the study in `folder`; return the file."""
     return keep_calibration(folder, found, idn, WallClock().utc().isoformat(timespec="seconds"))

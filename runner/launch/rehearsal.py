@@ -1,4 +1,4 @@
-"""A whole session of a study in fake time: simulated device, virtual participant, no trace left."""
+"""Rehearsals: whole sessions in stepped time with a simulated device and virtual participants."""
 
 import tempfile
 from collections.abc import Callable, Sequence
@@ -20,7 +20,7 @@ _Kind = TypeVar("_Kind", bound=Event)
 
 @dataclass(frozen=True, kw_only=True)
 class Rehearsal:
-    """A session that has been run: its plan, its journal, and the state that adds up to."""
+    """A rehearsal that has been run: its plan, its events, and the state they result in."""
 
     plan: Plan
     events: tuple[StoredEvent, ...]
@@ -28,14 +28,14 @@ class Rehearsal:
 
     @property
     def answers(self) -> dict[int, str | None]:
-        """What was answered, by the trial's index."""
+        """The reported changes by trial index."""
         return {answered.index: answered.change for answered in self._records(Answered)}
 
     @property
     def largest_voltage_v(self) -> float:
-        """Largest amplitude that the device reported, V."""
+        """The largest amplitude that the device read back, V."""
         ended = self._records(TouchEnded)
-        return max((said.voltage_v for touch in ended for said in touch.read_back), default=0.0)
+        return max((entry.voltage_v for touch in ended for entry in touch.read_back), default=0.0)
 
     def assert_complete(self) -> None:
         """Assert that every planned trial was answered once and the device read back as off."""
@@ -50,12 +50,12 @@ class Rehearsal:
         off = [event.confirmed for event in self._records(DeviceOff)]
         if self.state.name != "completed" or not off or not off[-1]:
             raise AssertionError(
-                f"a session must end complete and with the device off, got {self.state.name!r}, "
+                f"a session must end completed and with the device off, got {self.state.name!r}, "
                 f"off confirmed: {off}"
             )
 
     def _records(self, kind: type[_Kind]) -> list[_Kind]:
-        """Return what happened of one kind."""
+        """Return the records of one kind of event."""
         records = [event.record for event in self.events]
         return [record for record in records if isinstance(record, kind)]
 
@@ -63,13 +63,13 @@ class Rehearsal:
 def rehearse(
     study_text: str, plan: Plan, seed: int = 1, calibration: Resonance | None = None
 ) -> Rehearsal:
-    """Run a rehearsal of the study in a folder of its own and return what happened.
+    """Run a rehearsal of the study in a temporary folder and return it.
 
     Args:
-        study_text: the study file.
-        plan: of the first slot, to compare with.
-        seed: of the virtual participant and of the simulated device.
-        calibration: of the rig, where its device measures no vibration.
+        study_text: the text of the study file.
+        plan: the plan of the first slot, to compare the events with.
+        seed: seed of the virtual participant and the simulated device.
+        calibration: the rig's resonance, for a device that cannot measure it.
 
     Raises:
         StudyError: the study cannot be used.
@@ -100,16 +100,16 @@ def rehearse_cohort(
     participants: int,
     seed: int,
     touchbeam: Sequence[str],
-    seated: Callable[[], None],
+    after_each: Callable[[], None],
 ) -> None:
-    """Run one session for each of `participants` virtual participants, P01 on.
+    """Run one session for each of `participants` virtual participants, from P01 on.
 
     Args:
-        folder: a study that has been written.
-        participants: how many.
-        seed: what their characters and the simulated device follow from.
+        folder: the study's folder, with its study file.
+        participants: the number of participants.
+        seed: seed of the participants' characters and the simulated device.
         touchbeam: the command that starts touchbeam.
-        seated: called after each session.
+        after_each: called after each session.
     """
     for number in range(1, participants + 1):
         options = SessionOptions(
@@ -121,4 +121,4 @@ def rehearse_cohort(
             touchbeam=touchbeam,
         )
         run_session(options, say=lambda _: None)
-        seated()
+        after_each()

@@ -1,4 +1,4 @@
-"""The rig of a session: a device at an address, or the simulated one with a hand on its beam."""
+"""The rig of a session: a device at an address or a simulated one, and its calibration."""
 
 import json
 import math
@@ -21,7 +21,7 @@ SIMULATED = "sim"
 
 @dataclass(frozen=True, kw_only=True)
 class SessionRig:
-    """An open device, and the hand that moves what a wire cannot if it is a simulated one."""
+    """An open device, and the control connection if it is simulated (else None)."""
 
     device: Rig
     control: ControlClient | None
@@ -35,18 +35,18 @@ def session_rig(
     seed: int,
     calibration: Resonance | None = None,
 ) -> Iterator[SessionRig]:
-    """Open the device at `url`, or a simulated one for `sim`; close it on the way out.
+    """Open the device at `url`, or a simulated one for `sim`, and close it after the body.
 
     Args:
         url: `sim` or the address of a device.
-        settings: the study's rig, whose limits the driver keeps.
+        settings: the study's rig, whose limits the driver enforces.
         touchbeam: the command that starts touchbeam, for the simulated device.
-        seed: what the simulated device's hidden properties follow from.
+        seed: seed of the simulated device's hidden properties.
         calibration: the rig's resonance, for a device that cannot measure it.
 
     Raises:
-        AddressError: `url` is no address of a device.
-        DeviceError: there is no device that works.
+        AddressError: `url` is not the address of a device.
+        DeviceError: no working device answers at `url`.
     """
     with ExitStack() as stack:
         control = None
@@ -65,7 +65,7 @@ FILE = "calibration.json"
 
 
 def keep_calibration(folder: Path, found: Resonance, idn: str, measured_utc: str) -> Path:
-    """Write what a sweep found into the study's folder; return the file.
+    """Store the result of a sweep in the study's folder; return the file.
 
     Raises:
         BadInput: there is no study in `folder`.
@@ -79,10 +79,10 @@ def keep_calibration(folder: Path, found: Resonance, idn: str, measured_utc: str
 
 
 def kept_calibration(folder: Path) -> Resonance | None:
-    """Return the calibration that is kept in the study's folder, None if there is none.
+    """Return the calibration stored in the study's folder, None if there is none.
 
     Raises:
-        BadInput: the file is not one that `keep_calibration` wrote.
+        BadInput: `keep_calibration` cannot have written the file.
     """
     path = folder / FILE
     if not path.exists():
@@ -95,7 +95,7 @@ def kept_calibration(folder: Path) -> Resonance | None:
     except BadInput:
         raise
     except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
-        raise BadInput(f"{path}: not a calibration ({error!r}); measure it anew") from error
+        raise BadInput(f"{path}: not a calibration ({error!r}); measure it again") from error
     if not (math.isfinite(found.frequency_hz) and found.frequency_hz > 0):
         raise BadInput(f"{path}: frequency_hz must be above 0, got {found.frequency_hz}")
     return found

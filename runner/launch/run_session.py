@@ -1,4 +1,4 @@
-"""A session from its options to its end: locks, window, rig, journal, people, in this order."""
+"""A session from options to end: opens locks, window, rig, journal and people, in this order."""
 
 import sys
 from collections.abc import Iterator, Sequence
@@ -36,7 +36,7 @@ Pace = Literal["wall", "stepped"]
 
 @dataclass(frozen=True, kw_only=True)
 class SessionOptions:
-    """Everything that was asked for on the command line."""
+    """The options of `touchbeam run`."""
 
     folder: StudyFolder
     participant: str
@@ -55,10 +55,10 @@ class SessionOptions:
 
 
 def run_session(options: SessionOptions, say: Say) -> SessionState:
-    """Carry out, or take up again, the session that `options` asks for; return its end.
+    """Run or resume the session given by `options`; return its final state.
 
     Raises:
-        BadInput, StudyError, AddressError: something given is wrong; nothing was changed.
+        BadInput, StudyError, AddressError: an input is wrong; nothing was changed.
         DeviceError, JournalError, ParticipantGone, RigInUse: the work failed; it can be resumed.
     """
     request = _request(options)
@@ -69,7 +69,7 @@ def run_session(options: SessionOptions, say: Say) -> SessionState:
             run(context)
             return context.log.state
     except Stopped as stop:
-        # A signal may come while all is closed: then nothing is left to go on with.
+        # Note that the session was already complete when it was stopped: nothing is left to resume.
         if context is not None and context.log.state.name == "completed":
             stop.add_note("output off, read back; the session is complete")
         raise
@@ -77,7 +77,7 @@ def run_session(options: SessionOptions, say: Say) -> SessionState:
 
 @dataclass(frozen=True, kw_only=True)
 class _Request:
-    """What was asked for, found to fit the study and this machine."""
+    """The options, checked against the study and this machine."""
 
     options: SessionOptions
     study: Study
@@ -97,7 +97,7 @@ class _Request:
 
 
 def _request(options: SessionOptions) -> _Request:
-    """Check all that can be checked while nothing is opened or changed."""
+    """Check everything that can be checked before anything is opened or changed."""
     text = options.folder.text()
     study = validated_study(text, str(options.folder.study_file))
     url = options.device or study.rig.device
@@ -118,23 +118,31 @@ def _request(options: SessionOptions) -> _Request:
 
 
 def _pace(options: SessionOptions, url: str) -> Pace:
-    """Return the pace asked for, or the fitting one; virtual ratings need a beam they can feel."""
+    """Return the requested pace, or the default for the kind of ratings.
+
+    Raises:
+        BadInput: pace, device and ratings do not go together.
+    """
     simulated = url == SIMULATED
     if options.ratings == "virtual" and not simulated:
-        raise BadInput(f"--ratings virtual feels the simulated device only, got --device {url}")
+        raise BadInput(f"--ratings virtual needs --device sim, got {url}")
     if options.pace == "stepped" and not (simulated and options.ratings == "virtual"):
         raise BadInput(
-            "--pace stepped needs --device sim and --ratings virtual: a person takes time"
+            "--pace stepped needs --device sim and --ratings virtual (people answer in real time)"
         )
     return options.pace or ("stepped" if options.ratings == "virtual" else "wall")
 
 
 def _kind(options: SessionOptions, study: Study, url: str) -> SessionKind:
-    """Return what the session is; one with a participant may need a consent."""
+    """Return the kind of the session.
+
+    Raises:
+        BadInput: the study requires a consent and none is given.
+    """
     if options.rehearsal or url == SIMULATED or options.ratings == "virtual":
         return "rehearsal"
     if study.session.consent_required and not options.consent:
-        raise BadInput("this study asks for a consent: give its reference with --consent")
+        raise BadInput("this study requires a consent: give its reference with --consent REF")
     return "participant"
 
 
@@ -148,16 +156,16 @@ def _wording(study: Study, code: str) -> Wording:
 
 
 def _context(request: _Request, say: Say, stack: ExitStack) -> SessionContext:
-    """Open all that the session needs.
+    """Open everything that the session needs.
 
-    `stack` closes it in reverse order: the device is closed before the participant's last page is
-    waited for, and others can have the rig only after both.
+    `stack` closes it in reverse order: first the device, then the window, which stays open until
+    the participant has read the last page; the locks are released after both.
     """
     options, name = request.options, request.name
     place = options.folder.path.resolve()
     stack.enter_context(session_lock(name, place, name))
     stack.enter_context(rig_lock(request.url, f"{name} of {place}"))
-    # The window before the rig: nothing is driven that the participant could not be told of.
+    # The window before the rig: without a window to instruct the participant nothing is driven.
     window = stack.enter_context(_window(request))
     calibration = options.calibration or kept_calibration(options.folder.path)
     rig = stack.enter_context(
@@ -166,7 +174,7 @@ def _context(request: _Request, say: Say, stack: ExitStack) -> SessionContext:
     clock: Clock = WallClock()
     if request.pace == "stepped" and rig.control is not None:
         clock = SteppedClock(clock.utc(), rig.control.advance)
-    # The rig before the journal: where no device answers, no session is opened.
+    # The rig before the journal: if no device answers, no session is opened.
     journal = stack.enter_context(journal_if_used(options.folder.journal))
     new = name not in journal.sessions()
     session = _session(request, journal, clock)
@@ -188,7 +196,7 @@ def _context(request: _Request, say: Say, stack: ExitStack) -> SessionContext:
 
 
 def _window(request: _Request) -> AbstractContextManager[WindowParticipant | None]:
-    """Return the participant's window to enter, if there is to be one."""
+    """Return the participant's window as a context manager, which yields None without a window."""
     options = request.options
     if options.ratings != "window":
         return nullcontext()
@@ -203,9 +211,9 @@ def _window(request: _Request) -> AbstractContextManager[WindowParticipant | Non
 
 
 def _session(request: _Request, journal: Journal, clock: Clock) -> Session:
-    """Return the session as it was opened, or open it now.
+    """Return the session to run, and open it in the journal if it is new.
 
-    A slot counts as taken from the moment the session is opened, so both happen at once.
+    A slot is taken by opening the session; choosing and opening must therefore not be separated.
     """
     options, name = request.options, request.name
     with journal.alone():
@@ -230,7 +238,7 @@ def _session(request: _Request, journal: Journal, clock: Clock) -> Session:
 
 @contextmanager
 def _checkpointed(journal: Journal) -> Iterator[None]:
-    """Bring everything into the one file at last; what ended the session is told all the same."""
+    """Checkpoint the journal after the body; an error of the body takes precedence."""
     try:
         yield
     except BaseException:

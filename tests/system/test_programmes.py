@@ -1,4 +1,4 @@
-"""What the device really does during a touch: every programme, over the real byte path."""
+"""The device's real output during a touch: every stimulus programme, over the real byte path."""
 
 from typing import Any
 
@@ -25,7 +25,7 @@ touches = [{{ place = "smooth", {touch} }}]
 
 
 def driven(touch: str) -> tuple[list[dict[str, Any]], float]:
-    """What was read back during `touch`, from start to end, and the beam's resonance, Hz."""
+    """Return the read-backs during `touch`, in order, and the beam's resonance, Hz."""
     text = STUDY.format(touch=touch)
     study = parsed_study(text)
     events = rehearse(text, plan(study, 0), study.study.seed).events
@@ -38,7 +38,7 @@ Ends = tuple[float, float]
 
 
 def programme(volts: Ends, frequency: Ends, duration_s: float) -> str:
-    """A touch with a ramp where the amplitude changes, and a sweep where the frequency does."""
+    """Return a touch with a ramp if the amplitude changes, and a sweep if the frequency does."""
     touch = f"voltage_v = {volts[0]}, frequency = {frequency[0]}, duration_s = {duration_s}"
     touch += f", ramp_to_v = {volts[1]}" * (volts[0] != volts[1])
     return touch + f", sweep_to = {frequency[1]}" * (frequency[0] != frequency[1])

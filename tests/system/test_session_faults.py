@@ -1,7 +1,7 @@
-"""Every fault of the device in the middle of a session, over the real byte path.
+"""Every device fault in the middle of a session, over the real byte path.
 
-What is asserted is what matters afterwards: the device's true state, what the journal says of the
-trial and of the output, what the person is told, and the exit code.
+The tests assert the device's true state, the journal's record of the trial and the output, the
+message to the operator, and the exit code.
 """
 
 import time
@@ -32,18 +32,18 @@ from tests.runner.fakes import FakeDevice, FakeParticipant, context
 STUDY = (
     template("paper")
     .replace("hold_s = 2.0", "hold_s = 1.0")
-    .replace("max_voltage_v = 200", "max_voltage_v = 180")  # not the board's own, to be missed
+    .replace("max_voltage_v = 200", "max_voltage_v = 180")  # differs from the board's own limit
     .replace("ramp_to_v = 200", "ramp_to_v = 180")
 )
 READING_S = 0.4
-"""Real time that the participant takes to read after a fault, so that the rig can look."""
+"""Real time that the participant reads after a fault, so that the rig can poll the device."""
 FAILING_TOUCH = 3
 """Counted from 1: the fault comes in the middle of a session."""
 
 
 @dataclass
 class Provoking:
-    """A participant during whose touch, or just before it, the device fails."""
+    """A participant who makes the device fail during a touch or just before it."""
 
     control: ControlClient
     row: Row
@@ -87,7 +87,7 @@ def on_the_rig(
     row: Row,
     say: Callable[[str], None] = lambda _: None,
 ) -> SessionContext:
-    """`made` with a real byte path in place of its device."""
+    """Return `made` with a real byte path in place of its device."""
     clock = SteppedClock(datetime(2026, 1, 1, tzinfo=UTC), control.advance)
     return SessionContext(
         session=made.session,
@@ -116,20 +116,20 @@ def test_a_fault_in_a_session(
             else:
                 with pytest.raises(DeviceError) as caught:
                     run(there)
-                _is_told(caught.value, row)
-                _is_journalled(journal, caught.value)
+                _assert_reported(caught.value)
+                _assert_journalled(journal, caught.value)
         if not row.still_on:
             assert until(lambda: control.state()["voltage_v"] == 0, within_s=2.0)
         control.reset()
         resumes(journal)
 
 
-def test_nobody_is_told_that_the_output_of_another_device_is_off(
+def test_the_output_of_an_unexpected_device_is_never_reported_as_off(
     tmp_path: Path, simulator: Endpoints, control: ControlClient
 ) -> None:
-    """It does not understand OUTP OFF, and nothing else may be said to it."""
+    """It does not understand OUTP OFF, and must not be sent any other command."""
     row = Row(number=21, fault="wrong-idn", when="handshake")
-    told: list[str] = []
+    printed: list[str] = []
     with open_journal(tmp_path / "study.db") as journal:
         made = context(journal, FakeDevice(), FakeParticipant(), STUDY)
         for fault in (row.fault, "off-ignored", "panel-on"):
@@ -138,18 +138,18 @@ def test_nobody_is_told_that_the_output_of_another_device_is_off(
             opened(simulator.url, "board", device_limits(made.session.study.rig)) as device,
             pytest.raises(OutputUnknown, match="expected a board") as caught,
         ):
-            run(on_the_rig(made, device, control, row, told.append))
+            run(on_the_rig(made, device, control, row, printed.append))
         assert control.state()["output"] is True
     line, code = complaint(caught.value)
     assert code == WORK_FAILED
     assert line.count("output state UNKNOWN - cut the amplifier") == 1
     assert "got 'ACME,Toaster 3000,0,1.0'; nothing else was sent" in line
-    shown = [text.partition("; output ")[2] for text in told if "; output " in text]
+    shown = [text.partition("; output ")[2] for text in printed if "; output " in text]
     assert shown == ["not known yet", "state UNKNOWN - cut the amplifier"]
     assert "output off" not in line
 
 
-def _is_told(error: DeviceError, row: Row) -> None:
+def _assert_reported(error: DeviceError) -> None:
     line, code = complaint(error)
     assert code == WORK_FAILED
     assert "\n" not in line
@@ -157,8 +157,8 @@ def _is_told(error: DeviceError, row: Row) -> None:
         assert "output state UNKNOWN - cut the amplifier" in line
 
 
-def _is_journalled(journal: Journal, error: DeviceError) -> None:
-    """The trial is marked, and the journal claims no more about the output than is known."""
+def _assert_journalled(journal: Journal, error: DeviceError) -> None:
+    """Assert that the trial is recorded, and that the output counts as off only if confirmed."""
     events = journal.events("P01/1")
     assert events[-1].tag in {"device-off", "session-opened"}
     if events[-1].tag == "device-off":
@@ -170,7 +170,7 @@ def _is_journalled(journal: Journal, error: DeviceError) -> None:
 
 
 def resumes(journal: Journal) -> None:
-    """The session goes on with a device that works."""
+    """Assert that the session resumes with a working device."""
     made = context(journal, FakeDevice(), FakeParticipant(), STUDY)
     if made.log.state.name != "completed":
         run(made)

@@ -102,7 +102,11 @@ def test_a_study_is_looked_after(capsys: pytest.CaptureFixture[str]) -> None:
         (("run", "nowhere", "--participant", "P01", "--ratings", "virtual"), 2, "no study here"),
         ((*RUN, "console", "--device", "/dev/ttyNOPE"), 1, "/dev/ttyNOPE: no such port"),
         ((*RUN, "console", "--device", "frob://x"), 2, "frob://x: not the address of a device"),
-        ((*RUN, "virtual", "--device", "/dev/ttyNOPE"), 2, "feels the simulated device only"),
+        (
+            (*RUN, "virtual", "--device", "/dev/ttyNOPE"),
+            2,
+            "--ratings virtual needs --device sim, got /dev/ttyNOPE",
+        ),
         ((*RUN, "console", "--pace", "stepped"), 2, "--pace stepped needs"),
         (("run", "study", "--participant", "../P01", "--ratings", "virtual"), 2, "got '../P01'"),
         (("run", "study", "--participant", "Anna", "--ratings", "virtual"), 2, "got 'Anna'"),

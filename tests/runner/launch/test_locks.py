@@ -1,4 +1,4 @@
-"""A rig has one session at a time."""
+"""Locks: one session per rig, and one process per session, at a time."""
 
 import os
 import subprocess
@@ -12,7 +12,7 @@ import pytest
 from runner.launch.locks import RigInUse, UnsafeFolder, rig_lock, session_lock
 
 
-def test_a_second_session_is_told_who_holds_the_rig() -> None:
+def test_a_second_session_learns_which_one_uses_the_rig() -> None:
     program = (
         "from runner.launch.locks import rig_lock\n"
         "with rig_lock('/dev/test-rig', 'P02/1 of /study'): pass\n"
@@ -21,21 +21,21 @@ def test_a_second_session_is_told_who_holds_the_rig() -> None:
         second = subprocess.run(
             [sys.executable, "-c", program], capture_output=True, text=True, check=False
         )
-    assert "/dev/test-rig is held by P01/1 of /study (process" in second.stderr
+    assert "/dev/test-rig is in use by P01/1 of /study (process" in second.stderr
     with rig_lock("/dev/test-rig", "P03/1 of /study"):
         pass
 
 
-def test_the_same_process_does_not_hold_it_twice() -> None:
+def test_the_same_process_cannot_lock_a_rig_twice() -> None:
     with (
         rig_lock("/dev/test-rig-2", "first"),
-        pytest.raises(RigInUse, match="held by first"),
+        pytest.raises(RigInUse, match="in use by first"),
         rig_lock("/dev/test-rig-2", "second"),
     ):
         pass
 
 
-def test_a_rig_is_held_by_whatever_address_one_comes_to_it(tmp_path: Path) -> None:
+def test_a_rig_is_locked_under_all_its_addresses(tmp_path: Path) -> None:
     (tmp_path / "by-id").symlink_to("/dev/test-rig-4")
     for first, second in [
         ("/dev/test-rig-4", str(tmp_path / "by-id")),
@@ -44,7 +44,7 @@ def test_a_rig_is_held_by_whatever_address_one_comes_to_it(tmp_path: Path) -> No
     ]:
         with (
             rig_lock(first, "first"),
-            pytest.raises(RigInUse, match="held by first"),
+            pytest.raises(RigInUse, match="in use by first"),
             rig_lock(second, "second"),
         ):
             pass
@@ -55,12 +55,12 @@ def test_a_rig_is_held_by_whatever_address_one_comes_to_it(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     "url", ["socket://127.0.0.1:port", "socket://", "socket://[bad:5025", "spy:///dev/x", ""]
 )
-def test_an_address_that_leads_nowhere_is_for_others_to_refuse(url: str) -> None:
+def test_an_invalid_address_can_be_locked(url: str) -> None:
     with rig_lock(url, "first"), pytest.raises(RigInUse), rig_lock(url, "second"):
         pass
 
 
-def test_a_dead_holder_holds_nothing() -> None:
+def test_the_lock_of_a_dead_process_is_released() -> None:
     program = (
         "import os\nfrom runner.launch.locks import rig_lock\n"
         "with rig_lock('/dev/test-rig-3', 'dead'): os._exit(7)\n"
@@ -70,7 +70,7 @@ def test_a_dead_holder_holds_nothing() -> None:
         pass
 
 
-def test_a_session_is_held_wherever_its_folder_is_found(
+def test_a_session_is_locked_under_all_paths_of_its_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     study, other = tmp_path / "study", tmp_path / "other"
@@ -83,7 +83,7 @@ def test_a_session_is_held_wherever_its_folder_is_found(
         study.rename(tmp_path / "renamed")
         (tmp_path / "renamed").rename(study)
         with (
-            pytest.raises(RigInUse, match=r"session P01/1 of .*study is held by the first"),
+            pytest.raises(RigInUse, match=r"session P01/1 of .*study is in use by the first"),
             session_lock("P01/1", tmp_path / "link", "the second"),
         ):
             pass
@@ -93,7 +93,7 @@ def test_a_session_is_held_wherever_its_folder_is_found(
 
 @pytest.fixture
 def locks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Where the locks are kept, in a place of this test's own; nothing is there yet."""
+    """Return the path of the folder of the locks in this test's own place; it does not exist."""
     if not hasattr(os, "getuid"):
         pytest.skip("Windows gives each user a temporary folder")
     monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
@@ -112,20 +112,20 @@ def _open_to_all(locks: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("taken", "told"),
+    ("take", "found"),
     [
         (_linked, "a link"),
         (lambda locks: locks.symlink_to("nowhere"), "a link"),
-        (_open_to_all, "one with mode 0777"),
+        (_open_to_all, "a folder with mode 0777"),
         (Path.touch, "a file"),
     ],
 )
-def test_locks_are_kept_in_no_folder_that_others_can_write_to(
-    locks: Path, taken: Callable[[Path], None], told: str
+def test_a_folder_that_others_can_write_to_is_refused(
+    locks: Path, take: Callable[[Path], None], found: str
 ) -> None:
-    taken(locks)
+    take(locks)
     with (
-        pytest.raises(UnsafeFolder, match=f"{locks}: must be a folder that only .* got {told}; "),
+        pytest.raises(UnsafeFolder, match=f"{locks}: must be a folder that only .* got {found}; "),
         rig_lock("/dev/test-rig", "first", locks.parent),
     ):
         pass
@@ -135,17 +135,17 @@ def test_locks_are_kept_in_no_folder_that_others_can_write_to(
 def test_the_folder_of_another_user_is_not_used(
     locks: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    somebody = os.getuid() + 1
-    monkeypatch.setattr(os, "getuid", lambda: somebody)
+    other = os.getuid() + 1
+    monkeypatch.setattr(os, "getuid", lambda: other)
     with (
-        pytest.raises(UnsafeFolder, match=f"touchbeam-held-{somebody}: .* got one of another user"),
+        pytest.raises(UnsafeFolder, match=f"touchbeam-held-{other}: .* got a folder of another us"),
         rig_lock("/dev/test-rig", "first", locks.parent),
     ):
         pass
     assert not locks.exists()
 
 
-def test_the_folder_of_a_login_serves_where_the_common_one_is_taken(
+def test_the_runtime_folder_is_used_if_the_common_one_is_taken(
     locks: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     runtime = tmp_path / "runtime"
@@ -154,7 +154,7 @@ def test_the_folder_of_a_login_serves_where_the_common_one_is_taken(
     with rig_lock("/dev/test-rig", "first", locks.parent):
         monkeypatch.delenv("XDG_RUNTIME_DIR")
         with (
-            pytest.raises(RigInUse, match="held by first"),
+            pytest.raises(RigInUse, match="in use by first"),
             rig_lock("/dev/test-rig", "second", locks.parent),
         ):
             pass
@@ -162,7 +162,7 @@ def test_the_folder_of_a_login_serves_where_the_common_one_is_taken(
     locks.chmod(0o777)
     with (
         rig_lock("/dev/test-rig", "first", locks.parent),
-        pytest.raises(RigInUse, match="held by first"),
+        pytest.raises(RigInUse, match="in use by first"),
         rig_lock("/dev/test-rig", "second", locks.parent),
     ):
         assert {path.suffix for path in (runtime / "touchbeam-held").iterdir()} == {
@@ -171,20 +171,20 @@ def test_the_folder_of_a_login_serves_where_the_common_one_is_taken(
         }
     runtime.chmod(0o777)
     with (
-        pytest.raises(UnsafeFolder, match="one with mode 0777"),
+        pytest.raises(UnsafeFolder, match="a folder with mode 0777"),
         rig_lock("/dev/test-rig", "first", locks.parent),
     ):
         pass
 
 
 def _made(locks: Path, suffix: str) -> Path:
-    """The file of that suffix that holding a rig makes."""
+    """Return the file with `suffix` that locking a rig creates."""
     with rig_lock("/dev/test-rig", "first", locks.parent):
         return next(locks.glob(f"*{suffix}"))
 
 
 @pytest.mark.parametrize("put", [Path.symlink_to, Path.hardlink_to])
-def test_who_holds_a_rig_is_not_written_through_a_link(
+def test_the_holder_is_not_written_through_a_link(
     locks: Path, tmp_path: Path, put: Callable[[Path, Path], None]
 ) -> None:
     thesis = tmp_path / "thesis.tex"
@@ -192,22 +192,22 @@ def test_who_holds_a_rig_is_not_written_through_a_link(
     put(_made(locks, ".json"), thesis)
     with (
         rig_lock("/dev/test-rig", "first", locks.parent),
-        pytest.raises(RigInUse, match="held by first"),
+        pytest.raises(RigInUse, match="in use by first"),
         rig_lock("/dev/test-rig", "second", locks.parent),
     ):
         pass
     assert thesis.read_text() == "a chapter"
 
 
-def test_who_holds_a_rig_is_not_read_through_a_link(locks: Path, tmp_path: Path) -> None:
+def test_the_holder_is_not_read_through_a_link(locks: Path, tmp_path: Path) -> None:
     other = tmp_path / "other.json"
-    other.write_text('{"holder": "somebody else", "process": 1}')
+    other.write_text('{"holder": "another user", "process": 1}')
     with rig_lock("/dev/test-rig", "first", locks.parent):
-        said = next(locks.glob("*.json"))
-        said.unlink()
-        said.symlink_to(other)
+        holder_file = next(locks.glob("*.json"))
+        holder_file.unlink()
+        holder_file.symlink_to(other)
         with (
-            pytest.raises(RigInUse, match="held by another session"),
+            pytest.raises(RigInUse, match="in use by another session"),
             rig_lock("/dev/test-rig", "second", locks.parent),
         ):
             pass

@@ -43,5 +43,5 @@ def test_a_file_that_is_too_long_is_refused_without_being_read(tmp_path: Path, n
 @pytest.mark.parametrize("text", ["[" * 100_000, '{"frequency_hz": 1' + "0" * 400 + "}", "\x00"])
 def test_what_is_no_calibration_is_refused_in_one_line(tmp_path: Path, text: str) -> None:
     (tmp_path / "calibration.json").write_text(text, encoding="utf-8")
-    with pytest.raises(BadInput, match=r"not a calibration .*; measure it anew$"):
+    with pytest.raises(BadInput, match=r"not a calibration .*; measure it again$"):
         kept_calibration(tmp_path)

@@ -1,4 +1,4 @@
-"""Drawing the trials of a session: orders, levels, catch trials, blocks and beams.
+"""Random drawing of a session's trials: orders, levels, catch trials, blocks and beams.
 
 Public face: `plan.plan`, `trials.Plan`, `trials.Trial`, `feasibility.design_problems`.
 """

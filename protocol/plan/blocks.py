@@ -1,4 +1,4 @@
-"""Blocks of a session: their conditions in order, grouped where beams are to be swapped rarely."""
+"""Blocks of a session: the order of their conditions, grouped where beam swaps must be few."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,14 +13,14 @@ from protocol.study.variants import opposite_expected
 
 LEVELS: tuple[Grouping, ...] = ("no", "block", "session")
 MAX_GROUPS = 8
-"""More sets of beams than this are not ordered: the search grows as 2 to their number."""
+"""Most sets of beams that are put in order: the search grows as 2 to the power of their number."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Group:
     """Conditions that need the same beams in the same order.
 
-    `turns` says that some of their trials run in the opposite order, from the last beam on.
+    `turns` says that some of their trials run in the opposite order and begin with the last beam.
     """
 
     members: tuple[int, ...]
@@ -28,24 +28,24 @@ class Group:
     turns: bool = False
 
     def swaps(self, trials: int) -> int:
-        """Most swaps that so many trials in a row need after the first beam is mounted."""
+        """Return the most swaps in `trials` consecutive trials once the first beam is mounted."""
         within = swap_count(self.beams)
         between = self.beams[0] != self.beams[-1]
         return trials * within + (trials - 1) * between
 
     def entry(self, mounted: str | None) -> int:
-        """Most swaps to begin the group while `mounted` is."""
+        """Return the most swaps needed to begin the group with the beam `mounted`."""
         turned = self.turns and self.beams[-1] != mounted
         return int(self.beams[0] != mounted or turned)
 
     @property
     def last(self) -> str | None:
-        """The beam that is mounted after the group; one of no name if that is not certain."""
+        """The beam mounted after the group; an empty name if that is not certain."""
         return "" if self.turns else self.beams[-1]
 
 
 def beam_groups(study: Study) -> tuple[Group, ...]:
-    """Return the conditions by the beams they need, in the order of the file."""
+    """Return the conditions grouped by the beams they need, in the order of the file."""
     members: dict[Beams, list[int]] = {}
     for number, condition in enumerate(study.condition):
         members.setdefault(beams_of(condition.touches, study.touch.beam), []).append(number)
@@ -62,7 +62,7 @@ def _turns(study: Study, beams: Beams, numbers: Sequence[int]) -> bool:
 
 
 def grouping(study: Study) -> Grouping:
-    """Return how trials are grouped: as asked, or further if `max_beam_swaps` needs it."""
+    """Return how trials are grouped: as configured, or more if `max_beam_swaps` requires it."""
     asked = LEVELS.index(study.design.group_by_beam)
     allowed = study.design.max_beam_swaps if study.design.order != "fixed" else None
     for level in LEVELS[asked:]:
@@ -72,7 +72,7 @@ def grouping(study: Study) -> Grouping:
 
 
 def most_swaps(study: Study, level: Grouping) -> int:
-    """Return how many beam swaps a session may need at most, whatever the order drawn."""
+    """Return the most beam swaps that a session may need in any order that can be drawn."""
     groups, repeats, mounted = beam_groups(study), study.design.repeats, study.touch.beam
     begin = opening_swaps(study)
     if level == "no":
@@ -88,7 +88,7 @@ def most_swaps(study: Study, level: Grouping) -> int:
 
 
 def opening_swaps(study: Study) -> int:
-    """Return the swaps up to the first trial of the first block, the study's own beam mounted."""
+    """Return the most swaps before the first block, which begins with the study's own beam."""
     touches = [touch for opening in study.opening for touch in opening.touches]
     beams = beams_of(touches, study.touch.beam)
     practice = study.design.practice_trials * max(
@@ -107,13 +107,13 @@ def _practised(study: Study) -> list[Group]:
 
 
 def practice_pool(study: Study) -> list[int]:
-    """Return the conditions to practise: those on the study's own beam, else all."""
+    """Return the conditions to practise: those on the study's own beam, or else all."""
     return sorted(number for group in _practised(study) for number in group.members)
 
 
 @lru_cache(maxsize=1024)
 def best_order(groups: tuple[Group, ...], mounted: str | None, repeats: int) -> tuple[int, int]:
-    """Return the fewest swaps to run all `groups`, and in how many orders they do with so few."""
+    """Return the fewest swaps to run all `groups`, and the number of orders that achieve it."""
     if not groups:
         return 0, 1
     costs = [_cost(groups, number, mounted, repeats) for number in range(len(groups))]
@@ -167,7 +167,7 @@ def _orders(study: Study, group: Group, slot: int, session: int) -> tuple[tuple[
 
 
 def _sections(study: Study, slot: int, session: int) -> list[tuple[int, Group]]:
-    """(block, conditions that stand together in it) in order."""
+    """Return (block, group of conditions run together in it), in order."""
     level, repeats = grouping(study), study.design.repeats
     everything = Group(members=tuple(range(len(study.condition))), beams=(None,))
     if level == "no":

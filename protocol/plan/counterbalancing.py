@@ -1,4 +1,4 @@
-"""Counterbalancing over a cohort: Williams designs, orders of blocks, and the next slot to fill."""
+"""Counterbalancing over a cohort: Williams designs, block orders and the next slot to fill."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,8 +15,8 @@ Orders = tuple[tuple[int, ...], ...]
 def williams_sequences(n: int) -> Orders:
     """Return the sequences of a Williams design for `n` conditions, numbered from 0.
 
-    There are `n` sequences for even `n` and `2 n` for odd `n`; over all of them every condition
-    stands at every position, and directly after every other one, equally often.
+    There are `n` sequences for even `n` and `2 n` for odd `n`. Over all of them, every condition
+    comes equally often at every position and directly after every other condition.
 
     Source: E. J. Williams, Experimental designs balanced for the estimation of residual effects
     of treatments, Australian Journal of Scientific Research A 2 (1949) 149-168.
@@ -39,7 +39,7 @@ def williams_sequences(n: int) -> Orders:
 
 @dataclass(frozen=True, kw_only=True)
 class Blocks:
-    """How `repeats` blocks of so many conditions are ordered (see `Design`)."""
+    """The number of blocks and conditions, and how they are ordered (see `Design`)."""
 
     order: Order
     conditions: int
@@ -50,16 +50,16 @@ class Blocks:
 def block_orders(wanted: Blocks, name: Name, slot: int) -> Orders:
     """Return the order of the conditions, numbered from 0, in each block of one participant.
 
-    `williams`: slots are dealt the sequences of a Williams design. Every run of as many slots as
-    there are sequences, from a multiple of that number on, holds in each block every sequence of a
-    design whose conditions were freshly relabelled at random: such a cohort is balanced, and what
-    a single slot gets is uniform over all orders.
+    For `williams`, slots take the sequences of a Williams design in cycles: if the design has s
+    sequences, slots k s to (k + 1) s - 1 use each of them once per block, with the conditions
+    relabelled at random for every block. A cohort of whole cycles is therefore balanced, and the
+    order of a single slot is uniform over all orders.
 
     Args:
-        wanted: the blocks. No condition stands more often in a row than `max_run`, also where
-            blocks meet; of one condition alone the caller has to see that itself.
+        wanted: the blocks. No condition comes more than `max_run` times in a row, also across the
+            end of a block; the caller must check this for a single condition.
         name: seed and names of the random stream.
-        slot: of the participant, from 0.
+        slot: slot of the participant, from 0.
     """
     if wanted.order == "fixed" or wanted.conditions == 1:
         return (tuple(range(wanted.conditions)),) * wanted.repeats
@@ -73,7 +73,7 @@ def block_orders(wanted: Blocks, name: Name, slot: int) -> Orders:
 
 @lru_cache(maxsize=256)
 def _williams_cycle(wanted: Blocks, name: Name, cycle: int) -> tuple[Orders, ...]:
-    """The orders of as many slots as the design has sequences, block by block."""
+    """Return the orders of one cycle of slots, one slot per sequence, block by block."""
     stream = Stream(*name, "cycle", cycle)
     blocks: list[Orders] = []
     while len(blocks) < wanted.repeats:
@@ -114,13 +114,13 @@ _TAKEN = ("running", "done")
 
 
 def next_slot(states: Sequence[SlotState]) -> int:
-    """Return the slot of the next participant: the first that nobody has or has finished.
+    """Return the slot of the next participant: the first that is neither running nor done.
 
-    A slot whose participant dropped out is given out again, so that the orders stay balanced over
-    those who finish. An interrupted session that may be resumed is still `running`.
+    The slot of a participant who dropped out is used again, so that the orders stay balanced over
+    the participants who finish. An interrupted session that may be resumed is still `running`.
 
     Args:
-        states: of slots 0, 1, 2 and so on.
+        states: states of slots 0, 1, 2 and so on.
 
     >>> next_slot(["done", "dropped", "running"])
     1

@@ -1,6 +1,6 @@
-"""Wishes of a design that cannot be met, or not whatever the order drawn.
+"""Feasibility of a design: constraints that cannot be met in every order that may be drawn.
 
-Found by counting, not by trying: what most orders could meet is refused if one could not.
+The checks count instead of trying orders: a constraint is refused if a single order could break it.
 """
 
 from collections.abc import Iterator
@@ -14,9 +14,9 @@ from protocol.study.variants import at_level, opposite_expected
 
 
 def design_problems(study: Study) -> list[Problem]:
-    """Return every wish of the design that cannot be met; none means that every slot has a plan."""
+    """Return every constraint that cannot be met; if the list is empty, every slot has a plan."""
     found = [*_levels(study), *_opposites(study), *_catches(study), *_groups(study)]
-    found += _left_out(study)
+    found += _min_trials(study)
     return found or [*_swaps(study), *_runs(study), *_duration(study)]
 
 
@@ -32,7 +32,7 @@ def _levels(study: Study) -> Iterator[Problem]:
                 where=f"condition {condition.name}, levels",
                 rule=f"their number must divide design.repeats = {study.design.repeats}",
                 value=str(len(condition.levels)),
-                hint="each level is then felt equally often",
+                hint="each level then comes equally often",
                 path=("condition", number, "levels"),
             )
 
@@ -42,29 +42,30 @@ def _opposites(study: Study) -> Iterator[Problem]:
     if asked and not any(map(opposite_expected, study.condition)):
         yield _problem(
             "design.opposite_repeats",
-            "must be 0 where no condition has an opposite",
+            "must be 0 if no condition has an opposite",
             asked,
-            "an opposite needs a question on roughness or strength and a change of touch",
+            "an opposite needs a question about roughness or strength and touches that differ",
         )
 
 
 def _catches(study: Study) -> Iterator[Problem]:
     design, most = study.design, most_catches(study)
     if design.catch_trials > most:
-        sure = "" if design.order == "fixed" else ", whatever the order drawn,"
+        sure = "" if design.order == "fixed" else ", in every order that may be drawn"
         yield _problem(
             "design.catch_trials",
-            f"at most {most}{sure} stay catch_apart = {design.catch_apart} trials apart and follow "
-            "a trial on one beam",
+            f"must be at most {most}, so that catch trials stay catch_apart = {design.catch_apart} "
+            f"trials apart and follow a trial on one beam{sure}",
             design.catch_trials,
-            "ask for fewer, or let them stand closer",
+            "use fewer catch trials or a smaller catch_apart",
         )
 
 
 def most_catches(study: Study) -> int:
-    """Return how many catch trials stay as far apart as asked, whatever order is drawn.
+    """Return the most catch trials that stay `catch_apart` trials apart in every possible order.
 
-    A catch trial follows a trial on one beam. Unless the order is fixed, these may stand together.
+    A catch trial follows a trial on one beam. Unless the order is fixed, all such trials may come
+    one after the other, which leaves the fewest places.
     """
     design = study.design
     on_one = [
@@ -80,14 +81,15 @@ def most_catches(study: Study) -> int:
     return most
 
 
-def _left_out(study: Study) -> Iterator[Problem]:
+def _min_trials(study: Study) -> Iterator[Problem]:
     design, fewest = study.design, study.exclusions.min_trials
     planned = design.repeats * len(study.condition) * design.sessions
     if fewest is not None and fewest > planned:
         yield _problem(
             "exclusions.min_trials",
-            f"a participant has {planned} trials, so that everybody would be left out",
+            f"must be at most {planned}, the number of trials of a participant",
             fewest,
+            "a larger number excludes every participant",
         )
 
 
@@ -96,9 +98,9 @@ def _groups(study: Study) -> Iterator[Problem]:
     if design.group_by_beam != "no" and design.order == "fixed" and number > 1:
         yield _problem(
             "design.group_by_beam",
-            "must be 'no' where order = 'fixed'",
+            "must be 'no' if order = 'fixed'",
             repr(design.group_by_beam),
-            "write the conditions in the order wanted",
+            "list the conditions in the order you want",
         )
     if number > MAX_GROUPS and (design.group_by_beam != "no" or design.max_beam_swaps is not None):
         yield _problem(
@@ -117,7 +119,7 @@ def _swaps(study: Study) -> Iterator[Problem]:
             "design.max_beam_swaps",
             f"a session may need {needed} beam swaps, grouped by beam: {level}",
             design.max_beam_swaps,
-            "allow more, repeat less, or touch fewer beams in a trial",
+            "allow more swaps, use fewer repeats, or use fewer beams in a trial",
         )
 
 
@@ -136,7 +138,7 @@ def _runs(study: Study) -> Iterator[Problem]:
             "design.max_alike_in_row",
             f"{alone} comes up to {at_most} times in a row (grouped by beam: {level})",
             design.max_alike_in_row,
-            "allow more in a row, group less, or repeat less",
+            "raise max_alike_in_row, group by beam less, or use fewer repeats",
         )
 
 
@@ -147,12 +149,12 @@ def _duration(study: Study) -> Iterator[Problem]:
             "timing.max_session_s",
             f"a session may take {longest_s:.0f} s",
             f"{study.timing.max_session_s:g} s",
-            "allow more, repeat less, or split it into more sessions",
+            "allow more time, use fewer repeats, or split the study into more sessions",
         )
 
 
 def most_session_s(study: Study) -> float:
-    """Return a duration, s, that no plan of the study exceeds."""
+    """Return an upper bound, s, on the duration of every plan of the study."""
     design = study.design
     trials_s = [
         _asked_s(study, at_level(condition.touches, max(condition.levels)), scored=True)

@@ -1,4 +1,4 @@
-"""The plan of a session: scored trials in the slot's order; opening, practice and catch trials."""
+"""The plan of a session: opening, practice, and scored trials in the slot's order with catches."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -12,7 +12,7 @@ from protocol.study.variants import at_level, opposite, opposite_expected
 
 
 def level_draws(study: Study, name: Name) -> list[list[float]]:
-    """Return for each condition its levels in random order, one per repeat, equally often."""
+    """Return for each condition one level per repeat, in random order and all equally often."""
     return [
         Stream(*name, number).shuffled(
             condition.levels * (study.design.repeats // len(condition.levels))
@@ -33,7 +33,7 @@ def opposite_draws(study: Study, name: Name) -> list[list[bool]]:
 
 
 def practised(study: Study, name: Name) -> list[int]:
-    """Return the conditions to practise: all of the pool in turn, in random order."""
+    """Return the conditions to practise: the whole pool in random order, again and again."""
     pool, wanted = practice_pool(study), study.design.practice_trials
     stream = Stream(*name)
     drawn: list[int] = []
@@ -43,10 +43,10 @@ def practised(study: Study, name: Name) -> list[int]:
 
 
 def catch_places(study: Study, order: list[int], name: Name) -> dict[int, int]:
-    """Return {after how many scored trials: which condition} for the catch trials.
+    """Return the condition of each catch trial by the number of scored trials before it.
 
-    A catch trial follows a trial that needs one beam alone and takes a condition on that beam, so
-    that no beam is swapped for it. It never opens a block.
+    A catch trial follows a trial that needs only one beam and takes a condition on that beam, so
+    that it needs no beam swap. It never opens a block.
     """
     if not study.design.catch_trials:
         return {}
@@ -64,31 +64,31 @@ def catch_places(study: Study, order: list[int], name: Name) -> dict[int, int]:
 
 @dataclass(frozen=True, kw_only=True)
 class SessionStreams:
-    """Whose plan is drawn: the names of its random streams."""
+    """The names of the random streams of one session."""
 
     study: Study
     slot: int
     number: int
 
     def name(self, purpose: str) -> Name:
-        """Seed and name of the stream for `purpose`."""
+        """Return the seed and name of the stream for `purpose`."""
         return (self.study.study.seed, purpose, self.number, self.slot)
 
 
 def plan(study: Study, slot: int, session: int = 1) -> Plan:
     """Return the plan for the participant in `slot`, counted from 0 over the cohort.
 
-    The study's seed decides everything: orders (see `protocol.plan.counterbalancing`), levels,
-    opposite, catch and practice trials each draw from a random stream of their own.
+    The study's seed determines the plan: orders (see `protocol.plan.counterbalancing`), levels,
+    opposite, catch and practice trials are each drawn from a random stream of their own.
 
     Args:
         study: a checked study.
         slot: the participant's place in the design.
-        session: of the participant, from 1.
+        session: number of the participant's session, from 1.
 
     Raises:
-        ValueError: the design's constraints cannot be met (`protocol.study_file.limits` says so
-            beforehand).
+        ValueError: the design's constraints cannot be met (`protocol.study_file.limits` reports
+            this beforehand).
     """
     of = SessionStreams(study=study, slot=slot, number=session)
     order = ordered_conditions(study, slot, session)
@@ -122,7 +122,7 @@ def _practice(of: SessionStreams) -> Iterator[Trial]:
 
 
 def _main(of: SessionStreams, order: list[tuple[int, int]]) -> Iterator[Trial]:
-    """The scored trials block by block, with catch trials after some of them."""
+    """Yield the scored trials block by block, with catch trials after some of them."""
     levels = level_draws(of.study, of.name("levels"))
     turned = opposite_draws(of.study, of.name("opposite"))
     catches = catch_places(of.study, [number for _, number in order], of.name("catch"))

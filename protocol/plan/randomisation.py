@@ -1,7 +1,7 @@
-"""Random streams, a named one for each purpose, and shuffles that keep constraints.
+"""Named random streams, one for each purpose, and constrained shuffles.
 
-Python promises the same sequence on every platform and version for `random.random` alone, not for
-its shuffles. Here every draw is defined by SHA-256, so that a seed gives the same plan anywhere.
+Python guarantees the same sequence on every platform and version for `random.random` only, not for
+its shuffles. Here SHA-256 defines every draw, so that a seed gives the same plan everywhere.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -12,7 +12,7 @@ from typing import TypeVar
 
 T = TypeVar("T")
 Name = tuple[int, *tuple[object, ...]]
-"""A seed, and the words that name a stream of its own."""
+"""A seed, and the words that name one of its streams."""
 
 
 class Stream:
@@ -27,7 +27,8 @@ class Stream:
     def below(self, limit: int) -> int:
         """Return a whole number, uniform in [0, limit).
 
-        Bits are drawn until they form a number below `limit`: no value is favoured.
+        Bits are drawn until they form a number below `limit`, so that all values are equally
+        likely (a remainder would favour small ones).
 
         Raises:
             ValueError: `limit` is below 1.
@@ -73,12 +74,12 @@ class Stream:
 
 
 def shuffle(kinds: int, repeats: int, max_run: int, stream: Stream) -> list[int]:
-    """Return each of `kinds` items `repeats` times, in one of all orders whose runs are short.
+    """Return `kinds` items, each `repeats` times, in random order with short runs.
 
-    Every order in which no item stands more than `max_run` times in a row is equally likely.
+    Every order in which no item comes more than `max_run` times in a row is equally likely.
 
     Raises:
-        ValueError: there is no such order.
+        ValueError: no such order exists.
     """
     if kinds == 1 and repeats > max_run:
         raise ValueError(f"one item {repeats} times cannot have runs of at most {max_run}")
@@ -92,7 +93,7 @@ def shuffle(kinds: int, repeats: int, max_run: int, stream: Stream) -> list[int]
 
 
 def _attempt(kinds: int, repeats: int, max_run: int, stream: Stream) -> list[int] | None:
-    """A shuffle, given up at the first run that is too long: rejection keeps it uniform."""
+    """Return a shuffle, or None at the first run that is too long: rejection keeps it uniform."""
     left = [item for item in range(kinds) for _ in range(repeats)]
     drawn: list[int] = []
     run = 0
@@ -108,9 +109,9 @@ def _attempt(kinds: int, repeats: int, max_run: int, stream: Stream) -> list[int
 
 
 def _without_neighbours_alike(kinds: int, repeats: int, stream: Stream) -> list[int]:
-    """Rejection would take for ever here: kinds are inserted one by one, by exact counts.
+    """Insert the kinds one by one, by exact counts; rejection would almost never succeed here.
 
-    Between two neighbours alike there is a bad gap. Each kind comes in `parts` runs, of which
+    A gap between two equal neighbours is bad. Each kind is split into `parts` runs, of which
     `mending` go into bad gaps and the others elsewhere; a run of m items leaves m - 1 bad gaps.
     """
     drawn = [0] * repeats
@@ -129,7 +130,7 @@ def _without_neighbours_alike(kinds: int, repeats: int, stream: Stream) -> list[
 
 
 def _choices(bad: int, kind: int, repeats: int) -> Iterator[tuple[int, int, int]]:
-    """(parts, mending, ways) to insert the next kind among `kind` earlier ones."""
+    """Yield (parts, mending, ways) of inserting the next kind among `kind` earlier ones."""
     good = kind * repeats + 1 - bad
     for parts in range(1, repeats + 1):
         for mending in range(min(parts, bad) + 1):
@@ -139,7 +140,7 @@ def _choices(bad: int, kind: int, repeats: int) -> Iterator[tuple[int, int, int]
 
 @lru_cache(maxsize=65_536)
 def _completions(kinds: int, repeats: int, kind: int, bad: int) -> int:
-    """Ways to insert the kinds from `kind` on so that no bad gap is left."""
+    """Return the number of ways to insert the kinds from `kind` on so that no bad gap is left."""
     if kind == kinds:
         return int(bad == 0)
     return sum(
@@ -150,7 +151,7 @@ def _completions(kinds: int, repeats: int, kind: int, bad: int) -> int:
 
 
 def _composition(total: int, parts: int, stream: Stream) -> list[int]:
-    """Return positive numbers with this sum, all such lists equally likely."""
+    """Return `parts` positive whole numbers with sum `total`, all such lists equally likely."""
     cuts = sorted(stream.shuffled(range(1, total))[: parts - 1])
     return [after - before for before, after in zip([0, *cuts], [*cuts, total], strict=True)]
 
@@ -169,8 +170,9 @@ def spaced_places(allowed: list[int], number: int, apart: int, stream: Stream) -
     Every such choice is equally likely.
 
     Raises:
-        ValueError: there is none.
+        ValueError: no such choice exists.
     """
+    # ways[i][k]: the number of choices of k places among allowed[i:]
     after = [
         next(
             (j for j in range(i + 1, len(allowed)) if allowed[j] - allowed[i] >= apart),
@@ -183,7 +185,7 @@ def spaced_places(allowed: list[int], number: int, apart: int, stream: Stream) -
         for wanted in range(1, number + 1):
             ways[i][wanted] = ways[i + 1][wanted] + ways[after[i]][wanted - 1]
     if not ways[0][number]:
-        raise ValueError(f"no {number} of the places are {apart} apart, got {allowed}")
+        raise ValueError(f"cannot choose {number} places at least {apart} apart, got {allowed}")
     chosen: list[int] = []
     at = 0
     for wanted in range(number, 0, -1):

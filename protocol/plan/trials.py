@@ -1,4 +1,4 @@
-"""Records of a plan: its trials, the beams they need, and how long they take."""
+"""Records of a plan: its trials, the beams they need and their durations."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -16,9 +16,9 @@ TrialKind = Literal["baseline", "signal", "practice", "trial", "catch"]
 class Trial:
     """One trial: touches, then a question unless `question` is None, then a score if `scored`.
 
-    `index` counts from 0 within a session; `block` is 0 before the first block. The touches
-    already are what is to be done: `level` says by what the condition's amplitudes were multiplied
-    (0 in a catch trial), `opposite` that they come in the opposite order. A break of at least
+    `index` counts from 0 within a session; `block` is 0 before the first block. The touches are
+    final: `level` is the factor already applied to the condition's amplitudes (0 in a catch
+    trial), and `opposite` says that they are already in the opposite order. A break of at least
     `break_s` precedes the trial.
     """
 
@@ -37,7 +37,7 @@ class Trial:
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """The trials of one session, and in which order its conditions come."""
+    """The trials of one session, and the order of its conditions."""
 
     slot: int
     sequence: tuple[str, ...]
@@ -51,7 +51,7 @@ Beams = tuple[str | None, ...]
 def beams_of(touches: Iterable[Touch], mounted: str | None) -> Beams:
     """Return the beams that the touches need, in order, without immediate repetition.
 
-    `mounted` is the study's own, taken where a touch names none.
+    `mounted` is the study's own beam, used for touches that name none.
     """
     needed: list[str | None] = []
     for touch in touches:
@@ -62,7 +62,7 @@ def beams_of(touches: Iterable[Touch], mounted: str | None) -> Beams:
 
 
 def swap_count(beams: Iterable[str | None]) -> int:
-    """Return how often one beam is taken off for another.
+    """Return how often one beam is replaced by another.
 
     >>> swap_count(["1 mm", "1 mm", "none", "1 mm"])
     2
@@ -71,7 +71,7 @@ def swap_count(beams: Iterable[str | None]) -> int:
 
 
 def touches_s(study: Study, touches: Sequence[Touch]) -> float:
-    """Return how long the touches of a trial take, instructions and pauses included, s."""
+    """Return the duration of a trial's touches, including instructions and pauses, s."""
     device_s = sum(on_s(touch, study.touch, study.rig) for touch in touches)
     timing = study.timing
     return (
@@ -80,14 +80,14 @@ def touches_s(study: Study, touches: Sequence[Touch]) -> float:
 
 
 def trial_s(study: Study, trial: Trial) -> float:
-    """Return the expected duration of a trial with the pause before it, s; beam swaps not in it."""
+    """Return the expected duration of a trial and the pause before it, without beam swaps, s."""
     timing = study.timing
     asked_s = (timing.answer_s if trial.question else 0.0) + (timing.score_s * trial.scored)
     return trial.break_s + timing.inter_trial_s + touches_s(study, trial.touches) + asked_s
 
 
 def plan_swaps(study: Study, plan: Plan) -> int:
-    """Return how often the operator swaps beams, the study's own one being mounted at first."""
+    """Return how often the operator swaps beams, starting with the study's own beam mounted."""
     touches = [touch for trial in plan.trials for touch in trial.touches]
     return swap_count((study.touch.beam, *beams_of(touches, study.touch.beam)))
 

@@ -1,4 +1,4 @@
-"""Slots: a dropout's place in the design is given out again, a finished one never."""
+"""Counterbalancing: Williams designs, and slots that are used again only after a dropout."""
 
 from collections import Counter
 from itertools import pairwise
@@ -11,8 +11,8 @@ from protocol.plan.counterbalancing import SlotState, next_slot, williams_sequen
 
 
 @given(st.lists(st.booleans(), min_size=1, max_size=60))
-def test_whoever_drops_out_those_who_finish_fill_the_first_slots(finishes: list[bool]) -> None:
-    """One after the other: exactly the first slots are done, none is burnt."""
+def test_finishers_fill_the_first_slots_despite_dropouts(finishes: list[bool]) -> None:
+    """After any sequence of dropouts, exactly the first slots are done and none is lost."""
     states: list[SlotState] = []
     for finished in finishes:
         slot = next_slot(states)
@@ -21,14 +21,14 @@ def test_whoever_drops_out_those_who_finish_fill_the_first_slots(finishes: list[
     assert done == list(range(sum(finishes)))
 
 
-def test_a_slot_that_somebody_has_is_not_given_out() -> None:
+def test_a_slot_in_use_is_not_assigned_again() -> None:
     assert next_slot([]) == 0
     assert next_slot(["running", "done", "free"]) == 2
     assert next_slot(["running", "dropped", "running"]) == 1
 
 
 @pytest.mark.parametrize("n", range(2, 13))
-def test_every_condition_stands_at_every_position_equally_often(n: int) -> None:
+def test_every_condition_comes_at_every_position_equally_often(n: int) -> None:
     sequences = williams_sequences(n)
     for position in range(n):
         counts = Counter(sequence[position] for sequence in sequences)
@@ -47,6 +47,6 @@ def test_five_conditions_need_ten_sequences() -> None:
     assert len(set(williams_sequences(5))) == 10
 
 
-def test_no_condition_is_refused() -> None:
+def test_a_design_without_conditions_is_refused() -> None:
     with pytest.raises(ValueError, match="at least 1 condition, got 0"):
         williams_sequences(0)

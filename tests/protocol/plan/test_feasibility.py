@@ -1,4 +1,4 @@
-"""Wishes that cannot be met are named; wishes that are not named can be met."""
+"""Feasibility: constraints that cannot be met are reported, and all others can be met."""
 
 import pytest
 
@@ -20,7 +20,7 @@ from tests.protocol.studies import small, small_document
         (small(1, repeats=3), r"max_alike_in_row: the only condition comes up to 3 .* got 2"),
         (
             small(3, repeats=2, catch_trials=4, catch_apart=2),
-            "at most 3, whatever the order drawn, stay .* got 4",
+            "must be at most 3, so that .* apart .* in every order that may be drawn, got 4",
         ),
         (small(3, 3, repeats=8, max_beam_swaps=1), "may need 2 beam swaps, .*: session, got 1"),
         (
@@ -31,20 +31,18 @@ from tests.protocol.studies import small, small_document
             small(2, 2, repeats=3, group_by_beam="block", max_alike_in_row=1),
             "comes up to 2 times in a row .grouped by beam: block., got 1",
         ),
-        (small(3, 2, order="fixed", group_by_beam="block"), "'no' where order = 'fixed', got 'bl"),
+        (small(3, 2, order="fixed", group_by_beam="block"), "'no' if order = 'fixed', got 'block'"),
         (small(10, 10, group_by_beam="block"), "at most 8 sets of beams can be grouped, got 10"),
     ],
 )
-def test_an_impossible_wish_is_named(study: Study, message: str) -> None:
+def test_an_infeasible_constraint_is_reported(study: Study, message: str) -> None:
     found = "\n".join(map(str, problems(study)))
     with pytest.raises(AssertionError, match=message):
         raise AssertionError(found)
 
 
 @pytest.mark.parametrize(("catches", "allowed"), [(4, True), (5, False)])
-def test_where_the_order_is_fixed_catch_trials_are_counted_in_it(
-    catches: int, allowed: bool
-) -> None:
+def test_catch_trials_are_counted_in_a_fixed_order(catches: int, allowed: bool) -> None:
     document = small_document(
         4, order="fixed", repeats=4, catch_trials=catches, catch_apart=3, max_alike_in_row=1
     )
@@ -58,7 +56,10 @@ def test_where_the_order_is_fixed_catch_trials_are_counted_in_it(
     if allowed:
         assert not plan_problems(study, plan(study, 0))
     else:
-        assert "at most 4 stay catch_apart = 3 trials apart" in str(found[0])
+        assert (
+            "must be at most 4, so that catch trials stay catch_apart = 3 trials apart and follow "
+            "a trial on one beam, got 5"
+        ) in str(found[0])
 
 
 def test_levels_must_divide_the_repeats() -> None:
@@ -73,18 +74,20 @@ def test_opposites_need_a_change_of_touch() -> None:
     document = small_document(1, repeats=2, opposite_repeats=1)
     document["condition"][0]["touches"] = [{"place": "smooth", "voltage_v": 50}]
     (found,) = problems(Study.model_validate(document))
-    assert str(found).startswith("design.opposite_repeats: must be 0 where no condition has an")
+    assert str(found).startswith("design.opposite_repeats: must be 0 if no condition has an opp")
 
 
 @pytest.mark.parametrize(
     ("fewest", "sessions", "refused"), [(6, 1, False), (7, 1, True), (12, 2, False)]
 )
-def test_nobody_has_more_trials_than_are_planned(fewest: int, sessions: int, refused: bool) -> None:
+def test_min_trials_cannot_exceed_the_planned_trials(
+    fewest: int, sessions: int, refused: bool
+) -> None:
     document = small_document(3, repeats=2, sessions=sessions)
     document["exclusions"] = {"min_trials": fewest}
     found = problems(Study.model_validate(document))
-    told = "exclusions.min_trials: a participant has 6 trials, so that everybody would be left out"
-    assert [str(problem).startswith(told) for problem in found] == [True] * refused
+    message = "exclusions.min_trials: must be at most 6, the number of trials of a participant"
+    assert [str(problem).startswith(message) for problem in found] == [True] * refused
 
 
 def test_a_session_that_is_too_long_is_refused() -> None:
@@ -94,7 +97,7 @@ def test_a_session_that_is_too_long_is_refused() -> None:
 
 
 @pytest.mark.parametrize("max_swaps", [None, 12, 8, 4, 3])
-def test_beams_are_swapped_as_rarely_as_asked(max_swaps: int | None) -> None:
+def test_plans_keep_max_beam_swaps(max_swaps: int | None) -> None:
     study = small(4, 3, repeats=2, max_beam_swaps=max_swaps)
     if problems(study):
         assert max_swaps is not None
@@ -105,7 +108,7 @@ def test_beams_are_swapped_as_rarely_as_asked(max_swaps: int | None) -> None:
     assert max_swaps is None or max(swaps) <= max_swaps
 
 
-def test_grouping_needs_the_fewest_swaps_there_are() -> None:
+def test_grouping_needs_the_fewest_possible_swaps() -> None:
     study = small(6, 3, repeats=4, group_by_beam="session", max_alike_in_row=4)
     assert problems(study) == []
     assert {plan_swaps(study, plan(study, slot)) for slot in range(20)} == {2}

@@ -1,4 +1,4 @@
-"""Plans: what is asked, and in which order over the cohort."""
+"""Plans: their trials, and their orders over the cohort."""
 
 from collections import Counter
 from itertools import pairwise
@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from scipy.stats import chisquare
 
 from protocol.plan.plan import plan
-from protocol.proof.cohort import balance_promised, carry_over, cohort_problems
+from protocol.proof.cohort import balance_guaranteed, carry_over, cohort_problems
 from protocol.study.study import Study
 from protocol.study_file.limits import problems
 from protocol.study_file.loading import parsed_study, template
@@ -37,12 +37,12 @@ def test_ten_slots_balance_first_order_carry_over(first_slot: int) -> None:
     assert len(pairs) == 20
 
 
-def test_the_same_slot_has_the_same_plan() -> None:
+def test_a_slot_always_has_the_same_plan() -> None:
     assert plan(EXTENDED, slot=3) == plan(EXTENDED, slot=3)
 
 
 def test_a_seed_gives_the_same_plan_on_every_platform() -> None:
-    """Regression: our own orders; a change here changes every study that has begun."""
+    """Regression: our own orders; a change here changes every study that has already begun."""
     assert plan(STUDY, 0).sequence == GOLDEN_PAPER
     catches = [trial.index for trial in plan(EXTENDED, 0).trials if trial.kind == "catch"]
     assert catches == [9, 16, 21, 28]
@@ -65,7 +65,7 @@ def test_a_fixed_order_is_the_order_of_the_file() -> None:
 
 @pytest.mark.parametrize("change", ["catch_trials", "practice_trials", "opposite_repeats"])
 def test_each_purpose_has_its_own_random_stream(change: str) -> None:
-    """Changing how one thing is drawn leaves the orders and levels of the others alone."""
+    """Changing how one thing is drawn leaves the orders and levels of the scored trials alone."""
     changed = EXTENDED.model_copy(update={"design": EXTENDED.design.model_copy(update={change: 2})})
     for slot in range(5):
         before, after = (
@@ -77,23 +77,23 @@ def test_each_purpose_has_its_own_random_stream(change: str) -> None:
 
 @pytest.mark.parametrize("repeats", range(1, 9))
 @pytest.mark.parametrize("conditions", range(2, 13))
-def test_carry_over_is_balanced_where_promised_and_reported_elsewhere(
+def test_carry_over_is_balanced_where_guaranteed_and_counted_elsewhere(
     conditions: int, repeats: int
 ) -> None:
     study = small(conditions, repeats=repeats)
     plans = [plan(study, slot) for slot in range(40)]
     whole = conditions if conditions % 2 == 0 else 2 * conditions
     for participants in range(1, 41):
-        assert balance_promised(study, participants) == (participants % whole == 0)
+        assert balance_guaranteed(study, participants) == (participants % whole == 0)
     for participants in {1, 2, 9, 40, *range(whole, 41, whole)}:
         report = carry_over(study, plans[:participants])
-        assert report.balanced or not report.promised
+        assert report.balanced or not report.guaranteed
         assert sum(map(sum, report.counts)) == participants * repeats * (conditions - 1)
         assert report.balanced == (report.imbalance == 0)
     assert cohort_problems(study, plans) == []
 
 
-def test_what_the_design_leaves_open_is_uniform() -> None:
+def test_a_slots_order_is_uniform_over_seeds() -> None:
     orders = Counter(plan(reseeded(small(4), seed), slot=7).sequence for seed in range(10_000))
     assert len(orders) == 24
     assert chisquare(list(orders.values())).pvalue > 1e-3
@@ -112,7 +112,7 @@ def test_levels_and_opposites_are_uniform() -> None:
 
 @settings(max_examples=200, deadline=None)
 @given(documents())
-def test_no_plan_of_a_study_that_is_accepted_breaks_a_limit_or_a_promise(
+def test_plans_of_an_accepted_study_keep_its_limits_and_constraints(
     document: Document,
 ) -> None:
     study = Study.model_validate(document)

@@ -1,4 +1,4 @@
-"""Constrained shuffles: what is left is uniform, and nothing breaks its constraint."""
+"""Random streams and constrained shuffles: uniform, and within their constraints."""
 
 from collections import Counter
 from hashlib import sha256
@@ -56,7 +56,9 @@ def test_spaced_places_are_uniform() -> None:
 
 
 def test_places_that_are_too_close_are_refused() -> None:
-    with pytest.raises(ValueError, match=r"no 2 of the places are 3 apart, got \[1, 2, 3\]"):
+    with pytest.raises(
+        ValueError, match=r"cannot choose 2 places at least 3 apart, got \[1, 2, 3\]"
+    ):
         spaced_places([1, 2, 3], 2, 3, Stream(1))
 
 
@@ -90,6 +92,6 @@ def test_shuffles_and_weights_are_uniform() -> None:
     assert 1 not in drawn
 
 
-def test_nothing_cannot_be_drawn() -> None:
+def test_a_limit_of_zero_is_refused() -> None:
     with pytest.raises(ValueError, match="limit must be at least 1, got 0"):
         Stream(1).below(0)

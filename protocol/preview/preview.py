@@ -1,4 +1,4 @@
-"""What a plan amounts to, before anyone sits down: numbers for `touchbeam check`."""
+"""The preview of a cohort's plans: durations, beam swaps, extremes and balance."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,12 +13,12 @@ from protocol.study.touch import Touch, slew_v_per_us
 from protocol.study_file.limits import max_resonance_hz
 
 Predict = Callable[[Trial], float | None]
-"""The change that a model predicts of a trial, `None` where nothing is asked."""
+"""The change that a model predicts for a trial, `None` if the trial has no question."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Preview:
-    """A cohort's plans, slot by slot, and what they amount to."""
+    """A cohort's plans, slot by slot, with their durations, beam swaps and extremes."""
 
     study: Study
     plans: tuple[Plan, ...]
@@ -32,7 +32,7 @@ class Preview:
 
 
 def preview(study: Study, participants: int) -> Preview:
-    """Return the plans of the first session of slots 0 to `participants` - 1, and their sums."""
+    """Return the preview of the first sessions of slots 0 to `participants` - 1."""
     plans = tuple(plan(study, slot) for slot in range(participants))
     touches = [touch for each in plans for trial in each.trials for touch in trial.touches]
     nominal_hz = study.rig.nominal_resonance_hz
@@ -53,9 +53,9 @@ def preview(study: Study, participants: int) -> Preview:
 
 
 def precision_by_length(shown: Preview, predict: Predict) -> list[Precision]:
-    """Return what sessions of this and other lengths tell of one person's sensitivity.
+    """Return how precisely sessions of this and other lengths estimate one person's sensitivity.
 
-    The first slot's plans are taken; every slot has the same trials in another order.
+    Only the first slot's plan is used: every slot has the same trials in another order.
     """
     main = [trial for trial in shown.plans[0].trials if trial.kind == "trial"]
     contrasts = [contrast for trial in main if (contrast := predict(trial)) is not None]
@@ -63,7 +63,7 @@ def precision_by_length(shown: Preview, predict: Predict) -> list[Precision]:
 
 
 def preview_record(shown: Preview, predict: Predict) -> dict[str, Any]:
-    """Return the preview as JSON can hold it; infinite widths are `None`."""
+    """Return the preview as plain JSON values; infinite widths become `None`."""
     return {
         "participants": [
             {
@@ -86,10 +86,10 @@ def preview_record(shown: Preview, predict: Predict) -> dict[str, Any]:
             "counts": [list(row) for row in shown.carryover.counts],
             "balanced": shown.carryover.balanced,
             "imbalance": shown.carryover.imbalance,
-            "promised": shown.carryover.promised,
+            "promised": shown.carryover.guaranteed,
             "across_blocks": [list(row) for row in shown.carryover.across_blocks],
         },
-        "minutes_buy": [_purchase_record(bought) for bought in precision_by_length(shown, predict)],
+        "minutes_buy": [_precision_record(each) for each in precision_by_length(shown, predict)],
     }
 
 
@@ -110,7 +110,7 @@ def _trial_record(study: Study, trial: Trial, predict: Predict) -> dict[str, Any
 
 
 def levels(touches: Sequence[Touch]) -> dict[str, list[Any]]:
-    """Return what the touches set, each from first to last; a pair is the beginning and the end."""
+    """Return the settings of the touches in order; a pair is [start, end] of a touch."""
     return {
         "voltage_v": [_course(touch.voltage_v, touch.end_voltage_v) for touch in touches],
         "frequency": [_course(touch.frequency, touch.end_frequency) for touch in touches],
@@ -124,13 +124,13 @@ def _course(start: float, end: float) -> float | list[float]:
     return start if start == end else [start, end]
 
 
-def _purchase_record(bought: Precision) -> dict[str, Any]:
-    known = bought.half_width < float("inf")
+def _precision_record(precision: Precision) -> dict[str, Any]:
+    known = precision.half_width < float("inf")
     return {
-        "repeats": bought.repeats,
-        "trials": bought.trials,
-        "duration_s": round(bought.duration_s, 1),
-        "whole": bought.whole,
-        "half_width": round(bought.half_width, 4) if known else None,
-        "relative_half_width": round(bought.relative, 4) if known else None,
+        "repeats": precision.repeats,
+        "trials": precision.trials,
+        "duration_s": round(precision.duration_s, 1),
+        "whole": precision.whole,
+        "half_width": round(precision.half_width, 4) if known else None,
+        "relative_half_width": round(precision.relative, 4) if known else None,
     }

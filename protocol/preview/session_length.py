@@ -1,8 +1,8 @@
-"""Precision by session length: how precisely a session tells one person's sensitivity.
+"""Precision by session length: how precisely a session estimates one person's sensitivity.
 
-Sensitivity is the slope g of `rating = a + g contrast + error`, by least squares for one person
-alone. Its interval is half as wide as t(n - 2) s / sqrt(sum (x - mean x)^2): four times the
-trials buy half the width, and so does twice the spread of the contrasts.
+Sensitivity is the slope g of `score = a + g contrast + error`, fitted by least squares to one
+person's scores. The half-width of its interval is t(n - 2) s / sqrt(sum (x - mean x)^2): four
+times the trials halve it, and so does twice the spread of the contrasts.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -18,9 +18,10 @@ from protocol.study.study import Condition, Study
 
 @dataclass(frozen=True, kw_only=True)
 class SessionLength:
-    """A session of so many repeats.
+    """A session of `repeats` repeats and its duration.
 
-    `whole` says that the study allows it as it is; else its other wishes were relaxed to plan it.
+    `whole` says that the study allows it unchanged; otherwise other constraints of the design
+    were relaxed to plan it.
     """
 
     repeats: int
@@ -29,9 +30,9 @@ class SessionLength:
 
 
 def session_lengths(study: Study) -> Iterator[SessionLength]:
-    """Yield sessions of fewer, of as many and of more repeats than the study's, first slot.
+    """Yield sessions of the first slot with fewer, as many and more repeats than the study's.
 
-    No more than a study file may ask for.
+    The number of repeats never exceeds what a study file may set.
     """
     repeats = study.design.repeats
     others = {1, 2, max(1, repeats // 2), repeats, repeats + 1, 2 * repeats, 4 * repeats}
@@ -49,7 +50,7 @@ def _with(study: Study, **design: object) -> Study:
 
 
 def _relaxed(study: Study) -> Study:
-    """The study with its other wishes as nearly met as its repeats allow."""
+    """Return the study with its other constraints relaxed as far as its repeats require."""
     design = study.design
     conditions = tuple(_of_one_level(condition, design.repeats) for condition in study.condition)
     return _with(
@@ -61,23 +62,23 @@ def _relaxed(study: Study) -> Study:
 
 
 def _of_one_level(condition: Condition, repeats: int) -> Condition:
-    """The condition at its highest level alone where its levels do not divide the repeats."""
+    """Return the condition with only its highest level if its levels do not divide the repeats."""
     if repeats % len(condition.levels) == 0:
         return condition
     return condition.model_copy(update={"levels": (max(condition.levels),)})
 
 
 RESIDUAL_SD = 0.971825
-"""Of a score about its row and column in the paper's Table 4 (32 degrees of freedom)."""
+"""SD of a score about its row and column effects in the paper's Table 4 (32 df)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Precision:
-    """A session of so many repeats: how long it takes, and what it tells.
+    """The duration of a session of `repeats` repeats, and the precision it gives.
 
-    `whole` says that the study allows it as it is, but for `design.repeats`.
-    `half_width` is in scores per unit of predicted contrast; `relative` is its share of the gain
-    that would use the whole scale, from no contrast to the largest. Both are infinite where the
+    `whole` says that the study allows it if only `design.repeats` is changed.
+    `half_width` is in score points per unit of predicted contrast; `relative` is its share of the
+    gain that would use the whole scale, from no contrast to the largest. Both are infinite if the
     trials do not determine a slope.
     """
 
@@ -92,17 +93,17 @@ class Precision:
 def precisions(
     contrasts: Sequence[float], repeats: int, sessions: Iterable[SessionLength]
 ) -> list[Precision]:
-    """Return what sessions of other lengths buy, with the spread of contrasts of this one.
+    """Return the precision of each session, assuming the same spread of contrasts.
 
     Args:
-        contrasts: predicted for the scored trials of a session of `repeats` repeats.
-        repeats: of the plan at hand.
-        sessions: to choose from.
+        contrasts: predicted contrasts of the scored trials of a session of `repeats` repeats.
+        repeats: repeats of that session.
+        sessions: sessions of other lengths.
     """
-    return [_purchase(contrasts, session.repeats / repeats, session) for session in sessions]
+    return [_precision(contrasts, session.repeats / repeats, session) for session in sessions]
 
 
-def _purchase(contrasts: Sequence[float], share: float, session: SessionLength) -> Precision:
+def _precision(contrasts: Sequence[float], share: float, session: SessionLength) -> Precision:
     trials = round(share * len(contrasts))
     half = half_width(squared_spread(contrasts) * share, trials)
     return Precision(
@@ -128,8 +129,8 @@ def half_width(spread: float, trials: int, residual_sd: float = RESIDUAL_SD) -> 
 
     Args:
         spread: sum of squared deviations of the contrasts.
-        trials: with a score.
-        residual_sd: of a score about the line.
+        trials: number of trials with a score.
+        residual_sd: SD of a score about the line.
     """
     if trials < 3 or spread <= 1e-12:
         return inf
@@ -153,9 +154,10 @@ def t_quantile(probability: float, df: int) -> float:
 
 
 def _central(t: float, df: int) -> float:
-    """Probability within [-t, t]: the finite sums of Abramowitz and Stegun, 26.7.3 and 26.7.4.
+    """Return the probability within [-t, t].
 
-    Own code: for this alone, loading scipy would take `touchbeam check` another 0.2 s.
+    Source: the finite sums of Abramowitz and Stegun, 26.7.3 and 26.7.4. Written here because
+    loading scipy only for this would slow `touchbeam check` down by 0.2 s.
     """
     angle, odd = atan(t / sqrt(df)), df % 2
     squared = cos(angle) ** 2

@@ -1,11 +1,11 @@
-"""The preview of a plan as plain lines, for a terminal of 80 columns or more."""
+"""The preview of a cohort's plans as lines of text, for a terminal of 80 columns or more."""
 
 from collections.abc import Iterator, Sequence
 
 from protocol.plan.trials import Trial
 from protocol.preview.preview import Predict, Preview, levels, precision_by_length
 from protocol.preview.session_length import RESIDUAL_SD, Precision
-from protocol.proof.cohort import CarryOver, balance_promised, sequences
+from protocol.proof.cohort import CarryOver, balance_guaranteed, sequences
 
 
 def preview_lines(shown: Preview, predict: Predict) -> Iterator[str]:
@@ -14,16 +14,16 @@ def preview_lines(shown: Preview, predict: Predict) -> Iterator[str]:
     yield ""
     yield from _table(_trial_rows(shown, predict))
     yield ""
-    yield "Peak V: the amplitude. Drive: 1 is at the resonance. 0.98/1: one touch, then another;"
-    yield "0>200: during a touch."
-    yield "Predicted: by how much ln(friction) changes in the model, + in the expected direction."
-    yield "Finger: what else changes from touch to touch; x1.5 presses harder by that factor."
+    yield "Peak V: amplitude. Drive: frequency relative to the resonance. 0.98/1: a change between"
+    yield "touches; 0>200: a change during a touch."
+    yield "Pred.: predicted change of ln(friction), positive in the expected direction."
+    yield "Finger: what else changes between touches; x1.5: press 1.5 times as hard."
     yield ""
     yield from _session_lines(shown)
     yield ""
     yield from _carryover_lines(shown)
     yield ""
-    yield from _purchase_lines(shown, predict)
+    yield from _precision_lines(shown, predict)
 
 
 def _many(number: int, one: str, more: str = "") -> str:
@@ -58,7 +58,7 @@ def _trial_rows(shown: Preview, predict: Predict) -> Iterator[tuple[str, ...]]:
 
 
 def _finger(trial: Trial) -> str:
-    """What else changes from touch to touch: the direction, how hard to press, the beam."""
+    """Return what else changes between touches: the direction, the pressure, the beam."""
     set_by = levels(trial.touches)
     courses = [set_by["direction"], [f"x{press:g}" for press in set_by["press"]], set_by["beam"]]
     return "; ".join(
@@ -67,7 +67,7 @@ def _finger(trial: Trial) -> str:
 
 
 def _courses(trial: Trial, key: str) -> str:
-    """`0.98/1`, or `100` where all touches have the same; `0>200` where it changes in a touch."""
+    """Return `0.98/1`, or `100` if all touches have the same value; `0>200` within a touch."""
     shown = [
         ">".join(f"{value:g}" for value in course) if isinstance(course, list) else f"{course:g}"
         for course in levels(trial.touches)[key]
@@ -86,7 +86,7 @@ def _table(rows: Iterator[tuple[str, ...]]) -> Iterator[str]:
 
 
 def _columns(text: str) -> int:
-    """How many columns of a terminal `text` takes: a Chinese character takes two."""
+    """Return the terminal columns that `text` takes: a Chinese character takes two."""
     if text.isascii():
         return len(text)
     from unicodedata import combining, east_asian_width
@@ -132,7 +132,7 @@ def _carryover_lines(shown: Preview) -> Iterator[str]:
             f"Carry-over  not balanced over {_many(len(shown.plans), 'participant')} "
             f"({_unbalanced(carryover)}): {_advice(shown)}"
         )
-    yield "How often the condition of a column comes directly after that of a row:"
+    yield "How often the condition of a column directly follows that of a row:"
     header = ("", *names)
     rows = [
         (name, *("" if a == b and not count else str(count) for b, count in enumerate(row)))
@@ -143,40 +143,40 @@ def _carryover_lines(shown: Preview) -> Iterator[str]:
 
 def _unbalanced(carryover: CarryOver) -> str:
     if not any(map(any, carryover.counts)):
-        return "none directly follows another within a block"
+        return "no condition directly follows another within a block"
     return f"counts differ by up to {carryover.imbalance}"
 
 
 def _advice(shown: Preview) -> str:
     size = sequences(shown.study)
-    if balance_promised(shown.study, size):
-        return f"take a multiple of {size}"
-    return "this design does not balance it"
+    if balance_guaranteed(shown.study, size):
+        return f"use a multiple of {size} participants"
+    return "this design cannot balance it"
 
 
-def _purchase_lines(shown: Preview, predict: Predict) -> Iterator[str]:
-    yield "What the minutes buy: how well a session of so many repeats tells one person's"
-    yield "sensitivity, which is the points of score that a unit of predicted change is worth."
-    yield "The 95 % interval goes this far to either side, from that person's scores alone:"
+def _precision_lines(shown: Preview, predict: Predict) -> Iterator[str]:
+    yield "Precision by session length: how precisely a session estimates one person's"
+    yield "sensitivity, in score points per unit of predicted change. Half-width of the 95 %"
+    yield "interval, from that person's scores alone:"
     rows = [("repeats", "trials", "minutes", "points per unit", "of the scale")]
-    bought = precision_by_length(shown, predict)
-    rows += [_purchase_row(shown, option) for option in bought]
+    options = precision_by_length(shown, predict)
+    rows += [_precision_row(shown, option) for option in options]
     yield from _table(iter(rows))
-    if not all(option.whole for option in bought):
-        yield "*: as it is, the study does not allow so many; levels, catch trials, opposite"
-        yield "repeats or the longest session would have to change with design.repeats."
-    yield "<: this study. Of the scale: what that is at the largest change predicted here."
-    scatter = f"Scores are taken to scatter by an SD of {RESIDUAL_SD:.2f} points"
+    if not all(option.whole for option in options):
+        yield "*: not allowed by the study as it is; levels, catch trials, opposite repeats or"
+        yield "max_session_s would have to change with design.repeats."
+    yield "<: this study. Of the scale: the half-width at the largest change predicted here."
+    scatter = f"Scores are assumed to scatter with an SD of {RESIDUAL_SD:.2f} points"
     yield f"{scatter}, as in the paper's Table 4."
 
 
-def _purchase_row(shown: Preview, bought: Precision) -> tuple[str, str, str, str, str]:
-    here = " <" if bought.repeats == shown.study.design.repeats else " *" * (not bought.whole)
-    known = bought.half_width < float("inf")
+def _precision_row(shown: Preview, option: Precision) -> tuple[str, str, str, str, str]:
+    here = " <" if option.repeats == shown.study.design.repeats else " *" * (not option.whole)
+    known = option.half_width < float("inf")
     return (
-        f"{bought.repeats}{here}",
-        str(bought.trials),
-        f"{bought.duration_s / 60:.1f}",
-        f"{bought.half_width:.2f}" if known else "not determined",
-        f"{bought.relative:.0%}" if known else "",
+        f"{option.repeats}{here}",
+        str(option.trials),
+        f"{option.duration_s / 60:.1f}",
+        f"{option.half_width:.2f}" if known else "not determined",
+        f"{option.relative:.0%}" if known else "",
     )

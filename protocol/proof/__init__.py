@@ -1,4 +1,4 @@
-"""An independent check of plans, which uses nothing of the code that drew them.
+"""An independent check of plans, which shares no code with the module that draws them.
 
 Public face: `trial_checks.plan_problems`, `cohort.cohort_problems`, `cohort.carry_over`.
 """

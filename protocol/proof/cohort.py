@@ -1,4 +1,4 @@
-"""Checks of a cohort: each plan by itself, and carry-over, counted and held against the design."""
+"""Checks of a cohort: each plan by itself, and the carry-over compared with the design."""
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -12,13 +12,13 @@ from protocol.study.study import Study
 
 
 def cohort_problems(study: Study, plans: Sequence[Plan]) -> list[Problem]:
-    """Return every promise that the plans of slots 0, 1, 2 and so on break."""
+    """Return every requirement that the plans of slots 0, 1, 2 and so on violate."""
     if not plans:
         return [_problem("there must be at least one plan", "none")]
     found = [problem for plan in plans for problem in plan_problems(study, plan)]
     if [plan.slot for plan in plans] != list(range(len(plans))):
         found.append(_problem("slots must be numbered from 0", [plan.slot for plan in plans]))
-    if balance_promised(study, len(plans)):
+    if balance_guaranteed(study, len(plans)):
         pairs, names = _pairs(plans, within_blocks=True), study.conditions
         counts = {(a, b): pairs[a, b] for a in names for b in names if a != b}
         if len(set(counts.values())) > 1:
@@ -34,7 +34,7 @@ Pairs = Counter[tuple[str | None, str | None]]
 
 
 def _pairs(plans: Iterable[Plan], *, within_blocks: bool) -> Pairs:
-    """How often one condition directly follows another, within blocks or across their ends."""
+    """Count how often one condition directly follows another, within or across blocks."""
     pairs: Pairs = Counter()
     for plan in plans:
         main = [trial for trial in plan.trials if trial.kind == "trial"]
@@ -53,23 +53,23 @@ Counts = tuple[tuple[int, ...], ...]
 class CarryOver:
     """First-order carry-over: `counts[a][b]` is how often condition b directly follows a.
 
-    Counted among the scored trials of each block; catch trials in between are passed over.
+    Scored trials of the same block are counted; catch trials between them are ignored.
     `across_blocks` counts the pairs on both sides of a block's end, which no design balances.
-    `promised` says whether the design undertakes to balance a cohort of this size.
+    `guaranteed` says whether the design balances every cohort of this size.
     """
 
     counts: Counts
     across_blocks: Counts
-    promised: bool
+    guaranteed: bool
 
     @property
     def balanced(self) -> bool:
-        """Whether every condition follows every other one equally often, and at all."""
+        """Whether every condition follows every other one, and equally often."""
         return self.imbalance == 0 and 0 not in self._pairs
 
     @property
     def imbalance(self) -> int:
-        """Largest difference between two counts of different conditions."""
+        """Largest difference between the counts of two pairs of different conditions."""
         return max(self._pairs, default=0) - min(self._pairs, default=0)
 
     @property
@@ -83,7 +83,7 @@ def carry_over(study: Study, plans: Sequence[Plan]) -> CarryOver:
     return CarryOver(
         counts=_counts(study.conditions, _pairs(plans, within_blocks=True)),
         across_blocks=_counts(study.conditions, _pairs(plans, within_blocks=False)),
-        promised=balance_promised(study, len(plans)),
+        guaranteed=balance_guaranteed(study, len(plans)),
     )
 
 
@@ -91,11 +91,11 @@ def _counts(names: Sequence[str], pairs: Pairs) -> Counts:
     return tuple(tuple(pairs[before, after] for after in names) for before in names)
 
 
-def balance_promised(study: Study, participants: int) -> bool:
-    """Return whether carry-over is exactly balanced for a cohort of this size.
+def balance_guaranteed(study: Study, participants: int) -> bool:
+    """Return whether the design balances carry-over exactly for a cohort of this size.
 
-    It is when the cohort is a multiple of n (n even) or 2n (n odd) conditions, in Williams order,
-    and neither grouping nor a bound on beam swaps is asked for.
+    It does in Williams order, without grouping and without a limit on beam swaps, if the cohort is
+    a multiple of n (n conditions, n even) or 2n (n odd).
     """
     design = study.design
     free = design.group_by_beam == "no" and design.max_beam_swaps is None

@@ -1,4 +1,4 @@
-"""Checks that no trial of a plan exceeds a limit of its rig."""
+"""Checks of a plan's trials against the limits of the rig."""
 
 from collections.abc import Iterator
 from itertools import pairwise
@@ -33,7 +33,7 @@ def limit_violations(study: Study, plan: Plan) -> Violations:
 
 
 def _measures(study: Study, touch: Touch) -> Iterator[tuple[str, float, float]]:
-    """(what, how much, at most) of a touch."""
+    """Yield (quantity, value, limit) for each limited quantity of a touch."""
     rig = study.rig
     volts = max(touch.voltage_v, touch.end_voltage_v)
     hertz = max(touch.frequency, touch.end_frequency) * rig.nominal_resonance_hz
@@ -72,7 +72,7 @@ def _beams(study: Study, plan: Plan) -> Violations:
 
 
 def plan_s(study: Study, plan: Plan) -> float:
-    """Return the duration of the plan from the study's own timing, counted here afresh, s."""
+    """Return the duration of the plan, s, computed here independently of `protocol.plan`."""
     timing, rig = study.timing, study.rig
     mounted = _mounted(study, plan)
     total_s = timing.beam_swap_s * sum(a != b for a, b in pairwise(mounted))

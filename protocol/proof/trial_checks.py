@@ -1,6 +1,6 @@
-"""Checks of a plan and its trials against the study, without anything of what drew it.
+"""Checks of a plan and its trials against the study, independent of the code that drew it.
 
-Each check below states one promise of the study file afresh; none asks how the plan came about.
+Each check states one requirement of the study file anew, without regard to how a plan is drawn.
 """
 
 from collections import Counter
@@ -19,7 +19,7 @@ Violations = Iterator[tuple[str, str]]
 
 
 def content_violations(study: Study, plan: Plan) -> Violations:
-    """Yield (rule, value) for each trial that is not its condition's."""
+    """Yield (rule, value) for each trial that does not match its condition."""
     conditions = {condition.name: condition for condition in study.condition}
     for trial in plan.trials:
         if trial.condition is not None and trial.condition not in conditions:
@@ -62,7 +62,7 @@ def _touched(condition: Condition, trial: Trial) -> Iterator[str]:
 
 
 def _course(touch: Touch, level: float, *, backwards: bool) -> tuple[list[float], list[object]]:
-    """What changes during a touch, from beginning to end, and what stays."""
+    """Return what changes during a touch, from beginning to end, and what stays constant."""
     changing = [touch.voltage_v * level, touch.end_voltage_v * level]
     changing += [touch.frequency, touch.end_frequency]
     if backwards:
@@ -92,7 +92,7 @@ def _opposites(study: Study, plan: Plan) -> Violations:
 
 
 def plan_problems(study: Study, plan: Plan) -> list[Problem]:
-    """Return every promise of `study` that `plan` breaks; none if the plan is proved."""
+    """Return every requirement of `study` that `plan` violates; an empty list proves the plan."""
     checks = (
         _numbering,
         _opening,
@@ -135,7 +135,7 @@ def _opening(study: Study, plan: Plan) -> Violations:
         yield "a session must begin with the study's opening", str([t.kind for t in first])
     for trial in first:
         if trial.scored or trial.opposite or trial.level != 1:
-            yield "an opening must be as in the file, and not scored", f"trial {trial.index}"
+            yield "an opening must match the study file and not be scored", f"trial {trial.index}"
     if len(_kinds(plan, "baseline", "signal")) != len(wanted):
         yield "the opening must come once", str(len(_kinds(plan, "baseline", "signal")))
 
@@ -171,9 +171,9 @@ def _blocks(study: Study, plan: Plan) -> Violations:
         yield "blocks must be numbered from 1 and follow one another", str(blocks)
     for number, names in _by_block(plan):
         if len(set(names)) != len(names) and study.design.order != "random":
-            yield "no condition may come twice in a block", f"block {number}: {names}"
+            yield "a condition must not come twice in a block", f"block {number}: {names}"
     if study.design.order == "fixed" and plan.sequence != study.conditions * study.design.repeats:
-        yield "a fixed order must be that of the file", str(plan.sequence)
+        yield "a fixed order must be that of the study file", str(plan.sequence)
 
 
 def _by_block(plan: Plan) -> list[tuple[int, list[str | None]]]:
@@ -185,7 +185,7 @@ def _runs(study: Study, plan: Plan) -> Violations:
     longest = study.design.max_alike_in_row
     for name, run in groupby(plan.sequence):
         if (length := len(list(run))) > longest:
-            yield f"at most {longest} trials in a row may be alike", f"{length} of {name}"
+            yield f"a condition must not come more than {longest} x in a row", f"{length} of {name}"
 
 
 def _catches(study: Study, plan: Plan) -> Violations:
@@ -195,7 +195,7 @@ def _catches(study: Study, plan: Plan) -> Violations:
     for before, after in pairwise(catches):
         if after.index - before.index - 1 < study.design.catch_apart:
             yield (
-                f"{study.design.catch_apart} other trials must stand between catch trials",
+                f"at least {study.design.catch_apart} other trials must separate catch trials",
                 f"trials {before.index} and {after.index}",
             )
     for trial in catches:
@@ -203,7 +203,7 @@ def _catches(study: Study, plan: Plan) -> Violations:
         if before.kind == "practice" or before.block != trial.block:
             yield "a catch trial must not open a block", f"trial {trial.index}"
         if _beam_set(study, before.touches) != _beam_set(study, trial.touches):
-            yield "a catch trial must need the one beam that is mounted", f"trial {trial.index}"
+            yield "a catch trial must need only the mounted beam", f"trial {trial.index}"
 
 
 def _breaks(study: Study, plan: Plan) -> Violations:
@@ -214,14 +214,14 @@ def _breaks(study: Study, plan: Plan) -> Violations:
         due = opens and every > 0 and (trial.block - 1) % every == 0
         if trial.break_s != (wanted_s if due else 0.0):
             yield (
-                f"a break must precede every {every} blocks, and nothing else",
+                f"breaks must come every {every} blocks and nowhere else",
                 f"{trial.break_s:g} s before trial {trial.index}",
             )
         block_before = max(block_before, trial.block)
 
 
 def _groups(study: Study, plan: Plan) -> Violations:
-    """Trials on the same set of beams stand together, as far as was asked."""
+    """Check that trials on the same set of beams are grouped as the design requires."""
     asked = study.design.group_by_beam
     main = _kinds(plan, "trial")
     sets = {c.name: _beam_set(study, c.touches) for c in study.condition}
@@ -231,7 +231,7 @@ def _groups(study: Study, plan: Plan) -> Violations:
     for stretch in stretches:
         seen = [beams for beams, _ in groupby(sets[trial.condition or ""] for trial in stretch)]
         if len(seen) != len(set(seen)):
-            yield f"trials on the same beams must stand together per {asked}", str(seen)
+            yield f"trials on the same beams must be grouped within each {asked}", str(seen)
 
 
 def _beam_set(study: Study, touches: Sequence[Touch]) -> tuple[str | None, ...]:

@@ -1,4 +1,4 @@
-"""Precision of a sensitivity: Student's t against scipy, the laws, and recovery by simulation."""
+"""Precision by session length: Student's t against scipy, laws, and recovery by simulation."""
 
 from math import inf, isinf
 
@@ -29,14 +29,14 @@ def test_quantiles_of_t(df: int) -> None:
     assert t_quantile(0.975, df) == pytest.approx(float(t.ppf(0.975, df)), rel=1e-9)
 
 
-def test_spreading_contrasts_is_worth_four_times_the_repetitions() -> None:
+def test_twice_the_spread_of_contrasts_equals_four_times_the_repeats() -> None:
     contrasts = [0.1, 0.2, 0.3, 0.4] * 50
     wide = [2 * contrast for contrast in contrasts]
     narrow, spread = (half_width(squared_spread(x), 200) for x in (contrasts * 4, wide))
     assert narrow == pytest.approx(spread)
 
 
-def test_the_interval_holds_the_true_gain_as_often_as_it_says() -> None:
+def test_the_interval_covers_the_true_gain_at_its_nominal_rate() -> None:
     rng = np.random.default_rng(1)
     x = np.linspace(0, 0.6, 20)
     y = 3 + 5 * x + rng.normal(0, RESIDUAL_SD, (4_000, 20))
@@ -46,25 +46,25 @@ def test_the_interval_holds_the_true_gain_as_often_as_it_says() -> None:
     assert np.mean(np.abs(slopes - 5) < by_normal) == pytest.approx(0.95, abs=0.01)
 
 
-def test_longer_sessions_buy_narrower_intervals() -> None:
+def test_longer_sessions_give_narrower_intervals() -> None:
     sessions = [
         SessionLength(repeats=n, duration_s=100 + 200 * n, whole=True) for n in (1, 2, 4, 5, 8, 16)
     ]
-    bought = precisions([0.1, 0.2, 0.3, 0.4] * 5, 4, sessions)
-    assert [b.repeats for b in bought] == [1, 2, 4, 5, 8, 16]
-    assert [b.duration_s for b in bought][2] == 900
-    widths = [b.half_width for b in bought]
+    found = precisions([0.1, 0.2, 0.3, 0.4] * 5, 4, sessions)
+    assert [b.repeats for b in found] == [1, 2, 4, 5, 8, 16]
+    assert [b.duration_s for b in found][2] == 900
+    widths = [b.half_width for b in found]
     assert widths == sorted(widths, reverse=True)
-    assert bought[2].trials == 20
+    assert found[2].trials == 20
 
 
-def test_contrasts_that_do_not_differ_tell_nothing() -> None:
-    bought = precisions([0.3] * 5, 1, [SessionLength(repeats=1, duration_s=60, whole=True)])
-    assert all(isinf(b.half_width) and b.relative == inf for b in bought)
+def test_equal_contrasts_do_not_determine_a_slope() -> None:
+    found = precisions([0.3] * 5, 1, [SessionLength(repeats=1, duration_s=60, whole=True)])
+    assert all(isinf(b.half_width) and b.relative == inf for b in found)
     assert half_width(1.0, 2) == inf
 
 
-def test_what_a_study_allows_is_told_from_what_it_does_not() -> None:
+def test_sessions_the_study_does_not_allow_are_marked() -> None:
     text = template("extended")
     for option in session_lengths(parsed_study(text)):
         other = text.replace("repeats = 4", f"repeats = {option.repeats}", 1)
@@ -77,7 +77,7 @@ def test_what_a_study_allows_is_told_from_what_it_does_not() -> None:
 
 
 @pytest.mark.parametrize("repeats", [1, 2, 4, 8])
-def test_breaks_and_beam_swaps_are_those_of_each_session(repeats: int) -> None:
+def test_each_session_counts_its_own_breaks_and_beam_swaps(repeats: int) -> None:
     wishes = {"group_by_beam": "session", "break_every_blocks": 4, "break_s": 300}
     wishes |= {"max_alike_in_row": 8}
     study = Study.model_validate(small_document(3, 2, repeats=repeats, **wishes))
@@ -91,7 +91,7 @@ def test_breaks_and_beam_swaps_are_those_of_each_session(repeats: int) -> None:
 
 @settings(max_examples=60, deadline=None)
 @given(documents())
-def test_every_sound_study_has_shorter_or_longer_sessions(document: Document) -> None:
+def test_every_valid_study_has_shorter_or_longer_sessions(document: Document) -> None:
     study = Study.model_validate(document)
     if problems(study):
         return
@@ -103,12 +103,12 @@ def test_every_sound_study_has_shorter_or_longer_sessions(document: Document) ->
 
 
 @pytest.mark.parametrize("order", ["random", "blocks"])
-def test_no_more_is_planned_than_a_study_may_ask_for(order: str) -> None:
+def test_repeats_stay_within_what_a_study_file_may_set(order: str) -> None:
     study = Study.model_validate(small_document(2, repeats=12, order=order))
     assert [option.repeats for option in session_lengths(study)] == [1, 2, 6, 12, 13]
 
 
-def test_whatever_is_wished_for_there_is_a_shorter_and_a_longer_session() -> None:
+def test_relaxed_constraints_allow_shorter_and_longer_sessions() -> None:
     text = template("extended").replace("catch_trials = 4", "catch_trials = 6")
     options = list(session_lengths(parsed_study(text)))
     assert [option.repeats for option in options] == [1, 2, 4, 5, 8, 16]

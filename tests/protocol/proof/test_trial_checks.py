@@ -1,4 +1,4 @@
-"""The plan's proof: whatever is changed in a plan is noticed and named."""
+"""The independent check of plans: every change to a plan is detected and named."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -69,20 +69,20 @@ CASES: list[tuple[Callable[[Trial], bool], Change, str]] = [
     (lambda t: t.kind == "trial", lambda t: replace(t, index=0), "trials must be numbered"),
     (lambda t: t.kind == "catch", lambda t: replace(t, kind="trial"), "must come 4 times"),
     (lambda t: t.kind == "catch", lambda t: replace(t, kind="practice"), "practice must be trials"),
-    (lambda t: t.break_s > 0, lambda t: replace(t, break_s=0.0), "a break must precede every 2"),
+    (lambda t: t.break_s > 0, lambda t: replace(t, break_s=0.0), "breaks must come every 2 blocks"),
     (lambda t: t.kind == "signal", lambda t: replace(t, touches=()), "begin with the study's open"),
     (
         lambda t: t.kind == "signal",
         lambda t: replace(t, scored=True),
-        "in the file, and not scored",
+        "match the study file and not be scored",
     ),
-    (lambda t: t.kind == "signal", lambda t: replace(t, level=0.5), "in the file, and not scored"),
-    (lambda t: t.kind == "catch", elsewhere, "must need the one beam that is mounted, got trial"),
+    (lambda t: t.kind == "signal", lambda t: replace(t, level=0.5), "match the study file and not"),
+    (lambda t: t.kind == "catch", elsewhere, "must need only the mounted beam, got trial"),
 ]
 
 
 @pytest.mark.parametrize(("where", "change", "message"), CASES)
-def test_a_changed_trial_is_noticed(
+def test_a_changed_trial_is_detected(
     where: Callable[[Trial], bool], change: Change, message: str
 ) -> None:
     assert plan_problems(STUDY, PLAN) == []
@@ -91,8 +91,8 @@ def test_a_changed_trial_is_noticed(
         raise AssertionError(found)
 
 
-def test_every_exchange_of_two_trials_is_noticed() -> None:
-    """Neighbours may be exchanged within a block unless a promise of their order is broken."""
+def test_every_exchange_of_two_trials_is_detected() -> None:
+    """Trials of a block may be exchanged unless this violates a requirement on their order."""
     length = len(PLAN.trials)
     for first in range(length):
         for second in range(first + 1, length):
@@ -106,13 +106,13 @@ def test_every_exchange_of_two_trials_is_noticed() -> None:
 FREE = {"trial", "catch", "practice"}
 
 
-def test_a_missing_trial_is_noticed() -> None:
+def test_a_missing_trial_is_detected() -> None:
     for missing in range(len(PLAN.trials)):
         order = [index for index in range(len(PLAN.trials)) if index != missing]
         assert plan_problems(STUDY, reordered(order))
 
 
-def test_an_unbalanced_cohort_is_noticed() -> None:
+def test_an_unbalanced_cohort_is_detected() -> None:
     plans = [plan(STUDY, slot) for slot in range(10)]
     assert cohort_problems(STUDY, plans) == []
     twice = [*plans[:9], replace(plans[0], slot=9)]
@@ -122,7 +122,7 @@ def test_an_unbalanced_cohort_is_noticed() -> None:
     ]
 
 
-def test_neighbours_alike_are_noticed() -> None:
+def test_equal_neighbours_are_detected() -> None:
     study = small(2, repeats=2, max_alike_in_row=1)
     good = plan(study, 0)
     order = [0, 1, 3, 2]
@@ -133,15 +133,15 @@ def test_neighbours_alike_are_noticed() -> None:
     bad = replace(good, trials=trials, sequence=tuple(trial.condition or "" for trial in trials))
     assert any(a == b for a, b in pairwise(bad.sequence))
     rules = [problem.rule for problem in plan_problems(study, bad)]
-    assert rules == ["at most 1 trials in a row may be alike"]
+    assert rules == ["a condition must not come more than 1 x in a row"]
 
 
-def test_scattered_beams_are_noticed() -> None:
+def test_scattered_beams_are_detected() -> None:
     free, grouped = (
         small(3, beams=2, repeats=2, **design)
         for design in ({}, {"group_by_beam": "session", "max_beam_swaps": 2})
     )
     plans = [plan(free, slot) for slot in range(6)]
     rules = {problem.rule for one in plans for problem in plan_problems(grouped, one)}
-    assert "trials on the same beams must stand together per session" in rules
+    assert "trials on the same beams must be grouped within each session" in rules
     assert "at most 2 beam swaps are allowed" in rules

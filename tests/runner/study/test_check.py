@@ -82,21 +82,18 @@ def test_longer_sessions_of_widely_spread_contrasts_buy_precision(
     assert bought[1]["duration_s"] < bought[4]["duration_s"] < bought[16]["duration_s"]
 
 
-def test_what_the_minutes_buy_is_said_in_whole_sentences(
+def test_precision_by_session_length_is_explained_in_whole_sentences(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert typed("check", study(tmp_path)) == 0
     lines = capsys.readouterr().out.splitlines()
     table = next(n for n, line in enumerate(lines) if line.startswith("repeats"))
     above, below = " ".join(lines[table - 3 : table]), " ".join(lines[-2:])
-    assert above.startswith("What the minutes buy: how well a session of so many repeats tells")
-    assert above.endswith("goes this far to either side, from that person's scores alone:")
-    assert below.startswith("<: this study. Of the scale: what that is at the largest change")
-    assert below.endswith("scatter by an SD of 0.97 points, as in the paper's Table 4.")
-    assert (
-        "Predicted: by how much ln(friction) changes in the model, + in the expected"
-        in " ".join(lines)
-    )
+    assert above.startswith("Precision by session length: how precisely a session estimates one")
+    assert above.endswith("Half-width of the 95 % interval, from that person's scores alone:")
+    assert below.startswith("<: this study. Of the scale: the half-width at the largest change")
+    assert below.endswith("scatter with an SD of 0.97 points, as in the paper's Table 4.")
+    assert "Pred.: predicted change of ln(friction), positive in the expected" in " ".join(lines)
 
 
 def test_the_preview_can_be_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -126,8 +123,8 @@ def test_what_never_follows_within_a_block_is_not_called_balanced(
     assert (found["counts"], found["balanced"]) == ([[0, 0], [0, 0]], False)
     assert typed("check", str(tmp_path), "--participants", "2") == 0
     assert (
-        "Carry-over  not balanced over 2 participants (none directly follows another within a "
-        "block): this design does not balance it" in capsys.readouterr().out
+        "Carry-over  not balanced over 2 participants (no condition directly follows another "
+        "within a block): this design cannot balance it" in capsys.readouterr().out
     )
 
 
@@ -136,7 +133,7 @@ def test_a_bound_on_beam_swaps_is_not_told_to_be_balanced_by_a_larger_cohort(
 ) -> None:
     changed = study(tmp_path, "paper", ("[design]", "[design]\nmax_beam_swaps = 6"))
     assert typed("check", changed, "--participants", "9") == 0
-    assert "this design does not balance it" in capsys.readouterr().out
+    assert "this design cannot balance it" in capsys.readouterr().out
 
 
 def test_columns_stand_under_one_another_in_chinese_as_well(
@@ -199,8 +196,8 @@ def test_one_of_a_thing_is_not_many(tmp_path: Path, capsys: pytest.CaptureFixtur
     shown = capsys.readouterr().out
     assert shown.startswith("Plan of the first of 1 participant (session 1)\n")
     assert (
-        "Carry-over  not balanced over 1 participant (counts differ by up to 1): take a mul"
-        in shown
+        "Carry-over  not balanced over 1 participant (counts differ by up to 1): use a multiple of "
+        "10 participants" in shown
     )
 
 

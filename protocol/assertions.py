@@ -1,4 +1,4 @@
-"""What a study's own tests assert of its plans; each failure says whom, where and how much."""
+"""Assertions about plans for a study's own tests; each failure names participant and value."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -9,38 +9,38 @@ from protocol.study.study import Study
 
 
 def assert_proved(study: Study, cohort: Sequence[Plan]) -> None:
-    """Assert that every plan keeps every promise of the study file, by an independent check."""
+    """Assert that every plan meets every requirement of the study file, by an independent check."""
     if found := cohort_problems(study, cohort):
         raise AssertionError("\n".join(map(str, found)))
 
 
 def assert_never_above(cohort: Sequence[Plan], voltage_v: float) -> None:
-    """Assert that no touch has a larger amplitude (peak), V."""
+    """Assert that no touch has an amplitude (peak) above `voltage_v`."""
     for plan in cohort:
         for trial in plan.trials:
             for touch in trial.touches:
                 if touch.peak_voltage_v > voltage_v:
                     raise AssertionError(
-                        f"no amplitude may exceed {voltage_v:.12g} V, "
+                        f"every amplitude must be at most {voltage_v:.12g} V, "
                         f"got {touch.peak_voltage_v:.12g} V in trial {trial.index} "
                         f"({trial.condition or trial.kind}) of {_who(plan)}"
                     )
 
 
 def assert_each_condition(study: Study, cohort: Sequence[Plan], times: int) -> None:
-    """Assert that every participant feels every condition so often, catch trials not counted."""
+    """Assert that every participant has `times` trials of each condition, catch trials aside."""
     for plan in cohort:
         felt = Counter(trial.condition for trial in plan.trials if trial.kind == "trial")
         for name in study.conditions:
             if felt[name] != times:
                 raise AssertionError(
-                    f"every participant must feel {name} {times} times, got {felt[name]} for "
+                    f"every participant must have {times} trials of {name}, got {felt[name]} for "
                     f"{_who(plan)}"
                 )
 
 
 def assert_shorter_than(study: Study, cohort: Sequence[Plan], minutes: float) -> None:
-    """Assert that no session is expected to take so many minutes."""
+    """Assert that every session is expected to take less than `minutes`."""
     for plan in cohort:
         expected = session_s(study, plan) / 60
         if expected >= minutes:
@@ -51,12 +51,12 @@ def assert_shorter_than(study: Study, cohort: Sequence[Plan], minutes: float) ->
 
 
 def assert_beam_swaps(study: Study, cohort: Sequence[Plan], at_most: int) -> None:
-    """Assert that the operator swaps beams at most so often in a session."""
+    """Assert that the operator swaps beams at most `at_most` times per session."""
     for plan in cohort:
         swaps = plan_swaps(study, plan)
         if swaps > at_most:
             raise AssertionError(
-                f"at most {at_most} beam swaps are wanted, got {swaps} for {_who(plan)}"
+                f"a session must have at most {at_most} beam swaps, got {swaps} for {_who(plan)}"
             )
 
 

@@ -1,4 +1,4 @@
-"""The contract between runner and analysis: what a journal holds and how it adds up.
+"""The contract between runner and analysis: a journal's events and the state they lead to.
 
 Public face: `events.Event`, `events.StoredEvent`, `state.SessionState`, `state.folded`,
 `transitions.next_state`.

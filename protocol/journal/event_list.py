@@ -1,4 +1,4 @@
-"""The events in docs/journal.md, written from their records.
+"""The list of events in docs/journal.md, generated from their records.
 
 `python -m protocol.journal.event_list` prints that section of the page.
 """
@@ -16,11 +16,12 @@ from protocol.journal.json_record import JsonRecord, KeyOf, as_json, is_optional
 _INTRODUCTION = """\
 ## Events
 
-`protocol/journal/events.py` defines them; `python -m protocol.journal.event_list` writes this
-section from there.
+`protocol/journal/events.py` defines the events, and `python -m protocol.journal.event_list`
+generates this section from it.
 
-A payload is a JSON object with the keys below. Readers pass over keys that they do not know. A key
-that earlier builds did not write is read as the column *if absent* says; all others must be there.
+A payload is a JSON object with the keys below. Readers ignore keys that they do not know. If a key
+that earlier builds did not write is absent, it has the value in the column *if absent*; all other
+keys are required.
 """
 
 _PLAIN = {
@@ -41,7 +42,7 @@ def event_list() -> str:
 
 
 def _within(kinds: Iterable[type[JsonRecord]]) -> list[type[JsonRecord]]:
-    """Return the records that stand within those of `kinds`, each once."""
+    """Return the records contained in those of `kinds`, each once."""
     found = [part for kind in kinds for key in kind.json_keys() for part in _records(key.type)]
     return list(dict.fromkeys(found))
 
@@ -83,7 +84,7 @@ def _heading(kind: type[JsonRecord]) -> str:
 
 
 def _value(hint: Any) -> str:
-    """Return in words what JSON holds for a value of the type `hint`."""
+    """Return in words the JSON form of a value of type `hint`."""
     parts = [part for part in get_args(hint) if part is not NoneType]
     if is_optional(hint):
         return f"{_value(parts[0])}, or null"

@@ -1,7 +1,7 @@
-"""The events that a journal can hold: one record for each tag.
+"""The events of a journal: one record for each tag.
 
-This is the contract between the sessions that write a journal and all that read one. A tag, or a
-key of a payload, is written nowhere else. docs/journal.md is made of it.
+This is the contract between the sessions that write a journal and everything that reads one. Tags
+and payload keys are written nowhere else; docs/journal.md is generated from this module.
 """
 
 from collections.abc import Mapping
@@ -31,11 +31,11 @@ class Event(JsonRecord):
 
 @dataclass(frozen=True, kw_only=True)
 class SessionOpened(Event):
-    """A session begins: who takes part, and the whole plan."""
+    """A session begins: its participant and the whole plan."""
 
     TAG: ClassVar = "session-opened"
     REQUIRED: ClassVar = frozenset({"participant", "session", "kind", "conditions", "trials"})
-    """The keys without which nothing can be said about a session."""
+    """The keys that every reader of a session needs."""
 
     participant: Annotated[str, Key("pseudonym of the participant")]
     session: Annotated[int, Key("number of the session, from 1", missing=1)]
@@ -57,7 +57,7 @@ class SessionOpened(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class SessionResumed(Event):
-    """An interrupted session goes on; what may be another than before is said again."""
+    """An interrupted session continues; everything that may have changed is recorded again."""
 
     TAG: ClassVar = "session-resumed"
 
@@ -74,7 +74,7 @@ class SessionResumed(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class PracticeRenewed(Event):
-    """Practice is asked again after an interruption, if the study says so."""
+    """Practice is repeated after an interruption, if the study requires it."""
 
     TAG: ClassVar = "practice-renewed"
 
@@ -90,7 +90,7 @@ class DeviceArmed(Identity, Event):
 
 @dataclass(frozen=True, kw_only=True)
 class RigDescribed(Event):
-    """The operator has answered the study's questions."""
+    """The operator has answered the study's questions about the rig."""
 
     TAG: ClassVar = "rig-described"
 
@@ -111,17 +111,17 @@ class BeamMounted(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class ResonanceMeasured(Event):
-    """The beam's resonance is known."""
+    """The beam's resonance has been measured."""
 
     TAG: ClassVar = "resonance-measured"
 
     frequency_hz: Annotated[float, Key("frequency of the peak, Hz")]
-    tip_m_per_v: Annotated[float, Key("amplitude of the beam's tip there, m per V")]
+    tip_m_per_v: Annotated[float, Key("amplitude of the beam's tip at the peak, m per V")]
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrialStarted(Event):
-    """A trial begins, perhaps not for the first time."""
+    """A trial begins, for the first time or again."""
 
     TAG: ClassVar = "trial-started"
 
@@ -131,12 +131,12 @@ class TrialStarted(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class TouchStarted(Event):
-    """A touch begins; written before the output goes on."""
+    """A touch begins; written before the output is switched on."""
 
     TAG: ClassVar = "touch-started"
 
     touch: Annotated[int, Key("number of the touch in its trial, from 0")]
-    commanded: Annotated[CommandedDrive, Key("the drive it begins with")]
+    commanded: Annotated[CommandedDrive, Key("the drive at its beginning")]
     instruction: Annotated[
         InstructionResponse | None, Key("how the participant got ready", missing=None)
     ]
@@ -152,43 +152,45 @@ class TouchEnded(Event):
     read_back: Annotated[
         tuple[ReadBack, ...],
         Key(
-            "the device's own word at start and end, and five times a second in between where "
+            "read-back of the device at start and end, and five times a second in between if "
             "amplitude or frequency change",
             missing=(),
         ),
     ]
     trace: Annotated[
         tuple[TraceSample, ...],
-        Key("the finger's time (the device's, s), force (N) and position (m)", missing=()),
+        Key("device time (s), force (N) and position (m) of the finger", missing=()),
     ]
-    judged: Annotated[Compliance, Key("how it was judged", missing=NOT_JUDGED)]
+    judged: Annotated[Compliance, Key("whether it was as instructed", missing=NOT_JUDGED)]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Answered(Event):
-    """A trial is over and what it asked is answered."""
+    """A trial is over and its questions are answered."""
 
     TAG: ClassVar = "answered"
 
     index: Annotated[int, Key("number of the trial")]
     kind: Annotated[str, Key("its kind, as planned")]
     condition: Annotated[str | None, Key("name of its condition, if it has one")]
-    change: Annotated[str | None, Key("the answer, null if nothing is asked", missing=None)]
-    agrees: Annotated[bool | None, Key("whether it agrees with the expectation", missing=None)]
+    change: Annotated[str | None, Key("the answer, null if there was no question", missing=None)]
+    agrees: Annotated[bool | None, Key("whether it is the expected answer", missing=None)]
     score: Annotated[int | None, Key("the score, null if none was given")]
-    level: Annotated[float, Key("of the trial, as planned", missing=1.0)]
+    level: Annotated[float, Key("level of the trial, as planned", missing=1.0)]
     opposite: Annotated[bool, Key("whether its touches came in the opposite order", missing=False)]
-    reaction_time_s: Annotated[tuple[float, ...], Key("of each answer in turn, s", missing=())]
+    reaction_time_s: Annotated[tuple[float, ...], Key("time of each answer in turn, s", missing=())]
     traces: Annotated[
         tuple[Mapping[str, Any] | None, ...],
         Key("how each answer came about, see [window.md](window.md)", missing=()),
     ]
-    judged: Annotated[tuple[Compliance, ...], Key("how each touch was judged", missing=())]
+    judged: Annotated[
+        tuple[Compliance, ...], Key("whether each touch was as instructed", missing=())
+    ]
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrialAborted(Event):
-    """A trial ended before it was answered; it is done again."""
+    """A trial ended before it was answered; it will be repeated."""
 
     TAG: ClassVar = "trial-aborted"
 
@@ -198,7 +200,7 @@ class TrialAborted(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class Paused(Event):
-    """A pause at the operator's wish begins."""
+    """A pause requested by the operator begins."""
 
     TAG: ClassVar = "paused"
 
@@ -212,7 +214,7 @@ class Unpaused(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class NoteTaken(Event):
-    """The operator has written something down."""
+    """The operator has made a note."""
 
     TAG: ClassVar = "note"
 
@@ -238,7 +240,7 @@ class SessionCompleted(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class TrialExcluded(Event):
-    """A trial is taken out of the analysis."""
+    """A trial is excluded from the analysis."""
 
     TAG: ClassVar = "trial-excluded"
 
@@ -248,7 +250,7 @@ class TrialExcluded(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class SessionExcluded(Event):
-    """The whole session is taken out of the analysis."""
+    """The whole session is excluded from the analysis."""
 
     TAG: ClassVar = "session-excluded"
 
@@ -264,7 +266,7 @@ class Withdrawn(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class StudyAmended(Event):
-    """A changed study file is accepted; in the chain `@study`."""
+    """A changed study file is accepted; recorded in the chain `@study`."""
 
     TAG: ClassVar = "study-amended"
 
@@ -280,7 +282,7 @@ class ScoresImported(Event):
     kind: ClassVar = "published"
     slot: ClassVar = None
     trials: ClassVar[tuple[PlannedTrial, ...]] = ()
-    """Nothing is known of how it was done: what `SessionOpened` says of it is the same for all."""
+    """Constants in place of the fields of `SessionOpened`, since the table says nothing of them."""
 
     participant: Annotated[str, Key("the subject's name in the table")]
     session: Annotated[int, Key("number of the session", missing=1)]
@@ -321,18 +323,18 @@ TAGS: Mapping[str, type[Event]] = {event.TAG: event for event in EVENTS}
 
 
 def event_of(tag: str, payload: Mapping[str, Any]) -> Event:
-    """Return the event that a journal holds as `tag` and `payload`.
+    """Return the event stored in a journal as `tag` and `payload`.
 
     Raises:
-        KeyError: no event has this tag, or the payload lacks what every build has written.
-        TypeError, AttributeError: a value has another shape than any build has written.
+        KeyError: no event has this tag, or the payload lacks a required key.
+        TypeError, AttributeError: a value has a shape that no build has written.
     """
     return TAGS[tag].from_json(payload)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class StoredEvent:
-    """An event as it stands in a session's chain; its payload is empty once erased."""
+    """An event as stored in a session's chain; its payload is empty once erased."""
 
     seq: int
     tag: str
@@ -343,5 +345,5 @@ class StoredEvent:
 
     @property
     def record(self) -> Event:
-        """What happened, read anew each time; an erased event has lost it. Raises as `event_of`."""
+        """The event, parsed at each access; it is lost once erased. Raises as `event_of`."""
         return event_of(self.tag, self.payload)

@@ -1,4 +1,4 @@
-"""Records that stand in a journal as JSON: their keys, and how each one is read and written."""
+"""Records stored in a journal as JSON: their keys, and how each is read and written."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -12,9 +12,9 @@ _Reader = Callable[[Any], Any]
 
 @dataclass(frozen=True)
 class Key:
-    """What a key of a payload means, and what it means that an earlier build did not write it.
+    """The meaning of a payload key, and its value where an earlier build did not write it.
 
-    Without `missing` every build has written the key.
+    A key without `missing` is required: every build has written it.
     """
 
     meaning: str
@@ -27,7 +27,7 @@ class Key:
 
 
 class KeyOf(NamedTuple):
-    """A key of a record: its name, its type, what it means, and what reads its value."""
+    """A key of a record: its name, its type, its meaning and the reader of its value."""
 
     name: str
     type: Any
@@ -39,12 +39,12 @@ class KeyOf(NamedTuple):
 class JsonRecord:
     """A frozen dataclass whose fields are the keys of a JSON object.
 
-    Every field is annotated as `Annotated[type, Key(...)]`. The types say how JSON is read: another
-    record, a named tuple, a tuple of any of these, or a plain value.
+    Every field is annotated as `Annotated[type, Key(...)]`. The type determines how the JSON value
+    is read: as another record, a named tuple, a tuple of any of these, or a plain value.
     """
 
     def to_json(self) -> dict[str, Any]:
-        """Return the object as JSON holds it, of dicts, lists and plain values."""
+        """Return the record as a JSON object of dicts, lists and plain values."""
         return {key.name: as_json(getattr(self, key.name)) for key in self.json_keys()}
 
     @classmethod
@@ -52,8 +52,8 @@ class JsonRecord:
         """Return the record of a JSON object; keys that this build does not know are ignored.
 
         Raises:
-            KeyError: a key is missing that every build has written.
-            TypeError, AttributeError: a value has another shape than any build has written.
+            KeyError: a required key is missing.
+            TypeError, AttributeError: a value has a shape that no build has written.
         """
         return cls(
             **{
@@ -65,7 +65,7 @@ class JsonRecord:
     @classmethod
     @cache
     def json_keys(cls) -> tuple[KeyOf, ...]:
-        """Return the keys of the object in the order of writing."""
+        """Return the keys of the object in the order in which they are written."""
         hints = get_type_hints(cls, include_extras=True)
         described = [
             (name, *get_args(hint)) for name, hint in hints.items() if get_origin(hint) is Annotated
@@ -74,12 +74,12 @@ class JsonRecord:
 
 
 def is_optional(hint: Any) -> bool:
-    """Return whether the type `hint` is another one or None."""
+    """Return whether `hint` is a type such as `int | None`."""
     return get_origin(hint) is UnionType
 
 
 def as_json(value: Any) -> Any:
-    """Return `value` as JSON holds it, of dicts, lists and plain values."""
+    """Return `value` as JSON: dicts, lists and plain values."""
     if isinstance(value, JsonRecord):
         return value.to_json()
     if isinstance(value, Mapping):
@@ -90,7 +90,7 @@ def as_json(value: Any) -> Any:
 
 
 def _reader(hint: Any) -> _Reader:
-    """Return what makes a value of the type `hint` of JSON."""
+    """Return the function that converts JSON to a value of type `hint`."""
     if is_optional(hint):
         return _optional(_reader(next(part for part in get_args(hint) if part is not NoneType)))
     if get_origin(hint) is tuple:

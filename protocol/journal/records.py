@@ -1,4 +1,4 @@
-"""Records within events, and what device and sessions share: the drive, what was read back."""
+"""Records within events, and those that device and sessions share: drive and read-back."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,50 +9,50 @@ from protocol.journal.json_record import JsonRecord, Key
 
 @dataclass(frozen=True, kw_only=True)
 class PlannedTrial(JsonRecord):
-    """A trial as it was planned, with what its touches are to be."""
+    """A trial as planned, with its touches."""
 
     index: Annotated[int, Key("number of the trial in its session, from 0")]
     block: Annotated[int, Key("number of its block, 0 before the first one", missing=0)]
     kind: Annotated[str, Key("`baseline`, `signal`, `practice`, `trial` or `catch`")]
     condition: Annotated[str | None, Key("name of its condition, if it has one")]
-    question: Annotated[str | None, Key("what is asked after it, if anything", missing=None)]
+    question: Annotated[str | None, Key("the question after it, if any", missing=None)]
     expected: Annotated[str | None, Key("the answer that the study expects", missing=None)]
     scored: Annotated[bool, Key("whether a score may be asked for", missing=False)]
     touches: Annotated[
         tuple[Mapping[str, Any], ...],
         Key("its touches, with the keys of a touch in [study-file.md](study-file.md)", missing=()),
     ]
-    level: Annotated[float, Key("what its condition's amplitudes were multiplied by", missing=1.0)]
+    level: Annotated[float, Key("factor on its condition's amplitudes", missing=1.0)]
     opposite: Annotated[bool, Key("whether its touches come in the opposite order", missing=False)]
-    break_s: Annotated[float, Key("least break before it, s", missing=0.0)]
+    break_s: Annotated[float, Key("shortest break before it, s", missing=0.0)]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Identity(JsonRecord):
-    """Who answered, how often it has booted, its time, and what a person should know of it."""
+    """The device's identity, boot count and clock, and remarks for the operator."""
 
     idn: Annotated[str, Key("its answer to `*IDN?`")]
-    boot: Annotated[int | None, Key("how often it has booted, if it counts", missing=None)]
+    boot: Annotated[int | None, Key("number of times it has booted, if it counts", missing=None)]
     device_time_s: Annotated[float | None, Key("its own clock, s", missing=None)]
-    dialect: Annotated[str, Key("what it speaks", missing="board")] = "board"
+    dialect: Annotated[str, Key("its command dialect", missing="board")] = "board"
     cleared_errors: Annotated[
-        tuple[str, ...], Key("what stood in its error queue before", missing=())
+        tuple[str, ...], Key("earlier errors, cleared from its error queue", missing=())
     ] = ()
-    remarks: Annotated[tuple[str, ...], Key("what a person should know of it", missing=())] = ()
+    remarks: Annotated[tuple[str, ...], Key("remarks for the operator", missing=())] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
 class CommandedDrive(JsonRecord):
-    """A drive that the device is set to."""
+    """The drive to which the device is set."""
 
     voltage_v: Annotated[float, Key("amplitude (peak), V")]
     frequency_hz: Annotated[float, Key("frequency, Hz")]
-    ramp_v_per_s: Annotated[float, Key("how fast the amplitude moves there, V/s")]
+    ramp_v_per_s: Annotated[float, Key("rate at which the amplitude ramps, V/s")]
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReadBack(JsonRecord):
-    """The drive as the device reports it, its monitor and its sensors, where it has them."""
+    """The drive, monitor and sensor readings that the device reports, as far as it has them."""
 
     output: Annotated[bool, Key("whether the output is on")]
     voltage_v: Annotated[float, Key("amplitude (peak), V")]
@@ -64,7 +64,7 @@ class ReadBack(JsonRecord):
 
 
 class TraceSample(NamedTuple):
-    """One look at the finger while it touches, in the journal a list of three numbers."""
+    """One sample of the finger during a touch; in the journal, a list of three numbers."""
 
     t_s: float
     force_n: float
@@ -72,15 +72,15 @@ class TraceSample(NamedTuple):
 
 
 LIFTED_N = 0.02
-"""Below this force of a sample the beam is not touched; the noise of a force sensor."""
+"""Force below which a sample counts as not touching; about the noise of a force sensor."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Compliance(JsonRecord):
-    """Whether a touch was as the instruction asked, where the rig felt a finger at all."""
+    """Whether a touch was as instructed, if the rig detected a finger at all."""
 
     force_n: Annotated[float | None, Key("median force of the finger, N", missing=None)]
-    force_ok: Annotated[bool | None, Key("whether it was the force asked for", missing=None)]
+    force_ok: Annotated[bool | None, Key("whether the force was as instructed", missing=None)]
     place_ok: Annotated[bool | None, Key("whether the finger was where it should be", missing=None)]
 
 
@@ -93,4 +93,4 @@ class InstructionResponse(JsonRecord):
 
     answer: Annotated[str, Key("`ready`")]
     reaction_time_s: Annotated[float, Key("from the instruction to the answer, s")]
-    trace: Annotated[Mapping[str, Any] | None, Key("how it came about, see [window.md](window.md)")]
+    trace: Annotated[Mapping[str, Any] | None, Key("how it was given, see [window.md](window.md)")]

@@ -1,4 +1,4 @@
-"""Where a session stands: a fold over its events, and nothing else."""
+"""The state of a session: a fold over its events."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -34,12 +34,12 @@ _FOLDED = frozenset(
         TrialExcluded,
     )
 )
-"""The other events change nothing but the name of the state; a long trace need not be read."""
+"""The other events change only the name of the state, so that long traces need not be parsed."""
 
 
 @dataclass(kw_only=True)
 class SessionState:
-    """What the events so far add up to. Only `take` changes it."""
+    """The result of the events so far. Only `take` changes it."""
 
     name: str = "new"
     opened: Opening | None = None
@@ -54,14 +54,14 @@ class SessionState:
 
     @property
     def planned(self) -> set[int]:
-        """Indices of the planned trials; none for published scores or after a withdrawal."""
+        """Indices of the planned trials; empty for published scores or after a withdrawal."""
         return set() if self.opened is None else {trial.index for trial in self.opened.trials}
 
     def take(self, event: StoredEvent) -> None:
-        """Take one more event in.
+        """Apply one more event.
 
         Raises:
-            NotAllowed: the state does not permit it; nothing changes.
+            NotAllowed: the state does not allow it; nothing changes.
             KeyError, TypeError, AttributeError: no build has written such a payload.
         """
         self.name = next_state(self.name, event.tag)
@@ -74,7 +74,7 @@ class SessionState:
             case SessionOpened() | ScoresImported():
                 self.opened = event
             case SessionResumed():
-                self.beam = None  # meanwhile another may have been mounted
+                self.beam = None  # another may have been mounted during the interruption
             case BeamMounted():
                 self.beam = event.beam
             case PracticeRenewed():
@@ -102,10 +102,10 @@ def _in_words(answer: Answered) -> str:
 
 
 def folded(events: Iterable[StoredEvent]) -> SessionState:
-    """Return the state that `events` lead to from the beginning.
+    """Return the state to which `events` lead from the beginning.
 
     Raises:
-        NotAllowed: one of them is not permitted where it stands.
+        NotAllowed: one of them is not allowed in the state before it.
         KeyError, TypeError, AttributeError: no build has written such a payload.
     """
     state = SessionState()

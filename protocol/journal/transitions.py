@@ -1,4 +1,4 @@
-"""The states of a session and the events that each one allows. Whatever is not here is refused.
+"""The states of a session and the events that each allows; all other events are refused.
 
 docs/journal.md draws the table.
 """
@@ -69,14 +69,14 @@ TRANSITIONS: dict[tuple[str, str], str] = {
 
 
 class NotAllowed(WorkFailed):
-    """An event that the session's state does not permit."""
+    """An event that the session's state does not allow."""
 
 
 def next_state(state: str, tag: str) -> str:
     """Return the state after the event `tag`.
 
     Raises:
-        NotAllowed: the table has no such transition; nothing changes.
+        NotAllowed: the table has no such transition.
     """
     try:
         return TRANSITIONS[state, tag]

@@ -1,4 +1,4 @@
-"""Assertions for studies' own tests: they pass where they should, and name what is wrong."""
+"""Assertions for studies' own tests: they pass for a valid study and name what is wrong."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,7 +13,7 @@ STUDY = parsed_study(template("extended"))
 COHORT = [plan(STUDY, slot) for slot in range(10)]
 
 
-def test_a_sound_study_passes() -> None:
+def test_a_valid_study_passes() -> None:
     that.assert_proved(STUDY, COHORT)
     that.assert_never_above(COHORT, voltage_v=200)
     that.assert_each_condition(STUDY, COHORT, times=4)
@@ -25,10 +25,10 @@ def test_a_sound_study_passes() -> None:
 @pytest.mark.parametrize(
     ("claim", "message"),
     [
-        (lambda: that.assert_never_above(COHORT, voltage_v=120), "exceed 120 V, got 200 V in tri"),
+        (lambda: that.assert_never_above(COHORT, voltage_v=120), "at most 120 V, got 200 V in tri"),
         (
             lambda: that.assert_each_condition(STUDY, COHORT, times=2),
-            "feel frequency 2 times, got 4 for participant 1, session 1",
+            "have 2 trials of frequency, got 4 for participant 1, session 1",
         ),
         (lambda: that.assert_shorter_than(STUDY, COHORT, minutes=20), r"less than 20 min, got 2\d"),
         (lambda: that.assert_beam_swaps(STUDY, COHORT, at_most=3), "at most 3 .* got 12 for part"),
@@ -44,6 +44,6 @@ def test_a_sound_study_passes() -> None:
         ),
     ],
 )
-def test_what_is_wrong_is_named(claim: Callable[[], None], message: str) -> None:
+def test_a_failure_names_what_is_wrong(claim: Callable[[], None], message: str) -> None:
     with pytest.raises(AssertionError, match=message):
         claim()

@@ -1,4 +1,4 @@
-"""The page on the journal lists the events as the records define them."""
+"""The list of events in docs/journal.md, as generated from their records."""
 
 from pathlib import Path
 
@@ -11,7 +11,7 @@ def test_the_page_is_up_to_date() -> None:
     _, _, rest = PAGE.partition("## Events\n")
     section, _, _ = rest.partition("\n## ")
     assert f"## Events\n{section}" == event_list(), (
-        "replace the section by what `python -m protocol.journal.event_list` prints"
+        "replace the section by the output of `python -m protocol.journal.event_list`"
     )
 
 

@@ -1,4 +1,4 @@
-"""Every event is written and read as the same JSON, by this build and by earlier ones."""
+"""Events of a journal: the same JSON is written and read by this build and by earlier ones."""
 
 import json
 from datetime import UTC, datetime
@@ -43,7 +43,7 @@ _OF_TYPE: dict[Any, st.SearchStrategy[Any]] = {
 
 
 def values(hint: Any) -> st.SearchStrategy[Any]:
-    """Anything that a field of this type may hold."""
+    """Return any value of a field of this type."""
     if hint in _OF_TYPE:
         return _OF_TYPE[hint]
     origin, parts = get_origin(hint), get_args(hint)
@@ -59,7 +59,7 @@ def values(hint: Any) -> st.SearchStrategy[Any]:
 
 
 def records(record: type[JsonRecord]) -> st.SearchStrategy[Any]:
-    """Any record of this class."""
+    """Return any record of this class."""
     return st.builds(record, **{key.name: values(key.type) for key in record.json_keys()})
 
 
@@ -178,21 +178,21 @@ PAYLOADS: dict[str, dict[str, Any]] = {
         "source_sha256": "2" * 64,
     },
 }
-"""A payload of each event as every journal holds it; these do not change."""
+"""A payload of each event as stored in every journal; these must not change."""
 
 
-def test_each_event_has_a_payload_of_its_own_here() -> None:
+def test_each_event_has_an_example_payload() -> None:
     assert list(PAYLOADS) == [event.TAG for event in EVENTS] == list(TAGS)
 
 
 @pytest.mark.parametrize("tag", PAYLOADS)
-def test_what_journals_hold_is_read_and_written_alike(tag: str) -> None:
+def test_stored_payloads_are_read_and_written_unchanged(tag: str) -> None:
     event = event_of(tag, PAYLOADS[tag])
     assert json.dumps(event.to_json()) == json.dumps(PAYLOADS[tag]), "in the same order too"
 
 
 @pytest.mark.parametrize("tag", PAYLOADS)
-def test_keys_of_later_builds_are_passed_over(tag: str) -> None:
+def test_keys_of_later_builds_are_ignored(tag: str) -> None:
     def later(value: Any) -> Any:
         if isinstance(value, dict):
             return {name: later(entry) for name, entry in value.items()} | {"later": [1]}
@@ -209,7 +209,7 @@ def test_keys_of_later_builds_are_passed_over(tag: str) -> None:
 
 
 @pytest.mark.parametrize("event", EVENTS)
-def test_what_an_earlier_build_did_not_write_has_a_meaning(event: type[Event]) -> None:
+def test_keys_that_earlier_builds_did_not_write_have_a_default(event: type[Event]) -> None:
     written = PAYLOADS[event.TAG]
     for key in event.json_keys():
         without = {name: value for name, value in written.items() if name != key.name}
@@ -220,7 +220,7 @@ def test_what_an_earlier_build_did_not_write_has_a_meaning(event: type[Event]) -
             assert getattr(event.from_json(without), key.name) == key.key.missing
 
 
-def test_events_of_earlier_builds_are_read_as_they_were_meant() -> None:
+def test_events_of_earlier_builds_are_read_with_their_defaults() -> None:
     session = {"participant": "P01", "kind": "participant", "conditions": ["a"]}
     opened = SessionOpened.from_json(session)
     assert (opened.session, opened.slot, opened.study_text, opened.versions) == (1, None, None, {})
@@ -234,7 +234,7 @@ def test_events_of_earlier_builds_are_read_as_they_were_meant() -> None:
     assert (touched.read_back, touched.trace, touched.judged.force_n) == ((), (), None)
 
 
-def test_what_an_event_holds_has_a_type_too() -> None:
+def test_records_within_events_are_typed() -> None:
     opened = SessionOpened.from_json(PAYLOADS["session-opened"])
     assert isinstance(opened.trials[0], PlannedTrial)
     assert opened.trials[0].touches[0]["voltage_v"] == 100.0
@@ -257,12 +257,12 @@ def test_what_an_event_holds_has_a_type_too() -> None:
         ("no such event", {}),
     ],
 )
-def test_what_no_build_has_written_is_refused(tag: str, payload: dict[str, Any]) -> None:
+def test_payloads_that_no_build_has_written_are_refused(tag: str, payload: dict[str, Any]) -> None:
     with pytest.raises((KeyError, TypeError, AttributeError), match=r"\w"):
         event_of(tag, payload)
 
 
-def test_a_stored_event_knows_what_happened() -> None:
+def test_a_stored_event_gives_its_record() -> None:
     noon = datetime(2026, 1, 1, 12, tzinfo=UTC)
     stored = StoredEvent(
         seq=3, tag="answered", utc=noon, monotonic_s=1.5, payload=PAYLOADS["answered"]
@@ -278,7 +278,7 @@ SOURCES = {
     for path in (ROOT / package).rglob("*.py")
 }
 COMMON_WORDS = {*TRANSITIONS.values(), "note"}
-"""Tags that are also the name of a state or of an order of the operator's."""
+"""Tags that are also the name of a state or of an operator command."""
 
 
 @pytest.mark.parametrize("tag", sorted(TAGS.keys() - COMMON_WORDS))
@@ -288,6 +288,6 @@ def test_a_tag_is_written_in_one_module(tag: str) -> None:
     assert holding == ["protocol/journal/events.py"]
 
 
-def test_nobody_looks_a_key_of_a_payload_up() -> None:
+def test_no_module_looks_up_a_key_of_a_payload() -> None:
     lookups = (".payload[", ".payload.get(")
     assert [name for name, text in SOURCES.items() if any(it in text for it in lookups)] == []

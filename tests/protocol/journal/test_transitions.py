@@ -1,4 +1,4 @@
-"""The table of transitions: what it allows, and that it refuses everything else."""
+"""The table of transitions: it refuses every event that it does not list."""
 
 from datetime import UTC, datetime
 
@@ -20,7 +20,7 @@ FORBIDDEN = sorted((s, t) for s in STATES for t in TAGS if (s, t) not in TRANSIT
 
 
 @pytest.mark.parametrize(("state", "tag"), FORBIDDEN)
-def test_what_the_table_does_not_allow_is_refused(state: str, tag: str) -> None:
+def test_events_not_in_the_table_are_refused(state: str, tag: str) -> None:
     with pytest.raises(NotAllowed, match=f"{state} does not allow the event '{tag}'"):
         next_state(state, tag)
 
@@ -49,7 +49,7 @@ def test_a_trial_is_answered_once() -> None:
     assert state.last_answer == "felt, score 7"
 
 
-def test_an_aborted_trial_stays_to_be_answered() -> None:
+def test_an_aborted_trial_remains_pending() -> None:
     state = SessionState(name="armed")
     for event in (STARTED, ABORTED, STARTED):
         state.take(stored(event))
@@ -57,7 +57,7 @@ def test_an_aborted_trial_stays_to_be_answered() -> None:
 
 
 @pytest.mark.parametrize(("state", "tag"), FORBIDDEN)
-def test_what_is_refused_changes_nothing(state: str, tag: str) -> None:
+def test_a_refused_event_changes_nothing(state: str, tag: str) -> None:
     before, after = SessionState(name=state), SessionState(name=state)
     with pytest.raises(NotAllowed):
         after.take(StoredEvent(seq=0, tag=tag, utc=NOON, monotonic_s=0.0, payload={}))

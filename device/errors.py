@@ -1,4 +1,4 @@
-"""Errors between us and the device, and checks of values that raise them."""
+"""Errors of a device and its link, and checks of values that raise `OutOfRangeError`."""
 
 import math
 from collections.abc import Collection
@@ -6,31 +6,31 @@ from collections.abc import Collection
 from protocol.errors import BadInput, WorkFailed
 
 UNKNOWN = "output state UNKNOWN - cut the amplifier"
-"""What a person is told of an output that was not read back as off."""
+"""The message for an output that could not be read back as off."""
 
 
 class LimitExceeded(BadInput):
-    """More was asked of the device than its limits allow; nothing was sent."""
+    """A setpoint exceeds the device's limits; nothing was sent."""
 
 
 class DeviceError(WorkFailed):
-    """The device, its port or its answers do not work as they must."""
+    """The device, its port or its answers do not work as required."""
 
 
 class ProtocolError(DeviceError):
-    """What came is no answer to what was asked."""
+    """The device's reply is not a valid answer to the query."""
 
 
 class LinkTimeout(DeviceError):
-    """An answer did not come in time; the link is out of step until it is synchronised."""
+    """An answer did not arrive in time; the link is out of step until it is synchronised."""
 
 
 class ForeignDevice(DeviceError):
-    """Who answered is not who was expected: nothing is asked of it, nor told."""
+    """An unexpected device answered; no further command is sent."""
 
 
 class EmergencyStop(DeviceError):
-    """Somebody pressed stop."""
+    """The emergency stop was triggered."""
 
 
 class OutputUnknown(DeviceError):
@@ -41,7 +41,7 @@ class OutputUnknown(DeviceError):
 
 
 class ForeignOutput(ForeignDevice, OutputUnknown):
-    """Another device is where ours was to be driven; its output is not ours to ask for."""
+    """An unexpected device answered; no further command is sent, so its output is unknown."""
 
 
 class OutOfRangeError(BadInput):

@@ -1,4 +1,4 @@
-"""The search for the resonance of the beam on the rig, at a low amplitude."""
+"""The search for the beam's resonance on the rig, at a low amplitude."""
 
 import math
 from collections.abc import Callable
@@ -14,16 +14,16 @@ from protocol.journal.records import ReadBack
 SWEEP_VOLTAGE_V = 10.0
 SWEEP_RAMP_V_PER_S = 200.0
 HALF_WIDTH = 0.05
-"""How far from the nominal resonance the search goes, as a fraction of it."""
+"""Half the width of the searched range, as a fraction of the nominal resonance."""
 LEAST_RISE = 2.0
-"""How far a peak must rise above the median of the range, so that noise is not taken for one."""
+"""Least ratio of a peak to the median of the range, so that noise is not taken for a peak."""
 _POINTS = 21
 _SETTLE_S = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
 class Resonance:
-    """Where the beam answers most, and how much: per volt, at the tip."""
+    """The resonance frequency, and the tip's amplitude per volt there."""
 
     frequency_hz: float
     tip_m_per_v: float
@@ -38,11 +38,11 @@ def resonance(
 ) -> Resonance:
     """Return the resonance within `HALF_WIDTH` of `near_hz` and within `limits`.
 
-    A coarse sweep finds the peak; a fine one about it gives the frequency by a parabola through
-    1/amplitude², which is what a resonance is near its peak, so that noise averages out.
+    A coarse sweep finds the peak. A fine sweep about it is fitted by a parabola in 1/amplitude²,
+    the form of a resonance near its peak, so that noise averages out.
 
     Raises:
-        DeviceError: nothing in the range, or nothing about its peak, is a resonance.
+        DeviceError: the range contains no peak, or the peak is not a resonance.
     """
     voltage_v = min(SWEEP_VOLTAGE_V, limits.max_voltage_v)
     ramp_v_per_s = min(SWEEP_RAMP_V_PER_S, limits.ramp_v_per_s)
@@ -61,17 +61,17 @@ def resonance(
     best = int(np.argmax(answers))
     if best in {0, _POINTS - 1} or answers[best] < LEAST_RISE * np.median(answers):
         cut = limits.max_frequency_hz < (1 + HALF_WIDTH) * near_hz
-        ends = f", where max_frequency_hz = {limits.max_frequency_hz:g} ends the search"
+        ends = f" (the search ends at max_frequency_hz = {limits.max_frequency_hz:g})"
         raise DeviceError(
             f"no resonance between {coarse[0]:.0f} and {coarse[-1]:.0f} Hz{ends if cut else ''}: "
-            f"the vibration has no peak there; is nominal_resonance_hz = {near_hz:g} right?"
+            f"the vibration has no peak there; is nominal_resonance_hz = {near_hz:g} correct?"
         )
     fine = np.linspace(coarse[best - 1], coarse[best + 1], _POINTS)
     return _peak(fine, np.array([answer(frequency_hz) for frequency_hz in fine]))
 
 
 def _peak(frequencies_hz: NDArray[np.float64], tips_m: NDArray[np.float64]) -> Resonance:
-    """The vertex of the parabola through 1/amplitude²."""
+    """Return the resonance at the vertex of the parabola fitted to 1/amplitude²."""
     if not (tips_m > 0).all():
         raise DeviceError(f"the vibration must be above 0 m, got {tips_m.min():g} m")
     middle_hz, tip_m = float(frequencies_hz.mean()), float(tips_m.max())

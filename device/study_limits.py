@@ -1,4 +1,4 @@
-"""Limits between a study and a device: what the driver never exceeds, where the beam ends."""
+"""Limits that link a study to its device: the driver's limits and the end of the beam."""
 
 from collections.abc import Iterator
 
@@ -10,7 +10,7 @@ from protocol.study.study import Study
 
 
 def device_limits(rig: Rig) -> Limits:
-    """Return what the driver must never exceed on this rig."""
+    """Return the limits that the driver must never exceed on this rig."""
     return Limits(
         max_voltage_v=rig.max_voltage_v,
         max_frequency_hz=rig.max_frequency_hz,
@@ -27,7 +27,7 @@ def device_limits(rig: Rig) -> Limits:
 
 
 def reach_problems(study: Study) -> Iterator[Problem]:
-    """Yield every place of `study` that lies beyond the end of the beam."""
+    """Yield a problem for each place of `study` beyond the end of the beam."""
     length_m = Beam().length_m
     places: list[tuple[Path, float]] = [
         (("touch", "path_m", number), place_m) for number, place_m in enumerate(study.touch.path_m)

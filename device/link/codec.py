@@ -1,4 +1,4 @@
-"""The wire codec: lines out, lines in, numbers and errors as SCPI writes them. Does no I/O.
+"""The wire codec: lines, numbers and errors in SCPI's notation. Does no I/O.
 
 Source: IEEE 488.2 and SCPI-99; docs/wire-protocol.md lists the board's commands.
 """
@@ -9,7 +9,7 @@ import re
 from device.errors import ProtocolError
 
 LONGEST_LINE = 1024
-"""Bytes without a line end beyond which a peer is not speaking our language."""
+"""Most bytes without a line end; a peer that sends more does not speak our protocol."""
 
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
 _ERROR = re.compile(r'([+-]?\d+),"(.*)"')
@@ -17,10 +17,10 @@ _SCPI_NOT_A_NUMBER = 9.9e37
 
 
 def encoded(line: str) -> bytes:
-    """Return `line` as it goes over the wire.
+    """Return `line` as bytes on the wire.
 
     Raises:
-        ValueError: it has a character that would end it early or that is not ASCII.
+        ValueError: it contains a control character, which could end it early, or is not ASCII.
     """
     if not line.isascii() or not line.isprintable():
         raise ValueError(f"a command must be printable ASCII, got {line!r}")
@@ -42,10 +42,10 @@ def number_text(value: float) -> str:
 
 
 def number(reply: str) -> float:
-    """Return the number that `reply` gives.
+    """Return the number in `reply`.
 
     Raises:
-        ProtocolError: it is none; SCPI's stand-ins for infinity and not-a-number are none either.
+        ProtocolError: it is not a number, or is SCPI's code for infinity or not-a-number.
     """
     text = reply.strip()
     value = float(text) if _NUMBER.fullmatch(text) else math.nan
@@ -55,13 +55,13 @@ def number(reply: str) -> float:
 
 
 def impedance(reply: str) -> float:
-    """Return the load that `reply` gives, Ω; SCPI's 9.9E+37 is an open one.
+    """Return the load in `reply`, Ω; SCPI's 9.9E+37 means an open circuit.
 
     >>> impedance("9.9E+37")
     inf
 
     Raises:
-        ProtocolError: it is no number.
+        ProtocolError: it is not a number.
     """
     text = reply.strip()
     if _NUMBER.fullmatch(text) and float(text) >= _SCPI_NOT_A_NUMBER:
@@ -70,10 +70,10 @@ def impedance(reply: str) -> float:
 
 
 def switch(reply: str) -> bool:
-    """Return the on/off state that `reply` gives.
+    """Return the on/off state in `reply`.
 
     Raises:
-        ProtocolError: it is neither 1, 0, ON nor OFF.
+        ProtocolError: it is not 1, 0, ON or OFF.
     """
     states = {"1": True, "ON": True, "0": False, "OFF": False}
     try:
@@ -83,13 +83,13 @@ def switch(reply: str) -> bool:
 
 
 def queued_error(reply: str) -> str | None:
-    """Return the error that an answer to `SYST:ERR?` reports, None if there is none.
+    """Return the error that an answer to `SYST:ERR?` reports, or None for "No error".
 
     >>> queued_error('-222,"Data out of range"')
     '-222 Data out of range'
 
     Raises:
-        ProtocolError: the answer has not the form of an error.
+        ProtocolError: the answer does not have the form of an error.
     """
     found = _ERROR.fullmatch(reply.strip())
     if found is None:
@@ -100,21 +100,21 @@ def queued_error(reply: str) -> str | None:
 
 
 class LineBuffer:
-    """Bytes in, whole lines out; bounded, whatever the peer sends."""
+    """A buffer that turns bytes into whole lines; its size is bounded, whatever the peer sends."""
 
     def __init__(self) -> None:
         self._pending = b""
 
     @property
     def pending(self) -> bytes:
-        """What has come of a line that has not ended yet."""
+        """The bytes of the line that has not ended yet."""
         return self._pending
 
     def feed(self, chunk: bytes) -> list[bytes]:
-        """Take `chunk` and return the lines it completes, without empty ones; LF, CRLF, CR end one.
+        """Add `chunk` and return the non-empty lines it completes, ended by LF, CRLF or CR.
 
         Raises:
-            ProtocolError: a line is longer than `LONGEST_LINE`; what is pending is forgotten.
+            ProtocolError: a line is longer than `LONGEST_LINE`; the pending bytes are discarded.
         """
         if b"\r" in chunk:
             chunk = chunk.replace(b"\r", b"\n")
@@ -127,7 +127,7 @@ class LineBuffer:
         return [line for line in whole if line]
 
     def clear(self) -> None:
-        """Forget what was not completed."""
+        """Discard the bytes of an incomplete line."""
         self._pending = b""
 
 
@@ -149,7 +149,7 @@ def fields(reply: str, count: int) -> list[str]:
     ['1', '24221.37', '0,"No error"']
 
     Raises:
-        ProtocolError: there are not `count` of them.
+        ProtocolError: the number of answers is not `count`.
     """
     found = reply.split(";")
     if len(found) != count:
@@ -158,10 +158,10 @@ def fields(reply: str, count: int) -> list[str]:
 
 
 def whole(reply: str) -> int:
-    """Return the whole number that `reply` gives.
+    """Return the whole number in `reply`.
 
     Raises:
-        ProtocolError: it is none.
+        ProtocolError: it is not a whole number.
     """
     value = number(reply)
     if value != int(value):

@@ -1,7 +1,7 @@
-"""The link: one port, one command at a time, every answer within its deadline and in step.
+"""The link to a device: one command at a time, and every answer matched to its query in time.
 
-An answer that did not come in time may still come. Until the device has shown that nothing of
-before is left to say, the link is out of step, and no answer is taken for one.
+An answer that missed its deadline may still arrive. The link is then out of step and accepts no
+answer until the device has shown that no earlier one is outstanding.
 """
 
 import re
@@ -17,20 +17,20 @@ from device.link.port import PORT_ERRORS, Port, open_port
 ANSWER_TIMEOUT_S = 0.4
 SYNC_TIMEOUT_S = 1.0
 HANDSHAKE_S = 3.0
-"""A board that restarts when its port is opened needs that long until it answers."""
+"""Time in which a board that restarts when its port is opened answers again."""
 _HANDSHAKE_TRY_S = 0.5
 _QUIET_S = 0.03
 _SLICE_S = 0.02
-"""How often a waiting link sees whether it is to stop."""
+"""Interval at which a waiting link checks whether it was stopped."""
 MOST_LINES = 200
-"""More lines than that without a question, and the device does not stop talking."""
+"""Most unsolicited lines that are discarded before the device counts as sending without end."""
 _IDENTITY = re.compile(r"[^,]+,[^,]+,[^,]*,.*")
 
 _Value = TypeVar("_Value")
 
 
 class Link:
-    """Commands and queries over one port, in step: an answer belongs to the query before it."""
+    """Commands and queries over one port, where each answer belongs to the query before it."""
 
     def __init__(self, port: Port, monotonic: Callable[[], float] = time.monotonic) -> None:
         self._port = port
@@ -45,20 +45,20 @@ class Link:
         """Send `command`, which has no answer, as one line in one write.
 
         Raises:
-            DeviceError: the port is gone or does not take it.
+            DeviceError: the port is gone or does not accept it.
         """
         try:
             self._port.send(encoded(command))
         except PORT_ERRORS as error:
             self._in_step = False
-            raise DeviceError(f"the device does not take {command!r}: {error}") from error
+            raise DeviceError(f"cannot send {command!r} to the device: {error}") from error
 
     def ask(self, query: str, timeout_s: float = ANSWER_TIMEOUT_S) -> str:
         """Send `query` and return the line that answers it.
 
         Raises:
-            LinkTimeout: no whole line came within `timeout_s`.
-            ProtocolError: what came is no line of text, or is cut short.
+            LinkTimeout: no complete line arrived within `timeout_s`.
+            ProtocolError: the answer is not a line of text, or is cut short.
             DeviceError: the port is gone.
         """
         if not self._in_step or self._lines or self._take(0.0):
@@ -70,10 +70,10 @@ class Link:
         return answer
 
     def query(self, query: str, parsed: Callable[[str], _Value]) -> _Value:
-        """Return the answer to `query`, parsed; one that is garbled is asked for once more.
+        """Return the parsed answer to `query`; repeat the query once if the answer is garbled.
 
         Raises:
-            DeviceError: as `ask` and `parsed`.
+            DeviceError: as for `ask` and `parsed`.
         """
         try:
             return parsed(self.ask(query))
@@ -82,11 +82,11 @@ class Link:
             return parsed(self.ask(query))
 
     def identify(self, patience_s: float = HANDSHAKE_S) -> str:
-        """Return who is there; what a device says when it starts is passed over.
+        """Return the device's answer to `*IDN?`, ignoring the messages it sends at start-up.
 
         Raises:
-            ProtocolError: the device echoes what it is sent.
-            LinkTimeout: nobody answers with the four fields of `*IDN?` within `patience_s`.
+            ProtocolError: the device echoes the commands it receives.
+            LinkTimeout: no answer with the four fields of `*IDN?` arrived within `patience_s`.
         """
         deadline_s = self._monotonic() + patience_s
         self._quiet(deadline_s)
@@ -96,22 +96,24 @@ class Link:
             try_s = min(self._monotonic() + _HANDSHAKE_TRY_S, deadline_s)
             while (line := self._next_line(try_s)) is not None:
                 if line == b"*IDN?":
-                    raise ProtocolError("the device echoes what it is sent; switch its echo off")
+                    raise ProtocolError("the device echoes commands; switch its echo off")
                 if line.isascii() and _IDENTITY.fullmatch(line.decode()):
                     return text(line)
                 heard = line
-        last = f"; the last it said was {heard[:60]!r}" if heard else ""
+        last = f"; its last message was {heard[:60]!r}" if heard else ""
         raise LinkTimeout(f"no answer to '*IDN?' within {patience_s:g} s{last}")
 
     def synchronise(self, patience_s: float = SYNC_TIMEOUT_S) -> None:
-        """Drain to quiet, then have the device answer with two numbers that it cannot know.
+        """Drain the input until it is quiet, then have the device return two numbers we choose.
 
-        The numbers go through the event enable register, which every IEEE 488.2 device has and
-        nobody here uses. An answer of before comes before them, for devices answer in order.
+        The numbers are written to and read from the event enable register, which every IEEE 488.2
+        device has and touchbeam does not use otherwise. Devices answer in order, so that any
+        earlier answer arrives before them. Two numbers are needed because an earlier answer may
+        equal the first.
 
         Raises:
-            LinkTimeout: they did not come within `patience_s`.
-            ProtocolError: the device talks without end.
+            LinkTimeout: the numbers did not arrive within `patience_s`.
+            ProtocolError: the device sends lines without end.
         """
         self._in_step = False
         deadline_s = self._monotonic() + patience_s
@@ -120,19 +122,19 @@ class Link:
             token = next(self._tokens)
             self.tell(f"*ESE {token}")
             self.tell("*ESE?")
-            self._pass_over_to(token, deadline_s)
+            self._skip_to(token, deadline_s)
         self._in_step = not self._lines
 
     def stop(self) -> None:
-        """Let the wait in progress, and every later one, end with `EmergencyStop`; any thread."""
+        """End the current wait and every later one with `EmergencyStop`; safe from any thread."""
         self._stopped = True
 
     def go_on(self) -> None:
-        """Wait for answers again."""
+        """Allow waiting for answers again."""
         self._stopped = False
 
     def close(self) -> None:
-        """Give the port back."""
+        """Close the port."""
         self._port.close()
 
     def _line(self, query: str, deadline_s: float) -> bytes:
@@ -146,7 +148,7 @@ class Link:
         raise LinkTimeout(f"no answer to {query!r} in time")
 
     def _next_line(self, deadline_s: float) -> bytes | None:
-        """The next line, None if none came by the deadline, however slowly its bytes drip."""
+        """Return the next line, or None if it is incomplete at the deadline."""
         while not self._lines:
             left_s = deadline_s - self._monotonic()
             if left_s <= 0:
@@ -167,31 +169,31 @@ class Link:
         return chunk
 
     def _quiet(self, deadline_s: float) -> None:
-        """Read until nothing comes for a while, and forget it all."""
+        """Read until nothing arrives for a while, and discard everything."""
         heard = 0
         while self._take(_QUIET_S):
             heard += len(self._lines)
             self._lines.clear()
             if heard > MOST_LINES or self._monotonic() > deadline_s:
-                raise ProtocolError("the device talks without being asked, and does not stop")
+                raise ProtocolError("the device keeps sending unsolicited lines")
         self._lines.clear()
         self._buffer.clear()
 
-    def _pass_over_to(self, token: int, deadline_s: float) -> None:
+    def _skip_to(self, token: int, deadline_s: float) -> None:
         for _ in range(MOST_LINES):
             line = self._next_line(deadline_s)
             if line is None:
                 break
             if line.lstrip(b"+") == b"%d" % token:
                 return
-        raise LinkTimeout("the device does not get back into step: an earlier answer is still due")
+        raise LinkTimeout("cannot get back into step: an earlier answer is still outstanding")
 
 
 def open_link(url: str) -> Link:
-    """Return a link over the serial port or pySerial URL `url`, opened for us alone.
+    """Return a link over the serial port or pySerial URL `url`, opened for exclusive use.
 
     Raises:
-        AddressError: `url` is no address of a device.
-        DeviceError: the port is missing, in use, or may not be opened; the message says what to do.
+        AddressError: `url` is not the address of a device.
+        DeviceError: the port is missing, in use or not accessible; the message gives the remedy.
     """
     return Link(open_port(url))

@@ -1,6 +1,6 @@
-"""The port: bytes out, bytes in, over whatever pySerial opens.
+"""The port: bytes out and in over anything that pySerial can open.
 
-The one module of the project that imports pySerial on our side of the wire.
+The only module that imports pySerial on the host's side of the wire.
 """
 
 import errno
@@ -32,19 +32,19 @@ _ADVICE = {
     errno.EBUSY: _IN_USE,
     errno.EAGAIN: _IN_USE,
     errno.EHOSTDOWN: "does not answer; switch it on and pair it over Bluetooth first",
-    errno.ENOTTY: "is no serial port",
-    errno.ECONNREFUSED: "cannot be opened: nobody listens there; is the device on and its LAN "
-    "interface enabled?",
-    errno.EHOSTUNREACH: "cannot be opened: no route there; check the network cable and address",
+    errno.ENOTTY: "is not a serial port",
+    errno.ECONNREFUSED: "cannot be opened: the connection was refused; is the device on and its "
+    "LAN interface enabled?",
+    errno.EHOSTUNREACH: "cannot be opened: no route to it; check the network cable and address",
     errno.ETIMEDOUT: "cannot be opened: no answer; check the network cable and address",
 }
 
 
 class Port(Protocol):
-    """What the link needs of a port. Every method raises `PORT_ERRORS` if it is gone."""
+    """The port as the link needs it. Every method raises `PORT_ERRORS` if the port is gone."""
 
     def receive(self, timeout_s: float) -> bytes:
-        """Return what has come, waiting for it `timeout_s` at most; nothing if nothing did."""
+        """Return the bytes received, waiting at most `timeout_s`; empty if none arrived."""
         ...
 
     def send(self, data: bytes) -> None:
@@ -52,23 +52,23 @@ class Port(Protocol):
         ...
 
     def close(self) -> None:
-        """Give the port back."""
+        """Close the port."""
         ...
 
 
 class SerialPort:
-    """A port of pySerial's: serial, `socket://` or `rfc2217://`."""
+    """A port opened by pySerial: serial, `socket://` or `rfc2217://`."""
 
     def __init__(self, port: serial.SerialBase) -> None:
         self._port = port
         self._descriptor = _descriptor(port)
         self._socket: socket.socket | None = getattr(port, "_socket", None)
-        if self._socket is not None:  # else a command waits 40 ms for the one before it (Nagle)
+        if self._socket is not None:  # or Nagle's algorithm delays each command by 40 ms
             self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def receive(self, timeout_s: float) -> bytes:
-        """Return what has come, waiting for it `timeout_s` at most; nothing if nothing did."""
-        if self._descriptor is None:  # Windows cannot wait for a serial port and a time
+        """Return the bytes received, waiting at most `timeout_s`; empty if none arrived."""
+        if self._descriptor is None:  # Windows: select() does not work on serial ports
             self._port.timeout = timeout_s
             return bytes(self._port.read(1))
         if select.select((self._descriptor,), (), (), timeout_s)[0]:
@@ -80,9 +80,9 @@ class SerialPort:
         self._port.write(data)
 
     def close(self) -> None:
-        """Give the port back. pySerial forgets to close a socket whose peer has gone first."""
+        """Close the port."""
         self._port.close()
-        if self._socket is not None:
+        if self._socket is not None:  # pySerial leaves it open if the peer closed first
             self._socket.close()
 
 
@@ -94,11 +94,11 @@ def _descriptor(port: serial.SerialBase) -> int | None:
 
 
 def open_port(url: str) -> SerialPort:
-    """Return the serial port, `socket://` or `rfc2217://` at `url`, opened for us alone.
+    """Return the serial port, `socket://` or `rfc2217://` at `url`, opened for exclusive use.
 
     Raises:
-        AddressError: `url` is no address (`checked_address`), or is a plain file or folder.
-        DeviceError: the port is missing, in use, or may not be opened; the message says what to do.
+        AddressError: `url` is not an address (`checked_address`), or is a plain file or folder.
+        DeviceError: the port is missing, in use or not accessible; the message gives the remedy.
     """
     checked_address(url)
     if Path(url).is_file() or Path(url).is_dir():
@@ -119,13 +119,13 @@ def _over_bluetooth(url: str) -> str:
 
 
 def advice(error: BaseException) -> str:
-    """Return what somebody can do about a port that does not open."""
+    """Return why a port cannot be opened and what to do about it."""
     number = next((number for number in _numbers(error) if number in _ADVICE), None)
     return _ADVICE[number] if number is not None else f"cannot be opened ({error})"
 
 
 def _numbers(error: BaseException | None) -> list[int]:
-    """The numbers of an error and of those that led to it: pySerial hides them."""
+    """Return the error numbers of an error and of its causes, where pySerial hides them."""
     found = []
     while error is not None:
         first = error.args[0] if error.args else None  # termios.error has no errno
@@ -136,7 +136,7 @@ def _numbers(error: BaseException | None) -> list[int]:
 
 
 def described_ports() -> list[dict[str, str]]:
-    """Return name and description of each serial port, without opening any: that takes no time."""
+    """Return the name and description of each serial port, without opening any."""
     from serial.tools.list_ports import comports
 
     ports = sorted(comports(), key=lambda port: str(port.device))

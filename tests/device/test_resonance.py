@@ -1,4 +1,4 @@
-"""The search for the resonance: recovery under noise, and refusal where there is none."""
+"""The search for the resonance: recovery under noise, and an error if there is no resonance."""
 
 import math
 import random
@@ -14,7 +14,7 @@ LIMITS = Limits(max_voltage_v=200, max_frequency_hz=40_000, ramp_v_per_s=400, wa
 
 
 class Resonator:
-    """A beam that answers as a damped resonator does, with noise."""
+    """A beam that responds like a damped resonator, with noise."""
 
     def __init__(self, resonance_hz: float, seed: int) -> None:
         self.resonance_hz = resonance_hz

@@ -274,7 +274,7 @@ def test_a_device_that_stops_reading_does_not_block_the_writer(
         for _ in range(10_000):
             link.tell("VOLT 0")
 
-    with pytest.raises(DeviceError, match=r"does not take 'VOLT 0': Write timeout"):
+    with pytest.raises(DeviceError, match=r"cannot send 'VOLT 0' to the device: Write timeout"):
         fill()
     link.close()
 

@@ -123,7 +123,7 @@ def test_off_is_off_only_when_read_back(answer: bytes) -> None:
         ("frob://x", AddressError, "not the address of a device"),
         ("loop://", AddressError, "loop://: not the address of a device"),
         ("socket://127.0.0.1:1?logging=debug", AddressError, "not the address of a device"),
-        ("socket://127.0.0.1:1", DeviceError, "cannot be opened: nobody listens there"),
+        ("socket://127.0.0.1:1", DeviceError, "cannot be opened: the connection was refused"),
         ("/dev", AddressError, "got a plain folder"),
         (__file__, AddressError, "got a plain file"),
     ],

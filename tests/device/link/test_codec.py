@@ -22,7 +22,7 @@ def test_a_command_ends_with_one_line_feed() -> None:
 
 
 @pytest.mark.parametrize("line", ["VOLT 1\nOUTP ON", "VÖLT 1", "VOLT\r"])
-def test_a_command_that_would_be_two_or_no_ascii_is_refused(line: str) -> None:
+def test_a_command_with_a_line_end_or_non_ascii_is_refused(line: str) -> None:
     with pytest.raises(ValueError, match="printable ASCII, got"):
         encoded(line)
 
@@ -32,7 +32,7 @@ def test_a_frequency_keeps_its_digits() -> None:
 
 
 @given(st.floats(min_value=-1e9, max_value=1e9))
-def test_a_number_survives_the_wire_to_ten_digits(value: float) -> None:
+def test_a_number_keeps_ten_digits_on_the_wire(value: float) -> None:
     assert number(number_text(value)) == pytest.approx(value, rel=1e-9, abs=1e-300)
 
 
@@ -45,7 +45,7 @@ def test_only_finite_numbers_are_sent(value: float) -> None:
 @pytest.mark.parametrize(
     "reply", ["", "nan", "inf", "-inf", "1_000", "9.91E37", "1,5", "0x10", "ON"]
 )
-def test_what_is_no_number_is_refused(reply: str) -> None:
+def test_a_reply_that_is_not_a_number_is_refused(reply: str) -> None:
     with pytest.raises(DeviceError, match=f"with a number, got {reply!r}"):
         number(reply)
 
@@ -57,12 +57,12 @@ def test_a_switch_is_on_or_off(reply: str, on: bool) -> None:
     assert switch(reply) is on
 
 
-def test_another_word_is_no_switch() -> None:
+def test_another_word_is_not_a_switch() -> None:
     with pytest.raises(DeviceError, match="1 or 0, got '2'"):
         switch("2")
 
 
-def test_errors_are_told_from_none() -> None:
+def test_errors_are_distinguished_from_no_error() -> None:
     assert queued_error('0,"No error"') is None
     assert queued_error('-222,"Data out of range"') == "-222 Data out of range"
     with pytest.raises(DeviceError, match=r"such as 0,.*, got .fine."):
@@ -70,7 +70,7 @@ def test_errors_are_told_from_none() -> None:
 
 
 @given(st.lists(st.text("ABC123?", min_size=1), max_size=5), st.integers(1, 7))
-def test_lines_come_out_whole_however_they_are_cut(lines: list[str], size: int) -> None:
+def test_lines_are_reassembled_from_chunks_of_any_size(lines: list[str], size: int) -> None:
     stream = "".join(line + "\r\n" for line in lines).encode()
     buffer = LineBuffer()
     chunks = [stream[i : i + size] for i in range(0, len(stream), size)]

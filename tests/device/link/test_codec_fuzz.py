@@ -1,4 +1,4 @@
-"""The codec survives whatever comes: its own error, or a value that is one."""
+"""The codec on random input: it returns a valid value or raises its own error."""
 
 import math
 from collections.abc import Callable
@@ -23,7 +23,7 @@ from tests.device.fuzz import chunks
 
 
 def pair(reply: str) -> list[str]:
-    """The answers to two queries in one line."""
+    """Return the answers to two queries in one line."""
     return fields(reply, 2)
 
 
@@ -38,7 +38,7 @@ PARSERS: tuple[Callable[[str], object], ...] = (
 
 
 def digested(line: bytes) -> int:
-    """Put one line through every parser; return how many took it."""
+    """Return how many parsers accept a line."""
     taken = 0
     try:
         reply = text(line)
@@ -55,7 +55,7 @@ def digested(line: bytes) -> int:
 
 
 def survived(seed: int, lines: int) -> tuple[int, int]:
-    """How many random lines were digested, and how many values they gave."""
+    """Return how many random lines were parsed, and how many values they gave."""
     buffer, digest, values = LineBuffer(), 0, 0
     for chunk in chunks(seed, lines):
         try:

@@ -104,8 +104,8 @@ def test_ports_are_listed_without_opening_any() -> None:
         ("frob://x", 2, "not the address of a device"),
         (__file__, 2, "got a plain file"),
         ("/dev", 2, "got a plain folder"),
-        ("socket://127.0.0.1:1", 1, "nobody listens there"),
-        ("/dev/null", 1, "is no serial port"),
+        ("socket://127.0.0.1:1", 1, "the connection was refused"),
+        ("/dev/null", 1, "is not a serial port"),
     ],
 )
 def test_a_port_that_does_not_work_is_one_line(url: str, code: int, told: str) -> None:

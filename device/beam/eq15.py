@@ -1,7 +1,7 @@
 """Eq 15 of the paper as printed: a/u, piecewise linear in the finger's place.
 
 With the printed λ = 0.0348 m the pieces of one γ span 0.0200 m while the next γ begins after
-λ/2 = 0.0174 m, so neighbours overlap: `first` lets the lower γ hold there, `last` the higher. At
+λ/2 = 0.0174 m, so neighbours overlap: `first` uses the lower γ there, `last` the higher. At
 0.0318 m and 0.0418 m (γ = 0) the printed pieces do not meet.
 """
 
@@ -45,7 +45,7 @@ _PERIODIC = (
 
 
 def _span(gamma: int, overlap: Overlap) -> tuple[float, float]:
-    """The interval in which the pieces of one γ are in force."""
+    """Return the interval in which the pieces of one γ are in force."""
     shift = WAVELENGTH_M * gamma / 2
     following = WAVELENGTH_M * (gamma + 1) / 2
     if overlap == "last":
@@ -57,7 +57,7 @@ def _span(gamma: int, overlap: Overlap) -> tuple[float, float]:
 
 @lru_cache(maxsize=2)
 def _pieces(overlap: Overlap) -> _Pieces:
-    """Eq 15's pieces in order, with the overlaps settled."""
+    """Return Eq 15's pieces in order, with the overlaps resolved."""
     rows = list(_OPENING)
     for gamma in range(_PERIODS):
         low, high = _span(gamma, overlap)
@@ -79,15 +79,15 @@ def _pieces(overlap: Overlap) -> _Pieces:
 def same_direction_ratio(
     x_m: FloatArray, contact_m: FloatArray | float, overlap: Overlap = "first"
 ) -> FloatArray:
-    """a/u of Eq 15 as it stands, for a finger moving right.
+    """Return a/u of Eq 15 as printed, for a finger moving right.
 
     Args:
         x_m: the finger's right edge, shape (n,), in [0, 0.1] m.
         contact_m: the covered length l_s, above 0. Below λ/4 the printed ratio exceeds 1.
-        overlap: which γ holds where two pieces overlap.
+        overlap: which γ applies where two pieces overlap.
 
     Raises:
-        OutOfRangeError: x lies outside [0, 0.1] m, where Eq 15 says nothing.
+        OutOfRangeError: x lies outside [0, 0.1] m, where Eq 15 is not defined.
 
     >>> same_direction_ratio(np.array([0.022]), 0.01)
     array([0.87])

@@ -16,11 +16,11 @@ class Pattern(Protocol):
     """The direction and relative magnitude of the motion along a beam."""
 
     def window(self, x_m: FloatArray, contact_m: FloatArray | float) -> Window:
-        """What a finger of `contact_m` meets with its right edge at `x_m`, shape (n,)."""
+        """Return the window of a finger of `contact_m` with its right edge at `x_m`, shape (n,)."""
         ...
 
     def whole(self) -> Window:
-        """What a hand that covers the whole beam meets, shape (1,)."""
+        """Return the window of a hand that covers the whole beam, shape (1,)."""
         ...
 
 
@@ -41,7 +41,7 @@ class ModePattern:
 
 
 def _folded_sine_integral(angle: FloatArray) -> FloatArray:
-    """∫₀^angle |sin|, for any sign of the angle."""
+    """Return ∫₀^angle |sin|, for any sign of the angle."""
     lobe = np.floor(angle / math.pi)
     return np.asarray(2.0 * lobe + 1.0 - np.cos(angle - math.pi * lobe))
 
@@ -50,7 +50,7 @@ def _folded_sine_integral(angle: FloatArray) -> FloatArray:
 class SinusoidPattern:
     """φ ≈ √2 sin(bξ - π/4), the mode shape far from both ends.
 
-    Zones of λ/4 begin at 3λ/8, with λ = 2πL/b; before 3λ/8 all moves left.
+    Zones of λ/4 begin at 3λ/8, with λ = 2πL/b; before 3λ/8 everything moves left.
     """
 
     mode: int
@@ -76,7 +76,7 @@ class SinusoidPattern:
         return self.window(np.array([self.length_m]), self.length_m)
 
     def _right_before_m(self, place_m: FloatArray) -> FloatArray:
-        """The right-moving length between the clamp and each place."""
+        """Return the right-moving length between the clamp and each place."""
         half_wave_m = math.pi / self._wave_number_per_m
         period = np.maximum(place_m / half_wave_m - 0.75, 0.0)
         complete = np.floor(period)
@@ -84,7 +84,7 @@ class SinusoidPattern:
 
 
 def _difference(ends: FloatArray) -> FloatArray:
-    """The second half of an array less its first."""
+    """Return the second half of an array less its first."""
     half = ends.size // 2
     return ends[half:] - ends[:half]
 
@@ -132,7 +132,7 @@ class Field:
         return 2 * math.pi * self.frequency_hz
 
     def scaled(self, factor: FloatArray) -> "Field":
-        """The field of a drive that is larger by a factor."""
+        """Return the field of a drive multiplied by `factor`."""
         return replace(
             self,
             displacement_m=self.displacement_m * factor,
@@ -140,7 +140,7 @@ class Field:
         )
 
     def tip_speed_m_s(self, lever_m: FloatArray | float) -> FloatArray:
-        """√2 ω · lever · rotation, of a body whose tip is `lever_m` from the neutral axis."""
+        """Return √2 ω · lever · rotation of a body with its tip `lever_m` from the neutral axis."""
         return math.sqrt(2.0) * self.angular_frequency_rad_s * lever_m * self.rotation
 
 
@@ -157,7 +157,7 @@ class Signal:
 
 
 def modal_field(beam: Beam, mode: int, pattern: Pattern, signal: Signal) -> Field:
-    """The field of one mode of the bare Euler-Bernoulli beam."""
+    """Return the field of one mode of the bare Euler-Bernoulli beam."""
     frequency_hz = signal.frequency_hz
     if frequency_hz is None:
         frequency_hz = natural_frequency_hz(beam, mode)

@@ -1,8 +1,8 @@
 """Modes of a clamped-free beam: shapes of any order without cancellation, and their response.
 
 The textbook form cosh - cos - σ(sinh - sin) is a difference of large numbers: in double precision
-its error passes 1e-6 at mode 8 and 1 at mode 13. Written with decaying exponentials from either
-end it loses nothing:
+its error exceeds 1e-6 at mode 8 and 1 at mode 13. Written with decaying exponentials from either
+end, it loses no digits:
 
     φ(ξ) = c1 e^{-bξ} + c2 e^{-b(1-ξ)} - cos bξ + σ sin bξ,    ξ = x/L, ∫₀¹ φ² dξ = 1, |φ(1)| = 2
 
@@ -28,7 +28,7 @@ _LOW_ORDER = 12  # up to here bξ itself is good to 1e-14, at half the cost
 
 @dataclass(frozen=True, kw_only=True)
 class ModeConstants:
-    """What the shape of mode `order` is made of; b = (order - ½)π + `root_offset`."""
+    """The constants in the shape of mode `order`; b = (order - ½)π + `root_offset`."""
 
     order: int
     root_offset: float
@@ -54,7 +54,7 @@ class ModeConstants:
 
 
 def _root_offset(order: int) -> float:
-    """δ in b = (i-½)π + δ, from s sin δ = sech b, which has no cancellation at any order."""
+    """Return δ of b = (i-½)π + δ from s sin δ = sech b, without cancellation at any order."""
     sign = 1.0 if order % 2 else -1.0
     offset = 0.0
     for _ in range(60):
@@ -65,7 +65,7 @@ def _root_offset(order: int) -> float:
 
 @lru_cache(maxsize=512)
 def mode_constants(order: int) -> ModeConstants:
-    """The constants of mode `order` (1, 2, …).
+    """Return the constants of mode `order` (1, 2, …).
 
     Raises:
         OutOfRangeError: the order is not a whole number of at least 1.
@@ -89,7 +89,7 @@ def mode_constants(order: int) -> ModeConstants:
 
 
 def phase(constants: ModeConstants, xi: FloatArray, lag: float) -> FloatArray:
-    """Bξ minus a lag; at high orders whole turns are taken out before the factor π is applied."""
+    """Return bξ - lag; at high orders whole turns are removed before multiplying by π."""
     if constants.order <= _LOW_ORDER:
         plain = constants.root * xi
         plain -= lag
@@ -103,7 +103,7 @@ def phase(constants: ModeConstants, xi: FloatArray, lag: float) -> FloatArray:
 
 
 def mode_shape(order: int, xi: ArrayLike) -> FloatArray:
-    """The mode shape φ(ξ) of a clamped-free beam, normalised to ∫₀¹ φ² dξ = 1.
+    """Return the mode shape φ(ξ) of a clamped-free beam, normalised to ∫₀¹ φ² dξ = 1.
 
     Args:
         order: the mode's number, from 1.
@@ -123,7 +123,7 @@ def mode_shape(order: int, xi: ArrayLike) -> FloatArray:
 
 
 def mode_slope(order: int, xi: ArrayLike) -> FloatArray:
-    """The slope dφ/dξ of the mode shape, dimensionless, of xi's shape."""
+    """Return the slope dφ/dξ of the mode shape, dimensionless, of xi's shape."""
     place = np.asarray(xi, dtype=np.float64)
     c = mode_constants(order)
     return c.root * (
@@ -134,7 +134,7 @@ def mode_slope(order: int, xi: ArrayLike) -> FloatArray:
 
 
 def mode_integral(order: int, xi: FloatArray) -> FloatArray:
-    """∫₀^ξ φ dξ of the mode shape, dimensionless, to an absolute 3e-16/b or so."""
+    """Return ∫₀^ξ φ dξ of the mode shape, dimensionless, to an absolute error of about 3e-16/b."""
     c = mode_constants(order)
     decaying = c.tip_weight * np.exp(-c.root * (1.0 - xi))
     decaying -= c.clamp_weight * np.exp(-c.root * xi)
@@ -145,7 +145,7 @@ def mode_integral(order: int, xi: FloatArray) -> FloatArray:
 
 
 def natural_frequency_hz(beam: Beam, mode: int) -> float:
-    """The bare Euler-Bernoulli beam's natural frequency b²/(2πL²) √(EI/ρA), Hz.
+    """Return the bare Euler-Bernoulli beam's natural frequency b²/(2πL²) √(EI/ρA), Hz.
 
     >>> round(natural_frequency_hz(Beam(), 6), 3)
     24105.149
@@ -155,14 +155,14 @@ def natural_frequency_hz(beam: Beam, mode: int) -> float:
 
 
 def _exact_phase(constants: ModeConstants, xi: Fraction) -> float:
-    """The phase bξ - lag at one place, with whole turns taken out exactly."""
+    """Return the phase bξ - lag at one place, with whole turns removed exactly."""
     turns = float((Fraction(2 * constants.order - 1, 2) * xi) % 2)
     return math.pi * turns + constants.root_offset * float(xi) - constants.lag
 
 
 @lru_cache(maxsize=1024)
 def modal_force_n_per_v(beam: Beam, mode: int) -> float:
-    """The modal force Q/V of the patches on one mode, N/V; signed.
+    """Return the modal force Q/V of the patches on one mode, N/V; signed.
 
     The difference of slopes is taken as a product about the patches' middle, so that a patch at a
     place where both slopes nearly agree loses no digits.
@@ -184,7 +184,7 @@ def modal_force_n_per_v(beam: Beam, mode: int) -> float:
 def _stiffness_terms(
     beam: Beam, mode: int, frequency_hz: FloatArray, damping_ratio: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Real and imaginary part of (ω_i² - ω² + 2jζω_iω)/(2π)², without squaring first."""
+    """Return real and imaginary part of (ω_i² - ω² + 2jζω_iω)/(2π)², without squaring first."""
     natural_hz = natural_frequency_hz(beam, mode)
     real = (natural_hz - frequency_hz) * (natural_hz + frequency_hz)
     return real, 2 * damping_ratio * natural_hz * frequency_hz
@@ -197,14 +197,14 @@ def modal_displacement_m(
     frequency_hz: ArrayLike,
     damping_ratio: ArrayLike | None = None,
 ) -> FloatArray:
-    """The amplitude |q| of one mode, m, so that the tip moves by 2|q|.
+    """Return the amplitude |q| of one mode, m, so that the tip moves by 2|q|.
 
     Args:
-        beam: the beam; its damping ratio holds when none is given.
+        beam: the beam; its damping ratio is the default.
         mode: the mode's number.
         voltage_v: amplitude of the drive, at least 0; any shape that broadcasts.
-        frequency_hz: of the drive, above 0.
-        damping_ratio: of the mode, above 0.
+        frequency_hz: frequency of the drive, above 0.
+        damping_ratio: damping ratio of the mode, above 0.
     """
     damping = np.asarray(beam.damping_ratio if damping_ratio is None else damping_ratio)
     frequency = np.asarray(frequency_hz, dtype=np.float64)
@@ -214,7 +214,7 @@ def modal_displacement_m(
 
 
 def modal_amplitude_m_per_v(beam: Beam, mode: int, frequency_hz: float) -> complex:
-    """The complex amplitude q/V of one mode at the beam's own damping ratio, m/V."""
+    """Return the complex amplitude q/V of one mode at the beam's own damping ratio, m/V."""
     frequency, damping = np.asarray(frequency_hz), np.asarray(beam.damping_ratio)
     real, imaginary = _stiffness_terms(beam, mode, frequency, damping)
     force = modal_force_n_per_v(beam, mode)

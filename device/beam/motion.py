@@ -43,12 +43,12 @@ class Motion(Protocol):
 
     @property
     def wave_number_per_m(self) -> float:
-        """The largest wave number in the motion: how finely it must be sampled."""
+        """The largest wave number in the motion, which determines how finely it is sampled."""
         ...
 
     @property
     def rounding_m_per_v(self) -> float:
-        """How far rounding may put a deflection off."""
+        """The largest rounding error of a deflection."""
         ...
 
     @property
@@ -57,7 +57,7 @@ class Motion(Protocol):
         ...
 
     def state(self, x_m: FloatArray) -> MotionState:
-        """The motion at `x_m`, shape (n,), in rising order."""
+        """Return the motion at `x_m`, shape (n,), in rising order."""
         ...
 
 
@@ -81,7 +81,7 @@ class SegmentedMotion:
 
     @property
     def rounding_m_per_v(self) -> float:
-        """See `Motion`: the waves cancel where the beam is all but still."""
+        """See `Motion`: the waves cancel where the beam is almost at rest."""
         return _ROUNDING * float(np.abs(self.weights).max())
 
     @property
@@ -101,7 +101,7 @@ class SegmentedMotion:
         return MotionState(**dict(zip(_FIELDS, np.concatenate(pieces).T, strict=True)))
 
     def _segment_state(self, index: int, place_m: FloatArray) -> ComplexArray:
-        """The six fields in one segment, shape (n, 6), places from the segment's start."""
+        """Return the six fields in one segment, shape (n, 6), places from the segment's start."""
         wave, length_m = self.segment_waves[index], self.parts[index].length_m
         exponent, rotation = wave.exponent[0], wave.rotation[0]
         decaying = np.exp(np.multiply.outer(place_m, -exponent))
@@ -126,11 +126,11 @@ _FIELDS = (
 def segmented_motion(
     beam: Beam, frequency_hz: float, *, patched: bool, shear: bool
 ) -> SegmentedMotion:
-    """The beam driven by the patches' moment pair ±M0 per volt, solved without modes.
+    """Return the motion under the patches' moment pair ±M0 per volt, solved without modes.
 
     Args:
         beam: the beam, its damping (moduli E(1 + 2jζ)) and its patches.
-        frequency_hz: of the drive, above 0.
+        frequency_hz: frequency of the drive, above 0.
         patched: whether the patches' stiffness and mass count.
         shear: Timoshenko's beam (True) or Euler-Bernoulli's.
     """
@@ -169,7 +169,7 @@ class ModalMotion:
 
     @property
     def joints_m(self) -> tuple[float, ...]:
-        """None: a finite sum of modes is smooth."""
+        """Empty: a finite sum of modes is smooth."""
         return ()
 
     def state(self, x_m: FloatArray) -> MotionState:
@@ -191,7 +191,7 @@ class ModalMotion:
 
 
 def _shape_derivatives(order: int, xi: FloatArray) -> FloatArray:
-    """Rows of φ and its first three derivatives; φ'' is φ with the waves' sign turned."""
+    """Return rows of φ and its first three derivatives; φ'' is φ with the waves' sign turned."""
     c = mode_constants(order)
     shape, slope = mode_shape(order, xi), mode_slope(order, xi)
     clamp, tip = c.clamp_weight * np.exp(-c.root * xi), c.tip_weight * np.exp(-c.root * (1 - xi))
@@ -201,7 +201,7 @@ def _shape_derivatives(order: int, xi: FloatArray) -> FloatArray:
 
 
 def modal_motion(beam: Beam, frequency_hz: float, count: int) -> ModalMotion:
-    """The response of modes 1 … `count` per volt."""
+    """Return the response of modes 1 … `count` per volt."""
     amplitudes = tuple(
         modal_amplitude_m_per_v(beam, order, frequency_hz) for order in range(1, count + 1)
     )
@@ -210,13 +210,13 @@ def modal_motion(beam: Beam, frequency_hz: float, count: int) -> ModalMotion:
 
 _SAMPLES_PER_RADIAN = 12
 _STEPS, _SETTLED = 60, 1e-13
-_CLAMP = 1e-5  # part of the length next to the clamp where the motion is lost in rounding
+_CLAMP = 1e-5  # part of the length next to the clamp where rounding exceeds the motion
 
 Curve = Callable[[MotionState], tuple[FloatArray, FloatArray]]
 
 
 def direction(state: MotionState) -> tuple[FloatArray, FloatArray]:
-    """-Re(W ψ*) and its derivative along the beam."""
+    """Return -Re(W ψ*) and its derivative along the beam."""
     turned = np.conj(state.rotation)
     value = -(state.deflection * turned).real
     slope = -(
@@ -226,7 +226,7 @@ def direction(state: MotionState) -> tuple[FloatArray, FloatArray]:
 
 
 def _direction_slope(state: MotionState) -> tuple[FloatArray, FloatArray]:
-    """The derivative of `direction` and its own derivative."""
+    """Return the derivative of `direction` and its own derivative."""
     _, slope = direction(state)
     turned = np.conj(state.rotation)
     bend = state.deflection_curvature * turned + state.deflection * np.conj(
@@ -237,7 +237,7 @@ def _direction_slope(state: MotionState) -> tuple[FloatArray, FloatArray]:
 
 
 def _refined(motion: Motion, curve: Curve, low_m: FloatArray, high_m: FloatArray) -> FloatArray:
-    """Roots between places of opposite sign, by Newton's method kept inside by bisection."""
+    """Return roots between places of opposite sign, by Newton's method kept inside by bisection."""
     if not low_m.size:
         return low_m
     rising = curve(motion.state(low_m))[0] < 0
@@ -256,7 +256,7 @@ def _refined(motion: Motion, curve: Curve, low_m: FloatArray, high_m: FloatArray
 
 
 def sample_places(motion: Motion) -> FloatArray:
-    """Places close enough together to see every zone, tip and joints included."""
+    """Return places close enough to resolve every zone, including the tip and the joints."""
     count = int(motion.wave_number_per_m * motion.length_m * _SAMPLES_PER_RADIAN) + 48
     even = np.linspace(0.0, motion.length_m, count)
     even[0] = _CLAMP * motion.length_m
@@ -264,14 +264,14 @@ def sample_places(motion: Motion) -> FloatArray:
 
 
 def _signed_cells(motion: Motion, curve: Curve, places_m: FloatArray) -> FloatArray:
-    """Roots of a curve that changes sign between neighbouring places."""
+    """Return roots of a curve that changes sign between neighbouring places."""
     value = curve(motion.state(places_m))[0]
     cells = np.flatnonzero((value[:-1] > 0) != (value[1:] > 0))
     return _refined(motion, curve, places_m[cells], places_m[cells + 1])
 
 
 def zone_edges_m(motion: Motion, places_m: FloatArray) -> FloatArray:
-    """The inner places at which the direction of motion changes, in rising order.
+    """Return the inner places at which the direction of motion changes, in rising order.
 
     Turning points of the direction are sampled too, so that no pair of edges between two places
     is missed.

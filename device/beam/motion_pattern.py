@@ -1,7 +1,7 @@
-"""The pattern of a complex motion, set up once and then read off at any number of places.
+"""The pattern of a complex motion, set up once and then evaluated at any number of places.
 
-|W| has no closed integral. It is kept as polynomials on cells that are halved towards its
-minima, where, with little damping, it turns as sharply as a corner; their sums give the mean
+|W| has no closed integral. It is stored as polynomials on cells that are halved towards its
+minima, where it is almost a corner if the damping is small; sums of their integrals give the mean
 over a window.
 """
 
@@ -24,7 +24,7 @@ _MONOMIALS = np.linalg.inv(np.vander(_NODES, increasing=True))
 
 
 def _antiderivative_matrix() -> FloatArray:
-    """From values at the nodes of [-1, 1] to the antiderivative's coefficients of t⁰ … t⁶."""
+    """Return the map from values at the nodes to the antiderivative's coefficients of t⁰ … t⁶."""
     powers = _MONOMIALS / np.arange(1, _NODES.size + 1)[:, None]
     constant = -((-1.0) ** np.arange(1, _NODES.size + 1)) @ powers
     return np.vstack([constant, powers])
@@ -40,7 +40,7 @@ class MotionPattern:
     Attributes:
         motion: the motion itself, for windows narrower than any cell.
         rms_m_per_v: the rms of |W| over the beam.
-        edges_m: zone edges, from 0 to the length; `moves_right` tells of each zone.
+        edges_m: zone edges, from 0 to the length; `moves_right` is 1 or 0 for each zone.
         right_before_m: the right-moving length before each zone.
         cell_edges_m: the cells' inner edges; their middles and 2 over their widths follow.
         coefficients: per cell, shape (7, cells), ∫|W|dx/rms from the clamp in t on [-1, 1].
@@ -57,7 +57,7 @@ class MotionPattern:
     coefficients: FloatArray
 
     def window(self, x_m: FloatArray, contact_m: FloatArray | float) -> Window:
-        """What a finger of `contact_m` meets with its right edge at `x_m`, shape (n,)."""
+        """Return the window of a finger of `contact_m` with its right edge at `x_m`, shape (n,)."""
         width_m = window_width(x_m, contact_m)
         narrow = np.flatnonzero((width_m > 0) & (width_m < _NARROW * self.motion.length_m))
         places = np.concatenate([x_m - width_m, x_m])
@@ -71,12 +71,12 @@ class MotionPattern:
         return Window(right=share, left=1.0 - share, mean=mean)
 
     def whole(self) -> Window:
-        """What a hand that covers the whole beam meets, shape (1,)."""
+        """Return the window of a hand that covers the whole beam, shape (1,)."""
         length_m = self.motion.length_m
         return self.window(np.array([length_m]), length_m)
 
     def _right_before(self, place_m: FloatArray) -> FloatArray:
-        """The right-moving length between the clamp and each place."""
+        """Return the right-moving length between the clamp and each place."""
         zone = np.searchsorted(self.edges_m[1:-1], place_m, side="right")
         length = place_m - self.edges_m.take(zone)
         length *= self.moves_right.take(zone)
@@ -84,7 +84,7 @@ class MotionPattern:
         return length
 
     def _area_before(self, place_m: FloatArray) -> FloatArray:
-        """∫|W|dx/rms between the clamp and each place."""
+        """Return ∫|W|dx/rms between the clamp and each place."""
         cell = np.searchsorted(self.cell_edges_m, place_m, side="right")
         t = place_m - self.cell_middles_m.take(cell)
         t *= self.cells_per_m.take(cell)
@@ -95,7 +95,7 @@ class MotionPattern:
         return np.asarray(total)
 
     def _narrow_mean(self, x_m: FloatArray, width_m: FloatArray) -> FloatArray:
-        """The mean over narrow windows from the motion itself."""
+        """Return the mean over narrow windows from the motion itself."""
         places = x_m[:, None] + np.multiply.outer(width_m, (_NODES - 1) / 2)
         order = np.argsort(places, axis=None)
         magnitude = np.empty(places.size)
@@ -119,13 +119,13 @@ class _Cells:
         return np.asarray((self.high_m - self.low_m)[:, None] / 2)
 
     def rough(self, floor_m_per_v: float) -> BoolArray:
-        """Whether |W|'s highest coefficient is still large beside |W| in the cell."""
+        """Return whether |W|'s highest coefficient is still large beside |W| in the cell."""
         highest = np.abs(self.deflection @ _MONOMIALS[-1])
         limit = np.maximum(_ROUGH * self.deflection.max(axis=1), floor_m_per_v)
         return np.asarray(highest > limit)
 
     def taken(self, which: BoolArray) -> "_Cells":
-        """Some of the cells."""
+        """Return some of the cells."""
         return _Cells(
             low_m=self.low_m[which],
             high_m=self.high_m[which],
@@ -135,7 +135,7 @@ class _Cells:
 
 
 def _measured(motion: Motion, low_m: FloatArray, high_m: FloatArray) -> _Cells:
-    """Cells between `low_m` and `high_m`, in rising order, with the motion at their nodes."""
+    """Return cells from `low_m` to `high_m`, in rising order, with the motion at their nodes."""
     half = (high_m - low_m)[:, None] / 2
     nodes = (high_m + low_m)[:, None] / 2 + half * _NODES
     state = motion.state(nodes.ravel())
@@ -148,7 +148,7 @@ def _measured(motion: Motion, low_m: FloatArray, high_m: FloatArray) -> _Cells:
 
 
 def _cells(motion: Motion) -> _Cells:
-    """Even cells, cut at the joints and halved until |W| is smooth in each."""
+    """Return even cells, split at the joints and halved until |W| is smooth in each."""
     length_m = motion.length_m
     count = int(motion.wave_number_per_m * length_m * _CELLS_PER_RADIAN) + 16
     edges = np.union1d(np.linspace(0.0, length_m, count + 1), motion.joints_m)
@@ -184,7 +184,7 @@ class MotionSummary:
 
 
 def motion_summary(motion: Motion) -> MotionSummary:
-    """Set up the pattern of a motion; the work that all places share."""
+    """Return the pattern of a motion; this is the work that all places share."""
     places = sample_places(motion)
     inner = zone_edges_m(motion, places)
     edges = np.concatenate([[0.0], inner, [motion.length_m]])

@@ -38,20 +38,20 @@ class Section:
 
 
 def shear_stiffness_n(modulus_pa: float, poisson_ratio: float, area_m2: float) -> float:
-    """ΚGA of a rectangle, with Cowper's κ = 10(1+ν)/(12+11ν) and G = E/2(1+ν)."""
+    """Return κGA of a rectangle, with Cowper's κ = 10(1+ν)/(12+11ν) and G = E/2(1+ν)."""
     factor = 10 * (1 + poisson_ratio) / (12 + 11 * poisson_ratio)
     return factor * modulus_pa / (2 * (1 + poisson_ratio)) * area_m2
 
 
 def _patch_second_moment_m4(beam: Beam, patches: Patches) -> float:
-    """The sheets' second moment of area about the beam's neutral axis."""
+    """Return the sheets' second moment of area about the beam's neutral axis."""
     own = patches.thickness_m**2 / 12
     offset = ((beam.thickness_m + patches.thickness_m) / 2) ** 2
     return patches.count * patches.width_m * patches.thickness_m * (own + offset)
 
 
 def sections(beam: Beam, *, patched: bool, shear: bool) -> tuple[Section, Section, Section]:
-    """The three segments; without `patched` the sheets drive the beam but add nothing to it."""
+    """Return the three segments; unless `patched`, the sheets add no stiffness and no mass."""
     patches, scale = beam.patches, beam.frequency_scale**2
     bending = beam.youngs_modulus_pa * beam.second_moment_m4
     mass = beam.density_kg_m3 * beam.area_m2
@@ -93,7 +93,7 @@ class Waves:
 
 
 def waves(section: Section, omega: FloatArray, damping_ratio: float) -> Waves:
-    """The waves at angular frequencies `omega`, shape (n,); moduli are E(1 + 2jζ)."""
+    """Return the waves at angular frequencies `omega`, shape (n,); moduli are E(1 + 2jζ)."""
     loss = 1 + 2j * damping_ratio
     bending = section.bending_stiffness_n_m2 * loss
     inertia = section.mass_kg_per_m * omega**2
@@ -112,7 +112,7 @@ def waves(section: Section, omega: FloatArray, damping_ratio: float) -> Waves:
 
 
 def _end_states(wave: Waves, length_m: float) -> tuple[ComplexArray, ComplexArray]:
-    """(W, ψ, M, V) of the four waves at a segment's left and right end, shape (n, 4, 4).
+    """Return (W, ψ, M, V) of the four waves at a segment's left and right end, shape (n, 4, 4).
 
     Each wave has size 1 at the end from which it decays, so nothing overflows.
     """
@@ -128,7 +128,7 @@ def _end_states(wave: Waves, length_m: float) -> tuple[ComplexArray, ComplexArra
 
 
 def system_matrix(parts: Sequence[Section], segment_waves: Sequence[Waves]) -> ComplexArray:
-    """The conditions on the waves' weights, shape (n, 12, 12), rows scaled to be alike.
+    """Return the conditions on the waves' weights, shape (n, 12, 12), rows of similar size.
 
     Rows: W and ψ at the clamp; W, ψ, M, V across each patch end; M and V at the tip.
     """
@@ -154,10 +154,10 @@ _STEPS_PER_MODE = 12
 
 
 def _determinant(parts: Sequence[Section], frequency_hz: FloatArray) -> FloatArray:
-    """A real function of frequency, shape (n,), that changes sign at each natural frequency.
+    """Return a real function of frequency, shape (n,), that changes sign at each natural frequency.
 
     The determinant in travelling waves e^{±jks} is the one in sines and cosines times a known
-    phase per pair, which is taken out.
+    phase per pair, which is divided out.
     """
     omega = 2 * math.pi * frequency_hz
     segment_waves = [waves(part, omega, 0.0) for part in parts]
@@ -170,7 +170,7 @@ def _determinant(parts: Sequence[Section], frequency_hz: FloatArray) -> FloatArr
 
 
 def _host_frequency_hz(host: Section, wave_number_per_m: FloatArray) -> FloatArray:
-    """The frequency at which a travelling wave in the bare section has that wave number.
+    """Return the frequency at which a travelling wave in the bare section has that wave number.
 
     The lower root of ρI/κGA·ω⁴ - (1 + k²(ρI/ρA + EI/κGA))ω² + EI k⁴/ρA = 0.
     """
@@ -184,7 +184,7 @@ def _host_frequency_hz(host: Section, wave_number_per_m: FloatArray) -> FloatArr
 
 
 def _refined(parts: Sequence[Section], low: float, high: float) -> float:
-    """The root between two frequencies of opposite sign, by the Illinois method."""
+    """Return the root between two frequencies of opposite sign, by the Illinois method."""
     f_low, f_high = (float(value) for value in _determinant(parts, np.array([low, high])))
     for _ in range(60):
         middle = high - f_high * (high - low) / (f_high - f_low)
@@ -201,7 +201,7 @@ def _refined(parts: Sequence[Section], low: float, high: float) -> float:
 
 @lru_cache(maxsize=256)
 def segmented_natural_frequency_hz(beam: Beam, mode: int, *, patched: bool, shear: bool) -> float:
-    """The natural frequency of mode `mode` of the segmented, undamped beam, Hz.
+    """Return the natural frequency of mode `mode` of the segmented, undamped beam, Hz.
 
     Sign changes of the frequency determinant are counted from below, twelve samples to the
     spacing of two modes of the bare beam.

@@ -1,7 +1,8 @@
 """The window under the finger: the part of it that moves right, and the mean of |φ| over it.
 
-The window is `[max(0, x - l_s), x]` with x the finger's right edge (paper, Eqs 11 and 12 leave the
-clip at the clamp unsaid). At x = 0 it has no width: the limit x → 0+ is taken, all left, φ = 0.
+The window is `[max(0, x - l_s), x]` with x the finger's right edge (the paper's Eqs 11 and 12 do
+not state the clip at the clamp). At x = 0 its width is 0: the limit x → 0+ is used, in which
+everything moves left and φ = 0.
 """
 
 import math
@@ -23,11 +24,11 @@ _SERIES = tuple(2.0 / math.factorial(power) for power in (23, 19, 15, 11, 7, 3))
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Window:
-    """What a finger meets over its window: directions and magnitude of the motion.
+    """The motion under a finger: its directions and its magnitude over the window.
 
     Attributes:
         right: the part of the window that moves right, in [0, 1].
-        left: the part that moves left; right + left = 1, each with its own small error.
+        left: the part that moves left; right + left = 1.
         mean: mean magnitude over the window, relative to the displacement: mean |φ| for a mode.
     """
 
@@ -37,12 +38,12 @@ class Window:
 
 
 def window_width(end_m: FloatArray, contact_m: FloatArray | float) -> FloatArray:
-    """The covered length min(x, l_s), m: what of the contact lies on the beam's free part."""
+    """Return the covered length min(x, l_s), m: the part of the contact beyond the clamp."""
     return np.minimum(end_m, contact_m)
 
 
 def mode_window(order: int, length_m: float, end_m: FloatArray, width_m: FloatArray) -> Window:
-    """Right-moving part and mean of |φ| for many windows over mode `order`.
+    """Return the right-moving part and the mean of |φ| for many windows over mode `order`.
 
     Exact sums from the zone edges and the mode's antiderivative split at its nodes; windows
     narrower than half a unit of bξ take a form without cancellation (`_settle_narrow`).
@@ -88,7 +89,7 @@ class _Sums:
 
 @lru_cache(maxsize=256)
 def _sums(order: int, length_m: float) -> _Sums:
-    """The running sums of one mode on a beam of one length, rounded once each."""
+    """Return the running sums of one mode on a beam of one length, rounded once each."""
     here = zones(order, length_m)
     edges = [Fraction(float(edge)) for edge in here.edges_m]
     zone = np.arange(len(edges) - 1)
@@ -132,7 +133,7 @@ def _settle_narrow(
 
 
 def _narrow_right(here: Zones, end_m: FloatArray, width_m: FloatArray) -> FloatArray:
-    """The right-moving part of windows that hold at most one zone edge, from that edge alone."""
+    """Return the right-moving part of windows that contain at most one zone edge."""
     edges = here.edges_m[1:-1]
     if not edges.size:
         return np.zeros_like(end_m)
@@ -144,7 +145,7 @@ def _narrow_right(here: Zones, end_m: FloatArray, width_m: FloatArray) -> FloatA
 
 
 def _narrow_mean(here: Zones, end_m: FloatArray, width_m: FloatArray) -> FloatArray:
-    """Mean of |φ| over [end - width, end], dimensionless, for windows of at most ½ in bξ.
+    """Return the mean of |φ| over [end - width, end] for windows of at most ½ in bξ.
 
     Args:
         here: the mode's zones on its beam.
@@ -163,7 +164,7 @@ def _narrow_mean(here: Zones, end_m: FloatArray, width_m: FloatArray) -> FloatAr
 
 
 def _clamp_mean(here: Zones, end_m: FloatArray) -> FloatArray:
-    """Mean of |φ| over [0, end], dimensionless, for ends of at most ½ in bξ; 0 at the clamp.
+    """Return the mean of |φ| over [0, end] for ends of at most ½ in bξ; it is 0 at the clamp.
 
     (2/t)[t³/3! + t⁷/7! + … - σ(t⁴/4! + t⁸/8! + …)] with t = b·end/L.
     """
@@ -177,7 +178,7 @@ def _clamp_mean(here: Zones, end_m: FloatArray) -> FloatArray:
 
 
 def _near_clamp(here: Zones, end_m: FloatArray, width_m: FloatArray) -> FloatArray:
-    """The mean over windows whose middle lies near the clamp, where φ does not change sign."""
+    """Return the mean over windows with their middle near the clamp, where φ keeps its sign."""
     c = mode_constants(here.order)
     scale = c.root / here.length_m
     middle = scale * (end_m - width_m / 2)
@@ -188,14 +189,14 @@ def _near_clamp(here: Zones, end_m: FloatArray, width_m: FloatArray) -> FloatArr
 
 
 def _near_node(here: Zones, end_m: FloatArray, width_m: FloatArray) -> FloatArray:
-    """The mean over windows near an inner node, which may lie inside the window."""
+    """Return the mean over windows near an inner node, which may lie inside the window."""
     nodes = here.nodes_m
     nearest = np.searchsorted((nodes[1:] + nodes[:-1]) / 2, end_m - width_m / 2)
     scale = mode_constants(here.order).root / here.length_m
     remainder = node_remainders_m(here.order, here.length_m)[nearest]
     stop = scale * ((end_m - nodes[nearest]) - remainder)
     width = scale * width_m
-    after = np.clip(stop, 0.0, width)  # what of the window lies beyond the node
+    after = np.clip(stop, 0.0, width)  # the part of the window beyond the node
     before = np.where(stop < width, width - after, 0.0)
     index = np.asarray(nearest + 1.0)
     inner_stop, inner_start = np.minimum(stop, 0.0), np.maximum(stop - width, 0.0)
@@ -207,7 +208,7 @@ def _near_node(here: Zones, end_m: FloatArray, width_m: FloatArray) -> FloatArra
 def _about_node(
     here: Zones, index: FloatArray, middle: FloatArray, width: FloatArray
 ) -> FloatArray:
-    """|∫φ d(bξ)| over a piece about `middle`, both in bξ, `middle` from node `index` (1 …)."""
+    """Return |∫φ d(bξ)| over a piece about `middle`, in bξ from node `index` (1 …)."""
     c = mode_constants(here.order)
     shift = np.asarray(here.node_shifts)[index.astype(np.intp) - 1]
     angle = (index + 0.25) * math.pi + shift
@@ -222,7 +223,7 @@ def _about_node(
 
 
 def _piece_mean(half: FloatArray, shape: FloatArray, swing: FloatArray) -> FloatArray:
-    """The mean of φ over a piece from φ and cos - σ sin at its middle, by series for h ≤ ¼."""
+    """Return the mean of φ over a piece from φ and cos - σ sin at its middle; series for h ≤ ¼."""
     square = half * half
     grown = 1 + square / 6 * (1 + square / 20 * (1 + square / 42 * (1 + square / 72)))
     fourth = square * square
@@ -230,7 +231,7 @@ def _piece_mean(half: FloatArray, shape: FloatArray, swing: FloatArray) -> Float
 
 
 def _sinh_minus_sin(angle: FloatArray) -> FloatArray:
-    """Sinh - sin by its series 2(t³/3! + t⁷/7! + …), to rounding for |t| ≤ 2."""
+    """Return sinh - sin by its series 2(t³/3! + t⁷/7! + …), exact to rounding for |t| ≤ 2."""
     square = angle * angle
     fourth = square * square
     total = _SERIES[0] * fourth

@@ -1,4 +1,4 @@
-"""Zones of a mode shape: where ciliary bodies are moved right, where left (paper, Eq 1).
+"""Zones of a mode shape, in which ciliary bodies move right or left (paper, Eq 1).
 
 Bodies move right where φφ' < 0 and left where φφ' > 0, so a zone ends at every antinode **and** at
 every node. From the clamp the zones are left, right, left, …: the shape first grows.
@@ -19,7 +19,7 @@ from device.beam.modes import FloatArray, mode_constants
 class Zones:
     """The zones of one mode on a beam of one length; neighbours alternate left, right from 0.
 
-    `edges_m` holds 0, the inner edges (antinode, node, antinode, …) and the length.
+    `edges_m` contains 0, the inner edges (antinode, node, antinode, …) and the length.
     """
 
     order: int
@@ -40,7 +40,7 @@ class Zones:
 
 @lru_cache(maxsize=256)
 def zones(order: int, length_m: float) -> Zones:
-    """The zones of mode `order` on a beam of `length_m`; each edge is right to 1 ulp or so.
+    """Return the zones of mode `order` on a beam of `length_m`; edges are correct to about 1 ulp.
 
     >>> [round(1e3 * float(edge), 1) for edge in zones(6, 0.1).antinodes_m]
     [13.2, 31.8, 50.0, 68.2, 86.0]
@@ -59,9 +59,9 @@ def zones(order: int, length_m: float) -> Zones:
 
 
 def _shifts(order: int, sign: int) -> FloatArray:
-    """How far nodes (sign 1) or antinodes (-1) lie, in bξ, from the clean sine's, by Newton.
+    """Return the shifts, in bξ, of nodes (sign 1) or antinodes (-1) from a pure sine's, by Newton.
 
-    The clean sine's are at (k ± ¼)π, k = 1 … i-1. The equation is in the shift alone, so its
+    Those of the pure sine are at (k ± ¼)π, k = 1 … i-1. The equation is in the shift alone, so its
     rounding is relative to the shift and not to bξ.
     """
     c = mode_constants(order)
@@ -81,7 +81,7 @@ def _shifts(order: int, sign: int) -> FloatArray:
 
 
 def _places(order: int, sign: int, shifts: FloatArray) -> list[Fraction]:
-    """The places (k ± ¼ + shift/π) / (i - ½ + δ/π) as exact ratios, to be rounded once."""
+    """Return the places (k ± ¼ + shift/π) / (i - ½ + δ/π) as exact ratios, to be rounded once."""
     root = Fraction(2 * order - 1, 2) + Fraction(mode_constants(order).root_offset / math.pi)
     return [
         (Fraction(4 * k + sign, 4) + Fraction(float(shift) / math.pi)) / root
@@ -89,7 +89,7 @@ def _places(order: int, sign: int, shifts: FloatArray) -> list[Fraction]:
     ]
 
 
-# Nodes to 30 digits: in a window of a nanometre about a node, its last bit in a double shows.
+# Nodes to 30 digits: a window of a nanometre about a node is sensitive to the last bit of a double.
 
 _PRECISION = Context(prec=44)
 _PI = Decimal("3.14159265358979323846264338327950288419716939937510582097")
@@ -97,7 +97,7 @@ _PI = Decimal("3.14159265358979323846264338327950288419716939937510582097")
 
 @lru_cache(maxsize=256)
 def node_remainders_m(order: int, length_m: float) -> FloatArray:
-    """What each node's double-precision place lacks to the true one, in metres."""
+    """Return the error of each node's double-precision place: the true place minus it, m."""
     here = zones(order, length_m)
     length = Decimal(length_m)
     return np.array(
@@ -110,7 +110,7 @@ def node_remainders_m(order: int, length_m: float) -> FloatArray:
 
 @lru_cache(maxsize=256)
 def _exact_nodes(order: int, shifts: tuple[float, ...]) -> tuple[Decimal, ...]:
-    """The interior nodes of mode `order` as fractions of the length, to 30 digits.
+    """Return the interior nodes of mode `order` as fractions of the length, to 30 digits.
 
     Args:
         order: the mode's number.
@@ -131,7 +131,7 @@ def _exact_nodes(order: int, shifts: tuple[float, ...]) -> tuple[Decimal, ...]:
 
 @lru_cache(maxsize=512)
 def _root_offset(order: int) -> Decimal:
-    """δ of b = (i-½)π + δ: two Newton steps on s sin δ - sech b."""
+    """Return δ of b = (i-½)π + δ: two Newton steps on s sin δ - sech b."""
     sign = 1 if order % 2 else -1
     offset = Decimal(mode_constants(order).root_offset)
     for _ in range(2):
@@ -144,7 +144,7 @@ def _root_offset(order: int) -> Decimal:
 
 
 def _node_step(order: int, index: int, offset: Decimal, shift: Decimal) -> Decimal:
-    """One Newton step for the node at bξ = (index + ¼)π + shift."""
+    """Return one Newton step for the node at bξ = (index + ¼)π + shift."""
     root = (Decimal(order) - Decimal("0.5")) * _PI + offset
     decay, sign = (-root).exp(), 1 if order % 2 else -1
     tanh = (1 - decay * decay) / (1 + decay * decay)
@@ -163,7 +163,7 @@ def _node_step(order: int, index: int, offset: Decimal, shift: Decimal) -> Decim
 
 
 def _sine_and_cosine(angle: Decimal) -> tuple[Decimal, Decimal]:
-    """Sine and cosine of a small angle by their series."""
+    """Return sine and cosine of a small angle by their series."""
     sine = cosine = Decimal(0)
     term, index = Decimal(1), 0
     while abs(term) > Decimal("1e-44"):

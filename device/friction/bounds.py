@@ -1,8 +1,8 @@
-"""What the top rung can say of a scene: certified ranges of its terms, from a table made once.
+"""Certified ranges of the top rung's terms for a scene, from a precomputed table.
 
-The table (`certified_bounds.json`, made by `certify`) knows the paper's beam: at resonance the top
-rung's zone edges, areas, tip speed and inertia with the range they take over the domain; off
-resonance the most it can reach at each frequency.
+The table (`certified_bounds.json`, made by `certify`) covers the paper's beam: at resonance, the
+ranges of the top rung's zone edges, areas, tip speed and inertia over the domain; off resonance,
+upper bounds on its motion at each frequency.
 """
 
 import json
@@ -52,7 +52,7 @@ class _Resonance:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TopTerms:
-    """Ranges of what decides the top rung's friction coefficient."""
+    """Ranges of the terms that determine the top rung's friction coefficient."""
 
     same_direction: Range
     relative_tip_speed: Range
@@ -62,7 +62,7 @@ class TopTerms:
 
 @lru_cache(maxsize=1)
 def _table() -> Mapping[str, Any]:
-    """The table as made."""
+    """Return the table as stored."""
     text = files("device.friction").joinpath("certified_bounds.json").read_text(encoding="utf-8")
     table: Mapping[str, Any] = json.loads(text)
     return table
@@ -70,7 +70,7 @@ def _table() -> Mapping[str, Any]:
 
 @lru_cache(maxsize=32)
 def _resonance(mode: int) -> _Resonance:
-    """One mode's row, with its running sums."""
+    """Return one mode's row, with its running sums."""
     row = _table()["modes"][str(mode)]
     edges, slack = np.array(row["edges_m"]), np.array(row["slack_m"])
     moves_right = np.array(row["moves_right"])
@@ -88,7 +88,7 @@ def _resonance(mode: int) -> _Resonance:
 
 
 def certified(batch: Batch) -> NDArray[np.bool_]:
-    """Which scenes lie in the table's domain, shape (n,)."""
+    """Return which scenes lie in the table's domain, shape (n,)."""
     table, beam = _table(), batch.beam
     plain = replace(beam, damping_ratio=Beam().damping_ratio, frequency_scale=1.0)
     if plain != Beam():
@@ -102,7 +102,7 @@ def certified(batch: Batch) -> NDArray[np.bool_]:
 
 
 def _bins(batch: Batch) -> NDArray[np.intp]:
-    """The envelope's bin of each drive frequency; bin 0 for resonance, which does not use it."""
+    """Return the envelope's bin of each drive frequency; 0, which is unused, at resonance."""
     envelope = _table()["envelope"]
     scaled = batch.frequency_hz / (batch.beam.frequency_scale * envelope["low_hz"])
     steps = np.log(np.where(np.isnan(scaled), 1.0, scaled)) / math.log(envelope["growth"])
@@ -110,7 +110,7 @@ def _bins(batch: Batch) -> NDArray[np.intp]:
 
 
 def _speed_factor(batch: Batch) -> FloatArray:
-    """From a tip speed per metre of lever to the top rung's relative tip speed."""
+    """Return the factor from tip speed per metre of lever to relative tip speed, top rung."""
     contact = batch.contact
     lever_m = batch.beam.thickness_m / 2 + contact.body_height_m
     reference = reference_tip_speed_m_s(TOP_RUNG)
@@ -120,7 +120,7 @@ def _speed_factor(batch: Batch) -> FloatArray:
 def _terms(
     batch: Batch, same_direction: Range, tip_speed: Range, inertia_n_per_m: Range
 ) -> TopTerms:
-    """The ranges in a law's terms: relative to speed, load per metre, and the paper's load."""
+    """Return the ranges as a law's terms: relative to speed, load per metre and printed load."""
     contact, factor = batch.contact, _speed_factor(batch)
     full = contact.coverage == "full"
     covered = batch.beam.length_m if full else window_width(contact.x_m, contact.contact_m)
@@ -139,7 +139,7 @@ def _scaled(values: Range, factor: FloatArray | float) -> Range:
 
 
 def _window_ranges(batch: Batch, top: _Resonance) -> tuple[Range, Range]:
-    """The top rung's right-moving part and mean |W|/rms over each window."""
+    """Return the top rung's right-moving part and mean |W|/rms over each window."""
     contact, length_m = batch.contact, batch.beam.length_m
     full = contact.coverage == "full"
     end_m = np.full(batch.size, length_m) if full else contact.x_m
@@ -161,7 +161,7 @@ def _window_ranges(batch: Batch, top: _Resonance) -> tuple[Range, Range]:
 
 
 def _same_direction(batch: Batch, right: Range) -> Range:
-    """The range of r: right-moving for a finger that moves right, the rest for one moving left."""
+    """Return the range of r: the right-moving part, or the rest for a finger that moves left."""
     given = same_direction_given(batch.contact)
     if given is not None:
         fraction = np.broadcast_to(np.asarray(given, dtype=np.float64), batch.voltage_v.shape)
@@ -172,7 +172,7 @@ def _same_direction(batch: Batch, right: Range) -> Range:
 
 
 def resonant_terms(batch: Batch) -> TopTerms:
-    """The ranges for scenes driven at resonance, of a mode that the table has."""
+    """Return the ranges for scenes driven at the resonance of a mode in the table."""
     top, beam, mode = _resonance(batch.mode), batch.beam, batch.mode
     omega = 2 * math.pi * natural_frequency_hz(beam, mode)
     displacement_m = modal_displacement_m(
@@ -193,7 +193,7 @@ def resonant_terms(batch: Batch) -> TopTerms:
 
 
 def driven_terms(batch: Batch) -> TopTerms:
-    """The ranges for scenes driven at a stated frequency: directions unknown, motion bounded."""
+    """Return the ranges for scenes driven at a given frequency: any direction, bounded motion."""
     envelope, bins, scale = _table()["envelope"], _bins(batch), batch.beam.frequency_scale
     speed = np.array(envelope["speed_per_v_m"])[bins] * batch.voltage_v / scale
     acceleration = np.array(envelope["acceleration_per_v"])[bins] * batch.voltage_v
@@ -208,7 +208,7 @@ def driven_terms(batch: Batch) -> TopTerms:
 
 
 def _corner(terms: TopTerms, speed: FloatArray, batch: Batch, *, lowest: bool) -> ContactTerms:
-    """The corner of the ranges at which a law is lowest (or highest) for one tip speed."""
+    """Return the corner of the ranges at which a law is lowest (or highest) for one tip speed."""
     ratio = terms.same_direction.high if lowest else terms.same_direction.low
     inertia, printed = terms.inertial_ratio, terms.printed_inertial_ratio
     return ContactTerms(
@@ -222,7 +222,7 @@ def _corner(terms: TopTerms, speed: FloatArray, batch: Batch, *, lowest: bool) -
 
 
 def _with_printed_ratio(terms: TopTerms, batch: Batch, choice: LawChoice) -> TopTerms:
-    """The terms with Eq 15's a/u, which is the same on every rung, where the law takes it."""
+    """Return the terms with Eq 15's a/u, equal on every rung, if the law uses it."""
     contact = batch.contact
     if choice.name != "printed" or choice.ratio != "eq15" or contact.coverage == "full":
         return terms
@@ -232,13 +232,13 @@ def _with_printed_ratio(terms: TopTerms, batch: Batch, choice: LawChoice) -> Top
 
 
 def top_rung_range(batch: Batch, choice: LawChoice, *, resonant: bool) -> Range:
-    """Between which values the top rung's friction coefficient lies, for certified scenes.
+    """Return the range of the top rung's friction coefficient for certified scenes.
 
     Every law falls with r, rises with p and is monotonic in the tip speed at fixed r, so its
     extremes are at corners.
 
     Args:
-        batch: scenes for which `certified` holds, all at resonance or none.
+        batch: certified scenes, all at resonance or all off resonance.
         choice: the law.
         resonant: whether the scenes are driven at resonance.
     """

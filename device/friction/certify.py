@@ -1,11 +1,11 @@
-"""Make the table of certified bounds: how far cheap rungs are from the top rung, and where.
+"""Generator of the table of certified bounds, from which cheap rungs' errors are bounded.
 
-`python -m device.friction.certify > device/friction/certified_bounds.json` writes it anew. For each
-mode at resonance the top rung is solved over the damping ratios of the domain; the table keeps its
-zone edges, its running area ∫|W|, and its tip speed and inertia beside `mode`'s, each with the
-range they take. For a drive at a stated frequency it keeps, bin by bin, what the top rung can reach
-at most. Drawing new scenes (`tests/device/friction/test_coefficient.py`) checks that nothing
-exceeds the bounds.
+`python -m device.friction.certify > device/friction/certified_bounds.json` writes the table again.
+For each mode at resonance, the top rung is solved over the damping ratios of the domain; the table
+contains the ranges of its zone edges, its running area ∫|W|, and its tip speed and inertia relative
+to those of the rung `mode`. For a drive at a given frequency it contains upper bounds on the top
+rung's motion per frequency bin. `tests/device/friction/test_coefficient.py` checks on new random
+scenes that nothing exceeds the bounds.
 """
 
 import json
@@ -36,19 +36,19 @@ def _solved(damping_ratio: float, frequency_hz: float) -> MotionSummary:
 
 
 def _range(values: Sequence[float]) -> list[float]:
-    """The range of values, widened by the margin."""
+    """Return the range of values, widened by the margin."""
     low, high = min(values), max(values)
     widening = _MARGIN * (high - low) + 1e-6 * abs(high)
     return [low - widening, high + widening]
 
 
 def _area(pattern: MotionPattern, places_m: FloatArray) -> FloatArray:
-    """The running area ∫₀ˣ|W|dx / rms at each place, metres."""
+    """Return the running area ∫₀ˣ|W|dx / rms at each place, metres."""
     return pattern.window(places_m, places_m[-1]).mean * places_m
 
 
 def _speed_ratio(summary: MotionSummary, frequency_hz: float, beam: Beam, mode: int) -> float:
-    """The top rung's tip speed over `mode`'s, both at their resonance."""
+    """Return the top rung's tip speed over `mode`'s, both at their resonance."""
     own_hz = natural_frequency_hz(beam, mode)
     displacement_m = float(modal_displacement_m(beam, mode, 1.0, own_hz))
     own = own_hz * displacement_m * mode_constants(mode).root / beam.length_m
@@ -56,14 +56,14 @@ def _speed_ratio(summary: MotionSummary, frequency_hz: float, beam: Beam, mode: 
 
 
 def _inertia_ratio(summary: MotionSummary, frequency_hz: float, beam: Beam, mode: int) -> float:
-    """The top rung's ω² rms|W| over `mode`'s ω²|q|, both at their resonance."""
+    """Return the top rung's ω² rms|W| over `mode`'s ω²|q|, both at their resonance."""
     own_hz = natural_frequency_hz(beam, mode)
     displacement_m = float(modal_displacement_m(beam, mode, 1.0, own_hz))
     return summary.displacement_m_per_v * frequency_hz**2 / (own_hz**2 * displacement_m)
 
 
 def _mode_row(mode: int) -> dict[str, object] | None:
-    """One mode's row, or None where its zones do not keep their number over the domain."""
+    """Return one mode's row, or None if its number of zones varies over the domain."""
     frequency_hz = segmented_natural_frequency_hz(Beam(), mode, patched=True, shear=True)
     beams = [replace(Beam(), damping_ratio=float(ratio)) for ratio in DAMPING_RATIOS]
     solved = [_solved(beam.damping_ratio, frequency_hz) for beam in beams]
@@ -88,7 +88,7 @@ def _mode_row(mode: int) -> dict[str, object] | None:
 
 
 def _reach(frequency_hz: float, damping_ratio: float) -> tuple[float, float]:
-    """The top rung's tip speed per volt and metre of lever, and ω² max|W| per volt."""
+    """Return the top rung's tip speed per volt and metre of lever, and ω² max|W| per volt."""
     beam = replace(Beam(), damping_ratio=damping_ratio)
     motion = segmented_motion(beam, frequency_hz, patched=True, shear=True)
     state = motion.state(np.linspace(0.0, beam.length_m, 401))
@@ -98,7 +98,7 @@ def _reach(frequency_hz: float, damping_ratio: float) -> tuple[float, float]:
 
 
 def _envelope() -> dict[str, object]:
-    """The most the top rung reaches within each bin of drive frequency."""
+    """Return the largest motion of the top rung within each bin of drive frequency."""
     bins = math.ceil(math.log(HIGH_HZ / LOW_HZ) / math.log(BIN_GROWTH))
     steps = np.arange(bins * _SAMPLES_PER_BIN + 1) / _SAMPLES_PER_BIN
     reach = np.array(
@@ -118,7 +118,7 @@ def _envelope() -> dict[str, object]:
 
 
 def certified_bounds() -> dict[str, object]:
-    """The whole table."""
+    """Return the whole table."""
     rows = {str(mode): _mode_row(mode) for mode in MODES}
     return {
         "damping_ratio": [float(DAMPING_RATIOS[0]), float(DAMPING_RATIOS[-1])],
@@ -128,7 +128,7 @@ def certified_bounds() -> dict[str, object]:
 
 
 def _rounded(value: object) -> object:
-    """Numbers to nine digits, so that the table stays readable."""
+    """Return `value` with its numbers rounded to nine digits, which keeps the table readable."""
     if isinstance(value, float):
         return float(f"{value:.9g}")
     if isinstance(value, list):

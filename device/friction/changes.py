@@ -1,4 +1,4 @@
-"""Changes: what a finger meets before and after, in a trial or in one of the paper's conditions."""
+"""Changes under the finger, before and after, in a trial or in one of the paper's conditions."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -15,9 +15,9 @@ Effect = Literal["friction", "depth", "places"]
 
 @dataclass(frozen=True, kw_only=True)
 class Moment:
-    """What the finger meets: amplitude, drive relative to the resonance, and how it touches.
+    """The drive and the touch at one moment; `frequency` is relative to the resonance.
 
-    `has_bodies` says whether the beam carries ciliary bodies: no law here knows their spacing.
+    `has_bodies` says whether the beam carries ciliary bodies; no law here depends on their spacing.
     """
 
     voltage_v: float
@@ -32,13 +32,13 @@ class Moment:
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """From one moment to another, felt at `places_m` (right edges of the finger, m).
+    """A change from one moment to another, felt at `places_m` (right edges of the finger, m).
 
     - `friction`: mean of `ln(mu_before / mu_after)`;
     - `depth`: growth of the modulation depth `rms ln(mu(x) / mu)`;
     - `places`: `rms ln(mu_after(x) / mu_before(x))`.
 
-    `contrary` turns the sign: the opposite change is the expected one.
+    `contrary` reverses the sign: the opposite change is the expected one.
     """
 
     effect: Effect
@@ -57,14 +57,14 @@ def trial_change(
 ) -> Change:
     """Return the change from a trial's first touch to the end of its last one.
 
-    Where there is one touch alone, the change is that during the touch, or if the drive is held,
-    that from the resting beam.
+    For a single touch, the change is that during the touch or, if the drive is constant, the
+    change from the resting beam.
 
     Args:
-        study: for the finger's place, path, force, contact and speed, and the beams.
+        study: gives the finger's place, path, force, contact and speed, and the beams.
         question: roughness, strength or places.
-        expected: the answer that agrees with the expectation.
-        touches: of the trial.
+        expected: the expected answer.
+        touches: touches of the trial.
     """
     first, last = touches[0], touches[-1]
     if len(touches) == 1 and first.programme == "hold":
@@ -117,7 +117,7 @@ REFERENCE = Moment(
     sliding_speed_m_s=REFERENCE_SPEED_M_S,
     has_bodies=True,
 )
-"""The moment about which the paper's conditions change: 100 V at resonance."""
+"""The moment from which the paper's conditions differ: 100 V at resonance."""
 
 
 def _condition(effect: Effect, before: Moment = REFERENCE, after: Moment = REFERENCE) -> Change:
@@ -141,4 +141,4 @@ CONDITIONS: Mapping[str, Change] = MappingProxyType(
         "pressure": _condition("friction", after=replace(REFERENCE, force_n=1.5 * _FINGER.force_n)),
     }
 )
-"""The paper's conditions by name (section 5.2), `signal` being what every session opens with."""
+"""The paper's conditions by name (section 5.2); every session opens with `signal`."""

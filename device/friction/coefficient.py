@@ -24,7 +24,7 @@ from device.friction.scenes import Scene
 
 
 def _places(scene: Scene, x_m: ArrayLike | None) -> FloatArray:
-    """The places asked for, shape (n,); the scene's own when none are."""
+    """Return the places `x_m`, shape (n,), or the scene's own place for None."""
     places = np.atleast_1d(np.asarray(scene.touch.x_m if x_m is None else x_m, dtype=np.float64))
     length_m = scene.structure.beam.length_m
     if places.size and not (places.min() >= 0 and places.max() <= length_m):
@@ -34,7 +34,7 @@ def _places(scene: Scene, x_m: ArrayLike | None) -> FloatArray:
 
 
 def scene_batch(scene: Scene, places: FloatArray) -> Batch:
-    """One scene at many places as a batch."""
+    """Return one scene at many places as a batch."""
     drive = scene.drive
     frequency_hz = np.nan if isinstance(drive.frequency_hz, str) else drive.frequency_hz
     return Batch(
@@ -54,21 +54,21 @@ def friction_coefficient(
     x_m: ArrayLike | None = None,
     tolerance: float = 0.01,
 ) -> FloatArray:
-    """The friction coefficient μ' of a scene.
+    """Return the friction coefficient μ' of a scene.
 
     Args:
         scene: structure, drive and touch.
         law: `printed`, `consistent` or `coulomb`, or a `LawChoice`.
-        rung: how the beam's motion is found; see `device.friction.rungs`. `auto` takes, place by
+        rung: how the beam's motion is computed; see `device.friction.rungs`. `auto` uses, place by
             place, the cheapest rung that is certified to be within `tolerance` of the top rung.
-        x_m: right edges of the finger, shape (n,), in [0, L]; the scene's own place without it.
+        x_m: right edges of the finger, shape (n,), in [0, L]; by default the scene's own place.
         tolerance: the largest error in μ' that `auto` may make.
 
     Returns:
         μ', dimensionless, shape (n,) (shape (1,) for the scene's own place).
 
     Raises:
-        OutOfRangeError: a place lies off the beam, or there is no such law or rung.
+        OutOfRangeError: a place lies off the beam, or the law or rung does not exist.
 
     >>> from device.friction.scenes import Drive
     >>> friction_coefficient(Scene(drive=Drive(voltage_v=0.0)))
@@ -102,19 +102,19 @@ class Chosen:
 
 
 def _by_drive(batch: Batch) -> list[tuple[NDArray[np.intp], bool]]:
-    """The certified scenes, at resonance and at a stated frequency apart."""
+    """Return the certified scenes, those at resonance separate from the others."""
     inside, resonant = certified(batch), np.isnan(batch.frequency_hz)
     groups = [(inside & resonant, True), (inside & ~resonant, False)]
     return [(np.flatnonzero(rows), kind) for rows, kind in groups if rows.any()]
 
 
 def _bound(top: Range, mu: FloatArray) -> FloatArray:
-    """How far the top rung can be from `mu`."""
+    """Return how far the top rung can be from `mu`."""
     return np.maximum(top.high - mu, mu - top.low) + _ROUNDING
 
 
 def error_bounds(batch: Batch, rung: str, choice: LawChoice, mu: FloatArray) -> FloatArray:
-    """The certified error of a named rung's μ' against the top rung; nan where there is none."""
+    """Return the certified error of a rung's μ' against the top rung; nan if not certified."""
     bounds = np.full(batch.size, 0.0 if rung == TOP_RUNG else np.nan)
     if rung in MODAL_RUNGS:
         for which, resonant in _by_drive(batch):
@@ -129,7 +129,7 @@ Part = tuple[NDArray[np.intp], str, FloatArray, Prediction]
 def _cheap_parts(
     batch: Batch, which: NDArray[np.intp], choice: LawChoice, tolerance: float, *, resonant: bool
 ) -> Iterator[Part]:
-    """The scenes that a candidate serves: rows, the candidate, its bounds, its predictions."""
+    """Yield the scenes that a candidate covers: rows, candidate, bounds and predictions."""
     top = top_rung_range(batch.rows(which), choice, resonant=resonant)
     for name in CANDIDATES:
         if which.size:
@@ -143,7 +143,7 @@ def _cheap_parts(
 
 
 def auto_prediction(batch: Batch, choice: LawChoice, tolerance: float) -> Chosen:
-    """Predictions within `tolerance` of the top rung, each by the cheapest rung certified for it.
+    """Return predictions within `tolerance` of the top rung, each by the cheapest certified rung.
 
     Args:
         batch: the scenes.

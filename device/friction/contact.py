@@ -1,4 +1,4 @@
-"""The contact's terms: from a field and a touch to what a friction law needs (Eqs 9, 11, 12)."""
+"""The contact's terms, which a friction law needs, from a field and a touch (Eqs 9, 11, 12)."""
 
 import math
 from dataclasses import dataclass, replace
@@ -22,7 +22,7 @@ Number = FloatArray | float
 class Contact:
     """A scene's touch and bodies as arrays of shape (n,) or numbers; one coverage, one direction.
 
-    A `finger_load_n` or `same_direction_fraction` of None means that none is given.
+    A `finger_load_n` or `same_direction_fraction` of None means that it is not given.
     """
 
     beam: Beam
@@ -47,7 +47,7 @@ class Contact:
         return self.finger_load_n / self.contact_m
 
     def rows(self, which: NDArray[np.intp]) -> "Contact":
-        """The contact at some of the places; numbers hold for all of them."""
+        """Return the contact at some of the places; plain numbers apply to all of them."""
         chosen: dict[str, Any] = {
             name: value[which]
             for name, value in vars(self).items()
@@ -57,7 +57,7 @@ class Contact:
 
 
 def contact_of(scene: Scene, x_m: FloatArray) -> Contact:
-    """The contact of one scene, moved to the places `x_m`, shape (n,)."""
+    """Return the contact of one scene, moved to the places `x_m`, shape (n,)."""
     structure, touch = scene.structure, scene.touch
     return Contact(
         beam=structure.beam,
@@ -77,12 +77,12 @@ def contact_of(scene: Scene, x_m: FloatArray) -> Contact:
 
 
 def same_direction_given(contact: Contact) -> Number | None:
-    """The a/u that holds whatever the field: one given for full coverage."""
+    """Return the a/u given for full coverage, which applies in any field, or None."""
     return contact.same_direction_fraction if contact.coverage == "full" else None
 
 
 def _directions(contact: Contact, right: FloatArray, left: FloatArray) -> tuple[Number, Number]:
-    """The part of the contact that moves with the finger, and the part against it."""
+    """Return the part of the contact that moves with the finger, and the part against it."""
     given = same_direction_given(contact)
     if given is not None:
         return given, 1.0 - given
@@ -98,7 +98,7 @@ class ContactState:
 
 
 def with_eq15_ratio(state: ContactState, contact: Contact, overlap: Overlap) -> ContactState:
-    """The state with Eq 15's a/u in place of the field's own, as the printed local law has it."""
+    """Return the state with Eq 15's a/u instead of the field's own, as in the printed local law."""
     if contact.coverage == "full":
         return state
     ratio = same_direction_ratio(contact.x_m, contact.contact_m, overlap)
@@ -112,7 +112,7 @@ def with_eq15_ratio(state: ContactState, contact: Contact, overlap: Overlap) -> 
 
 
 def contact_state(contact: Contact, field: Field, reference_tip_speed_m_s: float) -> ContactState:
-    """The terms of a contact in a field.
+    """Return the terms of a contact in a field.
 
     Inertia per metre is mω²|q|·mean|φ|/π: over the window it is Eq 11's f_p (inner limit T/2; Eq
     9's over the whole beam) with the body mass m read as kg per metre.

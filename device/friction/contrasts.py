@@ -16,9 +16,9 @@ def predicted_contrast(change: Change, law: str = "consistent", rung: str = "mod
     """Return the contrast of `change`, positive when the change is the expected one.
 
     Args:
-        change: see there for the formula of each effect.
-        law: of friction, see `device.friction.laws`.
-        rung: of the ladder, see `device.friction.rungs`; drives are relative to its resonance.
+        change: the change; `Change` gives the formula of each effect.
+        law: friction law, see `device.friction.laws`.
+        rung: rung of the ladder, see `device.friction.rungs`; drives are relative to its resonance.
 
     >>> from device.friction.changes import CONDITIONS
     >>> round(predicted_contrast(CONDITIONS["pressure"]), 2)

@@ -18,12 +18,12 @@ _LN3 = math.log(3.0)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ContactTerms:
-    """What a law needs to know of the contact; all dimensionless, of shapes that broadcast.
+    """The terms of the contact that a law needs; all dimensionless, of shapes that broadcast.
 
     Attributes:
         friction_coefficient: μ, with the drive off.
         same_direction: r (the paper's a/u), the part of the contact that moves with the finger.
-        opposing: 1 - r, given apart so that neither loses digits near 0.
+        opposing: 1 - r, given separately so that neither loses digits near 0.
         relative_tip_speed: s, the bodies' tip speed over the finger's, relative to the reference.
         inertial_ratio: p, inertial over static load per metre of beam.
         printed_inertial_ratio: f_p/(uf) as Eqs 9 and 11 give it.
@@ -38,9 +38,9 @@ class ContactTerms:
 
 
 def anisotropy(relative_tip_speed: FloatArray) -> FloatArray:
-    """η = tanh(½ ln3 · s): 0 at rest, ½ (the paper's constant) at s = 1, 1 far above.
+    """Return η = tanh(½ ln3 · s): 0 at rest, ½ (the paper's constant) at s = 1, 1 far above.
 
-    Differs from the paper: Eq 3 takes η = ½ at any voltage, 0 V among them.
+    Differs from the paper: Eq 3 uses η = ½ at every voltage, even at 0 V.
 
     >>> round(float(anisotropy(np.array(1.0))), 12)
     0.5
@@ -50,19 +50,19 @@ def anisotropy(relative_tip_speed: FloatArray) -> FloatArray:
 
 
 def _without(relative_tip_speed: FloatArray) -> FloatArray:
-    """1 - η, to full relative accuracy where η rounds to 1."""
+    """Return 1 - η, to full relative accuracy even where η rounds to 1."""
     decay = np.exp(-_LN3 * relative_tip_speed)
     return 2.0 * decay / (1.0 + decay)
 
 
 def printed(terms: ContactTerms) -> FloatArray:
-    """μ' = μ(3/2 - a/u + f_p/(uf)), Eqs 5, 10 and 12 as they stand, for comparison only."""
+    """Return μ' = μ(3/2 - a/u + f_p/(uf)), Eqs 5, 10 and 12 as printed, for comparison only."""
     bracket = 1.5 - terms.same_direction + terms.printed_inertial_ratio
     return np.asarray(terms.friction_coefficient * bracket)
 
 
 def consistent(terms: ContactTerms) -> FloatArray:
-    """μ' = μ[1 + η(1 - 2r) + tanh(πp)/π]: Eq 3 with an η that follows the drive.
+    """Return μ' = μ[1 + η(1 - 2r) + tanh(πp)/π]: Eq 3 with an η that depends on the drive.
 
     Agrees with Eq 12 at the paper's reference point (η = ½, small p), gives μ with the drive off,
     and stays above μ(1 - η).
@@ -74,7 +74,7 @@ def consistent(terms: ContactTerms) -> FloatArray:
 
 
 def coulomb(terms: ContactTerms) -> FloatArray:
-    """μ' = μ(1 - ηr): a body that opposes the finger already pushes with all of μN."""
+    """Return μ' = μ(1 - ηr): a body that opposes the finger already exerts the full μN."""
     rest = _without(terms.relative_tip_speed)
     return terms.friction_coefficient * (terms.opposing + terms.same_direction * rest)
 
@@ -85,10 +85,10 @@ LAWS: Mapping[str, Callable[[ContactTerms], FloatArray]] = MappingProxyType(
 
 
 def law_by_name(name: str) -> Callable[[ContactTerms], FloatArray]:
-    """The law of that name.
+    """Return the law of that name.
 
     Raises:
-        OutOfRangeError: there is no such law.
+        OutOfRangeError: the law does not exist.
     """
     one_of("law", name, LAWS)
     return LAWS[name]

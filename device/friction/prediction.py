@@ -1,4 +1,4 @@
-"""Predictions for many scenes at once: every number that a prediction consists of."""
+"""Predictions for many scenes at once, with all the numbers of each."""
 
 from dataclasses import dataclass, fields, replace
 from typing import Literal
@@ -27,9 +27,9 @@ Ratio = Literal["eq15", "mode"]
 
 @dataclass(frozen=True, kw_only=True)
 class LawChoice:
-    """A friction law, with what the printed one leaves open: where a/u is from, and its overlaps.
+    """A friction law, with the choices that the printed one leaves open: a/u and its overlaps.
 
-    `ratio` and `overlap` do not touch the repaired laws, which take the rung's own r.
+    `ratio` and `overlap` do not affect the repaired laws, which use the rung's own r.
     """
 
     name: str = "consistent"
@@ -57,16 +57,16 @@ class Batch:
 
     @property
     def beam(self) -> Beam:
-        """The beam that all scenes share, its damping ratio aside."""
+        """The beam that all scenes share, except for its damping ratio."""
         return self.contact.beam
 
     @property
     def size(self) -> int:
-        """How many scenes there are."""
+        """The number of scenes."""
         return int(self.voltage_v.size)
 
     def rows(self, which: NDArray[np.intp]) -> "Batch":
-        """Some of the scenes."""
+        """Return some of the scenes."""
         return Batch(
             contact=self.contact.rows(which),
             mode=self.mode,
@@ -97,12 +97,12 @@ class Prediction:
     displacement_m: FloatArray
 
     def rows(self, which: NDArray[np.intp]) -> "Prediction":
-        """The prediction of some of the scenes."""
+        """Return the prediction of some of the scenes."""
         return Prediction(**{name: column[which] for name, column in vars(self).items()})
 
 
 def law_state(contact: Contact, field: Field, rung: str, choice: LawChoice) -> ContactState:
-    """The contact's state as a law sees it in a field of the named rung."""
+    """Return the contact's state as a law sees it in a field of the named rung."""
     state = contact_state(contact, field, reference_tip_speed_m_s(rung))
     if choice.name == "printed" and choice.ratio == "eq15":
         return with_eq15_ratio(state, contact, choice.overlap)
@@ -110,7 +110,7 @@ def law_state(contact: Contact, field: Field, rung: str, choice: LawChoice) -> C
 
 
 def field_prediction(contact: Contact, field: Field, rung: str, choice: LawChoice) -> Prediction:
-    """The prediction of a law in a field of the named rung."""
+    """Return the prediction of a law in a field of the named rung."""
     state, printed = law_state(contact, field, rung, choice), choice.name == "printed"
     terms = state.terms
     half = np.full(contact.x_m.shape, 0.5)
@@ -134,7 +134,7 @@ def field_prediction(contact: Contact, field: Field, rung: str, choice: LawChoic
 
 
 def _modal_prediction(batch: Batch, rung: str, choice: LawChoice) -> Prediction:
-    """The prediction of a one-mode rung, all scenes in one pass."""
+    """Return the prediction of a one-mode rung, all scenes in one pass."""
     beam, frequency_hz = batch.beam, batch.frequency_hz
     resonance_hz = natural_frequency_hz(beam, batch.mode)
     signal = Signal(
@@ -147,7 +147,7 @@ def _modal_prediction(batch: Batch, rung: str, choice: LawChoice) -> Prediction:
 
 
 def joined(parts: list[tuple[NDArray[np.intp], Prediction]], size: int) -> Prediction:
-    """Predictions for parts of a batch, put back in order."""
+    """Return the predictions for parts of a batch, joined in the order of the batch."""
     columns = {entry.name: np.empty(size) for entry in fields(Prediction)}
     for which, part in parts:
         for name, column in columns.items():
@@ -156,7 +156,7 @@ def joined(parts: list[tuple[NDArray[np.intp], Prediction]], size: int) -> Predi
 
 
 def _solved_prediction(batch: Batch, rung: str, choice: LawChoice) -> Prediction:
-    """The prediction of a rung that is set up once per drive frequency and damping ratio."""
+    """Return the prediction of a rung that is set up once per drive frequency and damping ratio."""
     keys = np.stack([np.nan_to_num(batch.frequency_hz, nan=-1.0), batch.damping_ratio])
     drives, group = np.unique(keys, axis=1, return_inverse=True)
     parts = []
@@ -175,10 +175,10 @@ def _solved_prediction(batch: Batch, rung: str, choice: LawChoice) -> Prediction
 
 
 def rung_prediction(batch: Batch, rung: str, choice: LawChoice) -> Prediction:
-    """The prediction of one named rung for a batch of scenes.
+    """Return the prediction of one named rung for a batch of scenes.
 
     Raises:
-        OutOfRangeError: there is no such rung, or the mode lies beyond its cut-off.
+        OutOfRangeError: the rung does not exist, or the mode lies beyond its cut-off.
     """
     check_rung(rung)
     if rung in MODAL_RUNGS:

@@ -1,6 +1,6 @@
-"""The ladder's rungs: from the paper's piecewise-linear pattern up, each a field of the beam.
+"""The ladder's rungs, from the paper's piecewise-linear pattern up: each gives a field of the beam.
 
-What solves the segmented beam is loaded by the rungs that need it: most predictions take one mode.
+Only the rungs that need it load the solver of the segmented beam: most predictions use one mode.
 """
 
 import re
@@ -34,14 +34,14 @@ FieldOf = Callable[[Beam, Drive], Field]
 
 
 def _frequency_hz(drive: Drive) -> float | None:
-    """The drive's frequency, or None where it is the rung's own resonance."""
+    """Return the drive's frequency, or None for the rung's own resonance."""
     return None if isinstance(drive.frequency_hz, str) else drive.frequency_hz
 
 
 def modal_rung_field(
     name: str, beam: Beam, mode: int, signal: Signal, overlap: Overlap = "first"
 ) -> Field:
-    """The field of `eq15`, `far-field` or `mode`, for one signal or an array of them."""
+    """Return the field of `eq15`, `far-field` or `mode`, for one signal or an array of them."""
     far_field = SinusoidPattern(mode=mode, length_m=beam.length_m)
     patterns: Mapping[str, Pattern] = {
         "eq15": Eq15Pattern(far_field=far_field, overlap=overlap),
@@ -53,7 +53,7 @@ def modal_rung_field(
 
 @lru_cache(maxsize=4096)
 def _summary(beam: Beam, frequency_hz: float, *, patched: bool, shear: bool) -> "MotionSummary":
-    """The segmented beam's motion per volt, set up once for a beam and a frequency."""
+    """Return the segmented beam's motion per volt, set up once for a beam and a frequency."""
     from device.beam.motion import segmented_motion
     from device.beam.motion_pattern import motion_summary
 
@@ -62,7 +62,7 @@ def _summary(beam: Beam, frequency_hz: float, *, patched: bool, shear: bool) -> 
 
 @lru_cache(maxsize=256)
 def _modal_summary(beam: Beam, frequency_hz: float, count: int) -> "MotionSummary":
-    """The sum of the first `count` modes per volt, set up once for a beam and a frequency."""
+    """Return the sum of the first `count` modes per volt, set up once per beam and frequency."""
     from device.beam.motion import modal_motion
     from device.beam.motion_pattern import motion_summary
 
@@ -70,7 +70,7 @@ def _modal_summary(beam: Beam, frequency_hz: float, count: int) -> "MotionSummar
 
 
 def _driven(summary: "MotionSummary", frequency_hz: float, voltage_v: float) -> Field:
-    """The field of a motion per volt at a voltage."""
+    """Return the field of a motion per volt at a voltage."""
     return Field(
         pattern=summary.pattern,
         frequency_hz=np.asarray(frequency_hz),
@@ -80,7 +80,7 @@ def _driven(summary: "MotionSummary", frequency_hz: float, voltage_v: float) -> 
 
 
 def _segmented(*, patched: bool, shear: bool) -> FieldOf:
-    """The field of a rung that solves the segmented beam."""
+    """Return the field of a rung that solves the segmented beam."""
 
     def field_of(beam: Beam, drive: Drive) -> Field:
         frequency_hz = _frequency_hz(drive)
@@ -97,7 +97,7 @@ def _segmented(*, patched: bool, shear: bool) -> FieldOf:
 
 
 def _modes(count: int) -> FieldOf:
-    """The field of a rung that adds up the first `count` modes of the bare beam."""
+    """Return the field of a rung that adds up the first `count` modes of the bare beam."""
 
     def field_of(beam: Beam, drive: Drive) -> Field:
         if drive.mode > count:
@@ -110,7 +110,7 @@ def _modes(count: int) -> FieldOf:
 
 
 def forget_set_ups() -> None:
-    """Drop every set-up that is kept for later scenes, so that its cost can be measured again."""
+    """Clear all cached set-ups, so that their cost can be measured again."""
     from device.beam.timoshenko import segmented_natural_frequency_hz
 
     _summary.cache_clear()
@@ -130,15 +130,15 @@ SEGMENTED_RUNGS: Mapping[str, FieldOf] = MappingProxyType(
 HIGHEST_MODE = 999
 """The highest mode that `modes:N` can add up."""
 _LOWEST_SUM = Drive().mode
-"""The reference scene's own mode: a sum without it has no tip speed to relate others to."""
+"""The reference scene's mode: a sum without it has no reference tip speed."""
 RUNG_NAMES = (*MODAL_RUNGS, "modes:N", *SEGMENTED_RUNGS)
 
 
 def check_rung(name: str) -> None:
-    """Refuse a name that is none of `RUNG_NAMES`; `modes:12` is the sum of the first twelve modes.
+    """Refuse a name not in `RUNG_NAMES`; `modes:12` is the sum of the first twelve modes.
 
     Raises:
-        OutOfRangeError: there is no such rung.
+        OutOfRangeError: the rung does not exist.
     """
     if name not in MODAL_RUNGS and name not in SEGMENTED_RUNGS and not _mode_count(name):
         names = ", ".join(RUNG_NAMES).replace(":N", f":N (N from {_LOWEST_SUM} to {HIGHEST_MODE})")
@@ -146,23 +146,23 @@ def check_rung(name: str) -> None:
 
 
 def _mode_count(name: str) -> int:
-    """The N of `modes:N`, or 0."""
+    """Return the N of `modes:N`, or 0."""
     found = re.fullmatch(r"modes:([1-9]\d{0,2})", name)
     count = int(found.group(1)) if found else 0
     return count if _LOWEST_SUM <= count <= HIGHEST_MODE else 0
 
 
 def rung_field(name: str, beam: Beam, drive: Drive, overlap: Overlap = "first") -> Field:
-    """The driven beam's motion as the named rung has it.
+    """Return the driven beam's motion as the named rung computes it.
 
     Args:
         name: one of `RUNG_NAMES`.
         beam: the beam.
         drive: its drive; `resonance` is the rung's own.
-        overlap: which pieces of Eq 15 hold where two overlap, for `eq15`.
+        overlap: which pieces of Eq 15 apply where two overlap, for `eq15`.
 
     Raises:
-        OutOfRangeError: there is no such rung, or the mode lies beyond its cut-off or its sum.
+        OutOfRangeError: the rung does not exist, or the mode lies beyond its cut-off or its sum.
     """
     check_rung(name)
     if name in MODAL_RUNGS:
@@ -173,7 +173,7 @@ def rung_field(name: str, beam: Beam, drive: Drive, overlap: Overlap = "first") 
 
 
 def rung_resonance_hz(name: str, beam: Beam, mode: int) -> float:
-    """The natural frequency of `mode` as the rung of that name computes it, Hz."""
+    """Return the natural frequency of `mode` as the rung of that name computes it, Hz."""
     check_rung(name)
     if name in SEGMENTED_RUNGS:
         from device.beam.timoshenko import segmented_natural_frequency_hz
@@ -185,7 +185,7 @@ def rung_resonance_hz(name: str, beam: Beam, mode: int) -> float:
 
 @lru_cache(maxsize=32)
 def reference_tip_speed_m_s(name: str) -> float:
-    """The tip speed of a 1 mm body that a rung gives in the paper's scene at its own resonance."""
+    """Return a rung's tip speed of a 1 mm body in the paper's scene at the rung's resonance."""
     beam = Beam()
     field = rung_field(name, beam, Drive())
     return float(field.tip_speed_m_s(beam.thickness_m / 2 + 1e-3))

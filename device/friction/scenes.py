@@ -1,7 +1,7 @@
-"""A scene: what is touched, how it is driven, and how the finger touches it.
+"""A scene: the structure, its drive, and the finger that touches it.
 
 Defaults are the paper's (Tables 1 to 3). Assumed, not in the paper: the body height (1 mm), the
-place (the second trough left of the patches), and the sliding speed, which the paper never gives;
+place (the second trough left of the patches), and the sliding speed, which the paper does not give;
 `REFERENCE_SPEED_M_S` makes the anisotropy ½ in the paper's own scene.
 """
 
@@ -39,10 +39,10 @@ class Structure:
 
 @dataclass(frozen=True, kw_only=True)
 class Drive:
-    """The signal on the patches and the mode that is meant.
+    """The signal on the patches and the mode it excites.
 
     `voltage_v` is the amplitude. A `frequency_hz` of `resonance` is the natural frequency of
-    `mode` as the rung at work computes it.
+    `mode` as computed by the rung in use.
     """
 
     voltage_v: float = 100.0
@@ -83,7 +83,7 @@ class FingerContact:
 
 @dataclass(frozen=True, kw_only=True)
 class Scene:
-    """A whole scene. `same_direction_fraction` is a/u under full coverage, where it is given."""
+    """A whole scene. `same_direction_fraction`, if given, is a/u under full coverage."""
 
     structure: Structure = field(default_factory=Structure)
     drive: Drive = field(default_factory=Drive)

@@ -53,6 +53,6 @@ def test_float32_places_are_computed_in_double() -> None:
 
 
 @pytest.mark.parametrize("order", [0, -1, 2.5, float("nan")])
-def test_a_mode_that_is_no_positive_whole_number_is_refused(order: float) -> None:
+def test_a_mode_that_is_not_a_positive_whole_number_is_refused(order: float) -> None:
     with pytest.raises(ValueError, match=f"mode must be a whole number of at least 1, got {order}"):
         mode_constants(order)

@@ -34,7 +34,7 @@ def test_fractions_and_integrals_are_right_at_every_edge(order: int, contact_m: 
         assert abs(mp.mpf(float(ours.mean[k])) * covered / area - 1) < 1e-12
 
 
-def test_at_the_clamp_all_moves_left_and_nothing_moves() -> None:
+def test_the_window_at_the_clamp_is_all_left_with_zero_motion() -> None:
     window = mode_window(6, LENGTH_M, np.zeros(1), np.zeros(1))
     assert (window.right[0], window.left[0], window.mean[0]) == (0.0, 1.0, 0.0)
 

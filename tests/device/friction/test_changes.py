@@ -37,7 +37,7 @@ def test_the_signal_is_the_change_from_the_resting_beam() -> None:
 
 @pytest.mark.parametrize("law", ["consistent", "coulomb", "printed"])
 @pytest.mark.parametrize("trial", plan(PAPER, 0).trials[1:], ids=lambda t: t.condition or t.kind)
-def test_trials_of_the_paper_study_make_the_contrasts_of_the_named_conditions(
+def test_trials_of_the_paper_study_have_the_contrasts_of_the_named_conditions(
     trial: Trial, law: str
 ) -> None:
     finger = PAPER.touch.model_copy(update={"sliding_speed_m_s": REFERENCE_SPEED_M_S})
@@ -61,7 +61,7 @@ def test_the_paper_conditions_are_ranked_as_the_model_ranks_them() -> None:
 
 
 @pytest.mark.parametrize("slot", range(3))
-def test_nothing_is_predicted_of_catch_trials(slot: int) -> None:
+def test_catch_trials_have_zero_contrast(slot: int) -> None:
     catches = [trial for trial in plan(EXTENDED, slot).trials if trial.kind == "catch"]
     assert [contrast(EXTENDED, trial) for trial in catches] == [0.0] * 4
 

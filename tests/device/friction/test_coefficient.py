@@ -173,6 +173,6 @@ def test_another_beam_is_outside_the_domain() -> None:
     assert (own == friction_coefficient(scene, rung=TOP_RUNG, x_m=AUTO_PLACES)).all()
 
 
-def test_a_tolerance_of_nothing_is_refused() -> None:
+def test_a_tolerance_of_zero_is_refused() -> None:
     with pytest.raises(ValueError, match=r"tolerance must be a finite number above 0, got 0\.0"):
         friction_coefficient(Scene(), rung="auto", tolerance=0.0)

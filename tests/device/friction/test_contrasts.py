@@ -36,13 +36,13 @@ def test_every_condition_is_felt_as_expected_under_the_repaired_law(name: str) -
     assert predicted_contrast(CONDITIONS[name]) > 0.04
 
 
-def test_a_study_file_and_the_model_have_the_same_finger_unless_they_are_told() -> None:
+def test_study_file_and_model_have_the_same_default_finger() -> None:
     study, model = TouchDefaults(), FingerContact()
     assert (study.smooth_place_m, study.contact_m) == (model.x_m, model.contact_m)
 
 
 @pytest.mark.parametrize("name", CONDITIONS)
-def test_a_contrast_is_that_of_the_rung_it_is_asked_of(name: str) -> None:
+def test_a_contrast_depends_on_the_rung(name: str) -> None:
     change = CONDITIONS[name]
     found = {rung: predicted_contrast(change, rung=rung) for rung in ("mode", "far-field")}
     assert found["mode"] == predicted_contrast(change)

@@ -1,4 +1,4 @@
-"""What every sound friction law keeps, on scenes drawn over the whole range."""
+"""Properties of every valid friction law, on scenes drawn over the whole range."""
 
 import numpy as np
 import pytest
@@ -79,7 +79,7 @@ def test_reversing_mirrors_the_anisotropic_part(ratio: float, speed: float) -> N
 
 
 @given(scenes())
-def test_left_and_right_share_out_the_window(scene: Scene) -> None:
+def test_left_and_right_add_up_to_the_window(scene: Scene) -> None:
     from device.friction.rungs import rung_field
 
     field = rung_field("mode", scene.structure.beam, scene.drive)
@@ -95,13 +95,13 @@ def test_friction_is_continuous_in_x() -> None:
         assert np.abs(np.diff(mu)).max() < 2.5e-6 / 0.01 * 0.4 * 1.5
 
 
-def test_eq15_as_printed_holds_its_plateaus_and_its_overlaps() -> None:
+def test_eq15_as_printed_has_its_plateaus_and_overlaps() -> None:
     places = np.array([0.010, 0.020, 0.0225, 0.0325, 0.0400])
     first = same_direction_ratio(places, 0.01)
     assert first == pytest.approx([0.0, 0.69, 0.87, 0.13, 0.82])
     assert same_direction_ratio(places, 0.01, "last")[-1] == pytest.approx(0.87)
 
 
-def test_eq15_says_nothing_beyond_its_reach() -> None:
+def test_eq15_is_refused_beyond_its_range() -> None:
     with pytest.raises(ValueError, match=r"x_m must lie in \[0, 0.1\] for Eq 15, got 0.11"):
         same_direction_ratio(np.array([0.05, 0.11]), 0.01)

@@ -21,8 +21,8 @@ MOST_PROBLEMS = 50
 class Problem:
     """A problem of a study: its place, the rule, the value and a remedy.
 
-    `path` leads to the key in the study file; `line` is the key's line, counted from 1. `file` names
-    another file beside the study file if the problem is there.
+    `path` leads to the key in the study file; `line` is the key's line, counted from 1. `file`
+    names another file beside the study file if the problem is there.
     """
 
     where: str

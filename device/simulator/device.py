@@ -3,18 +3,20 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from pkgutil import iter_modules
 
 from device.errors import DeviceError
 from device.link.codec import text
 from device.simulator.control import Control
-from device.simulator.faults import AnyDialect, Broken
-from device.simulator.models.board_model import BoardDialect
-from device.simulator.models.keysight_model import MODELS, KeysightDialect
+from device.simulator.faults import Broken
+from device.simulator.models.dialect import Dialect
 from device.simulator.models.power_stage import DeviceClock, Instrument
 from device.simulator.models.scpi import ScpiError
 from device.simulator.models.simulated_beam import SimulatedBeam
 
-DIALECTS = ("board", *MODELS)
+Model = Callable[[Instrument, SimulatedBeam], Dialect]
 _ERROR_AFTER_SET = ScpiError(-310, "System error")
 
 
@@ -24,7 +26,7 @@ class SimulatedDevice:
 
     instrument: Instrument
     beam: SimulatedBeam
-    dialect: AnyDialect
+    dialect: Dialect
     broken: Broken
     control: Control
     clock: DeviceClock
@@ -58,8 +60,18 @@ class SimulatedDevice:
 
     def _pass_time(self) -> None:
         self.instrument.advance_to(self.clock.now_s())
-        if isinstance(self.dialect, KeysightDialect):
-            self.dialect.drive_beam()
+        self.dialect.follow()
+
+
+@cache
+def dialects() -> dict[str, Model]:
+    """Return what models each dialect. A module in `models` that defines `MODELS` is found."""
+    folder = import_module("device.simulator.models")
+    modules = [
+        import_module(f"{folder.__name__}.{found.name}") for found in iter_modules(folder.__path__)
+    ]
+    found = [module.MODELS for module in modules if hasattr(module, "MODELS")]
+    return {dialect: model for models in found for dialect, model in models.items()}
 
 
 def simulated_device(
@@ -67,11 +79,7 @@ def simulated_device(
 ) -> SimulatedDevice:
     """Return a device with a beam whose hidden properties follow from `seed`."""
     instrument, beam, clock = Instrument(), SimulatedBeam(seed), DeviceClock(wall_s)
-    spoken: AnyDialect
-    if dialect == "board":
-        spoken = BoardDialect(instrument, beam)
-    else:
-        spoken = KeysightDialect(instrument, MODELS[dialect])
+    spoken = dialects()[dialect](instrument, beam)
     broken = Broken(instrument=instrument, beam=beam, dialect=spoken, wall_s=wall_s)
     return SimulatedDevice(
         instrument=instrument,

@@ -6,11 +6,9 @@ does to the wire stands in `wire`, what it does to the device in `Broken`.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
-from device.simulator.models.dialect import Status
-from device.simulator.models.keysight_model import KeysightDialect
-from device.simulator.models.power_stage import MAX_VOLTAGE_V, RAMP_RANGE_V_PER_S, Instrument
+from device.simulator.models.dialect import Dialect
+from device.simulator.models.power_stage import MAX_VOLTAGE_V, Instrument
 from device.simulator.models.scpi import ScpiError
 from device.simulator.models.simulated_beam import SimulatedBeam
 
@@ -77,29 +75,13 @@ OTHER_HZ = 99_000.0
 _ERROR = ScpiError(-310, "System error")
 
 
-class AnyDialect(Protocol):
-    """What a dialect looks like from behind."""
-
-    idn: str
-    banner: str
-    status: Status
-
-    def answer(self, line: str) -> str | None:
-        """Return the answer to a line."""
-        ...
-
-    def restart(self) -> None:
-        """Lose power and come back."""
-        ...
-
-
 @dataclass
 class Broken:
     """The device with the faults that are on."""
 
     instrument: Instrument
     beam: SimulatedBeam
-    dialect: AnyDialect
+    dialect: Dialect
     wall_s: Callable[[], float]
 
     def __post_init__(self) -> None:
@@ -136,7 +118,7 @@ class Broken:
             "watchdog-trip": lambda on: self._trip("WATC") if on else None,
             "wrong-idn": self._rename,
             "limits-lost": lambda on: self._lose_limits() if on else None,
-            "panel-changed": lambda on: self._turn_knobs() if on else None,
+            "panel-changed": lambda on: self.dialect.turn_knobs() if on else None,
             "frequency-changed": lambda on: self._turn_frequency() if on else None,
             "off-ignored": self._ignore_off,
             "relay-stuck": self._stick,
@@ -167,21 +149,10 @@ class Broken:
 
     def _lose_limits(self) -> None:
         self.instrument.limit_v = MAX_VOLTAGE_V
-        if isinstance(self.dialect, KeysightDialect):
-            self.dialect.channels[0].limited = False
-
-    def _turn_knobs(self) -> None:
-        """The board has no panel: its limit and its ramp change as if it had one."""
-        if isinstance(self.dialect, KeysightDialect):
-            first = self.dialect.channels[0]
-            first.load_ohm, first.unit, first.emf_offset_v = 50.0, "VRMS", 1.0
-        else:
-            self._lose_limits()
-            self.instrument.ramp_v_per_s = RAMP_RANGE_V_PER_S[1]
+        self.dialect.lose_limits()
 
     def _turn_frequency(self) -> None:
-        if isinstance(self.dialect, KeysightDialect):
-            self.dialect.channels[0].frequency_hz = OTHER_HZ
+        self.dialect.turn_frequency(OTHER_HZ)
         self.instrument.sweep, self.instrument.frequency_hz = None, OTHER_HZ
 
     def _ignore_off(self, on: bool) -> None:

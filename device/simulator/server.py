@@ -18,7 +18,7 @@ from device.errors import DeviceError
 from device.link.codec import LineBuffer
 from device.simulator.device import SimulatedDevice, simulated_device
 from device.simulator.models.scpi import ScpiError
-from device.simulator.transports import ControlDoor, Line, PtyLine, TcpLine
+from device.simulator.transports import ControlDoor, Line, LineKind, PtyLine, TcpLine
 from device.simulator.wire import Wire
 from protocol.errors import BadInput
 
@@ -121,7 +121,7 @@ class Server:
 
 
 def simulate(
-    wire: str,
+    wire: LineKind,
     place: str,
     control: Path | None,
     *,
@@ -136,7 +136,7 @@ def simulate(
         wire: `pty` or `tcp`.
         place: the path of the pseudo-terminal's link, or a loopback port (0: any).
         control: where to make the control socket, if anywhere.
-        dialect: one of `device.simulator.device.DIALECTS`.
+        dialect: one of `device.simulator.device.dialects`.
         keep: stay when the host is gone.
         seed: what the hidden properties of the beam follow from.
         say: called once with `ready URL`.
@@ -188,7 +188,7 @@ class _Ending:
             return
 
 
-def _line(wire: str, place: str) -> Line:
+def _line(wire: LineKind, place: str) -> Line:
     try:
         return PtyLine(Path(place)) if wire == "pty" else TcpLine(_port(place))
     except OSError as error:

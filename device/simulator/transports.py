@@ -5,11 +5,12 @@ import os
 import socket
 from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
+from typing import Literal, Protocol
 
 from device.errors import DeviceError
 from device.link.codec import LineBuffer, text
 
+LineKind = Literal["pty", "tcp"]
 LOOPBACK = "127.0.0.1"
 _CHUNK = 65_536
 

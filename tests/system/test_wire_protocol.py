@@ -71,7 +71,7 @@ def test_the_page_has_every_header_of_the_board() -> None:
 
 def _headers() -> list[tuple[str, object]]:
     dialect = simulated_device(seed=1).dialect
-    headers = dialect._headers  # type: ignore[attr-defined]  # nobody else needs to see them
+    headers = dialect._headers  # nobody else needs to see them
     return [(pattern.pattern, handler) for pattern, handler in headers._handlers]
 
 

@@ -57,6 +57,11 @@ class BoardDialect(Dialect):
         self._forget()
         self.status.power_on()
 
+    def turn_knobs(self) -> None:
+        """Change limit and ramp, as if the board had a panel."""
+        self._instrument.limit_v = MAX_VOLTAGE_V
+        self._instrument.ramp_v_per_s = RAMP_RANGE_V_PER_S[1]
+
     def _system(self) -> dict[str, Handler]:
         return {
             "*IDN?": asked(lambda: self.idn),
@@ -200,3 +205,6 @@ def _told(argument: str, kept: float, lowest: float, highest: float) -> str:
     if extreme is None:
         raise ScpiError(-108, "Parameter not allowed")
     return number_text(extreme)
+
+
+MODELS = {"board": BoardDialect}

@@ -77,6 +77,9 @@ class Status:
 class Dialect:
     """Answers lines; what is wrong with them goes into the error queue."""
 
+    idn = ""
+    banner = ""
+    """What the device says when it starts."""
     plus = ""
     """What stands before a number that is not negative."""
 
@@ -89,6 +92,22 @@ class Dialect:
         answers = [self._answered(message.header, message.argument) for message in messages(line)]
         said = [answer for answer in answers if answer is not None]
         return ";".join(said) if said else None
+
+    def restart(self) -> None:
+        """Lose power and come back."""
+        raise NotImplementedError
+
+    def follow(self) -> None:
+        """Put on the beam what is given now that time has passed."""
+
+    def lose_limits(self) -> None:
+        """Forget the limits that the device keeps besides those of its power stage."""
+
+    def turn_knobs(self) -> None:
+        """Change at the panel what the drive relies on."""
+
+    def turn_frequency(self, frequency_hz: float) -> None:
+        """Change the frequency at the panel, where it is kept besides by the power stage."""
 
     def _answered(self, header: str, argument: str) -> str | None:
         try:

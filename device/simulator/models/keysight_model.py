@@ -4,6 +4,8 @@ Source: Agilent 33220A User's Guide and 33500 Series Operating and Service Guide
 the beam through an amplifier of gain `AMPLIFIER_GAIN` with an open (high impedance) input.
 """
 
+from collections.abc import Callable
+
 from device.simulator.models.dialect import Dialect, Status, asked
 from device.simulator.models.keysight_channels import Channel, Channels, Model
 from device.simulator.models.keysight_settings import DONE_AND_FORGOTTEN, SETTINGS, Kept
@@ -25,7 +27,7 @@ AMPLIFIER_GAIN = 20.0
 _UNITS = {"": NO_UNIT, "S": SECONDS, "HZ": HERTZ, "DEG": {"": 1.0, "DEG": 1.0}}
 
 
-MODELS = {
+_GENERATORS = {
     "keysight": Model(
         idn="Agilent Technologies,33522B,MY52800123,3.05-1.19-2.00-52-00",
         channels=2,
@@ -78,7 +80,7 @@ class KeysightDialect(Dialect):
     def answer(self, line: str) -> str | None:
         """Return what is answered to `line`; the beam follows."""
         answer = super().answer(line)
-        self.drive_beam()
+        self.follow()
         return answer
 
     def restart(self) -> None:
@@ -87,7 +89,20 @@ class KeysightDialect(Dialect):
         self._preset()
         self.status.power_on()
 
-    def drive_beam(self) -> None:
+    def lose_limits(self) -> None:
+        """Switch the limits of the first channel off."""
+        self.channels[0].limited = False
+
+    def turn_knobs(self) -> None:
+        """Change load, unit and offset of the first channel."""
+        first = self.channels[0]
+        first.load_ohm, first.unit, first.emf_offset_v = 50.0, "VRMS", 1.0
+
+    def turn_frequency(self, frequency_hz: float) -> None:
+        """Change the frequency of the first channel."""
+        self.channels[0].frequency_hz = frequency_hz
+
+    def follow(self) -> None:
         """Put on the beam what channel 1 gives: at once, for a generator has no slew."""
         first, instrument = self.channels[0], self._instrument
         instrument.target_v = AMPLIFIER_GAIN * first.emf_vpp / 2 if self._sounding() else 0.0
@@ -229,3 +244,10 @@ def _value(kept: Kept, argument: str) -> float | str:
     if kept.is_switch:
         return float(boolean(argument))
     return quantity(argument, _UNITS[kept.unit], kept.lowest, kept.highest)
+
+
+def _speaking(generator: Model) -> Callable[[Instrument, object], KeysightDialect]:
+    return lambda instrument, _: KeysightDialect(instrument, generator)
+
+
+MODELS = {name: _speaking(generator) for name, generator in _GENERATORS.items()}

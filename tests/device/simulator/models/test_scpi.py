@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from device.simulator.device import DIALECTS, SimulatedDevice, simulated_device
+from device.simulator.device import SimulatedDevice, dialects, simulated_device
 from device.simulator.models.scpi import (
     HERTZ,
     VOLTS,
@@ -79,7 +79,7 @@ def test_ranges_and_words_have_theirs() -> None:
     assert quantity("MAX", HERTZ, 0, 10) == 10
 
 
-@pytest.fixture(params=DIALECTS)
+@pytest.fixture(params=dialects())
 def device(request: pytest.FixtureRequest) -> SimulatedDevice:
     return simulated_device(seed=1, wall_s=lambda: 0.0, dialect=request.param)
 
@@ -112,7 +112,7 @@ WORDS = st.lists(st.sampled_from(VOCABULARY.split()), max_size=12).map(" ".join)
 
 @given(st.one_of(st.text(max_size=60), WORDS, WORDS.map(lambda text: text.replace(" ", ""))))
 def test_no_line_makes_a_device_do_more_than_complain(line: str) -> None:
-    for dialect in DIALECTS:
+    for dialect in dialects():
         device = simulated_device(seed=1, wall_s=lambda: 0.0, dialect=dialect)
         device.answer_bytes(line.encode("utf-8", "replace"), 0.0)
         assert 0 <= device.instrument.output_v <= 200

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol
 
 if TYPE_CHECKING:
     from device.drivers.setpoints import Setpoint
     from device.resonance import Resonance
     from protocol.journal.records import Identity, ReadBack
     from runner.screens import Note, OperatorView, Order, Response, Screen
+
+
+Ratings = Literal["window", "console", "virtual"]
+"""Where the participant answers, if it is one."""
 
 
 class Device(Protocol):

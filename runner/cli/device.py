@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from runner.cli.options import Dialect, JsonOption, UrlArgument, Wire, print_json
+from runner.cli.options import Choosing, DialectOption, JsonOption, UrlArgument, Wire, print_json
 
 app = typer.Typer()
 device_commands = typer.Typer(help="The device: ports, identity and health, resonance.")
@@ -46,11 +46,11 @@ def device_probe(url: UrlArgument, as_json: JsonOption = False) -> None:
         typer.echo(f"{name:15} {value}")
 
 
-@device_commands.command("sweep")
+@device_commands.command("sweep", cls=Choosing)
 def device_sweep(
     url: UrlArgument,
     near: Annotated[float, typer.Option(min=100, max=95_000, metavar="HZ")] = 24_221.0,
-    dialect: Annotated[Dialect, typer.Option(help="What it speaks.")] = Dialect.board,
+    dialect: DialectOption = "board",
     keep: Annotated[
         Path | None, typer.Option(metavar="STUDY", help="Keep it as this study's calibration.")
     ] = None,
@@ -65,7 +65,7 @@ def device_sweep(
     from runner.launch.rig import touchbeam_command
 
     with rig_lock(url, "touchbeam device sweep"):
-        found, idn = swept(url, near, dialect.value, touchbeam_command())
+        found, idn = swept(url, near, dialect, touchbeam_command())
     file = kept(keep, found, idn) if keep else None
     if as_json:
         print_json(
@@ -83,11 +83,11 @@ def device_sweep(
     )
 
 
-@app.command("simulate-device")
+@app.command("simulate-device", cls=Choosing)
 def simulate_device(
     wire: Annotated[Wire, typer.Argument(help="pty or tcp")],
     place: Annotated[str, typer.Argument(metavar="LINK|PORT", help="A path, or a loopback port.")],
-    dialect: Annotated[Dialect, typer.Option(help="What it speaks.")] = Dialect.board,
+    dialect: DialectOption = "board",
     control: Annotated[
         Path | None, typer.Option(metavar="SOCKET", help="A Unix socket to make.")
     ] = None,
@@ -100,9 +100,7 @@ def simulate_device(
     """
     from device.simulator.server import simulate
 
-    simulate(
-        wire.value, place, control, dialect=dialect.value, keep=keep, seed=seed, say=typer.echo
-    )
+    simulate(wire, place, control, dialect=dialect, keep=keep, seed=seed, say=typer.echo)
 
 
 @app.command()

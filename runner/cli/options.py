@@ -1,9 +1,9 @@
 """What several commands share: arguments, options, and how a result is printed."""
 
 from collections.abc import Callable, Iterable, Mapping
-from enum import StrEnum
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 import typer
 from typer.core import TyperCommand
@@ -12,61 +12,14 @@ from protocol.address import checked_address
 from protocol.errors import BadInput
 
 if TYPE_CHECKING:
+    from device.beam.eq15 import Overlap
     from runner.journal.store import Journal
     from runner.study.folder import StudyFolder
+else:  # what typer reads
+    Overlap = str
 
-
-class Ratings(StrEnum):
-    """Who answers."""
-
-    window = "window"
-    console = "console"
-    virtual = "virtual"
-
-
-class Pace(StrEnum):
-    """How time passes."""
-
-    wall = "wall"
-    stepped = "stepped"
-
-
-class Format(StrEnum):
-    """How data are handed on."""
-
-    csv = "csv"
-    bids = "bids"
-    psychds = "psychds"
-
-
-class Wire(StrEnum):
-    """How the simulated device is reached."""
-
-    pty = "pty"
-    tcp = "tcp"
-
-
-class Dialect(StrEnum):
-    """What the simulated device speaks."""
-
-    board = "board"
-    keysight = "keysight"
-    keysight_33220a = "keysight-33220A"
-
-
-class Law(StrEnum):
-    """A friction law."""
-
-    printed = "printed"
-    consistent = "consistent"
-    coulomb = "coulomb"
-
-
-class Overlap(StrEnum):
-    """Which pieces of Eq 15 hold where two overlap."""
-
-    first = "first"
-    last = "last"
+Wire = Literal["pty", "tcp"]
+"""How the simulated device is reached."""
 
 
 def _languages() -> Iterable[str]:
@@ -75,19 +28,84 @@ def _languages() -> Iterable[str]:
     return built_in_codes()
 
 
-_CHOICES: Mapping[str, Callable[[], Iterable[str]]] = {"language": _languages}
-"""What there is to choose from, by the parameter; the lists stand where they are used."""
+def _simulated_dialects() -> Iterable[str]:
+    from device.simulator.device import dialects
+
+    return dialects()
+
+
+def _laws() -> Iterable[str]:
+    from device.friction.laws import LAWS
+
+    return LAWS
+
+
+def _overlaps() -> Iterable[str]:
+    from device.beam.eq15 import Overlap
+
+    return get_args(Overlap)
+
+
+def _formats() -> Iterable[str]:
+    from analysis.export.formats import EXPORTS
+
+    return EXPORTS
+
+
+_CHOICES: Mapping[str, Callable[[], Iterable[str]]] = {
+    "language": _languages,
+    "dialect": _simulated_dialects,
+    "law": _laws,
+    "eq15_overlap": _overlaps,
+    "as_format": _formats,
+}
+"""What there is to choose from, by the parameter. Looking it up loads what defines it."""
 
 
 class Choosing(TyperCommand):
-    """A command whose help lists choices, which are looked up for it alone."""
+    """A command that says which choices there are, and looks them up only then."""
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        for parameter in self._choices():
+            vars(parameter)["get_missing_message"] = partial(_choose_from, parameter.name)
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write the options as every command does, with the choices there are."""
-        for parameter in self.params:
-            if parameter.name in _CHOICES:
-                parameter.metavar = f"<{'|'.join(_CHOICES[parameter.name]())}>"
+        for parameter in self._choices():
+            parameter.metavar = f"<{'|'.join(_CHOICES[parameter.name]())}>"
         super().format_options(ctx, formatter)
+
+    def _choices(self) -> list[Any]:
+        return [parameter for parameter in self.params if parameter.name in _CHOICES]
+
+
+def _choose_from(parameter: str, ctx: object) -> str:  # noqa: ARG001 - typer's own has it
+    return f"Choose from: {', '.join(_CHOICES[parameter]())}"
+
+
+def _one_of(parameter: str) -> Callable[[str], str]:
+    """Return a parser that refuses what is none of the parameter's choices."""
+
+    def parsed(given: str) -> str:
+        known = tuple(_CHOICES[parameter]())
+        if given not in known:
+            raise ValueError(f"{given!r} is not one of {', '.join(map(repr, known))}.")
+        return given
+
+    return parsed
+
+
+LanguageOption = Annotated[str, typer.Option()]
+"""Not checked here: a study may have languages of its own."""
+DialectOption = Annotated[str, typer.Option(parser=_one_of("dialect"), help="What it speaks.")]
+LawOption = Annotated[str, typer.Option(parser=_one_of("law"))]
+OverlapOption = Annotated[
+    Overlap, typer.Option(parser=_one_of("eq15_overlap"), help="For the printed law.")
+]
+FormatOption = Annotated[
+    str, typer.Option("--format", parser=_one_of("as_format"), help="csv is one tidy table.")
+]
 
 
 def named_folder(text: str) -> Path:

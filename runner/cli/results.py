@@ -10,10 +10,11 @@ import typer
 
 from protocol.errors import BadInput
 from runner.cli.options import (
-    Format,
+    Choosing,
+    FormatOption,
     JsonOption,
-    Law,
-    Overlap,
+    LawOption,
+    OverlapOption,
     StudyArgument,
     named_folder,
     print_json,
@@ -73,13 +74,13 @@ def report(
     write_report(folder, out or folder.report, rehearsals=rehearsals, as_json=as_json)
 
 
-@app.command()
+@app.command(cls=Choosing)
 def export(
     study: StudyArgument,
     folder: Annotated[
         Path, typer.Argument(parser=named_folder, metavar="DIR", help="A new or an empty folder.")
     ],
-    as_format: Annotated[Format, typer.Option("--format", help="csv is one tidy table.")],
+    as_format: FormatOption,
     rehearsals: Annotated[
         bool, typer.Option("--rehearsals", help="Export rehearsals too, marked as such.")
     ] = False,
@@ -104,21 +105,21 @@ def export(
         chains, source.study(), version("touchbeam"), rehearsals=rehearsals, broken_chains=broken
     )
     _warn_of_broken(broken, study)
-    texts = EXPORTS[as_format.value](data)
+    texts = EXPORTS[as_format](data)
     write_new_folder({name: text.encode() for name, text in texts.items()}, folder)
     typer.echo(f"Written: {folder}, {data.trials.summary()}")
 
 
-@app.command()
+@app.command(cls=Choosing)
 def predict(
     scenes: Annotated[Path, typer.Argument(metavar="SCENES.csv", help="A row per scene.")],
     out: Annotated[
         Path, typer.Option("-o", "--out", metavar="OUT.csv", help="- is standard output.")
     ],
-    law: Annotated[Law, typer.Option()] = Law.consistent,
+    law: LawOption = "consistent",
     rung: Annotated[str, typer.Option(help="auto, or a rung of `touchbeam ladder`.")] = "auto",
     tolerance: Annotated[float, typer.Option(help="Largest error in μ' that auto makes.")] = 0.01,
-    eq15_overlap: Annotated[Overlap, typer.Option(help="For the printed law.")] = Overlap.first,
+    eq15_overlap: OverlapOption = "first",
     study: Annotated[Path | None, typer.Option(help="Whose values stand for blank cells.")] = None,
 ) -> None:
     """Predict the friction of many scenes.
@@ -131,9 +132,7 @@ def predict(
     from runner.study.files import bytes_of, is_stream, text_of, write_whole
     from runner.study.folder import StudyFolder
 
-    options = PredictOptions(
-        law=law.value, rung=rung, tolerance=tolerance, eq15_overlap=eq15_overlap.value
-    )
+    options = PredictOptions(law=law, rung=rung, tolerance=tolerance, eq15_overlap=eq15_overlap)
     defaults = study_defaults(StudyFolder(path=study).study()) if study else None
     text = predicted(str(scenes), text_of(bytes_of(scenes), scenes), options, defaults)
     to_stdout = str(out) == "-"

@@ -10,12 +10,13 @@ from runner.cli.options import (
     Choosing,
     ConsentOption,
     JsonOption,
-    Pace,
-    Ratings,
+    LanguageOption,
     StudyArgument,
     address,
 )
 from runner.cli.results import write_report
+from runner.clock import Pace
+from runner.ports import Ratings
 
 app = typer.Typer()
 
@@ -100,7 +101,7 @@ def run(
             callback=address,
         ),
     ] = None,
-    ratings: Annotated[Ratings, typer.Option()] = Ratings.window,
+    ratings: Annotated[Ratings, typer.Option()] = "window",
     pace: Annotated[
         Pace | None,
         typer.Option(help="[default: stepped if device and ratings are simulated, else wall]"),
@@ -108,7 +109,7 @@ def run(
     rehearsal: Annotated[
         bool, typer.Option("--rehearsal", help="Use no slot of the design; kept out of reports.")
     ] = False,
-    language: Annotated[str, typer.Option()] = "en",
+    language: LanguageOption = "en",
     screen: Annotated[
         int, typer.Option(min=0, help="The participant's screen, counted from 0.")
     ] = 0,
@@ -131,8 +132,8 @@ def run(
         participant=participant,
         number=session,
         device=device,
-        ratings=ratings.value,
-        pace=pace.value if pace else None,
+        ratings=ratings,
+        pace=pace,
         rehearsal=rehearsal,
         language=language,
         screen=screen,

@@ -4,7 +4,6 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
-from typing import Literal
 
 from device.resonance import Resonance
 from protocol.errors import BadInput
@@ -12,7 +11,7 @@ from protocol.journal.state import SessionState
 from protocol.plan.plan import plan
 from protocol.study.study import Study
 from protocol.study.texts import Wording, lacking, study_codes, study_wording
-from runner.clock import Clock, SteppedClock, WallClock
+from runner.clock import Clock, Pace, SteppedClock, WallClock
 from runner.journal.cohort import slot_for, states
 from runner.journal.location import checked_place, mounts_of_this_machine
 from runner.journal.session_log import SessionLog
@@ -21,6 +20,7 @@ from runner.launch.locks import rig_lock, session_lock
 from runner.launch.participants import Say, participant_and_operator
 from runner.launch.rig import SIMULATED, kept_calibration, session_rig
 from runner.people.participant_console import require_typist
+from runner.ports import Ratings
 from runner.session.loop import run
 from runner.session.resume import require_resumable
 from runner.session.session import Session, SessionContext, SessionKind
@@ -29,9 +29,6 @@ from runner.study.check import validated_study
 from runner.study.folder import StudyFolder, pseudonym
 from runner.window.client import WindowParticipant
 from runner.window.preflight import study_window
-
-Ratings = Literal["window", "console", "virtual"]
-Pace = Literal["wall", "stepped"]
 
 
 @dataclass(frozen=True, kw_only=True)

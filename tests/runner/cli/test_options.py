@@ -1,0 +1,77 @@
+"""What an option lets one choose is read where it is defined, and not before it is needed."""
+
+import subprocess
+import sys
+from collections.abc import Iterable
+from typing import get_args
+
+import pytest
+
+from analysis.export.formats import EXPORTS
+from device.beam.eq15 import Overlap
+from device.friction.laws import LAWS
+from device.simulator.device import dialects
+from device.simulator.transports import LineKind
+from protocol.study.languages import built_in_codes
+from runner.clock import Pace
+from runner.ports import Ratings
+from tests.runner.command_line import typed
+
+HEAVY = {
+    "device",
+    "analysis",
+    "numpy",
+    "scipy",
+    "pandas",
+    "pydantic",
+    "rich",
+    "sqlite3",
+    "serial",
+    "matplotlib",
+}
+CHOICES = [
+    (("run", "--ratings"), get_args(Ratings)),
+    (("run", "--pace"), get_args(Pace)),
+    (("run", "--language"), built_in_codes()),
+    (("export", "--format"), EXPORTS),
+    (("predict", "--law"), LAWS),
+    (("predict", "--eq15-overlap"), get_args(Overlap)),
+    (("simulate-device", "wire"), get_args(LineKind)),
+    (("simulate-device", "--dialect"), dialects()),
+    (("device", "sweep", "--dialect"), dialects()),
+]
+
+
+@pytest.mark.parametrize(("option", "names"), CHOICES, ids=str)
+def test_help_lists_what_there_is(
+    option: tuple[str, ...], names: Iterable[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    *command, name = option
+    assert typed(*command, "--help") == 0
+    assert f"{name} <{'|'.join(names)}>" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("command", "names"),
+    [
+        (("predict", "scenes.csv", "-o", "-", "--law", "frob"), LAWS),
+        (("predict", "scenes.csv", "-o", "-", "--eq15-overlap", "frob"), get_args(Overlap)),
+        (("device", "sweep", "sim", "--dialect", "frob"), dialects()),
+        (("export", "study", "out", "--format", "frob"), EXPORTS),
+    ],
+    ids=str,
+)
+def test_what_is_not_there_is_refused_with_what_is(
+    command: tuple[str, ...], names: Iterable[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert typed(*command) == 2
+    listed = ", ".join(map(repr, names))
+    assert f"'frob' is not one of {listed}." in capsys.readouterr().err
+
+
+def test_the_list_of_commands_loads_nothing_heavy() -> None:
+    program = "import sys, runner.cli.app; print(*{name.split('.')[0] for name in sys.modules})"
+    loaded = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert not HEAVY & set(loaded.stdout.split())

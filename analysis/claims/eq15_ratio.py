@@ -1,13 +1,14 @@
 """Claims about Eqs 13 to 15, the paper's a/u along the beam, and its Fig 11."""
 
 import math
+from typing import get_args
 
 import numpy as np
 
 from analysis.claims.claim import Claim, Finding, without_law
 from analysis.claims.curves import CONTACT_M, PATCH_START_M
 from device.beam.beam import Beam
-from device.beam.eq15 import WAVELENGTH_M, same_direction_ratio
+from device.beam.eq15 import WAVELENGTH_M, Overlap, same_direction_ratio
 from device.beam.modes import FloatArray, mode_constants, natural_frequency_hz
 from device.beam.timoshenko import sections, waves
 from device.beam.windows import mode_window
@@ -155,7 +156,7 @@ def _gammas() -> Finding:
 def _fig11_range() -> Finding:
     ranges = {
         overlap: (float(ratio.min()), float(ratio.max()))
-        for overlap in ("first", "last")
+        for overlap in get_args(Overlap)
         for ratio in [same_direction_ratio(_FINE_M, CONTACT_M, overlap)]
     }
     return Finding(

@@ -179,7 +179,7 @@ def _eq9_from_eq8() -> Finding:
 
 
 def _eta(law: str, voltage_v: float) -> float:
-    if law == "printed":
+    if LAWS[law].as_printed:
         return 0.5
     field = rung_field("mode", _BEAM, Drive(voltage_v=voltage_v))
     speed = float(field.tip_speed_m_s(_BEAM.thickness_m / 2 + 1e-3))

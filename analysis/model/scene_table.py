@@ -4,15 +4,18 @@ import csv
 import io
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.estimates import BoolArray
 from device.beam.modes import FloatArray
+from device.friction.prediction import Ratio
 from device.friction.rungs import HIGHEST_MODE
 from device.friction.scenes import Scene
 from protocol.errors import BadInput
+from protocol.study.touch import Coverage, Direction
 
 _SCENE = Scene()
 _LENGTH_M = _SCENE.structure.beam.length_m
@@ -81,12 +84,12 @@ COLUMNS: Mapping[str, NumberColumn | WordColumn] = {
         keeps=_between(0.0, _LENGTH_M),
     ),
     "contact_m": NumberColumn(default=_TOUCH.contact_m, rule=_POSITIVE, keeps=_finite_above(0)),
-    "direction": WordColumn(words=("right", "left")),
-    "coverage": WordColumn(words=("local", "full")),
+    "direction": WordColumn(words=get_args(Direction)),
+    "coverage": WordColumn(words=get_args(Coverage)),
     "same_direction_fraction": NumberColumn(
         default=np.nan, rule="must lie in [0, 1]", keeps=_between(0.0, 1.0), reach=(0.0, 1.0)
     ),
-    "ratio": WordColumn(words=("eq15", "mode")),
+    "ratio": WordColumn(words=get_args(Ratio)),
     "body_count": NumberColumn(default=_STRUCTURE.body_count, rule=_COUNT, keeps=_whole),
     "body_load_n": NumberColumn(default=_TOUCH.body_load_n, rule=_POSITIVE, keeps=_finite_above(0)),
     "finger_load_n": NumberColumn(default=np.nan, rule=_POSITIVE, keeps=_finite_above(0)),

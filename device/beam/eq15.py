@@ -7,7 +7,7 @@ With the printed λ = 0.0348 m the pieces of one γ span 0.0200 m while the next
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -92,7 +92,7 @@ def same_direction_ratio(
     >>> same_direction_ratio(np.array([0.022]), 0.01)
     array([0.87])
     """
-    one_of("eq15_overlap", overlap, ("first", "last"))
+    one_of("eq15_overlap", overlap, get_args(Overlap))
     outside = ~((x_m >= 0) & (x_m <= REACH_M))
     if outside.any():
         raise OutOfRangeError("x_m", f"must lie in [0, {REACH_M}] for Eq 15", x_m[outside][0])

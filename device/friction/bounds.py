@@ -21,7 +21,7 @@ from device.beam.eq15 import same_direction_ratio
 from device.beam.modes import FloatArray, modal_displacement_m, mode_constants, natural_frequency_hz
 from device.beam.windows import window_width
 from device.friction.contact import same_direction_given
-from device.friction.laws import ContactTerms, law_by_name
+from device.friction.laws import ContactTerms
 from device.friction.prediction import Batch, LawChoice
 from device.friction.rungs import TOP_RUNG, reference_tip_speed_m_s
 from device.friction.scenes import REFERENCE_SPEED_M_S
@@ -224,7 +224,7 @@ def _corner(terms: TopTerms, speed: FloatArray, batch: Batch, *, lowest: bool) -
 def _with_printed_ratio(terms: TopTerms, batch: Batch, choice: LawChoice) -> TopTerms:
     """Return the terms with Eq 15's a/u, equal on every rung, if the law uses it."""
     contact = batch.contact
-    if choice.name != "printed" or choice.ratio != "eq15" or contact.coverage == "full":
+    if not choice.takes_eq15 or contact.coverage == "full":
         return terms
     ratio = same_direction_ratio(contact.x_m, contact.contact_m, choice.overlap)
     ratio = ratio if contact.direction == "right" else 1.0 - ratio
@@ -234,17 +234,14 @@ def _with_printed_ratio(terms: TopTerms, batch: Batch, choice: LawChoice) -> Top
 def top_rung_range(batch: Batch, choice: LawChoice, *, resonant: bool) -> Range:
     """Return the range of the top rung's friction coefficient for certified scenes.
 
-    Every law falls with r, rises with p and is monotonic in the tip speed at fixed r, so its
-    extremes are at corners.
-
     Args:
         batch: certified scenes, all at resonance or all off resonance.
-        choice: the law.
+        choice: the law, whose extremes are at corners.
         resonant: whether the scenes are driven at resonance.
     """
     terms = resonant_terms(batch) if resonant else driven_terms(batch)
     terms = _with_printed_ratio(terms, batch, choice)
-    law, speed = law_by_name(choice.name), terms.relative_tip_speed
+    law, speed = choice.law, terms.relative_tip_speed
     ends = (speed.low, speed.high)
     return Range(
         low=np.minimum(*(law(_corner(terms, end, batch, lowest=True)) for end in ends)),

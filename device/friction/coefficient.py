@@ -10,7 +10,7 @@ from device.beam.modes import FloatArray
 from device.errors import OutOfRangeError, positive
 from device.friction.bounds import Range, certified, top_rung_range
 from device.friction.contact import contact_of
-from device.friction.laws import law_by_name
+from device.friction.laws import Law
 from device.friction.prediction import (
     Batch,
     LawChoice,
@@ -82,7 +82,7 @@ def friction_coefficient(
     field = rung_field(rung, scene.structure.beam, scene.drive, choice.overlap)
     contact = contact_of(scene, places)
     terms = law_state(contact, field, rung, choice).terms
-    return np.broadcast_to(law_by_name(choice.name)(terms), places.shape)
+    return np.broadcast_to(choice.law(terms), places.shape)
 
 
 CANDIDATES = ("far-field", "mode")
@@ -101,8 +101,10 @@ class Chosen:
     error_bound: FloatArray
 
 
-def _by_drive(batch: Batch) -> list[tuple[NDArray[np.intp], bool]]:
+def _by_drive(batch: Batch, law: Law) -> list[tuple[NDArray[np.intp], bool]]:
     """Return the certified scenes, those at resonance separate from the others."""
+    if not law.extremes_at_corners:
+        return []
     inside, resonant = certified(batch), np.isnan(batch.frequency_hz)
     groups = [(inside & resonant, True), (inside & ~resonant, False)]
     return [(np.flatnonzero(rows), kind) for rows, kind in groups if rows.any()]
@@ -117,7 +119,7 @@ def error_bounds(batch: Batch, rung: str, choice: LawChoice, mu: FloatArray) -> 
     """Return the certified error of a rung's μ' against the top rung; nan if not certified."""
     bounds = np.full(batch.size, 0.0 if rung == TOP_RUNG else np.nan)
     if rung in MODAL_RUNGS:
-        for which, resonant in _by_drive(batch):
+        for which, resonant in _by_drive(batch, choice.law):
             top = top_rung_range(batch.rows(which), choice, resonant=resonant)
             bounds[which] = _bound(top, mu[which])
     return bounds
@@ -157,7 +159,7 @@ def auto_prediction(batch: Batch, choice: LawChoice, tolerance: float) -> Chosen
     rung = np.full(batch.size, TOP_RUNG, dtype=f"<U{len(TOP_RUNG)}")
     bounds = np.zeros(batch.size)
     parts = []
-    for which, resonant in _by_drive(batch):
+    for which, resonant in _by_drive(batch, choice.law):
         for taken, name, bound, prediction in _cheap_parts(
             batch, which, choice, tolerance, resonant=resonant
         ):

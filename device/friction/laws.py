@@ -79,12 +79,38 @@ def coulomb(terms: ContactTerms) -> FloatArray:
     return terms.friction_coefficient * (terms.opposing + terms.same_direction * rest)
 
 
-LAWS: Mapping[str, Callable[[ContactTerms], FloatArray]] = MappingProxyType(
-    {"printed": printed, "consistent": consistent, "coulomb": coulomb}
+@dataclass(frozen=True, kw_only=True)
+class Law:
+    """A friction law: from the contact's terms to μ', and what a prediction must know of it.
+
+    Attributes:
+        formula: μ' of the terms.
+        extremes_at_corners: it falls with r, rises with p and f_p/(uf), and is monotonic in s at
+            fixed r, so that ranges of the terms bound μ' by their corners. `auto` takes the top
+            rung for a law of which this is not known.
+        as_printed: it takes the paper's own quantities: a/u of Eq 15, η = ½ and f_p/(uf).
+    """
+
+    formula: Callable[[ContactTerms], FloatArray]
+    extremes_at_corners: bool = False
+    as_printed: bool = False
+
+    def __call__(self, terms: ContactTerms) -> FloatArray:
+        """Return μ' of `terms`."""
+        return self.formula(terms)
+
+
+LAWS: Mapping[str, Law] = MappingProxyType(
+    {
+        "printed": Law(formula=printed, extremes_at_corners=True, as_printed=True),
+        "consistent": Law(formula=consistent, extremes_at_corners=True),
+        "coulomb": Law(formula=coulomb, extremes_at_corners=True),
+    }
 )
+"""A new law is an entry here: commands, claims and reports take what this lists."""
 
 
-def law_by_name(name: str) -> Callable[[ContactTerms], FloatArray]:
+def law_by_name(name: str) -> Law:
     """Return the law of that name.
 
     Raises:

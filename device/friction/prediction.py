@@ -1,7 +1,7 @@
 """Predictions for many scenes at once, with all the numbers of each."""
 
 from dataclasses import dataclass, fields, replace
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from device.beam.fields import Field, Signal
 from device.beam.modes import FloatArray, natural_frequency_hz
 from device.errors import one_of
 from device.friction.contact import Contact, ContactState, contact_state, with_eq15_ratio
-from device.friction.laws import anisotropy, law_by_name
+from device.friction.laws import Law, anisotropy, law_by_name
 from device.friction.rungs import (
     MODAL_RUNGS,
     check_rung,
@@ -38,8 +38,18 @@ class LawChoice:
 
     def __post_init__(self) -> None:
         law_by_name(self.name)
-        one_of("ratio", self.ratio, ("eq15", "mode"))
-        one_of("eq15_overlap", self.overlap, ("first", "last"))
+        one_of("ratio", self.ratio, get_args(Ratio))
+        one_of("eq15_overlap", self.overlap, get_args(Overlap))
+
+    @property
+    def law(self) -> Law:
+        """The law of that name."""
+        return law_by_name(self.name)
+
+    @property
+    def takes_eq15(self) -> bool:
+        """Whether a/u is that of Eq 15 where the finger does not cover the beam."""
+        return self.law.as_printed and self.ratio == "eq15"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -104,21 +114,21 @@ class Prediction:
 def law_state(contact: Contact, field: Field, rung: str, choice: LawChoice) -> ContactState:
     """Return the contact's state as a law sees it in a field of the named rung."""
     state = contact_state(contact, field, reference_tip_speed_m_s(rung))
-    if choice.name == "printed" and choice.ratio == "eq15":
+    if choice.takes_eq15:
         return with_eq15_ratio(state, contact, choice.overlap)
     return state
 
 
 def field_prediction(contact: Contact, field: Field, rung: str, choice: LawChoice) -> Prediction:
     """Return the prediction of a law in a field of the named rung."""
-    state, printed = law_state(contact, field, rung, choice), choice.name == "printed"
+    state, law = law_state(contact, field, rung, choice), choice.law
     terms = state.terms
     half = np.full(contact.x_m.shape, 0.5)
     columns = (
-        law_by_name(choice.name)(terms),
+        law(terms),
         terms.same_direction,
-        half if printed else anisotropy(terms.relative_tip_speed),
-        terms.printed_inertial_ratio if printed else terms.inertial_ratio,
+        half if law.as_printed else anisotropy(terms.relative_tip_speed),
+        terms.printed_inertial_ratio if law.as_printed else terms.inertial_ratio,
         state.inertial_load_n,
         field.displacement_m,
     )

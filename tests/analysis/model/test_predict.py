@@ -10,6 +10,7 @@ import pytest
 
 from analysis.model.predict import OUTPUTS, PredictOptions, predict, study_defaults
 from device.friction.coefficient import friction_coefficient
+from device.friction.laws import LAWS
 from device.friction.scenes import Drive, FingerContact, Scene
 from protocol.study_file.loading import parsed_study, template
 
@@ -131,7 +132,7 @@ _SIZES: dict[str, tuple[str, ...]] = {
 }
 
 
-@pytest.mark.parametrize("law", ["printed", "consistent", "coulomb"])
+@pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("rung", ["auto", "eq15", "mode", "modes:12", "timoshenko-patched"])
 def test_every_value_within_reach_gives_finite_numbers(law: str, rung: str) -> None:
     choice = Random(1)

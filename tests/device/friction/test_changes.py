@@ -9,6 +9,7 @@ import pytest
 from device.friction.changes import CONDITIONS, trial_change
 from device.friction.coefficient import friction_coefficient
 from device.friction.contrasts import predicted_contrast
+from device.friction.laws import LAWS
 from device.friction.scenes import REFERENCE_SPEED_M_S, Drive, Scene
 from device.friction.scenes import FingerContact as Finger
 from protocol.plan.plan import plan
@@ -35,7 +36,7 @@ def test_the_signal_is_the_change_from_the_resting_beam() -> None:
     assert found == pytest.approx(log(0.4 / driven[0]))
 
 
-@pytest.mark.parametrize("law", ["consistent", "coulomb", "printed"])
+@pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("trial", plan(PAPER, 0).trials[1:], ids=lambda t: t.condition or t.kind)
 def test_trials_of_the_paper_study_have_the_contrasts_of_the_named_conditions(
     trial: Trial, law: str

@@ -14,6 +14,7 @@ from device.beam.modes import modal_displacement_m, natural_frequency_hz
 from device.friction.bounds import certified, top_rung_range
 from device.friction.coefficient import auto_prediction, friction_coefficient, scene_batch
 from device.friction.contact import contact_of
+from device.friction.laws import LAWS
 from device.friction.prediction import Batch, LawChoice, rung_prediction
 from device.friction.rungs import TOP_RUNG
 from device.friction.scenes import (
@@ -139,7 +140,7 @@ def batches(draw: st.DrawFn) -> Batch:
 
 
 @settings(max_examples=40, deadline=None)
-@given(batches(), st.sampled_from(["consistent", "coulomb", "printed"]), st.floats(1e-4, 0.2))
+@given(batches(), st.sampled_from(sorted(LAWS)), st.floats(1e-4, 0.2))
 def test_auto_keeps_its_tolerance_and_its_bound(batch: Batch, law: str, tolerance: float) -> None:
     choice = LawChoice(name=law, ratio="mode")
     top = rung_prediction(batch, TOP_RUNG, choice).mu_effective

@@ -7,8 +7,16 @@ from hypothesis import strategies as st
 
 from device.beam.beam import Beam
 from device.beam.eq15 import same_direction_ratio
-from device.friction.coefficient import friction_coefficient
-from device.friction.laws import ContactTerms, anisotropy, consistent, coulomb
+from device.friction import laws
+from device.friction.coefficient import (
+    auto_prediction,
+    error_bounds,
+    friction_coefficient,
+    scene_batch,
+)
+from device.friction.laws import LAWS, ContactTerms, Law, anisotropy, consistent, coulomb
+from device.friction.prediction import LawChoice
+from device.friction.rungs import TOP_RUNG
 from device.friction.scenes import Drive, FingerContact, Scene, Structure
 
 PLACES = np.linspace(0.0, 0.1, 101)
@@ -105,3 +113,57 @@ def test_eq15_as_printed_has_its_plateaus_and_overlaps() -> None:
 def test_eq15_is_refused_beyond_its_range() -> None:
     with pytest.raises(ValueError, match=r"x_m must lie in \[0, 0.1\] for Eq 15, got 0.11"):
         same_direction_ratio(np.array([0.05, 0.11]), 0.01)
+
+
+@st.composite
+def ranges(draw: st.DrawFn, low: float, high: float) -> tuple[float, float]:
+    ends = draw(st.tuples(st.floats(low, high), st.floats(low, high)))
+    return min(ends), max(ends)
+
+
+@pytest.mark.parametrize("name", [name for name in LAWS if LAWS[name].extremes_at_corners])
+@given(
+    same=ranges(0.0, 1.0),
+    speed=ranges(0.0, 10.0),
+    inertia=ranges(0.0, 10.0),
+    within=st.tuples(*[st.floats(0.0, 1.0)] * 3),
+)
+def test_a_law_with_its_extremes_at_corners_has_them_there(
+    name: str,
+    same: tuple[float, float],
+    speed: tuple[float, float],
+    inertia: tuple[float, float],
+    within: tuple[float, float, float],
+) -> None:
+    """r at its high end and p at its low end for the lowest, and s at either end."""
+
+    def mu(r: float, s: float, p: float) -> float:
+        terms = ContactTerms(
+            friction_coefficient=np.array(0.4),
+            same_direction=np.array(r),
+            opposing=np.array(1.0 - r),
+            relative_tip_speed=np.array(s),
+            inertial_ratio=np.array(p),
+            printed_inertial_ratio=np.array(p),
+        )
+        return float(LAWS[name](terms))
+
+    placed = zip(within, (same, speed, inertia), strict=True)
+    inside = mu(*(low + at * (high - low) for at, (low, high) in placed))
+    lowest = min(mu(same[1], s, inertia[0]) for s in speed)
+    highest = max(mu(same[0], s, inertia[1]) for s in speed)
+    assert lowest - 1e-12 <= inside <= highest + 1e-12
+
+
+def test_a_law_of_which_no_corner_is_known_is_left_to_the_top_rung(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Such as a new one: an entry among the laws is all that it needs."""
+    wave = Law(formula=lambda terms: np.sin(terms.relative_tip_speed) + terms.same_direction)
+    monkeypatch.setattr(laws, "LAWS", {**LAWS, "wave": wave})
+    batch, choice = scene_batch(Scene(), PLACES), LawChoice(name="wave")
+    chosen = auto_prediction(batch, choice, tolerance=0.5)
+    assert (chosen.rung == TOP_RUNG).all()
+    assert np.isnan(error_bounds(batch, "mode", choice, chosen.prediction.mu_effective)).all()
+    own = friction_coefficient(Scene(), law="wave", rung=TOP_RUNG, x_m=PLACES)
+    assert chosen.prediction.mu_effective == pytest.approx(own)

@@ -1,4 +1,4 @@
-"""Statistics of the table of scores: pure functions, exact where the study is small.
+"""Statistics of the score table as pure functions, exact for small studies.
 
 Public face: `table4.table4`, `omnibus.friedman`, `signed_rank.signed_rank`,
 `summary.table_statistics`.

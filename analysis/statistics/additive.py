@@ -1,4 +1,4 @@
-"""Effects of conditions and subjects, and whether subjects differ in more than their level."""
+"""Additive effects of conditions and subjects, and the test of equal slopes across subjects."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import fdtrc
 
-from analysis.estimates import FloatArray, IntArray, NotEstimable
-from analysis.loading.score_table import BoolArray, ScoreTable
+from analysis.estimates import BoolArray, FloatArray, IntArray, NotEstimable
+from analysis.loading.score_table import ScoreTable
 from analysis.statistics.two_way import TwoWay, two_way
 
 
@@ -16,9 +16,9 @@ class AdditiveEffects:
     """Score = grand mean + condition + subject + residual, effects in rating points by name.
 
     Effects sum to zero. Subjects and conditions without any score are absent. `subject_sd` is
-    the moment estimate of how far subjects differ (0 when they differ less than chance makes
-    them). `shrinkage` is the share of a subject's observed deviation that is to be believed, with
-    every condition scored; `subject_shrinkage` is the same with the scores each subject gave.
+    the moment estimate of the standard deviation between subjects (0 if they differ less than
+    expected by chance). `shrinkage` is the shrinkage factor of a subject with every condition
+    scored; `subject_shrinkage` is that of each subject with the scores the subject gave.
     """
 
     grand_mean: float
@@ -33,11 +33,11 @@ class AdditiveEffects:
 
 @dataclass(frozen=True, kw_only=True)
 class GainHeterogeneity:
-    """Whether subjects differ in how strongly the conditions' effects show in their scores.
+    """The test of whether subjects respond to the conditions equally strongly.
 
-    `gains` has each subject's slope on the condition effects (1 on average), without the subjects
+    `gains` has each subject's slope on the condition effects (1 on average), except for subjects
     whose slope cannot be compared with the others'; `tau` is the moment estimate of the standard
-    deviation of the true slopes, 0 when they spread no more than chance.
+    deviation of the true slopes (0 if they differ less than expected by chance).
     """
 
     f: float
@@ -48,7 +48,7 @@ class GainHeterogeneity:
 
 
 def additive_effects(table: ScoreTable) -> AdditiveEffects | NotEstimable:
-    """Return condition and subject effects by least squares, or why there are none."""
+    """Return condition and subject effects by least squares, or why they are not estimable."""
     fit = two_way(table)
     if isinstance(fit, NotEstimable):
         return fit
@@ -70,12 +70,12 @@ def additive_effects(table: ScoreTable) -> AdditiveEffects | NotEstimable:
 
 
 def gain_heterogeneity(table: ScoreTable) -> GainHeterogeneity | NotEstimable:
-    """Return the test of equal slopes on the condition effects, or why there is none.
+    """Return the test of equal slopes on the condition effects, or why it is not possible.
 
-    To the additive fit a slope of each subject on the fitted condition effects is added (Mandel's
-    bundle of straight lines, Technometrics 3, 1961; after Tukey's one degree of freedom). F is of
-    the extra sum of squares Q, given levels of subjects and of conditions, so that cells may be
-    missing; the effects and the residuals that Q is made of are independent, which makes it exact.
+    The model adds to the additive fit each subject's slope on the fitted condition effects
+    (Mandel's bundle of straight lines, Technometrics 3, 1961; after Tukey's one degree of freedom).
+    F tests the extra sum of squares Q, given subjects and conditions, so that cells may be missing.
+    It is exact, because Q is made of effects and residuals that are independent.
     τ² = (Q - df σ²) / trace of the slopes' information (Henderson's method III).
     """
     fit = two_way(table)
@@ -91,7 +91,7 @@ def gain_heterogeneity(table: ScoreTable) -> GainHeterogeneity | NotEstimable:
         )
     within = fit.residual_squares - slopes.squares
     if within <= 1e-12 * fit.residual_squares:
-        return NotEstimable(reason="the slopes explain the scores entirely, no residual is left")
+        return NotEstimable(reason="the slopes fit the scores exactly, so there is no residual")
     variance = within / df[1]
     f = slopes.squares / df[0] / variance
     return GainHeterogeneity(
@@ -115,11 +115,11 @@ def _shrinkage(variance: float, residual: float, count: int) -> float | NotEstim
 
 @dataclass(frozen=True, kw_only=True)
 class _Slopes:
-    """What slopes on the condition effects add to the additive fit.
+    """Slopes on the condition effects, added to the additive fit.
 
-    `squares` is their extra sum of squares and `rank` its degrees of freedom; `information` the
-    trace of their information matrix; `excess` each slope minus 1 by row of the table, 0 on
-    average, of the rows whose slopes can be compared.
+    `squares` is their extra sum of squares and `rank` its degrees of freedom; `information` is the
+    trace of their information matrix; `excess` has each slope minus 1 (0 on average) by row of the
+    table, for the rows whose slopes can be compared.
     """
 
     squares: float
@@ -129,23 +129,25 @@ class _Slopes:
 
 
 def _slopes(fit: TwoWay) -> _Slopes | NotEstimable:
-    """Return the slopes by least squares, subjects and conditions allowed for.
+    """Return the slopes by least squares, adjusted for subjects and conditions.
 
-    With E the effects about each subject's own mean over the cells given, their information is
-    G = diag(E E') - E L⁺ E', L that of the conditions. In units of √diag(E E') it is I - U U', so
-    that the singular values of U, few as the conditions, solve it; those of 1 are what a level of
-    each condition does as well as slopes.
+    Let E be the condition effects centred on each subject's mean over the cells given, and L the
+    conditions' information. The slopes' information is G = diag(E E') - E L⁺ E', or I - U U' in
+    units of √diag(E E'). U has only as many singular values as there are conditions, and they
+    solve the system; a value of 1 is a direction confounded with the conditions' levels.
     """
-    own = _about_row_means(fit.columns, fit.table.given)
+    given = fit.table.given
+    effects = np.where(given, fit.columns, 0.0)
+    own = np.where(given, effects - (effects.sum(axis=1) / given.sum(axis=1))[:, None], 0.0)
     lengths = np.sqrt((own**2).sum(axis=1))
     rows = np.flatnonzero(lengths > 1e-6 * max(1.0, float(lengths.max())))
     if not (fit.columns**2).sum() > 0 or not rows.size:
-        return NotEstimable(reason="the conditions do not differ, so that no slope can be seen")
+        return NotEstimable(reason="the conditions do not differ, so slopes cannot be estimated")
     own, lengths = own[rows], lengths[rows]
-    residuals = np.where(fit.table.given, fit.residuals, 0.0)[rows]
+    residuals = np.where(given, fit.residuals, 0.0)[rows]
     products = (own * residuals).sum(axis=1) / lengths
     turned, sizes, _ = np.linalg.svd(
-        own / lengths[:, None] @ _root_of_inverse(fit.table.given), full_matrices=False
+        own / lengths[:, None] @ _root_of_inverse(given), full_matrices=False
     )
     left = 1 - sizes**2
     absorbed = left < 1e-9
@@ -162,23 +164,17 @@ def _slopes(fit: TwoWay) -> _Slopes | NotEstimable:
     )
 
 
-def _about_row_means(columns: FloatArray, given: BoolArray) -> FloatArray:
-    """The columns' values about their mean over the cells given in each row, 0 elsewhere."""
-    values = np.where(given, columns, 0.0)
-    return np.where(given, values - (values.sum(axis=1) / given.sum(axis=1))[:, None], 0.0)
-
-
 def _root_of_inverse(given: BoolArray) -> FloatArray:
-    """Return R with R R' the inverse of the conditions' information, given levels of subjects."""
+    """Return R so that R R' is the inverse of the conditions' information, given the subjects."""
     weights = given.astype(np.float64)
     own = weights / weights.sum(axis=1, keepdims=True)
     values, vectors = np.linalg.eigh(np.diag(weights.sum(axis=0)) - weights.T @ own)
-    # All conditions raised alike is what a level of the subjects does: its value is 0.
+    # The first eigenvalue is 0: raising all conditions equally is confounded with the subjects.
     return np.asarray(vectors[:, 1:] / np.sqrt(values[1:]))
 
 
 def _largest_group(free: FloatArray) -> IntArray:
-    """Return the rows that move alike in every direction that the data leave free."""
+    """Return the largest group of rows that move together in every undetermined direction."""
     if free.shape[1] == 1:
         return np.arange(len(free))
     alike = (np.abs(free[:, None] - free[None]) < 1e-6 * np.abs(free).max()).all(axis=2)

@@ -1,4 +1,4 @@
-"""Friedman's test of equal conditions, corrected for ties, and Kendall's W."""
+"""Omnibus tests of equal conditions: Friedman (with Kendall's W) and Skillings-Mack."""
 
 from dataclasses import dataclass
 from itertools import permutations
@@ -9,19 +9,19 @@ from scipy.special import chdtrc
 from analysis.estimates import FloatArray, IntArray, NotEstimable
 from analysis.loading.score_table import ScoreTable
 from analysis.statistics.signed_rank import doubled_midranks
-from analysis.statistics.two_way import linked_columns, without_empty
+from analysis.statistics.two_way import disconnected, without_empty
 
-# Sums reached so far times arrangements of the next row: about one second and 300 MB.
+# Limit on rank sums reached so far times arrangements of the next row: about 1 s and 300 MB.
 LARGEST_STEP = 3_000_000
 MOST_CONDITIONS = 7
 
 
 def exact_p(doubled_ranks: IntArray) -> float | NotEstimable:
-    """Return the chance of rank sums at least as unequal as these, each row shuffled at random.
+    """Return the probability, with each row shuffled, of rank sums at least as unequal as these.
 
-    The rows are added one at a time. What a further row does to a set of sums does not depend on
-    which condition has which sum, so only the sorted sums are kept. Sums of squares are compared
-    as integers; probabilities are sums of positive terms and carry only rounding error.
+    The rows are added one at a time. The effect of a row does not depend on which condition has
+    which sum, so only the sorted sums are kept. Sums of squares are compared as integers;
+    probabilities are sums of positive terms, so their only error is rounding.
 
     Parameters:
         doubled_ranks: shape (subjects, conditions), twice the midranks within each row.
@@ -31,33 +31,26 @@ def exact_p(doubled_ranks: IntArray) -> float | NotEstimable:
             reason=f"the exact p is computed for at most {MOST_CONDITIONS} conditions, got "
             f"{doubled_ranks.shape[1]}"
         )
-    # Rows with few arrangements last: that is where there are most sums to go through.
-    rows = sorted((_arrangements(row) for row in doubled_ranks), key=len, reverse=True)
+    arrangements = (sorted(set(permutations(row.tolist()))) for row in doubled_ranks)
+    # Rows with few arrangements come last, when there are most sums to combine them with.
+    rows = sorted((np.array(row, dtype=np.int64) for row in arrangements), key=len, reverse=True)
     sums, chances = np.zeros((1, doubled_ranks.shape[1]), dtype=np.int64), np.ones(1)
     for count, row in enumerate(rows):
         if len(sums) * len(row) > LARGEST_STEP:
-            return NotEstimable(reason=_too_many(len(rows), count))
+            return NotEstimable(
+                reason=f"the exact p is computed for small studies only: with {len(rows)} "
+                f"subjects, there are too many rank sums to list after {count} of them"
+            )
         if count < len(rows) - 1:
             sums, chances = _add_row(sums, chances, row)
     observed = int((doubled_ranks.sum(axis=0) ** 2).sum())
     return _upper_tail(sums, chances, rows[-1], observed)
 
 
-def _too_many(subjects: int, done: int) -> str:
-    return (
-        f"the exact p is computed for small studies only: with {subjects} subjects the rank sums "
-        f"are too many to list after {done} of them"
-    )
-
-
-def _arrangements(row: IntArray) -> IntArray:
-    return np.array(sorted(set(permutations(row.tolist()))), dtype=np.int64)
-
-
 def _add_row(sums: IntArray, chances: FloatArray, row: IntArray) -> tuple[IntArray, FloatArray]:
     reached = np.sort((sums[:, None, :] + row).reshape(-1, row.shape[1]), axis=1)
     base = int(reached.max()) + 1
-    # The total is fixed, so that all sums but one tell the sums apart.
+    # The total is fixed, so all sums but one identify the set.
     keys = reached[:, 1:] @ (base ** np.arange(row.shape[1] - 1, dtype=np.int64))
     _, first, which = np.unique(keys, return_index=True, return_inverse=True)
     weights = np.repeat(chances / len(row), len(row))
@@ -74,9 +67,9 @@ def _upper_tail(sums: IntArray, chances: FloatArray, row: IntArray, observed: in
 class Friedman:
     """Friedman's test of one table.
 
-    `p` is of the chi-square approximation, `p_exact` of all rearrangements of each subject's own
-    scores (ties kept); `kendall_w` is the agreement of the subjects, 0 to 1, corrected for ties;
-    `rank_sums` has one rank sum per condition (1 = the lowest score).
+    `p` is the chi-square approximation, `p_exact` the permutation p over all rearrangements of
+    each subject's scores (ties kept); `kendall_w` is the agreement of the subjects, 0 to 1,
+    corrected for ties; `rank_sums` has one rank sum per condition (1 = the lowest score).
     """
 
     chi2: float
@@ -88,7 +81,7 @@ class Friedman:
 
 
 def friedman(table: ScoreTable) -> Friedman | NotEstimable:
-    """Return Friedman's test of the table, or why there is none.
+    """Return Friedman's test of the table, or why it is not possible.
 
     χ² = (k-1) Σ_j (R_j - n(k+1)/2)² / Σ_ij (r_ij - (k+1)/2)² and W = χ² / (n (k-1)) (Conover,
     Practical Nonparametric Statistics, 3rd ed., section 5.8). Equal scores share their mean rank.
@@ -100,12 +93,14 @@ def friedman(table: ScoreTable) -> Friedman | NotEstimable:
     >>> round(test.chi2, 3), round(test.p_exact, 3)
     (4.667, 0.194)
     """
-    refusal = _refusal(table)
-    if refusal is not None:
+    if refusal := _refusal(table):
         return refusal
     ranks = doubled_midranks(table.scores)
     subjects, conditions = ranks.shape
-    between, within = _sums_of_squares(ranks)
+    # In doubled ranks the mean rank is `conditions + 1`, so the sums of squares are integers.
+    middle = conditions + 1
+    between = int(((ranks.sum(axis=0) - subjects * middle) ** 2).sum())
+    within = int(((ranks - middle) ** 2).sum())
     if within == 0:
         return NotEstimable(reason="every subject gave all conditions the same score")
     chi2 = (conditions - 1) * between / within
@@ -123,30 +118,22 @@ def _refusal(table: ScoreTable) -> NotEstimable | None:
     if len(table.conditions) < 2:
         return NotEstimable(reason="Friedman's test needs at least 2 conditions, got 1")
     if len(table.subjects) < 2:
-        return NotEstimable(reason="Friedman's test needs at least 2 subjects to agree, got 1")
+        return NotEstimable(reason="Friedman's test needs at least 2 subjects, got 1")
     if not table.is_complete:
         return NotEstimable(
-            reason=f"Friedman's test needs every score, {table.missing_count} of "
+            reason=f"Friedman's test needs every score, but {table.missing_count} of "
             f"{table.scores.size} are missing"
         )
     return None
 
 
-def _sums_of_squares(ranks: IntArray) -> tuple[int, int]:
-    """Return the sums of squares of doubled rank sums and of doubled ranks about their means."""
-    subjects, conditions = ranks.shape
-    middle = conditions + 1
-    between = ((ranks.sum(axis=0) - subjects * middle) ** 2).sum()
-    return int(between), int(((ranks - middle) ** 2).sum())
-
-
 @dataclass(frozen=True, kw_only=True)
 class SkillingsMack:
-    """The Skillings-Mack test of equal conditions; p is of the chi-square approximation.
+    """The Skillings-Mack test of equal conditions; p is the chi-square approximation.
 
     `statistic` is corrected for ties and so equals Friedman's χ² when no score is missing;
-    `untied` is the statistic as first published, which takes every score to differ. `left_out` has
-    the conditions that nobody scored, which the test cannot speak of.
+    `untied` is the statistic as first published, without that correction. `left_out` has the
+    conditions without any score, which the test does not cover.
     """
 
     statistic: float
@@ -157,18 +144,21 @@ class SkillingsMack:
 
 
 def skillings_mack(table: ScoreTable) -> SkillingsMack | NotEstimable:
-    """Return the Skillings-Mack test of the table, or why there is none.
+    """Return the Skillings-Mack test of the table, or why it is not possible.
 
     T = A' Σ⁻ A with A_j = Σ_i √(12/(k_i+1)) (r_ij - (k_i+1)/2), ranks within the k_i scores of
     subject i (Skillings and Mack, Technometrics 23, 1981, 171-177). Differs from the paper: Σ has
-    the variance of each subject's tied ranks in place of that of k_i different ones.
+    the variance of each subject's tied ranks instead of that of k_i distinct ones.
     """
     kept = without_empty(table)
     if isinstance(kept, NotEstimable):
         return kept
     scores = kept.scores[kept.given.sum(axis=1) >= 2]
-    refusal = _too_little(kept, scores)
-    if refusal is not None:
+    if not len(scores):
+        return NotEstimable(reason="no subject scored two conditions")
+    if len(scores) < 2:
+        return NotEstimable(reason="at least 2 subjects must score two conditions, got 1")
+    if refusal := disconnected(~np.isnan(scores), kept.conditions):
         return refusal
     deviations, counts = _weighted_ranks(scores)
     variances = (deviations**2).sum(axis=1) / (counts - 1)
@@ -186,24 +176,8 @@ def skillings_mack(table: ScoreTable) -> SkillingsMack | NotEstimable:
     )
 
 
-def _too_little(table: ScoreTable, scores: FloatArray) -> NotEstimable | None:
-    if not len(scores):
-        return NotEstimable(reason="no subject scored two conditions")
-    if len(scores) < 2:
-        return NotEstimable(
-            reason="at least 2 subjects who scored two conditions must agree, got 1"
-        )
-    linked = linked_columns(~np.isnan(scores))
-    if not linked.all():
-        apart = [name for name, known in zip(table.conditions, linked, strict=True) if known]
-        return NotEstimable(
-            reason=f"no chain of subjects compares {', '.join(apart)} with the other conditions"
-        )
-    return None
-
-
 def _weighted_ranks(scores: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the ranks about their middle, weighted by √(12/(k_i+1)), and the counts k_i."""
+    """Return the centred ranks, weighted by √(12/(k_i+1)), and the counts k_i."""
     given = ~np.isnan(scores)
     counts = given.sum(axis=1).astype(np.float64)
     middle = (counts + 1) / 2
@@ -212,7 +186,7 @@ def _weighted_ranks(scores: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _covariance(scores: FloatArray, shares: FloatArray) -> FloatArray:
-    """Return the covariance of the weighted sums: each subject takes its share off each pair."""
+    """Return the covariance of the weighted sums: minus each subject's share off the diagonal."""
     given = (~np.isnan(scores)).astype(np.float64)
     together = given.T @ (given * shares[:, None])
     np.fill_diagonal(together, 0.0)

@@ -1,4 +1,4 @@
-"""A cumulative mixed model of the scores: condition effects that a ceiling does not bend."""
+"""Cumulative mixed model of the scores: condition effects that a ceiling does not bias."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,7 +8,6 @@ from scipy.optimize import minimize
 from scipy.special import logit, ndtri
 
 from analysis.estimates import FloatArray, IntArray, NotEstimable
-from analysis.loading.score_table import ScoreTable
 from analysis.statistics.ordinal_likelihood import (
     Link,
     Parameters,
@@ -21,11 +20,11 @@ from analysis.statistics.signed_rank import DECIMALS
 FIRST_NODES = 81
 MOST_NODES = 1296
 MOST_CATEGORIES = 21
-# Latent units between which estimates are sought; what grows without end stops here.
+# Bound on the parameters, in latent units; an estimate that diverges stops here.
 FARTHEST = 50.0
-# At a maximum the log-likelihood has no slope left.
+# Largest slope of the log-likelihood that counts as a maximum.
 STEEP = 1e-3
-# A direction in which the log-likelihood is flatter than this has no maximum within reach.
+# Least curvature of the log-likelihood: a flatter direction has no maximum within the bounds.
 FLAT = 1e-5
 
 
@@ -33,9 +32,9 @@ FLAT = 1e-5
 class OrdinalEffects:
     """Effects of conditions on the latent scale, whose residual is standard normal or logistic.
 
-    `effects` are against the `reference` condition, which is absent from them; `thresholds` lie
-    between the scores that were given, `categories`. `subject_sd` is the standard deviation of
-    the subjects' levels. Standard errors are from the observed information.
+    `effects` are relative to the `reference` condition, which they omit; `thresholds` lie between
+    the scores that occur, `categories`. `subject_sd` is the standard deviation of the subjects'
+    levels. Standard errors are from the observed information.
     """
 
     link: Link
@@ -48,21 +47,6 @@ class OrdinalEffects:
     log_likelihood: float
 
 
-def ordinal_effects(table: ScoreTable, *, link: Link) -> OrdinalEffects | NotEstimable:
-    """Return the maximum-likelihood fit to a table of one score per cell, or why there is none.
-
-    The first condition is the reference. See `ordinal_effects_of_trials`.
-    """
-    subject, condition = np.nonzero(table.given)
-    return ordinal_effects_of_trials(
-        scores=table.scores[subject, condition],
-        subject=subject,
-        condition=condition,
-        conditions=table.conditions,
-        link=link,
-    )
-
-
 def ordinal_effects_of_trials(
     *,
     scores: FloatArray,
@@ -71,24 +55,23 @@ def ordinal_effects_of_trials(
     conditions: tuple[str, ...],
     link: Link,
 ) -> OrdinalEffects | NotEstimable:
-    """Return the maximum-likelihood fit to single trials, or why there is none.
+    """Return the maximum-likelihood fit to single trials, or why it is not possible.
 
     P(score <= c_k) = F(θ_k - β_condition - b_subject), b ~ N(0, σ²): the cumulative link model
     of McCullagh (Journal of the Royal Statistical Society B 42, 1980) with a random level.
 
     Parameters:
-        scores: shape (trials,), finite; different values are different categories.
+        scores: shape (trials,), finite; each distinct value is a category.
         subject: shape (trials,), whole numbers.
-        condition: shape (trials,), positions in `conditions`, of which the first is the reference.
-        conditions: names.
+        condition: shape (trials,), positions in `conditions`.
+        conditions: names; the first is the reference.
         link: F normal ("probit") or logistic ("logit").
     """
     categories, category = np.unique(np.round(scores, DECIMALS), return_inverse=True)
     people, person = np.unique(subject, return_inverse=True)
     counts = np.zeros((len(people), len(conditions), len(categories)))
     np.add.at(counts, (person, condition, category), 1.0)
-    refusal = _refusal(counts, conditions)
-    if refusal is not None:
+    if refusal := _refusal(counts, conditions):
         return refusal
     data = ScoreCounts(counts=counts)
     packed, value, nodes = _maximum(data, link)
@@ -98,7 +81,7 @@ def ordinal_effects_of_trials(
         extreme = conditions[int(np.argmax(np.abs(fitted.effects)))]
         return NotEstimable(
             reason="the likelihood has no maximum, because scores do not overlap between "
-            f"conditions or subjects; the effect that grows without end is that of {extreme}"
+            f"conditions or subjects; the effect that diverges is that of {extreme}"
         )
     errors = np.sqrt(np.diag(covariance))[data.categories - 1 : -1]
     return OrdinalEffects(
@@ -128,7 +111,7 @@ def _refusal(counts: FloatArray, conditions: tuple[str, ...]) -> NotEstimable | 
 
 
 def _maximum(data: ScoreCounts, link: Link) -> tuple[FloatArray, float, int]:
-    """Return parameters, log-likelihood and the number of nodes that no longer matters."""
+    """Return parameters, log-likelihood and the number of nodes at which it has converged."""
     packed, value = _climb(_start(data, link), data, link, FIRST_NODES)
     nodes = FIRST_NODES
     while nodes < MOST_NODES and np.abs(packed).max() < FARTHEST / 2:
@@ -163,7 +146,7 @@ def _climb(
 
 
 def _start(data: ScoreCounts, link: Link) -> FloatArray:
-    """Return where the climb begins: thresholds as if nothing mattered, subjects differing by 1."""
+    """Return the initial parameters: no condition effects, and subjects with unit variance."""
     shares = np.cumsum(data.counts.sum(axis=(0, 1)))[:-1] / data.counts.sum()
     quantile = ndtri if link == "probit" else logit
     return Parameters(
@@ -174,7 +157,7 @@ def _start(data: ScoreCounts, link: Link) -> FloatArray:
 
 
 def _covariance(packed: FloatArray, data: ScoreCounts, link: Link, nodes: int) -> FloatArray | None:
-    """Return the inverse observed information, or None where there is no maximum."""
+    """Return the inverse observed information, None if the parameters are not at a maximum."""
     slope = np.abs(log_likelihood(packed, data, link, nodes)[1]).max()
     if slope > STEEP or np.abs(packed).max() >= FARTHEST / 2:
         return None

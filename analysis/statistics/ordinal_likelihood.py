@@ -1,4 +1,4 @@
-"""The marginal likelihood of ordered scores with one random level per subject."""
+"""Marginal likelihood of ordered scores with a random level per subject."""
 
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
@@ -10,17 +10,14 @@ from analysis.estimates import FloatArray
 
 Link: TypeAlias = Literal["probit", "logit"]
 
-# The subject level is integrated over this many standard deviations either side.
+# Limits of the integral over a subject's level, in standard deviations.
 REACH = 8.0
 SMALLEST = 1e-300
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ScoreCounts:
-    """How often each subject gave each category under each condition.
-
-    `counts` has shape (subjects, conditions, categories), categories from the lowest score up.
-    """
+    """Number of scores, shape (subjects, conditions, categories), from the lowest score up."""
 
     counts: FloatArray
 
@@ -31,7 +28,7 @@ class ScoreCounts:
 
     @property
     def categories(self) -> int:
-        """Number of different scores given."""
+        """Number of distinct scores."""
         return int(self.counts.shape[2])
 
 
@@ -45,7 +42,7 @@ class Parameters:
 
     @property
     def packed(self) -> FloatArray:
-        """The free numbers: first threshold, log increments, effects but the first, SD."""
+        """Vector of free parameters: first threshold, log increments, effects but the first, SD."""
         increments = np.log(np.diff(self.thresholds))
         return np.concatenate(
             [self.thresholds[:1], increments, self.effects[1:], [self.subject_sd]]
@@ -53,7 +50,7 @@ class Parameters:
 
 
 def unpacked(packed: FloatArray, categories: int) -> Parameters:
-    """Return the parameters whose `packed` this is."""
+    """Return the parameters of a vector that `Parameters.packed` made."""
     increments = np.exp(packed[1 : categories - 1])
     return Parameters(
         thresholds=packed[0] + np.concatenate([[0.0], np.cumsum(increments)]),
@@ -68,9 +65,9 @@ def log_likelihood(
     """Return the log-likelihood and its gradient with respect to the packed parameters.
 
     P(score <= k | subject s, condition j) = F(θ_k - β_j - σ u_s), u_s ~ N(0, 1), F the normal or
-    logistic distribution function. The integral over u_s is the trapezoidal rule on `nodes`
-    evenly spaced points, which converges exponentially for such integrands; the points are the
-    same for all subjects, so that the cost per subject is one product of matrices.
+    logistic distribution function. The integral over u_s is computed by the trapezoidal rule on
+    `nodes` evenly spaced points, which converges exponentially for such integrands; the points are
+    the same for all subjects, so that the cost per subject is one matrix product.
     """
     parameters = unpacked(packed, data.categories)
     levels = np.linspace(-REACH, REACH, nodes)
@@ -103,12 +100,12 @@ def _log_probabilities(
 
 
 def log_interval(lower: FloatArray, upper: FloatArray, link: Link) -> FloatArray:
-    """Return log(F(upper) - F(lower)), from the tail in which F keeps its digits."""
+    """Return log(F(upper) - F(lower)), computed in the tail where F keeps its precision."""
     log_cdf = log_ndtr if link == "probit" else log_expit
     mirrored = lower > 0
     high = log_cdf(np.where(mirrored, -lower, upper))
     low = log_cdf(np.where(mirrored, -upper, lower))
-    # Two thresholds that meet during a search leave a probability of almost nothing, not NaN.
+    # Thresholds that meet during a search must give a tiny probability, not NaN.
     return np.asarray(high + np.log(-np.expm1(np.minimum(low - high, -SMALLEST))))
 
 
@@ -128,7 +125,7 @@ def _gradient(
     upper, lower = weights * slopes[0], weights * slopes[1]
     by_threshold = upper[:, :-1].sum(axis=(0, 2)) + lower[:, 1:].sum(axis=(0, 2))
     by_location = -(upper + lower).sum(axis=1)
-    # A longer increment moves its own threshold and all above it.
+    # An increment moves its own threshold and all above it.
     from_top = np.cumsum(by_threshold[::-1])[::-1]
     increments = np.diff(parameters.thresholds)
     return np.concatenate(

@@ -1,4 +1,4 @@
-"""Wilcoxon's signed rank test, exact with ties and zeros, and Holm's correction of many tests."""
+"""Wilcoxon's signed rank test, exact with ties and zeros, and Holm's correction."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from scipy.special import ndtr
 from analysis.estimates import FloatArray, IntArray, NotEstimable
 from analysis.loading.score_table import ScoreTable
 
-# Scores such as 7.3 - 7.2 and 5.1 - 5.0 are meant to be equal and differ in the last bits.
+# Differences such as 7.3 - 7.2 and 5.1 - 5.0 are equal but for rounding error.
 DECIMALS = 9
 
 
@@ -19,7 +19,7 @@ def doubled_midranks(values: FloatArray) -> IntArray:
     """Return twice the rank of each value along the last axis, ties sharing their mean rank.
 
     Twice a midrank is an integer. Values that agree to nine decimals are tied; a missing value
-    gets rank 0 and counts for nothing.
+    has rank 0 and does not affect the others.
 
     >>> doubled_midranks(np.array([10.0, 8.0, 10.0, np.nan]))
     array([5, 2, 5, 0])
@@ -34,7 +34,7 @@ def _ranks_of_one(rounded: FloatArray) -> IntArray:
     return np.where(np.isnan(rounded), 0, below + not_above + 1).astype(np.int64)
 
 
-# Up to here the whole null distribution is listed, in some milliseconds.
+# Up to this many differences, the exact null distribution takes a few milliseconds.
 LARGEST_EXACT = 200
 
 
@@ -71,14 +71,14 @@ class PairwiseTest:
 
 
 def signed_rank(differences: FloatArray) -> SignedRank | NotEstimable:
-    """Return the signed rank test of the differences, or why there is none.
+    """Return the signed rank test of the differences, or why it is not possible.
 
     Zeros are dropped and ties share their mean rank (Wilcoxon, Biometrics Bulletin 1, 1945). Up
-    to 200 differences p counts all 2^n ways of giving them signs; beyond that it is the normal
-    approximation with the variance of the tied ranks and no correction for continuity.
+    to 200 differences, p counts all 2^n sign patterns; beyond that it is the normal approximation
+    with the variance of the tied ranks and no continuity correction.
 
     Parameters:
-        differences: shape (n,), in rating points; NaN is a pair that lacks a score.
+        differences: shape (n,), in rating points; NaN for a pair with a missing score.
 
     >>> signed_rank(np.array([1.0, 2.0, 2.0, 0.0])).p
     0.25
@@ -105,8 +105,8 @@ def signed_rank(differences: FloatArray) -> SignedRank | NotEstimable:
 def pairwise_signed_ranks(table: ScoreTable) -> tuple[PairwiseTest, ...]:
     """Return the signed rank test of every pair of conditions, with Holm's correction.
 
-    A pair that no subject scored, or that all who did scored alike, has no test and does not count
-    among the tests corrected for: whatever the signs of its differences, it could not be rejected.
+    A pair without any non-zero difference has no test, and the correction does not count it: it
+    could not be rejected, whatever the signs of its differences.
     """
     pairs = list(combinations(range(len(table.conditions)), 2))
     tests = [signed_rank(table.scores[:, a] - table.scores[:, b]) for a, b in pairs]
@@ -123,7 +123,7 @@ def pairwise_signed_ranks(table: ScoreTable) -> tuple[PairwiseTest, ...]:
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
-    """Return p-values corrected for their number, in the order given (Holm 1979).
+    """Return p-values corrected for multiple tests, in the order given (Holm 1979).
 
     >>> holm([0.01, 0.04, 0.03])
     [0.03, 0.06, 0.06]
@@ -137,7 +137,7 @@ def holm(p_values: Sequence[float]) -> list[float]:
 
 
 def _exact_p(doubled_ranks: IntArray, positive: int) -> float:
-    """Return the share of all sign patterns whose V is as far from its middle, or farther."""
+    """Return the share of all sign patterns whose V is at least as far from its middle."""
     total = int(doubled_ranks.sum())
     chances = np.zeros(total + 1)
     chances[0] = 1.0

@@ -11,7 +11,7 @@ from analysis.loading.score_table import ScoreTable
 
 @dataclass(frozen=True, kw_only=True)
 class Table4:
-    """The table and its means over the scores that were given; NaN where none was."""
+    """The table and its means over the scores given; NaN where there are none."""
 
     table: ScoreTable
     row_means: FloatArray
@@ -20,7 +20,7 @@ class Table4:
 
 
 def table4(table: ScoreTable) -> Table4:
-    """Return Table 4 of `table`; every mean is of the scores that were given."""
+    """Return Table 4 of `table`."""
     return Table4(
         table=table,
         row_means=np.array([_mean_given(row) for row in table.scores]),

@@ -1,21 +1,21 @@
-"""Least squares on an incomplete table of rows and columns: what ICC and effects are made of."""
+"""Least-squares fit of rows and columns to an incomplete table, and intraclass correlations."""
 
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from analysis.estimates import FloatArray, NotEstimable
-from analysis.loading.score_table import BoolArray, ScoreTable
+from analysis.estimates import BoolArray, FloatArray, NotEstimable
+from analysis.loading.score_table import ScoreTable
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TwoWay:
-    """The fit of `grand_mean + row + column` to a table in which cells may be missing.
+    """The fit of `grand_mean + row + column` to a table that may have missing cells.
 
     Effects sum to zero over rows and over columns. `residuals` has NaN where a cell is missing.
     `row_squares` and `column_squares` are the sums of squares of each factor given the other;
-    `table` is the table fitted, without the rows and columns that have no score at all.
+    `table` is the fitted table, without the rows and columns that have no score at all.
     """
 
     table: ScoreTable
@@ -39,7 +39,7 @@ class TwoWay:
 
     @property
     def row_variance(self) -> float:
-        """Variance of rows by the method of moments, unbiased and so possibly negative.
+        """Variance of rows by the method of moments; unbiased, so it may be negative.
 
         Henderson's method III: E[SS(rows | columns)] = (N - columns) σ_row² + (rows - 1) σ².
         With no cell missing it is (MS_row - MS_residual) / columns.
@@ -55,21 +55,21 @@ class TwoWay:
 
 
 def two_way(table: ScoreTable) -> TwoWay | NotEstimable:
-    """Return the least-squares fit of rows and columns to the table, or why there is none.
+    """Return the least-squares fit of rows and columns to the table, or why it is not possible.
 
-    Rows are eliminated where there are more of them (columns otherwise), so that the cost grows
-    linearly with the longer side.
+    The longer of rows and columns is eliminated, so that the cost grows linearly with it.
     """
     kept = without_empty(table)
-    refusal = _refusal(kept)
-    if refusal is not None:
+    if isinstance(kept, NotEstimable):
+        return kept
+    if refusal := _refusal(kept):
         return refusal
-    assert isinstance(kept, ScoreTable)
     scores, given = kept.scores, kept.given
     centre = float(scores[given].mean())
     deviations = np.where(given, scores - centre, 0.0)
     row_effects, column_effects = _effects(deviations, given)
     residuals = np.where(given, deviations - row_effects[:, None] - column_effects, 0.0)
+    # Sums of squares within rounding error of 0 count as 0, so that equal scores have no variance.
     noise = given.sum() * (1e-12 * float(np.abs(scores[given]).max())) ** 2
     squares = [
         _squares_about_means(deviations, given, axis=0),
@@ -101,37 +101,34 @@ def without_empty(table: ScoreTable) -> ScoreTable | NotEstimable:
     )
 
 
-def _refusal(table: ScoreTable | NotEstimable) -> NotEstimable | None:
-    if isinstance(table, NotEstimable):
-        return table
+def _refusal(table: ScoreTable) -> NotEstimable | None:
     if len(table.subjects) < 2 or len(table.conditions) < 2:
         return NotEstimable(
             reason="effects of subjects and conditions need at least 2 of each with a score, got "
             f"{len(table.subjects)} and {len(table.conditions)}"
         )
-    linked = linked_columns(table.given)
-    if not linked.all():
-        apart = [
-            name for name, is_linked in zip(table.conditions, linked, strict=True) if is_linked
-        ]
-        return NotEstimable(
-            reason=f"no chain of subjects compares {', '.join(apart)} with the other conditions"
-        )
+    if refusal := disconnected(table.given, table.conditions):
+        return refusal
     if table.given.sum() < len(table.subjects) + len(table.conditions):
-        return NotEstimable(
-            reason="there are as many effects as scores, none is left for the residual"
-        )
+        return NotEstimable(reason="there are as many effects as scores, so there is no residual")
     return None
 
 
-def linked_columns(given: BoolArray) -> BoolArray:
-    """Return which columns are compared with the first one, directly or through other rows."""
-    reached: BoolArray = np.arange(given.shape[1]) == 0
-    while True:
-        further = np.asarray(given[given[:, reached].any(axis=1)].any(axis=0))
-        if (further <= reached).all():
-            return reached
-        reached = reached | further
+def disconnected(given: BoolArray, conditions: tuple[str, ...]) -> NotEstimable | None:
+    """Return which conditions no chain of subjects compares with the rest, None if all are linked.
+
+    Args:
+        given: shape (subjects, conditions), where each subject and condition has a score.
+        conditions: names.
+    """
+    reached, linked = np.zeros(len(conditions), dtype=bool), np.arange(len(conditions)) == 0
+    while (linked > reached).any():
+        reached = linked
+        linked = reached | given[given[:, reached].any(axis=1)].any(axis=0)
+    if linked.all():
+        return None
+    apart = ", ".join(np.array(conditions, dtype=object)[linked])
+    return NotEstimable(reason=f"no chain of subjects compares {apart} with the other conditions")
 
 
 def _effects(deviations: FloatArray, given: BoolArray) -> tuple[FloatArray, FloatArray]:
@@ -143,7 +140,7 @@ def _effects(deviations: FloatArray, given: BoolArray) -> tuple[FloatArray, Floa
     row_means = deviations.sum(axis=1) / per_row
     normal = np.diag(weights.sum(axis=0)) - weights.T @ (weights / per_row[:, None])
     right = deviations.sum(axis=0) - weights.T @ row_means
-    # Adding the same to all columns changes nothing: the shortest solution has mean zero.
+    # The system determines columns up to a constant; the shortest solution has mean zero.
     columns = np.linalg.lstsq(normal, right)[0]
     return row_means - weights @ columns / per_row, columns
 
@@ -158,12 +155,12 @@ Target = Literal["subjects", "conditions"]
 
 @dataclass(frozen=True, kw_only=True)
 class IntraclassCorrelation:
-    """How alike the scores of one target are, against how the targets differ.
+    """Intraclass correlations: the variance between targets as a share of the total.
 
     `agreement_single` is ICC(2,1), `consistency_single` ICC(3,1) and `consistency_mean` ICC(3,k)
-    of Shrout and Fleiss (Psychological Bulletin 86, 1979). With `target` "subjects" they say how
-    well one condition's score stands for a person; with "conditions", how well one person's
-    score stands for a condition.
+    of Shrout and Fleiss (Psychological Bulletin 86, 1979). With `target` "subjects" they measure
+    how well the score under one condition represents a person; with "conditions", how well one
+    person's score represents a condition.
     """
 
     target: Target
@@ -175,22 +172,21 @@ class IntraclassCorrelation:
 def intraclass_correlation(
     table: ScoreTable, *, target: Target
 ) -> IntraclassCorrelation | NotEstimable:
-    """Return ICC(2,1), ICC(3,1) and ICC(3,k) of the target, or why there is none.
+    """Return ICC(2,1), ICC(3,1) and ICC(3,k) of the target, or why they are not estimable.
 
     They are ratios of the variances of targets, raters and residuals by the method of moments;
-    with no cell missing these are Shrout and Fleiss' mean squares. A negative value says that
-    targets differ less than chance makes them.
+    with no cell missing these are Shrout and Fleiss' mean squares. A negative value means that
+    targets differ less than expected by chance.
     """
     fit = two_way(table if target == "subjects" else table.transposed)
     if isinstance(fit, NotEstimable):
         return fit
     targets, residual = fit.row_variance, fit.residual_variance
-    raters = len(fit.columns)
     return IntraclassCorrelation(
         target=target,
         agreement_single=_ratio(fit, targets, fit.column_variance + residual),
         consistency_single=_ratio(fit, targets, residual),
-        consistency_mean=_ratio(fit, targets, residual / raters),
+        consistency_mean=_ratio(fit, targets, residual / len(fit.columns)),
     )
 
 
@@ -198,5 +194,5 @@ def _ratio(fit: TwoWay, signal: float, noise: float) -> float | NotEstimable:
     total = signal + noise
     largest = fit.residual_variance + abs(fit.row_variance) + abs(fit.column_variance)
     if total <= 1e-12 * largest:
-        return NotEstimable(reason="targets and residuals do not vary, so that there is no ratio")
+        return NotEstimable(reason="targets and residuals do not vary, so their ratio is undefined")
     return signal / total

@@ -1,4 +1,4 @@
-"""."""
+"""Friedman and Skillings-Mack against brute force, scipy and published values."""
 
 from collections.abc import Callable
 from fractions import Fraction
@@ -28,7 +28,7 @@ def table_from(scores: FloatArray) -> ScoreTable:
     )
 
 
-def answer_to(scores: FloatArray) -> Friedman:
+def result_of(scores: FloatArray) -> Friedman:
     result = friedman(table_from(scores))
     assert isinstance(result, Friedman)
     return result
@@ -52,7 +52,7 @@ def brute_force_p(scores: FloatArray) -> Fraction:
 
 
 def test_table_4_as_published(published: ScoreTable) -> None:
-    result = answer_to(published.scores)
+    result = result_of(published.scores)
     assert result.chi2 == pytest.approx(21.452055, abs=5e-7)
     assert result.df == 4
     assert result.p == pytest.approx(2.5757e-4, rel=2e-5)
@@ -62,7 +62,7 @@ def test_table_4_as_published(published: ScoreTable) -> None:
 
 
 def test_table_4_agrees_with_scipy(published: ScoreTable) -> None:
-    result = answer_to(published.scores)
+    result = result_of(published.scores)
     expected = stats.friedmanchisquare(*published.scores.T)
     assert result.chi2 == pytest.approx(expected.statistic, rel=1e-12)
     assert result.p == pytest.approx(expected.pvalue, rel=1e-12)
@@ -75,7 +75,7 @@ def test_small_tables_with_ties_agree_with_every_shuffling(scores: FloatArray) -
     if np.ptp(scores, axis=1).max() == 0:
         assert "the same score" in reason(scores)
         return
-    assert answer_to(scores).p_exact == pytest.approx(float(brute_force_p(scores)), rel=1e-12)
+    assert result_of(scores).p_exact == pytest.approx(float(brute_force_p(scores)), rel=1e-12)
 
 
 @settings(max_examples=60, deadline=None)
@@ -87,43 +87,43 @@ def test_small_tables_with_ties_agree_with_every_shuffling(scores: FloatArray) -
 def test_chi_square_agrees_with_scipy(scores: FloatArray) -> None:
     assume(np.ptp(scores, axis=1).max() > 0)
     expected = stats.friedmanchisquare(*scores.T)
-    assert answer_to(scores).chi2 == pytest.approx(expected.statistic, rel=1e-10, abs=1e-12)
+    assert result_of(scores).chi2 == pytest.approx(expected.statistic, rel=1e-10, abs=1e-12)
 
 
 def test_two_conditions_are_a_sign_test() -> None:
     # Seven of eight prefer the second: 2 (1 + 8) / 2^8.
     scores = np.array([[0.0, 1.0]] * 7 + [[1.0, 0.0]])
-    assert answer_to(scores).p_exact == pytest.approx(18 / 256, rel=1e-14)
+    assert result_of(scores).p_exact == pytest.approx(18 / 256, rel=1e-14)
 
 
 def test_scores_that_differ_in_their_last_bits_are_tied() -> None:
     nearly = np.array([[7.3 - 7.2, 5.1 - 5.0, 0.0]] * 2)
     exactly = np.array([[0.1, 0.1, 0.0]] * 2)
-    assert answer_to(nearly) == answer_to(exactly)
+    assert result_of(nearly) == result_of(exactly)
 
 
-def test_a_missing_score_is_no_answer_but_a_reason() -> None:
-    assert "every score, 1 of 4 are missing" in reason(np.array([[1.0, 2.0], [np.nan, 2.0]]))
+def test_an_incomplete_table_gives_the_reason() -> None:
+    assert "every score, but 1 of 4 are missing" in reason(np.array([[1.0, 2.0], [np.nan, 2.0]]))
 
 
-def test_one_condition_is_nothing_to_compare() -> None:
+def test_one_condition_cannot_be_compared() -> None:
     assert "at least 2 conditions, got 1" in reason(np.array([[1.0], [2.0]]))
 
 
-def test_one_subject_agrees_with_nobody() -> None:
-    assert "at least 2 subjects to agree, got 1" in reason(np.array([[1.0, 2.0, 3.0]]))
+def test_one_subject_is_not_enough() -> None:
+    assert "at least 2 subjects, got 1" in reason(np.array([[1.0, 2.0, 3.0]]))
 
 
-def test_a_large_study_has_the_approximation_only() -> None:
+def test_a_large_study_has_only_the_approximation() -> None:
     scores = np.random.default_rng(4).permuted(np.tile(np.arange(6.0), (60, 1)), axis=1)
-    result = answer_to(scores)
+    result = result_of(scores)
     assert isinstance(result.p_exact, NotEstimable)
     assert "with 60 subjects" in result.p_exact.reason
     assert 0.0 < result.p <= 1.0
 
 
-def test_eight_conditions_have_the_approximation_only() -> None:
-    result = answer_to(np.arange(8.0)[None, :] * np.ones((3, 1)))
+def test_eight_conditions_have_only_the_approximation() -> None:
+    result = result_of(np.arange(8.0)[None, :] * np.ones((3, 1)))
     assert isinstance(result.p_exact, NotEstimable)
     assert "at most 7 conditions, got 8" in result.p_exact.reason
 
@@ -175,7 +175,7 @@ def test_the_published_example(table_of: TableOf) -> None:
     assert result.p == pytest.approx(0.001440296302, abs=5e-13)
 
 
-def test_without_holes_it_is_friedmans_test(published: ScoreTable) -> None:
+def test_a_complete_table_gives_friedmans_statistic(published: ScoreTable) -> None:
     expected = friedman(published)
     assert isinstance(expected, Friedman)
     result = skillings_mack_of(published)
@@ -199,7 +199,7 @@ def test_the_covariance_is_that_of_every_shuffling(table_of: TableOf, scores: Fl
     assert result.statistic == pytest.approx(float(total @ inverse @ total), rel=1e-8, abs=1e-10)
 
 
-def test_leaving_out_what_says_nothing_changes_nothing(table_of: TableOf) -> None:
+def test_uninformative_rows_change_nothing(table_of: TableOf) -> None:
     scores = np.array(ASSEMBLY)
     alone = np.array([[np.nan, 3.0, np.nan, np.nan], [np.nan] * 4])
     with_alone = skillings_mack_of(table_of(np.vstack([scores, alone])))
@@ -215,10 +215,13 @@ def test_leaving_out_what_says_nothing_changes_nothing(table_of: TableOf) -> Non
         ([[1.0, np.nan], [np.nan, 2.0]], "no subject scored two conditions"),
         ([[1.0, 2.0, np.nan, np.nan], [np.nan, np.nan, 1.0, 2.0]], "compares c0, c1 with"),
         ([[3.0, 3.0, np.nan], [1.0] * 3], "every subject gave all conditions the same score"),
-        ([[3.0, 4.0, np.nan], [1.0, np.nan, np.nan]], "2 subjects who scored two conditions"),
+        (
+            [[3.0, 4.0, np.nan], [1.0, np.nan, np.nan]],
+            "2 subjects must score two conditions, got 1",
+        ),
     ],
 )
-def test_tables_without_a_test_say_why(
+def test_tables_without_a_test_give_the_reason(
     table_of: TableOf, scores: list[list[float]], reason: str
 ) -> None:
     result = skillings_mack(table_of(np.array(scores)))

@@ -1,3 +1,5 @@
+"""The ordinal model against quadrature, published values and known effects."""
+
 from collections.abc import Callable
 
 import numpy as np
@@ -9,14 +11,25 @@ from scipy import integrate, stats
 
 from analysis.estimates import FloatArray, NotEstimable
 from analysis.loading.score_table import ScoreTable
-from analysis.statistics.ordinal import OrdinalEffects, ordinal_effects, ordinal_effects_of_trials
+from analysis.statistics.ordinal import OrdinalEffects, ordinal_effects_of_trials
 from analysis.statistics.ordinal_likelihood import Link, ScoreCounts, log_likelihood
 
 TableOf = Callable[[FloatArray], ScoreTable]
 LINKS: tuple[Link, ...] = ("probit", "logit")
 
 
-def answer_to(table: ScoreTable, link: Link) -> OrdinalEffects:
+def ordinal_effects(table: ScoreTable, *, link: Link) -> OrdinalEffects | NotEstimable:
+    subject, condition = np.nonzero(table.given)
+    return ordinal_effects_of_trials(
+        scores=table.scores[subject, condition],
+        subject=subject,
+        condition=condition,
+        conditions=table.conditions,
+        link=link,
+    )
+
+
+def result_of(table: ScoreTable, link: Link) -> OrdinalEffects:
     result = ordinal_effects(table, link=link)
     assert isinstance(result, OrdinalEffects)
     return result
@@ -65,7 +78,7 @@ def by_adaptive_quadrature(table: ScoreTable, fit: OrdinalEffects) -> float:
 def test_table_4(
     published: ScoreTable, link: Link, effects: list[float], subject_sd: float, value: float
 ) -> None:
-    result = answer_to(published, link)
+    result = result_of(published, link)
     assert result.reference == "frequency"
     assert list(result.effects) == ["structure", "voltage", "direction", "pressure"]
     assert list(result.effects.values()) == pytest.approx(effects, abs=6e-4)
@@ -76,7 +89,7 @@ def test_table_4(
 
 @pytest.mark.parametrize("link", LINKS)
 def test_the_likelihood_agrees_with_adaptive_quadrature(published: ScoreTable, link: Link) -> None:
-    result = answer_to(published, link)
+    result = result_of(published, link)
     assert result.log_likelihood == pytest.approx(
         by_adaptive_quadrature(published, result), abs=1e-8
     )
@@ -118,7 +131,7 @@ def test_random_tables_have_a_maximum_or_a_reason(
             assert by_gauss_hermite(table, moved) < result.log_likelihood
 
 
-def test_missing_scores_and_a_ceiling_do_not_bend_the_effects() -> None:
+def test_missing_scores_and_a_ceiling_do_not_bias_the_effects() -> None:
     rng = np.random.default_rng(6)
     subject, condition = np.repeat(np.arange(150), 12), np.tile(np.arange(3), 600)
     latent = rng.normal(0, 0.8, 150)[subject] + np.array([0.0, 1.0, 2.5])[condition]
@@ -149,7 +162,7 @@ def test_missing_scores_and_a_ceiling_do_not_bend_the_effects() -> None:
         ([[1.0, 9.0], [2.0, 8.0], [1.0, 8.0], [2.0, 9.0]], "that of c1"),
     ],
 )
-def test_tables_without_a_maximum_say_why(
+def test_tables_without_a_maximum_give_the_reason(
     table_of: TableOf, scores: list[list[float]], reason: str
 ) -> None:
     for link in LINKS:

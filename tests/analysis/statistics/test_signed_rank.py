@@ -1,4 +1,4 @@
-"""."""
+"""Signed ranks and Holm against brute force and scipy."""
 
 from collections.abc import Callable
 from itertools import product
@@ -22,7 +22,7 @@ from analysis.statistics.signed_rank import (
 )
 
 
-def answer_to(differences: FloatArray) -> SignedRank:
+def result_of(differences: FloatArray) -> SignedRank:
     result = signed_rank(differences)
     assert isinstance(result, SignedRank)
     return result
@@ -66,38 +66,38 @@ def test_zeros_do_not_sharpen_frequency_against_voltage(published: ScoreTable) -
 def test_ties_and_zeros_agree_with_every_sign_pattern(differences: FloatArray) -> None:
     assume(differences.any())
     statistic, p = brute_force(differences)
-    result = answer_to(differences)
+    result = result_of(differences)
     assert result.statistic == statistic
     assert result.p == pytest.approx(p, rel=1e-12)
     assert result.n_zero == np.count_nonzero(differences == 0)
 
 
 @pytest.mark.parametrize("count", [5, 20, 50])
-def test_without_ties_scipy_is_right_and_agrees(count: int) -> None:
+def test_without_ties_p_agrees_with_scipy(count: int) -> None:
     differences = np.random.default_rng(count).normal(0.4, 1.0, count)
     expected = stats.wilcoxon(differences, method="exact")
-    assert answer_to(differences).p == pytest.approx(expected.pvalue, rel=1e-10)
+    assert result_of(differences).p == pytest.approx(expected.pvalue, rel=1e-10)
 
 
 def test_many_differences_have_the_normal_approximation_with_ties() -> None:
     differences = np.random.default_rng(3).integers(-3, 5, 300).astype(np.float64)
-    result = answer_to(differences)
+    result = result_of(differences)
     expected = stats.wilcoxon(differences, method="approx", axis=None)
-    assert (answer_to(differences[:200]).method, result.method) == ("exact", "normal")
+    assert (result_of(differences[:200]).method, result.method) == ("exact", "normal")
     assert result.p == pytest.approx(expected.pvalue, rel=1e-10)
 
 
 def test_missing_scores_drop_their_own_pair_only() -> None:
-    assert answer_to(np.array([1.0, np.nan, 2.0])) == answer_to(np.array([1.0, 2.0]))
+    assert result_of(np.array([1.0, np.nan, 2.0])) == result_of(np.array([1.0, 2.0]))
 
 
-def test_without_any_difference_there_is_nothing_to_test() -> None:
+def test_zero_differences_have_no_test() -> None:
     assert signed_rank(np.array([0.0, 0.0, np.nan, 1e-12])) == NotEstimable(
         reason="no difference in any subject (zeros: 3)"
     )
 
 
-def test_a_pair_without_any_difference_is_not_counted_by_holm(
+def test_holm_does_not_count_a_pair_without_differences(
     table_of: Callable[[FloatArray], ScoreTable],
 ) -> None:
     scores = np.array([[1.0, 2.0, 2.0], [1.0, 4.0, 4.0], [0.0, 3.0, 3.0]])
@@ -106,7 +106,7 @@ def test_a_pair_without_any_difference_is_not_counted_by_holm(
     assert named(tests, "c0", "c1").p_holm == 2 * 0.25
 
 
-def test_a_pair_nobody_scored_is_not_counted_by_holm(
+def test_holm_does_not_count_a_pair_without_scores(
     table_of: Callable[[FloatArray], ScoreTable],
 ) -> None:
     scores = np.array([[1.0, 2.0, np.nan], [1.0, 4.0, np.nan], [0.0, 3.0, np.nan]])
@@ -119,7 +119,7 @@ def test_a_pair_nobody_scored_is_not_counted_by_holm(
 
 def test_swapping_two_conditions_keeps_p_and_mirrors_v(published: ScoreTable) -> None:
     differences = published.scores[:, 0] - published.scores[:, 4]
-    forth, back = answer_to(differences), answer_to(-differences)
+    forth, back = result_of(differences), result_of(-differences)
     assert (forth.p, forth.rank_biserial) == (back.p, -back.rank_biserial)
 
 

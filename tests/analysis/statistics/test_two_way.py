@@ -1,3 +1,5 @@
+"""The two-way fit and its statistics against dense regressions."""
+
 from collections.abc import Callable
 
 import numpy as np
@@ -26,7 +28,9 @@ TableOf = Callable[[FloatArray], ScoreTable]
 SHAPES = st.tuples(st.integers(1, 7), st.integers(1, 6))
 CELLS = st.integers(0, 10).map(float)
 TABLES = SHAPES.flatmap(lambda shape: arrays(np.float64, shape, elements=CELLS))
-HOLED = SHAPES.flatmap(lambda shape: arrays(np.float64, shape, elements=CELLS | st.just(np.nan)))
+INCOMPLETE = SHAPES.flatmap(
+    lambda shape: arrays(np.float64, shape, elements=CELLS | st.just(np.nan))
+)
 
 
 def dense_squares(scores: FloatArray, *, rows: bool, columns: bool) -> tuple[float, int]:
@@ -53,7 +57,7 @@ def icc_of(scores: FloatArray, table_of: TableOf) -> IntraclassCorrelation:
 
 
 @settings(max_examples=200, deadline=None)
-@given(HOLED)
+@given(INCOMPLETE)
 def test_incomplete_tables_agree_with_dummy_variables(
     table_of: TableOf, scores: FloatArray
 ) -> None:
@@ -70,8 +74,8 @@ def test_incomplete_tables_agree_with_dummy_variables(
 
 
 @settings(max_examples=200, deadline=None)
-@given(HOLED)
-def test_no_answer_exactly_where_dummy_variables_have_none(
+@given(INCOMPLETE)
+def test_a_fit_exists_exactly_when_dummy_variables_determine_it(
     table_of: TableOf, scores: FloatArray
 ) -> None:
     rows, columns = (~np.isnan(scores)).any(1).sum(), (~np.isnan(scores)).any(0).sum()
@@ -156,9 +160,9 @@ def test_gain_heterogeneity_of_table_4(published: ScoreTable) -> None:
 
 
 def dense_slopes(scores: FloatArray) -> tuple[float, tuple[int, int], float, FloatArray]:
-    """F, degrees of freedom, moment τ and slopes less 1 of a regression with every column written.
+    """F, degrees of freedom, moment τ and slopes - 1 of a regression with all columns written out.
 
-    The slopes are the shortest ones: any number may be added to them.
+    The slopes are the shortest solution: they are determined up to a constant.
     """
     row, column = np.nonzero(~np.isnan(scores))
     y = scores[row, column]
@@ -196,7 +200,7 @@ def test_gain_heterogeneity_agrees_with_every_column_written(
     assert list(result.gains.values()) == pytest.approx(1 + excess - excess.mean(), rel=1e-8)
 
 
-def test_equal_slopes_are_rejected_as_often_as_chance_has_it(table_of: TableOf) -> None:
+def test_equal_slopes_are_rejected_at_the_nominal_rate(table_of: TableOf) -> None:
     rng = np.random.default_rng(6)
     found = []
     for _ in range(600):
@@ -210,8 +214,8 @@ def test_equal_slopes_are_rejected_as_often_as_chance_has_it(table_of: TableOf) 
     assert stats.binomtest(sum(p < 0.05 for p in found), len(found), 0.05).pvalue > 0.01
 
 
-def test_a_slope_that_only_one_condition_tells_is_not_compared(table_of: TableOf) -> None:
-    # Nobody else scored the last condition, so that its own level says what s0's slope would.
+def test_a_slope_confounded_with_one_condition_is_not_compared(table_of: TableOf) -> None:
+    # No other subject scored the last condition, so its level and s0's slope are confounded.
     scores = np.array(
         [[2.0, np.nan, np.nan, 9.0], [1, 4, 6, np.nan], [3, 4, 8, np.nan], [2, 6, 6, np.nan]]
     )
@@ -232,7 +236,7 @@ def test_a_known_spread_of_gains_is_recovered(table_of: TableOf) -> None:
     assert result.p < 1e-6
 
 
-def test_variances_of_subjects_are_unbiased_with_holes(table_of: TableOf) -> None:
+def test_variances_of_incomplete_tables_are_unbiased(table_of: TableOf) -> None:
     rng = np.random.default_rng(5)
     holes = rng.random((12, 5)) < 0.25
     estimates = []
@@ -252,7 +256,7 @@ def test_subjects_with_fewer_scores_are_shrunk_more(table_of: TableOf) -> None:
     assert result.subject_shrinkage["s0"] == result.shrinkage
 
 
-def test_who_gave_no_score_has_no_effect(table_of: TableOf) -> None:
+def test_a_subject_without_scores_has_no_effect(table_of: TableOf) -> None:
     scores = np.array([[1.0, 2, 4], [np.nan] * 3, [5, 6, 6]])
     assert list(effects_of(table_of(scores)).subjects) == ["s0", "s2"]
 
@@ -264,10 +268,10 @@ def test_who_gave_no_score_has_no_effect(table_of: TableOf) -> None:
         ([[1.0, 2.0]], "at least 2 of each with a score, got 1 and 2"),
         ([[1.0], [2.0]], "at least 2 of each with a score, got 2 and 1"),
         ([[1.0, np.nan], [np.nan, 2.0]], "no chain of subjects compares c0 with"),
-        ([[1.0, 2.0], [1.0, np.nan]], "none is left for the residual"),
+        ([[1.0, 2.0], [1.0, np.nan]], "so there is no residual"),
     ],
 )
-def test_tables_without_effects_say_why(
+def test_tables_without_effects_give_the_reason(
     table_of: TableOf, scores: list[list[float]], reason: str
 ) -> None:
     results = [
@@ -287,5 +291,5 @@ def test_equal_scores_have_effects_of_zero_and_no_correlation(table_of: TableOf)
     assert effects.shrinkage == NotEstimable(reason="neither subjects nor residuals vary")
     assert isinstance(icc_of(scores, table_of).consistency_single, NotEstimable)
     assert gain_heterogeneity(table_of(scores)) == NotEstimable(
-        reason="the conditions do not differ, so that no slope can be seen"
+        reason="the conditions do not differ, so slopes cannot be estimated"
     )

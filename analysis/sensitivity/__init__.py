@@ -1,4 +1,4 @@
-"""How strongly each person's ratings follow what the friction model predicts.
+"""Models of how strongly each person's ratings follow the predicted contrast.
 
 Public face: `linear_model.linear_sensitivity`, `ordinal_model.ordinal_sensitivity`,
 `joint_model.joint_sensitivity`, `ratings.Ratings`.

@@ -1,21 +1,21 @@
-"""Did anything but the condition move the ratings: time, the trial before, nothing at all?"""
+"""Checks of the ratings: drift, carry-over, order effects, and answers to catch trials."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import betaincinv, fdtrc, ndtri, stdtr, stdtrit
 
-from analysis.estimates import FloatArray, Interval, NotEstimable
-from analysis.sensitivity.ratings import IntArray, Ratings
+from analysis.estimates import FloatArray, IntArray, Interval, NotEstimable
+from analysis.sensitivity.ratings import Ratings
 
 _POOLED = NotEstimable(
-    reason="trials of several subjects are pooled, and those of one are not independent"
+    reason="trials of several subjects are pooled, and trials of one subject are not independent"
 )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Drift:
-    """Change of the rating per trial within subjects, with condition and subject allowed for."""
+    """Change of the rating per trial within subjects, adjusted for condition and subject."""
 
     points_per_trial: float
     interval: Interval
@@ -25,7 +25,7 @@ class Drift:
 
 @dataclass(frozen=True, kw_only=True)
 class FTest:
-    """A test of added effects: F with its degrees of freedom."""
+    """An F test of added effects."""
 
     f: float
     df: tuple[int, int]
@@ -44,9 +44,9 @@ class Proportion:
 
 @dataclass(frozen=True, kw_only=True)
 class Discrimination:
-    """Changes reported with a signal (hits) and without, d′ and criterion, from counts alone.
+    """Changes reported with a signal (hits) and without, with d′ and criterion.
 
-    Rates are (count + 0.5) / (trials + 1), so that none is 0 or 1 (Hautus, Behavior Research
+    Rates are (count + 0.5) / (trials + 1), which is never 0 or 1 (Hautus, Behavior Research
     Methods 27, 1995). d′ = z(hits) - z(false alarms), c = -(z(hits) + z(false alarms)) / 2.
     """
 
@@ -57,11 +57,11 @@ class Discrimination:
 
 
 def drift(ratings: Ratings, position: IntArray) -> Drift | NotEstimable:
-    """Return the slope of the rating on the trial's position in the session, or why there is none.
+    """Return the slope of the rating on the trial's position, or why it is not estimable.
 
     Parameters:
         ratings: the trials.
-        position: shape (trials,), 1 for a subject's first trial.
+        position: shape (trials,), place in the session, 1 for a subject's first trial.
     """
     scored = ~np.isnan(ratings.rating)
     trials, place = ratings.where(scored), position[scored].astype(np.float64)
@@ -69,10 +69,10 @@ def drift(ratings: Ratings, position: IntArray) -> Drift | NotEstimable:
     full = _fit(trials, np.column_stack([_dummies(trials.condition), place]))
     if full.rank == base.rank:
         return NotEstimable(
-            reason="position is told by subject and condition, so that no drift shows"
+            reason="subject and condition determine the position, so drift cannot be separated"
         )
     if full.df < 1:
-        return NotEstimable(reason="no residual is left to judge a drift by")
+        return NotEstimable(reason="there is no residual to test the drift against")
     slope = full.last_coefficient
     spread = np.sqrt(full.squares / full.df) / full.last_norm
     half = float(stdtrit(full.df, 0.975)) * spread
@@ -83,33 +83,29 @@ def drift(ratings: Ratings, position: IntArray) -> Drift | NotEstimable:
 
 
 def carry_over(ratings: Ratings, previous: IntArray) -> FTest | NotEstimable:
-    """Return the test of the preceding trial's condition, or why there is none.
+    """Return the test of the preceding trial's condition, or why it is not possible.
 
     Parameters:
         ratings: the trials.
-        previous: shape (trials,), position of the preceding trial's condition; -1 where no trial
-            preceded, and such trials are left out.
+        previous: shape (trials,), position of the preceding trial's condition; -1 for trials
+            without a preceding one, which are left out.
     """
     followed = ~np.isnan(ratings.rating) & (previous >= 0)
-    trials, before = ratings.where(followed), previous[followed]
-    if len(before) == 0:
+    if not followed.any():
         return NotEstimable(reason="no rated trial follows another")
-    condition = _dummies(trials.condition)
-    return _added(trials, condition, np.column_stack([condition, _dummies(before)]))
+    return _test_of(ratings.where(followed), previous[followed])
 
 
 def order_effect(ratings: Ratings, position: IntArray) -> FTest | NotEstimable:
-    """Return the test of the trial's place in the session, each place with a level of its own."""
+    """Return the test of the trial's position, as a factor, or why it is not possible."""
     scored = ~np.isnan(ratings.rating)
-    trials, place = ratings.where(scored), position[scored]
-    if len(place) == 0:
+    if not scored.any():
         return NotEstimable(reason="no trial was rated")
-    condition = _dummies(trials.condition)
-    return _added(trials, condition, np.column_stack([condition, _dummies(place)]))
+    return _test_of(ratings.where(scored), position[scored])
 
 
 def proportion(count: int, trials: int) -> Proportion | NotEstimable:
-    """Return `count` of `trials` with its exact interval, or why there is none.
+    """Return the share of `count` in `trials` with its exact interval, or why it is undefined.
 
     Raises:
         ValueError: a count below 0 or above the number of trials.
@@ -117,7 +113,7 @@ def proportion(count: int, trials: int) -> Proportion | NotEstimable:
     if not 0 <= count <= trials:
         raise ValueError(f"count must lie in [0, {trials}], got {count}")
     if trials == 0:
-        return NotEstimable(reason="there was no such trial")
+        return NotEstimable(reason="there were no such trials")
     low = float(betaincinv(count, trials - count + 1, 0.025)) if count > 0 else 0.0
     high = float(betaincinv(count + 1, trials - count, 0.975)) if count < trials else 1.0
     return Proportion(count=count, trials=trials, share=count / trials, interval=(low, high))
@@ -128,8 +124,8 @@ def discrimination(
 ) -> Discrimination | NotEstimable:
     """Return d′ and criterion from (count, trials) of signal and of catch trials.
 
-    Both count the same event: a change was reported. The trials of more than one of the `people`
-    are pooled without an interval.
+    Both count the same event: a change was reported. Trials pooled over several `people` have no
+    intervals.
 
     >>> found = discrimination((18, 20), (1, 4))
     >>> round(found.d_prime, 3), round(found.criterion, 3)
@@ -158,15 +154,18 @@ class _Fit:
     last_norm: float
 
 
-def _added(trials: Ratings, base: FloatArray, full: FloatArray) -> FTest | NotEstimable:
-    without, with_effect = _fit(trials, base), _fit(trials, full)
+def _test_of(trials: Ratings, group: IntArray) -> FTest | NotEstimable:
+    """Return the test of `group` as a factor, adjusted for subject and condition."""
+    condition = _dummies(trials.condition)
+    without = _fit(trials, condition)
+    with_effect = _fit(trials, np.column_stack([condition, _dummies(group)]))
     df = (with_effect.rank - without.rank, with_effect.df)
     if df[0] < 1:
         return NotEstimable(
-            reason="the effect is told by subject and condition, so that it cannot show"
+            reason="subject and condition determine the effect, so it cannot be separated"
         )
     if df[1] < 1 or with_effect.squares <= 1e-20 * max(1.0, without.squares):
-        return NotEstimable(reason="no residual is left to judge the effect by")
+        return NotEstimable(reason="there is no residual to test the effect against")
     f = (without.squares - with_effect.squares) / df[0] / (with_effect.squares / df[1])
     return FTest(f=f, df=df, p=float(fdtrc(*df, max(f, 0.0))))
 
@@ -176,8 +175,8 @@ def _dummies(group: IntArray) -> FloatArray:
 
 
 def _fit(trials: Ratings, design: FloatArray) -> _Fit:
-    """Return the least-squares fit of the design with a level per subject, taken out as a mean."""
-    within = _about_subject_means(trials.subject, np.column_stack([design, trials.rating]))
+    """Return the least-squares fit of the design within subjects."""
+    within = _centred_by_subject(trials.subject, np.column_stack([design, trials.rating]))
     columns, y = within[:, :-1], within[:, -1]
     solution, _, rank, _ = np.linalg.lstsq(columns, y, rcond=1e-10)
     others = np.linalg.lstsq(columns[:, :-1], columns[:, -1], rcond=1e-10)[0]
@@ -192,7 +191,7 @@ def _fit(trials: Ratings, design: FloatArray) -> _Fit:
     )
 
 
-def _about_subject_means(subject: IntArray, values: FloatArray) -> FloatArray:
+def _centred_by_subject(subject: IntArray, values: FloatArray) -> FloatArray:
     people, person, counts = np.unique(subject, return_inverse=True, return_counts=True)
     sums = np.zeros((len(people), values.shape[1]))
     np.add.at(sums, person, values)

@@ -1,25 +1,24 @@
-"""Gradient and curvature of the likelihood of ordered answers, summed cell by cell."""
+"""Gradient and curvature of the likelihood of ordered answers."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.estimates import FloatArray
-from analysis.sensitivity.ratings import IntArray
+from analysis.estimates import BoolArray, FloatArray, IntArray
 from analysis.statistics.ordinal_likelihood import log_density_of, log_interval
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OrdinalTrials:
-    """Trials sorted by subject, equal ones once with their number as `weight`.
+    """Trials sorted by subject; equal trials are listed once, with their number as `weight`.
 
     Parameters:
-        subjects, conditions: how many there are; `conditions` 0 leaves discrepancies out.
+        subjects, conditions: their number; with 0 conditions the model has no discrepancies.
         subject, condition, x, category, weight: shape (trials,); x in standard units.
-        thresholds: shape (categories - 1,), in standard units of the ratings: where they are held,
-            and elsewhere where the search begins.
-        free: shape (categories - 1,), which thresholds are sought. At least two are held: they
-            give the latent scale its zero and unit.
+        thresholds: shape (categories - 1,), in standard units of the ratings: the values of fixed
+            thresholds and the initial values of free ones.
+        free: shape (categories - 1,), which thresholds are estimated. At least two are fixed: they
+            set the zero and the unit of the latent scale.
     """
 
     subjects: int
@@ -30,27 +29,32 @@ class OrdinalTrials:
     category: IntArray
     weight: FloatArray
     thresholds: FloatArray
-    free: np.typing.NDArray[np.bool_]
+    free: BoolArray
 
     @property
-    def held_out(self) -> slice:
-        """Where the free thresholds are among the shared numbers; the line follows."""
+    def categories(self) -> int:
+        """Number of categories."""
+        return len(self.thresholds) + 1
+
+    @property
+    def threshold_columns(self) -> slice:
+        """Positions of the free thresholds among the shared parameters; the line follows."""
         return slice(0, int(self.free.sum()))
 
     @property
     def line_columns(self) -> slice:
-        """Where the population's line is among the shared numbers; discrepancies follow."""
-        return slice(self.held_out.stop, self.held_out.stop + 2)
+        """Positions of the population's line among the shared parameters; discrepancies follow."""
+        return slice(self.threshold_columns.stop, self.threshold_columns.stop + 2)
 
     @property
     def shared_start(self) -> FloatArray:
-        """Where the search for what subjects share begins."""
+        """Initial values of the shared parameters."""
         return np.concatenate([self.thresholds[self.free], np.zeros(2 + self.conditions)])
 
     def edges(self, shared: FloatArray) -> FloatArray:
-        """Return all thresholds at these shared numbers, with an infinite one at either end."""
+        """Return all thresholds at these shared parameters, with an infinite one at either end."""
         thresholds = self.thresholds.copy()
-        thresholds[self.free] = shared[self.held_out]
+        thresholds[self.free] = shared[self.threshold_columns]
         return np.concatenate([[-np.inf], thresholds, [np.inf]])
 
     def location(self, shared: FloatArray, own: FloatArray) -> FloatArray:
@@ -62,14 +66,14 @@ class OrdinalTrials:
 
 
 def counted(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the different rows in order of their columns, and how often each occurs."""
+    """Return the distinct rows, sorted, and the number of times each occurs."""
     rows, counts = np.unique(columns, axis=0, return_counts=True)
     return rows, counts.astype(np.float64)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Curvature:
-    """First derivatives and negative second derivatives by shared and own numbers.
+    """First and negative second derivatives with respect to shared and own parameters.
 
     `shared_gradient` (G,), `own_gradient` (subjects, 2), `own_precision` (subjects, 2, 2), `cross`
     (subjects, 2, G), `whole` (G, G).
@@ -83,12 +87,12 @@ class Curvature:
 
     @property
     def shared_precision(self) -> FloatArray:
-        """Curvature by what is shared, the subjects' own numbers eliminated."""
+        """Curvature with respect to the shared parameters, the subjects' own eliminated."""
         solved = np.linalg.solve(self.own_precision, self.cross)
         return np.asarray(self.whole - np.tensordot(self.cross, solved, axes=([0, 1], [0, 1])))
 
     def newton_step(self) -> tuple[FloatArray, FloatArray]:
-        """Return the step of shared and own numbers to where the parabola peaks."""
+        """Return the step of shared and own parameters to the peak of the parabola."""
         alone = np.linalg.solve(self.own_precision, self.own_gradient[..., None])
         pulled = np.tensordot(self.cross, alone[..., 0], axes=([0, 1], [0, 1]))
         shared = np.linalg.solve(self.shared_precision, self.shared_gradient - pulled)
@@ -99,7 +103,7 @@ class Curvature:
     def with_prior(
         self, at: tuple[FloatArray, FloatArray], shared: FloatArray, own: FloatArray
     ) -> "Curvature":
-        """Return the sum with normal priors about 0 of these precisions, at the given numbers."""
+        """Add normal priors about 0 with these precisions, at the given parameters."""
         return replace(
             self,
             shared_gradient=self.shared_gradient - shared * at[0],
@@ -111,7 +115,7 @@ class Curvature:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _EdgeDerivatives:
-    """Derivatives of each trial's log-likelihood by its upper and lower edge; second: negative."""
+    """Derivatives of each trial's log-likelihood by its upper and lower edge (second: negated)."""
 
     up: FloatArray
     down: FloatArray
@@ -125,32 +129,35 @@ def curvature_of(
 ) -> Curvature:
     """Return the likelihood's derivatives where the trials' lower and upper edges are `bounds`.
 
-    A trial depends on two thresholds, one subject's line and one condition: sums over the cells of
-    those classifications are all that is needed.
+    A trial depends on two thresholds, one subject's line and one condition, so the derivatives are
+    sums over the cells of those classifications.
     """
     slopes = _edge_derivatives(*bounds, trials.weight, residual_sd)
     pull = -(slopes.up + slopes.down)
     stiff = slopes.up_up + slopes.down_down + 2 * slopes.up_down
     by_upper, by_lower = slopes.up_up + slopes.up_down, slopes.down_down + slopes.up_down
 
-    own_gradient = _by_subject(trials, pull)
+    weighted = (pull, pull * trials.x)
+    own_gradient = np.stack(
+        [_totals(trials.subject, part, trials.subjects) for part in weighted], axis=-1
+    )
     own = _own_precision(trials, stiff)
     to_thresholds = -_between_thresholds(
-        _line_sums(trials, by_upper, trials.category, len(trials.thresholds) + 1),
-        _line_sums(trials, by_lower, trials.category, len(trials.thresholds) + 1),
+        _line_sums(trials, by_upper, trials.category, trials.categories),
+        _line_sums(trials, by_lower, trials.category, trials.categories),
     )[:, :, trials.free]
     to_conditions = _line_sums(trials, stiff, trials.condition, trials.conditions)
     cross = np.concatenate([to_thresholds, own, to_conditions], axis=2)
 
-    line = trials.line_columns
+    line, thresholds = trials.line_columns, trials.threshold_columns
     whole = np.zeros((cross.shape[2], cross.shape[2]))
     whole[line] = cross.sum(axis=0)
     whole[:, line] = whole[line].T
-    whole[trials.held_out, trials.held_out] = _threshold_block(trials, slopes)
+    whole[thresholds, thresholds] = _threshold_block(trials, slopes)
     whole[line.stop :, line.stop :] = np.diag(to_conditions[:, 0].sum(axis=0))
     coupling = -_condition_block(trials, by_upper, by_lower)
-    whole[line.stop :, trials.held_out] = coupling
-    whole[trials.held_out, line.stop :] = coupling.T
+    whole[line.stop :, thresholds] = coupling
+    whole[thresholds, line.stop :] = coupling.T
     return Curvature(
         shared_gradient=np.concatenate(
             [
@@ -183,16 +190,10 @@ def _edge_derivatives(
 
 
 def _totals(group: IntArray, values: FloatArray, groups: int) -> FloatArray:
-    """Return the sum of the values in each group; none where there are no groups."""
+    """Return the sum of the values in each group."""
     if groups == 0:
         return np.zeros(0)
     return np.bincount(group, weights=values, minlength=groups).astype(np.float64)
-
-
-def _by_subject(trials: OrdinalTrials, values: FloatArray) -> FloatArray:
-    """Return sums of values times (1, x), shape (subjects, 2)."""
-    weighted = (values, values * trials.x)
-    return np.stack([_totals(trials.subject, part, trials.subjects) for part in weighted], axis=-1)
 
 
 def _own_precision(trials: OrdinalTrials, stiff: FloatArray) -> FloatArray:
@@ -215,22 +216,20 @@ def _line_sums(
 
 
 def _between_thresholds(by_upper: FloatArray, by_lower: FloatArray) -> FloatArray:
-    """Return sums per threshold: it is the upper edge of one category, the lower of the next."""
+    """Return sums per threshold, the upper edge of one category and the lower of the next."""
     return np.asarray(by_upper[..., :-1] + by_lower[..., 1:])
 
 
 def _threshold_gradient(trials: OrdinalTrials, slopes: _EdgeDerivatives) -> FloatArray:
-    categories = len(trials.thresholds) + 1
-    up = _totals(trials.category, slopes.up, categories)
-    down = _totals(trials.category, slopes.down, categories)
+    up = _totals(trials.category, slopes.up, trials.categories)
+    down = _totals(trials.category, slopes.down, trials.categories)
     return _between_thresholds(up, down)[trials.free]
 
 
 def _threshold_block(trials: OrdinalTrials, slopes: _EdgeDerivatives) -> FloatArray:
-    categories = len(trials.thresholds) + 1
-    up_up = _totals(trials.category, slopes.up_up, categories)
-    down_down = _totals(trials.category, slopes.down_down, categories)
-    neighbours = _totals(trials.category, slopes.up_down, categories)[1:-1]
+    up_up = _totals(trials.category, slopes.up_up, trials.categories)
+    down_down = _totals(trials.category, slopes.down_down, trials.categories)
+    neighbours = _totals(trials.category, slopes.up_down, trials.categories)[1:-1]
     block = np.diag(_between_thresholds(up_up, down_down))
     block += np.diag(neighbours, 1) + np.diag(neighbours, -1)
     return np.asarray(block[np.ix_(trials.free, trials.free)])
@@ -240,10 +239,10 @@ def _condition_block(
     trials: OrdinalTrials, by_upper: FloatArray, by_lower: FloatArray
 ) -> FloatArray:
     """Return sums per condition and free threshold."""
-    categories = len(trials.thresholds) + 1
-    cell = trials.condition * categories + trials.category
+    cell = trials.condition * trials.categories + trials.category
+    cells = trials.conditions * trials.categories
     upper, lower = (
-        _totals(cell, values, trials.conditions * categories).reshape(-1, categories)
+        _totals(cell, values, cells).reshape(-1, trials.categories)
         for values in (by_upper, by_lower)
     )
     return _between_thresholds(upper, lower)[:, trials.free]

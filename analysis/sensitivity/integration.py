@@ -1,4 +1,4 @@
-"""Deterministic integration over a few uncertain parameters such as variance components."""
+"""Deterministic integration over a few parameters, such as variance components."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,28 +17,29 @@ PROPOSAL_DF = 5.0
 REACH, STEEPNESS = 6.0, 20.0
 GRADIENT_STEP = 1e-3
 CURVATURE_STEP = 0.1
-# Directions flatter or sharper than this are explored as if they had this curvature.
+# Limits to which the curvature of a direction at the mode is clipped.
 LEAST_CURVATURE, MOST_CURVATURE = 0.1, 1e8
+BISECTIONS = 36
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WeightedPoints:
-    """Points of shape (count, dimensions) and weights that sum to 1: a posterior, discretised."""
+    """A discretised posterior: points (count, dimensions) and weights that sum to 1."""
 
     points: FloatArray
     weights: FloatArray
 
     def mean(self, values: FloatArray) -> FloatArray:
-        """Return the posterior mean of values given at the points along the first axis."""
+        """Return the posterior mean of values at the points, along the first axis."""
         return np.asarray(np.tensordot(self.weights, values, axes=1), dtype=np.float64)
 
 
 def weighted_points(log_density: LogDensity, start: FloatArray, count: int) -> WeightedPoints:
-    """Return `count` points that stand for the density, with their weights.
+    """Return `count` weighted points that represent the density.
 
-    Importance sampling from a t distribution with 5 degrees of freedom about the mode, its scale
-    from the curvature there, at the points of an additive low-discrepancy sequence instead of
-    random ones: the same input gives the same answer.
+    Importance sampling from a t distribution with 5 degrees of freedom about the mode, scaled by
+    the curvature there. The points are those of an additive low-discrepancy sequence instead of
+    random ones, so that the same input gives the same result.
     """
     log_density = _within_reach(log_density)
     mode = _mode(log_density, start)
@@ -50,6 +51,7 @@ def weighted_points(log_density: LogDensity, start: FloatArray, count: int) -> W
 
 
 def _within_reach(log_density: LogDensity) -> LogDensity:
+    # Densities may overflow far out: beyond REACH, the value at the boundary falls off steeply.
     def bounded(points: FloatArray) -> FloatArray:
         inside = np.clip(points, -REACH, REACH)
         return np.asarray(log_density(inside) - STEEPNESS * ((points - inside) ** 2).sum(axis=1))
@@ -83,13 +85,13 @@ def _mode(log_density: LogDensity, start: FloatArray) -> FloatArray:
 
 
 def _spread(log_density: LogDensity, mode: FloatArray) -> FloatArray:
-    """Return a matrix whose columns are one standard deviation long in uncorrelated directions."""
+    """Return a matrix whose columns are uncorrelated steps of one standard deviation."""
     size = len(mode)
     first, second = np.triu_indices(size, 1)
     axes = np.eye(size) * CURVATURE_STEP
     steps = np.vstack([axes, axes[first] + axes[second]])
     values = log_density(mode + np.vstack([np.zeros(size), steps, -steps]))
-    # Twice the fall of the parabola along each axis and each diagonal.
+    # Second differences along each axis and each diagonal.
     ahead, behind = np.split(values[1:], 2)
     falls = (2 * values[0] - ahead - behind) / CURVATURE_STEP**2
     curvature = np.diag(falls[:size])
@@ -109,23 +111,14 @@ def _t_points(mode: FloatArray, spread: FloatArray, count: int) -> tuple[FloatAr
     return mode + scaled @ spread.T, log_proposal
 
 
-BISECTIONS = 36
-
-
-def mixture_mean(weights: FloatArray, means: FloatArray) -> FloatArray:
-    """Return the mean of each mixture; weights (points,), means (points, quantities)."""
-    return np.asarray(weights @ means)
-
-
 def mixture_quantile(
     weights: FloatArray, means: FloatArray, sds: FloatArray, probability: float
 ) -> FloatArray:
-    """Return the quantile of each mixture by bisection.
+    """Return the quantile of each mixture of normal distributions, by bisection.
 
     Parameters:
         weights: shape (points,), sum 1.
-        means: shape (points, quantities).
-        sds: shape (points, quantities), standard deviations.
+        means, sds: shape (points, quantities).
         probability: in (0, 1).
     """
     low = (means - 9 * sds).min(axis=0)
@@ -145,7 +138,7 @@ def intervals_95(weights: FloatArray, means: FloatArray, sds: FloatArray) -> lis
 
 
 def weighted_quantile(weights: FloatArray, values: FloatArray, probability: float) -> float:
-    """Return the quantile of one quantity known at weighted points, interpolated."""
+    """Return the interpolated quantile of values at weighted points."""
     order = np.argsort(values)
     reached = np.cumsum(weights[order]) - weights[order] / 2
     return float(np.interp(probability, reached, values[order]))

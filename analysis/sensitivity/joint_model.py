@@ -1,12 +1,12 @@
-"""M3: noticing a change and rating it, as one ordered answer on one latent scale."""
+"""M3: joint model of change detection and rating, as ordered answers on one latent scale."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.estimates import FloatArray, Interval, NotEstimable
-from analysis.sensitivity.integration import intervals_95, mixture_mean
-from analysis.sensitivity.lines import Axes
+from analysis.estimates import FloatArray, IntArray, Interval, NotEstimable
+from analysis.sensitivity.integration import intervals_95
+from analysis.sensitivity.lines import axes_about
 from analysis.sensitivity.ordinal_model import (
     LatentPosterior,
     OrdinalSensitivity,
@@ -16,18 +16,18 @@ from analysis.sensitivity.ordinal_model import (
     latent_posterior,
     prepared,
 )
-from analysis.sensitivity.ratings import IntArray, Ratings
+from analysis.sensitivity.ratings import Ratings
 
 OPPOSITE, SAME, EXPECTED = -1, 0, 1
 
 
 @dataclass(frozen=True, kw_only=True)
 class ChangeDetection:
-    """How well one subject notices the expected change, 95 % intervals.
+    """How well one subject detects the expected change, with 95 % intervals.
 
-    `d_prime` is the distance between the reference contrast and none in standard deviations of
-    the noise; `criterion` is how far above its own zero the latent value must be, in the same
-    unit, to be called the expected change: a false alarm has probability Φ(-criterion).
+    `d_prime` is the distance between the reference contrast and none, in standard deviations of
+    the noise; `criterion` is the latent value, in the same unit, above which the subject reports
+    the expected change: the probability of a false alarm is Φ(-criterion).
     """
 
     subject: str
@@ -47,42 +47,41 @@ class JointSensitivity:
 
 
 def joint_sensitivity(ratings: Ratings, answer: IntArray) -> JointSensitivity | NotEstimable:
-    """Return detection and rating of changes from one model, or why there is none.
+    """Return detection and rating of changes from one model, or why it is not possible.
 
     The answers are ordered: opposite to the expected change < same < expected change, rated low
-    to high. They are the steps of M2's latent scale α_s + g_s x + δ_c + ε, so that a score
-    withheld because the answer disagreed is an answer and no longer missing, and catch (x = 0)
-    and opposite (x < 0) trials tell bias from gain.
+    to high. They are the categories of M2's latent scale α_s + g_s x + δ_c + ε. So a score
+    withheld because the answer disagreed counts as an answer instead of missing data, and catch
+    (x = 0) and opposite (x < 0) trials separate bias from gain.
 
     Parameters:
         ratings: all trials, contrasts signed by the condition's expected direction.
         answer: shape (trials,), 1 the expected change, 0 the same, -1 the opposite change.
 
     Raises:
-        ValueError: another answer, or not one per trial.
+        ValueError: an invalid answer, or not one per trial.
     """
     _check_answers(ratings, answer)
-    validated_study = (answer != EXPECTED) | ~np.isnan(ratings.rating)
-    trials, answer = ratings.where(validated_study), answer[validated_study]
-    refusal = _refusal(trials, answer)
-    if refusal is not None:
+    complete = (answer != EXPECTED) | ~np.isnan(ratings.rating)
+    trials, answer = ratings.where(complete), answer[complete]
+    if refusal := _refusal(trials, answer):
         return refusal
     scale, category = _scale(trials, answer)
-    ready = prepared(trials, category, scale, _axes(trials, answer))
+    axes = axes_about(trials.contrast, trials.rating[answer == EXPECTED])
+    ready = prepared(trials, category, scale, axes)
     posterior = latent_posterior(ready)
     reference = float(trials.contrast[trials.contrast > 0].mean())
+    threshold = len(np.unique(answer[answer != EXPECTED])) - 1
     return JointSensitivity(
         ratings=fitted(ready, posterior),
-        detection=_detection(
-            ready, posterior, reference, len(np.unique(answer[answer != EXPECTED])) - 1
-        ),
+        detection=_detection(ready, posterior, reference, threshold),
         reference_contrast=reference,
     )
 
 
 def _check_answers(ratings: Ratings, answer: IntArray) -> None:
     if len(answer) != len(ratings.rating):
-        raise ValueError(f"answers need {len(ratings.rating)} trials, got {len(answer)}")
+        raise ValueError(f"answers must have {len(ratings.rating)} trials, got {len(answer)}")
     other = answer[~np.isin(answer, [OPPOSITE, SAME, EXPECTED])]
     if other.size:
         raise ValueError(f"an answer must be -1, 0 or 1, got {other[0]}")
@@ -94,22 +93,11 @@ def _refusal(trials: Ratings, answer: IntArray) -> NotEstimable | None:
     if not (trials.contrast > 0).any():
         return NotEstimable(reason="no trial has an expected change")
     if (answer == EXPECTED).all():
-        return NotEstimable(reason="every answer was the expected change, also without one")
+        return NotEstimable(reason="every answer was the expected change, even without one")
     different = len(np.unique(trials.rating[answer == EXPECTED]))
     if different < 3:
         return NotEstimable(reason=f"at least 3 different ratings are needed, got {different}")
     return None
-
-
-def _axes(trials: Ratings, answer: IntArray) -> Axes:
-    """Return centre and scale of all contrasts and of the ratings of expected changes."""
-    rated = trials.rating[answer == EXPECTED]
-    return Axes(
-        x_mean=float(trials.contrast.mean()),
-        x_sd=float(trials.contrast.std()),
-        y_mean=float(rated.mean()),
-        y_sd=float(rated.std()),
-    )
 
 
 def _scale(trials: Ratings, answer: IntArray) -> tuple[Scale, IntArray]:
@@ -122,22 +110,22 @@ def _scale(trials: Ratings, answer: IntArray) -> tuple[Scale, IntArray]:
     rated = np.searchsorted(values, trials.rating) + len(disagreeing)
     category = np.where(answer == EXPECTED, rated, np.searchsorted(disagreeing, answer))
     edges = np.concatenate([below, between])
-    held = np.isin(np.arange(len(edges)), [len(below), len(edges) - 1])
+    fixed = np.isin(np.arange(len(edges)), [len(below), len(edges) - 1])
     return Scale(
         categories=(*(names[int(a)] for a in disagreeing), *(f"{value:g}" for value in values)),
         edges=edges,
-        held=held,
+        fixed=fixed,
     ), category.astype(np.int64)
 
 
 def _detection(
-    ready: PreparedTrials, posterior: LatentPosterior, reference: float, noticed: int
+    ready: PreparedTrials, posterior: LatentPosterior, reference: float, threshold: int
 ) -> tuple[ChangeDetection, ...]:
-    """Return each subject's d′ and criterion; `noticed` is the threshold of a noticed change."""
+    """Return each subject's d′ and criterion; `threshold` is that of the expected change."""
     slope = np.array([0.0, reference / ready.axes.x_sd])
     at_zero = np.array([1.0, -ready.axes.x_mean / ready.axes.x_sd])
     d_primes, d_intervals = _in_noise_units(ready, posterior, slope, None)
-    criteria, c_intervals = _in_noise_units(ready, posterior, -at_zero, noticed)
+    criteria, c_intervals = _in_noise_units(ready, posterior, -at_zero, threshold)
     return tuple(
         ChangeDetection(
             subject=name,
@@ -165,4 +153,4 @@ def _in_noise_units(
         sds.append(np.sqrt(variance) / sigma)
     weights = posterior.points.weights
     centres = np.array(means)
-    return mixture_mean(weights, centres), intervals_95(weights, centres, np.array(sds))
+    return weights @ centres, intervals_95(weights, centres, np.array(sds))

@@ -1,4 +1,4 @@
-"""Laplace's approximation for ordered answers about partially pooled latent lines."""
+"""Laplace's approximation of ordered answers with partially pooled latent lines."""
 
 from dataclasses import dataclass
 
@@ -10,16 +10,16 @@ from analysis.statistics.ordinal_likelihood import log_interval
 
 STEPS = 60
 HALVINGS = 30
-# Standard deviation, in those of the ratings, of the prior of thresholds and population line: it
-# says nothing but that they are finite where people's answers do not overlap.
+# Prior SD of thresholds and population line, in SDs of the ratings. It is so wide that it only
+# keeps them finite if the answers do not overlap.
 WIDE = 10.0
-# Newton's method stops when it promises to raise the log posterior by less than this.
+# Newton's method stops if its step is expected to raise the log posterior by less than this.
 RISE = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Components:
-    """One value of what is integrated over: σ, covariance of subjects, SD of discrepancies."""
+    """Variance components: σ, covariance between subjects, SD of discrepancies."""
 
     residual_sd: float
     between: FloatArray
@@ -28,10 +28,10 @@ class Components:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LatentMode:
-    """The most probable latent numbers and the curvature there.
+    """The posterior mode of the latent parameters, with the log posterior and curvature there.
 
     `shared` (G,): free thresholds, population line, discrepancies; `own` (subjects, 2): each
-    subject's departure from that line; `value` is the log posterior there.
+    subject's departure from that line.
     """
 
     shared: FloatArray
@@ -55,25 +55,25 @@ class LatentMode:
 
 
 class LatentField:
-    """The latent numbers of one set of trials; `mode` finds the best of them by Newton's method.
+    """The log posterior of the latent parameters of a set of trials, and its mode.
 
-    The log posterior is concave, and given what is shared the subjects are independent, so that a
-    step costs one small system per subject and one for what is shared.
+    The log posterior is concave, and the subjects are independent given the shared parameters, so
+    that a Newton step costs one small system per subject and one for the shared parameters.
     """
 
     def __init__(self, trials: OrdinalTrials) -> None:
         self.trials = trials
 
     def start(self) -> tuple[FloatArray, FloatArray]:
-        """Return shared and own numbers to begin with."""
+        """Return the initial shared and own parameters."""
         return self.trials.shared_start, np.zeros((self.trials.subjects, 2))
 
     def mode(self, components: Components, start: tuple[FloatArray, FloatArray]) -> LatentMode:
-        """Return the mode at the given components, searched from the given numbers."""
+        """Return the mode at the given components by Newton's method from `start`."""
         shared, own = start
-        value = self._value(shared, own, components)
+        value = self.value(shared, own, components)
         for _ in range(STEPS):
-            found = self._curvature(shared, own, components)
+            found = self.curvature(shared, own, components)
             step = found.newton_step()
             rise = found.shared_gradient @ step[0] + (found.own_gradient * step[1]).sum()
             if rise < RISE:
@@ -87,12 +87,12 @@ class LatentField:
         step: tuple[FloatArray, FloatArray],
         components: Components,
     ) -> tuple[FloatArray, FloatArray, float]:
-        """Return the numbers after the step, shortened until the posterior rises."""
+        """Return the parameters after the step, shortened until the posterior rises."""
         shared, own, value = current
         length = 1.0
         for _ in range(HALVINGS):
             to = shared + length * step[0], own + length * step[1]
-            reached = self._value(*to, components)
+            reached = self.value(*to, components)
             if reached > value:
                 return *to, reached
             length /= 2
@@ -103,12 +103,12 @@ class LatentField:
     ) -> tuple[FloatArray, FloatArray]:
         edges = self.trials.edges(shared)
         location = self.trials.location(shared, own)
-        lower, upper = edges[self.trials.category], edges[self.trials.category + 1]
-        return (lower - location) / components.residual_sd, (
-            upper - location
-        ) / components.residual_sd
+        lower = edges[self.trials.category] - location
+        upper = edges[self.trials.category + 1] - location
+        return lower / components.residual_sd, upper / components.residual_sd
 
-    def _value(self, shared: FloatArray, own: FloatArray, components: Components) -> float:
+    def value(self, shared: FloatArray, own: FloatArray, components: Components) -> float:
+        """Return the log posterior, -inf if the thresholds are not in order."""
         if (np.diff(self.trials.edges(shared)) <= 0).any():
             return -np.inf
         lower, upper = self._bounds(shared, own, components)
@@ -121,17 +121,15 @@ class LatentField:
         return likelihood - float(squares - determinants) / 2
 
     def _shared_prior(self, components: Components) -> FloatArray:
-        """Return the prior precision of each shared number about where its search begins."""
+        """Return the prior precision of each shared parameter about its initial value."""
         prior = np.full(len(self.trials.shared_start), WIDE**-2)
         prior[self.trials.line_columns.stop :] = components.discrepancy_sd**-2
         return prior
 
-    def _curvature(self, shared: FloatArray, own: FloatArray, components: Components) -> Curvature:
-        """Return gradient and curvature of the log posterior, prior included."""
+    def curvature(self, shared: FloatArray, own: FloatArray, components: Components) -> Curvature:
+        """Return gradient and curvature of the log posterior, including the prior."""
         departures = shared - self.trials.shared_start, own
         precision = np.asarray(np.linalg.inv(components.between), dtype=np.float64)
-        return curvature_of(
-            self.trials,
-            self._bounds(shared, own, components),
-            components.residual_sd,
-        ).with_prior(departures, self._shared_prior(components), precision)
+        bounds = self._bounds(shared, own, components)
+        likelihood = curvature_of(self.trials, bounds, components.residual_sd)
+        return likelihood.with_prior(departures, self._shared_prior(components), precision)

@@ -1,10 +1,10 @@
-"""M1: ratings that rise with the predicted contrast along a line of each person's own."""
+"""M1: linear mixed model of ratings on predicted contrast, with a line per subject."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.estimates import FloatArray, NotEstimable
+from analysis.estimates import FloatArray, IntArray, NotEstimable
 from analysis.sensitivity.integration import WeightedPoints, weighted_points
 from analysis.sensitivity.lines import (
     Axes,
@@ -15,12 +15,16 @@ from analysis.sensitivity.lines import (
     log_prior_of_spread,
     summary,
 )
-from analysis.sensitivity.ratings import IntArray, Ratings
+from analysis.sensitivity.ratings import Ratings
+
+POINTS = 200
+# log σ, log τ_bias, log τ_gain and artanh ρ, in standard deviations of the ratings.
+START = np.array([-0.5, -0.7, -0.7, 0.0])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LineSums:
-    """What a straight line per subject needs to know of the trials.
+    """Sufficient statistics of the trials for a line per subject.
 
     `counts` (subjects,) trials; `gram` (subjects, 2, 2) = Z'Z and `products` (subjects, 2) = Z'y
     with rows Z = (1, x); `squares` (subjects,) = y'y.
@@ -34,12 +38,12 @@ class LineSums:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LinePosterior:
-    """Given variance components: log marginal likelihood and what is known of the lines.
+    """Log marginal likelihood and posterior of the lines, given variance components.
 
-    `log_likelihood` (points,), the population's line integrated out; `profile` (points,), at the
-    best population line instead. `means` (points, subjects, 2) and `covariances` (points,
-    subjects, 2, 2) are of each subject's intercept and slope; `population` (points, 2) and
-    `population_covariance` (points, 2, 2) of the population's.
+    `log_likelihood` (points,) has the population's line integrated out, `profile` (points,) is at
+    the best population line. `means` (points, subjects, 2) and `covariances` (points, subjects,
+    2, 2) are of each subject's intercept and slope; `population` (points, 2) and
+    `population_covariance` (points, 2, 2) are the population's.
     """
 
     log_likelihood: FloatArray
@@ -51,7 +55,7 @@ class LinePosterior:
 
 
 def line_sums(subject: IntArray, subjects: int, x: FloatArray, y: FloatArray) -> LineSums:
-    """Return the sums of trials (subject, x, y) per subject."""
+    """Return the sums over the trials of each subject."""
 
     def total(values: FloatArray) -> FloatArray:
         return np.bincount(subject, weights=values, minlength=subjects).astype(np.float64)
@@ -102,52 +106,42 @@ def line_posterior(sums: LineSums, residual_sd: FloatArray, between: FloatArray)
     )
 
 
-POINTS = 200
-# log σ, log τ_bias, log τ_gain and artanh ρ, in standard deviations of the ratings.
-START = np.array([-0.5, -0.7, -0.7, 0.0])
-
-
 @dataclass(frozen=True, kw_only=True)
 class LinearSensitivity:
-    """The fit of M1: per-subject and population lines, and how much noise is about them."""
+    """The fit of M1: lines and residual standard deviation, in rating points."""
 
     lines: Lines
     residual_sd: float
 
 
 def linear_sensitivity(ratings: Ratings) -> LinearSensitivity | NotEstimable:
-    """Return each subject's bias and gain by partial pooling, or why there are none.
+    """Return each subject's bias and gain by partial pooling, or why they are not estimable.
 
-    y = α_s + g_s x + ε, (α_s, g_s) ~ N((α, g), T), ε ~ N(0, σ²). α and g have flat priors, σ has
-    one flat in log σ, the standard deviations in T that of `log_prior_of_spread`, their
-    correlation a uniform one. Intervals are integrated over σ and T, not taken at their best
-    values.
+    y = α_s + g_s x + ε, (α_s, g_s) ~ N((α, g), T), ε ~ N(0, σ²). Priors: α, g and log σ flat, the
+    standard deviations in T as in `log_prior_of_spread`, their correlation uniform. Intervals are
+    integrated over σ and T.
 
-    The model knows no ceiling: where many ratings are the largest possible, gains come out too
-    small. `ordinal_sensitivity` is for such ratings.
+    The model has no ceiling: if many ratings are the largest possible, it underestimates gains.
+    `ordinal_sensitivity` is for such ratings.
     """
     trials = ratings.given
     axes = axes_of(trials)
     if isinstance(axes, NotEstimable):
         return axes
-    sums = _standardised_sums(trials, axes)
+    x = (trials.contrast - axes.x_mean) / axes.x_sd
+    y = (trials.rating - axes.y_mean) / axes.y_sd
+    sums = line_sums(trials.subject, len(trials.subjects), x, y)
     if not _has_residual(trials, sums):
         return NotEstimable(
-            reason="each subject's ratings lie on a line of their own, no residual is left to "
-            "tell noise from differences between subjects"
+            reason="each subject's ratings lie exactly on a line, so there is no residual to "
+            "separate noise from differences between subjects"
         )
     posterior = weighted_points(lambda points: _log_posterior(points, sums), START, POINTS)
     return _result(ratings, sums, posterior, axes)
 
 
-def _standardised_sums(trials: Ratings, axes: Axes) -> LineSums:
-    x = (trials.contrast - axes.x_mean) / axes.x_sd
-    y = (trials.rating - axes.y_mean) / axes.y_sd
-    return line_sums(trials.subject, len(trials.subjects), x, y)
-
-
 def _has_residual(trials: Ratings, sums: LineSums) -> bool:
-    """Whether some subject's ratings depart from the subject's own least-squares line."""
+    """Return whether any subject's ratings depart from the subject's least-squares line."""
     lines = np.linalg.pinv(sums.gram, rcond=1e-9, hermitian=True) @ sums.products[..., None]
     explained = (sums.products * lines[..., 0]).sum(axis=1)
     return bool((sums.squares - explained).sum() > 1e-9 * len(trials.rating))

@@ -1,11 +1,11 @@
-"""Bias and gain of each subject, with intervals: what every sensitivity model reports."""
+"""Bias and gain of each subject with intervals, the result of every sensitivity model."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from analysis.estimates import FloatArray, Interval, NotEstimable
-from analysis.sensitivity.integration import intervals_95, mixture_mean, weighted_quantile
+from analysis.sensitivity.integration import intervals_95, weighted_quantile
 from analysis.sensitivity.ratings import Ratings
 
 
@@ -13,8 +13,8 @@ from analysis.sensitivity.ratings import Ratings
 class SubjectLine:
     """One subject's bias (rating at contrast 0) and gain (rating points per unit of contrast).
 
-    `shrinkage` is the share of the gain that comes from the subject's own trials; the rest is
-    the group's: 1 means nothing was borrowed, 0 everything. `trials` have a rating.
+    `shrinkage` is the share of the gain that comes from the subject's own trials and not from the
+    group, 0 to 1. `trials` is the number of rated trials.
     """
 
     subject: str
@@ -28,7 +28,7 @@ class SubjectLine:
 
 @dataclass(frozen=True, kw_only=True)
 class Lines:
-    """All subjects' lines, the population's, and how far subjects differ; intervals are 95 %."""
+    """Lines of all subjects and of the population, and the SDs between subjects; 95 % intervals."""
 
     subjects: tuple[SubjectLine, ...]
     bias: float
@@ -43,7 +43,7 @@ class Lines:
 
 @dataclass(frozen=True, kw_only=True)
 class Axes:
-    """Centre and scale of contrasts and ratings: fits are made in standard units."""
+    """Centre and scale of contrasts and ratings, which are fitted in standard units."""
 
     x_mean: float
     x_sd: float
@@ -51,24 +51,31 @@ class Axes:
     y_sd: float
 
 
+def axes_about(contrast: FloatArray, rating: FloatArray) -> Axes:
+    """Return centre and scale of these contrasts and ratings."""
+    return Axes(
+        x_mean=float(contrast.mean()),
+        x_sd=float(contrast.std()),
+        y_mean=float(rating.mean()),
+        y_sd=float(rating.std()),
+    )
+
+
 def axes_of(trials: Ratings) -> Axes | NotEstimable:
-    """Return centre and scale of the trials' contrasts and ratings, or why no line fits them."""
+    """Return centre and scale of the trials, or why they do not determine a line."""
     if len(trials.rating) < 3:
         return NotEstimable(
             reason="a line needs at least 3 ratings with a predicted contrast, "
             f"got {len(trials.rating)}"
         )
-    x_sd, y_sd = float(trials.contrast.std()), float(trials.rating.std())
-    if x_sd <= 1e-9 * float(np.abs(trials.contrast).max()):
-        return NotEstimable(reason="all predicted contrasts are equal, so that no gain can be seen")
-    if y_sd <= 1e-9 * float(np.abs(trials.rating).max()):
-        return NotEstimable(reason=f"all ratings are equal, namely {trials.rating[0]:g}")
-    return Axes(
-        x_mean=float(trials.contrast.mean()),
-        x_sd=x_sd,
-        y_mean=float(trials.rating.mean()),
-        y_sd=y_sd,
-    )
+    axes = axes_about(trials.contrast, trials.rating)
+    if axes.x_sd <= 1e-9 * float(np.abs(trials.contrast).max()):
+        return NotEstimable(
+            reason="all predicted contrasts are equal, so the gain cannot be estimated"
+        )
+    if axes.y_sd <= 1e-9 * float(np.abs(trials.rating).max()):
+        return NotEstimable(reason=f"all ratings are equal ({trials.rating[0]:g})")
+    return axes
 
 
 def covariance_matrices(points: FloatArray) -> FloatArray:
@@ -80,7 +87,7 @@ def covariance_matrices(points: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LineMixture:
-    """Lines in standard units as a mixture of normal posteriors, one per weighted point.
+    """Lines in standard units, as a mixture of normal posteriors, one per weighted point.
 
     `weights` (points,); `means` (points, subjects + 1, 2) and `covariances` (points, subjects + 1,
     2, 2) of intercept and slope, the population's line last; `between` (points, 2, 2), the
@@ -95,18 +102,20 @@ class LineMixture:
 
 def summary(subjects: tuple[str, ...], counts: FloatArray, known: LineMixture, axes: Axes) -> Lines:
     """Return lines in rating points; `counts` has each subject's number of trials."""
-    # Bias is the height of the line at contrast 0, the intercept that at the mean contrast.
+    # Bias is the line's value at contrast 0; the intercept is its value at the mean contrast.
     turn = np.array([[1.0, -axes.x_mean / axes.x_sd], [0.0, 1.0]]) * axes.y_sd
     turn[1] /= axes.x_sd
     weights = known.weights
     centres = known.means @ turn.T + np.array([axes.y_mean, 0.0])
     sds = np.sqrt(np.diagonal(turn @ known.covariances @ turn.T, axis1=-2, axis2=-1))
-    bias, gain = (mixture_mean(weights, centres[..., part]) for part in (0, 1))
+    bias, gain = (weights @ centres[..., part] for part in (0, 1))
     bias_intervals, gain_intervals = (
         intervals_95(weights, centres[..., part], sds[..., part]) for part in (0, 1)
     )
     spread = np.sqrt(np.diagonal(turn @ known.between @ turn.T, axis1=-2, axis2=-1))
-    own = _own_share(weights, known.covariances[:, :-1, 1, 1], known.between[:, 1, 1])
+    # The subject's own share of the gain: 1 - posterior variance / variance between subjects.
+    variance_ratio = known.covariances[:, :-1, 1, 1] / known.between[:, 1, 1][:, None]
+    own = weights @ np.clip(1 - variance_ratio, 0.0, 1.0)
     return Lines(
         subjects=tuple(
             SubjectLine(
@@ -134,16 +143,12 @@ def summary(subjects: tuple[str, ...], counts: FloatArray, known: LineMixture, a
 def log_prior_of_spread(log_sd: FloatArray) -> FloatArray:
     """Return the log prior density of the logarithm of a standard deviation between subjects.
 
-    Flat in the variance where it is small against that of the ratings, which is what makes
-    intervals of single subjects cover (Morris and Tang, Statistical Science 26, 2011, 271-287),
-    and falling off beyond it, so that it is a density: s / (1 + s²)^(3/2), in standard units.
+    The density of s is s / (1 + s²)^(3/2), in standard units. It is flat in the variance where
+    this is small relative to that of the ratings, so that intervals of single subjects have their
+    nominal coverage (Morris and Tang, Statistical Science 26, 2011, 271-287), and proper because
+    it falls off beyond.
     """
     return np.asarray(2 * log_sd - 1.5 * np.log1p(np.exp(2 * log_sd)))
-
-
-def _own_share(weights: FloatArray, variances: FloatArray, between: FloatArray) -> FloatArray:
-    """Return 1 - posterior variance / variance between subjects, averaged over the points."""
-    return np.asarray(weights @ np.clip(1 - variances / between[:, None], 0.0, 1.0))
 
 
 def _interval(weights: FloatArray, values: FloatArray) -> Interval:

@@ -1,19 +1,13 @@
-"""M2: M1 behind the rating scale, with its steps, its ceiling and what conditions add."""
+"""M2: ordinal mixed model of ratings, with thresholds, a ceiling and condition effects."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.estimates import FloatArray, Interval, NotEstimable
-from analysis.loading.score_table import BoolArray
+from analysis.estimates import BoolArray, FloatArray, IntArray, Interval, NotEstimable
 from analysis.sensitivity.curvature import OrdinalTrials, counted
-from analysis.sensitivity.integration import (
-    WeightedPoints,
-    intervals_95,
-    mixture_mean,
-    weighted_points,
-)
+from analysis.sensitivity.integration import WeightedPoints, intervals_95, weighted_points
 from analysis.sensitivity.laplace import Components, LatentField, LatentMode
 from analysis.sensitivity.lines import (
     Axes,
@@ -24,7 +18,7 @@ from analysis.sensitivity.lines import (
     log_prior_of_spread,
     summary,
 )
-from analysis.sensitivity.ratings import IntArray, Ratings
+from analysis.sensitivity.ratings import Ratings
 
 POINTS = 60
 # log σ, log τ_bias, log τ_gain, artanh ρ and log τ_discrepancy.
@@ -44,9 +38,8 @@ class Estimate:
 class OrdinalSensitivity:
     """The fit of M2 (or M3), in rating points.
 
-    `thresholds` lie between the `categories`, from the lowest up; `discrepancies` are what each
-    condition adds to the rating beyond its predicted contrast, empty with fewer than three
-    conditions.
+    `thresholds` lie between the `categories`, from the lowest up; `discrepancies` are the effects
+    of conditions beyond their predicted contrasts, empty with fewer than three conditions.
     """
 
     lines: Lines
@@ -58,16 +51,16 @@ class OrdinalSensitivity:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scale:
-    """Names of the ordered answers, thresholds between them, and which of those are held."""
+    """Names of the ordered answers, the thresholds between them, and which of those are fixed."""
 
     categories: tuple[str, ...]
     edges: FloatArray
-    held: BoolArray
+    fixed: BoolArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PreparedTrials:
-    """Trials ready to be fitted, with the names and units in which the result is told."""
+    """Trials in standard units, with the names and units of the result."""
 
     subjects: tuple[str, ...]
     conditions: tuple[str, ...]
@@ -78,7 +71,7 @@ class PreparedTrials:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LatentPosterior:
-    """Weighted points (log σ, log τ_bias, log τ_gain, artanh ρ, log τ_δ), the mode at each."""
+    """Weighted points (log σ, log τ_bias, log τ_gain, artanh ρ, log τ_δ) and the mode at each."""
 
     points: WeightedPoints
     modes: tuple[LatentMode, ...]
@@ -90,16 +83,16 @@ class LatentPosterior:
 
 
 def ordinal_sensitivity(ratings: Ratings) -> OrdinalSensitivity | NotEstimable:
-    """Return bias and gain of each subject on the scale behind the ratings, or why not.
+    """Return bias and gain of each subject on the latent scale, or why they are not estimable.
 
     latent = α_s + g_s x + δ_c + ε, ε ~ N(0, σ²); a rating is given when the latent value lies
-    between two thresholds that all subjects share. The outermost thresholds are held midway
+    between its two thresholds, which all subjects share. The outermost thresholds are fixed midway
     between the two lowest and the two highest ratings given, so that bias and gain are in rating
-    points and compare with M1. δ_c ~ N(0, τ_δ²). Priors are those of M1, half-Cauchy for σ
-    and τ_δ, and for thresholds and population a normal one so wide that it only keeps them finite.
-    Given σ, T and τ_δ the posterior of the rest is taken as normal about its mode; over those it
-    is integrated (nested Laplace approximation: Rue, Martino and Chopin, Journal of the Royal
-    Statistical Society B 71, 2009).
+    points and comparable with M1. δ_c ~ N(0, τ_δ²). Priors are those of M1, half-Cauchy for σ and
+    τ_δ, and a very wide normal prior for thresholds and population that only keeps them finite.
+    Given σ, T and τ_δ, the posterior of the rest is approximated as normal about its mode; over
+    these three it is integrated (nested Laplace approximation: Rue, Martino and Chopin, Journal of
+    the Royal Statistical Society B 71, 2009).
     """
     trials = ratings.given
     axes = axes_of(trials)
@@ -108,12 +101,13 @@ def ordinal_sensitivity(ratings: Ratings) -> OrdinalSensitivity | NotEstimable:
     values, category = np.unique(trials.rating, return_inverse=True)
     if len(values) < 3:
         return NotEstimable(
-            reason="two different ratings give the latent scale no unit, at least 3 are needed"
+            reason="two different ratings do not set the unit of the latent scale, "
+            "at least 3 are needed"
         )
     edges = (values[1:] + values[:-1]) / 2
-    held = np.isin(np.arange(len(edges)), [0, len(edges) - 1])
+    fixed = np.isin(np.arange(len(edges)), [0, len(edges) - 1])
     names = tuple(f"{value:g}" for value in values)
-    scale = Scale(categories=names, edges=edges, held=held)
+    scale = Scale(categories=names, edges=edges, fixed=fixed)
     ready = prepared(trials, np.asarray(category), scale, axes)
     return fitted(ready, latent_posterior(ready))
 
@@ -137,7 +131,7 @@ def prepared(trials: Ratings, category: IntArray, scale: Scale, axes: Axes) -> P
             category=rows[:, 3].astype(np.int64),
             weight=weight,
             thresholds=(scale.edges - axes.y_mean) / axes.y_sd,
-            free=~scale.held,
+            free=~scale.fixed,
         ),
     )
 
@@ -159,7 +153,7 @@ def latent_posterior(ready: PreparedTrials) -> LatentPosterior:
 
     start = START if ready.trials.conditions else START[:-1]
     posterior = weighted_points(log_posterior, start, POINTS)
-    # The last points asked for are those returned, so that their modes are known already.
+    # The last evaluation was at the returned points, so `modes` are their modes.
     return LatentPosterior(points=posterior, modes=tuple(modes))
 
 
@@ -179,7 +173,7 @@ def _log_prior(point: FloatArray) -> float:
 
 
 def fitted(ready: PreparedTrials, known: LatentPosterior) -> OrdinalSensitivity:
-    """Return what the posterior says of lines, thresholds and discrepancies, in rating points."""
+    """Return lines, thresholds and discrepancies of the posterior, in rating points."""
     posterior, modes = known.points, known.modes
     trials, axes = ready.trials, ready.axes
     lines = [_line_posterior(mode, trials.line_columns) for mode in modes]
@@ -190,11 +184,11 @@ def fitted(ready: PreparedTrials, known: LatentPosterior) -> OrdinalSensitivity:
         between=covariance_matrices(posterior.points[:, 1:4]),
     )
     counts = np.bincount(trials.subject, weights=trials.weight, minlength=trials.subjects)
-    shared = mixture_mean(posterior.weights, np.array([mode.shared for mode in modes]))
+    shared = posterior.weights @ np.array([mode.shared for mode in modes])
     thresholds = axes.y_mean + axes.y_sd * trials.edges(shared)[1:-1]
     return OrdinalSensitivity(
         lines=summary(ready.subjects, counts.astype(np.float64), mixture, axes),
-        residual_sd=float(posterior.mean(np.exp(posterior.points[:, 0]))) * axes.y_sd,
+        residual_sd=float(posterior.mean(known.residual_sds)) * axes.y_sd,
         categories=ready.categories,
         thresholds=tuple(thresholds.tolist()),
         discrepancies=_discrepancies(ready, posterior.weights, modes),
@@ -202,7 +196,7 @@ def fitted(ready: PreparedTrials, known: LatentPosterior) -> OrdinalSensitivity:
 
 
 def _line_posterior(mode: LatentMode, columns: slice) -> tuple[FloatArray, FloatArray]:
-    """Return mean and covariance of each subject's line and, last, of the population's."""
+    """Return mean and covariance of each subject's line and, last, the population's."""
     curvature = mode.curvature
     shared = np.linalg.inv(curvature.shared_precision)
     pick = np.zeros((2, len(mode.shared)))
@@ -222,10 +216,8 @@ def _discrepancies(
     means = unit * np.array([mode.shared[first:] for mode in modes])
     inverses = [np.linalg.inv(mode.curvature.shared_precision) for mode in modes]
     sds = unit * np.sqrt([np.diag(inverse)[first:] for inverse in inverses])
-    values = mixture_mean(weights, means).tolist()
+    values, intervals = (weights @ means).tolist(), intervals_95(weights, means, sds)
     return {
         name: Estimate(value=value, interval=interval)
-        for name, value, interval in zip(
-            ready.conditions, values, intervals_95(weights, means, sds), strict=True
-        )
+        for name, value, interval in zip(ready.conditions, values, intervals, strict=True)
     }

@@ -1,19 +1,15 @@
-"""Ratings trial by trial, with the contrast that the friction model predicts for each."""
+"""Ratings of single trials, with their predicted contrasts."""
 
 from dataclasses import dataclass, replace
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from analysis.estimates import FloatArray
-
-IntArray: TypeAlias = NDArray[np.int64]
+from analysis.estimates import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ratings:
-    """One entry per trial: who, under which condition, at which predicted contrast, what rating.
+    """Subject, condition, predicted contrast and rating of each trial.
 
     Parameters:
         subjects: names; a subject without trials is allowed.
@@ -21,11 +17,11 @@ class Ratings:
         subject: shape (trials,), positions in `subjects`.
         condition: shape (trials,), positions in `conditions`.
         contrast: shape (trials,), predicted contrast, dimensionless; 0 on a catch trial, negative
-            where the opposite of the expected change is predicted.
-        rating: shape (trials,), on the study's scale; NaN where none was given.
+            if the opposite of the expected change is predicted.
+        rating: shape (trials,), on the study's scale; NaN if missing.
 
     Raises:
-        ValueError: arrays of different length, a position outside the names, an infinite value.
+        ValueError: arrays of different length, an invalid position, an infinite value.
     """
 
     subjects: tuple[str, ...]
@@ -39,7 +35,9 @@ class Ratings:
         trials = len(self.subject)
         for name in ("condition", "contrast", "rating"):
             if len(getattr(self, name)) != trials:
-                raise ValueError(f"{name} needs {trials} trials, got {len(getattr(self, name))}")
+                raise ValueError(
+                    f"{name} must have {trials} trials, got {len(getattr(self, name))}"
+                )
         _check_positions("subject", self.subject, len(self.subjects))
         _check_positions("condition", self.condition, len(self.conditions))
         if not np.isfinite(self.contrast).all():
@@ -54,8 +52,8 @@ class Ratings:
         """The trials that have a rating."""
         return self.where(~np.isnan(self.rating))
 
-    def where(self, chosen: NDArray[np.bool_]) -> "Ratings":
-        """Return the chosen trials, of the same subjects and conditions."""
+    def where(self, chosen: BoolArray) -> "Ratings":
+        """Return the chosen trials; subjects and conditions stay the same."""
         return replace(
             self,
             subject=self.subject[chosen],
@@ -68,4 +66,4 @@ class Ratings:
 def _check_positions(name: str, positions: IntArray, count: int) -> None:
     outside = positions[(positions < 0) | (positions >= count)]
     if outside.size:
-        raise ValueError(f"{name} must be one of {count} positions from 0, got {outside[0]}")
+        raise ValueError(f"{name} must lie in [0, {count - 1}], got {outside[0]}")

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.estimates import FloatArray
+from analysis.estimates import FloatArray, IntArray
 from analysis.loading.sessions import TrialRow
 from analysis.loading.study_data import Loaded
 from analysis.sensitivity.joint_model import EXPECTED, OPPOSITE, SAME
-from analysis.sensitivity.ratings import IntArray, Ratings
+from analysis.sensitivity.ratings import Ratings
 from analysis.trials.contrasts import TrialContrasts
 from protocol.study.questions import no_change
 from protocol.study.study import Study

@@ -1,4 +1,4 @@
-"""Do 95 % intervals hold the truth in 95 % of subjects? A thousand studies of each kind."""
+"""Coverage of 95 % intervals over a thousand studies of each kind."""
 
 from concurrent.futures import ProcessPoolExecutor
 from typing import Literal
@@ -103,7 +103,7 @@ def test_m1_with_a_ceiling_does_not_cover() -> None:
     assert error < -1.0
 
 
-def test_one_rating_per_cell_tells_little_of_a_person() -> None:
+def test_one_rating_per_cell_covers() -> None:
     once = over_studies("M1, paper's design, open scale", "M1", OPEN, ONCE, 9)
     assert 0.9 < once[1] < 0.99
     assert over_studies("M2, paper's design, ceiling", "M2", CEILING, ONCE, 9)[1] > 0.9

@@ -1,20 +1,19 @@
-"""Virtual participants: ratings from known bias, gain, thresholds and lapses."""
+"""Simulated participants with known bias, gain, discrepancies, noise and lapses."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.estimates import FloatArray
-from analysis.sensitivity.ratings import IntArray, Ratings
+from analysis.estimates import FloatArray, IntArray
+from analysis.sensitivity.ratings import Ratings
 
 
 @dataclass(frozen=True, kw_only=True)
 class VirtualPopulation:
-    """Where virtual participants come from; biases, gains and noise in rating points.
+    """The population of virtual participants; biases, gains and noise in rating points.
 
-    A latent value bias + gain · contrast + discrepancy + noise is rounded to `step` and held
-    within `scale`; None leaves it as it is. In a `lapse_rate` of trials the rating is any on the
-    scale.
+    A latent value bias + gain · contrast + discrepancy + noise is rounded to `step` and clipped to
+    `scale`, unless this is None. In a share `lapse_rate` of trials the rating is random.
     """
 
     bias: float = 3.0
@@ -36,9 +35,9 @@ class VirtualPopulation:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class VirtualStudy:
-    """What the participants answered, and what is true of them.
+    """The participants' ratings and true parameters.
 
-    `bias` and `gain` have shape (subjects,); `latent` (trials,) is what was rated.
+    `bias` and `gain` have shape (subjects,); `latent` (trials,) is the value before rounding.
     """
 
     ratings: Ratings
@@ -58,11 +57,11 @@ def virtual_study(
     """Return a study in which each of `subjects` participants rates the given trials once.
 
     Parameters:
-        population: where bias, gain and noise come from.
-        subjects: how many participants are drawn.
+        population: distribution of bias, gain and noise.
+        subjects: number of participants.
         condition: shape (trials,), positions from 0.
         contrast: shape (trials,), predicted contrasts.
-        rng: the only source of chance.
+        rng: the only source of randomness.
     """
     conditions = int(condition.max()) + 1
     bias = rng.normal(population.bias, population.bias_sd, subjects)

@@ -1,4 +1,4 @@
-"""Whatever people answer, there is a finite result or a reason."""
+"""Sensitivity models of arbitrary ratings: a finite result or a reason."""
 
 import numpy as np
 import pytest
@@ -42,21 +42,21 @@ def is_sound(lines: Lines) -> bool:
 
 @settings(max_examples=30, deadline=None)
 @given(any_ratings())
-def test_lines_are_finite_or_there_is_a_reason(ratings: Ratings) -> None:
+def test_lines_are_finite_or_not_estimable(ratings: Ratings) -> None:
     result = linear_sensitivity(ratings)
     assert isinstance(result, NotEstimable) or is_sound(result.lines)
 
 
 @settings(max_examples=10, deadline=None)
 @given(any_ratings())
-def test_the_latent_scale_is_finite_or_there_is_a_reason(ratings: Ratings) -> None:
+def test_the_latent_scale_is_finite_or_not_estimable(ratings: Ratings) -> None:
     result = ordinal_sensitivity(ratings)
     assert isinstance(result, NotEstimable) or is_sound(result.lines)
 
 
 @settings(max_examples=10, deadline=None)
 @given(any_ratings(), st.randoms(use_true_random=False))
-def test_detection_is_finite_or_there_is_a_reason(ratings: Ratings, chance: object) -> None:
+def test_detection_is_finite_or_not_estimable(ratings: Ratings, chance: object) -> None:
     answer = np.where(np.arange(len(ratings.rating)) % 3 == 0, 0, 1)
     result = joint_sensitivity(ratings, answer)
     if isinstance(result, NotEstimable):
@@ -66,7 +66,7 @@ def test_detection_is_finite_or_there_is_a_reason(ratings: Ratings, chance: obje
 
 
 @pytest.mark.parametrize("repeats", [1, 2])
-def test_some_such_ratings_have_a_result(repeats: int) -> None:
+def test_some_ratings_have_a_result(repeats: int) -> None:
     ratings = Ratings(
         subjects=("a", "b"),
         conditions=("c",),

@@ -1,3 +1,5 @@
+"""Drift, carry-over, proportions and discrimination against dense regressions and scipy."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -6,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from analysis.estimates import FloatArray, NotEstimable
+from analysis.estimates import FloatArray, IntArray, NotEstimable
 from analysis.sensitivity.checks import (
     Discrimination,
     Drift,
@@ -18,7 +20,7 @@ from analysis.sensitivity.checks import (
     order_effect,
     proportion,
 )
-from analysis.sensitivity.ratings import IntArray, Ratings
+from analysis.sensitivity.ratings import Ratings
 
 SUBJECTS, TRIALS, CONDITIONS = 10, 15, 5
 
@@ -75,7 +77,7 @@ def test_a_drift_is_found_and_agrees_with_dummy_variables() -> None:
     assert result.p == pytest.approx(float(stats.f.sf(f, 1, full[1])), rel=1e-8)
 
 
-def test_no_drift_is_not_found_more_often_than_chance() -> None:
+def test_p_is_uniform_without_a_drift() -> None:
     found = [drift(*a_session(seed)[:2]) for seed in range(200)]
     values = [result.p for result in found if isinstance(result, Drift)]
     assert stats.kstest(values, "uniform").pvalue > 0.01
@@ -106,15 +108,15 @@ def test_place_in_the_session_agrees_with_dummy_variables_and_missing_ratings() 
     assert result.f == pytest.approx(expected_f(base, full), rel=1e-9)
 
 
-def test_sessions_that_cannot_tell_say_why() -> None:
+def test_sessions_without_a_test_give_the_reason() -> None:
     ratings, position, previous = a_session(1)
     fixed = replace(ratings, condition=(position - 1) % CONDITIONS)
     alike = order_effect(fixed.where(position <= 5), position[position <= 5])
     assert isinstance(alike, NotEstimable)
-    assert "cannot show" in alike.reason
+    assert "subject and condition determine the effect" in alike.reason
     steady = drift(ratings, np.ones_like(position))
     assert isinstance(steady, NotEstimable)
-    assert "no drift shows" in steady.reason
+    assert "drift cannot be separated" in steady.reason
     first = carry_over(ratings.where(position == 1), previous[position == 1])
     assert first == NotEstimable(reason="no rated trial follows another")
     unrated = replace(ratings, rating=np.full(len(position), np.nan))
@@ -129,10 +131,10 @@ def test_proportions_agree_with_scipy(counts: tuple[int, int]) -> None:
     assert result.interval == pytest.approx((expected.low, expected.high), rel=1e-8, abs=1e-12)
 
 
-def test_counts_that_cannot_be_are_refused() -> None:
+def test_impossible_counts_are_refused() -> None:
     with pytest.raises(ValueError, match=r"count must lie in \[0, 4\], got 5"):
         proportion(5, 4)
-    assert proportion(0, 0) == NotEstimable(reason="there was no such trial")
+    assert proportion(0, 0) == NotEstimable(reason="there were no such trials")
 
 
 def test_discrimination_from_counts() -> None:

@@ -1,3 +1,5 @@
+"""Deterministic integration of known densities."""
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -63,7 +65,7 @@ def test_the_median_of_weighted_values() -> None:
     assert weighted_quantile(np.array([0.25, 0.25, 0.5]), values, 0.5) == 2.0
 
 
-def test_a_density_that_grows_without_end_is_asked_within_reach_alone() -> None:
+def test_an_unbounded_density_is_evaluated_within_reach_only() -> None:
     asked = [0.0]
 
     def rising(points: FloatArray) -> FloatArray:

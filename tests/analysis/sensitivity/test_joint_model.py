@@ -1,13 +1,13 @@
-"""."""
+"""The joint model (M3): recovery of known detection, and the reasons it gives."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from analysis.estimates import NotEstimable
+from analysis.estimates import IntArray, NotEstimable
 from analysis.sensitivity.joint_model import JointSensitivity, joint_sensitivity
-from analysis.sensitivity.ratings import IntArray, Ratings
+from analysis.sensitivity.ratings import Ratings
 from tests.analysis.sensitivity.simulated_raters import (
     VirtualPopulation,
     VirtualStudy,
@@ -20,7 +20,7 @@ CONTRAST = np.concatenate([np.zeros(6), np.repeat([-0.5, -1.0], 3), np.linspace(
 
 
 def a_study(seed: int, subjects: int = 12) -> tuple[VirtualStudy, Ratings, IntArray]:
-    """A study in which a score is asked for only when the answer agrees."""
+    """A study that asks for a score only if the answer agrees."""
     study = virtual_study(
         VirtualPopulation(bias=1.0, discrepancy_sd=0.2, noise_sd=NOISE),
         subjects=subjects,
@@ -63,7 +63,7 @@ def test_detection_and_gain_are_recovered_and_covered() -> None:
     assert np.abs(np.mean(errors, axis=0)).max() < 0.2
 
 
-def test_false_alarms_are_what_the_criterion_says() -> None:
+def test_false_alarms_agree_with_the_criterion() -> None:
     _, ratings, answer = a_study(1, subjects=80)
     result = fit(ratings, answer)
     from scipy.special import ndtr
@@ -95,7 +95,7 @@ def test_withheld_scores_are_answers_and_narrow_the_gain() -> None:
         ("one rating", "at least 3 different ratings are needed, got 1"),
     ],
 )
-def test_designs_without_detection_say_why(change: str, reason: str) -> None:
+def test_designs_without_detection_give_the_reason(change: str, reason: str) -> None:
     _, ratings, answer = a_study(0)
     keep = np.ones(len(answer), dtype=np.bool_)
     if change == "no catch":
@@ -111,9 +111,9 @@ def test_designs_without_detection_say_why(change: str, reason: str) -> None:
     assert reason in result.reason
 
 
-def test_answers_must_be_answers() -> None:
+def test_invalid_answers_are_refused() -> None:
     _, ratings, answer = a_study(0)
     with pytest.raises(ValueError, match="an answer must be -1, 0 or 1, got 2"):
         joint_sensitivity(ratings, answer + 1)
-    with pytest.raises(ValueError, match="answers need 384 trials, got 3"):
+    with pytest.raises(ValueError, match="answers must have 384 trials, got 3"):
         joint_sensitivity(ratings, answer[:3])

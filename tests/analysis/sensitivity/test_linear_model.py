@@ -1,4 +1,4 @@
-"""."""
+"""The linear model (M1): exact likelihood, recovery and coverage."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -40,7 +40,7 @@ def gain_errors(lines: Lines, study: VirtualStudy) -> FloatArray:
     return np.array([line.gain for line in lines.subjects]) - study.gain
 
 
-def held(lines: Lines, study: VirtualStudy) -> list[float]:
+def coverage(lines: Lines, study: VirtualStudy) -> list[float]:
     """The shares of subjects whose intervals hold the true bias and the true gain."""
     bias = np.array([line.bias_interval for line in lines.subjects])
     gain = np.array([line.gain_interval for line in lines.subjects])
@@ -95,7 +95,7 @@ def test_known_bias_and_gain_are_recovered_and_covered(extended_study: StudyOf) 
     for seed in range(60):
         study = extended_study(OPEN, seed=seed)
         lines = fit(study.ratings).lines
-        covered.append(held(lines, study))
+        covered.append(coverage(lines, study))
         pooled.append(gain_errors(lines, study))
         for number, gain in enumerate(study.gain):
             own = study.ratings.where(study.ratings.subject == number)
@@ -126,7 +126,7 @@ def test_a_subject_with_few_trials_borrows_more(extended_study: StudyOf) -> None
     assert width(lines[1].gain_interval) > width(lines[2].gain_interval)
 
 
-def test_one_rating_per_cell_falls_short() -> None:
+def test_one_rating_per_cell_is_not_enough() -> None:
     """With the paper's one trial per condition gains are the group's more than the person's."""
     widths, shares = {}, {}
     for repeats in (1, 4):
@@ -151,7 +151,7 @@ def test_a_ceiling_makes_gains_too_small_and_intervals_miss(extended_study: Stud
     for seed in range(20):
         study = extended_study(population, seed=seed)
         lines = fit(study.ratings).lines
-        covered.append(held(lines, study)[1])
+        covered.append(coverage(lines, study)[1])
         errors.append(lines.gain - study.gain.mean())
     assert np.mean(errors) < -2.0
     assert np.mean(covered) < 0.7
@@ -181,8 +181,8 @@ def test_units_of_contrast_and_rating_only_rescale(extended_study: StudyOf) -> N
     [
         ([0.1, 0.2], [1.0, 2.0], "at least 3 ratings with a predicted contrast, got 2"),
         ([0.1, 0.1, 0.1], [1.0, 2.0, 3.0], "all predicted contrasts are equal"),
-        ([0.1, 0.2, 0.3], [7.0, 7.0, 7.0], "all ratings are equal, namely 7"),
-        ([0.1, 0.2, 0.3], [1.0, 2.0, 3.0], "on a line of their own"),
+        ([0.1, 0.2, 0.3], [7.0, 7.0, 7.0], "all ratings are equal (7)"),
+        ([0.1, 0.2, 0.3], [1.0, 2.0, 3.0], "lie exactly on a line"),
         (
             [0.1, 0.2, 0.3],
             [1.0, 2.0, np.nan],
@@ -190,7 +190,7 @@ def test_units_of_contrast_and_rating_only_rescale(extended_study: StudyOf) -> N
         ),
     ],
 )
-def test_ratings_without_a_line_say_why(
+def test_ratings_without_a_line_give_the_reason(
     contrast: list[float], rating: list[float], reason: str
 ) -> None:
     trials = len(rating)

@@ -1,4 +1,4 @@
-"""."""
+"""The ordinal model (M2): derivatives, recovery and coverage."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -33,7 +33,7 @@ def fit_linear(ratings: Ratings) -> LinearSensitivity:
     return result
 
 
-def held(lines: Lines, study: VirtualStudy) -> list[float]:
+def coverage(lines: Lines, study: VirtualStudy) -> list[float]:
     """The shares of subjects whose intervals hold the true bias and the true gain."""
     bias = np.array([line.bias_interval for line in lines.subjects])
     gain = np.array([line.gain_interval for line in lines.subjects])
@@ -70,7 +70,7 @@ def test_gradient_and_curvature_are_those_of_the_posterior() -> None:
     rng = np.random.default_rng(2)
     shared = field.trials.shared_start + 0.1 * rng.normal(size=7)
     own = 0.3 * rng.normal(size=(4, 2))
-    found = field._curvature(shared, own, COMPONENTS)
+    found = field.curvature(shared, own, COMPONENTS)
     size = len(shared)
     whole = np.zeros((size + 8, size + 8))
     whole[:size, :size] = found.whole
@@ -82,7 +82,7 @@ def test_gradient_and_curvature_are_those_of_the_posterior() -> None:
     gradient = np.concatenate([found.shared_gradient, found.own_gradient.ravel()])
 
     def value(step: FloatArray) -> float:
-        return field._value(shared + step[:size], own + step[size:].reshape(4, 2), COMPONENTS)
+        return field.value(shared + step[:size], own + step[size:].reshape(4, 2), COMPONENTS)
 
     steps = np.eye(size + 8) * 1e-4
     slopes = [(value(step) - value(-step)) / 2e-4 for step in steps]
@@ -94,7 +94,7 @@ def test_gradient_and_curvature_are_those_of_the_posterior() -> None:
             assert -curve == pytest.approx(whole[one, other], abs=2e-5)
 
 
-def test_newton_ends_where_nothing_rises() -> None:
+def test_newton_ends_at_the_mode() -> None:
     field = a_field()
     mode = field.mode(COMPONENTS, field.start())
     gradient = [mode.curvature.shared_gradient, mode.curvature.own_gradient.ravel()]
@@ -103,7 +103,7 @@ def test_newton_ends_where_nothing_rises() -> None:
     for _ in range(20):
         shared = mode.shared + 0.05 * rng.normal(size=7)
         own = mode.own + 0.05 * rng.normal(size=(4, 2))
-        assert field._value(shared, own, COMPONENTS) < mode.value
+        assert field.value(shared, own, COMPONENTS) < mode.value
 
 
 def test_equal_trials_are_counted_once() -> None:
@@ -112,25 +112,25 @@ def test_equal_trials_are_counted_once() -> None:
     assert weight.tolist() == [1.0, 2.0]
 
 
-def test_behind_a_ceiling_gains_are_recovered_and_covered(extended_study: StudyOf) -> None:
+def test_gains_are_recovered_and_covered_despite_a_ceiling(extended_study: StudyOf) -> None:
     covered, ordinal, linear, at_ceiling = [], [], [], []
     for seed in range(12):
         study = extended_study(CEILING, seed=seed)
         lines = fit(study.ratings).lines
-        covered.append(held(lines, study))
+        covered.append(coverage(lines, study))
         ordinal.append(lines.gain - study.gain.mean())
         linear.append(fit_linear(study.ratings).lines.gain - study.gain.mean())
         at_ceiling.append((study.ratings.rating == 10).mean())
     bias, gain = np.mean(covered, axis=0)
     assert np.mean(at_ceiling) > 0.15
-    # A dozen studies tell coverage to some 3 %; the long run tells it to half a percent.
+    # A dozen studies estimate coverage to about 3 %; the soak test does so to half a percent.
     assert 0.88 < bias <= 1.0
     assert 0.88 < gain <= 1.0
     assert abs(np.mean(ordinal)) < 1.0
     assert np.mean(linear) < -2.0
 
 
-def test_without_a_ceiling_it_agrees_with_the_straight_line(extended_study: StudyOf) -> None:
+def test_without_a_ceiling_m2_agrees_with_m1(extended_study: StudyOf) -> None:
     population = replace(CEILING, bias=5.0, gain=4.0, gain_sd=1.5, discrepancy_sd=0.0)
     study = extended_study(population, seed=3, subjects=60)
     ordinal, linear = fit(study.ratings), fit_linear(study.ratings)
@@ -154,7 +154,7 @@ def test_thresholds_and_discrepancies_are_recovered(extended_study: StudyOf) -> 
         assert estimate.interval[0] < value < estimate.interval[1]
 
 
-def test_two_conditions_show_no_discrepancies(extended_study: StudyOf) -> None:
+def test_two_conditions_have_no_discrepancies(extended_study: StudyOf) -> None:
     ratings = extended_study(CEILING, seed=1).ratings
     result = fit(ratings.where(ratings.condition >= 3))
     assert result.discrepancies == {}
@@ -170,10 +170,10 @@ def test_the_same_ratings_give_the_same_bytes(extended_study: StudyOf) -> None:
     ("rating", "reason"),
     [
         ([1.0, 2.0, 1.0, 2.0], "at least 3 are needed"),
-        ([5.0, 5.0, 5.0, 5.0], "all ratings are equal, namely 5"),
+        ([5.0, 5.0, 5.0, 5.0], "all ratings are equal (5)"),
     ],
 )
-def test_ratings_without_a_scale_say_why(rating: list[float], reason: str) -> None:
+def test_ratings_without_a_scale_give_the_reason(rating: list[float], reason: str) -> None:
     result = ordinal_sensitivity(
         Ratings(
             subjects=("a", "b"),

@@ -1,4 +1,4 @@
-"""The audit: every claim with its verdicts, as a table for a terminal and as JSON."""
+"""Audit of the paper: every claim with its verdicts, as a table and as JSON."""
 
 from typing import Any
 
@@ -28,23 +28,21 @@ CLAIMS: tuple[Claim, ...] = (
 
 
 def audit() -> tuple[Audited, ...]:
-    """Every claim of the paper, checked now under every law."""
+    """Check every claim of the paper under every law."""
     return tuple(audited(claim) for claim in CLAIMS)
 
 
 def claims_json(results: tuple[Audited, ...]) -> list[dict[str, Any]]:
-    """The audit as records: id, place, claim, check, expected, laws, computed, remark."""
+    """Return the audit as records: id, place, claim, check, expected, laws, computed, remark."""
     return [result.record() for result in results]
 
 
 def claims_lines(results: tuple[Audited, ...]) -> list[list[str]]:
-    """Header, a row per claim with a verdict per law, and how many hold."""
-    header = ["id", "place", *LAWS]
+    """Return a header, a row per claim with a verdict per law, and a row of totals."""
+    rows = [
+        [result.claim.id, result.claim.place, *(result.findings[law].verdict for law in LAWS)]
+        for result in results
+    ]
     held = [sum(r.findings[law].verdict is Verdict.HOLDS for r in results) for law in LAWS]
     last = [f"{len(results)} claims", "", *(f"{count} hold" for count in held)]
-    return [header, *(_line(result) for result in results), last]
-
-
-def _line(result: Audited) -> list[str]:
-    verdicts = [result.findings[law].verdict.value for law in LAWS]
-    return [result.claim.id, result.claim.place, *verdicts]
+    return [["id", "place", *LAWS], *rows, last]

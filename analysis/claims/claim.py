@@ -1,4 +1,4 @@
-"""A claim of the paper, its check, and the verdict that follows from what the check found."""
+"""A claim of the paper, its check, and the verdict."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -8,11 +8,9 @@ from typing import Any
 
 from device.friction.laws import LAWS
 
-Computed = Mapping[str, Any]
-
 
 class Verdict(StrEnum):
-    """What a check says of a claim."""
+    """The verdict of a check."""
 
     HOLDS = "holds"
     PARTLY = "partly"
@@ -22,17 +20,14 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """What a check found: which of the claim's parts are true, and the numbers behind it.
-
-    A part of None cannot be decided.
-    """
+    """Which parts of a claim are true (None: not decidable), and the computed numbers."""
 
     parts: tuple[bool | None, ...]
-    computed: Computed = field(default_factory=dict)
+    computed: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def verdict(self) -> Verdict:
-        """Holds if every decided part does, fails if none does."""
+        """Holds if every part is true, fails if no decidable part is, else partly."""
         decided = [part for part in self.parts if part is not None]
         if not decided:
             return Verdict.NOT_TESTABLE
@@ -41,22 +36,23 @@ class Finding:
         return Verdict.PARTLY if any(decided) else Verdict.FAILS
 
 
-Check = Callable[[str], Finding]
+LawCheck = Callable[[str], Finding]
+LawlessCheck = Callable[[], Finding]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Claim:
-    """A claim as the paper makes it.
+    """A claim of the paper.
 
     Attributes:
         id: short name.
-        place: where in the paper.
-        claim: what is claimed.
-        check: what is computed, and when the claim counts as true.
+        place: place in the paper.
+        claim: the statement.
+        check: what is computed, and the criterion.
         expected: the value or relation that the paper gives.
-        find: the check itself, for the law of a name.
-        remark: what one should know to read the result.
-        lawless: whether no friction law takes part, so that one check serves all.
+        find: the check itself, given the name of a law.
+        lawless: whether the check is independent of the friction law.
+        remark: a note on the result.
     """
 
     id: str
@@ -64,32 +60,44 @@ class Claim:
     claim: str
     check: str
     expected: str
-    find: Check
+    find: LawCheck
+    lawless: bool
     remark: str = ""
-    lawless: bool = False
 
 
-def without_law(check: Callable[[], Finding]) -> Check:
-    """A check in which no friction law takes part."""
-    return lambda _law: check()
+class Claims(list[Claim]):
+    """Claims in the order of the paper; the methods decorate the functions that check them."""
+
+    def under_each_law(self, **texts: str) -> Callable[[LawCheck], LawCheck]:
+        """Add the claim with these texts, checked under each friction law."""
+
+        def added(check: LawCheck) -> LawCheck:
+            self.append(Claim(find=check, lawless=False, **texts))
+            return check
+
+        return added
+
+    def without_law(self, **texts: str) -> Callable[[LawlessCheck], LawlessCheck]:
+        """Add the claim with these texts, whose check is independent of the friction law."""
+
+        def added(check: LawlessCheck) -> LawlessCheck:
+            self.append(Claim(find=lambda _law: check(), lawless=True, **texts))
+            return check
+
+        return added
 
 
 @dataclass(frozen=True, kw_only=True)
 class Audited:
-    """A claim with what was found under each law."""
+    """A claim with its finding under each law."""
 
     claim: Claim
     findings: Mapping[str, Finding]
 
     def record(self) -> dict[str, Any]:
-        """The JSON shape that others rely on."""
+        """Return the claim as a JSON record, an interface of `touchbeam claims --json`."""
         claim, findings = self.claim, self.findings
-        first = next(iter(findings.values()))
-        numbers = (
-            dict(first.computed)
-            if claim.lawless
-            else {law: dict(finding.computed) for law, finding in findings.items()}
-        )
+        numbers = {law: finding.computed for law, finding in findings.items()}
         return {
             "id": claim.id,
             "place": claim.place,
@@ -97,13 +105,13 @@ class Audited:
             "check": claim.check,
             "expected": claim.expected,
             "laws": {law: finding.verdict.value for law, finding in findings.items()},
-            "computed": _plain(numbers),
+            "computed": _plain(next(iter(numbers.values())) if claim.lawless else numbers),
             "remark": claim.remark,
         }
 
 
 def _plain(value: Any) -> Any:
-    """Numbers as JSON knows them; one that is not a number is null."""
+    """Return the value as JSON types, with None for a number that is not finite."""
     if isinstance(value, Mapping):
         return {name: _plain(entry) for name, entry in value.items()}
     if isinstance(value, list | tuple):
@@ -112,8 +120,7 @@ def _plain(value: Any) -> Any:
 
 
 def audited(claim: Claim) -> Audited:
-    """Make a claim's check under every law; a check without a law is made once."""
+    """Check a claim under every law, or once if its check is independent of the law."""
     if claim.lawless:
-        finding = claim.find("")
-        return Audited(claim=claim, findings=dict.fromkeys(LAWS, finding))
+        return Audited(claim=claim, findings=dict.fromkeys(LAWS, claim.find("")))
     return Audited(claim=claim, findings={law: claim.find(law) for law in LAWS})

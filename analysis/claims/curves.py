@@ -1,4 +1,4 @@
-"""Friction along the beam and under a whole hand, as the paper draws it (Figs 8, 12, 13, 14)."""
+"""Friction along the beam and under a whole hand (the paper's Figs 8, 12, 13 and 14)."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from analysis.claims.claim import Finding
 from device.beam.beam import Beam
 from device.beam.modes import FloatArray, natural_frequency_hz
 from device.friction.coefficient import friction_coefficient
@@ -14,13 +15,13 @@ from device.friction.scenes import Drive, FingerContact, Scene, Structure
 
 PATCH_START_M = 0.081
 PLACES_M = np.linspace(0.0, 0.1, 2001)
-OPERATING_M = 0.0231  # where Eq 15 becomes periodic: what comes before is the first rise
+OPERATING_M = 0.0231  # Eq 15 is periodic from here on; the first rise lies before
 MU = 0.4
 CONTACT_M = 0.01
 
 
 def local_scene(*, voltage_v: float = 100.0, mode: int = 6, detuning: float = 1.0) -> Scene:
-    """The paper's scene under one finger; the drive at `detuning` times the resonance."""
+    """Return the paper's scene under one finger, driven at `detuning` times the resonance."""
     return Scene(drive=_drive(voltage_v, mode, detuning))
 
 
@@ -33,17 +34,17 @@ def _drive(voltage_v: float, mode: int, detuning: float) -> Drive:
 
 @lru_cache(maxsize=256)
 def local_curve(law: str, scene: Scene) -> FloatArray:
-    """Μ' at `PLACES_M`."""
+    """Return μ' at `PLACES_M`."""
     return friction_coefficient(scene, law=law, x_m=PLACES_M)
 
 
 def operating(curve: FloatArray) -> FloatArray:
-    """The part of a curve in which Eq 15 is periodic."""
+    """Return the part of a curve in which Eq 15 is periodic."""
     return curve[PLACES_M >= OPERATING_M]
 
 
 def trough_places_m(curve: FloatArray) -> FloatArray:
-    """The middles of a curve's minima, plateaus included, deeper than 0.01 beside both peaks."""
+    """Return the middles of minima, plateaus included, that are 0.01 below both adjacent peaks."""
     from scipy.signal import find_peaks
 
     found, _ = find_peaks(-np.round(curve, 9), prominence=0.01)
@@ -59,7 +60,7 @@ def full_coverage(
     voltage_v: float = 100.0,
     detuning: float = 1.0,
 ) -> float:
-    """Μ' of a hand on the whole beam with a same-directional bodies of u."""
+    """Return μ' of a hand on the whole beam, `same_direction` of whose `bodies` help."""
     scene = Scene(
         structure=Structure(body_count=bodies),
         drive=_drive(voltage_v, 6, detuning),
@@ -70,26 +71,45 @@ def full_coverage(
     return float(friction_coefficient(scene, law=law)[0])
 
 
+def mu_at_ratio(law: str, ratio: float) -> float:
+    """Return μ' in the paper's scene under full coverage with this a/u."""
+    scene = Scene(coverage="full", same_direction_fraction=ratio)
+    return float(friction_coefficient(scene, law=law)[0])
+
+
 def leftward(scene: Scene) -> Scene:
-    """The same scene with the finger moving left."""
+    """Return the scene with the finger moving left."""
     return replace(scene, direction="left")
 
 
 def swing(curve: FloatArray) -> float:
-    """Half the distance between a curve's highest and lowest value."""
+    """Return half the range of a curve."""
     return float(np.ptp(curve)) / 2
 
 
 def centre(curve: FloatArray) -> float:
-    """The middle between a curve's highest and lowest value."""
+    """Return the middle of a curve's range."""
     return float(curve.max() + curve.min()) / 2
 
 
 def falling(values: Sequence[float]) -> bool:
-    """Whether each value lies below the one before."""
+    """Return whether each value lies below the one before."""
     return all(b < a for a, b in pairwise(values))
 
 
+def rising(values: Sequence[float]) -> bool:
+    """Return whether each value lies above the one before."""
+    return all(b > a for a, b in pairwise(values))
+
+
 def spread(values: Sequence[float]) -> float:
-    """The distance of the largest value from the smallest."""
+    """Return the range of the values."""
     return max(values) - min(values)
+
+
+def from_02_to_06(low: float, high: float) -> Finding:
+    """Return whether these extremes of μ' are about 0.2 and 0.6, as in Figs 8 and 12."""
+    return Finding(
+        parts=(abs(low - 0.2) < 0.02, abs(high - 0.6) < 0.02),
+        computed={"lowest": low, "highest": high},
+    )

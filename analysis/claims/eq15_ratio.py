@@ -1,12 +1,12 @@
-"""Claims about Eqs 13 to 15, the paper's a/u along the beam, and its Fig 11."""
+"""Claims about a/u along the beam: Eqs 13 to 15 and Fig 11."""
 
 import math
 from typing import get_args
 
 import numpy as np
 
-from analysis.claims.claim import Claim, Finding, without_law
-from analysis.claims.curves import CONTACT_M, PATCH_START_M
+from analysis.claims.claim import Claims, Finding
+from analysis.claims.curves import CONTACT_M, OPERATING_M, PATCH_START_M
 from device.beam.beam import Beam
 from device.beam.eq15 import WAVELENGTH_M, Overlap, same_direction_ratio
 from device.beam.modes import FloatArray, mode_constants, natural_frequency_hz
@@ -15,26 +15,30 @@ from device.beam.windows import mode_window
 from device.beam.zones import zones
 
 _LENGTH_M = Beam().length_m
-
-
 _FINE_M = np.linspace(0.0, 0.1, 100_001)
+_PERIODIC_M = _FINE_M[_FINE_M >= OPERATING_M]
+CLAIMS = Claims()
 
 
-def _mode_wavelength_m(mode: int = 6) -> float:
-    return 2 * math.pi * _LENGTH_M / mode_constants(mode).root
-
-
-def _mode_ratio(places_m: FloatArray) -> FloatArray:
-    return mode_window(6, _LENGTH_M, places_m, np.minimum(places_m, CONTACT_M)).right
+def _mode_wavelength_m() -> float:
+    return 2 * math.pi * _LENGTH_M / mode_constants(6).root
 
 
 def _wavelength_at(frequency_hz: float, *, shear: bool) -> float:
-    """The travelling wave's length at a frequency in the bare beam."""
+    """Return the length of the travelling wave in the bare beam at a frequency."""
     part = sections(Beam(), patched=False, shear=shear)[0]
     wave = waves(part, np.array([2 * math.pi * frequency_hz]), 0.0)
     return float(2 * math.pi / abs(wave.exponent[0, 0].imag))
 
 
+@CLAIMS.without_law(
+    id="lambda",
+    place="Eq 15, Fig 10",
+    claim="the wavelength at the operating mode is 0.0348 m",
+    check="the wavelength of mode 6 and of travelling waves near 24.2 kHz, each within 0.5 %",
+    expected="0.0348 m",
+    remark="the printed λ enters Eq 15 only through 0.87 and 0.0174",
+)
 def _lambda() -> Finding:
     found = {
         "mode_6_m": _mode_wavelength_m(),
@@ -46,6 +50,13 @@ def _lambda() -> Finding:
     return Finding(parts=close, computed={"printed_m": WAVELENGTH_M, **found})
 
 
+@CLAIMS.without_law(
+    id="first-rise",
+    place="Section 3.2, positions I and II",
+    claim="up to x = 0.0131 m all bodies under the finger move left",
+    check="3λ/8 of the printed λ, and mode 6's first antinode, each within 0.1 mm",
+    expected="0.0131 m",
+)
 def _first_rise() -> Finding:
     exact = float(zones(6, _LENGTH_M).antinodes_m[0])
     derived = 3 * WAVELENGTH_M / 8
@@ -55,41 +66,72 @@ def _first_rise() -> Finding:
     )
 
 
+def _mode_ratio(places_m: FloatArray) -> FloatArray:
+    return mode_window(6, _LENGTH_M, places_m, np.minimum(places_m, CONTACT_M)).right
+
+
+@CLAIMS.without_law(
+    id="zero-before-first-rise",
+    place="Eq 15, first piece",
+    claim="a/u is 0 on [0, 0.0131)",
+    check="largest a/u there by Eq 15 and for mode 6",
+    expected="0",
+)
+def _local_periodic_at_zero() -> Finding:
+    places_m = np.linspace(0, 0.0130, 50)
+    found = {
+        "eq15_most": float(same_direction_ratio(places_m, CONTACT_M).max()),
+        "mode_6_most": float(_mode_ratio(places_m).max()),
+    }
+    return Finding(parts=tuple(most == 0.0 for most in found.values()), computed=found)
+
+
+@CLAIMS.without_law(
+    id="eq13-maximum",
+    place="Eq 13",
+    claim="the largest part moving with the finger is λ/(4 l_s)",
+    check="against the exact part for mode 6, with the printed λ and mode 6's, within 1 %",
+    expected="0.87",
+)
 def _largest_ratio() -> Finding:
-    ratio = _mode_ratio(operating_places())
-    printed = WAVELENGTH_M / (4 * CONTACT_M)
-    repaired = _mode_wavelength_m() / (4 * CONTACT_M)
-    exact = float(ratio.max())
+    found = {
+        "printed_lambda": WAVELENGTH_M / (4 * CONTACT_M),
+        "mode_6_lambda": _mode_wavelength_m() / (4 * CONTACT_M),
+    }
+    exact = float(_mode_ratio(_PERIODIC_M).max())
     return Finding(
-        parts=(abs(printed / exact - 1) < 0.01, abs(repaired / exact - 1) < 0.01),
-        computed={
-            "printed_lambda": printed,
-            "mode_6_lambda": repaired,
-            "exact_for_mode_6": exact,
-        },
+        parts=tuple(abs(ratio / exact - 1) < 0.01 for ratio in found.values()),
+        computed={**found, "exact_for_mode_6": exact},
     )
 
 
+@CLAIMS.without_law(
+    id="eq14-minimum",
+    place="Eq 14",
+    claim="the smallest part in periodic motion is 1 - λ/(4 l_s)",
+    check="against the exact part for mode 6 between 30 and 81 mm, within 0.01",
+    expected="0.13",
+)
 def _smallest_ratio() -> Finding:
-    inner = (operating_places() > 0.03) & (operating_places() < PATCH_START_M)
-    exact = float(_mode_ratio(operating_places())[inner].min())
-    printed = 1 - WAVELENGTH_M / (4 * CONTACT_M)
-    repaired = 1 - _mode_wavelength_m() / (4 * CONTACT_M)
+    found = {
+        "printed_lambda": 1 - WAVELENGTH_M / (4 * CONTACT_M),
+        "mode_6_lambda": 1 - _mode_wavelength_m() / (4 * CONTACT_M),
+    }
+    inner = (_PERIODIC_M > 0.03) & (_PERIODIC_M < PATCH_START_M)
+    exact = float(_mode_ratio(_PERIODIC_M)[inner].min())
     return Finding(
-        parts=(abs(printed - exact) < 0.01, abs(repaired - exact) < 0.01),
-        computed={
-            "printed_lambda": printed,
-            "mode_6_lambda": repaired,
-            "exact_for_mode_6": exact,
-        },
+        parts=tuple(abs(ratio - exact) < 0.01 for ratio in found.values()),
+        computed={**found, "exact_for_mode_6": exact},
     )
 
 
-def operating_places() -> FloatArray:
-    """Fine places from where Eq 15 becomes periodic."""
-    return _FINE_M[_FINE_M >= 0.0231]
-
-
+@CLAIMS.without_law(
+    id="eq15-continuous",
+    place="Eq 15",
+    claim="a/u rises and falls steadily as the finger moves",
+    check="jumps of Eq 15 at its six breakpoints for γ = 0, each below 0.001",
+    expected="no jump",
+)
 def _continuous() -> Finding:
     step = 1e-9
     breaks = np.array([0.0131, 0.0218, 0.0231, 0.0318, 0.0331, 0.0418])
@@ -101,6 +143,14 @@ def _continuous() -> Finding:
     )
 
 
+@CLAIMS.without_law(
+    id="eq15-period",
+    place="Eq 15",
+    claim="the pieces repeat with λ/2",
+    check="the span of one γ's pieces against λ/2, within 0.1 mm",
+    expected="0.0174 m",
+    remark="pieces that span more than the period overlap",
+)
 def _period() -> Finding:
     span = 0.0418 - 0.0218
     half_wave = WAVELENGTH_M / 2
@@ -110,8 +160,15 @@ def _period() -> Finding:
     )
 
 
+@CLAIMS.without_law(
+    id="eq15-breakpoints",
+    place="Eq 15",
+    claim="the stages end at 0.0231, 0.0318, 0.0331 and 0.0418 m",
+    check="ramps and plateaus of a 10 mm window over zones of λ/4, each end within 0.15 mm",
+    expected="the four printed places",
+)
 def _breakpoints() -> Finding:
-    """Where the pieces should end: ramps of λ/4, plateaus of l_s - λ/4."""
+    # The pieces should be ramps of λ/4 and plateaus of l_s - λ/4.
     quarter, plateau = WAVELENGTH_M / 4, CONTACT_M - WAVELENGTH_M / 4
     start = 0.0218
     right = {
@@ -122,14 +179,18 @@ def _breakpoints() -> Finding:
     }
     printed = (0.0231, 0.0318, 0.0331, 0.0418)
     return Finding(
-        parts=tuple(
-            abs(value - there) < 1.5e-4
-            for value, there in zip(right.values(), printed, strict=True)
-        ),
+        parts=tuple(abs(a - b) < 1.5e-4 for a, b in zip(right.values(), printed, strict=True)),
         computed={**right, "printed_m": list(printed)},
     )
 
 
+@CLAIMS.without_law(
+    id="eq15-stages-in-words",
+    place="Section 3.2, stages 4 and 6",
+    claim="the fall begins at 0.0131 + λ/2, the rise at 0.0331 + λ/2",
+    check="the text against Eq 15's pieces for γ = 0, within 0.1 mm",
+    expected="the same places",
+)
 def _stage_text() -> Finding:
     fall, rise = 0.0131 + WAVELENGTH_M / 2, 0.0331 + WAVELENGTH_M / 2
     return Finding(
@@ -143,6 +204,13 @@ def _stage_text() -> Finding:
     )
 
 
+@CLAIMS.without_law(
+    id="eq15-gamma",
+    place="Eq 15",
+    claim="γ = 0 to 5 covers x up to 0.1 m",
+    check="Eq 15 gives a value everywhere up to 0.1 m; every γ begins before 0.1 m",
+    expected="all covered, all used",
+)
 def _gammas() -> Finding:
     last_start = 0.0218 + WAVELENGTH_M / 2 * np.arange(6)
     used = int((last_start <= 0.1).sum())
@@ -153,6 +221,13 @@ def _gammas() -> Finding:
     )
 
 
+@CLAIMS.without_law(
+    id="fig11-range",
+    place="Fig 11",
+    claim="a/u alternates in [0, 0.87]",
+    check="lowest and highest a/u with the lower and with the higher γ where pieces overlap",
+    expected="0 and 0.87",
+)
 def _fig11_range() -> Finding:
     ranges = {
         overlap: (float(ratio.min()), float(ratio.max()))
@@ -165,6 +240,13 @@ def _fig11_range() -> Finding:
     )
 
 
+@CLAIMS.without_law(
+    id="fig11-plateaus",
+    place="Fig 11",
+    claim="a/u keeps its highest or lowest value for a short distance only",
+    check="Eq 15's plateau is shorter than its ramp; for mode 6 a/u is level on less than half",
+    expected="1.3 mm against 8.7 mm",
+)
 def _fig11_plateaus() -> Finding:
     plateau, ramp = 0.0231 - 0.0218, 0.0318 - 0.0231
     ratio = _mode_ratio(_FINE_M)
@@ -173,126 +255,3 @@ def _fig11_plateaus() -> Finding:
         parts=(plateau < ramp, level < 0.5),
         computed={"plateau_m": plateau, "ramp_m": ramp, "level_part_for_mode_6": level},
     )
-
-
-def _local_periodic_at_zero() -> Finding:
-    start = same_direction_ratio(np.linspace(0, 0.0130, 50), CONTACT_M)
-    exact = _mode_ratio(np.linspace(0, 0.0130, 50))
-    return Finding(
-        parts=(float(start.max()) == 0.0, float(exact.max()) == 0.0),
-        computed={"eq15_most": float(start.max()), "mode_6_most": float(exact.max())},
-    )
-
-
-CLAIMS = (
-    Claim(
-        id="lambda",
-        place="Eq 15, Fig 10",
-        claim="the wavelength at the operating mode is 0.0348 m",
-        check="the wavelength of mode 6 and of travelling waves near 24.2 kHz, each within 0.5 %",
-        expected="0.0348 m",
-        find=without_law(_lambda),
-        remark="the printed λ enters Eq 15 only through 0.87 and 0.0174",
-        lawless=True,
-    ),
-    Claim(
-        id="first-rise",
-        place="Section 3.2, positions I and II",
-        claim="up to x = 0.0131 m all bodies under the finger move left",
-        check="3λ/8 of the printed λ, and mode 6's first antinode, each within 0.1 mm",
-        expected="0.0131 m",
-        find=without_law(_first_rise),
-        lawless=True,
-    ),
-    Claim(
-        id="zero-before-first-rise",
-        place="Eq 15, first piece",
-        claim="a/u is 0 on [0, 0.0131)",
-        check="largest a/u there by Eq 15 and for mode 6",
-        expected="0",
-        find=without_law(_local_periodic_at_zero),
-        lawless=True,
-    ),
-    Claim(
-        id="eq13-maximum",
-        place="Eq 13",
-        claim="the largest part moving with the finger is λ/(4 l_s)",
-        check="against the exact part for mode 6, with the printed λ and mode 6's, within 1 %",
-        expected="0.87",
-        find=without_law(_largest_ratio),
-        lawless=True,
-    ),
-    Claim(
-        id="eq14-minimum",
-        place="Eq 14",
-        claim="the smallest part in periodic motion is 1 - λ/(4 l_s)",
-        check="against the exact part for mode 6 between 30 and 81 mm, within 0.01",
-        expected="0.13",
-        find=without_law(_smallest_ratio),
-        lawless=True,
-    ),
-    Claim(
-        id="eq15-continuous",
-        place="Eq 15",
-        claim="a/u rises and falls steadily as the finger moves",
-        check="jumps of Eq 15 at its six breakpoints for γ = 0, each below 0.001",
-        expected="no jump",
-        find=without_law(_continuous),
-        lawless=True,
-    ),
-    Claim(
-        id="eq15-period",
-        place="Eq 15",
-        claim="the pieces repeat with λ/2",
-        check="the span of one γ's pieces against λ/2, within 0.1 mm",
-        expected="0.0174 m",
-        find=without_law(_period),
-        remark="pieces that span more than the period overlap",
-        lawless=True,
-    ),
-    Claim(
-        id="eq15-breakpoints",
-        place="Eq 15",
-        claim="the stages end at 0.0231, 0.0318, 0.0331 and 0.0418 m",
-        check="ramps and plateaus of a 10 mm window over zones of λ/4, each end within 0.15 mm",
-        expected="the four printed places",
-        find=without_law(_breakpoints),
-        lawless=True,
-    ),
-    Claim(
-        id="eq15-stages-in-words",
-        place="Section 3.2, stages 4 and 6",
-        claim="the fall begins at 0.0131 + λ/2, the rise at 0.0331 + λ/2",
-        check="the words against Eq 15's pieces for γ = 0, within 0.1 mm",
-        expected="the same places",
-        find=without_law(_stage_text),
-        lawless=True,
-    ),
-    Claim(
-        id="eq15-gamma",
-        place="Eq 15",
-        claim="γ = 0 to 5 covers x up to 0.1 m",
-        check="Eq 15 gives a value everywhere up to 0.1 m; every γ begins before 0.1 m",
-        expected="all covered, all used",
-        find=without_law(_gammas),
-        lawless=True,
-    ),
-    Claim(
-        id="fig11-range",
-        place="Fig 11",
-        claim="a/u alternates in [0, 0.87]",
-        check="lowest and highest a/u with the lower and with the higher γ where pieces overlap",
-        expected="0 and 0.87",
-        find=without_law(_fig11_range),
-        lawless=True,
-    ),
-    Claim(
-        id="fig11-plateaus",
-        place="Fig 11",
-        claim="a/u keeps its highest or lowest value for a short distance only",
-        check="Eq 15's plateau is shorter than its ramp; for mode 6 a/u is level on less than half",
-        expected="1.3 mm against 8.7 mm",
-        find=without_law(_fig11_plateaus),
-        lawless=True,
-    ),
-)

@@ -1,16 +1,18 @@
-"""Claims about friction along the beam as Fig 12 draws it from Eq 15."""
+"""Claims about friction along the beam in Fig 12, which follows from Eq 15."""
 
 import math
 
 import numpy as np
 
-from analysis.claims.claim import Claim, Finding, without_law
+from analysis.claims.claim import Claims, Finding
 from analysis.claims.curves import (
     CONTACT_M,
     MU,
     PATCH_START_M,
     PLACES_M,
     centre,
+    from_02_to_06,
+    mu_at_ratio,
     operating,
     trough_places_m,
 )
@@ -21,39 +23,46 @@ from device.friction.prediction import LawChoice
 from device.friction.scenes import Scene
 
 _TROUGHS_M = np.array([0.0137, 0.0275, 0.0422])
+CLAIMS = Claims()
 
 
-def _curve(law: str, overlap: str = "first") -> FloatArray:
-    choice = LawChoice(name=law, overlap="last" if overlap == "last" else "first")
+def _curve(law: str) -> FloatArray:
+    choice = LawChoice(name=law, overlap="first")
     return friction_coefficient(Scene(), law=choice, x_m=PLACES_M)
 
 
+@CLAIMS.under_each_law(
+    id="fig12-range",
+    place="Fig 12",
+    claim="μ' fluctuates from about 0.2 to 0.6 along the beam",
+    check="lowest and highest μ' beyond 23.1 mm, each within 0.02",
+    expected="0.2 and 0.6",
+)
 def _fig12_range(law: str) -> Finding:
     curve = operating(_curve(law))
-    low, high = float(curve.min()), float(curve.max())
-    return Finding(
-        parts=(abs(low - 0.2) < 0.02, abs(high - 0.6) < 0.02),
-        computed={"lowest": low, "highest": high},
-    )
+    return from_02_to_06(float(curve.min()), float(curve.max()))
 
 
+@CLAIMS.under_each_law(
+    id="fig12-range-repaired",
+    place="Fig 12",
+    claim="the range 0.2 to 0.6 follows from Eqs 12 to 14",
+    check="μ' at the a/u of Eqs 13 and 14, each within 0.02",
+    expected="0.2 and 0.6",
+)
 def _fig12_range_continuous(law: str) -> Finding:
-    """The range if Eq 15's breakpoints are repaired, its λ kept."""
-    ratios = np.array([WAVELENGTH_M / (4 * CONTACT_M), 1 - WAVELENGTH_M / (4 * CONTACT_M)])
-    curve = [
-        float(
-            friction_coefficient(
-                Scene(coverage="full", same_direction_fraction=float(ratio)), law=law
-            )[0]
-        )
-        for ratio in ratios
-    ]
-    return Finding(
-        parts=(abs(curve[0] - 0.2) < 0.02, abs(curve[1] - 0.6) < 0.02),
-        computed={"lowest": curve[0], "highest": curve[1]},
-    )
+    """Check the range with Eq 15's λ but without its breakpoints."""
+    largest = WAVELENGTH_M / (4 * CONTACT_M)
+    return from_02_to_06(mu_at_ratio(law, largest), mu_at_ratio(law, 1 - largest))
 
 
+@CLAIMS.under_each_law(
+    id="fig12-centre",
+    place="Fig 12",
+    claim="μ' is centred at 0.4",
+    check="middle between lowest and highest μ' beyond 23.1 mm, within 0.02",
+    expected="0.4",
+)
 def _fig12_centre(law: str) -> Finding:
     middle = centre(operating(_curve(law)))
     return Finding(parts=(abs(middle - MU) < 0.02,), computed={"centre": middle})
@@ -64,11 +73,25 @@ def _left_troughs(law: str) -> FloatArray:
     return found[found < PATCH_START_M]
 
 
+@CLAIMS.under_each_law(
+    id="fig12-four-troughs",
+    place="Fig 12",
+    claim="there are four troughs left of the piezoelectric sheet",
+    check="minima of μ' at x below 81 mm",
+    expected="4",
+)
 def _four_troughs(law: str) -> Finding:
     found = _left_troughs(law)
     return Finding(parts=(found.size == 4,), computed={"troughs_m": found.tolist()})
 
 
+@CLAIMS.under_each_law(
+    id="fig12-troughs",
+    place="Fig 12, Section 6",
+    claim="the first three troughs lie at 13.7, 27.5 and 42.2 mm",
+    check="the first three minima of μ', each within 1 mm",
+    expected="0.0137, 0.0275, 0.0422 m",
+)
 def _trough_places(law: str) -> Finding:
     found = _left_troughs(law)[:3]
     off = np.abs(found - _TROUGHS_M[: found.size])
@@ -78,6 +101,13 @@ def _trough_places(law: str) -> Finding:
     )
 
 
+@CLAIMS.without_law(
+    id="fig12-trough-gaps",
+    place="Fig 12",
+    claim="troughs repeat with the period of Eq 15",
+    check="gaps between the printed troughs against λ/2, within 1 mm",
+    expected="0.0174 m",
+)
 def _trough_gaps() -> Finding:
     gaps = np.diff(_TROUGHS_M)
     return Finding(
@@ -86,68 +116,14 @@ def _trough_gaps() -> Finding:
     )
 
 
+@CLAIMS.under_each_law(
+    id="fig12-fourth-trough",
+    place="Fig 12",
+    claim="the fourth trough is so near the sheet that a finger can hardly move there",
+    check="the last trough left of the sheet is less than a contact length from it",
+    expected="below 10 mm",
+)
 def _fourth_trough_near_patch(law: str) -> Finding:
     found = _left_troughs(law)
     gap = float(PATCH_START_M - found[-1]) if found.size else math.nan
     return Finding(parts=(gap < CONTACT_M,), computed={"last_trough_to_patch_m": gap})
-
-
-CLAIMS = (
-    Claim(
-        id="fig12-range",
-        place="Fig 12",
-        claim="μ' fluctuates from about 0.2 to 0.6 along the beam",
-        check="lowest and highest μ' beyond 23.1 mm, each within 0.02",
-        expected="0.2 and 0.6",
-        find=_fig12_range,
-    ),
-    Claim(
-        id="fig12-range-repaired",
-        place="Fig 12",
-        claim="the range 0.2 to 0.6 follows from Eqs 12 to 14",
-        check="μ' at the a/u of Eqs 13 and 14, each within 0.02",
-        expected="0.2 and 0.6",
-        find=_fig12_range_continuous,
-    ),
-    Claim(
-        id="fig12-centre",
-        place="Fig 12",
-        claim="μ' is centred at 0.4",
-        check="middle between lowest and highest μ' beyond 23.1 mm, within 0.02",
-        expected="0.4",
-        find=_fig12_centre,
-    ),
-    Claim(
-        id="fig12-four-troughs",
-        place="Fig 12",
-        claim="there are four troughs left of the piezoelectric sheet",
-        check="minima of μ' at x below 81 mm",
-        expected="4",
-        find=_four_troughs,
-    ),
-    Claim(
-        id="fig12-troughs",
-        place="Fig 12, Section 6",
-        claim="the first three troughs lie at 13.7, 27.5 and 42.2 mm",
-        check="the first three minima of μ', each within 1 mm",
-        expected="0.0137, 0.0275, 0.0422 m",
-        find=_trough_places,
-    ),
-    Claim(
-        id="fig12-trough-gaps",
-        place="Fig 12",
-        claim="troughs repeat with the period of Eq 15",
-        check="gaps between the printed troughs against λ/2, within 1 mm",
-        expected="0.0174 m",
-        find=without_law(_trough_gaps),
-        lawless=True,
-    ),
-    Claim(
-        id="fig12-fourth-trough",
-        place="Fig 12",
-        claim="the fourth trough is so near the sheet that a finger can hardly move there",
-        check="the last trough left of the sheet is less than a contact length from it",
-        expected="below 10 mm",
-        find=_fourth_trough_near_patch,
-    ),
-)

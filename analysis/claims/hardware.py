@@ -1,10 +1,10 @@
-"""Claims about the device itself: the drive, the patches, the bodies (Tables 1 to 3)."""
+"""Claims about the device: the drive, the patches and the bodies (Tables 1 to 3, Section 5.1)."""
 
 from dataclasses import replace
 
 import numpy as np
 
-from analysis.claims.claim import Claim, Finding, without_law
+from analysis.claims.claim import Claims, Finding
 from device.beam.beam import Beam, Patches
 from device.beam.modes import modal_force_n_per_v
 from device.beam.zones import zones
@@ -14,22 +14,26 @@ from device.friction.rungs import RUNG_NAMES, TOP_RUNG, rung_field, rung_resonan
 from device.friction.scenes import Drive, FingerContact, Scene
 
 _RUNGS = ("mode", "euler-patched", "timoshenko", TOP_RUNG)
-
-
 _FREQUENCY_HZ = 24221.0
-
-
 _BEAM = Beam()
+CLAIMS = Claims()
 
 
-def _near_natural(frequency_hz: float) -> Finding:
-    """Whether a drive lies within the half-power bandwidth 2ζf of the nearest resonance."""
+@CLAIMS.without_law(
+    id="drive-near-natural-frequency",
+    place="Section 2, Table 3",
+    claim="24,221 Hz is near the beam's natural frequency",
+    check="within the half-power bandwidth of the nearest resonance of four beam models",
+    expected="within 0.5 %",
+    remark="damping ratio 0.005 is assumed; the paper gives none",
+)
+def _near_natural() -> Finding:
     found, parts = {}, []
     for rung in _RUNGS:
         resonances = np.array([rung_resonance_hz(rung, _BEAM, mode) for mode in range(4, 9)])
-        nearest = float(resonances[np.argmin(np.abs(resonances - frequency_hz))])
+        nearest = float(resonances[np.argmin(np.abs(resonances - _FREQUENCY_HZ))])
         found[f"{rung}_hz"] = nearest
-        parts.append(abs(frequency_hz / nearest - 1) <= _BEAM.damping_ratio)
+        parts.append(abs(_FREQUENCY_HZ / nearest - 1) <= _BEAM.damping_ratio)
     return Finding(parts=tuple(parts), computed=found)
 
 
@@ -37,6 +41,13 @@ def _patch_at(centre_m: float) -> Beam:
     return replace(_BEAM, patches=replace(Patches(), centre_m=centre_m))
 
 
+@CLAIMS.without_law(
+    id="drive-from-patch-position",
+    place="Section 2, Table 3",
+    claim="24,221 Hz is the resonance of a beam with sheets at a peak of its mode",
+    check="mode 6 with the sheets at each peak in turn, two patched models, within 10 Hz",
+    expected="24,221 Hz",
+)
 def _from_patch_position() -> Finding:
     places = [float(place) for place in zones(6, 0.1).antinodes_m if 5e-3 <= place <= 95e-3]
     found = {
@@ -50,6 +61,13 @@ def _from_patch_position() -> Finding:
     )
 
 
+@CLAIMS.without_law(
+    id="patch-on-peak",
+    place="Section 2, Fig 3",
+    claim="the sheets are bonded at a peak of the mode shape",
+    check="near the fifth peak, the place of their strongest drive is within 1 mm of it",
+    expected="the peak",
+)
 def _patch_on_peak() -> Finding:
     peak = float(zones(6, 0.1).antinodes_m[-1])
     places = np.linspace(peak - 6e-3, peak + 6e-3, 121)
@@ -61,6 +79,13 @@ def _patch_on_peak() -> Finding:
     )
 
 
+@CLAIMS.without_law(
+    id="body-mass",
+    place="Table 3",
+    claim="a ciliary body has a mass of 0.01 kg",
+    check="the mass of 20 bodies is below that of the beam that carries them",
+    expected="a part of the beam's mass",
+)
 def _bodies_are_light() -> Finding:
     bodies_kg = 20 * 0.01
     return Finding(
@@ -73,6 +98,13 @@ def _bodies_are_light() -> Finding:
     )
 
 
+@CLAIMS.without_law(
+    id="body-load",
+    place="Table 3",
+    claim="the skin presses each of 20 bodies with 20 N",
+    check="the cantilever's deflection stays below 1 mm, its stress below 350 MPa",
+    expected="a load that the beam withstands",
+)
 def _beam_bears_the_load() -> Finding:
     load_n_per_m = 20 * 20.0 / _BEAM.length_m
     rigidity = _BEAM.youngs_modulus_pa * _BEAM.second_moment_m4
@@ -85,6 +117,13 @@ def _beam_bears_the_load() -> Finding:
     )
 
 
+@CLAIMS.without_law(
+    id="bodies-dense",
+    place="Section 2, before Fig 5",
+    claim="20 bodies on the beam are dense enough to count as continuous",
+    check="their spacing is below a tenth of a zone of mode 6",
+    expected="much smaller than a zone",
+)
 def _number_of_bodies_is_dense() -> Finding:
     spacing_m, zone_m = _BEAM.length_m / 20, float(np.diff(zones(6, 0.1).edges_m).mean())
     return Finding(
@@ -92,6 +131,13 @@ def _number_of_bodies_is_dense() -> Finding:
     )
 
 
+@CLAIMS.without_law(
+    id="single-finger-is-local",
+    place="Section 2",
+    claim="a single finger covers less than half a wavelength",
+    check="10 mm against mode 6's half wave",
+    expected="less",
+)
 def _single_finger_is_local() -> Finding:
     half_wave_m = 2 * float(np.diff(zones(6, 0.1).edges_m)[2:-2].mean())
     return Finding(
@@ -100,95 +146,66 @@ def _single_finger_is_local() -> Finding:
     )
 
 
-CLAIMS = (
-    Claim(
-        id="drive-near-natural-frequency",
-        place="Section 2, Table 3",
-        claim="24,221 Hz is near the beam's natural frequency",
-        check="within the half-power bandwidth of the nearest resonance of four beam models",
-        expected="within 0.5 %",
-        find=without_law(lambda: _near_natural(_FREQUENCY_HZ)),
-        remark="damping ratio 0.005 is assumed; the paper gives none",
-        lawless=True,
-    ),
-    Claim(
-        id="drive-from-patch-position",
-        place="Section 2, Table 3",
-        claim="24,221 Hz is the resonance of a beam with sheets at a peak of its mode",
-        check="mode 6 with the sheets at each peak in turn, two patched models, within 10 Hz",
-        expected="24,221 Hz",
-        find=without_law(_from_patch_position),
-        lawless=True,
-    ),
-    Claim(
-        id="patch-on-peak",
-        place="Section 2, Fig 3",
-        claim="the sheets are pasted on a peak of the mode function",
-        check="the place near the fifth peak where they drive mode 6 most is the peak, to 1 mm",
-        expected="the peak",
-        find=without_law(_patch_on_peak),
-        lawless=True,
-    ),
-    Claim(
-        id="body-mass",
-        place="Table 3",
-        claim="a ciliary body has a mass of 0.01 kg",
-        check="the mass of 20 bodies is below that of the beam that carries them",
-        expected="a part of the beam's mass",
-        find=without_law(_bodies_are_light),
-        lawless=True,
-    ),
-    Claim(
-        id="body-load",
-        place="Table 3",
-        claim="the skin presses each of 20 bodies with 20 N",
-        check="the cantilever's deflection stays below 1 mm, its stress below 350 MPa",
-        expected="a load that the beam bears",
-        find=without_law(_beam_bears_the_load),
-        lawless=True,
-    ),
-    Claim(
-        id="bodies-dense",
-        place="Section 2, before Fig 5",
-        claim="20 bodies on the beam are dense enough to count as continuous",
-        check="their spacing is below a tenth of a zone of mode 6",
-        expected="much smaller than a zone",
-        find=without_law(_number_of_bodies_is_dense),
-        lawless=True,
-    ),
-    Claim(
-        id="single-finger-is-local",
-        place="Section 2",
-        claim="a single finger covers less than half a wavelength",
-        check="10 mm against mode 6's half wave",
-        expected="less",
-        find=without_law(_single_finger_is_local),
-        lawless=True,
-    ),
+SLIDING_CLAIMS = Claims()
+
+
+@SLIDING_CLAIMS.without_law(
+    id="sliding-drive-near-resonance",
+    place="Section 5.1",
+    claim="the sliding experiment's 23,200 Hz drives the operating mode",
+    check="within the half-power bandwidth of mode 6 on every rung",
+    expected="near resonance",
 )
-
-
 def _sliding_frequency() -> Finding:
     resonances = {
-        name: rung_resonance_hz(name, Beam(), 6) for name in RUNG_NAMES if name != "modes:N"
+        name: rung_resonance_hz(name, _BEAM, 6) for name in RUNG_NAMES if name != "modes:N"
     }
-    near = [abs(23200.0 / value - 1) <= Beam().damping_ratio for value in resonances.values()]
+    near = [abs(23200.0 / value - 1) <= _BEAM.damping_ratio for value in resonances.values()]
     return Finding(parts=tuple(near), computed=resonances)
 
 
+@SLIDING_CLAIMS.without_law(
+    id="sliding-same-drive",
+    place="Section 5.1, Fig 16",
+    claim="experiment (23,200 Hz) and theory (24,221 Hz) are at the same operating point",
+    check="their difference against the half-power bandwidth 2ζ",
+    expected="closer than the bandwidth",
+    remark="damping ratio 0.005 is assumed",
+)
 def _sliding_same_frequency() -> Finding:
     apart = abs(23200.0 / 24221.0 - 1)
-    bandwidth = 2 * Beam().damping_ratio
+    bandwidth = 2 * _BEAM.damping_ratio
     return Finding(
         parts=(apart < bandwidth,), computed={"apart": apart, "half_power_bandwidth": bandwidth}
     )
 
 
-def _sliding_variation(law: str) -> Finding:
-    """Whether theory at the experiment's own drive and load still varies as at 24,221 Hz.
+@SLIDING_CLAIMS.without_law(
+    id="sliding-same-load",
+    place="Section 5.1, Table 3",
+    claim="the 0.56 N block is the load of the theory",
+    check="0.56 N against 20 bodies of 20 N, within a factor of two",
+    expected="comparable",
+)
+def _sliding_load() -> Finding:
+    return Finding(
+        parts=(abs(0.56 / 400.0 - 1) < 0.5,),
+        computed={"block_n": 0.56, "load_in_theory_n": 400.0},
+    )
 
-    If it does not, nothing that varies can match it; if it does, the measured curve must decide.
-    """
+
+@SLIDING_CLAIMS.under_each_law(
+    id="sliding-matches-theory",
+    place="Section 5.1, Fig 16",
+    claim="the measured friction varies as the theory predicts",
+    check="swing of μ' along the path at 23,200 Hz and 0.56 N; fails below half of Fig 12's",
+    expected="very close",
+    remark="the measured values are not published, so the check is only whether theory predicts "
+    "a variation to match",
+)
+def _sliding_variation(law: str) -> Finding:
+    # If theory hardly varies at the experiment's drive and load, no varying curve can match it;
+    # otherwise only the measured curve could decide.
     path = np.linspace(*PATH_M, 711)
     touch = FingerContact(finger_load_n=0.56)
     drive = Drive(frequency_hz=23200.0)
@@ -202,69 +219,18 @@ def _sliding_variation(law: str) -> Finding:
     )
 
 
-def _sliding_load() -> Finding:
-    return Finding(
-        parts=(abs(0.56 / 400.0 - 1) < 0.5,),
-        computed={"block_n": 0.56, "load_in_theory_n": 400.0},
-    )
-
-
+@SLIDING_CLAIMS.without_law(
+    id="bodies-outrun-the-finger",
+    place="Section 2",
+    claim="bodies push a slowly moving finger along",
+    check="the bodies' tip speed against the finger's",
+    expected="bodies faster",
+    remark="the finger's speed is assumed, as the paper gives none",
+)
 def _speed_below_tip_speed() -> Finding:
-    field = rung_field("mode", Beam(), Drive())
+    field = rung_field("mode", _BEAM, Drive())
     tip = float(field.tip_speed_m_s(3.5e-3))
     return Finding(
         parts=(tip > FingerContact().sliding_speed_m_s,),
         computed={"tip_speed_m_s": tip, "finger_m_s": FingerContact().sliding_speed_m_s},
     )
-
-
-SLIDING_CLAIMS = (
-    Claim(
-        id="sliding-drive-near-resonance",
-        place="Section 5.1",
-        claim="the sliding experiment's 23,200 Hz drives the operating mode",
-        check="within the half-power bandwidth of mode 6 on every rung",
-        expected="near resonance",
-        find=without_law(_sliding_frequency),
-        lawless=True,
-    ),
-    Claim(
-        id="sliding-same-drive",
-        place="Section 5.1, Fig 16",
-        claim="experiment (23,200 Hz) and theory (24,221 Hz) are at the same operating point",
-        check="their distance against the half-power bandwidth 2ζ",
-        expected="closer than the bandwidth",
-        find=without_law(_sliding_same_frequency),
-        remark="damping ratio 0.005 is assumed",
-        lawless=True,
-    ),
-    Claim(
-        id="sliding-same-load",
-        place="Section 5.1, Table 3",
-        claim="the 0.56 N block is the load of the theory",
-        check="0.56 N against 20 bodies of 20 N, within a factor of two",
-        expected="comparable",
-        find=without_law(_sliding_load),
-        lawless=True,
-    ),
-    Claim(
-        id="sliding-matches-theory",
-        place="Section 5.1, Fig 16",
-        claim="the friction measured varies as the theory says",
-        check="swing of μ' along the path at 23,200 Hz and 0.56 N: under half of Fig 12's it fails",
-        expected="very close",
-        find=_sliding_variation,
-        remark="the measured curve is not printed as numbers: only whether theory leaves anything "
-        "to match can be checked",
-    ),
-    Claim(
-        id="bodies-outrun-the-finger",
-        place="Section 2",
-        claim="bodies push a slowly moving finger along",
-        check="the bodies' tip speed against the finger's",
-        expected="bodies faster",
-        find=without_law(_speed_below_tip_speed),
-        remark="the finger's speed is assumed, as the paper gives none",
-        lawless=True,
-    ),
-)

@@ -1,4 +1,4 @@
-"""The audit of the paper and the ladder's report: shapes, and what is known of the results."""
+"""The audit of the paper, the ladder and the figures: form, and known results."""
 
 import json
 from pathlib import Path
@@ -28,7 +28,7 @@ def results() -> tuple[Audited, ...]:
     return audit()
 
 
-def test_claims_are_many_and_distinct() -> None:
+def test_claims_are_complete_and_distinct() -> None:
     names = [claim.id for claim in CLAIMS]
     assert len(names) >= 45
     assert len(set(names)) == len(names)
@@ -78,7 +78,7 @@ def test_known_numbers(results: tuple[Audited, ...]) -> None:
     assert numbers["ranking-follows-model"]["consistent"]["spearman"] == pytest.approx(0.3)
 
 
-def test_no_rank_correlation_of_five_means_but_a_perfect_one_is_evidence(
+def test_only_a_perfect_rank_correlation_of_five_means_is_significant(
     results: tuple[Audited, ...],
 ) -> None:
     remark = next(r.claim.remark for r in results if r.claim.id == "ranking-follows-model")
@@ -97,7 +97,7 @@ def test_the_records_are_json_without_nan(results: tuple[Audited, ...]) -> None:
     assert len(claims_lines(results)) == len(CLAIMS) + 2
 
 
-def test_the_ladder_is_told_and_drawn() -> None:
+def test_the_ladder_is_written_and_drawn() -> None:
     rows = tuple(
         LadderRow(
             rung=name, setup_us=t, us_per_1000=80.0, max_error=e, rms_error=e / 2, resonance_hz=2e4

@@ -1,8 +1,9 @@
-"""The figures of docs/model.md: the paper's own, redrawn under each law.
+"""The figures of docs/model.md: the paper's figures under each law.
 
-`python -m analysis.model.figures docs/model` draws them anew.
+`python -m analysis.model.figures docs/model` redraws them.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -60,35 +61,35 @@ def _ratios() -> tuple[Panel, ...]:
 
 
 def _full_coverage() -> tuple[Panel, ...]:
-    bodies = np.arange(10.0, 41.0)
-    detuning = np.linspace(0.95, 1.05, 101)
-    voltage = np.linspace(0.0, 200.0, 41)
-    load = np.geomspace(0.5, 20.0, 40)
-    sweeps = (
-        ("u, a/u = ½ (Fig 13b)", "u", bodies),
-        ("frequency (Fig 13c)", "frequency over resonance", detuning),
-        ("voltage (Fig 13d)", "V", voltage),
-        ("load per body (Fig 13)", "f, N", load),
-    )
+    def panel(title: str, axis: str, x: NDArray[Any], mu: Callable[[str, float], float]) -> Panel:
+        curves = {law: np.array([mu(law, float(point)) for point in x]) for law in LAWS}
+        return _by_law(title, axis, x, curves)
 
-    def value(law: str, axis: str, x: float) -> float:
-        match axis:
-            case "u":
-                return full_coverage(law, same_direction=x / 2, bodies=int(x))
-            case "V":
-                return full_coverage(law, voltage_v=x)
-            case "f, N":
-                return full_coverage(law, load_n=x)
-        return full_coverage(law, detuning=x)
-
-    return tuple(
-        _by_law(
-            title,
-            axis,
-            x,
-            {law: np.array([value(law, axis, float(point)) for point in x]) for law in LAWS},
-        )
-        for title, axis, x in sweeps
+    return (
+        panel(
+            "u, a/u = ½ (Fig 13b)",
+            "u",
+            np.arange(10.0, 41.0),
+            lambda law, u: full_coverage(law, same_direction=u / 2, bodies=int(u)),
+        ),
+        panel(
+            "frequency (Fig 13c)",
+            "frequency over resonance",
+            np.linspace(0.95, 1.05, 101),
+            lambda law, detuning: full_coverage(law, detuning=detuning),
+        ),
+        panel(
+            "voltage (Fig 13d)",
+            "V",
+            np.linspace(0.0, 200.0, 41),
+            lambda law, voltage_v: full_coverage(law, voltage_v=voltage_v),
+        ),
+        panel(
+            "load per body (Fig 13)",
+            "f, N",
+            np.geomspace(0.5, 20.0, 40),
+            lambda law, load_n: full_coverage(law, load_n=load_n),
+        ),
     )
 
 
@@ -105,7 +106,7 @@ def _local_parameters() -> tuple[Panel, ...]:
 
 
 def model_figures() -> dict[str, tuple[Panel, ...]]:
-    """File name without ending, and panels, of every figure of docs/model.md but the ladder's."""
+    """Return the panels of every figure of docs/model.md except the ladder, by file name."""
     return {
         "friction-along-the-beam": _friction_along_the_beam(),
         "ratios-and-full-coverage": _ratios(),

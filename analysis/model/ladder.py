@@ -1,4 +1,4 @@
-"""The ladder measured here and now: what each rung costs, and how far it is from the top rung."""
+"""The ladder: measured time of each rung, and its error against the top rung."""
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -29,15 +29,15 @@ _REPEATS = 15
 
 @dataclass(frozen=True, kw_only=True)
 class LadderRow:
-    """A rung as measured in the paper's scene, law `consistent`, at the rung's own resonance.
+    """A rung measured in the paper's scene, law `consistent`, at the rung's own resonance.
 
     Attributes:
-        rung: its name.
-        setup_us: one set-up of beam and drive, the search for the resonance included.
-        us_per_1000: μ' at 1,000 places once that is done.
-        max_error: largest |μ' - μ' of the top rung| over the places: a model-form error.
-        rms_error: its root mean square.
-        resonance_hz: the rung's resonance of mode 6.
+        rung: name.
+        setup_us: time of a set-up of beam and drive, including the search for the resonance.
+        us_per_1000: time of μ' at 1,000 places after the set-up.
+        max_error: largest |μ' - μ' of the top rung| over the places, a model-form error.
+        rms_error: root mean square of that error.
+        resonance_hz: resonance of mode 6.
     """
 
     rung: str
@@ -49,7 +49,7 @@ class LadderRow:
 
 
 def _quickest_us(work: Callable[[], object], before: Callable[[], object] | None = None) -> float:
-    """The shortest of several runs of `work`, µs."""
+    """Return the shortest time of several runs of `work`, µs."""
     times = []
     for _ in range(_REPEATS):
         if before:
@@ -60,26 +60,23 @@ def _quickest_us(work: Callable[[], object], before: Callable[[], object] | None
     return 1e6 * min(times)
 
 
-def _set_up_us(rung: str, scene: Scene) -> float:
-    beam, drive = scene.structure.beam, scene.drive
-    return _quickest_us(lambda: rung_field(rung, beam, drive), before=forget_set_ups)
-
-
 def _row(rung: str, scene: Scene, places_m: FloatArray, top: FloatArray) -> LadderRow:
+    beam, drive = scene.structure.beam, scene.drive
     error = friction_coefficient(scene, rung=rung, x_m=places_m) - top
     return LadderRow(
         rung=rung,
-        setup_us=_set_up_us(rung, scene),
+        setup_us=_quickest_us(lambda: rung_field(rung, beam, drive), before=forget_set_ups),
         us_per_1000=_quickest_us(lambda: friction_coefficient(scene, rung=rung, x_m=places_m)),
         max_error=float(np.abs(error).max()),
         rms_error=float(np.sqrt(np.mean(error**2))),
-        resonance_hz=rung_resonance_hz(rung, Beam(), scene.drive.mode),
+        resonance_hz=rung_resonance_hz(rung, beam, drive.mode),
     )
 
 
 def measured_ladder() -> tuple[LadderRow, ...]:
-    """Every rung, from the cheapest idea to the best, in the paper's scene."""
+    """Measure every rung in the paper's scene, from the cheapest model to the best."""
     scene, places_m = Scene(), np.linspace(0.0, Beam().length_m, POSITIONS)
+    # The reference speeds are cached, so that no rung's set-up includes computing them.
     for rung in RUNGS:
         reference_tip_speed_m_s(rung)
     top = friction_coefficient(scene, rung=TOP_RUNG, x_m=places_m)
@@ -87,29 +84,23 @@ def measured_ladder() -> tuple[LadderRow, ...]:
 
 
 def ladder_json(rows: tuple[LadderRow, ...]) -> list[dict[str, object]]:
-    """The rows as records."""
+    """Return the rows as JSON records."""
     return [asdict(row) for row in rows]
 
 
 def ladder_lines(rows: tuple[LadderRow, ...]) -> list[list[str]]:
-    """Header and a row per rung."""
+    """Return a header and a row per rung."""
     header = ["rung", "set-up, µs", "µs per 1,000", "max error", "rms error", "resonance, Hz"]
-    return [header, *(_cells(row) for row in rows)]
-
-
-def _cells(row: LadderRow) -> list[str]:
-    return [
-        row.rung,
-        f"{row.setup_us:.0f}",
-        f"{row.us_per_1000:.0f}",
-        f"{row.max_error:.3f}",
-        f"{row.rms_error:.4f}",
-        f"{row.resonance_hz:.1f}",
+    formats = "{}", "{:.0f}", "{:.0f}", "{:.3f}", "{:.4f}", "{:.1f}"
+    lines = [
+        [text.format(value) for text, value in zip(formats, asdict(row).values(), strict=True)]
+        for row in rows
     ]
+    return [header, *lines]
 
 
 def ladder_panel(rows: tuple[LadderRow, ...]) -> Panel:
-    """Error against time, for one set-up and 1,000 places; the top rung's error is 0."""
+    """Return the plot of error against time, for one set-up and 1,000 places."""
     points = Series(
         label="rungs",
         x=np.array([row.setup_us + row.us_per_1000 for row in rows]),

@@ -1,6 +1,7 @@
-"""Results as JSON: a number that there is none of is `null`, with a `reason` beside it.
+"""Conversion of results to JSON.
 
-The reason is called `<name>_reason` where only one of several numbers is lacking.
+A number that could not be estimated is `null`, with a `reason` beside it. The reason is called
+`<name>_reason` where only one of several numbers is missing.
 """
 
 import math
@@ -19,7 +20,7 @@ Json = dict[str, Any]
 
 
 def plain(value: object) -> Any:
-    """Return records, arrays and mappings as JSON can hold them; NaN is `null`."""
+    """Return records, arrays and mappings as JSON values; NaN becomes `null`."""
     if isinstance(value, NotEstimable):
         return {"reason": value.reason}
     if is_dataclass(value):
@@ -34,17 +35,17 @@ def plain(value: object) -> Any:
 
 
 def or_null(value: object) -> Any:
-    """Return a number, or `None` where there is no answer."""
+    """Return a value as JSON, or `None` if it could not be estimated."""
     return None if isinstance(value, NotEstimable) else plain(value)
 
 
 def why(name: str, found: object) -> Json:
-    """Return the reason for a `null` called `name`, nothing where `found` is an answer."""
+    """Return the reason why `name` is `null`, or nothing if `found` was estimated."""
     return {f"{name}_reason": found.reason} if isinstance(found, NotEstimable) else {}
 
 
 def friedman_json(reading: Reading) -> Json:
-    """Return Friedman's test, or `null` with Skillings and Mack's where scores are missing."""
+    """Return Friedman's test, or `null` and the Skillings–Mack test if scores are missing."""
     test = reading.friedman
     if isinstance(test, NotEstimable):
         return {
@@ -62,14 +63,14 @@ def friedman_json(reading: Reading) -> Json:
 
 
 def skillings_mack_json(test: SkillingsMack | NotEstimable | None) -> Json | None:
-    """Return Skillings and Mack's test, `None` where no score is missing."""
+    """Return the Skillings–Mack test, or `None` if no score is missing."""
     if isinstance(test, NotEstimable):
         return {**dict.fromkeys(("statistic", "df", "p")), "reason": test.reason}
     return None if test is None else dict(plain(test))
 
 
 def pair_json(pair: PairwiseTest) -> Json:
-    """Return the signed rank test of a pair of conditions."""
+    """Return the signed-rank test of a pair of conditions."""
     names = {"a": pair.a, "b": pair.b}
     if isinstance(pair.test, NotEstimable):
         nothing = dict.fromkeys(

@@ -1,4 +1,4 @@
-"""Figures of the report, the model and the ladder. The one module that imports matplotlib."""
+"""Figures of the report, the model and the ladder; the only module that imports matplotlib."""
 
 import io
 import re
@@ -23,7 +23,7 @@ from analysis.report.findings import Scale
 
 @dataclass(frozen=True, kw_only=True)
 class Series:
-    """One curve, or with `marked` a set of points each of which may bear a name."""
+    """Curve, or a set of points (optionally named) if `marked`."""
 
     label: str
     x: FloatArray
@@ -34,7 +34,7 @@ class Series:
 
 @dataclass(frozen=True, kw_only=True)
 class Panel:
-    """One pair of axes."""
+    """Axes of a figure with the series drawn in them."""
 
     title: str
     x_label: str
@@ -43,7 +43,7 @@ class Panel:
     logarithmic_x: bool = False
 
 
-# Okabe and Ito's palette, which colour-blind readers can tell apart; shapes tell them apart too.
+# Okabe and Ito's palette, which suits colour-blind readers; marker shapes differ as well.
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 _MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 _GREY = "#767676"
@@ -64,14 +64,14 @@ _STYLE: Any = {
 _WIDTH_IN = 7.2
 _DOTS_PER_INCH = 150
 _CLOUD_SD = 0.04
-"""Of the kernel that makes a cloud of the scores, as a share of the scale."""
+"""Standard deviation of the clouds' density kernel, as a share of the scale."""
 _JITTER = 0.016
-"""How far equal scores are drawn apart, as a share of the scale."""
+"""Offset between equal scores, as a share of the scale."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Drawing:
-    """A figure as SVG text that can stand in a page, and as PNG."""
+    """Figure as SVG text to embed in a page, and as PNG."""
 
     name: str
     svg: str
@@ -80,7 +80,7 @@ class Drawing:
 
 @dataclass(frozen=True, kw_only=True)
 class Words:
-    """What a figure is called and what it shows, for those who do not see it."""
+    """Name, title and description of a figure; screen readers read the last two."""
 
     name: str
     title: str
@@ -88,7 +88,7 @@ class Words:
 
 
 def raincloud_figure(data: Raincloud, words: Words) -> Drawing:
-    """Return clouds of scores with a line per subject over the conditions, means as diamonds."""
+    """Return score densities by condition, with a line per subject and means as diamonds."""
 
     def draw(axes: Axes) -> None:
         places = np.arange(len(data.table.conditions))
@@ -113,7 +113,7 @@ def raincloud_figure(data: Raincloud, words: Words) -> Drawing:
 
 
 def scatter_figure(data: Scatter, words: Words) -> Drawing:
-    """Return ratings against predicted contrasts, a marker shape and colour per condition."""
+    """Return ratings against predicted contrasts, with a marker and colour per condition."""
 
     def draw(axes: Axes) -> None:
         ratings = data.ratings
@@ -142,7 +142,7 @@ def scatter_figure(data: Scatter, words: Words) -> Drawing:
 
 
 def gains_figure(data: Gains, words: Words) -> Drawing:
-    """Return each subject's gain with its 95 % interval, models side by side."""
+    """Return each subject's gain with its 95 % interval, with the models side by side."""
 
     def draw(axes: Axes) -> None:
         places = np.arange(len(data.shown))
@@ -172,7 +172,7 @@ def gains_figure(data: Gains, words: Words) -> Drawing:
 
 
 def course_figure(data: Course, words: Words) -> Drawing:
-    """Return mean scores over the places in the session, with their standard errors."""
+    """Return mean scores by place in the session, with their standard errors."""
 
     def draw(axes: Axes) -> None:
         errors = np.nan_to_num(data.errors)
@@ -188,7 +188,7 @@ def course_figure(data: Course, words: Words) -> Drawing:
 
 
 def panels_figure(panels: Sequence[Panel], kind: str = "svg") -> bytes:
-    """Return panels side by side, two to a row, as `svg`, `png` or `pdf`; the same bytes always."""
+    """Return panels, two per row, as reproducible `svg`, `png` or `pdf` bytes."""
     rows, columns = -(-len(panels) // 2), min(len(panels), 2)
     figure = Figure(figsize=(4.6 * columns, 3.3 * rows), layout="constrained")
     for place, panel in enumerate(panels, start=1):
@@ -218,12 +218,12 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
 
 
 def _limit(axes: Axes, scale: Scale) -> None:
-    """Show the whole scale, with room for what lies at its ends."""
+    """Show the whole scale, with a margin for points at its ends."""
     axes.set_ylim(scale.lowest - 0.05 * scale.span, scale.highest + 0.07 * scale.span)
 
 
 def _cloud(axes: Axes, place: float, scores: FloatArray, scale: Scale) -> None:
-    """Half a violin to the right of `place`: a density with a normal kernel, and a box of half."""
+    """Draw half a violin (normal kernel) right of `place`, and median and quartiles left of it."""
     if scores.size < 2:
         return
     values, counts = np.unique(scores, return_counts=True)
@@ -239,7 +239,8 @@ def _cloud(axes: Axes, place: float, scores: FloatArray, scale: Scale) -> None:
 
 
 def _jitter(count: int, scale: Scale) -> FloatArray:
-    """Small shifts that keep equal scores apart, the same every time."""
+    """Return small, reproducible offsets that keep equal scores apart."""
+    # Multiples of the golden ratio, modulo 1, spread evenly without random numbers.
     return np.asarray(_JITTER * scale.span * ((np.arange(count) * 0.6180339887) % 1.0 - 0.5))
 
 
@@ -250,7 +251,7 @@ def _known_characters() -> frozenset[int]:
 
 
 def _labels(names: tuple[str, ...], what: str) -> list[str]:
-    """The names as the figure can write them; a number for one whose letters the font lacks."""
+    """Return axis labels, with a number in place of a name that the font cannot draw."""
     return [
         _short(name)
         if all(ord(letter) in _known_characters() for letter in name)
@@ -278,7 +279,7 @@ def _png(figure: Figure) -> bytes:
 
 
 def _svg(figure: Figure, words: Words) -> str:
-    """The figure with a title and a description, its ids kept to itself among others in a page."""
+    """Return the figure with title and description, and with ids that are unique in the page."""
     text = re.sub(r"<metadata>.*?</metadata>", "", _reproducible_svg(figure), flags=re.DOTALL)
     text = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>{words.name}-", text)
     opening, _, rest = text.partition(">")
@@ -290,7 +291,7 @@ def _svg(figure: Figure, words: Words) -> str:
 
 
 def _reproducible_svg(figure: Figure) -> str:
-    """The figure as the same bytes every time: no date, no random ids."""
+    """Return the same bytes every time: without a date or random ids."""
     out = io.StringIO()
     FigureCanvasSVG(figure)
     with rc_context(_REPRODUCIBLE):

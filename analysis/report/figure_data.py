@@ -1,4 +1,4 @@
-"""What the report's figures show, thinned where there is more than an eye can tell apart."""
+"""Data of the report's figures, thinned where a figure would be too dense to read."""
 
 from dataclasses import dataclass
 
@@ -20,7 +20,7 @@ MOST_INTERVALS = 40
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Raincloud:
-    """Scores by condition: all of them for the clouds, those of some subjects as lines."""
+    """Scores by condition: all scores for the clouds, and lines for some of the subjects."""
 
     table: ScoreTable
     scale: Scale
@@ -30,7 +30,7 @@ class Raincloud:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scatter:
-    """Ratings against predicted contrasts, and the population's line if there is one."""
+    """Ratings against predicted contrasts, with the population's line if M1 was fitted."""
 
     ratings: Ratings
     scale: Scale
@@ -40,7 +40,10 @@ class Scatter:
 
 @dataclass(frozen=True, kw_only=True)
 class Gains:
-    """Lines of the same subjects under one or two models, by the model's name, and of how many."""
+    """Lines of the same subjects under one or two models, by the model's name.
+
+    `shown` are the positions of the subjects to draw, out of `of` subjects.
+    """
 
     models: dict[str, Lines]
     shown: tuple[int, ...]
@@ -49,7 +52,7 @@ class Gains:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Course:
-    """Mean score, its standard error (NaN of one score) and count at each place in the session."""
+    """Mean score, standard error (NaN for a single score) and count by place in the session."""
 
     places: IntArray
     scale: Scale
@@ -70,14 +73,14 @@ def thinned(count: int, most: int) -> IntArray:
 
 
 def raincloud(found: Findings) -> Raincloud:
-    """Return the scores with the lines of a part of the subjects."""
+    """Return all scores, and the lines of at most `MOST_LINES` subjects."""
     table, means = found.loaded.table, found.table.main.table4.column_means
     lines = table.scores[thinned(len(table.subjects), MOST_LINES)]
     return Raincloud(table=table, scale=found.scale, lines=lines, means=means)
 
 
 def scatter(found: Findings) -> Scatter | None:
-    """Return ratings and contrasts, or None where no rated trial has a prediction."""
+    """Return ratings and contrasts, or None if no rated trial has a prediction."""
     given = found.trials.scored.ratings.given
     count = len(given.rating)
     if not count:
@@ -89,7 +92,7 @@ def scatter(found: Findings) -> Scatter | None:
 
 
 def gains(trials: TrialStatistics) -> Gains | None:
-    """Return each model's lines, or None where neither has an answer."""
+    """Return each model's lines, or None if neither M1 nor M2 was fitted."""
     models = {}
     if isinstance(trials.m1, LinearSensitivity):
         models["M1"] = trials.m1.lines
@@ -103,7 +106,7 @@ def gains(trials: TrialStatistics) -> Gains | None:
 
 
 def course(found: Findings) -> Course | None:
-    """Return the scores by place in the session, or None where the places are not known."""
+    """Return the scores by place in the session, or None if the places are unknown."""
     scored = found.trials.scored
     ratings = scored.every
     known = (scored.place > 0) & ~np.isnan(ratings.rating)
@@ -113,6 +116,7 @@ def course(found: Findings) -> Course | None:
     counts = np.bincount(which)
     means = np.bincount(which, weights=ratings.rating[known]) / counts
     squares = np.bincount(which, weights=(ratings.rating[known] - means[which]) ** 2)
+    # A place with a single score has no standard error: 0 / 0 gives NaN.
     with np.errstate(invalid="ignore", divide="ignore"):
         errors = np.sqrt(squares / (counts - 1) / counts)
     return Course(places=places, scale=found.scale, means=means, errors=errors, counts=counts)

@@ -1,4 +1,4 @@
-"""The findings of a study: the data, and everything that is computed from them for a report."""
+"""Findings of a study: its data and all results computed from them for the report."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,9 +18,9 @@ from protocol.study.study import Study
 
 @dataclass(frozen=True, kw_only=True)
 class Origin:
-    """What a report was asked for with, and the digest of the study file.
+    """Command that made the report, and the digest of the study file.
 
-    `broken_chains` are the sessions whose events are not as they were recorded.
+    `broken_chains` names the sessions whose journal was changed after recording.
     """
 
     command: str
@@ -29,29 +29,29 @@ class Origin:
 
 
 class Scale(NamedTuple):
-    """The lowest and the highest score there can be."""
+    """Lowest and highest possible score."""
 
     lowest: float
     highest: float
 
     @property
     def span(self) -> float:
-        """How far its ends lie apart."""
+        """Distance between its ends."""
         return self.highest - self.lowest
 
     def __str__(self) -> str:
-        """The ends alone."""
+        """Return the ends of the scale."""
         return f"{self.lowest:g} to {self.highest:g}"
 
     @property
     def in_words(self) -> str:
-        """The ends, and what they mean."""
+        """The ends of the scale with their meaning."""
         return f"{self.lowest:g} (no effect) to {self.highest:g} (very effective)"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Findings:
-    """What the sections of a report are made from."""
+    """Data and results that the sections of a report present."""
 
     title: str
     loaded: Loaded
@@ -62,12 +62,12 @@ class Findings:
 
     @cached_property
     def trial_records(self) -> list[dict[str, Any]]:
-        """A record per trial that counts, with its predictions."""
+        """A record per analysed trial, with its predictions."""
         return trial_records(self.loaded.rows, self.trials.contrasts)
 
     @property
     def table_notes(self) -> list[str]:
-        """What stands under Table 4."""
+        """Notes below Table 4."""
         return notes(self.loaded.table, self.loaded.empty)
 
     @property
@@ -77,18 +77,18 @@ class Findings:
 
     @property
     def published(self) -> bool:
-        """Whether all scores are those of a published table, behind which nothing is known."""
+        """Whether all scores come from published tables, which come without session records."""
         return self.loaded.kinds == ("published",)
 
     @property
     def scale(self) -> Scale:
-        """The scale of the scores: the study's, or that of published tables if all are of one."""
+        """Scale of the scores: the study's, or that of published tables if `published`."""
         rating = self.study.rating
         return Scale(*SCALE) if self.published else Scale(rating.minimum, rating.maximum)
 
 
 def trial_records(rows: Sequence[TrialRow], contrasts: TrialContrasts) -> list[dict[str, Any]]:
-    """Return a record per trial that counts, with the contrast that each law predicts."""
+    """Return a record per analysed trial, with the contrast that each law predicts."""
     by_law = {law: values.tolist() for law, values in contrasts.by_law.items()}
     return [
         {

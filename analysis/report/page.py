@@ -1,4 +1,4 @@
-"""The report's page: its sections in order, rendered as one file that needs no network."""
+"""HTML page of the report: one file that needs no network."""
 
 from collections.abc import Callable, Sequence
 from importlib.resources import files
@@ -36,7 +36,7 @@ SECTIONS: tuple[Callable[[Findings], Section], ...] = (
 
 
 def page_html(found: Findings, sections: Sequence[Section]) -> str:
-    """Return the page. Every text in it is escaped."""
+    """Return the page, with every text escaped."""
     from jinja2 import Environment
 
     environment = Environment(
@@ -50,19 +50,19 @@ def page_html(found: Findings, sections: Sequence[Section]) -> str:
 
 
 def _printable(value: object) -> object:
-    """A text without what would make a browser show something else; markup stays markup."""
+    """Replace control characters and bidirectional overrides in texts; keep markup as markup."""
     return type(value)(printable(value)) if isinstance(value, str) else value
 
 
 def _notices(found: Findings) -> list[tuple[str, str]]:
-    """What a reader must know before any number: a heading and a text each."""
+    """Return the warnings at the top of the page, as pairs of heading and text."""
     notices = []
     if found.rehearsals:
         notices.append(
             (
                 "Rehearsals.",
-                "These scores come from rehearsals, not from sessions with participants. They say "
-                "nothing about people.",
+                "These scores come from rehearsals, not from sessions with participants. They are "
+                "not evidence about participants.",
             )
         )
     if found.origin.broken_chains:

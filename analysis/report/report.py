@@ -1,4 +1,4 @@
-"""The report of a study: Table 4 and all that follows, as page, tables, figures and data."""
+"""Report of a study as an HTML page, tables, figures and JSON."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,26 +17,26 @@ from protocol.study.study import Study
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Report(Findings):
-    """The findings of one study, and the sections that present them."""
+    """Findings of a study and the sections that present them."""
 
     @cached_property
     def sections(self) -> tuple[Section, ...]:
-        """The sections in the order of the page."""
+        """Sections in the order of the page."""
         return tuple(section(self) for section in SECTIONS)
 
     @property
     def figures(self) -> list[Figure]:
-        """The figures of all sections, drawn or not."""
+        """Figures of all sections, drawn or not."""
         return [figure for section in self.sections for figure in section.figures]
 
     @property
     def figure_files(self) -> frozenset[str]:
-        """The paths of the figures' files, also of those that are not drawn."""
+        """Paths of all figure files, including figures that are not drawn."""
         return frozenset(path for figure in self.figures for path in _figure_paths(figure))
 
 
 def report(title: str, loaded: Loaded, study: Study, origin: Origin) -> Report:
-    """Return the report on what was `loaded` of `study`."""
+    """Return the report on the data `loaded` from `study`."""
     return Report(
         title=title,
         loaded=loaded,
@@ -53,11 +53,11 @@ _KEYS = (
     *("icc", "additive", "gain_heterogeneity", "missing_readings", "ordinal", "sensitivity"),
     *("sensitivity_models", "laws", "checks", "signal", "trials", "provenance"),
 )
-"""The order of the keys of `report.json`, for those who compare two of them; others follow."""
+"""Order of the keys of `report.json`, fixed so that two reports can be compared; others follow."""
 
 
 def report_json(result: Report) -> dict[str, Any]:
-    """Return every number of the report; `null` where there is none, with the reason beside it."""
+    """Return every number of the report; a missing number is `null`, with the reason beside it."""
     found: dict[str, Any] = {
         "title": result.title,
         "kinds": list(result.loaded.kinds),
@@ -70,7 +70,7 @@ def report_json(result: Report) -> dict[str, Any]:
 
 
 def _place(key: str) -> int:
-    """Where a key stands; a reason stands behind the number that it explains."""
+    """Return the position of a key; a reason follows the number that it explains."""
     name = key.removesuffix("_reason")
     return _KEYS.index(name) if name in _KEYS else len(_KEYS)
 
@@ -81,7 +81,7 @@ def report_html(result: Report) -> str:
 
 
 def report_files(result: Report) -> dict[str, bytes]:
-    """Return page, tables, data and figures by relative path."""
+    """Return the contents of all files of the report, by relative path."""
     texts = {name: text for section in result.sections for name, text in section.files.items()}
     texts["report.html"] = report_html(result)
     texts["report.json"] = json_text(report_json(result))

@@ -1,4 +1,4 @@
-"""Sections of the report: what each one shows on the page, and what it adds to the other files."""
+"""Building blocks of a section: tables, figures, lists and data for the other files."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -12,10 +12,10 @@ ColumnKind = Literal["number", "word", "text", "ranking", "sentence"]
 
 @dataclass(frozen=True, kw_only=True)
 class Column:
-    """A column of a table; its `kind` decides how the page sets it.
+    """Column of a table; its `kind` sets alignment and width on the page.
 
-    A `number` is flush right; a `word` is flush left under a name that is flush right; a `text` is
-    flush left with its name, and so are a `ranking` and a `sentence`, which get room on a screen.
+    A `number` is aligned right. A `word` is aligned left under a right-aligned header. A `text` is
+    aligned left like its header; `ranking` and `sentence` are texts with a minimum width on screen.
     """
 
     name: str
@@ -23,21 +23,21 @@ class Column:
 
 
 def columns(*names: str, kind: ColumnKind = "number") -> list[Column]:
-    """Return columns of one kind."""
+    """Return columns of the same kind."""
     return [Column(name=name, kind=kind) for name in names]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Cell:
-    """A cell that is more than its text.
+    """Cell with a link, an anchor, or a reason for a missing value.
 
     Attributes:
-        text: what it shows.
-        target: the id that it leads to, empty if it leads nowhere.
-        label: what a screen reader says of that link, if not `text`.
-        why: why there is no value, shown when pointed at.
-        missing: whether `text` stands for a value that is missing.
-        anchor: of the first cell of a row, the id by which others lead to the row.
+        text: the text shown.
+        target: id that the cell links to, or empty.
+        label: accessible name of the link, if other than `text`.
+        why: reason for a missing value, shown as a tooltip.
+        missing: whether `text` marks a missing value.
+        anchor: id of the row, given in its first cell.
     """
 
     text: str
@@ -53,13 +53,13 @@ Row = Sequence[str | Cell]
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
-    """A table; the first cell of each row names it.
+    """Table; the first cell of each row is its header.
 
     Attributes:
-        name: its id in the page, empty for none.
-        label: what a screen reader calls it, if not its caption.
-        footer: whether the last row sums up the others.
-        unbroken: whether the names of columns and rows keep to one line.
+        name: id in the page, or empty.
+        label: accessible name, if other than the caption.
+        footer: whether the last row summarises the others.
+        unbroken: whether column and row headers stay on one line.
     """
 
     kind: ClassVar = "table"
@@ -75,7 +75,7 @@ class Table:
 
 @dataclass(frozen=True, kw_only=True)
 class TableGroup:
-    """Tables of the same kind, one below the other."""
+    """Tables of the same kind, one below another."""
 
     kind: ClassVar = "group"
 
@@ -85,12 +85,12 @@ class TableGroup:
 
 @dataclass(frozen=True, kw_only=True)
 class Figure:
-    """A figure, and a table of its numbers below it.
+    """Figure with a table of its numbers below.
 
     Attributes:
-        name: its id in the page, and of its files.
-        draw: draws it; None where there is nothing to draw.
-        instead: what stands above the table if the figure is not drawn.
+        name: id in the page, and name of its files.
+        draw: draws the figure; None if there is nothing to draw.
+        instead: paragraph above the table if the figure is not drawn.
     """
 
     kind: ClassVar = "figure"
@@ -104,14 +104,14 @@ class Figure:
 
     @cached_property
     def drawing(self) -> Drawing | None:
-        """The figure as drawn."""
+        """The drawn figure, or None if there is nothing to draw."""
         words = Words(name=self.name, title=self.title, description=self.caption)
         return None if self.draw is None else self.draw(words)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Items:
-    """A list, below a line that introduces it; nothing of either without `lines`."""
+    """List with an optional heading; shows nothing if `lines` is empty."""
 
     kind: ClassVar = "items"
 
@@ -122,7 +122,7 @@ class Items:
 
 @dataclass(frozen=True, kw_only=True)
 class Definitions:
-    """Names and what each of them is."""
+    """Definition list: names and their values."""
 
     kind: ClassVar = "definitions"
 
@@ -130,19 +130,19 @@ class Definitions:
 
 
 Block = str | Table | TableGroup | Figure | Items | Definitions | None
-"""A text is a paragraph; one that is empty, and None, take a place in which nothing is shown."""
+"""A text is a paragraph; an empty text and None show nothing."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Section:
-    """A section of the page, and what it adds to the other files of the report.
+    """Section of the page, with its part of the report's other files.
 
     Attributes:
-        name: its id in the page.
-        title: its heading.
-        blocks: what it shows, in order.
-        data: its part of `report.json`, by key.
-        files: the texts of the files it adds to the report, by name.
+        name: id in the page.
+        title: heading.
+        blocks: contents, in order.
+        data: entries of `report.json`, by key.
+        files: texts of additional files, by name.
     """
 
     name: str
@@ -153,5 +153,5 @@ class Section:
 
     @property
     def figures(self) -> list[Figure]:
-        """Its figures, drawn or not."""
+        """Figures of the section, drawn or not."""
         return [block for block in self.blocks if isinstance(block, Figure)]

@@ -1,4 +1,4 @@
-"""Table 4 as text: its lines, a CSV file, and LaTeX with the rules of the booktabs package."""
+"""Table 4 as text: rows of cells, CSV, and LaTeX for the booktabs package."""
 
 import math
 from collections.abc import Mapping
@@ -24,7 +24,7 @@ _ESCAPED = {
     ">": r"\textgreater{}",
     "|": r"\textbar{}",
     '"': r"\textquotedbl{}",
-    "[": "{[}",  # after a line's end it would begin an option
+    "[": "{[}",  # after the end of a line it would start an option
     "]": "{]}",
     "\n": " ",
     "\r": " ",
@@ -36,10 +36,10 @@ def table4_lines(
     missing: str = "",
     marks: Mapping[tuple[int, int], str] = MappingProxyType({}),
 ) -> list[list[str]]:
-    """Return header, a row per subject and the row of averages, to two decimals.
+    """Return the header, a row per subject, and the row of averages, to two decimals.
 
-    Whole scores are written as such; `missing` stands where no score was given, unless
-    `marks` has something else for that row and column.
+    Whole scores have no decimals. A missing score is written as `missing`, or as the mark that
+    `marks` has for its row and column.
     """
     table = result.table
     rows = [
@@ -74,13 +74,13 @@ def _mean(mean: float, missing: str) -> str:
 
 
 def table4_csv(result: Table4) -> str:
-    """Return the table as CSV, a missing score as an empty cell."""
+    """Return the table as CSV; a missing score is an empty cell."""
     header, *rows = table4_lines(result)
     return csv_text([csv_cell(name) for name in header], rows)
 
 
 def table4_tex(result: Table4) -> str:
-    """Return the table as LaTeX to be read in; it needs the packages booktabs and fontenc (T1)."""
+    """Return a LaTeX table to include; it requires the packages booktabs and fontenc (T1)."""
     header, *rows, averages = table4_lines(result, _LATEX_MISSING)
     lines = [
         r"\begin{tabular}{l" + "r" * (len(header) - 1) + "}",
@@ -101,7 +101,7 @@ def _line(cells: list[str]) -> str:
 
 
 def escaped(text: str) -> str:
-    r"""Return `text` so that LaTeX prints it letter by letter; U+FFFD is what cannot be printed.
+    r"""Return `text` escaped for LaTeX; U+FFFD replaces characters that cannot be printed.
 
     >>> escaped("50 % of P_1")
     '50 \\% of P\\_1'

@@ -1,4 +1,4 @@
-"""How the report writes numbers, and sentences that more than one place of it needs."""
+"""Number formats and sentences shared by the sections of the report."""
 
 import math
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ MISSING = "–"
 
 
 def number(value: float | NotEstimable | None, digits: int = 3) -> str:
-    """Return a number to so many decimals, and a dash where there is none.
+    """Return a number to `digits` decimals, or a dash if it is missing.
 
     >>> number(-0.25, 2), number(float("nan"))
     ('−0.25', '–')
@@ -20,7 +20,7 @@ def number(value: float | NotEstimable | None, digits: int = 3) -> str:
     if value is None or isinstance(value, NotEstimable) or math.isnan(value):
         return MISSING
     text = f"{value:.{digits}f}"
-    # What rounds to nothing has no sign.
+    # A number that rounds to zero has no sign.
     return text.lstrip("-") if float(text) == 0 else text.replace("-", "−")
 
 
@@ -39,14 +39,14 @@ def p_value(p: float | NotEstimable | None) -> str:
 
 
 def interval(ends: Interval, digits: int = 2) -> str:
-    """Return an interval that no line break divides."""
+    """Return an interval that a line break cannot split."""
     return f"[{number(ends[0], digits)},\N{NO-BREAK SPACE}{number(ends[1], digits)}]"
 
 
 def _friedman_line(test: Friedman | NotEstimable) -> str:
-    """Return the omnibus test in one sentence."""
+    """Return Friedman's test in one sentence."""
     if isinstance(test, NotEstimable):
-        return f"Friedman's test: none ({test.reason})."
+        return f"Friedman's test could not be computed: {test.reason}."
     exact = (
         f"no exact p: {test.p_exact.reason}"
         if isinstance(test.p_exact, NotEstimable)
@@ -59,29 +59,28 @@ def _friedman_line(test: Friedman | NotEstimable) -> str:
 
 
 def omnibus_line(reading: Reading) -> str:
-    """Return the omnibus test that fits: Skillings and Mack's where scores are missing."""
+    """Return Friedman's test, or the Skillings–Mack test if scores are missing, in one sentence."""
     test = reading.skillings_mack
     if test is None:
         return _friedman_line(reading.friedman)
     if isinstance(test, NotEstimable):
-        return f"No omnibus test: {test.reason}."
+        return f"No omnibus test could be computed: {test.reason}."
     return (
-        f"Scores are missing, so that Friedman's test does not apply; Skillings and Mack's test of "
-        f"equal conditions{_without(test.left_out)}: T({test.df}) = {test.statistic:.4f}, "
-        f"p = {test.p:.4g}."
+        "Skillings–Mack test of equal conditions (in place of Friedman's test, because scores are "
+        f"missing{_omitted(test.left_out)}): T({test.df}) = {test.statistic:.4f}, p = {test.p:.4g}."
     )
 
 
-def _without(conditions: Sequence[str]) -> str:
-    return f", without {', '.join(conditions)}, which nobody scored" if conditions else ""
+def _omitted(conditions: Sequence[str]) -> str:
+    return f"; omitted for lack of scores: {', '.join(conditions)}" if conditions else ""
 
 
 def share(found: Proportion) -> str:
-    """Return a share with its counts, and with its interval if it has one."""
+    """Return a proportion with its counts, and its interval if it has one."""
     ends = "" if isinstance(found.interval, NotEstimable) else f", {interval(found.interval)}"
     return f"{found.count} of {found.trials} ({found.share:.0%}{ends})"
 
 
 def of_all(shown: int, of: int, what: str) -> str:
-    """Return a sentence on how much is drawn, empty where it is all."""
+    """Return a sentence on how much is drawn, or an empty text if everything is."""
     return f" {shown} of {of} {what} are drawn, evenly spaced." if shown < of else ""

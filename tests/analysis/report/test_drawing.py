@@ -1,4 +1,4 @@
-"""The report's figures: names that they can write, and the scale of the scores."""
+"""Figures of the report: names that the font can draw, and the scale of the scores."""
 
 import re
 
@@ -11,7 +11,7 @@ from analysis.report.findings import Scale
 from tests.analysis.reports import SCORES, imported, made
 
 
-def test_names_that_the_figures_font_lacks_are_numbered_and_dollars_are_no_formulas() -> None:
+def test_names_missing_from_the_font_are_numbered_and_dollars_do_not_start_formulas() -> None:
     drawing = made(SCORES[:1], names=("电压", "$a^$", "pressure")).figures[0].drawing
     assert drawing is not None
     assert "<!-- condition 1 -->" in drawing.svg
@@ -19,7 +19,7 @@ def test_names_that_the_figures_font_lacks_are_numbered_and_dollars_are_no_formu
 
 
 def cloud(highest: float) -> list[float]:
-    """Up to where the first cloud's outline reaches, for scores on a scale from 0 to `highest`."""
+    """Return the first cloud's outline for scores on a scale from 0 to `highest`."""
     table = imported(np.array(SCORES) * highest / 10).table
     scale = Scale(0, highest)
     data = Raincloud(table=table, scale=scale, lines=table.scores, means=table.scores.mean(axis=0))
@@ -30,6 +30,6 @@ def cloud(highest: float) -> list[float]:
     return [float(y) for y in re.findall(r"-?[\d.]+ (-?[\d.]+)", outline[1])]
 
 
-def test_scores_on_any_scale_make_clouds_of_one_shape() -> None:
+def test_clouds_have_the_same_shape_on_every_scale() -> None:
     assert len(cloud(10)) > 400
     assert cloud(100) == pytest.approx(cloud(10), abs=0.01)

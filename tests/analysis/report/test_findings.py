@@ -1,4 +1,4 @@
-"""The scale of the scores: a report of any scale names it and draws to it."""
+"""Scale of the scores: named in the report's texts and used by its figures."""
 
 from dataclasses import replace
 from functools import cache
@@ -17,7 +17,7 @@ HUNDRED = PAPER.model_copy(
 
 @cache
 def of_a_hundred() -> Report:
-    """A report of two sessions whose scores are ten times as large as those of the paper."""
+    """Return a report of two sessions with scores ten times those of the paper."""
     rng = np.random.default_rng(1)
     sessions = [
         [
@@ -29,7 +29,7 @@ def of_a_hundred() -> Report:
     return report("a study", loaded(sessions, rehearsals=False), HUNDRED, ORIGIN)
 
 
-def test_the_scale_is_the_studys_and_that_of_a_published_table_is_its_own() -> None:
+def test_the_scale_is_the_studys_or_that_of_the_published_table() -> None:
     assert of_a_hundred().scale == Scale(0, 100)
     assert str(of_a_hundred().scale) == "0 to 100"
     assert replace(plain_report(), study=HUNDRED).scale == Scale(0, 10)

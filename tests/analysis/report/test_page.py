@@ -1,4 +1,4 @@
-"""The page: what it says on top, its parts, and texts that stay texts."""
+"""The page: warnings at the top, its parts, and escaping of texts."""
 
 import re
 
@@ -18,7 +18,7 @@ from tests.analysis.reports import (
 )
 
 
-def test_rehearsals_are_marked_on_top() -> None:
+def test_rehearsals_are_marked_at_the_top() -> None:
     events = session_events(PAPER, 0, np.random.default_rng(1), kind="rehearsal")
     page = report_html(report("a", loaded([events], rehearsals=True), PAPER, ORIGIN))
     assert 0 < page.index("<strong>Rehearsals.") < page.index("<table")
@@ -33,12 +33,12 @@ def test_the_page_needs_no_network_and_names_its_parts() -> None:
     assert {attrs.get("scope") for tag, attrs in tags if tag == "th"} == {"col", "row"}
 
 
-def test_text_from_a_file_stays_text() -> None:
+def test_text_from_a_file_is_escaped() -> None:
     page = report_html(made(SCORES[:1], who="<script>alert(1)</script>"))
     assert "<script>" not in page
 
 
-def test_what_would_show_something_else_is_not_in_the_page_nor_in_latex() -> None:
+def test_control_characters_appear_neither_in_the_page_nor_in_latex() -> None:
     found = made(names=("vol\x1btage", "\u202eerutcurts", "pressure"))
     page, tex = report_html(found), table4_tex(found.table.main.table4)
     for text in (page, tex):

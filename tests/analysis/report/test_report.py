@@ -1,4 +1,4 @@
-"""The report: every form of it says the same, and every number that is lacking says why."""
+"""The report: its formats agree, and every missing number has a reason."""
 
 import json
 from typing import Any
@@ -10,7 +10,7 @@ from analysis.report.report import report_files, report_html, report_json
 from tests.analysis.reports import SCORES, ReadPage, made, plain_report, study_report
 
 
-def test_page_csv_and_json_say_the_same() -> None:
+def test_page_csv_and_json_agree() -> None:
     files = report_files(plain_report())
     numbers = json.loads(files["report.json"])
     averages = files["table4.csv"].decode().splitlines()[-1].split(",")
@@ -22,7 +22,7 @@ def test_page_csv_and_json_say_the_same() -> None:
 
 
 def nulls_without_reason(value: Any, path: str = "") -> list[str]:
-    """The numbers that are lacking although nothing beside them says why."""
+    """Return the paths of missing numbers that have no reason beside them."""
     if isinstance(value, list):
         return [lost for entry in value for lost in nulls_without_reason(entry, path)]
     if not isinstance(value, dict):
@@ -49,21 +49,21 @@ def nulls_without_reason(value: Any, path: str = "") -> list[str]:
         [[5, 7, np.nan], [6, 9, np.nan], [4, 4, np.nan]],
     ],
 )
-def test_every_lacking_number_says_why(scores: list[list[float]]) -> None:
+def test_every_missing_number_has_a_reason(scores: list[list[float]]) -> None:
     numbers = report_json(made(scores))
-    told = {name: entry for name, entry in numbers.items() if name not in {"trials", "table4"}}
-    lost = [path for path in nulls_without_reason(told) if "column_means" not in path]
-    # Each subject's shrinkage is lacking for the reason that stands beside the common one.
+    checked = {name: entry for name, entry in numbers.items() if name not in {"trials", "table4"}}
+    lost = [path for path in nulls_without_reason(checked) if "column_means" not in path]
+    # The shrinkage factors of subjects share the reason of the common factor.
     assert [path for path in lost if "subject_shrinkage" not in path] == []
 
 
-def test_a_cell_that_begins_like_a_formula_stays_text() -> None:
+def test_a_cell_that_starts_like_a_formula_is_kept_as_text() -> None:
     files = report_files(made(SCORES[:1], names=("=cmd()", "@sum", "voltage")))
     header = files["table4.csv"].decode().splitlines()[0]
     assert header == "subject,'=cmd(),'@sum,voltage,comprehensive"
 
 
-def test_every_figure_is_there_as_svg_and_png_with_title_and_table() -> None:
+def test_every_figure_is_written_as_svg_and_png_with_title_and_table() -> None:
     result = study_report()
     files = report_files(result)
     names = [figure.name for figure in result.figures]
@@ -80,10 +80,10 @@ def test_every_figure_is_there_as_svg_and_png_with_title_and_table() -> None:
         assert figure.table is not None
         assert figure.table.name in tables
     ids = [attrs["id"] for _, attrs in page.tags if "id" in attrs]
-    assert len(ids) == len(set(ids)), "figures keep their ids to themselves"
+    assert len(ids) == len(set(ids)), "ids are unique across figures"
 
 
-def test_a_study_in_which_nobody_scored_still_has_a_report() -> None:
+def test_a_study_without_scores_has_a_report() -> None:
     page = report_html(made([[np.nan] * 3]))
     assert "no score was given" in page
 
@@ -98,7 +98,7 @@ def test_each_key_comes_from_one_section_and_a_number_is_followed_by_its_reason(
     assert numbers[-2:] == ["trials", "provenance"]
 
 
-def test_a_figure_that_is_not_drawn_has_a_name_but_no_file() -> None:
+def test_a_figure_that_is_not_drawn_has_no_file() -> None:
     result = plain_report()
     assert result.figure_files == study_report().figure_files
     lacking = result.figure_files - report_files(result).keys()

@@ -1,4 +1,4 @@
-"""A section of any content on the page: how columns, cells, lists and figures are set."""
+"""Rendering of a section: columns, cells, lists and figures."""
 
 from dataclasses import replace
 from html import escape
@@ -29,12 +29,12 @@ SPEED = Table(
 
 
 def shown(*blocks: Block) -> str:
-    """The page of one section with these blocks, from its heading on."""
+    """Return the page of a section with these blocks, from its heading on."""
     page = page_html(plain_report(), [Section(name="speed", title="Speed", blocks=blocks)])
     return page[page.index('<h2 id="h-speed">Speed</h2>') :]
 
 
-def test_a_column_says_how_its_cells_are_set() -> None:
+def test_a_columns_kind_sets_the_class_of_its_cells() -> None:
     page = shown(SPEED)
     assert '<th scope="col">m/s</th><th scope="col" class="text">in words</th>' in page
     assert '<th scope="row">P01</th><td>0.02</td><td class="text">slow &amp; steady</td>' in page
@@ -48,7 +48,7 @@ def test_the_page_has_a_style_for_each_kind_of_column(kind: str) -> None:
     assert "nth-child" not in style
 
 
-def test_a_cell_leads_somewhere_and_says_why_it_has_no_value() -> None:
+def test_a_cell_can_link_elsewhere_and_give_the_reason_for_a_missing_value() -> None:
     empty = Cell(text="–", target="there", label="lost: why", why="lost", missing=True)
     rows = [[Cell(text="P01", anchor="here"), empty, Cell(text="b")]]
     page = shown(replace(SPEED, rows=rows))
@@ -57,27 +57,27 @@ def test_a_cell_leads_somewhere_and_says_why_it_has_no_value() -> None:
     assert f'<td class="number missing" title="lost">{link}</td><td class="text">b</td>' in page
 
 
-def test_a_footer_stands_apart_and_names_can_be_kept_unbroken() -> None:
+def test_a_footer_is_separate_and_headers_can_stay_on_one_line() -> None:
     rows = [*SPEED.rows, ["all", "0.02", ""]]
     page = shown(replace(SPEED, rows=rows, footer=True, unbroken=True))
     assert '<tfoot><tr><th scope="row">all</th>' in page
     assert '<table id="speed" class="unbroken">' in page
 
 
-def test_a_list_without_lines_shows_nothing_of_its_heading() -> None:
+def test_a_list_without_lines_has_no_heading() -> None:
     assert "What was slow." not in shown(Items(heading="What was slow.", lines=[]))
     page = shown(Items(heading="What was slow.", lines=["P01"], name="slow"))
     assert '<p><strong>What was slow.</strong></p>\n<ul id="slow">\n<li>P01</li>\n</ul>' in page
 
 
-def test_a_figure_that_is_not_drawn_says_why_above_its_numbers() -> None:
+def test_a_figure_that_is_not_drawn_is_replaced_by_a_paragraph_above_its_table() -> None:
     page = shown(Figure(name="speed", instead="Nobody moved.", table=SPEED), "", None)
     assert 0 < page.index("<p>Nobody moved.</p>") < page.index('<table id="speed">')
     assert "<figure" not in page
     assert "<table" not in shown(Figure(name="speed"))
 
 
-def test_texts_definitions_and_groups_of_tables_have_their_places() -> None:
+def test_texts_definitions_and_groups_of_tables_appear_in_order() -> None:
     group = TableGroup(name="both", tables=[replace(SPEED, name=""), SPEED])
     page = shown("At rest.", Definitions(entries={"v": "speed"}), group)
     places = [
@@ -88,5 +88,5 @@ def test_texts_definitions_and_groups_of_tables_have_their_places() -> None:
     assert page.count("<caption>") == 2
 
 
-def test_columns_of_one_kind_are_made_at_once() -> None:
+def test_columns_share_a_kind() -> None:
     assert columns("a", "b", kind="word")[1] == Column(name="b", kind="word")

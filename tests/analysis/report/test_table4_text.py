@@ -1,4 +1,4 @@
-"""Table 4 as lines, CSV and LaTeX: missing scores, means, and names that mean something there."""
+"""Table 4 as rows, CSV and LaTeX: missing scores, means, and names with special characters."""
 
 import numpy as np
 
@@ -36,5 +36,5 @@ def test_the_latex_table_has_the_rules_of_booktabs_and_escapes_names() -> None:
     ]
 
 
-def test_every_letter_of_latex_is_printed_as_itself() -> None:
+def test_special_characters_of_latex_are_escaped() -> None:
     assert escaped("\\a{b}[c]") == r"\textbackslash{}a\{b\}{[}c{]}"

@@ -1,4 +1,6 @@
-"""The tests of the conditions, and why there is none."""
+"""Tests of the differences between conditions, and the reasons for missing tests."""
+
+from html import unescape
 
 import numpy as np
 
@@ -6,14 +8,14 @@ from analysis.report.report import report_html, report_json
 from tests.analysis.reports import NAMES, SCORES, made
 
 
-def test_a_missing_score_has_no_test_and_says_why() -> None:
+def test_friedmans_test_of_an_incomplete_table_is_null_with_a_reason() -> None:
     numbers = report_json(made([[5, 7, np.nan], *SCORES[1:]]))
     assert numbers["table4"]["rows"][0]["scores"] == [5, 7, None]
     assert numbers["friedman"]["chi2"] is None
     assert "1 of 12 are missing" in numbers["friedman"]["reason"]
 
 
-def test_one_subject_agrees_with_nobody_and_equal_scores_are_no_test() -> None:
+def test_a_single_subject_with_equal_scores_allows_no_test() -> None:
     result = made([[7, 7, 7]])
     numbers = report_json(result)
     assert numbers["kendall_w"] is None
@@ -24,9 +26,11 @@ def test_one_subject_agrees_with_nobody_and_equal_scores_are_no_test() -> None:
     assert "No pair of conditions can be tested." in report_html(result)
 
 
-def test_a_condition_nobody_scored_is_named_beside_the_test_that_leaves_it_out() -> None:
+def test_a_condition_without_scores_is_omitted_from_the_omnibus_test_and_named() -> None:
     result = made([[5, 7, np.nan, 8], [6, 9, np.nan, 7], [4, 5, np.nan, 9]], names=(*NAMES, "d"))
     assert report_json(result)["skillings_mack"]["left_out"] == ["pressure"]
-    assert "equal conditions, without pressure, which nobody scored: T(2)" in report_html(result)
+    reason = "in place of Friedman's test, because scores are missing"
+    omitted = f"equal conditions ({reason}; omitted for lack of scores: pressure): T(2)"
+    assert omitted in unescape(report_html(result))
     holed = report_html(made([[5, 7, np.nan], *SCORES[1:]]))
-    assert "test of equal conditions: T(2)" in holed
+    assert f"test of equal conditions ({reason}): T(2)" in unescape(holed)

@@ -6,7 +6,8 @@ from enum import StrEnum
 
 import numpy as np
 
-from analysis.loading.score_table import BoolArray, ScoreTable
+from analysis.estimates import BoolArray
+from analysis.loading.score_table import ScoreTable
 from analysis.loading.sessions import TrialRow
 
 

@@ -4,14 +4,10 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from analysis.estimates import FloatArray
-
-BoolArray: TypeAlias = NDArray[np.bool_]
+from analysis.estimates import BoolArray, FloatArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -28,7 +28,7 @@ class Recording:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Loaded:
+class StudyData:
     """What was found: scores and trials, whose kind they are, and what was left out and why.
 
     `rows` are the trials that count: excluded ones are not among them. `empty` says why a cell of
@@ -49,12 +49,12 @@ class Loaded:
     empty: EmptyCells = field(default_factory=dict)
 
 
-def loaded(
+def load_study_data(
     sessions: Iterable[Sequence[Happened]],
     *,
     rehearsals: bool,
     rules: Exclusions | None = None,
-) -> Loaded:
+) -> StudyData:
     """Return the scores of all sessions; of rehearsals too if asked for.
 
     A participant's score for a condition is the mean over that participant's trials.
@@ -89,7 +89,7 @@ def loaded(
     table = ScoreTable(
         subjects=subjects, conditions=conditions, scores=_means(rows, subjects, conditions)
     )
-    return Loaded(
+    return StudyData(
         table=table,
         kinds=_in_order(record.kind for record in wanted),
         rehearsals_left_out=found.rehearsals_left_out,

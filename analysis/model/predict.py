@@ -7,10 +7,10 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.estimates import FloatArray
 from analysis.model.scene_table import COLUMNS, SceneTable, WordColumn, scene_table
 from device.beam.beam import Beam
 from device.beam.eq15 import Overlap
-from device.beam.modes import FloatArray
 from device.errors import OutOfRangeError, positive
 from device.friction.coefficient import Chosen, auto_prediction, error_bounds
 from device.friction.contact import Contact

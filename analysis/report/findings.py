@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from analysis.loading.missing_scores import notes
 from analysis.loading.published import SCALE
 from analysis.loading.sessions import TrialRow
-from analysis.loading.study_data import Loaded
+from analysis.loading.study_data import StudyData
 from analysis.report.as_json import plain
 from analysis.statistics.summary import TableStatistics
 from analysis.trials.contrasts import TrialContrasts
@@ -54,7 +54,7 @@ class Findings:
     """Data and results that the sections of a report present."""
 
     title: str
-    loaded: Loaded
+    loaded: StudyData
     study: Study
     origin: Origin
     table: TableStatistics

@@ -6,7 +6,7 @@ from typing import Any
 
 from analysis.cells import json_text
 from analysis.loading.missing_scores import withheld
-from analysis.loading.study_data import Loaded
+from analysis.loading.study_data import StudyData
 from analysis.report.findings import Findings, Origin
 from analysis.report.page import SECTIONS, page_html
 from analysis.report.section import Figure, Section
@@ -35,7 +35,7 @@ class Report(Findings):
         return frozenset(path for figure in self.figures for path in _figure_paths(figure))
 
 
-def report(title: str, loaded: Loaded, study: Study, origin: Origin) -> Report:
+def report(title: str, loaded: StudyData, study: Study, origin: Origin) -> Report:
     """Return the report on the data `loaded` from `study`."""
     return Report(
         title=title,

@@ -7,7 +7,7 @@ import numpy as np
 
 from analysis.estimates import FloatArray, IntArray
 from analysis.loading.sessions import TrialRow
-from analysis.loading.study_data import Loaded
+from analysis.loading.study_data import StudyData
 from analysis.sensitivity.joint_model import EXPECTED, OPPOSITE, SAME
 from analysis.sensitivity.ratings import Ratings
 from analysis.trials.contrasts import TrialContrasts
@@ -35,7 +35,7 @@ LAW = "consistent"
 """The law under which sensitivities are estimated: the only one with the right limits."""
 
 
-def scored_trials(loaded: Loaded, contrasts: TrialContrasts) -> ScoredTrials:
+def scored_trials(loaded: StudyData, contrasts: TrialContrasts) -> ScoredTrials:
     """Return the trials with a score, or with one that was not given."""
     scored = np.array([row.is_scored for row in loaded.rows], dtype=np.bool_)
     rows = [row for row in loaded.rows if row.is_scored]
@@ -53,7 +53,7 @@ def scored_trials(loaded: Loaded, contrasts: TrialContrasts) -> ScoredTrials:
     )
 
 
-def ratings_of(loaded: Loaded, rows: Sequence[TrialRow], contrast: FloatArray) -> Ratings:
+def ratings_of(loaded: StudyData, rows: Sequence[TrialRow], contrast: FloatArray) -> Ratings:
     """Return trials as arrays; their conditions must be among those of the table."""
     subjects = {name: row for row, name in enumerate(loaded.table.subjects)}
     conditions = {name: column for column, name in enumerate(loaded.table.conditions)}
@@ -68,7 +68,7 @@ def ratings_of(loaded: Loaded, rows: Sequence[TrialRow], contrast: FloatArray) -
 
 
 def detection_trials(
-    loaded: Loaded, contrasts: TrialContrasts, study: Study
+    loaded: StudyData, contrasts: TrialContrasts, study: Study
 ) -> tuple[Ratings, IntArray]:
     """Return scored and catch trials with what was answered, for change detection.
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from analysis.estimates import FloatArray, NotEstimable
 from analysis.loading.sessions import TrialRow
-from analysis.loading.study_data import Loaded
+from analysis.loading.study_data import StudyData
 from analysis.sensitivity.checks import (
     Discrimination,
     Drift,
@@ -127,7 +127,7 @@ class TrialStatistics:
         return len(np.unique(cells, axis=1).T) < len(ratings.rating)
 
 
-def trial_statistics(loaded: Loaded, study: Study) -> TrialStatistics:
+def trial_statistics(loaded: StudyData, study: Study) -> TrialStatistics:
     """Return the statistics of the trials that count."""
     contrasts = trial_contrasts(study, loaded.rows)
     scored = scored_trials(loaded, contrasts)
@@ -159,7 +159,7 @@ def _ordinal(scored: ScoredTrials, link: str) -> OrdinalEffects | NotEstimable:
     )
 
 
-def _laws(loaded: Loaded, scored: ScoredTrials) -> tuple[LawScore, ...]:
+def _laws(loaded: StudyData, scored: ScoredTrials) -> tuple[LawScore, ...]:
     likelihoods = law_likelihoods(scored.ratings, scored.contrasts)
     observed = table4(loaded.table).column_means
     found = [
@@ -181,7 +181,7 @@ def _laws(loaded: Loaded, scored: ScoredTrials) -> tuple[LawScore, ...]:
 
 def _law_score(
     law: str,
-    loaded: Loaded,
+    loaded: StudyData,
     predicted: FloatArray,
     observed: FloatArray,
     likelihood: LawLikelihood | NotEstimable,

@@ -198,7 +198,7 @@ def write_report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json:
     # Sums in one order, whatever the number of cores: the same input gives the same bytes.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from analysis.loading.missing_scores import marks
-    from analysis.loading.study_data import loaded
+    from analysis.loading.study_data import load_study_data
     from analysis.report.findings import Origin
     from analysis.report.report import report as made_report
     from analysis.report.report import report_files
@@ -216,7 +216,7 @@ def write_report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json:
             [(event.tag, event.payload) for event in events]
             for events in readable_chains(journal, broken)
         )
-        found = loaded(sessions, rehearsals=rehearsals, rules=study.exclusions)
+        found = load_study_data(sessions, rehearsals=rehearsals, rules=study.exclusions)
     title = folder.path.resolve().name
     origin = Origin(
         command=f"touchbeam report {title}{' --rehearsals' if rehearsals else ''}",

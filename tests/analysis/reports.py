@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from analysis.loading.sessions import Happened
-from analysis.loading.study_data import Loaded, loaded
+from analysis.loading.study_data import StudyData, load_study_data
 from analysis.report.findings import Origin
 from analysis.report.report import Report, report
 from protocol.plan.plan import plan
@@ -23,7 +23,7 @@ SCORES = [[5, 7, 9], [4, 8, 9], [6, 6, 10], [5, 9, 8]]
 NAMES = ("voltage", "structure", "pressure")
 
 
-def imported(scores: object, *, names: Sequence[str] = NAMES, who: str = "P0") -> Loaded:
+def imported(scores: object, *, names: Sequence[str] = NAMES, who: str = "P0") -> StudyData:
     """Scores as from a published table."""
     sessions: list[list[Happened]] = [
         [
@@ -43,7 +43,7 @@ def imported(scores: object, *, names: Sequence[str] = NAMES, who: str = "P0") -
         ]
         for row, given in enumerate(np.array(scores, dtype=float))
     ]
-    return loaded(sessions, rehearsals=False)
+    return load_study_data(sessions, rehearsals=False)
 
 
 def made(scores: object = SCORES, *, names: Sequence[str] = NAMES, who: str = "P0") -> Report:
@@ -168,7 +168,7 @@ def cohort(study: Study, participants: int, *, seed: int = 1) -> list[list[Happe
 @cache
 def study_report() -> Report:
     """A report of sessions of the extended study, with catch and opposite trials."""
-    found = loaded(cohort(EXTENDED, 4), rehearsals=False, rules=EXTENDED.exclusions)
+    found = load_study_data(cohort(EXTENDED, 4), rehearsals=False, rules=EXTENDED.exclusions)
     return report("a study", found, EXTENDED, ORIGIN)
 
 

@@ -17,7 +17,7 @@ from selenium.webdriver.common.by import By
 from selenium.webdriver.common.print_page_options import PrintOptions
 
 from analysis.loading.sessions import Happened
-from analysis.loading.study_data import loaded
+from analysis.loading.study_data import load_study_data
 from analysis.report.report import report, report_files
 from runner.study.files import write_files
 from tests.analysis.reports import EXTENDED, ORIGIN, session_events
@@ -62,7 +62,7 @@ def nasty_sessions() -> list[list[Happened]]:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("report")
-    found = loaded(nasty_sessions(), rehearsals=False, rules=EXTENDED.exclusions)
+    found = load_study_data(nasty_sessions(), rehearsals=False, rules=EXTENDED.exclusions)
     write_files(report_files(report(TYPED, found, EXTENDED, ORIGIN)), place)
     return place
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 
 from analysis.loading.exclusions import rules_in_words
-from analysis.loading.study_data import Loaded
+from analysis.loading.study_data import StudyData
 from analysis.report.as_json import plain
 from analysis.report.findings import Findings
 from analysis.report.section import Items, Section, Table, columns
@@ -61,7 +61,7 @@ def _rules_line(found: Findings) -> str:
     return f"Rules settled beforehand: {'; '.join(rules)}."
 
 
-def _counts(loaded: Loaded) -> dict[str, int]:
+def _counts(loaded: StudyData) -> dict[str, int]:
     """How much of the study the report leaves out, by reason."""
     by_rule = [entry for entry in loaded.left_out if entry.by == "rule"]
     return {

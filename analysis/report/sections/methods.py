@@ -2,7 +2,7 @@
 
 from analysis.loading.exclusions import rules_in_words
 from analysis.loading.missing_scores import unscored
-from analysis.loading.study_data import Loaded
+from analysis.loading.study_data import StudyData
 from analysis.report.findings import Findings
 from analysis.report.section import Section
 from analysis.trials.arrays import LAW
@@ -47,7 +47,7 @@ def _data(found: Findings) -> str:
     )
 
 
-def _unscored(loaded: Loaded) -> str:
+def _unscored(loaded: StudyData) -> str:
     subjects, conditions = unscored(loaded.table)
     names = (*subjects, *conditions)
     return f"; without any score: {', '.join(names)}" if names else ""

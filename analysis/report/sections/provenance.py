@@ -5,7 +5,7 @@ import platform
 from hashlib import sha256
 from importlib.metadata import version
 
-from analysis.loading.study_data import Loaded, changed_journal
+from analysis.loading.study_data import StudyData, changed_journal
 from analysis.report.findings import Findings, Origin
 from analysis.report.section import Definitions, Section
 from analysis.trials.arrays import LAW
@@ -51,7 +51,7 @@ def _provenance(found: Findings) -> dict[str, str]:
     }
 
 
-def _recorded_under(origin: Origin, loaded: Loaded) -> str:
+def _recorded_under(origin: Origin, loaded: StudyData) -> str:
     others = [digest for digest in loaded.recording.studies if digest != origin.study_sha256]
     if not loaded.recording.studies:
         return "no study file: imported"

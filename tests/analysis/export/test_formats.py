@@ -16,7 +16,7 @@ from analysis.export.columns import COLUMNS
 from analysis.export.dataset import Dataset, dataset
 from analysis.export.formats import EXPORTS, csv_export, trials_csv
 from analysis.export.psychds import psychds_export
-from analysis.loading.study_data import loaded
+from analysis.loading.study_data import load_study_data
 from protocol.journal.events import StoredEvent
 from protocol.study_file.loading import parsed_study
 from tests.analysis.export.data_slips import (
@@ -169,7 +169,9 @@ def test_a_breach_of_psychds_would_be_seen(spoil: Spoilt, slip: str) -> None:
 
 def test_the_scores_come_back_from_the_table() -> None:
     chains = [session.events for session in sessions(study_text())]
-    told = loaded([[(e.tag, e.payload) for e in chain] for chain in chains], rehearsals=False)
+    told = load_study_data(
+        [[(e.tag, e.payload) for e in chain] for chain in chains], rehearsals=False
+    )
     rows = [
         row
         for row in csv_rows(trials_csv(nasty()))

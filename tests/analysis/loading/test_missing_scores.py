@@ -7,7 +7,7 @@ import pytest
 
 from analysis.loading.missing_scores import Why, notes
 from analysis.loading.sessions import Happened
-from analysis.loading.study_data import Loaded, loaded
+from analysis.loading.study_data import StudyData, load_study_data
 from analysis.report.report import Report, report, report_html, report_json
 from protocol.study.design import Exclusions
 from tests.analysis.reports import ORIGIN, PAPER, made
@@ -35,10 +35,10 @@ def session(who: str, scores: list[Any], *, finished: bool = True) -> list[Happe
     return [("session-opened", opened), *answers, *end]
 
 
-def a_study() -> Loaded:
+def a_study() -> StudyData:
     """A withheld score, a trial excluded, a session cut short, and one of which nothing is left."""
     excluded = [("trial-excluded", {"index": index}) for index in range(3)]
-    return loaded(
+    return load_study_data(
         [
             session("P01", [9, None, 5]),
             [*session("P02", [8, 7, 6]), excluded[1]],
@@ -50,7 +50,7 @@ def a_study() -> Loaded:
     )
 
 
-def reported(found: Loaded) -> Report:
+def reported(found: StudyData) -> Report:
     return report("a study", found, PAPER, ORIGIN)
 
 
@@ -68,7 +68,7 @@ def test_each_empty_cell_knows_why() -> None:
 
 def test_a_trial_left_out_by_a_rule_is_excluded_too() -> None:
     rules = Exclusions(min_reaction_s=0.15)
-    found = loaded([session("P01", [9, 8, 7])], rehearsals=False, rules=rules)
+    found = load_study_data([session("P01", [9, 8, 7])], rehearsals=False, rules=rules)
     assert found.empty == {(0, 0): Why.EXCLUDED}
 
 
@@ -105,7 +105,7 @@ def test_the_page_marks_and_counts_each_kind() -> None:
 
 def test_without_a_withheld_score_the_page_has_no_readings() -> None:
     sessions = [session("P01", [9, 8], finished=False), session("P02", [9, 8, 7])]
-    found = loaded(sessions, rehearsals=False)
+    found = load_study_data(sessions, rehearsals=False)
     assert 'id="readings"' not in report_html(reported(found))
     assert 'id="readings"' in report_html(reported(a_study()))
 
@@ -119,7 +119,7 @@ def test_who_has_no_score_is_named_and_not_counted() -> None:
 
 
 def test_a_condition_nobody_scored_is_named_and_not_counted() -> None:
-    found = loaded([session("P01", [9, 8]), session("P02", [7, 8])], rehearsals=False)
+    found = load_study_data([session("P01", [9, 8]), session("P02", [7, 8])], rehearsals=False)
     assert "Scored by nobody, and not among the conditions analysed: pressure." in notes(
         found.table, found.empty
     )

@@ -7,7 +7,7 @@ import pytest
 
 from analysis.loading.exclusions import Exclusion
 from analysis.loading.sessions import Happened, answered_trials
-from analysis.loading.study_data import NothingToReport, loaded
+from analysis.loading.study_data import NothingToReport, load_study_data
 from analysis.trials.contrasts import stepped, trial_contrasts
 from device.friction.changes import CONDITIONS
 from device.friction.contrasts import predicted_contrast
@@ -42,7 +42,7 @@ def test_a_trial_answered_again_counts_once_and_an_aborted_touch_not_at_all() ->
 
 
 def test_what_was_planned_is_predicted_where_nothing_was_measured() -> None:
-    found = loaded([paper_session(measured=False)], rehearsals=False)
+    found = load_study_data([paper_session(measured=False)], rehearsals=False)
     contrasts = trial_contrasts(PAPER, found.rows)
     assert not contrasts.measured.any()
     for row, contrast in zip(found.rows, contrasts.by_law["coulomb"], strict=True):
@@ -59,7 +59,7 @@ def test_measured_force_is_taken_in_place_of_the_planned_one() -> None:
             (tag, {**payload, "judged": {"force_n": force_n}} if tag == "touch-ended" else payload)
             for tag, payload in paper_session(measured=False)
         ]
-        rows = loaded([events], rehearsals=False).rows
+        rows = load_study_data([events], rehearsals=False).rows
         signal = next(number for number, row in enumerate(rows) if row.kind == "signal")
         found.append(trial_contrasts(PAPER, rows).by_law["consistent"][signal])
     assert found[1] > found[0], "the inertial load counts less under a heavier finger"
@@ -121,7 +121,7 @@ def with_reaction(events: list[Happened], index: int, seconds: float) -> list[Ha
 
 def test_a_hasty_trial_is_left_out_by_rule_and_said() -> None:
     events = with_reaction(paper_session(), 4, 0.1)
-    found = loaded([events], rehearsals=False, rules=Exclusions(min_reaction_s=0.2))
+    found = load_study_data([events], rehearsals=False, rules=Exclusions(min_reaction_s=0.2))
     why = "answered after 0.1 s, sooner than 0.2 s"
     assert found.left_out == (Exclusion(participant="P01", session=1, trial=4, by="rule", why=why),)
     assert 4 not in {row.index for row in found.rows}
@@ -134,14 +134,14 @@ def test_a_participant_who_breaks_a_rule_is_left_out_and_the_others_stay() -> No
         for tag, payload in session_events(EXTENDED, 0, rng)
     ]
     sessions = [guesser, session_events(EXTENDED, 1, rng)]
-    found = loaded(sessions, rehearsals=False, rules=EXTENDED.exclusions)
+    found = load_study_data(sessions, rehearsals=False, rules=EXTENDED.exclusions)
     assert found.table.subjects == ("P02",)
     assert found.left_out[0].why == "a change reported on 4 of 4 catch trials, more than 50%"
 
 
 def test_rules_that_leave_nobody_say_so() -> None:
     with pytest.raises(NothingToReport, match="leave nobody: P01 has 5 valid trials, fewer than 6"):
-        loaded([paper_session()], rehearsals=False, rules=Exclusions(min_trials=6))
+        load_study_data([paper_session()], rehearsals=False, rules=Exclusions(min_trials=6))
 
 
 def test_interruptions_and_notes_are_told() -> None:
@@ -151,7 +151,9 @@ def test_interruptions_and_notes_are_told() -> None:
         ("device-off", {"confirmed": False, "why": "the session was interrupted"}),
         ("session-resumed", {}),
     ]
-    told = [(entry.what, entry.text) for entry in loaded([events], rehearsals=False).incidents]
+    told = [
+        (entry.what, entry.text) for entry in load_study_data([events], rehearsals=False).incidents
+    ]
     assert told == [
         ("note", "the phone rang"),
         ("device off, not confirmed", "the session was interrupted"),

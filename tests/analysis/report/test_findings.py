@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 
-from analysis.loading.study_data import loaded
+from analysis.loading.study_data import load_study_data
 from analysis.report.findings import Scale
 from analysis.report.report import Report, report, report_html
 from tests.analysis.reports import ORIGIN, PAPER, plain_report, session_events
@@ -26,7 +26,7 @@ def of_a_hundred() -> Report:
         ]
         for slot in range(2)
     ]
-    return report("a study", loaded(sessions, rehearsals=False), HUNDRED, ORIGIN)
+    return report("a study", load_study_data(sessions, rehearsals=False), HUNDRED, ORIGIN)
 
 
 def test_the_scale_is_the_studys_or_that_of_the_published_table() -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from analysis.estimates import NotEstimable
 from analysis.loading.sessions import TrialRow
-from analysis.loading.study_data import loaded
+from analysis.loading.study_data import load_study_data
 from analysis.report.report import report, report_html, report_json
 from analysis.sensitivity.checks import Discrimination
 from analysis.trials.trial_statistics import catch_answers
@@ -95,7 +95,7 @@ def test_pooled_trials_of_several_people_have_no_interval() -> None:
 
 
 def test_page_and_data_say_why_pooled_trials_have_no_interval() -> None:
-    found = loaded(cohort(EXTENDED, 2), rehearsals=False)
+    found = load_study_data(cohort(EXTENDED, 2), rehearsals=False)
     result = report("a study", found, EXTENDED, ORIGIN)
     answers = report_json(result)["checks"]["catch_trials"]
     assert answers["overall"]["false_alarms"]["interval"] is None

@@ -4,16 +4,15 @@ import os
 import resource
 import subprocess
 import sys
-from datetime import UTC, datetime
 from pathlib import Path
 from time import perf_counter
 
 import numpy as np
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from protocol.journal.events import StoredEvent
 from protocol.study_file.loading import parsed_study, template
 from runner.journal.store import open_journal
+from tests.analysis.chains import chain
 from tests.analysis.reports import session_events
 
 TOUCHBEAM = str(Path(sys.executable).with_name("touchbeam"))
@@ -21,7 +20,6 @@ TEXT = template("extended").replace("repeats = 4", "repeats = 8")
 STUDY = parsed_study(TEXT)
 COHORTS = (125, 250, 500, 1000)
 ARRANGEMENTS = 20
-WHEN = datetime(2026, 1, 1, tzinfo=UTC)
 
 
 def _study(folder: Path, participants: int) -> Path:
@@ -34,11 +32,8 @@ def _study(folder: Path, participants: int) -> Path:
         for number in range(participants):
             name = f"P{number + 1:04d}"
             events = session_events(STUDY, number % ARRANGEMENTS, rng, who=name)
-            for seq, (tag, payload) in enumerate(events):
-                event = StoredEvent(
-                    seq=seq, tag=tag, utc=WHEN, monotonic_s=float(seq), payload=payload
-                )
-                journal.append(f"{name}/1", event)
+            for stored in chain(events):
+                journal.append(f"{name}/1", stored)
     return folder
 
 

@@ -3,14 +3,16 @@
 Brain Imaging Data Structure 1.11.1, "Behavioral experiments (with no neural recordings)".
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
+import pandas as pd
+
 from analysis.cells import BETWEEN_TOUCHES, Cell, json_text, tsv_cell, tsv_text
-from analysis.export.columns import COLUMNS, cells
-from analysis.export.dataset import Column, Dataset, language_of
+from analysis.export.columns import COLUMNS, Column
+from analysis.export.dataset import Dataset, language_of
 from analysis.export.readme import readme
-from analysis.loading.records import TrialRecord
+from analysis.export.trial_table import cells
 
 BIDS_VERSION = "1.11.1"
 
@@ -75,34 +77,32 @@ def _doi(doi: str | None) -> str | None:
 
 
 def _participants(data: Dataset) -> str:
-    sessions: dict[str, list[str]] = {}
-    for (who, _), rows in data.trials.by_session().items():
-        sessions.setdefault(who, []).append(rows[0].session.kind)
+    kinds = data.sessions.groupby("participant", sort=False)["session_kind"].agg(list)
     lines: list[list[Cell]] = [
-        [f"sub-{name}", who, len(sessions[who]), tuple(dict.fromkeys(sessions[who]))]
-        for who, name in data.subject_labels().items()
+        [f"sub-{name}", who, len(kinds[who]), tuple(dict.fromkeys(kinds[who]))]
+        for who, name in data.subject_labels.items()
     ]
     return tsv_text(["participant_id", *_PARTICIPANT_COLUMNS], lines)
 
 
 def _sessions(data: Dataset) -> dict[str, str]:
     """Each session's table and its sidecar."""
-    names = data.subject_labels()
     files: dict[str, str] = {}
-    for (who, number), rows in data.trials.by_session().items():
-        entities = [f"sub-{names[who]}", *([f"ses-{number}"] if data.several_sessions else [])]
+    for (who, number), trials in data.by_session():
+        subject = f"sub-{data.subject_labels[who]}"
+        entities = [subject, *([f"ses-{number}"] if data.several_sessions else [])]
         stem = "/".join([*entities, "beh", "_".join([*entities, f"task-{data.task}", "beh"])])
-        files[f"{stem}.tsv"] = tsv_text([column.name for column in COLUMNS], map(cells, rows))
-        files[f"{stem}.json"] = json_text(_sidecar(data, rows))
+        files[f"{stem}.tsv"] = tsv_text([column.name for column in COLUMNS], cells(trials))
+        files[f"{stem}.json"] = json_text(_sidecar(data, trials))
     return files
 
 
-def _sidecar(data: Dataset, rows: Sequence[TrialRecord]) -> dict[str, Any]:
+def _sidecar(data: Dataset, trials: pd.DataFrame) -> dict[str, Any]:
     facts = data.facts
     task = {
         "TaskName": data.task_name,
         "TaskDescription": data.description(),
-        "Instructions": data.instructions(language_of(rows)),
+        "Instructions": data.instructions(language_of(trials)),
         "InstitutionName": facts.institution,
         "InstitutionAddress": facts.institution_address,
     }

@@ -2,14 +2,21 @@
 
 import json
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
+from itertools import chain
+from typing import cast
 
-from analysis.cells import Cell
-from analysis.loading.records import TrialRecord, Trials
-from analysis.loading.sessions import Recorded, trials
+import pandas as pd
+
+from analysis.export.columns import Column
+from analysis.export.trial_table import trial_table
+from analysis.loading.records import values
+from analysis.loading.sessions import load_sessions
+from protocol.errors import BadInput
+from protocol.journal.events import StoredEvent
 from protocol.study.design import Publication
 from protocol.study.study import Study
 from protocol.study.texts import language, study_codes, study_wording
@@ -55,16 +62,26 @@ def _free(wanted: str, taken: set[str]) -> str:
 UNNAMED_TASK = "touch"
 
 
-@dataclass(frozen=True, kw_only=True)
+class NothingToExport(BadInput):
+    """A study without the trials that were asked for; the message says what to do."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Dataset:
     """A study's trials with the study file that they belong to.
 
+    `trials` has the columns of `analysis.export.columns`, `sessions` those of
+    `analysis.loading.records.SessionRow`; a session in which no trial was begun is not among them.
     `source_sha256` is the digest of all the events that they were read from, `broken_chains` are
     the sessions whose events are not as they were recorded.
     """
 
     study: Study
-    trials: Trials
+    sessions: pd.DataFrame
+    trials: pd.DataFrame
+    rehearsals_left_out: int
+    sessions_withdrawn: int
+    sessions_without_trials: int
     source_sha256: str
     touchbeam: str
     broken_chains: tuple[str, ...] = ()
@@ -92,7 +109,7 @@ class Dataset:
     @cached_property
     def kinds(self) -> tuple[str, ...]:
         """Which kinds of sessions there are, in order of appearance."""
-        return _once(trial.session.kind for trial in self.trials.trials)
+        return tuple(self.sessions["session_kind"].unique())
 
     @property
     def published(self) -> bool:
@@ -102,28 +119,44 @@ class Dataset:
     @cached_property
     def sources(self) -> tuple[str, ...]:
         """The files that published scores come from, with their digests."""
-        opened = (trial.session.opened for trial in self.trials.trials)
-        return _once(
-            f"{table['source']} (SHA-256 {table['source_sha256']})"
-            for table in opened
-            if "source" in table
-        )
+        return tuple(self.sessions["imported_from"].dropna().unique())
 
     @cached_property
     def conditions(self) -> tuple[str, ...]:
         """All conditions of the sessions, in order of appearance."""
-        return _once(name for trial in self.trials.trials for name in trial.session.conditions)
+        return tuple(dict.fromkeys(chain.from_iterable(self.sessions["conditions"])))
 
     @cached_property
     def several_sessions(self) -> bool:
         """Whether anybody has another session than the first."""
-        return any(trial.session.number != 1 for trial in self.trials.trials)
+        return bool(self.sessions["session"].ne(1).any())
 
+    @cached_property
     def subject_labels(self) -> dict[str, str]:
-        """Return the label of each participant, by pseudonym."""
-        return labels(trial.session.participant for trial in self.trials.trials)
+        """The label of each participant, by pseudonym."""
+        return labels(self.sessions["participant"])
 
-    def levels(self, column: "Column") -> Mapping[str, str]:
+    @property
+    def trials_excluded(self) -> int:
+        """The number of trials here that the analysis leaves out."""
+        return int(self.trials["excluded"].ne("no").sum())
+
+    def by_session(self) -> Iterator[tuple[tuple[str, int], pd.DataFrame]]:
+        """Yield participant and number of each session, and its trials."""
+        for name, trials in self.trials.groupby(["participant", "session"], sort=False):
+            yield cast("tuple[str, int]", name), trials
+
+    def summary(self) -> str:
+        """Return in one line what is here and what is not."""
+        return (
+            f"{_counted(len(self.trials), 'trial')} of "
+            f"{_counted(len(self.subject_labels), 'participant')} "
+            f"({_counted(self.trials_excluded, 'trial')} excluded, marked); left out: "
+            f"{_counted(self.rehearsals_left_out, 'rehearsal')}, "
+            f"{_counted(self.sessions_withdrawn, 'withdrawn session')}"
+        )
+
+    def levels(self, column: Column) -> Mapping[str, str]:
         """Return what the words in `column` stand for; this study may have words of its own."""
         if column.name == "condition":
             return self.condition_levels()
@@ -170,7 +203,7 @@ class Dataset:
 
 
 def dataset(
-    chains: Iterable[Sequence[Recorded]],
+    chains: Iterable[Sequence[StoredEvent]],
     study: Study,
     touchbeam: str,
     *,
@@ -189,45 +222,44 @@ def dataset(
     Raises:
         NothingToExport: there is no trial.
     """
-    sessions = list(chains)
+    read = list(chains)
+    found = load_sessions(read)
+    rehearsal = found.sessions["session_kind"].eq("rehearsal") & (not rehearsals)
+    trials = trial_table(found, found.sessions[~rehearsal])
+    if trials.empty:
+        raise NothingToExport(
+            "nothing but rehearsals here; name them with --rehearsals"
+            if rehearsal.any()
+            else "no trials here: nobody has begun one, or all have withdrawn"
+        )
+    begun = found.sessions.index.isin(found.attempts["session_id"])
     return Dataset(
         study=study,
-        trials=trials(sessions, rehearsals=rehearsals),
-        source_sha256=_digest(sessions),
+        sessions=found.sessions[~rehearsal & begun],
+        trials=trials,
+        rehearsals_left_out=int(rehearsal.sum()),
+        sessions_withdrawn=found.withdrawn,
+        sessions_without_trials=int((~rehearsal & ~begun).sum()),
+        source_sha256=_digest(read),
         touchbeam=touchbeam,
         broken_chains=tuple(broken_chains),
     )
 
 
-def language_of(rows: Sequence[TrialRecord]) -> str | None:
+def language_of(trials: pd.DataFrame) -> str | None:
     """Return the language of a session; None for a published one."""
-    found: str | None = rows[0].session.opened.get("language")
+    found: str | None = values(trials["language"])[0]
     return found
 
 
-def _digest(chains: Iterable[Sequence[Recorded]]) -> str:
+def _counted(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def _digest(chains: Iterable[Sequence[StoredEvent]]) -> str:
     events = [
         [event.tag, event.utc.isoformat(), event.monotonic_s, dict(event.payload)]
         for chain in chains
         for event in chain
     ]
     return sha256(json.dumps(events, sort_keys=True, allow_nan=False).encode()).hexdigest()
-
-
-def _once(names: Iterable[str]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(names))
-
-
-@dataclass(frozen=True, kw_only=True)
-class Column:
-    """One column. A column `per_touch` lists a value for each touch of the trial."""
-
-    name: str
-    description: str
-    of: Callable[[TrialRecord], Cell]
-    unit: str | None = None
-    levels: Mapping[str, str] = field(default_factory=dict)
-    per_touch: bool = False
-
-
-YES_NO = {"true": "yes", "false": "no"}

@@ -5,10 +5,11 @@ from types import MappingProxyType
 
 from analysis.cells import BETWEEN_TOUCHES, csv_text, json_text
 from analysis.export.bids import bids_export
-from analysis.export.columns import COLUMNS, cells
-from analysis.export.dataset import Column, Dataset
+from analysis.export.columns import COLUMNS, Column
+from analysis.export.dataset import Dataset
 from analysis.export.psychds import psychds_export
 from analysis.export.readme import changed
+from analysis.export.trial_table import cells
 
 
 def csv_export(data: Dataset) -> dict[str, str]:
@@ -26,8 +27,7 @@ def csv_export(data: Dataset) -> dict[str, str]:
 
 def trials_csv(data: Dataset) -> str:
     """Return all trials as one table."""
-    rows = (cells(trial) for trial in data.trials.trials)
-    return csv_text([column.name for column in COLUMNS], rows)
+    return csv_text([column.name for column in COLUMNS], cells(data.trials))
 
 
 def _described(column: Column, data: Dataset) -> dict[str, object]:

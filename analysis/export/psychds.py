@@ -6,9 +6,10 @@ Psych-DS 1.5.0; the terms are those of schema.org.
 from typing import Any
 
 from analysis.cells import csv_cell, csv_text, json_text
-from analysis.export.columns import COLUMNS, cells
-from analysis.export.dataset import Column, Dataset
+from analysis.export.columns import COLUMNS, Column
+from analysis.export.dataset import Dataset
 from analysis.export.readme import readme
+from analysis.export.trial_table import cells
 
 SCHEMA_VERSION = "Psych-DS 1.5.0"
 
@@ -33,12 +34,11 @@ def psychds_export(data: Dataset) -> dict[str, str]:
 
 
 def _sessions(data: Dataset) -> dict[str, str]:
-    names = data.subject_labels()
     files: dict[str, str] = {}
-    for (who, number), rows in data.trials.by_session().items():
+    for (who, number), trials in data.by_session():
         session = f"_session-{number}" if data.several_sessions else ""
-        path = f"data/subject-{names[who]}{session}_task-{data.task}_data.csv"
-        files[path] = csv_text([column.name for column in COLUMNS], map(cells, rows))
+        path = f"data/subject-{data.subject_labels[who]}{session}_task-{data.task}_data.csv"
+        files[path] = csv_text([column.name for column in COLUMNS], cells(trials))
     return files
 
 

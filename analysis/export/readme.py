@@ -53,13 +53,12 @@ def changed(data: Dataset) -> str:
 
 
 def _counts(data: Dataset) -> str:
-    found = data.trials
-    people = len({trial.session.participant for trial in found.trials})
     return (
-        f"- {people} participants, {len(found.by_session())} sessions, {len(found.trials)} trials\n"
-        f"- excluded: {sum(trial.excluded != 'no' for trial in found.trials)} trials\n"
-        f"- not here: {found.rehearsals_left_out} rehearsals, {found.sessions_withdrawn} sessions "
-        f"that were withdrawn, {found.sessions_without_trials} in which no trial was begun\n"
+        f"- {len(data.subject_labels)} participants, {len(data.sessions)} sessions, "
+        f"{len(data.trials)} trials\n"
+        f"- excluded: {data.trials_excluded} trials\n"
+        f"- not here: {data.rehearsals_left_out} rehearsals, {data.sessions_withdrawn} sessions "
+        f"that were withdrawn, {data.sessions_without_trials} in which no trial was begun\n"
     )
 
 

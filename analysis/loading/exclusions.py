@@ -1,97 +1,83 @@
 """The study's rules on who and what is left out, settled beforehand, applied to all alike."""
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+import pandas as pd
 
-import numpy as np
-
-from analysis.loading.sessions import TrialRow
+from analysis.loading.records import TEXT, Exclusion
+from analysis.loading.sessions import is_scored
 from protocol.study.design import Exclusions
 
 
-@dataclass(frozen=True, kw_only=True)
-class Exclusion:
-    """A participant, a session or a trial that the report leaves out, by whom or what, and why."""
-
-    participant: str
-    by: str
-    why: str
-    session: int | None = None
-    trial: int | None = None
-
-
 def excluded_by_rule(
-    rows: Sequence[TrialRow], rules: Exclusions
-) -> tuple[tuple[TrialRow, ...], tuple[Exclusion, ...]]:
-    """Return the trials that the rules keep, and what they take out.
+    trials: pd.DataFrame, rules: Exclusions
+) -> tuple[pd.DataFrame, tuple[Exclusion, ...]]:
+    """Return the answered trials that the rules keep, and what they take out.
 
     Trials are judged first, by the time to the first answer; then participants, by the trials
     that are left to them.
     """
-    late = {_key(row): why for row in rows if (why := _reaction_broken(row, rules))}
-    in_time = [row for row in rows if _key(row) not in late]
-    gone = {
-        participant: found
-        for participant, own in _by_participant(in_time, rows)
-        if (found := _participant_broken(own, rules))
-    }
+    timed = zip(trials["trial_kind"], trials["reaction_time_s"], strict=True)
+    late = pd.Series([_reaction_broken(*one, rules) for one in timed], trials.index, TEXT)
+    in_time, too_late = trials[late.isna()], trials[late.notna()]
+    gone = _participants_broken(in_time, rules, trials["participant"].unique().tolist())
     left_out = [
-        Exclusion(
-            participant=row.participant,
-            session=row.session,
-            trial=row.index,
-            by="rule",
-            why=late[_key(row)],
+        Exclusion(participant=participant, session=session, trial=index, by="rule", why=why)
+        for participant, session, index, why in zip(
+            *(too_late[name] for name in ("participant", "session", "trial_index")),
+            late.dropna(),
+            strict=True,
         )
-        for row in rows
-        if _key(row) in late
     ]
     left_out += [
         Exclusion(participant=participant, by="rule", why=why)
         for participant, broken in gone.items()
         for why in broken
     ]
-    return tuple(row for row in in_time if row.participant not in gone), tuple(left_out)
+    return in_time[~in_time["participant"].isin(gone.keys())], tuple(left_out)
 
 
-def _key(row: TrialRow) -> tuple[str, int, int]:
-    return row.participant, row.session, row.index
-
-
-def _by_participant(
-    kept: Iterable[TrialRow], everyone: Iterable[TrialRow]
-) -> Iterable[tuple[str, list[TrialRow]]]:
-    own: dict[str, list[TrialRow]] = {row.participant: [] for row in everyone}
-    for row in kept:
-        own[row.participant].append(row)
-    return own.items()
-
-
-def _reaction_broken(row: TrialRow, rules: Exclusions) -> str | None:
-    if row.reaction_s is None or row.kind not in {"trial", "catch"}:
+def _reaction_broken(kind: str, reaction_s: float, rules: Exclusions) -> str | None:
+    """Describe the rule that a trial breaks by the time to its first answer."""
+    if kind not in {"trial", "catch"}:
         return None
-    if rules.min_reaction_s is not None and row.reaction_s < rules.min_reaction_s:
-        return f"answered after {row.reaction_s:g} s, sooner than {rules.min_reaction_s:g} s"
-    if rules.max_reaction_s is not None and row.reaction_s > rules.max_reaction_s:
-        return f"answered after {row.reaction_s:g} s, later than {rules.max_reaction_s:g} s"
+    if rules.min_reaction_s is not None and reaction_s < rules.min_reaction_s:
+        return f"answered after {reaction_s:g} s, sooner than {rules.min_reaction_s:g} s"
+    if rules.max_reaction_s is not None and reaction_s > rules.max_reaction_s:
+        return f"answered after {reaction_s:g} s, later than {rules.max_reaction_s:g} s"
     return None
 
 
-def _participant_broken(rows: Sequence[TrialRow], rules: Exclusions) -> list[str]:
-    """Which rules a participant breaks, in words."""
-    catches = [row.agrees is False for row in rows if row.kind == "catch"]
-    missing = [bool(np.isnan(row.score)) for row in rows if row.is_scored]
+def _participants_broken(
+    trials: pd.DataFrame, rules: Exclusions, participants: list[str]
+) -> dict[str, list[str]]:
+    """Describe the rules that each participant breaks, even one without any trial left."""
+    scored, catch = is_scored(trials), trials["trial_kind"].eq("catch")
+    counted = {
+        "scored": scored,
+        "missing": scored & trials["score"].isna(),
+        "catches": catch,
+        "alarms": catch & trials["agrees"].eq(False).fillna(False),
+    }
+    counts = pd.DataFrame(counted).groupby(trials["participant"]).sum()
+    found = {
+        who: _broken(rules, *own)
+        for who, *own in counts.reindex(participants, fill_value=0).itertuples(name=None)
+    }
+    return {who: broken for who, broken in found.items() if broken}
+
+
+def _broken(rules: Exclusions, scored: int, missing: int, catches: int, alarms: int) -> list[str]:
+    """Describe the rules that one participant's numbers of trials break."""
     broken = []
-    if rules.max_false_alarms is not None and catches and np.mean(catches) > rules.max_false_alarms:
+    limit = rules.max_false_alarms
+    if limit is not None and catches and alarms / catches > limit:
         broken.append(
-            f"a change reported on {sum(catches)} of {len(catches)} catch trials, "
-            f"more than {rules.max_false_alarms:.0%}"
+            f"a change reported on {alarms} of {catches} catch trials, more than {limit:.0%}"
         )
     limit = rules.max_missing_scores
-    if limit is not None and missing and np.mean(missing) > limit:
-        broken.append(f"{sum(missing)} of {len(missing)} scores missing, more than {limit:.0%}")
-    if rules.min_trials is not None and len(missing) < rules.min_trials:
-        broken.append(f"{len(missing)} valid trials, fewer than {rules.min_trials}")
+    if limit is not None and scored and missing / scored > limit:
+        broken.append(f"{missing} of {scored} scores missing, more than {limit:.0%}")
+    if rules.min_trials is not None and scored < rules.min_trials:
+        broken.append(f"{scored} valid trials, fewer than {rules.min_trials}")
     return broken
 
 

@@ -5,10 +5,11 @@ from collections.abc import Iterable, Mapping
 from enum import StrEnum
 
 import numpy as np
+import pandas as pd
 
 from analysis.estimates import BoolArray
 from analysis.loading.score_table import ScoreTable
-from analysis.loading.sessions import TrialRow
+from analysis.loading.sessions import is_scored
 
 
 class Why(StrEnum):
@@ -42,9 +43,7 @@ _TOLD = {
 }
 
 
-def empty_cells(
-    table: ScoreTable, counted: Iterable[TrialRow], excluded: Iterable[TrialRow]
-) -> EmptyCells:
+def empty_cells(table: ScoreTable, counted: pd.DataFrame, excluded: pd.DataFrame) -> EmptyCells:
     """Return why each cell without a score has none.
 
     An answered trial that counts and has no score explains its cell before an excluded one does.
@@ -54,17 +53,21 @@ def empty_cells(
         counted: the trials that count.
         excluded: the trials taken out by the operator or by a rule.
     """
-    known = {(row.participant, row.condition): Why.EXCLUDED for row in excluded if row.is_scored}
-    for row in counted:
-        if row.is_scored:
-            why = Why.BLANK if row.kind == "published" else Why.WITHHELD
-            known[row.participant, row.condition] = why
+    published = counted["trial_kind"].eq("published")
+    known = dict.fromkeys(_scored_cells(excluded), Why.EXCLUDED)
+    known |= dict.fromkeys(_scored_cells(counted[published]), Why.BLANK)
+    known |= dict.fromkeys(_scored_cells(counted[~published]), Why.WITHHELD)
     return {
         (int(row), int(column)): known.get(
             (table.subjects[row], table.conditions[column]), Why.NOT_REACHED
         )
         for row, column in np.argwhere(~table.given)
     }
+
+
+def _scored_cells(trials: pd.DataFrame) -> Iterable[tuple[str, str]]:
+    scored = trials[is_scored(trials)]
+    return zip(scored["participant"], scored["condition"], strict=True)
 
 
 def withheld(table: ScoreTable, empty: EmptyCells) -> BoolArray:

@@ -1,101 +1,170 @@
-"""What is known of a trial: session, plan, touches, answer, and what was decided later."""
+"""Rows of the tables of sessions, attempts and touches, and records of exclusions and incidents.
+
+A field of a row is a column of its table; its type decides on the column's (see `table`), and None
+is a missing value. Names end in the unit: `_s`, `_v` (amplitude, peak), `_hz`, `_m`, `_n`. A
+frequency without a unit is relative to the resonance.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
-from typing import Any
+from typing import Any, get_type_hints
+
+import numpy as np
+import pandas as pd
+
+from protocol.study.touch import Touch
+
+TEXT = pd.StringDtype("python", na_value=np.nan)
+"""The type of text columns. (The pyarrow storage refuses text that is not valid Unicode.)"""
+
+_COLUMN_TYPES: Mapping[Any, Any] = {
+    str: TEXT,
+    str | None: TEXT,
+    int: "int64",
+    int | None: "Int64",
+    bool: "bool",
+    bool | None: "boolean",
+    float: "float64",
+    float | None: "float64",
+    datetime | None: "datetime64[us, UTC]",
+}
+"""The column's type for each type of field; any other field makes a column of Python objects."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class TouchRecord:
-    """One touch of a trial: as planned, as commanded, as read back and as judged."""
+@dataclass(kw_only=True, slots=True)
+class SessionRow:
+    """A session, or a subject of a published table.
 
-    planned: Mapping[str, Any]
-    beam: str | None
-    commanded: Mapping[str, Any]
-    read_back: Sequence[Mapping[str, Any]] = ()
-    judged: Mapping[str, Any] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, kw_only=True)
-class SessionRecord:
-    """What holds for all trials of a session. `kind`: participant, rehearsal or published."""
-
-    participant: str
-    number: int
-    kind: str
-    opened: Mapping[str, Any]
-    conditions: tuple[str, ...]
-    completed: bool
-    device: str | None = None
-    operator_noted: Mapping[str, str] = field(default_factory=dict)
-    exclusion: str | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class TrialRecord:
-    """One trial: its plan, its last attempt, and what was decided afterwards.
-
-    `answer` is empty if the trial was begun and never answered. `exclusion` is why the trial, not
-    its whole session, was taken out. `study_sha256` is the digest of the study that was in force.
+    `session_kind` is participant, rehearsal or published; `exclusion` is the operator's reason for
+    excluding the whole session, `study_sha256` the digest of the study file at its beginning, and
+    `imported_from` the file of a published table, with its digest.
     """
 
-    session: SessionRecord
-    planned: Mapping[str, Any]
-    answer: Mapping[str, Any]
-    attempts: int | None = None
-    abort_reasons: tuple[str, ...] = ()
-    touches: tuple[TouchRecord, ...] = ()
+    participant: str
+    session: int
+    session_kind: str
+    conditions: tuple[str, ...]
+    session_completed: bool = False
+    exclusion: str | None = None
+    language: str | None = None
+    slot: int | None = None
+    seed: Any = None  # an integer of any size
+    study_sha256: str | None = None
+    imported_from: str | None = None
+    versions: Mapping[str, str] = field(default_factory=dict)
+    device: str | None = None
+    operator_noted: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(kw_only=True, slots=True)
+class AttemptRow:
+    """An attempt at a trial, with its plan at that time; or a score of a published table.
+
+    - `session_id`: the row of the session.
+    - `trial_index`: the trial's place in the plan, or the score's place in its table, from 0.
+    - `attempt`: counts from 1; missing for a published score, as are plan and course.
+    - `score`: missing where it was not asked for or not given.
+    - `notes`: the operator's, from the attempt's beginning until the next one, one per line.
+    - `exclusion`: the operator's reason for excluding the trial.
+    - `study_sha256`, `study_text`: the study file in force.
+    """
+
+    session_id: int
+    trial_index: int
+    trial_kind: str
+    condition: str | None
+    attempt: int | None = None
+    block: int | None = None
+    level: float = 1.0
+    opposite: bool = False
+    question: str | None = None
+    expected: str | None = None
+    answered: bool = False
+    change: str | None = None
+    agrees: bool | None = None
+    score: float | None = None
+    reaction_time_s: float | None = None
+    score_reaction_time_s: float | None = None
+    abort_reason: str | None = None
+    notes: str | None = None
+    exclusion: str | None = None
     started_utc: datetime | None = None
     answered_utc: datetime | None = None
-    started_s: float | None = None
-    answered_s: float | None = None
-    resonance: Mapping[str, float] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
-    exclusion: str | None = None
+    started_monotonic_s: float | None = None
+    duration_s: float | None = None
+    resonance_hz: float | None = None
+    resonance_tip_m_per_v: float | None = None
     study_sha256: str | None = None
+    study_text: Any = None
 
-    @property
-    def excluded(self) -> str:
-        """What took it out of the analysis: `no`, `trial` or `session`."""
-        if self.session.exclusion is not None:
-            return "session"
-        return "no" if self.exclusion is None else "trial"
+
+@dataclass(kw_only=True, slots=True)
+class TouchRow:
+    """A touch that was begun: as planned, as commanded, as read back and as judged.
+
+    - `attempt_id`: the row of the attempt.
+    - `planned`: the complete plan of the touch.
+    - `beam`: the mounted one.
+    - `start_*`, `end_*`: as read back; missing if the touch was cut short.
+    - `force_n` (median), `force_ok`, `place_ok`: missing also on a rig without sensors.
+    """
+
+    attempt_id: int
+    planned: Touch
+    beam: str | None
+    place: str
+    direction: str
+    coverage: str
+    press: float
+    planned_voltage_v: float
+    planned_end_voltage_v: float
+    planned_frequency: float
+    planned_end_frequency: float
+    commanded_voltage_v: float
+    commanded_frequency_hz: float
+    start_voltage_v: float | None = None
+    end_voltage_v: float | None = None
+    start_frequency_hz: float | None = None
+    end_frequency_hz: float | None = None
+    start_monitor_v: float | None = None
+    end_monitor_v: float | None = None
+    force_n: float | None = None
+    force_ok: bool | None = None
+    place_ok: bool | None = None
+
+
+def table(row_type: type, rows: Sequence[Any]) -> pd.DataFrame:
+    """Return a table of `rows`, all of `row_type`, with one column per field."""
+    columns = {
+        name: pd.Series([getattr(row, name) for row in rows], dtype=_COLUMN_TYPES.get(hint, object))
+        for name, hint in get_type_hints(row_type).items()
+    }
+    return pd.DataFrame(columns)
+
+
+def values(column: "pd.Series[Any]") -> list[Any]:
+    """Return the values of a column as plain Python objects, None for a missing one."""
+    return column.astype(object).where(column.notna(), None).tolist()
 
 
 @dataclass(frozen=True, kw_only=True)
-class Trials:
-    """The trials to export, and how many sessions are not among them."""
+class Incident:
+    """Something that interrupted a session or that the operator noted."""
 
-    trials: tuple[TrialRecord, ...]
-    rehearsals_left_out: int
-    sessions_withdrawn: int
-    sessions_without_trials: int
-
-    @property
-    def participants(self) -> tuple[str, ...]:
-        """Whose trials these are, in order of appearance."""
-        return tuple(dict.fromkeys(trial.session.participant for trial in self.trials))
-
-    def summary(self) -> str:
-        """Return in one line what is here and what is not."""
-        excluded = sum(trial.excluded != "no" for trial in self.trials)
-        return (
-            f"{_counted(len(self.trials), 'trial')} of "
-            f"{_counted(len(self.participants), 'participant')} "
-            f"({_counted(excluded, 'trial')} excluded, marked); left out: "
-            f"{_counted(self.rehearsals_left_out, 'rehearsal')}, "
-            f"{_counted(self.sessions_withdrawn, 'withdrawn session')}"
-        )
-
-    def by_session(self) -> dict[tuple[str, int], tuple[TrialRecord, ...]]:
-        """Return the trials by participant and number of the session, in order."""
-        found: dict[tuple[str, int], tuple[TrialRecord, ...]] = {}
-        for trial in self.trials:
-            name = (trial.session.participant, trial.session.number)
-            found[name] = (*found.get(name, ()), trial)
-        return found
+    participant: str
+    session: int
+    what: str
+    text: str = ""
+    trial: int | None = None
 
 
-def _counted(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
+@dataclass(frozen=True, kw_only=True)
+class Exclusion:
+    """A participant, a session or a trial that the report leaves out, by whom or what, and why."""
+
+    participant: str
+    by: str
+    why: str
+    session: int | None = None
+    trial: int | None = None

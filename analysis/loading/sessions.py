@@ -1,586 +1,444 @@
-"""From the journal's events to trials: what was asked, what was done, and what was answered.
+"""The fold over a journal's events: tables of sessions, attempts, touches and traces."""
 
-Knows the tags and payloads of docs/journal.md, and no code of a session.
-"""
+from array import array
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache, singledispatchmethod
+from itertools import chain
+from typing import Any
 
-import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from datetime import datetime
-from functools import lru_cache
-from statistics import median
-from typing import Any, Protocol
+import numpy as np
+import pandas as pd
 
-from analysis.loading.records import SessionRecord, TouchRecord, TrialRecord, Trials
-from protocol.errors import BadInput
-from protocol.study.questions import Question
-from protocol.study.study import Study
+from analysis.loading.records import (
+    AttemptRow,
+    Exclusion,
+    Incident,
+    SessionRow,
+    TouchRow,
+    table,
+)
+from protocol.journal.events import (
+    Answered,
+    BeamMounted,
+    DeviceArmed,
+    DeviceOff,
+    Event,
+    NoteTaken,
+    Paused,
+    PracticeRenewed,
+    ResonanceMeasured,
+    RigDescribed,
+    ScoresImported,
+    SessionCompleted,
+    SessionExcluded,
+    SessionOpened,
+    SessionResumed,
+    StoredEvent,
+    StudyAmended,
+    TouchEnded,
+    TouchStarted,
+    TrialAborted,
+    TrialExcluded,
+    TrialStarted,
+    Withdrawn,
+)
+from protocol.journal.records import LIFTED_N, PlannedTrial, TraceSample
 from protocol.study.touch import Touch
-from protocol.study_file.loading import StudyError, parsed_study
 
-Happened = tuple[str, Mapping[str, Any]]
-"""An event as far as the analysis is concerned: its tag and its payload."""
-
-LIFTED_N = 0.02
-"""Below this force the beam is not touched."""
+TRIAL = ["session_id", "trial_index"]
+"""The columns that identify a trial."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Drive:
-    """What the device reported of itself: amplitude and frequency, relative to the resonance."""
-
-    voltage_v: float
-    frequency: float
+def is_scored(trials: pd.DataFrame) -> "pd.Series[bool]":
+    """Return which of `trials` count for Table 4."""
+    return trials["trial_kind"].isin(["trial", "published"])
 
 
-@dataclass(frozen=True, kw_only=True)
-class TouchDone:
-    """A touch as planned, and as measured where the rig has sensors; None where it has not."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sessions:
+    """All sessions of a journal as tables; `analysis.loading.records` describes their columns.
 
-    planned: Touch
-    force_n: float | None = None
-    place_m: float | None = None
-    start: Drive | None = None
-    end: Drive | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class TrialRow:
-    """One answered trial.
-
-    `place` counts a session's scored trials from 1 in the order in which they were answered, and
-    `previous` is the condition of the scored trial right before; both are None where the order is
-    not known or the trial is not scored. `score` is NaN where none was given. `study` is the one in
-    force, which may have been amended since; None where the journal does not hold it.
+    - `sessions`: a `SessionRow` per session, with the index `session_id`.
+    - `attempts`: an `AttemptRow` per attempt at a trial and per score of a published table, session
+      by session, in the order of their beginnings, with the index `attempt_id`.
+    - `touches`: a `TouchRow` per touch, with the index `touch_id`.
+    - `traces`: a row per sample of the finger: `touch_id`, `t_s` (the device's clock), `force_n`,
+      `position_m`.
+    - `incidents`, `exclusions`: in the order of the journal; exclusions are the operator's.
+    - `withdrawn`: the number of withdrawn sessions, which are not in the tables.
     """
 
-    participant: str
-    session: int
-    index: int
-    kind: str
-    condition: str | None
-    score: float
-    question: Question | None = None
-    expected: str | None = None
-    change: str | None = None
-    agrees: bool | None = None
-    level: float = 1.0
-    opposite: bool = False
-    reaction_s: float | None = None
-    place: int | None = None
-    previous: str | None = None
-    touches: tuple[TouchDone, ...] = ()
-    study: Study | None = field(default=None, repr=False, compare=False)
-
-    @property
-    def is_scored(self) -> bool:
-        """Whether the trial counts for Table 4."""
-        return self.kind in {"trial", "published"}
-
-
-def published_rows(payload: Mapping[str, Any]) -> list[TrialRow]:
-    """Return a row per condition of a published subject; nothing is known of their order."""
-    scores = payload["scores"]
-    return [
-        TrialRow(
-            participant=payload["participant"],
-            session=payload.get("session", 1),
-            index=index,
-            kind="published",
-            condition=name,
-            score=_number(scores.get(name)),
-        )
-        for index, name in enumerate(payload["conditions"])
-    ]
-
-
-def answered_trials(events: Sequence[Happened]) -> list[TrialRow]:
-    """Return a session's answered trials in the order of their answers.
-
-    A trial that was answered again - practice, after an interruption - counts as answered last.
-    """
-    tag, opened = events[0]
-    if tag == "scores-imported":
-        return published_rows(opened)
-    reading = _Reading(opened=opened)
-    for tag, payload in events[1:]:
-        reading.take(tag, payload)
-    return list(reading.rows.values())
-
-
-@dataclass(kw_only=True)
-class _Reading:
-    """What has been read of a session so far."""
-
-    opened: Mapping[str, Any]
-    rows: dict[int, TrialRow] = field(default_factory=dict)
-    _planned: dict[int, Mapping[str, Any]] = field(init=False)
-    _study: Study | None = field(init=False)
-    _resonance_hz: float | None = None
-    _touches: list[Mapping[str, Any]] = field(default_factory=list)
-    _places: int = 0
-    _last: TrialRow | None = None
-
-    def __post_init__(self) -> None:
-        self._planned = {}
-        self._study = None
-        self._under(self.opened)
-
-    def take(self, tag: str, payload: Mapping[str, Any]) -> None:
-        match tag:
-            case "session-resumed":
-                self._under(payload)
-            case "resonance-measured":
-                self._resonance_hz = payload["frequency_hz"]
-            case "trial-started":
-                self._touches = []
-            case "touch-ended":
-                self._touches.append(payload)
-            case "answered":
-                self._answered(payload)
-
-    def _under(self, begun: Mapping[str, Any]) -> None:
-        """Go on under the study and the plan that the session was opened or resumed with."""
-        self._planned |= {trial["index"]: trial for trial in begun.get("trials", ())}
-        self._study = _study(begun.get("study_text")) or self._study
-
-    def _answered(self, answer: Mapping[str, Any]) -> None:
-        planned = self._planned.get(answer["index"], {})
-        scored = answer["kind"] == "trial"
-        self._places += scored
-        reactions = answer.get("reaction_time_s") or [None]
-        row = TrialRow(
-            participant=self.opened["participant"],
-            session=self.opened.get("session", 1),
-            index=answer["index"],
-            kind=answer["kind"],
-            condition=answer["condition"],
-            score=_number(answer["score"]),
-            question=planned.get("question"),
-            expected=planned.get("expected"),
-            change=answer.get("change"),
-            agrees=answer.get("agrees"),
-            level=answer.get("level", 1.0),
-            opposite=answer.get("opposite", False),
-            reaction_s=reactions[0],
-            place=self._places if scored else None,
-            previous=self._previous(scored=scored),
-            touches=self._done(planned),
-            study=self._study,
-        )
-        self.rows.pop(row.index, None)
-        self.rows[row.index] = self._last = row
-
-    def _previous(self, *, scored: bool) -> str | None:
-        last = self._last
-        return last.condition if scored and last is not None and last.is_scored else None
-
-    def _done(self, planned: Mapping[str, Any]) -> tuple[TouchDone, ...]:
-        touches = planned.get("touches", ())
-        measured = self._touches if len(self._touches) == len(touches) else [{}] * len(touches)
-        return tuple(
-            _touch_done(_touch(touch), made, self._resonance_hz)
-            for touch, made in zip(touches, measured, strict=True)
-        )
-
-
-@lru_cache(maxsize=16)
-def _study(text: str | None) -> Study | None:
-    """The study of a file's text; None where there is none, or another touchbeam read it."""
-    try:
-        return None if text is None else parsed_study(text)
-    except StudyError:
-        return None
-
-
-_KNOWN_TOUCHES: dict[tuple[tuple[str, Any], ...], Touch] = {}
-
-
-def _touch(record: Mapping[str, Any]) -> Touch:
-    """The planned touch; a study has few different ones, so that each is validated once."""
-    key = tuple(sorted(record.items()))
-    if key not in _KNOWN_TOUCHES:
-        _KNOWN_TOUCHES[key] = Touch.model_validate(record)
-    return _KNOWN_TOUCHES[key]
-
-
-def _touch_done(planned: Touch, made: Mapping[str, Any], resonance_hz: float | None) -> TouchDone:
-    force_n = (made.get("judged") or {}).get("force_n")
-    read_back = made.get("read_back") or []
-    return TouchDone(
-        planned=planned,
-        force_n=force_n or None,
-        place_m=_place_m(planned, made.get("trace") or []),
-        start=_drive(read_back[0], resonance_hz) if read_back else None,
-        end=_drive(read_back[-1], resonance_hz) if read_back else None,
-    )
-
-
-def _place_m(planned: Touch, trace: Sequence[Sequence[float]]) -> float | None:
-    """Where a place was touched; a finger that slides has no one place."""
-    places_m = [place_m for _, force_n, place_m in trace if force_n > LIFTED_N]
-    if planned.place == "path" or not places_m:
-        return None
-    return median(places_m)
-
-
-def _drive(read_back: Mapping[str, Any], resonance_hz: float | None) -> Drive | None:
-    """The drive that was read back; None where no resonance was measured to compare it with."""
-    if resonance_hz is None:
-        return None
-    return Drive(
-        voltage_v=round(read_back["voltage_v"], 3),
-        frequency=round(read_back["frequency_hz"] / resonance_hz, 6),
-    )
-
-
-def _number(score: float | None) -> float:
-    return math.nan if score is None else float(score)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Incident:
-    """Something that interrupted a session or that the operator noted."""
-
-    participant: str
-    session: int
-    what: str
-    text: str = ""
-    trial: int | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class SessionStory:
-    """What is known of one session that was neither excluded nor withdrawn.
-
-    `excluded_trials` maps the index of a trial to the reason for taking it out.
-    """
-
-    participant: str
-    number: int
-    kind: str
-    conditions: tuple[str, ...]
-    rows: tuple[TrialRow, ...]
-    finished: bool
-    excluded_trials: Mapping[int, str]
+    sessions: pd.DataFrame
+    attempts: pd.DataFrame
+    touches: pd.DataFrame
+    traces: pd.DataFrame
     incidents: tuple[Incident, ...]
-    opened: Mapping[str, Any]
+    exclusions: tuple[Exclusion, ...]
+    withdrawn: int
 
-    @property
-    def kept(self) -> tuple[TrialRow, ...]:
-        """The trials that were not excluded."""
-        return tuple(row for row in self.rows if row.index not in self.excluded_trials)
+    @cached_property
+    def trials(self) -> pd.DataFrame:
+        """The trials that were begun, each with its last attempt, in the order of the plan.
 
-
-def session_story(events: Sequence[Happened]) -> SessionStory:
-    """Return what the events of one session say; the first one opens or imports it."""
-    tag, opened = events[0]
-    published = tag == "scores-imported"
-    return SessionStory(
-        participant=opened["participant"],
-        number=opened.get("session", 1),
-        kind="published" if published else opened["kind"],
-        conditions=tuple(opened["conditions"]),
-        rows=tuple(answered_trials(events)),
-        finished=published or any(tag == "session-completed" for tag, _ in events),
-        excluded_trials={
-            payload["index"]: payload.get("reason", "")
-            for tag, payload in events
-            if tag == "trial-excluded"
-        },
-        incidents=tuple(_incidents(opened, events)),
-        # The plan and the study are long and have been read.
-        opened={
-            name: value for name, value in opened.items() if name not in {"trials", "study_text"}
-        },
-    )
-
-
-def _incidents(opened: Mapping[str, Any], events: Sequence[Happened]) -> list[Incident]:
-    found = []
-    for tag, payload in events:
-        said = _in_words(tag, payload)
-        if said is not None:
-            found.append(
-                Incident(
-                    participant=opened["participant"],
-                    session=opened.get("session", 1),
-                    what=said[0],
-                    text=said[1],
-                    trial=payload.get("index"),
-                )
+        `attempts` and `aborted` count all attempts and the aborted ones (missing for a published
+        score); `abort_reasons` and `notes` are those of all attempts, one per line. The index is
+        that of the last attempt.
+        """
+        attempts = self.attempts.rename_axis("attempt_id").reset_index()
+        begun = attempts.groupby(TRIAL)
+        counted = begun["attempt"].max()
+        last = attempts.drop_duplicates(TRIAL, keep="last").set_index(TRIAL).sort_index()
+        return (
+            last.drop(columns=["attempt", "abort_reason"])
+            .assign(
+                attempts=counted,
+                aborted=begun["abort_reason"].count().where(counted.notna()).astype("Int64"),
+                abort_reasons=_lines(attempts, "abort_reason"),
+                notes=_lines(attempts, "notes"),
             )
-    return found
+            .reset_index()
+            .set_index("attempt_id")
+        )
+
+    @cached_property
+    def answered(self) -> pd.DataFrame:
+        """The trials that were answered, each with its last answer, in the order of the answers.
+
+        `place` counts the scored trials of a session from 1; `previous` is the condition of the
+        trial directly before, if that was scored too. Both are missing for trials without a score
+        and for published scores, whose order is unknown.
+        """
+        found = self.attempts[self.attempts["answered"]]
+        scored = found["trial_kind"].eq("trial")
+        session = found["session_id"]
+        after_scored = scored & scored.groupby(session).shift(fill_value=False)
+        return found.assign(
+            place=scored.groupby(session).cumsum().astype("Int64").where(scored),
+            previous=found.groupby("session_id")["condition"].shift().where(after_scored),
+        ).drop_duplicates(TRIAL, keep="last")
+
+    @cached_property
+    def places_m(self) -> "pd.Series[float]":
+        """The place of each touch, by `touch_id`: the finger's median position.
+
+        It is missing for a sliding finger and on a rig without sensors.
+        """
+        held = self.touches["place"].ne("path")
+        samples = self.traces[self.traces["force_n"].gt(LIFTED_N)]
+        places_m = samples.groupby("touch_id")["position_m"].median()
+        return places_m.reindex(self.touches.index).where(held)
 
 
-def _in_words(tag: str, payload: Mapping[str, Any]) -> tuple[str, str] | None:
-    """What a reader of the report is told of an event, None for what is no incident."""
-    if tag == "device-off" and payload.get("confirmed") is not False:
-        return None
-    if tag == "rig-described":
-        answers = payload.get("answers", {})
-        return "rig", "; ".join(f"{name}: {said}" for name, said in answers.items())
-    what = _INCIDENTS.get(tag)
-    if what is None:
-        return None
-    return what, str(payload.get("text") or payload.get("why") or "")
+def _lines(attempts: pd.DataFrame, column: str) -> "pd.Series[str]":
+    """Join the texts of each trial's attempts, one per line."""
+    return attempts.dropna(subset=[column]).groupby(TRIAL)[column].agg("\n".join)
 
 
-_INCIDENTS = {
-    "session-resumed": "resumed",
-    "practice-renewed": "practised again",
-    "paused": "paused",
-    "trial-aborted": "trial aborted",
-    "note": "note",
-    "device-off": "device off, not confirmed",
-}
+def load_sessions(chains: Iterable[Sequence[StoredEvent]]) -> Sessions:
+    """Return the sessions whose events `chains` yields, one session at a time.
 
-
-class Recorded(Protocol):
-    """An event of the journal: what happened, when, and what there is to say."""
-
-    @property
-    def tag(self) -> str:
-        """What happened."""
-
-    @property
-    def utc(self) -> datetime:
-        """Date and time."""
-
-    @property
-    def monotonic_s(self) -> float:
-        """Seconds of a clock that never runs backwards."""
-
-    @property
-    def payload(self) -> Mapping[str, Any]:
-        """What there is to say; empty once erased."""
-
-
-class NothingToExport(BadInput):
-    """A study without the trials that were asked for; the message says what to do."""
-
-
-def trials(chains: Iterable[Sequence[Recorded]], *, rehearsals: bool) -> Trials:
-    """Return every trial that was begun; those of rehearsals too if asked for.
-
-    What a participant gave who has withdrawn is not looked at, erased or not. Excluded trials
-    stay, marked. A published table has a trial for each of its scores.
-
-    Raises:
-        NothingToExport: there is no trial.
+    Events of a withdrawn session are not read, whether they are erased or not. The study's own
+    chain is skipped.
     """
-    sessions = [chain for chain in chains if chain and chain[0].tag != "study-amended"]
-    kept = [chain for chain in sessions if not any(event.tag == "withdrawn" for event in chain)]
-    wanted = [chain for chain in kept if rehearsals or _kind(chain) != "rehearsal"]
-    records = [_session_trials(chain) for chain in wanted]
-    found = tuple(trial for session in records for trial in session)
-    if not found:
-        raise NothingToExport(
-            "nothing but rehearsals here; name them with --rehearsals"
-            if len(kept) > len(wanted)
-            else "no trials here: nobody has begun one, or all have withdrawn"
-        )
-    return Trials(
-        trials=found,
-        rehearsals_left_out=len(kept) - len(wanted),
-        sessions_withdrawn=len(sessions) - len(kept),
-        sessions_without_trials=sum(not session for session in records),
+    rows = _Rows()
+    withdrawn = 0
+    for events in chains:
+        if not events or events[0].tag == StudyAmended.TAG:
+            continue
+        if any(event.tag == Withdrawn.TAG for event in events):
+            withdrawn += 1
+            continue
+        course = _Course(rows)
+        for event in events:
+            course.take(event)
+        course.end()
+    return Sessions(
+        sessions=table(SessionRow, rows.sessions),
+        attempts=table(AttemptRow, rows.attempts),
+        touches=table(TouchRow, rows.touches),
+        traces=rows.traces(),
+        incidents=tuple(rows.incidents),
+        exclusions=tuple(rows.exclusions),
+        withdrawn=withdrawn,
     )
-
-
-def _kind(chain: Sequence[Recorded]) -> str:
-    return str(chain[0].payload.get("kind", "published"))
-
-
-def _session_trials(chain: Sequence[Recorded]) -> tuple[TrialRecord, ...]:
-    if chain[0].tag == "scores-imported":
-        return _published_trials(chain)
-    course = _Course(chain[0].payload)
-    for event in chain[1:]:
-        course.take(event)
-    return course.records()
-
-
-def _published_trials(chain: Sequence[Recorded]) -> tuple[TrialRecord, ...]:
-    """A trial for each condition of an imported table; of how it was done nothing is known."""
-    table = chain[0].payload
-    session = SessionRecord(
-        participant=table["participant"],
-        number=table["session"],
-        kind="published",
-        opened=table,
-        conditions=tuple(table["conditions"]),
-        completed=True,
-        exclusion=_last_reason(chain),
-    )
-    return tuple(
-        TrialRecord(
-            session=session,
-            planned={"kind": "published", "condition": condition, "touches": ()},
-            answer={"score": table["scores"].get(condition)},
-        )
-        for condition in session.conditions
-    )
-
-
-def _last_reason(chain: Sequence[Recorded]) -> str | None:
-    reasons = [event.payload["reason"] for event in chain if event.tag == "session-excluded"]
-    return reasons[-1] if reasons else None
 
 
 @dataclass(kw_only=True)
-class _Begun:
-    """A trial on its way."""
+class _Rows:
+    """The rows of the sessions read so far; `samples` holds three numbers per sample of a trace."""
 
-    planned: Mapping[str, Any]
-    attempts: int = 0
-    abort_reasons: list[str] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-    touches: list[TouchRecord] = field(default_factory=list)
-    answer: Mapping[str, Any] = field(default_factory=dict)
-    resonance: Mapping[str, float] = field(default_factory=dict)
-    study_sha256: str | None = None
-    started: Recorded | None = None
-    answered: Recorded | None = None
+    sessions: list[SessionRow] = field(default_factory=list)
+    attempts: list[AttemptRow] = field(default_factory=list)
+    touches: list[TouchRow] = field(default_factory=list)
+    sampled: list[int] = field(default_factory=list)
+    samples: "array[float]" = field(default_factory=lambda: array("d"))
+    incidents: list[Incident] = field(default_factory=list)
+    exclusions: list[Exclusion] = field(default_factory=list)
+    study_texts: dict[str, str] = field(default_factory=dict)
 
-    def start(self, event: Recorded, resonance: Mapping[str, float]) -> None:
-        """Begin an attempt; what an earlier one left is forgotten, but not that there was one."""
-        self.attempts += 1
-        self.started, self.answered = event, None
-        self.touches, self.answer, self.resonance = [], {}, resonance
-
-    def record(self, session: SessionRecord, exclusion: str | None) -> TrialRecord:
-        """Return what the trial has come to."""
-        return TrialRecord(
-            session=session,
-            planned=self.planned,
-            answer=self.answer,
-            attempts=self.attempts,
-            abort_reasons=tuple(self.abort_reasons),
-            touches=tuple(self.touches),
-            started_utc=self.started.utc if self.started else None,
-            started_s=self.started.monotonic_s if self.started else None,
-            answered_utc=self.answered.utc if self.answered else None,
-            answered_s=self.answered.monotonic_s if self.answered else None,
-            resonance=self.resonance,
-            notes=tuple(self.notes),
-            exclusion=exclusion,
-            study_sha256=self.study_sha256,
-        )
+    def traces(self) -> pd.DataFrame:
+        """Return the samples, each with its touch."""
+        values = np.frombuffer(self.samples).reshape(-1, 3)
+        traces = pd.DataFrame(values, columns=list(TraceSample._fields))
+        return traces.assign(touch_id=self.sampled)
 
 
 class _Course:
-    """A session's course, event by event."""
+    """The fold over one session."""
 
-    def __init__(self, opened: Mapping[str, Any]) -> None:
-        self._opened = opened
-        self._planned = {trial["index"]: trial for trial in opened["trials"]}
-        self._study_sha256: str | None = opened.get("study_sha256")
-        self._begun: dict[int, _Begun] = {}
-        self._now = _Begun(planned={})
+    def __init__(self, rows: _Rows) -> None:
+        self._rows = rows
+        # Looking this method up takes longer than most of its work.
+        self._take_record = self._record
+        self._planned: dict[int, PlannedTrial] = {}
+        self._attempts: dict[int, list[AttemptRow]] = {}
         self._excluded: dict[int, str] = {}
-        self._session_exclusion: str | None = None
-        self._completed = False
-        self._device: str | None = None
+        self._early_notes: list[str] = []
         self._beam: str | None = None
-        self._noted: dict[str, str] = {}
-        self._resonance: Mapping[str, float] = {}
+        self._resonance: ResonanceMeasured | None = None
+        self._study_sha256: str | None = None
+        self._study_text: str | None = None
 
-    def take(self, event: Recorded) -> None:
-        """Take one more event in; tags that say nothing about trials are passed over."""
-        if event.tag in _TAKEN:
-            _TAKEN[event.tag](self, event)
+    @property
+    def _session(self) -> SessionRow:
+        return self._rows.sessions[-1]
 
-    def records(self) -> tuple[TrialRecord, ...]:
-        """Return the trials that were begun, in the order of the plan."""
-        opened = self._opened
-        session = SessionRecord(
-            participant=opened["participant"],
-            number=opened["session"],
-            kind=opened["kind"],
-            opened=opened,
-            conditions=tuple(opened["conditions"]),
-            completed=self._completed,
-            device=self._device,
-            operator_noted=self._noted,
-            exclusion=self._session_exclusion,
+    @property
+    def _attempt(self) -> AttemptRow:
+        """The running attempt, or the last one."""
+        return self._rows.attempts[-1]
+
+    def take(self, stored: StoredEvent) -> None:
+        """Add an event; those without a handler say nothing about trials."""
+        self._stored = stored
+        self._take_record(stored.record)
+
+    def end(self) -> None:
+        """Mark the excluded trials; the decision may precede a trial's last attempt."""
+        for index, why in self._excluded.items():
+            self._exclude(why, index)
+            for attempt in self._attempts.get(index, []):
+                attempt.exclusion = why
+
+    @singledispatchmethod
+    def _record(self, _: Event) -> None:
+        pass
+
+    @_record.register
+    def _scores_imported(self, event: ScoresImported) -> None:
+        """Add a trial for each condition; its course is unknown."""
+        self._rows.sessions.append(
+            SessionRow(
+                participant=event.participant,
+                session=event.session,
+                session_kind=event.kind,
+                conditions=event.conditions,
+                session_completed=True,
+                imported_from=event.source and f"{event.source} (SHA-256 {event.source_sha256})",
+            )
         )
-        return tuple(
-            begun.record(session, self._excluded.get(index))
-            for index, begun in sorted(self._begun.items())
+        self._rows.attempts += [
+            AttemptRow(
+                session_id=len(self._rows.sessions) - 1,
+                trial_index=index,
+                trial_kind=event.kind,
+                condition=condition,
+                answered=True,
+                score=event.scores.get(condition),
+            )
+            for index, condition in enumerate(event.conditions)
+        ]
+
+    @_record.register
+    def _session_opened(self, event: SessionOpened) -> None:
+        self._rows.sessions.append(
+            SessionRow(
+                participant=event.participant,
+                session=event.session,
+                session_kind=event.kind,
+                conditions=event.conditions,
+                language=event.language,
+                slot=event.slot,
+                seed=event.seed,
+                study_sha256=event.study_sha256,
+                versions=event.versions,
+            )
         )
+        self._under(event)
 
-    def _session_resumed(self, event: Recorded) -> None:
-        """The study may have been amended meanwhile, and what is to be touched with it."""
-        self._study_sha256 = event.payload.get("study_sha256", self._study_sha256)
-        self._planned |= {trial["index"]: trial for trial in event.payload.get("trials", ())}
+    @_record.register
+    def _session_resumed(self, event: SessionResumed) -> None:
+        self._under(event)
+        self._incident("resumed")
 
-    def _device_armed(self, event: Recorded) -> None:
-        self._device = event.payload.get("idn")
+    def _under(self, event: SessionOpened | SessionResumed) -> None:
+        """Continue with the study and the plan with which the session was opened or resumed."""
+        self._planned |= {trial.index: trial for trial in event.trials}
+        self._study_sha256 = event.study_sha256 or self._study_sha256
+        if event.study_text is not None:
+            # One copy of the text, which most sessions share.
+            self._study_text = self._rows.study_texts.setdefault(event.study_text, event.study_text)
 
-    def _rig_described(self, event: Recorded) -> None:
-        self._noted |= event.payload.get("answers", {})
+    @_record.register
+    def _practice_renewed(self, _: PracticeRenewed) -> None:
+        self._incident("practised again")
 
-    def _beam_mounted(self, event: Recorded) -> None:
-        self._beam = event.payload["beam"]
+    @_record.register
+    def _device_armed(self, event: DeviceArmed) -> None:
+        self._session.device = event.idn
 
-    def _resonance_measured(self, event: Recorded) -> None:
-        self._resonance = event.payload
+    @_record.register
+    def _rig_described(self, event: RigDescribed) -> None:
+        self._session.operator_noted = {**self._session.operator_noted, **event.answers}
+        self._incident("rig", "; ".join(f"{name}: {said}" for name, said in event.answers.items()))
 
-    def _trial_started(self, event: Recorded) -> None:
-        index = event.payload["index"]
-        before_any = self._now.notes if not self._begun else []
-        self._now = self._begun.setdefault(index, _Begun(planned=self._planned[index]))
-        self._now.planned, self._now.study_sha256 = self._planned[index], self._study_sha256
-        self._now.notes.extend(before_any)
-        self._now.start(event, self._resonance)
+    @_record.register
+    def _beam_mounted(self, event: BeamMounted) -> None:
+        self._beam = event.beam
 
-    def _touch_started(self, event: Recorded) -> None:
-        self._now.touches.append(
-            TouchRecord(
-                planned=self._now.planned["touches"][event.payload["touch"]],
+    @_record.register
+    def _resonance_measured(self, event: ResonanceMeasured) -> None:
+        self._resonance = event
+
+    @_record.register
+    def _trial_started(self, event: TrialStarted) -> None:
+        planned, resonance = self._planned[event.index], self._resonance
+        attempts = self._attempts.setdefault(event.index, [])
+        attempt = AttemptRow(
+            session_id=len(self._rows.sessions) - 1,
+            trial_index=event.index,
+            attempt=len(attempts) + 1,
+            block=planned.block,
+            trial_kind=planned.kind,
+            condition=planned.condition,
+            level=planned.level,
+            opposite=planned.opposite,
+            question=planned.question,
+            expected=planned.expected,
+            notes="\n".join(self._early_notes) or None,
+            started_utc=self._stored.utc,
+            started_monotonic_s=self._stored.monotonic_s,
+            resonance_hz=resonance.frequency_hz if resonance else None,
+            resonance_tip_m_per_v=resonance.tip_m_per_v if resonance else None,
+            study_sha256=self._study_sha256,
+            study_text=self._study_text,
+        )
+        self._early_notes = []
+        attempts.append(attempt)
+        self._rows.attempts.append(attempt)
+
+    @_record.register
+    def _touch_started(self, event: TouchStarted) -> None:
+        touches = self._planned[self._attempt.trial_index].touches
+        planned = _touch(tuple(sorted(touches[event.touch].items())))
+        self._rows.touches.append(
+            TouchRow(
+                attempt_id=len(self._rows.attempts) - 1,
+                planned=planned,
                 beam=self._beam,
-                commanded=event.payload["commanded"],
+                place=planned.place,
+                direction=planned.direction,
+                coverage=planned.coverage,
+                press=planned.press,
+                planned_voltage_v=planned.voltage_v,
+                planned_end_voltage_v=planned.end_voltage_v,
+                planned_frequency=planned.frequency,
+                planned_end_frequency=planned.end_frequency,
+                commanded_voltage_v=event.commanded.voltage_v,
+                commanded_frequency_hz=event.commanded.frequency_hz,
             )
         )
 
-    def _touch_ended(self, event: Recorded) -> None:
-        read_back, judged = event.payload["read_back"], event.payload["judged"]
-        self._now.touches[-1] = replace(self._now.touches[-1], read_back=read_back, judged=judged)
+    @_record.register
+    def _touch_ended(self, event: TouchEnded) -> None:
+        touch = self._rows.touches[-1]
+        touch.force_n = event.judged.force_n
+        touch.force_ok = event.judged.force_ok
+        touch.place_ok = event.judged.place_ok
+        if event.read_back:
+            start, end = event.read_back[0], event.read_back[-1]
+            touch.start_voltage_v, touch.end_voltage_v = start.voltage_v, end.voltage_v
+            touch.start_frequency_hz, touch.end_frequency_hz = start.frequency_hz, end.frequency_hz
+            touch.start_monitor_v, touch.end_monitor_v = start.monitor_v, end.monitor_v
+        self._rows.sampled += [len(self._rows.touches) - 1] * len(event.trace)
+        self._rows.samples.extend(chain.from_iterable(event.trace))
 
-    def _answered(self, event: Recorded) -> None:
-        self._now.answer, self._now.answered = event.payload, event
+    @_record.register
+    def _answered(self, event: Answered) -> None:
+        attempt = self._attempt
+        attempt.answered = True
+        attempt.change, attempt.agrees, attempt.score = event.change, event.agrees, event.score
+        times_s: Sequence[float | None] = (*event.reaction_time_s, None, None)
+        attempt.reaction_time_s, attempt.score_reaction_time_s = times_s[:2]
+        attempt.answered_utc = self._stored.utc
+        began_s = attempt.started_monotonic_s
+        if began_s is not None:
+            attempt.duration_s = round(self._stored.monotonic_s - began_s, 6)
 
-    def _trial_aborted(self, event: Recorded) -> None:
-        self._now.abort_reasons.append(event.payload["why"])
+    @_record.register
+    def _trial_aborted(self, event: TrialAborted) -> None:
+        self._attempt.abort_reason = event.why
+        self._incident("trial aborted", event.why, event.index)
 
-    def _note(self, event: Recorded) -> None:
-        """A note belongs to the trial that runs or was last begun, else to the first one."""
-        self._now.notes.append(event.payload["text"])
+    @_record.register
+    def _paused(self, _: Paused) -> None:
+        self._incident("paused")
 
-    def _trial_excluded(self, event: Recorded) -> None:
-        self._excluded[event.payload["index"]] = event.payload["reason"]
+    @_record.register
+    def _note_taken(self, event: NoteTaken) -> None:
+        """Add a note to the running or the last attempt, or else to the first one to come."""
+        if self._attempts:
+            told = self._attempt.notes
+            self._attempt.notes = event.text if told is None else f"{told}\n{event.text}"
+        else:
+            self._early_notes.append(event.text)
+        self._incident("note", event.text)
 
-    def _session_excluded(self, event: Recorded) -> None:
-        self._session_exclusion = event.payload["reason"]
+    @_record.register
+    def _device_off(self, event: DeviceOff) -> None:
+        if not event.confirmed:
+            self._incident("device off, not confirmed", event.why)
 
-    def _session_completed(self, _: Recorded) -> None:
-        self._completed = True
+    @_record.register
+    def _session_completed(self, _: SessionCompleted) -> None:
+        self._session.session_completed = True
+
+    @_record.register
+    def _trial_excluded(self, event: TrialExcluded) -> None:
+        self._excluded[event.index] = event.reason
+
+    @_record.register
+    def _session_excluded(self, event: SessionExcluded) -> None:
+        self._session.exclusion = event.reason
+        self._exclude(event.reason)
+
+    def _incident(self, what: str, text: str = "", trial: int | None = None) -> None:
+        session = self._session
+        self._rows.incidents.append(
+            Incident(
+                participant=session.participant,
+                session=session.session,
+                what=what,
+                text=text,
+                trial=trial,
+            )
+        )
+
+    def _exclude(self, why: str, trial: int | None = None) -> None:
+        session = self._session
+        self._rows.exclusions.append(
+            Exclusion(
+                participant=session.participant,
+                session=session.session,
+                trial=trial,
+                by="operator",
+                why=why,
+            )
+        )
 
 
-_TAKEN: Mapping[str, Callable[[_Course, Recorded], None]] = {
-    "session-resumed": _Course._session_resumed,
-    "device-armed": _Course._device_armed,
-    "rig-described": _Course._rig_described,
-    "beam-mounted": _Course._beam_mounted,
-    "resonance-measured": _Course._resonance_measured,
-    "trial-started": _Course._trial_started,
-    "touch-started": _Course._touch_started,
-    "touch-ended": _Course._touch_ended,
-    "answered": _Course._answered,
-    "trial-aborted": _Course._trial_aborted,
-    "note": _Course._note,
-    "trial-excluded": _Course._trial_excluded,
-    "session-excluded": _Course._session_excluded,
-    "session-completed": _Course._session_completed,
-}
+@lru_cache(maxsize=1024)
+def _touch(planned: tuple[tuple[str, Any], ...]) -> Touch:
+    """Return the planned touch; a study has few different ones, each of which is validated once."""
+    return Touch.model_validate(dict(planned))

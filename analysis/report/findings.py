@@ -1,13 +1,12 @@
 """Findings of a study: its data and all results computed from them for the report."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
 from analysis.loading.missing_scores import notes
 from analysis.loading.published import SCALE
-from analysis.loading.sessions import TrialRow
+from analysis.loading.records import values
 from analysis.loading.study_data import StudyData
 from analysis.report.as_json import plain
 from analysis.statistics.summary import TableStatistics
@@ -62,8 +61,8 @@ class Findings:
 
     @cached_property
     def trial_records(self) -> list[dict[str, Any]]:
-        """A record per analysed trial, with its predictions."""
-        return trial_records(self.loaded.rows, self.trials.contrasts)
+        """A record per trial that counts, with its predictions."""
+        return trial_records(self.loaded, self.trials.contrasts)
 
     @property
     def table_notes(self) -> list[str]:
@@ -87,25 +86,34 @@ class Findings:
         return Scale(*SCALE) if self.published else Scale(rating.minimum, rating.maximum)
 
 
-def trial_records(rows: Sequence[TrialRow], contrasts: TrialContrasts) -> list[dict[str, Any]]:
-    """Return a record per analysed trial, with the contrast that each law predicts."""
-    by_law = {law: values.tolist() for law, values in contrasts.by_law.items()}
+_TRIAL_COLUMNS = {
+    "subject": "participant",
+    "session": "session",
+    "index": "trial_index",
+    "kind": "trial_kind",
+    "condition": "condition",
+    "level": "level",
+    "opposite": "opposite",
+    "place": "place",
+    "change": "change",
+    "agrees": "agrees",
+    "score": "score",
+    "reaction_s": "reaction_time_s",
+}
+"""What a trial's record holds, and the column it comes from."""
+
+
+def trial_records(loaded: StudyData, contrasts: TrialContrasts) -> list[dict[str, Any]]:
+    """Return a record per trial that counts, with the contrast that each law predicts."""
+    trials = zip(*(values(loaded.trials[name]) for name in _TRIAL_COLUMNS.values()), strict=True)
+    by_law = zip(*(plain(contrast) for contrast in contrasts.by_law.values()), strict=True)
     return [
         {
-            "subject": row.participant,
-            "session": row.session,
-            "index": row.index,
-            "kind": row.kind,
-            "condition": row.condition,
-            "level": row.level,
-            "opposite": row.opposite,
-            "place": row.place,
-            "change": row.change,
-            "agrees": row.agrees,
-            "score": plain(row.score),
-            "reaction_s": row.reaction_s,
-            "measured": bool(contrasts.measured[number]),
-            "predicted": {law: plain(values[number]) for law, values in by_law.items()},
+            **dict(zip(_TRIAL_COLUMNS, trial, strict=True)),
+            "measured": measured,
+            "predicted": dict(zip(contrasts.by_law, predicted, strict=True)),
         }
-        for number, row in enumerate(rows)
+        for trial, measured, predicted in zip(
+            trials, contrasts.measured.tolist(), by_law, strict=True
+        )
     ]

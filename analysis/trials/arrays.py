@@ -4,20 +4,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 
 from analysis.estimates import FloatArray, IntArray
-from analysis.loading.sessions import TrialRow
+from analysis.loading.sessions import is_scored
 from analysis.loading.study_data import StudyData
 from analysis.sensitivity.joint_model import EXPECTED, OPPOSITE, SAME
 from analysis.sensitivity.ratings import Ratings
 from analysis.trials.contrasts import TrialContrasts
-from protocol.study.questions import no_change
+from protocol.study.questions import ANSWERS, no_change
 from protocol.study.study import Study
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ScoredTrials:
-    """The trials that count for Table 4, in the order of `rows`; see `Ratings` for the arrays.
+    """The trials that count for Table 4, in the order of `trials`; see `Ratings` for the arrays.
 
     `ratings` has the contrasts of the law `consistent` and, of all laws, only trials with a
     prediction; `contrasts` has the same trials by law. `every` are all trials, predicted or not,
@@ -35,65 +36,62 @@ LAW = "consistent"
 """The law under which sensitivities are estimated: the only one with the right limits."""
 
 
-def scored_trials(loaded: StudyData, contrasts: TrialContrasts) -> ScoredTrials:
+def scored_trials(data: StudyData, contrasts: TrialContrasts) -> ScoredTrials:
     """Return the trials with a score, or with one that was not given."""
-    scored = np.array([row.is_scored for row in loaded.rows], dtype=np.bool_)
-    rows = [row for row in loaded.rows if row.is_scored]
+    scored = is_scored(data.trials)
+    trials = data.trials[scored]
     by_law = {law: values[scored] for law, values in contrasts.by_law.items()}
     predicted = np.asarray(np.isfinite(list(by_law.values())).all(axis=0))
-    every = ratings_of(loaded, rows, np.zeros(len(rows)))
-    named = ratings_of(loaded, rows, np.where(predicted, by_law[LAW], 0.0)).where(predicted)
-    names = {name: column for column, name in enumerate(loaded.table.conditions)}
+    every = ratings_of(data, trials, np.zeros(len(trials)))
+    named = ratings_of(data, trials, np.where(predicted, by_law[LAW], 0.0)).where(predicted)
     return ScoredTrials(
         ratings=named,
         contrasts={law: values[predicted] for law, values in by_law.items()},
         every=every,
-        place=np.array([row.place or 0 for row in rows], dtype=np.int64),
-        previous=np.array([names.get(row.previous or "", -1) for row in rows], dtype=np.int64),
+        place=trials["place"].to_numpy(np.int64, na_value=0),
+        previous=_positions(trials["previous"], data.table.conditions),
     )
 
 
-def ratings_of(loaded: StudyData, rows: Sequence[TrialRow], contrast: FloatArray) -> Ratings:
+def ratings_of(data: StudyData, trials: pd.DataFrame, contrast: FloatArray) -> Ratings:
     """Return trials as arrays; their conditions must be among those of the table."""
-    subjects = {name: row for row, name in enumerate(loaded.table.subjects)}
-    conditions = {name: column for column, name in enumerate(loaded.table.conditions)}
     return Ratings(
-        subjects=loaded.table.subjects,
-        conditions=loaded.table.conditions,
-        subject=np.array([subjects[row.participant] for row in rows], dtype=np.int64),
-        condition=np.array([conditions[row.condition or ""] for row in rows], dtype=np.int64),
+        subjects=data.table.subjects,
+        conditions=data.table.conditions,
+        subject=_positions(trials["participant"], data.table.subjects),
+        condition=_positions(trials["condition"], data.table.conditions),
         contrast=contrast,
-        rating=np.array([row.score for row in rows], dtype=np.float64),
+        rating=trials["score"].to_numpy(),
     )
+
+
+def _positions(names: "pd.Series[str]", known: Sequence[str]) -> IntArray:
+    """Return the position of each name among `known`, -1 for any other."""
+    return pd.Index(known).get_indexer(pd.Index(names))
 
 
 def detection_trials(
-    loaded: StudyData, contrasts: TrialContrasts, study: Study
+    data: StudyData, contrasts: TrialContrasts, study: Study
 ) -> tuple[Ratings, IntArray]:
     """Return scored and catch trials with what was answered, for change detection.
 
     Contrasts and answers are told relative to what the condition expects, so that a trial in the
     opposite order has a negative contrast, and its right answer is the opposite one.
     """
-    expected = {condition.name: condition.expected for condition in study.condition}
-    chosen = [
-        number
-        for number, row in enumerate(loaded.rows)
-        if row.kind in {"trial", "catch"}
-        and row.change is not None
-        and row.condition in expected
-        and np.isfinite(contrasts.by_law[LAW][number])
-    ]
-    rows = [loaded.rows[number] for number in chosen]
-    turned = np.array([-1.0 if row.opposite else 1.0 for row in rows])
-    answers = [_answer(row, expected[row.condition or ""]) for row in rows]
-    signed = contrasts.by_law[LAW][chosen] * turned
+    expected = data.trials["condition"].map(
+        {entry.name: entry.expected for entry in study.condition}
+    )
+    chosen = (
+        data.trials["trial_kind"].isin(["trial", "catch"])
+        & data.trials["change"].notna()
+        & expected.notna()
+        & np.isfinite(contrasts.by_law[LAW])
+    )
+    trials = data.trials[chosen]
+    same = trials["change"].eq(
+        trials["question"].map({asked: no_change(asked) for asked in ANSWERS})
+    )
+    answers = np.select([trials["change"].eq(expected[chosen]), same], [EXPECTED, SAME], OPPOSITE)
     # -0.0 and 0.0 are one contrast.
-    return ratings_of(loaded, rows, signed + 0.0), np.array(answers, dtype=np.int64)
-
-
-def _answer(row: TrialRow, expected: str) -> int:
-    assert row.question is not None
-    if row.change == expected:
-        return EXPECTED
-    return SAME if row.change == no_change(row.question) else OPPOSITE
+    signed = contrasts.by_law[LAW][chosen] * np.where(trials["opposite"], -1.0, 1.0) + 0.0
+    return ratings_of(data, trials, signed), answers

@@ -1,17 +1,23 @@
 """The contrast that each friction law predicts for each trial, under what was really done."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
+from math import isfinite
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from analysis.estimates import FloatArray
-from analysis.loading.sessions import Drive, TouchDone, TrialRow
+from analysis.estimates import BoolArray, FloatArray
 from device.beam.beam import Beam
 from device.friction.changes import CONDITIONS, Change, Moment, trial_change
 from device.friction.contrasts import predicted_contrast
 from device.friction.laws import LAWS
+from protocol.study.questions import Question
 from protocol.study.study import Study
+from protocol.study.touch import Touch
+from protocol.study_file.loading import StudyError, parsed_study
 
 FORCE_STEP = 0.05
 PLACE_STEP_M = 0.0005
@@ -31,65 +37,136 @@ class TrialContrasts:
     """
 
     by_law: dict[str, FloatArray]
-    measured: np.typing.NDArray[np.bool_]
+    measured: BoolArray
 
 
-def trial_contrasts(study: Study, rows: Sequence[TrialRow]) -> TrialContrasts:
+def trial_contrasts(study: Study, trials: pd.DataFrame, touches: pd.DataFrame) -> TrialContrasts:
     """Return the contrasts of all trials under every law.
 
     The study that was in force (`study` where the journal does not hold it) gives the finger's
     force, place, path and speed; where the rig measured force, place, amplitude and frequency
     (relative to its own resonance), those are taken instead, force and place in steps. For
     published scores nothing of this is known: the condition's standard scenes are taken.
+
+    Args:
+        study: the present study.
+        trials: as in `StudyData`, or some of them.
+        touches: those of `trials`.
     """
-    changes = [_change(row.study or study, row) for row in rows]
-    by_law = {}
-    for law in LAWS:
-        # Trials whose touches were alike share a prediction.
-        known: dict[Change, float] = {}
-        by_law[law] = np.array([_contrast(change, law, known) for change in changes])
+    changes = _changes(study, trials, touches)
+    # Trials whose touches were alike share a prediction.
+    number_of = {change: number for number, change in enumerate(dict.fromkeys(changes))}
+    numbers = [number_of[change] for change in changes]
+    measured = touches["attempt_id"][touches["force_n"].notna() | touches["place_m"].notna()]
     return TrialContrasts(
-        by_law=by_law,
-        measured=np.array([any(map(_is_measured, row.touches)) for row in rows], dtype=np.bool_),
+        by_law={
+            law: np.array([_contrast(change, law) for change in number_of], float)[numbers]
+            for law in LAWS
+        },
+        measured=trials.index.isin(measured),
     )
 
 
-def _contrast(change: Change | None, law: str, known: dict[Change, float]) -> float:
-    if change is None:
-        return float("nan")
-    if change not in known:
-        known[change] = predicted_contrast(change, law, RUNG)
-    return known[change]
+def _contrast(change: Change | None, law: str) -> float:
+    return float("nan") if change is None else predicted_contrast(change, law, RUNG)
 
 
-def _change(study: Study, row: TrialRow) -> Change | None:
-    """The change that the trial's touches made; None where nothing was asked, or not of a beam."""
-    if row.kind == "published" and (standard := CONDITIONS.get(row.condition or "")):
-        return standard
-    planned = [done.planned for done in row.touches]
-    beams = {touch.beam for touch in planned if touch.beam is not None}
-    if row.question is None or not planned or not beams <= study.beams.keys():
+_ASKED = ["trial_kind", "condition", "question", "expected", "resonance_hz", "study_text"]
+_FELT = [
+    "attempt_id",
+    "planned",
+    "force_n",
+    "place_m",
+    "start_voltage_v",
+    "start_frequency_hz",
+    "end_voltage_v",
+    "end_frequency_hz",
+]
+"""The columns of trials and of touches that the felt change depends on."""
+
+
+def _changes(study: Study, trials: pd.DataFrame, touches: pd.DataFrame) -> list[Change | None]:
+    """Return the change that each trial made, None where none is known."""
+
+    @cache
+    def in_force(text: str | None) -> Study:
+        return _readable(text) or study
+
+    # Most trials share their plan with others.
+    @cache
+    def planned_change(text: str | None, *planned: Any) -> Change | None:
+        return _planned_change(in_force(text), *planned)
+
+    made: dict[Any, list[Any]] = {attempt: [] for attempt in trials.index}
+    for touch in touches[_FELT].itertuples():
+        made[touch.attempt_id].append(touch)
+    asked = trials[_ASKED].astype(object).where(trials[_ASKED].notna(), None)
+    return [
+        _change(trial, own, planned_change)
+        for trial, own in zip(asked.itertuples(), made.values(), strict=True)
+    ]
+
+
+def _readable(text: str | None) -> Study | None:
+    """Parse a study file's text; return None without one, or if this version cannot read it."""
+    try:
+        return None if text is None else parsed_study(text)
+    except StudyError:
         return None
-    change = trial_change(study, row.question, row.expected, planned)
-    first, last = row.touches[0], row.touches[-1]
-    started_at_rest = len(planned) == 1 and first.planned.programme == "hold"
-    before = _felt(change.before, first, None if started_at_rest else first.start)
-    after = _felt(change.after, last, last.end)
-    if change.effect == "friction" and last.place_m is not None:
-        place_m = stepped(last.place_m, change.places_m[0], PLACE_STEP_M)
+
+
+def _planned_change(
+    study: Study, question: Question | None, expected: str | None, planned: tuple[Touch, ...]
+) -> Change | None:
+    """Return the change as planned; None without a question or with an unknown beam."""
+    beams = {touch.beam for touch in planned if touch.beam is not None}
+    if question is None or not planned or not beams <= study.beams.keys():
+        return None
+    return trial_change(study, question, expected, planned)
+
+
+def _change(
+    trial: Any, touches: Sequence[Any], planned_change: Callable[..., Change | None]
+) -> Change | None:
+    if trial.trial_kind == "published":
+        return CONDITIONS.get(trial.condition)
+    planned = tuple(touch.planned for touch in touches)
+    change = planned_change(trial.study_text, trial.question, trial.expected, planned)
+    return None if change is None else _felt_change(change, touches, trial.resonance_hz)
+
+
+def _felt_change(change: Change, touches: Sequence[Any], resonance_hz: float | None) -> Change:
+    """Return the planned change with measured values in place of planned ones."""
+    first, last = touches[0], touches[-1]
+    before = _pressed(change.before, first)
+    if len(touches) > 1 or first.planned.programme != "hold":  # else it started at rest
+        before = _driven(before, first.start_voltage_v, first.start_frequency_hz, resonance_hz)
+    after = _pressed(change.after, last)
+    after = _driven(after, last.end_voltage_v, last.end_frequency_hz, resonance_hz)
+    places_m = change.places_m
+    if change.effect == "friction" and isfinite(last.place_m):
+        place_m = stepped(last.place_m, places_m[0], PLACE_STEP_M)
         if 0 <= place_m <= _BEAM_M:
-            change = replace(change, places_m=(place_m,))
-    return replace(change, before=before, after=after)
+            places_m = (place_m,)
+    return replace(change, before=before, after=after, places_m=places_m)
 
 
-def _felt(moment: Moment, done: TouchDone, drive: Drive | None) -> Moment:
-    """The moment with what was measured of it in place of what was planned."""
-    if done.force_n is not None:
-        step_n = FORCE_STEP * moment.force_n
-        moment = replace(moment, force_n=stepped(done.force_n, moment.force_n, step_n))
-    if drive is not None:
-        moment = replace(moment, voltage_v=drive.voltage_v, frequency=drive.frequency)
-    return moment
+def _pressed(moment: Moment, touch: Any) -> Moment:
+    """Return the moment with the measured force, if there is one."""
+    if not isfinite(touch.force_n):
+        return moment
+    step_n = FORCE_STEP * moment.force_n
+    return replace(moment, force_n=stepped(touch.force_n, moment.force_n, step_n))
+
+
+def _driven(
+    moment: Moment, voltage_v: float, frequency_hz: float, resonance_hz: float | None
+) -> Moment:
+    """Return the moment with the drive that was read back, if there is one."""
+    if not isfinite(voltage_v) or resonance_hz is None:
+        return moment
+    frequency = round(frequency_hz / resonance_hz, 6)
+    return replace(moment, voltage_v=round(voltage_v, 3), frequency=frequency)
 
 
 def stepped(measured: float, planned: float, step: float) -> float:
@@ -100,7 +177,3 @@ def stepped(measured: float, planned: float, step: float) -> float:
     """
     # Twelve digits, so that the sum is that decimal number and no neighbour of it.
     return float(f"{planned + round((measured - planned) / step) * step:.12g}")
-
-
-def _is_measured(done: TouchDone) -> bool:
-    return done.force_n is not None or done.place_m is not None

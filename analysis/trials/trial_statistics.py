@@ -1,13 +1,12 @@
 """Everything that is computed from single trials: sensitivities, laws, and checks."""
 
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 
 from analysis.estimates import FloatArray, NotEstimable
-from analysis.loading.sessions import TrialRow
 from analysis.loading.study_data import StudyData
 from analysis.sensitivity.checks import (
     Discrimination,
@@ -45,34 +44,37 @@ class CatchAnswers:
     subjects: Mapping[str, Discrimination | NotEstimable]
 
 
-def catch_answers(rows: Sequence[TrialRow]) -> CatchAnswers:
+def catch_answers(trials: pd.DataFrame) -> CatchAnswers:
     """Return how often a change was reported with a signal (hits) and without (false alarms).
 
     Both rates count the same event, any answer but `same` or `not swapped`: a hit need not be in
     the expected direction, as a false alarm has none. A scored trial whose condition expects no
     change is neither.
     """
-    hits, signals, alarms, catches = Counter[str](), Counter[str](), Counter[str](), Counter[str]()
-    for row in rows:
-        if row.change is None:
-            continue
-        if row.kind == "trial" and row.expected not in _NO_CHANGE:
-            signals[row.participant] += 1
-            hits[row.participant] += row.change not in _NO_CHANGE
-        elif row.kind == "catch":
-            catches[row.participant] += 1
-            alarms[row.participant] += row.change not in _NO_CHANGE
+    asked = trials[trials["change"].notna()]
+    reported = ~asked["change"].isin(_NO_CHANGE)
+    signal = asked["trial_kind"].eq("trial") & ~asked["expected"].isin(_NO_CHANGE)
+    hits = _counted(reported[signal], asked["participant"])
+    alarms = _counted(reported[asked["trial_kind"].eq("catch")], asked["participant"])
+    none = (0, 0)
     return CatchAnswers(
         overall=discrimination(
-            (hits.total(), signals.total()),
-            (alarms.total(), catches.total()),
-            people=len(signals.keys() | catches.keys()),
+            _pooled(hits), _pooled(alarms), people=len(hits.keys() | alarms.keys())
         ),
-        subjects={
-            who: discrimination((hits[who], signals[who]), (alarms[who], catches[who]))
-            for who in catches
-        },
+        subjects={who: discrimination(hits.get(who, none), alarms[who]) for who in alarms},
     )
+
+
+def _counted(
+    reported: "pd.Series[bool]", participant: "pd.Series[str]"
+) -> dict[str, tuple[int, int]]:
+    """Return the number of reported changes and of trials, by participant."""
+    counts = reported.groupby(participant, sort=False).agg(["sum", "count"])
+    return {who: (told, trials) for who, told, trials in counts.itertuples(name=None)}
+
+
+def _pooled(counts: Mapping[str, tuple[int, int]]) -> tuple[int, int]:
+    return sum(told for told, _ in counts.values()), sum(trials for _, trials in counts.values())
 
 
 PAPERS_RANKING = "paper's ranking"
@@ -127,10 +129,10 @@ class TrialStatistics:
         return len(np.unique(cells, axis=1).T) < len(ratings.rating)
 
 
-def trial_statistics(loaded: StudyData, study: Study) -> TrialStatistics:
+def trial_statistics(data: StudyData, study: Study) -> TrialStatistics:
     """Return the statistics of the trials that count."""
-    contrasts = trial_contrasts(study, loaded.rows)
-    scored = scored_trials(loaded, contrasts)
+    contrasts = trial_contrasts(study, data.trials, data.touches)
+    scored = scored_trials(data, contrasts)
     ordered = bool((scored.place > 0).any())
     return TrialStatistics(
         contrasts=contrasts,
@@ -138,13 +140,13 @@ def trial_statistics(loaded: StudyData, study: Study) -> TrialStatistics:
         ordinal={link: _ordinal(scored, link) for link in ("probit", "logit")},
         m1=linear_sensitivity(scored.ratings),
         m2=ordinal_sensitivity(scored.ratings),
-        m3=joint_sensitivity(*detection_trials(loaded, contrasts, study)),
-        laws=_laws(loaded, scored),
+        m3=joint_sensitivity(*detection_trials(data, contrasts, study)),
+        laws=_laws(data, scored),
         drift=drift(scored.every, scored.place) if ordered else _UNORDERED,
         order=order_effect(scored.every, scored.place) if ordered else _UNORDERED,
         carry_over=carry_over(scored.every, scored.previous) if ordered else _UNORDERED,
-        catch=catch_answers(loaded.rows),
-        signal=_signal(loaded.rows, contrasts),
+        catch=catch_answers(data.trials),
+        signal=_signal(data.trials, contrasts),
     )
 
 
@@ -159,35 +161,35 @@ def _ordinal(scored: ScoredTrials, link: str) -> OrdinalEffects | NotEstimable:
     )
 
 
-def _laws(loaded: StudyData, scored: ScoredTrials) -> tuple[LawScore, ...]:
+def _laws(data: StudyData, scored: ScoredTrials) -> tuple[LawScore, ...]:
     likelihoods = law_likelihoods(scored.ratings, scored.contrasts)
-    observed = table4(loaded.table).column_means
+    observed = table4(data.table).column_means
     found = [
         _law_score(
             law,
-            loaded,
+            data,
             _mean_by_condition(scored.ratings.condition, values, observed.size),
             observed,
             likelihoods[law],
         )
         for law, values in scored.contrasts.items()
     ]
-    if not loaded.table.conditions or not set(_CLAIMED) <= set(loaded.table.conditions):
+    if not data.table.conditions or not set(_CLAIMED) <= set(data.table.conditions):
         return tuple(found)
-    claimed = np.array([_CLAIMED.get(name, 0.0) for name in loaded.table.conditions])
+    claimed = np.array([_CLAIMED.get(name, 0.0) for name in data.table.conditions])
     nobody = NotEstimable(reason="the claim ranks conditions and says nothing of single persons")
-    return (*found, _law_score(PAPERS_RANKING, loaded, claimed, observed, nobody))
+    return (*found, _law_score(PAPERS_RANKING, data, claimed, observed, nobody))
 
 
 def _law_score(
     law: str,
-    loaded: StudyData,
+    data: StudyData,
     predicted: FloatArray,
     observed: FloatArray,
     likelihood: LawLikelihood | NotEstimable,
 ) -> LawScore:
     known = ~np.isnan(predicted)
-    names = tuple(np.array(loaded.table.conditions, dtype=object)[known])
+    names = tuple(np.array(data.table.conditions, dtype=object)[known])
     return LawScore(
         law=law,
         predicted=dict(zip(names, predicted[known].tolist(), strict=True)),
@@ -204,13 +206,13 @@ def _mean_by_condition(
     return np.asarray(np.divide(sums, counts, out=np.full(count, np.nan), where=counts > 0))
 
 
-def _signal(rows: Sequence[TrialRow], contrasts: TrialContrasts) -> SignalAnswers:
-    answered = [n for n, row in enumerate(rows) if row.kind == "signal" and row.agrees is not None]
-    agreed = sum(bool(rows[number].agrees) for number in answered)
-    if not answered:
+def _signal(trials: pd.DataFrame, contrasts: TrialContrasts) -> SignalAnswers:
+    answered = trials["trial_kind"].eq("signal") & trials["agrees"].notna()
+    agreed = int(trials["agrees"][answered].sum())
+    if not answered.any():
         predicted = {law: predicted_contrast(CONDITIONS["signal"], law, RUNG) for law in LAWS}
     else:
         predicted = {
             law: float(np.mean(values[answered])) for law, values in contrasts.by_law.items()
         }
-    return SignalAnswers(felt=proportion(agreed, len(answered)), predicted=predicted)
+    return SignalAnswers(felt=proportion(agreed, int(answered.sum())), predicted=predicted)

@@ -107,7 +107,7 @@ def export(
     _warn_of_broken(broken, study)
     texts = EXPORTS[as_format](data)
     write_new_folder({name: text.encode() for name, text in texts.items()}, folder)
-    typer.echo(f"Written: {folder}, {data.trials.summary()}")
+    typer.echo(f"Written: {folder}, {data.summary()}")
 
 
 @app.command(cls=Choosing)
@@ -212,11 +212,8 @@ def write_report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json:
     broken: list[str] = []
     with study_journal(folder) as journal:
         study = folder.study()
-        sessions = (
-            [(event.tag, event.payload) for event in events]
-            for events in readable_chains(journal, broken)
-        )
-        found = load_study_data(sessions, rehearsals=rehearsals, rules=study.exclusions)
+        chains = readable_chains(journal, broken)
+        found = load_study_data(chains, rehearsals=rehearsals, rules=study.exclusions)
     title = folder.path.resolve().name
     origin = Origin(
         command=f"touchbeam report {title}{' --rehearsals' if rehearsals else ''}",

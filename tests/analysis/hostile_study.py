@@ -4,7 +4,6 @@ import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
-from typing import Any
 
 from protocol.journal.events import StoredEvent
 from protocol.journal.state import folded
@@ -204,19 +203,6 @@ def _dropped_out(session: Written) -> Written:
     session.start(first)
     session.answer(first, None)
     session.add("trial-started", index=second.index, kind=second.kind)
-    session.add("touch-started", touch=0, commanded={"voltage_v": 100.0, "frequency_hz": 24_000.0})
+    drive = {"voltage_v": 100.0, "frequency_hz": 24_000.0, "ramp_v_per_s": 400.0}
+    session.add("touch-started", touch=0, commanded=drive)
     return session
-
-
-def imported(participant: str, scores: Mapping[str, float | None]) -> list[StoredEvent]:
-    """The one event of a subject of a published table."""
-    payload: dict[str, Any] = {
-        "participant": participant,
-        "session": 1,
-        "conditions": list(scores),
-        "scores": dict(scores),
-        "source": "scores.csv",
-        "source_sha256": "0",
-    }
-    moment = datetime(2026, 1, 1, tzinfo=UTC)
-    return [StoredEvent(seq=0, tag="scores-imported", utc=moment, monotonic_s=0.0, payload=payload)]

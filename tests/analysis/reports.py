@@ -1,49 +1,61 @@
 """Reports for the tests, made from scores alone or from sessions that were really planned."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from html.parser import HTMLParser
 from typing import Any
 
 import numpy as np
 
-from analysis.loading.sessions import Happened
 from analysis.loading.study_data import StudyData, load_study_data
 from analysis.report.findings import Origin
 from analysis.report.report import Report, report
+from protocol.journal.events import (
+    Answered,
+    DeviceArmed,
+    DeviceOff,
+    Event,
+    ResonanceMeasured,
+    SessionCompleted,
+    StoredEvent,
+    TouchEnded,
+    TouchStarted,
+    TrialStarted,
+)
+from protocol.journal.records import (
+    CommandedDrive,
+    Compliance,
+    PlannedTrial,
+    ReadBack,
+    TraceSample,
+)
 from protocol.plan.plan import plan
 from protocol.plan.trials import Trial
 from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study, template
+from tests.analysis.chains import answer, chain, opened, published_chain
 
 ORIGIN = Origin(command="touchbeam report study", study_sha256="1" * 64)
 PAPER = parsed_study(template("paper"))
 EXTENDED = parsed_study(template("extended"))
+RESONANCE_HZ = 24_000.0
 SCORES = [[5, 7, 9], [4, 8, 9], [6, 6, 10], [5, 9, 8]]
 NAMES = ("voltage", "structure", "pressure")
 
 
 def imported(scores: object, *, names: Sequence[str] = NAMES, who: str = "P0") -> StudyData:
     """Scores as from a published table."""
-    sessions: list[list[Happened]] = [
-        [
-            (
-                "scores-imported",
-                {
-                    "participant": f"{who}{row}",
-                    "conditions": list(names),
-                    "scores": {
-                        name: None if np.isnan(score) else score
-                        for name, score in zip(names, given, strict=True)
-                    },
-                    "source": "scores.csv",
-                    "source_sha256": "2" * 64,
-                },
-            )
-        ]
+    chains = [
+        published_chain(
+            f"{who}{row}",
+            {
+                name: None if np.isnan(score) else float(score)
+                for name, score in zip(names, given, strict=True)
+            },
+        )
         for row, given in enumerate(np.array(scores, dtype=float))
     ]
-    return load_study_data(sessions, rehearsals=False)
+    return load_study_data(chains, rehearsals=False)
 
 
 def made(scores: object = SCORES, *, names: Sequence[str] = NAMES, who: str = "P0") -> Report:
@@ -65,68 +77,59 @@ def session_events(
     kind: str = "participant",
     who: str = "",
     measured: bool = True,
-) -> list[Happened]:
+) -> list[Event]:
     """The events of one session in which a virtual person answered every planned trial."""
-    planned = plan(study, slot)
-    touches = [trial_touches(trial) for trial in planned.trials]
-    opened = {
-        "participant": who or f"P{slot + 1:02d}",
-        "session": 1,
-        "kind": kind,
-        "study_sha256": "1" * 64,
-        "slot": slot,
-        "conditions": list(study.conditions),
-        "trials": [
-            {
-                "index": trial.index,
-                "kind": trial.kind,
-                "condition": trial.condition,
-                "question": trial.question,
-                "expected": trial.expected,
-                "touches": made,
-            }
-            for trial, made in zip(planned.trials, touches, strict=True)
-        ],
-        "seed": 1,
-        "versions": {"touchbeam": "0.1.0", "python": "3.11.7"},
-    }
-    events: list[Happened] = [
-        ("session-opened", opened),
-        ("device-armed", {"idn": "test"}),
-        ("resonance-measured", {"frequency_hz": 24_000.0, "tip_m_per_v": 9e-9}),
+    trials = [_planned(trial) for trial in plan(study, slot).trials]
+    name = who or f"P{slot + 1:02d}"
+    events: list[Event] = [
+        opened(name, study.conditions, trials, kind=kind, slot=slot),
+        DeviceArmed.from_json({"idn": "test"}),
+        ResonanceMeasured(frequency_hz=RESONANCE_HZ, tip_m_per_v=9e-9),
     ]
     level = rng.normal(6.5, 1.0)
-    for trial, made in zip(planned.trials, touches, strict=True):
-        events.append(("trial-started", {"index": trial.index, "kind": trial.kind}))
-        for number, touch in enumerate(made):
-            events.append(("touch-started", {"touch": number}))
-            events.append(("touch-ended", _done(number, touch, study, rng, measured=measured)))
-        events.append(("answered", _answer(trial, level, rng)))
-    off = {"confirmed": True, "why": "the session is over"}
-    return [*events, ("device-off", off), ("session-completed", {})]
+    for trial in trials:
+        events.append(TrialStarted(index=trial.index, kind=trial.kind))
+        for number, touch in enumerate(trial.touches):
+            events += _touched(number, touch, study, rng, measured=measured)
+        events.append(_answer(trial, level, rng))
+    return [*events, DeviceOff(confirmed=True, why="the session is over"), SessionCompleted()]
 
 
-def trial_touches(trial: Trial) -> list[dict[str, Any]]:
-    """The touches as the journal holds them."""
-    return [touch.model_dump(exclude_none=True) for touch in trial.touches]
+def _planned(trial: Trial) -> PlannedTrial:
+    touches = tuple(touch.model_dump(exclude_none=True) for touch in trial.touches)
+    return PlannedTrial(**{**vars(trial), "touches": touches})
 
 
-def _done(
-    number: int, touch: dict[str, Any], study: Study, rng: np.random.Generator, *, measured: bool
-) -> dict[str, Any]:
+def _touched(
+    number: int,
+    touch: Mapping[str, Any],
+    study: Study,
+    rng: np.random.Generator,
+    *,
+    measured: bool,
+) -> list[Event]:
     force_n = float(round(study.touch.force_n * touch["press"] * rng.normal(1.0, 0.05), 4))
     place_m = float(study.touch.smooth_place_m + rng.normal(0.0, 2e-4))
-    end_v = touch.get("ramp_to_v", touch["voltage_v"])
-    drives = [(touch["voltage_v"], touch["frequency"]), (end_v, touch["frequency"])]
-    return {
-        "touch": number,
-        "read_back": [
-            {"voltage_v": voltage_v, "frequency_hz": frequency * 24_000.0}
-            for voltage_v, frequency in drives
-        ],
-        "trace": [[0.1 * step, force_n, place_m] for step in range(8)] if measured else [],
-        "judged": {"force_n": force_n if measured else None},
-    }
+    frequency_hz = touch["frequency"] * RESONANCE_HZ
+    start_v, end_v = touch["voltage_v"], touch.get("ramp_to_v", touch["voltage_v"])
+    commanded = CommandedDrive(
+        voltage_v=start_v, frequency_hz=frequency_hz, ramp_v_per_s=study.rig.ramp_v_per_s
+    )
+    judged = Compliance(force_n=force_n if measured else None, force_ok=None, place_ok=None)
+    return [
+        TouchStarted(touch=number, commanded=commanded, instruction=None),
+        TouchEnded(
+            touch=number,
+            read_back=tuple(
+                ReadBack.from_json(
+                    {"output": True, "voltage_v": voltage_v, "frequency_hz": frequency_hz}
+                )
+                for voltage_v in (start_v, end_v)
+            ),
+            trace=tuple(TraceSample(0.1 * step, force_n, place_m) for step in range(8 * measured)),
+            judged=judged,
+        ),
+    ]
 
 
 _ANOTHER = {
@@ -139,30 +142,25 @@ _ANOTHER = {
 }
 
 
-def _answer(trial: Trial, level: float, rng: np.random.Generator) -> dict[str, Any]:
+def _answer(trial: PlannedTrial, level: float, rng: np.random.Generator) -> Answered:
     change = None
     if trial.question is not None and trial.expected is not None:
         wrong = {**_ANOTHER, "same": "stronger" if trial.question == "strength" else "smoother"}
         change = trial.expected if rng.random() < 0.85 else wrong[trial.expected]
-    agrees = None if change is None else change == trial.expected
     score = round(float(np.clip(level + 1.2 * trial.level + rng.normal(0, 1), 0, 10)))
-    return {
-        "index": trial.index,
-        "kind": trial.kind,
-        "condition": trial.condition,
-        "change": change,
-        "agrees": agrees,
-        "score": score if trial.scored and agrees else None,
-        "level": trial.level,
-        "opposite": trial.opposite,
-        "reaction_time_s": [round(float(rng.uniform(0.4, 2.0)), 3)],
-    }
+    given = trial.scored and change is not None and change == trial.expected
+    return answer(
+        trial,
+        score if given else None,
+        change=change,
+        reaction_time_s=round(float(rng.uniform(0.4, 2.0)), 3),
+    )
 
 
-def cohort(study: Study, participants: int, *, seed: int = 1) -> list[list[Happened]]:
+def cohort(study: Study, participants: int, *, seed: int = 1) -> list[list[StoredEvent]]:
     """The sessions of a cohort."""
     rng = np.random.default_rng(seed)
-    return [session_events(study, slot, rng) for slot in range(participants)]
+    return [chain(session_events(study, slot, rng)) for slot in range(participants)]
 
 
 @cache

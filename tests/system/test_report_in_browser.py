@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 from collections.abc import Iterator
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -16,10 +17,11 @@ from selenium import webdriver
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.print_page_options import PrintOptions
 
-from analysis.loading.sessions import Happened
 from analysis.loading.study_data import load_study_data
 from analysis.report.report import report, report_files
+from protocol.journal.events import Answered, NoteTaken, StoredEvent, TrialExcluded
 from runner.study.files import write_files
+from tests.analysis.chains import chain
 from tests.analysis.reports import EXTENDED, ORIGIN, session_events
 
 NEEDED = ("chromium", "chromedriver", "pdftotext")
@@ -42,21 +44,21 @@ TYPED = "<script>document.title='caught'</script> =cmd()"
 POINTS_PER_MM = 72 / 25.4
 
 
-def nasty_sessions() -> list[list[Happened]]:
+def nasty_sessions() -> list[list[StoredEvent]]:
     """Sessions with catch and opposite trials, missing scores, and texts that want to run."""
     rng = np.random.default_rng(2)
     sessions = [
         session_events(EXTENDED, slot, rng, who=who)
         for slot, who in enumerate(("P01", "<b>P02</b>", "参与者-3", "P04"))
     ]
-    sessions[0][-1:-1] = [
-        ("note", {"text": TYPED}),
-        ("trial-excluded", {"index": 9, "reason": TYPED}),
+    sessions[0][-1:-1] = [NoteTaken(text=TYPED), TrialExcluded(index=9, reason=TYPED)]
+    sessions[3] = [
+        replace(event, score=None)
+        if isinstance(event, Answered) and event.condition == "pressure"
+        else event
+        for event in sessions[3]
     ]
-    for number, (tag, payload) in enumerate(sessions[3]):
-        if tag == "answered" and payload["condition"] == "pressure":
-            sessions[3][number] = (tag, {**payload, "score": None})
-    return sessions
+    return [chain(events) for events in sessions]
 
 
 @pytest.fixture(scope="module")

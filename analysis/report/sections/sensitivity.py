@@ -95,9 +95,8 @@ def _too_few_means(count: int) -> str:
 
 
 def _share_at_ceiling(found: Findings) -> float:
-    rows = found.loaded.rows
-    scores = [row.score for row in rows if row.is_scored and row.score == row.score]
-    return sum(score >= found.scale.highest for score in scores) / len(scores) if scores else 0.0
+    scores = found.loaded.scored["score"].dropna()
+    return float((scores >= found.scale.highest).mean()) if len(scores) else 0.0
 
 
 def _lacking(trials: TrialStatistics) -> list[str]:

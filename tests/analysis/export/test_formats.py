@@ -19,6 +19,7 @@ from analysis.export.psychds import psychds_export
 from analysis.loading.study_data import load_study_data
 from protocol.journal.events import StoredEvent
 from protocol.study_file.loading import parsed_study
+from tests.analysis.chains import published_chain
 from tests.analysis.export.data_slips import (
     bids_slips,
     csv_rows,
@@ -26,7 +27,7 @@ from tests.analysis.export.data_slips import (
     text_slips,
     tsv_rows,
 )
-from tests.analysis.hostile_study import NAMES, Written, imported, sessions, study_text
+from tests.analysis.hostile_study import NAMES, Written, sessions, study_text
 
 VALIDATOR = str(Path(sys.executable).with_name("bids-validator-deno"))
 ONLY_THE_AUTHOR_KNOWS = {
@@ -57,7 +58,7 @@ def nasty(*, rehearsals: bool = False, publication: bool = True) -> Dataset:
 
 
 def published(*subjects: str) -> Dataset:
-    chains = [imported(who, {"voltage": 9, "pressure": None}) for who in subjects]
+    chains = [published_chain(who, {"voltage": 9.0, "pressure": None}) for who in subjects]
     return dataset(chains, parsed_study(study_text()), "0", rehearsals=False)
 
 
@@ -169,9 +170,7 @@ def test_a_breach_of_psychds_would_be_seen(spoil: Spoilt, slip: str) -> None:
 
 def test_the_scores_come_back_from_the_table() -> None:
     chains = [session.events for session in sessions(study_text())]
-    told = load_study_data(
-        [[(e.tag, e.payload) for e in chain] for chain in chains], rehearsals=False
-    )
+    told = load_study_data(chains, rehearsals=False)
     rows = [
         row
         for row in csv_rows(trials_csv(nasty()))
@@ -301,7 +300,7 @@ def test_a_published_table_says_what_it_knows_and_no_more() -> None:
         "session_completed": "true",
         "trial_kind": "published",
         "condition": "voltage",
-        "score": "9",
+        "score": "9.0",
         "excluded": "no",
     }
     assert "score" not in known[1]
@@ -322,7 +321,7 @@ def test_nobody_is_said_to_have_touched_anything_for_a_published_table() -> None
 def test_published_scores_among_sessions_are_named_as_such() -> None:
     played = Written("P01")
     played.whole({})
-    chains = [played.events, imported("1", {"voltage": 9})]
+    chains = [played.events, published_chain("1", {"voltage": 9.0})]
     data = dataset(chains, played.study, "0", rehearsals=False)
     assert "the participant touches" in data.description()
     assert "`published` are imported from scores.csv (SHA-256 0)" in data.description()
@@ -340,4 +339,4 @@ def test_an_erased_session_is_passed_over() -> None:
         for e in session.events
     ]
     data = dataset([erased, kept.events], kept.study, "0", rehearsals=False)
-    assert (data.trials.participants, data.trials.sessions_withdrawn) == (("P01",), 1)
+    assert (data.sessions["participant"].tolist(), data.sessions_withdrawn) == (["P01"], 1)

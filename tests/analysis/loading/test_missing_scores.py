@@ -1,52 +1,38 @@
 """Cells without a score: which may be read as an answer, and how the others are told apart."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 
 from analysis.loading.missing_scores import Why, notes
-from analysis.loading.sessions import Happened
 from analysis.loading.study_data import StudyData, load_study_data
 from analysis.report.report import Report, report, report_html, report_json
+from protocol.journal.events import Event, TrialExcluded
 from protocol.study.design import Exclusions
+from tests.analysis.chains import chain, scored_session
 from tests.analysis.reports import ORIGIN, PAPER, made
 
 NAMES = ["voltage", "structure", "pressure"]
 
 
-def session(who: str, scores: list[Any], *, finished: bool = True) -> list[Happened]:
+def session(who: str, scores: list[int | None], *, finished: bool = True) -> list[Event]:
     """A session that answered as many trials as there are scores; None where one was withheld."""
-    opened = {"participant": who, "kind": "participant", "conditions": NAMES}
-    answers: list[Happened] = [
-        (
-            "answered",
-            {
-                "index": index,
-                "kind": "trial",
-                "condition": NAMES[index],
-                "score": score,
-                "reaction_time_s": [0.1 * (index + 1)],
-            },
-        )
-        for index, score in enumerate(scores)
-    ]
-    end: list[Happened] = [("session-completed", {})] if finished else []
-    return [("session-opened", opened), *answers, *end]
+    events = scored_session(who, zip(NAMES, scores, strict=False), NAMES)
+    return events if finished else events[:-1]
+
+
+def loaded(*sessions: list[Event], rules: Exclusions | None = None) -> StudyData:
+    return load_study_data(map(chain, sessions), rehearsals=False, rules=rules)
 
 
 def a_study() -> StudyData:
     """A withheld score, a trial excluded, a session cut short, and one of which nothing is left."""
-    excluded = [("trial-excluded", {"index": index}) for index in range(3)]
-    return load_study_data(
-        [
-            session("P01", [9, None, 5]),
-            [*session("P02", [8, 7, 6]), excluded[1]],
-            session("P03", [7], finished=False),
-            [*session("P04", [4, 4, 4]), *excluded],
-            session("P05", [8, 6, 5]),
-        ],
-        rehearsals=False,
+    excluded = [TrialExcluded(index=index, reason="a noise") for index in range(3)]
+    return loaded(
+        session("P01", [9, None, 5]),
+        [*session("P02", [8, 7, 6]), excluded[1]],
+        session("P03", [7], finished=False),
+        [*session("P04", [4, 4, 4]), *excluded],
+        session("P05", [8, 6, 5]),
     )
 
 
@@ -68,7 +54,7 @@ def test_each_empty_cell_knows_why() -> None:
 
 def test_a_trial_left_out_by_a_rule_is_excluded_too() -> None:
     rules = Exclusions(min_reaction_s=0.15)
-    found = load_study_data([session("P01", [9, 8, 7])], rehearsals=False, rules=rules)
+    found = loaded(session("P01", [9, 8, 7]), rules=rules)
     assert found.empty == {(0, 0): Why.EXCLUDED}
 
 
@@ -104,8 +90,7 @@ def test_the_page_marks_and_counts_each_kind() -> None:
 
 
 def test_without_a_withheld_score_the_page_has_no_readings() -> None:
-    sessions = [session("P01", [9, 8], finished=False), session("P02", [9, 8, 7])]
-    found = load_study_data(sessions, rehearsals=False)
+    found = loaded(session("P01", [9, 8], finished=False), session("P02", [9, 8, 7]))
     assert 'id="readings"' not in report_html(reported(found))
     assert 'id="readings"' in report_html(reported(a_study()))
 
@@ -119,7 +104,7 @@ def test_who_has_no_score_is_named_and_not_counted() -> None:
 
 
 def test_a_condition_nobody_scored_is_named_and_not_counted() -> None:
-    found = load_study_data([session("P01", [9, 8]), session("P02", [7, 8])], rehearsals=False)
+    found = loaded(session("P01", [9, 8]), session("P02", [7, 8]))
     assert "Scored by nobody, and not among the conditions analysed: pressure." in notes(
         found.table, found.empty
     )

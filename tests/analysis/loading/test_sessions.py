@@ -1,161 +1,211 @@
-"""From events to trials, and from trials to what the model predicts for what was done."""
+"""From events to tables: which attempt counts, in what order, and what belongs to it."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import pytest
+import pandas as pd
 
-from analysis.loading.exclusions import Exclusion
-from analysis.loading.sessions import Happened, answered_trials
-from analysis.loading.study_data import NothingToReport, load_study_data
-from analysis.trials.contrasts import stepped, trial_contrasts
-from device.friction.changes import CONDITIONS
-from device.friction.contrasts import predicted_contrast
-from protocol.study.design import Exclusions
-from protocol.study_file.loading import parsed_study, template
-from tests.analysis.reports import EXTENDED, PAPER, imported, session_events
+from analysis.loading.records import values
+from analysis.loading.sessions import load_sessions
+from protocol.journal.events import (
+    DeviceOff,
+    Event,
+    NoteTaken,
+    SessionResumed,
+    TrialAborted,
+    TrialExcluded,
+    TrialStarted,
+)
+from tests.analysis.chains import chain, published_chain
+from tests.analysis.hostile_study import NOTES, Written, sessions, study_text
+from tests.analysis.reports import PAPER, session_events
 
-FORCE = {"planned": 0.5, "measured": 0.75}
+TEXT = study_text()
 
 
-def paper_session(**changes: Any) -> list[Happened]:
+def paper_session(**changes: Any) -> list[Event]:
     return session_events(PAPER, 0, np.random.default_rng(3), **changes)
 
 
-def test_rows_are_in_the_order_of_answers_and_know_their_neighbours() -> None:
-    rows = answered_trials(paper_session())
-    assert [row.kind for row in rows] == ["baseline", "signal", *["trial"] * 5]
-    scored = [row for row in rows if row.is_scored]
-    assert [row.place for row in scored] == [1, 2, 3, 4, 5]
-    assert scored[0].previous is None
-    assert [row.previous for row in scored[1:]] == [row.condition for row in scored[:-1]]
+def answered(events: list[Event]) -> pd.DataFrame:
+    return load_sessions([chain(events)]).answered
+
+
+def trials_of(participant: str) -> pd.DataFrame:
+    chains = [one.events for one in sessions(TEXT) if one.participant == participant]
+    return load_sessions(chains).trials
+
+
+def trials_in(session: Written) -> pd.DataFrame:
+    return load_sessions([session.events]).trials
+
+
+def test_answers_are_in_their_order_and_know_their_neighbours() -> None:
+    trials = answered(paper_session())
+    assert trials["trial_kind"].tolist() == ["baseline", "signal", *["trial"] * 5]
+    scored = trials[trials["trial_kind"].eq("trial")]
+    assert scored["place"].tolist() == [1, 2, 3, 4, 5]
+    assert values(scored["previous"]) == [None, *scored["condition"][:-1]]
+    assert trials[["place", "previous"]][:2].isna().all(axis=None)
 
 
 def test_a_trial_answered_again_counts_once_and_an_aborted_touch_not_at_all() -> None:
     events = paper_session()
-    last = len(events) - 3
-    started = max(n for n, (tag, _) in enumerate(events) if tag == "trial-started")
-    again = [*events[: started + 3], ("trial-aborted", {"index": 6}), *events[started:]]
-    assert answered_trials(again)[-1].touches == answered_trials(events)[-1].touches
-    twice = [*events[: last + 1], *events[last:]]
-    assert len(answered_trials(twice)) == len(answered_trials(events))
-
-
-def test_what_was_planned_is_predicted_where_nothing_was_measured() -> None:
-    found = load_study_data([paper_session(measured=False)], rehearsals=False)
-    contrasts = trial_contrasts(PAPER, found.rows)
-    assert not contrasts.measured.any()
-    for row, contrast in zip(found.rows, contrasts.by_law["coulomb"], strict=True):
-        if row.condition is not None:
-            assert contrast == pytest.approx(
-                predicted_contrast(CONDITIONS[row.condition], "coulomb"), rel=0.02
-            )
-
-
-def test_measured_force_is_taken_in_place_of_the_planned_one() -> None:
-    found = []
-    for force_n in FORCE.values():
-        events = [
-            (tag, {**payload, "judged": {"force_n": force_n}} if tag == "touch-ended" else payload)
-            for tag, payload in paper_session(measured=False)
-        ]
-        rows = load_study_data([events], rehearsals=False).rows
-        signal = next(number for number, row in enumerate(rows) if row.kind == "signal")
-        found.append(trial_contrasts(PAPER, rows).by_law["consistent"][signal])
-    assert found[1] > found[0], "the inertial load counts less under a heavier finger"
-
-
-def under(text: str, events: list[Happened]) -> list[Happened]:
-    return [(events[0][0], {**events[0][1], "study_text": text}), *events[1:]]
-
-
-def test_a_trial_is_predicted_under_the_study_that_was_in_force() -> None:
-    text = template("paper")
-    heavy = text.replace("force_n = 0.5", "force_n = 2.0")
-    assert parsed_study(heavy).touch.force_n == 2.0
-    plain = paper_session(measured=False)
-    resumed: list[Happened] = [*plain[:3], ("session-resumed", {"study_text": heavy}), *plain[3:]]
-    found = [
-        trial_contrasts(PAPER, answered_trials(events)).by_law["consistent"][1]
-        for events in (plain, under(text, plain), under(heavy, plain), under(text, resumed))
-    ]
-    assert found[0] == found[1] != found[2] == found[3]
+    started = max(n for n, event in enumerate(events) if isinstance(event, TrialStarted))
+    aborted = TrialAborted(index=6, why="a break")
+    again = [*events[: started + 3], aborted, *events[started:]]
+    found, without = load_sessions([chain(again)]), load_sessions([chain(events)])
+    last, alone = (one.touches["attempt_id"].eq(one.answered.index[-1]) for one in (found, without))
+    columns = ["planned", "force_n", "start_voltage_v", "end_voltage_v"]
+    pd.testing.assert_frame_equal(
+        found.touches[last][columns].reset_index(drop=True),
+        without.touches[alone][columns].reset_index(drop=True),
+    )
+    assert len(found.touches) == len(without.touches) + 1
+    twice = [*events[:-2], *events[started:]]
+    assert len(answered(twice)) == len(without.answered)
 
 
 def test_a_resumed_session_goes_on_under_the_amended_plan() -> None:
     plain = paper_session(measured=False)
-    last = plain[0][1]["trials"][-1]
+    last = plain[0].to_json()["trials"][-1]
     amended = {**last, "touches": [{**touch, "press": 2.0} for touch in last["touches"]]}
-    resumed: list[Happened] = [*plain[:3], ("session-resumed", {"trials": [amended]}), *plain[3:]]
-    before, after = answered_trials(plain), answered_trials(resumed)
-    assert before[:-1] == after[:-1]
-    assert {done.planned.press for done in after[-1].touches} == {2.0}
+    resumed = SessionResumed.from_json({"trials": [amended]})
+    after = load_sessions([chain([*plain[:3], resumed, *plain[3:]])]).touches
+    before = load_sessions([chain(plain)]).touches
+    of_last = after["attempt_id"].eq(after["attempt_id"].max())
+    assert after["press"][of_last].unique().tolist() == [2.0]
+    assert after["press"][~of_last].tolist() == before["press"][~of_last].tolist()
 
 
-def test_a_study_that_cannot_be_read_any_more_gives_way_to_the_present_one() -> None:
-    plain = paper_session(measured=False)
-    assert answered_trials(under("[study]\nfuture = 1", plain)) == answered_trials(plain)
-
-
-def test_measured_values_count_in_steps_from_the_planned_one() -> None:
-    assert stepped(0.5028, 0.5, 0.025) == 0.5
-    assert stepped(0.6, 0.5, 0.025) == 0.6
-    assert stepped(0.0421, 0.0414, 0.0005) == 0.0419
-
-
-def test_a_published_condition_without_a_scene_has_no_prediction() -> None:
-    rows = imported([[5, 6]], names=("voltage", "temperature")).rows
-    found = trial_contrasts(PAPER, rows).by_law["consistent"]
-    assert found[0] == predicted_contrast(CONDITIONS["voltage"])
-    assert np.isnan(found[1])
-
-
-def with_reaction(events: list[Happened], index: int, seconds: float) -> list[Happened]:
-    return [
-        (tag, {**payload, "reaction_time_s": [seconds]})
-        if tag == "answered" and payload["index"] == index
-        else (tag, payload)
-        for tag, payload in events
-    ]
-
-
-def test_a_hasty_trial_is_left_out_by_rule_and_said() -> None:
-    events = with_reaction(paper_session(), 4, 0.1)
-    found = load_study_data([events], rehearsals=False, rules=Exclusions(min_reaction_s=0.2))
-    why = "answered after 0.1 s, sooner than 0.2 s"
-    assert found.left_out == (Exclusion(participant="P01", session=1, trial=4, by="rule", why=why),)
-    assert 4 not in {row.index for row in found.rows}
-
-
-def test_a_participant_who_breaks_a_rule_is_left_out_and_the_others_stay() -> None:
-    rng = np.random.default_rng(5)
-    guesser = [
-        (tag, {**payload, "agrees": False} if payload.get("kind") == "catch" else payload)
-        for tag, payload in session_events(EXTENDED, 0, rng)
-    ]
-    sessions = [guesser, session_events(EXTENDED, 1, rng)]
-    found = load_study_data(sessions, rehearsals=False, rules=EXTENDED.exclusions)
-    assert found.table.subjects == ("P02",)
-    assert found.left_out[0].why == "a change reported on 4 of 4 catch trials, more than 50%"
-
-
-def test_rules_that_leave_nobody_say_so() -> None:
-    with pytest.raises(NothingToReport, match="leave nobody: P01 has 5 valid trials, fewer than 6"):
-        load_study_data([paper_session()], rehearsals=False, rules=Exclusions(min_trials=6))
-
-
-def test_interruptions_and_notes_are_told() -> None:
+def test_interruptions_and_notes_are_incidents() -> None:
     events = paper_session()
     events[-1:] = [
-        ("note", {"text": "the phone rang"}),
-        ("device-off", {"confirmed": False, "why": "the session was interrupted"}),
-        ("session-resumed", {}),
+        NoteTaken(text="the phone rang"),
+        DeviceOff(confirmed=False, why="the session was interrupted"),
+        SessionResumed.from_json({}),
     ]
-    told = [
-        (entry.what, entry.text) for entry in load_study_data([events], rehearsals=False).incidents
-    ]
+    told = [(entry.what, entry.text) for entry in load_sessions([chain(events)]).incidents]
     assert told == [
         ("note", "the phone rang"),
         ("device off, not confirmed", "the session was interrupted"),
         ("resumed", ""),
     ]
+
+
+def test_the_last_attempt_counts_and_the_others_are_counted() -> None:
+    found = load_sessions([one.events for one in sessions(TEXT) if one.participant == "p_01"])
+    repeated = found.trials.reset_index().iloc[2]
+    assert (repeated["attempts"], repeated["aborted"]) == (2, 1)
+    assert repeated["abort_reasons"] == "repeated at the operator's wish"
+    touches = next(one.plan for one in sessions(TEXT)).trials[2].touches
+    assert found.touches["attempt_id"].eq(repeated["attempt_id"]).sum() == len(touches)
+    assert repeated["change"] == "same"
+
+
+def test_a_trial_left_in_the_middle_has_its_touch_and_no_answer() -> None:
+    found = load_sessions([one.events for one in sessions(TEXT) if one.participant == "D01"])
+    left = found.trials.reset_index().iloc[1]
+    assert (left["attempts"], left["answered"]) == (1, False)
+    assert left[["change", "answered_utc", "duration_s"]].isna().all()
+    touch = found.touches[found.touches["attempt_id"].eq(left["attempt_id"])]
+    assert touch["commanded_voltage_v"].tolist() == [100.0]
+    assert touch["start_voltage_v"].isna().all()
+    assert found.sessions["session_completed"].tolist() == [False]
+
+
+def test_practice_that_is_asked_again_counts_as_answered_last() -> None:
+    session = Written("P01")
+    session.arm()
+    trial = session.plan.trials[2]
+    session.start(trial)
+    session.answer(trial, 3)
+    session.add("device-off", confirmed=True, why="a break")
+    session.add("session-resumed")
+    session.add("practice-renewed", indices=[trial.index])
+    session.arm()
+    session.start(trial)
+    session.answer(trial, 8)
+    trials = trials_in(session)
+    assert trials[["attempts", "aborted", "score"]].to_numpy().tolist() == [[2, 0, 8]]
+
+
+def test_a_trial_is_as_planned_when_it_was_last_begun() -> None:
+    session = Written("P01")
+    session.arm()
+    trial = session.plan.trials[2]
+    session.start(trial)
+    session.add("trial-aborted", index=trial.index, why="a break")
+    session.add("device-off", confirmed=True, why="a break")
+    planned = {**session.events[0].payload["trials"][2], "level": 0.5}
+    session.add("session-resumed", trials=[planned], study_sha256="amended")
+    session.arm()
+    session.start(trial)
+    session.answer(trial, 8)
+    trials = trials_in(session)
+    assert trials[["level", "study_sha256"]].to_numpy().tolist() == [[0.5, "amended"]]
+
+
+def test_notes_stand_with_the_trial_they_were_typed_at() -> None:
+    notes = trials_of("P-01")["notes"][:3].tolist()
+    assert notes == [f"{NOTES[at]}\n{NOTES[at + 7]}" for at in range(3)]
+
+
+def test_a_note_before_the_first_trial_stands_with_it() -> None:
+    session = Written("P01")
+    session.add("note", text="late")
+    session.arm()
+    session.start(session.plan.trials[0])
+    session.add("note", text="cold")
+    assert trials_in(session)["notes"].tolist() == ["late\ncold"]
+
+
+def test_notes_and_reasons_of_all_attempts_are_kept() -> None:
+    session = Written("P01")
+    session.arm()
+    first = session.plan.trials[0]
+    for word in ("one", "two"):
+        session.start(first)
+        session.add("note", text=word)
+        session.abort(first, f"reason {word}")
+    trials = trials_in(session)
+    assert trials["notes"].tolist() == ["one\ntwo"]
+    assert trials["abort_reasons"].tolist() == ["reason one\nreason two"]
+
+
+def test_what_was_taken_out_is_marked_and_listed() -> None:
+    events = [*paper_session(), TrialExcluded(index=3, reason="a noise")]
+    found = load_sessions([chain(events)])
+    assert values(found.trials["exclusion"]) == [None] * 3 + ["a noise"] + [None] * 3
+    assert [(entry.trial, entry.why) for entry in found.exclusions] == [(3, "a noise")]
+    assert trials_of("E01")["exclusion"].isna().all()
+
+
+def test_the_place_of_a_touch_is_the_median_of_its_trace_while_the_finger_was_down() -> None:
+    found = load_sessions([chain(paper_session())])
+    held = found.touches["place"].ne("path")
+    assert found.places_m.notna().tolist() == held.tolist()
+    lifted = found.traces.assign(force_n=0.0)
+    assert replace(found, traces=lifted).places_m.isna().all()
+
+
+def test_a_published_table_has_a_trial_per_score() -> None:
+    found = load_sessions([published_chain("1", {"voltage": 9.0, "pressure": None})])
+    assert found.trials["condition"].tolist() == ["voltage", "pressure"]
+    assert values(found.trials["score"]) == [9.0, None]
+    assert found.trials[["attempts", "aborted"]].isna().all(axis=None)
+    assert found.sessions["session_kind"].tolist() == ["published"]
+
+
+def test_of_no_sessions_there_are_tables_without_rows() -> None:
+    found = load_sessions([])
+    assert all(one.empty for one in (found.sessions, found.trials, found.answered, found.places_m))
+
+
+def test_a_seed_or_a_note_may_be_anything() -> None:
+    events = [*paper_session(), NoteTaken(text="half \ud800 a character")]
+    events[0] = replace(events[0], seed=10**30)  # type: ignore[call-arg]
+    found = load_sessions([chain(events)])
+    assert found.sessions["seed"].tolist() == [10**30]
+    assert found.trials["notes"].iloc[-1] == "half \ud800 a character"

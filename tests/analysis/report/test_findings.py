@@ -8,6 +8,8 @@ import numpy as np
 from analysis.loading.study_data import load_study_data
 from analysis.report.findings import Scale
 from analysis.report.report import Report, report, report_html
+from protocol.journal.events import Answered
+from tests.analysis.chains import chain
 from tests.analysis.reports import ORIGIN, PAPER, plain_report, session_events
 
 HUNDRED = PAPER.model_copy(
@@ -20,10 +22,12 @@ def of_a_hundred() -> Report:
     """Return a report of two sessions with scores ten times those of the paper."""
     rng = np.random.default_rng(1)
     sessions = [
-        [
-            (tag, {**payload, "score": 10 * payload["score"]} if payload.get("score") else payload)
-            for tag, payload in session_events(PAPER, slot, rng)
-        ]
+        chain(
+            replace(event, score=10 * event.score)
+            if isinstance(event, Answered) and event.score
+            else event
+            for event in session_events(PAPER, slot, rng)
+        )
         for slot in range(2)
     ]
     return report("a study", load_study_data(sessions, rehearsals=False), HUNDRED, ORIGIN)

@@ -7,6 +7,7 @@ import numpy as np
 from analysis.loading.study_data import load_study_data
 from analysis.report.report import report, report_html
 from analysis.report.table4_text import table4_tex
+from tests.analysis.chains import chain
 from tests.analysis.reports import (
     ORIGIN,
     PAPER,
@@ -18,8 +19,8 @@ from tests.analysis.reports import (
 )
 
 
-def test_rehearsals_are_marked_at_the_top() -> None:
-    events = session_events(PAPER, 0, np.random.default_rng(1), kind="rehearsal")
+def test_rehearsals_are_marked_on_top() -> None:
+    events = chain(session_events(PAPER, 0, np.random.default_rng(1), kind="rehearsal"))
     page = report_html(report("a", load_study_data([events], rehearsals=True), PAPER, ORIGIN))
     assert 0 < page.index("<strong>Rehearsals.") < page.index("<table")
     assert "<strong>Rehearsals." not in report_html(plain_report())

@@ -2,11 +2,10 @@
 
 from itertools import product
 
-import numpy as np
+import pandas as pd
 import pytest
 
 from analysis.estimates import NotEstimable
-from analysis.loading.sessions import TrialRow
 from analysis.loading.study_data import load_study_data
 from analysis.report.report import report, report_html, report_json
 from analysis.sensitivity.checks import Discrimination
@@ -15,23 +14,21 @@ from protocol.study.questions import ANSWERS, Question
 from tests.analysis.reports import EXTENDED, ORIGIN, cohort
 
 
-def row(kind: str, question: Question, expected: str, change: str, who: str = "P01") -> TrialRow:
-    return TrialRow(
-        participant=who,
-        session=1,
-        index=0,
-        kind=kind,
-        condition="voltage",
-        score=np.nan,
-        question=question,
-        expected=expected,
-        change=change,
-        agrees=change == expected,
-    )
+def row(
+    kind: str, question: Question, expected: str, change: str, who: str = "P01"
+) -> dict[str, str]:
+    """A trial of `who`, as far as hits and false alarms are concerned."""
+    return {
+        "participant": who,
+        "trial_kind": kind,
+        "question": question,
+        "expected": expected,
+        "change": change,
+    }
 
 
-def told(rows: list[TrialRow], who: str = "P01") -> Discrimination:
-    found = catch_answers(rows).subjects[who]
+def told(rows: list[dict[str, str]], who: str = "P01") -> Discrimination:
+    found = catch_answers(pd.DataFrame(rows)).subjects[who]
     assert isinstance(found, Discrimination)
     return found
 
@@ -83,13 +80,14 @@ def test_pooled_trials_of_several_people_have_no_interval() -> None:
         for kind, expected in (("trial", "smoother"), ("catch", "same"))
         for who in ("P01", "P02")
     ]
-    overall = catch_answers(rows).overall
+    overall = catch_answers(pd.DataFrame(rows)).overall
     assert isinstance(overall, Discrimination)
     assert overall.hits.trials == 2
     assert isinstance(overall.hits.interval, NotEstimable)
     assert isinstance(overall.false_alarms.interval, NotEstimable)
     assert not isinstance(told(rows).hits.interval, NotEstimable)
-    alone = catch_answers([entry for entry in rows if entry.participant == "P01"]).overall
+    own = [entry for entry in rows if entry["participant"] == "P01"]
+    alone = catch_answers(pd.DataFrame(own)).overall
     assert isinstance(alone, Discrimination)
     assert not isinstance(alone.hits.interval, NotEstimable)
 

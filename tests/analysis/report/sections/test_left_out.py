@@ -4,12 +4,13 @@ import numpy as np
 
 from analysis.loading.study_data import load_study_data
 from analysis.report.report import report, report_html
+from tests.analysis.chains import chain
 from tests.analysis.reports import ORIGIN, PAPER, plain_report, session_events
 
 
 def test_a_session_counts_as_uninterrupted_only_where_that_is_known() -> None:
     undisturbed = "No session was interrupted, and nothing was noted."
-    events = session_events(PAPER, 0, np.random.default_rng(1))
+    events = chain(session_events(PAPER, 0, np.random.default_rng(1)))
     pages = [
         report_html(report("a", load_study_data([found], rehearsals=False), PAPER, ORIGIN))
         for found in (events, events[:-1])

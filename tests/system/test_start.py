@@ -1,0 +1,27 @@
+"""What a command loads before it answers: nothing that it does not need."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.runner.command_line import TOUCHBEAM, typed
+
+RUN = ("run", "study", "--participant", "P01", "--ratings", "virtual", "--pace", "stepped")
+
+
+@pytest.mark.parametrize("command", [("--help",), ("check", "study"), RUN], ids=lambda it: it[0])
+def test_pandas_is_not_loaded(
+    command: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert typed("new", "study") == 0
+    loaded = subprocess.run(
+        [sys.executable, "-X", "importtime", TOUCHBEAM, *command],
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stderr
+    assert "runner.cli" in loaded
+    assert "pandas" not in loaded

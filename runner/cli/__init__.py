@@ -1,12 +1,12 @@
-"""The command line: the place where runner, analysis, device and protocol are put together.
+"""The command line, which connects runner, analysis, device and protocol.
 
-Public face: `app.app`. `main` is the address of the installed command.
+Public face: `app.app`. `main` is the entry point of the installed command.
 """
 
 
 def main() -> None:
     """Run touchbeam's command line."""
-    # Imported here, so that importing a room costs nothing.
+    # Imported here to keep the import of this package cheap.
     from runner.cli.app import main as run
 
     run()

@@ -1,6 +1,6 @@
-"""The command line: the one place where runner, analysis, device and protocol are put together.
+"""The command line: the only module that connects runner, analysis, device and protocol.
 
-Heavy imports stand inside the commands, so that `touchbeam --help` answers at once.
+The commands import heavy modules themselves, so that `touchbeam --help` answers at once.
 """
 
 import os
@@ -15,7 +15,7 @@ from runner.signals import signals_raise
 app = typer.Typer(
     name="touchbeam",
     help="Psychophysics experiments on touch devices whose friction is changed by vibration.",
-    epilog="Every command takes --debug, which shows where an error came from.",
+    epilog="Every command takes --debug, which shows the traceback of an error.",
     add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -27,11 +27,11 @@ for commands in (study, results, journal, device):
 
 
 def main() -> None:
-    """Run the command line; errors are one line on standard error.
+    """Run the command line; report an error as one line on standard error.
 
     Exit codes: 0 done, 1 the work failed, 2 wrong usage or bad input.
     """
-    # Looking for plugins of pydantic reads what is known of every package that is installed.
+    # The search for pydantic plugins reads the metadata of every installed package.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")
     arguments = [argument for argument in sys.argv[1:] if argument != "--debug"]
     debug = len(arguments) < len(sys.argv) - 1

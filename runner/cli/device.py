@@ -1,4 +1,4 @@
-"""The commands about the device and this machine: device, simulate-device, doctor."""
+"""Commands for the device and this computer: device, simulate-device, doctor."""
 
 from pathlib import Path
 from typing import Annotated
@@ -8,13 +8,13 @@ import typer
 from runner.cli.options import Choosing, DialectOption, JsonOption, UrlArgument, Wire, print_json
 
 app = typer.Typer()
-device_commands = typer.Typer(help="The device: ports, identity and health, resonance.")
+device_commands = typer.Typer(help="List ports, identify the device, find its resonance.")
 app.add_typer(device_commands, name="device")
 
 
 @device_commands.command("list")
 def device_list(as_json: JsonOption = False) -> None:
-    """List the serial ports, without opening any."""
+    """List the serial ports without opening them."""
     from runner.launch.probe import ports
 
     found = ports()
@@ -24,41 +24,46 @@ def device_list(as_json: JsonOption = False) -> None:
     for port in found:
         typer.echo("  ".join(text for text in port.values() if text))
     if not found:
-        typer.echo("no serial ports; a generator on the network is socket://ADDRESS:5025")
+        typer.echo(
+            "no serial ports found; for a generator on the network use socket://ADDRESS:5025"
+        )
 
 
 @device_commands.command("probe")
 def device_probe(url: UrlArgument, as_json: JsonOption = False) -> None:
-    """Say who answers, and how it is.
+    """Identify the device and report its status.
 
-    Nothing is set; the device's output stays as it is.
+    Changes no setting; the device's output stays as it is.
     """
     from runner.launch.locks import rig_lock
     from runner.launch.probe import probed
     from runner.launch.rig import touchbeam_command
 
     with rig_lock(url, "touchbeam device probe"):
-        said = probed(url, touchbeam_command())
+        status = probed(url, touchbeam_command())
     if as_json:
-        print_json(said)
+        print_json(status)
         return
-    for name, value in said.items():
+    for name, value in status.items():
         typer.echo(f"{name:15} {value}")
 
 
 @device_commands.command("sweep", cls=Choosing)
 def device_sweep(
     url: UrlArgument,
-    near: Annotated[float, typer.Option(min=100, max=95_000, metavar="HZ")] = 24_221.0,
+    near: Annotated[
+        float,
+        typer.Option(min=100, max=95_000, metavar="HZ", help="Expected resonance."),
+    ] = 24_221.0,
     dialect: DialectOption = "board",
     keep: Annotated[
-        Path | None, typer.Option(metavar="STUDY", help="Keep it as this study's calibration.")
+        Path | None, typer.Option(metavar="STUDY", help="Save it as this study's calibration.")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Find the resonance, untouched, at 10 V.
+    """Find the resonance of the untouched beam at 10 V.
 
-    Looks within 5 % of --near and turns the output off again.
+    Searches within 5 % of --near, then turns the output off.
     """
     from runner.launch.locks import rig_lock
     from runner.launch.probe import kept, swept
@@ -79,24 +84,26 @@ def device_sweep(
         return
     typer.echo(
         f"resonance {found.frequency_hz:.1f} Hz, {1e9 * found.tip_m_per_v:.1f} nm per volt at the "
-        f"tip; device off (read back){f'; kept in {file}' if file else ''}"
+        f"tip; device off (read back){f'; saved in {file}' if file else ''}"
     )
 
 
 @app.command("simulate-device", cls=Choosing)
 def simulate_device(
     wire: Annotated[Wire, typer.Argument(help="pty or tcp")],
-    place: Annotated[str, typer.Argument(metavar="LINK|PORT", help="A path, or a loopback port.")],
+    place: Annotated[str, typer.Argument(metavar="LINK|PORT", help="A path or a loopback port.")],
     dialect: DialectOption = "board",
     control: Annotated[
-        Path | None, typer.Option(metavar="SOCKET", help="A Unix socket to make.")
+        Path | None, typer.Option(metavar="SOCKET", help="Unix socket to create.")
     ] = None,
-    keep: Annotated[bool, typer.Option("--keep", help="Stay when the host is gone.")] = False,
+    keep: Annotated[
+        bool, typer.Option("--keep", help="Keep running after the host disconnects.")
+    ] = False,
     seed: Annotated[int, typer.Option(min=0)] = 0,
 ) -> None:
-    """Simulate the device, in the foreground.
+    """Simulate the device in the foreground.
 
-    Prints `ready URL` and ends when its host is gone.
+    Prints `ready URL` and ends when its host disconnects.
     """
     from device.simulator.server import simulate
 
@@ -105,7 +112,7 @@ def simulate_device(
 
 @app.command()
 def doctor(as_json: JsonOption = False) -> None:
-    """Look at what this machine offers a session."""
+    """Check that this computer can run a session."""
     from runner.doctor import findings
 
     found = findings()
@@ -120,7 +127,7 @@ def doctor(as_json: JsonOption = False) -> None:
 
 @app.command("participant-window", hidden=True)
 def participant_window() -> None:
-    """Serve the participant's window; a session starts this and talks to it by its pipes."""
+    """Serve the participant's window; started by a session, which uses its pipes."""
     from runner.window.server import serve_window
 
     serve_window()

@@ -1,4 +1,4 @@
-"""The commands that look after a study's journal: status, verify, exclude, amend, withdraw."""
+"""Commands for a study's journal: status, verify, exclude, amend, withdraw."""
 
 from contextlib import ExitStack
 from typing import Annotated
@@ -20,7 +20,7 @@ app = typer.Typer()
 
 @app.command()
 def status(study: StudyArgument, as_json: JsonOption = False) -> None:
-    """Show who is done and what is next."""
+    """Show the progress of each session and the next free slot."""
     from runner.journal.cohort import session_summaries, slot_for, states
     from runner.study.folder import StudyFolder
 
@@ -38,14 +38,14 @@ def status(study: StudyArgument, as_json: JsonOption = False) -> None:
             f"{line.answered} of {line.planned} trials"
             + (f", {line.excluded_trials} excluded" if line.excluded_trials else "")
         )
-    typer.echo(f"The next participant takes slot {free} of the design.")
+    typer.echo(f"The next participant gets slot {free} of the design.")
 
 
 @app.command()
 def verify(study: StudyArgument, as_json: JsonOption = False) -> None:
-    """Check that the journal is whole.
+    """Check the integrity of the journal.
 
-    Chains unbroken, every transition allowed, each trial answered exactly once.
+    Checks the hash chains, the order of events, and that each trial is answered exactly once.
     """
     from runner.journal.verification import STUDY_CHAIN, verdicts
     from runner.study.folder import StudyFolder
@@ -57,7 +57,7 @@ def verify(study: StudyArgument, as_json: JsonOption = False) -> None:
         sessions = [v.record() for v in found if v.participant != STUDY_CHAIN]
         print_json({"ok": ok, "sessions": sessions})
     else:
-        for line in [verdict.line() for verdict in found] or ["The journal holds no session."]:
+        for line in [verdict.line() for verdict in found] or ["The journal contains no sessions."]:
             typer.echo(line)
     if not ok:
         raise typer.Exit(1)
@@ -70,12 +70,12 @@ def exclude(
     reason: ReasonOption,
     session: SessionOption = 1,
     trial: Annotated[
-        int | None, typer.Option(min=0, help="Its index. [default: the whole session]")
+        int | None, typer.Option(min=0, help="The trial's index. [default: the whole session]")
     ] = None,
 ) -> None:
-    """Take a trial or a session out.
+    """Exclude a trial or a session.
 
-    Reports leave it out and count it; an unfinished session gives its place in the design back.
+    Reports omit and count it. An unfinished session frees its slot of the design.
     """
     from runner.clock import WallClock
     from runner.journal.amendments import exclude_session, exclude_trial
@@ -97,7 +97,7 @@ def exclude(
 
 @app.command()
 def amend(study: StudyArgument, reason: ReasonOption) -> None:
-    """Accept a study.toml that has changed."""
+    """Accept changes to study.toml."""
     from runner.clock import WallClock
     from runner.journal.amendments import amend as accept
     from runner.study.check import validated_study
@@ -108,14 +108,14 @@ def amend(study: StudyArgument, reason: ReasonOption) -> None:
     validated_study(text, str(folder.study_file))
     with study_journal(folder, to_write=True) as journal:
         accept(journal, WallClock(), text, reason)
-    typer.echo("The changed study.toml is accepted; sessions go on with it.")
+    typer.echo("The changed study.toml is accepted; sessions continue with it.")
 
 
 @app.command()
 def withdraw(study: StudyArgument, participant: ParticipantOption) -> None:
-    """Erase what a participant gave.
+    """Erase a participant's data.
 
-    It cannot be undone. The journal keeps that there were events and when, not what they said.
+    This cannot be undone. The journal keeps the number and times of the events, not their content.
     """
     from runner.clock import WallClock
     from runner.journal.amendments import sessions_of
@@ -129,5 +129,6 @@ def withdraw(study: StudyArgument, participant: ParticipantOption) -> None:
             stack.enter_context(session_lock(name, study, "touchbeam withdraw"))
         sessions = erase(journal, WallClock(), participant)
     typer.echo(
-        f"Erased: {', '.join(sessions)}. Make reports and exports again: old ones still hold it."
+        f"Erased: {', '.join(sessions)}. Make reports and exports again: "
+        "old ones still contain the data."
     )

@@ -1,4 +1,4 @@
-"""What several commands share: arguments, options, and how a result is printed."""
+"""Arguments, options and output shared by several commands."""
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from device.beam.eq15 import Overlap
     from runner.journal.store import Journal
     from runner.study.folder import StudyFolder
-else:  # what typer reads
+else:  # typer evaluates annotations at run time
     Overlap = str
 
 Wire = Literal["pty", "tcp"]
-"""How the simulated device is reached."""
+"""Transport of the simulated device."""
 
 
 def _languages() -> Iterable[str]:
@@ -59,11 +59,11 @@ _CHOICES: Mapping[str, Callable[[], Iterable[str]]] = {
     "eq15_overlap": _overlaps,
     "as_format": _formats,
 }
-"""What there is to choose from, by the parameter. Looking it up loads what defines it."""
+"""Choices by parameter. A look-up imports the module that defines them."""
 
 
 class Choosing(TyperCommand):
-    """A command that says which choices there are, and looks them up only then."""
+    """A command that lists its choices in help and errors, and looks them up only then."""
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
@@ -71,7 +71,7 @@ class Choosing(TyperCommand):
             vars(parameter)["get_missing_message"] = partial(_choose_from, parameter.name)
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
-        """Write the options as every command does, with the choices there are."""
+        """Write the options with their choices."""
         for parameter in self._choices():
             parameter.metavar = f"<{'|'.join(_CHOICES[parameter.name]())}>"
         super().format_options(ctx, formatter)
@@ -85,7 +85,7 @@ def _choose_from(parameter: str, ctx: object) -> str:  # noqa: ARG001 - typer's 
 
 
 def _one_of(parameter: str) -> Callable[[str], str]:
-    """Return a parser that refuses what is none of the parameter's choices."""
+    """Return a parser that accepts only the parameter's choices."""
 
     def parsed(given: str) -> str:
         known = tuple(_CHOICES[parameter]())
@@ -97,19 +97,24 @@ def _one_of(parameter: str) -> Callable[[str], str]:
 
 
 LanguageOption = Annotated[str, typer.Option()]
-"""Not checked here: a study may have languages of its own."""
-DialectOption = Annotated[str, typer.Option(parser=_one_of("dialect"), help="What it speaks.")]
+"""Not checked here, because a study may have its own languages."""
+DialectOption = Annotated[
+    str, typer.Option(parser=_one_of("dialect"), help="The device's command set.")
+]
 LawOption = Annotated[str, typer.Option(parser=_one_of("law"))]
 OverlapOption = Annotated[
-    Overlap, typer.Option(parser=_one_of("eq15_overlap"), help="For the printed law.")
+    Overlap,
+    typer.Option(
+        parser=_one_of("eq15_overlap"), help="Piece of Eq 15 that applies where two overlap."
+    ),
 ]
 FormatOption = Annotated[
-    str, typer.Option("--format", parser=_one_of("as_format"), help="csv is one tidy table.")
+    str, typer.Option("--format", parser=_one_of("as_format"), help="csv: one tidy table.")
 ]
 
 
 def named_folder(text: str) -> Path:
-    """Return the folder of that name; no name is no folder, although Path takes it for this one."""
+    """Return the folder `text`; refuse a blank name, which Path takes for the current folder."""
     if not text.strip():
         raise typer.BadParameter(f"must name a folder, got {text!r}")
     return Path(text)
@@ -119,7 +124,7 @@ StudyArgument = Annotated[Path, typer.Argument(metavar="STUDY", help="The study'
 
 
 def address(given: str | None) -> str | None:
-    """Return the address of a device, if one is given; refuse what cannot be one."""
+    """Return the checked address of a device, or None if none is given."""
     return None if given is None else checked_address(given)
 
 
@@ -129,7 +134,7 @@ UrlArgument = Annotated[
         metavar="URL", help="A serial port, socket://HOST:PORT, or sim.", callback=address
     ),
 ]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON document instead.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON document.")]
 
 
 ParticipantOption = Annotated[str, typer.Option(help="The pseudonym.")]
@@ -138,35 +143,39 @@ SessionOption = Annotated[int, typer.Option(min=1)]
 
 def _reason(given: str) -> str | None:
     if not given.strip():
-        raise BadInput("--reason must say why, got nothing")
+        raise BadInput("--reason must not be blank")
     return _text(given)
 
 
 def _text(given: str | None) -> str | None:
-    """Refuse bytes that are no text: nothing else can be written into the journal."""
+    """Refuse text that is not valid UTF-8: the journal cannot store it."""
     try:
         return given if given is None else given.encode().decode()
     except UnicodeEncodeError:
-        raise BadInput(f"a text must be UTF-8, got {given!r}") from None
+        raise BadInput(f"text must be valid UTF-8, got {given!r}") from None
 
 
 ConsentOption = Annotated[
-    str | None, typer.Option(help="Reference of the signed consent.", callback=_text)
+    str | None, typer.Option(help="Reference of the signed consent form.", callback=_text)
 ]
 ReasonOption = Annotated[
-    str, typer.Option(help="Why; it is written into the journal.", callback=_reason)
+    str, typer.Option(help="The reason, recorded in the journal.", callback=_reason)
 ]
 
 
 def print_json(document: object) -> None:
-    """Print `document` as the one JSON document of a command."""
+    """Print `document` as the only JSON document of a command."""
     import json
 
     typer.echo(json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False))
 
 
 def study_journal(folder: "StudyFolder", *, to_write: bool = False) -> "Journal":
-    """Return the journal of a study that has one."""
+    """Open the journal of the study in `folder`.
+
+    Raises:
+        BadInput: nothing has been recorded yet.
+    """
     from runner.journal.store import open_journal, read_journal
 
     path = folder.existing_journal()

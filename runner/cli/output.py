@@ -1,4 +1,4 @@
-"""A table on standard output."""
+"""Tables, progress bars and error lines."""
 
 import errno
 import sys
@@ -14,7 +14,7 @@ WIDE = 10_000
 
 
 def print_table(title: str, lines: Sequence[Sequence[str]]) -> None:
-    """Print `lines`: a header, rows, and a last row set apart."""
+    """Print `lines`: a header, rows, and a last row as the footer."""
     from rich import box
     from rich.console import Console
     from rich.markup import escape
@@ -28,14 +28,14 @@ def print_table(title: str, lines: Sequence[Sequence[str]]) -> None:
         table.add_column(escape(name), escape(foot), justify="right" if place else "left")
     for row in rows:
         table.add_row(*(escape(cell) for cell in row))
-    # A pipe has no width to fit into; rich heeds one only with a height, where TERM is dumb.
+    # A pipe has no width. Where TERM is dumb, rich uses the given width only if a height is given.
     console = Console() if at_terminal(sys.stdout) else Console(width=WIDE, height=1)
     console.print(table)
 
 
 @contextmanager
 def progress(what: str, total: int) -> Iterator[Callable[[], None]]:
-    """Yield a function to call after each of `total` steps."""
+    """Show a progress bar on a terminal; yield a function to call after each of `total` steps."""
     from rich.console import Console
     from rich.progress import Progress
 
@@ -61,13 +61,13 @@ _PATHS_GIVEN_WRONG = {
 
 
 def complaint(error: BaseException) -> tuple[str, int]:
-    """Return the line that tells a user what `error` means, and the exit code of the command."""
-    line, code = _told(error)
+    """Return the error line for the user and the exit code."""
+    line, code = _line(error)
     notes = [note for note in getattr(error, "__notes__", ()) if note not in line]
     return " ".join("; ".join([line, *notes]).split()), code
 
 
-def _told(error: BaseException) -> tuple[str, int]:
+def _line(error: BaseException) -> tuple[str, int]:
     match error:
         case typer.TyperException():
             return f"{error.format_message()} (see touchbeam --help)", error.exit_code
@@ -79,5 +79,8 @@ def _told(error: BaseException) -> tuple[str, int]:
             code = BAD_INPUT if error.errno in _PATHS_GIVEN_WRONG else WORK_FAILED
             return f"{path}: {why}", code
         case OSError(errno=errno.ENOSPC | errno.EFBIG | errno.EDQUOT, strerror=str() as why):
-            return f"standard output cannot be written ({why})", WORK_FAILED
-    return f"internal error, {type(error).__name__}: {error} (--debug shows where)", WORK_FAILED
+            return f"cannot write to standard output ({why})", WORK_FAILED
+    return (
+        f"internal error, {type(error).__name__}: {error} (--debug shows the traceback)",
+        WORK_FAILED,
+    )

@@ -1,4 +1,4 @@
-"""The commands about results: import, report, export, predict, ladder, claims."""
+"""Commands for results: import, report, export, predict, ladder, claims."""
 
 import os
 import sys
@@ -30,13 +30,15 @@ app = typer.Typer()
 
 @app.command("import")
 def import_scores(
-    scores: Annotated[Path, typer.Argument(metavar="SCORES.csv", help="subject, then conditions.")],
+    scores: Annotated[
+        Path, typer.Argument(metavar="SCORES.csv", help="Columns: subject, then conditions.")
+    ],
     study: Annotated[Path, typer.Argument(metavar="STUDY", help="A new or an empty folder.")],
 ) -> None:
-    """Make a study of published scores.
+    """Create a study from published scores.
 
-    SCORES.csv has a column `subject`, of pseudonyms with a digit, and one per condition; a blank
-    cell is a missing score.
+    SCORES.csv has a column `subject` and one column per condition. Each subject is a pseudonym
+    that contains a digit; a blank cell is a missing score.
     """
     from analysis.loading.published import published_table, unpredicted_note
     from runner.study.files import bytes_of, text_of
@@ -60,13 +62,13 @@ def report(
         typer.Option(parser=named_folder, metavar="DIR", help="[default: STUDY/report]"),
     ] = None,
     rehearsals: Annotated[
-        bool, typer.Option("--rehearsals", help="Report rehearsals too, marked as such.")
+        bool, typer.Option("--rehearsals", help="Include rehearsals, marked as such.")
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Write Table 4, statistics and figures.
+    """Report Table 4, statistics and figures.
 
-    As a page, CSV and JSON in the study's folder `report`.
+    Writes an HTML page, figures, CSV, LaTeX and JSON files.
     """
     from runner.study.folder import StudyFolder
 
@@ -82,12 +84,12 @@ def export(
     ],
     as_format: FormatOption,
     rehearsals: Annotated[
-        bool, typer.Option("--rehearsals", help="Export rehearsals too, marked as such.")
+        bool, typer.Option("--rehearsals", help="Include rehearsals, marked as such.")
     ] = False,
 ) -> None:
-    """Write the data for others: a row per trial.
+    """Export the data, one row per trial.
 
-    Who has withdrawn is not there; excluded trials are, marked.
+    Withdrawn participants are omitted; excluded trials are included and flagged.
     """
     from importlib.metadata import version
 
@@ -112,19 +114,20 @@ def export(
 
 @app.command(cls=Choosing)
 def predict(
-    scenes: Annotated[Path, typer.Argument(metavar="SCENES.csv", help="A row per scene.")],
+    scenes: Annotated[Path, typer.Argument(metavar="SCENES.csv", help="One row per scene.")],
     out: Annotated[
-        Path, typer.Option("-o", "--out", metavar="OUT.csv", help="- is standard output.")
+        Path,
+        typer.Option("-o", "--out", metavar="OUT.csv", help="Output file; - for standard output."),
     ],
     law: LawOption = "consistent",
-    rung: Annotated[str, typer.Option(help="auto, or a rung of `touchbeam ladder`.")] = "auto",
-    tolerance: Annotated[float, typer.Option(help="Largest error in μ' that auto makes.")] = 0.01,
+    rung: Annotated[str, typer.Option(help="auto or a rung of `touchbeam ladder`.")] = "auto",
+    tolerance: Annotated[float, typer.Option(help="Largest error in μ' allowed for auto.")] = 0.01,
     eq15_overlap: OverlapOption = "first",
-    study: Annotated[Path | None, typer.Option(help="Whose values stand for blank cells.")] = None,
+    study: Annotated[Path | None, typer.Option(help="Study whose values fill blank cells.")] = None,
 ) -> None:
     """Predict the friction of many scenes.
 
-    Every column is optional; docs/model.md lists them. A bad cell stops the run, and nothing is
+    Every column is optional; docs/model.md lists them. If any cell is invalid, nothing is
     written.
     """
     from analysis.model.predict import PredictOptions, study_defaults
@@ -140,7 +143,7 @@ def predict(
         typer.echo(text, nl=False)
     else:
         write_whole(out, text.encode())
-    # What is read as a table must hold nothing else.
+    # Keep the message out of a stream that a program reads as a table.
     streamed = to_stdout or is_stream(out)
     if not streamed or at_terminal(sys.stderr):
         typer.echo(f"{text.count(chr(10)) - 1} scenes predicted: {out}", err=streamed)
@@ -150,12 +153,12 @@ def predict(
 def ladder(
     as_json: JsonOption = False,
     plot: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw error against time: svg, png, pdf.")
+        Path | None, typer.Option(metavar="FILE", help="Plot error against time: svg, png or pdf.")
     ] = None,
 ) -> None:
-    """Measure speed against accuracy.
+    """Measure speed and accuracy of the friction model.
 
-    Every rung of the friction model in the paper's scene, on this machine, now.
+    Runs every rung of the model in the paper's scene on this computer.
     """
     from analysis.model.ladder import ladder_json, ladder_lines, ladder_panel, measured_ladder
 
@@ -180,7 +183,7 @@ def ladder(
 def claims(as_json: JsonOption = False) -> None:
     """Check the paper's claims.
 
-    Each claim is computed anew under every friction law.
+    Recomputes each claim under every friction law.
     """
     from analysis.claims.audit import audit, claims_json, claims_lines
 
@@ -194,8 +197,8 @@ def claims(as_json: JsonOption = False) -> None:
 
 
 def write_report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json: bool) -> None:
-    """Write the report on the study in `folder` into the folder `out`, and print Table 4."""
-    # Sums in one order, whatever the number of cores: the same input gives the same bytes.
+    """Write the report on the study in `folder` to the folder `out` and print Table 4."""
+    # With one thread, sums are in the same order on every computer: the same input, same bytes.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from analysis.loading.missing_scores import marks
     from analysis.loading.study_data import load_study_data
@@ -223,7 +226,7 @@ def write_report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json:
     _warn_of_broken(broken, folder.path)
     result = made_report(title, found, study, origin)
     if out.exists() and not out.is_dir():
-        raise BadInput(f"{out}: is a file; name a folder for the report")
+        raise BadInput(f"{out}: must be a folder for the report, got a file")
     files = report_files(result)
     write_files(files, out, replaced=result.figure_files)
     if as_json:
@@ -242,7 +245,7 @@ def _warn_of_broken(sessions: "Sequence[str]", study: Path) -> None:
         return
     named = ", ".join(sessions[:10]) + (f" and {len(sessions) - 10} more" if sessions[10:] else "")
     typer.echo(
-        f"touchbeam: warning: the journal was changed by other means than touchbeam, in {named}; "
+        f"touchbeam: warning: the journal was modified outside touchbeam, in {named}; "
         f"see touchbeam verify {study}",
         err=True,
     )

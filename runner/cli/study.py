@@ -1,4 +1,4 @@
-"""The commands that make a study, show its plan and carry it out: demo, new, check, run."""
+"""Commands that create, check and run a study: demo, new, check, run."""
 
 from pathlib import Path
 from typing import Annotated
@@ -29,9 +29,9 @@ def demo(
     participants: Annotated[int, typer.Option(min=1, max=99)] = 9,
     seed: Annotated[int, typer.Option(min=0)] = 1,
 ) -> None:
-    """See it work: simulated device, virtual participants.
+    """Run and report the paper's study in simulation.
 
-    Runs the whole study of the paper and reports it.
+    Uses the simulated device and virtual participants.
     """
     from protocol.study_file.loading import template
     from runner.cli.output import progress
@@ -49,9 +49,9 @@ def demo(
 @app.command()
 def new(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="A new or an empty folder.")],
-    template: Annotated[str, typer.Option(help="The built-in study to start from.")] = "paper",
+    template: Annotated[str, typer.Option(help="Built-in study to start from.")] = "paper",
 ) -> None:
-    """Make a study to edit."""
+    """Create a study to edit."""
     from protocol.study_file.loading import TEMPLATES, template_tests
     from protocol.study_file.loading import template as template_text
     from runner.study.folder import StudyFolder, new_study
@@ -62,7 +62,7 @@ def new(
     with new_study(study, template_text(template)):
         study.test_file.write_text(template_tests(), encoding="utf-8")
     typer.echo(
-        f"{study.study_file} is yours to edit; then: touchbeam check {folder}, "
+        f"Edit {study.study_file}; then: touchbeam check {folder}, "
         f"touchbeam run {folder} --participant P01"
     )
 
@@ -75,7 +75,7 @@ def check(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Show the plan that a study gives, or everything that is wrong with it."""
+    """Show a study's plan, or list all its problems."""
     from runner.study.check import checked
     from runner.study.folder import StudyFolder
 
@@ -107,21 +107,21 @@ def run(
         typer.Option(help="[default: stepped if device and ratings are simulated, else wall]"),
     ] = None,
     rehearsal: Annotated[
-        bool, typer.Option("--rehearsal", help="Use no slot of the design; kept out of reports.")
+        bool, typer.Option("--rehearsal", help="Take no slot of the design; omit from reports.")
     ] = False,
     language: LanguageOption = "en",
     screen: Annotated[
-        int, typer.Option(min=0, help="The participant's screen, counted from 0.")
+        int, typer.Option(min=0, help="The participant's screen, numbered from 0.")
     ] = 0,
     windowed: Annotated[
-        bool, typer.Option("--windowed", help="A small window instead of the full screen.")
+        bool, typer.Option("--windowed", help="Use a small window instead of the full screen.")
     ] = False,
     consent: ConsentOption = None,
     seed: Annotated[int | None, typer.Option(min=0, help="[default: the study's]")] = None,
 ) -> None:
-    """Run a session, or go on with one.
+    """Run or resume a session.
 
-    A session that was interrupted goes on at the trial that it stopped in.
+    An interrupted session resumes at the trial in which it stopped.
     """
     from runner.launch.rig import touchbeam_command
     from runner.launch.run_session import SessionOptions, run_session

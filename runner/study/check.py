@@ -1,4 +1,4 @@
-"""`touchbeam check`: a study's problems, or the plan that it gives."""
+"""`touchbeam check`: the problems of a study, or its plan."""
 
 import json
 import os
@@ -22,17 +22,17 @@ from runner.study.folder import StudyFolder, dialects
 
 
 def validated_study(text: str, source: str) -> Study:
-    """Return the study that `text` describes, checked for everything that a session needs of it.
+    """Return the study in `text`, checked for everything that a session needs.
 
     Raises:
-        StudyError: it cannot be used.
+        StudyError: the study has problems.
     """
-    return parsed_study(text, source, _out_of_place, dialects)
+    return parsed_study(text, source, _placement_problems, dialects)
 
 
-def _out_of_place(study: Study) -> Iterator[Problem]:
+def _placement_problems(study: Study) -> Iterator[Problem]:
     yield from reach_problems(study)
-    if not worded_as_built(study):  # the built-in texts do fit
+    if not worded_as_built(study):  # the built-in texts are known to fit
         from runner.window.preflight import fit_problems
 
         yield from fit_problems(study)
@@ -41,15 +41,15 @@ def _out_of_place(study: Study) -> Iterator[Problem]:
 def checked(
     folder: StudyFolder, participants: int | None, *, as_json: bool
 ) -> tuple[str, list[str], bool]:
-    """Return what to print, the problems as lines, and whether the study is in order.
+    """Return the text to print, the problems as lines, and whether the study is valid.
 
     Args:
         folder: the study.
-        participants: size of the cohort; the study's own, or 1, without it.
-        as_json: whether to print one JSON document.
+        participants: size of the cohort; by default the study's own, or else 1.
+        as_json: whether the text is one JSON document.
 
     Raises:
-        BadInput: there is no study.
+        BadInput: the study file is missing or unreadable.
     """
     source, text = str(folder.study_file), folder.text()
     try:
@@ -92,12 +92,12 @@ def _json(document: dict[str, Any]) -> str:
 
 
 def _prediction(study: Study) -> Predict:
-    """Return what the friction model predicts of a trial; it is loaded for studies in order."""
-    # One thread is enough for a few places; starting a pool of them takes longer than the work.
+    """Return the friction model's prediction for a trial; loads the model."""
+    # One thread is enough for a few places; starting a thread pool takes longer than the work.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from device.friction.contrasts import predicted_contrast
 
-    @cache  # a cohort's trials share few of these, and a prediction depends on nothing else
+    @cache  # the trials of a cohort share few combinations, which alone determine a prediction
     def contrast(question: str, expected: str | None, touches: tuple[Touch, ...]) -> float:
         return predicted_contrast(trial_change(study, question, expected, touches))
 

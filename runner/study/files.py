@@ -1,4 +1,4 @@
-"""Files and folders that are written as a whole or not at all; pipes and devices are left alone."""
+"""Atomic writing of files and folders; pipes and devices are written in place."""
 
 import os
 import re
@@ -17,10 +17,10 @@ _DESCRIPTORS = re.compile(r"/proc/[^/]+/fd|/dev/fd")
 
 
 def bytes_of(path: Path) -> bytes:
-    """Return what stands in the file `path`.
+    """Return the content of the file `path`.
 
     Raises:
-        BadInput: there is none that can be read.
+        BadInput: the file is missing or unreadable.
     """
     try:
         return path.read_bytes()
@@ -31,10 +31,10 @@ def bytes_of(path: Path) -> bytes:
 
 
 def text_of(content: bytes, path: Path) -> str:
-    """Return `content` of the file `path` as text, without a byte order mark.
+    """Decode `content` of the file `path`, without a byte order mark.
 
     Raises:
-        BadInput: it is not UTF-8.
+        BadInput: the content is not UTF-8.
     """
     try:
         return content.decode("utf-8-sig")
@@ -46,7 +46,7 @@ def short_text(path: Path) -> str:
     """Return the text of the file `path`, without a byte order mark.
 
     Raises:
-        BadInput: it is longer than a study can be, or is a pipe or a device, which need not end.
+        BadInput: it exceeds the length limit, or is a pipe or a device, which may never end.
         OSError: it cannot be read.
         UnicodeDecodeError: it is not UTF-8.
     """
@@ -59,9 +59,9 @@ def short_text(path: Path) -> str:
 
 
 def is_stream(path: Path) -> bool:
-    """Return whether `path` is a pipe, a device or an open file of this process, no file by name.
+    """Return whether `path` is a pipe, a device or an open descriptor, not a file by name.
 
-    `/dev/stdout` is one even where it leads to a file: that file is not ours to replace.
+    `/dev/stdout` counts as a stream even if it leads to a file: that file must not be replaced.
     """
     for _ in range(40):
         if _DESCRIPTORS.fullmatch(os.path.realpath(path.parent)):
@@ -73,13 +73,13 @@ def is_stream(path: Path) -> bool:
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Write `data` to `path`; what fails leaves the file as it was.
+    """Write `data` to `path`; a failure leaves an existing file unchanged.
 
-    A link is followed, and a file that was there keeps its permissions.
+    Follows links and keeps the permissions of an existing file.
 
     Raises:
-        BadInput: it is a folder.
-        OSError: it cannot be written; the error names `path`.
+        BadInput: `path` is a folder.
+        OSError: the file cannot be written; the error names `path`.
     """
     if path.is_dir():
         raise BadInput(f"{path}: must be a file, got a folder")
@@ -87,21 +87,21 @@ def write_whole(path: Path, data: bytes) -> None:
         if is_stream(path):
             path.write_bytes(data)
         else:
-            _replaced(Path(os.path.realpath(path)), data)
+            _replace(Path(os.path.realpath(path)), data)
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(path)) from error
 
 
-def _replaced(place: Path, data: bytes) -> None:
-    """Put a file with `data` in the place of what was there, in one step."""
-    there = place.exists() or place.is_symlink()
-    if there:
-        # Refuses a file that is not ours to write, and a link that leads to itself.
+def _replace(place: Path, data: bytes) -> None:
+    """Replace the file `place` by one with `data`, atomically."""
+    exists = place.exists() or place.is_symlink()
+    if exists:
+        # Fails for a file without write permission and for a link that leads to itself.
         os.close(os.open(place, os.O_WRONLY))
     beside = place.with_name(f".touchbeam-{secrets.token_hex(8)}")
     try:
         with beside.open("xb") as file:
-            if there:
+            if exists:
                 beside.chmod(place.stat().st_mode & 0o7777)
             file.write(data)
         beside.replace(place)
@@ -110,17 +110,17 @@ def _replaced(place: Path, data: bytes) -> None:
 
 
 def make_folder(place: Path, mode: int = 0o777) -> Path | None:
-    """Make the folder `place` and those missing above it.
+    """Create the folder `place` and its missing parents.
 
-    Return the topmost one made, for `take_away`; None if something is at `place` already.
+    Return the topmost new folder, for `take_away`, or None if `place` exists.
 
     Args:
-        place: a real path: where `..` and links lead must be known, or what is taken away again
-            is something else than what was made.
+        place: a real path. With `..` or links in it, `take_away` could remove a folder other than
+            the one created.
         mode: permissions of `place`, before the umask.
 
     Raises:
-        OSError: it cannot be made; nothing of it stays.
+        OSError: it cannot be created; new parents are removed again.
     """
     missing = [place, *(parent for parent in place.parents if not parent.exists())]
     try:
@@ -129,14 +129,14 @@ def make_folder(place: Path, mode: int = 0o777) -> Path | None:
         return None
     except BaseException:
         for path in missing:
-            with suppress(OSError):  # it was never made, or another program uses it by now
+            with suppress(OSError):  # it was not created, or another program already uses it
                 path.rmdir()
         raise
     return missing[-1]
 
 
 def take_away(paths: Iterable[Path]) -> None:
-    """Remove `paths`, folders with all that is in them, as far as that can be done."""
+    """Remove `paths`, folders with their content; ignore what cannot be removed."""
     for path in list(paths):
         if path.is_dir() and not path.is_symlink():
             shutil.rmtree(path, ignore_errors=True)
@@ -147,12 +147,12 @@ def take_away(paths: Iterable[Path]) -> None:
 
 @contextmanager
 def made_folder(folder: Path) -> Iterator[Path]:
-    """Make `folder`, unless it is there, for the body to fill; yield its real path.
+    """Create `folder` if it is missing; yield its real path.
 
-    If the body fails, the folders that were made are taken away again.
+    If the body fails, the new folders are removed again.
 
     Raises:
-        OSError: it cannot be made; the error names `folder`.
+        OSError: it cannot be created; the error names `folder`.
     """
     place = Path(os.path.realpath(folder))
     try:
@@ -169,15 +169,15 @@ def made_folder(folder: Path) -> Iterator[Path]:
 
 
 def write_files(contents: Mapping[str, bytes], folder: Path, replaced: Iterable[str] = ()) -> None:
-    """Write `contents`, by relative path, into `folder`, each file whole.
+    """Write `contents`, by relative path, into `folder`, each file atomically.
 
     Args:
-        contents: what to write.
-        folder: where, made if it is missing.
-        replaced: paths that are removed unless `contents` has them: what was written before.
+        contents: bytes by relative path.
+        folder: created if it is missing.
+        replaced: paths written by an earlier call, removed unless `contents` has them.
 
     Raises:
-        OSError: something cannot be written; the error names it.
+        OSError: a file cannot be written; the error names it.
     """
     gone = [name for name in replaced if name not in contents]
     with ExitStack() as stack:
@@ -192,11 +192,11 @@ def write_files(contents: Mapping[str, bytes], folder: Path, replaced: Iterable[
 def write_new_folder(contents: Mapping[str, bytes], folder: Path) -> None:
     """Write `contents`, by relative path, into the new folder `folder`.
 
-    Everything is written beside it first and takes its name in one step. What fails leaves nothing
-    behind.
+    The files are written to a temporary folder beside it, which is then renamed. A failure leaves
+    nothing behind.
 
     Raises:
-        BadInput: the folder is there and not empty, or is no folder.
+        BadInput: `folder` is a file, or a folder that is not empty.
         OSError: it cannot be written; the error names `folder`.
     """
     place = Path(os.path.realpath(folder))
@@ -218,12 +218,12 @@ def _write(contents: Mapping[str, bytes], place: Path) -> None:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(data)
         if place.exists():
-            place.rmdir()  # empty; Windows renames no folder onto another
+            place.rmdir()  # it is empty; Windows cannot rename a folder onto another
         whole.rename(place)
 
 
 def _require_free(place: Path, given: Path) -> None:
     if place.exists() and not place.is_dir():
-        raise BadInput(f"{given}: is a file; name a folder to make")
+        raise BadInput(f"{given}: must be a new or empty folder, got a file")
     if place.exists() and any(place.iterdir()):
-        raise BadInput(f"{given}: is there already and not empty; name a folder to make")
+        raise BadInput(f"{given}: must be a new or empty folder, but it contains files")

@@ -1,4 +1,4 @@
-"""A study on disk: its file, its journal, and what is made from them."""
+"""A study on disk: study file, journal, languages and report."""
 
 import os
 import re
@@ -18,7 +18,7 @@ _PSEUDONYM = re.compile(r"(?=.*[0-9])[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
 
 
 def dialects() -> Iterable[str]:
-    """Return what the devices speak that there is a driver for."""
+    """Return the dialects that have a driver."""
     from device.drivers.registry import drivers
 
     return drivers()
@@ -42,29 +42,29 @@ class StudyFolder:
 
     @property
     def journal(self) -> Path:
-        """Everything that happened."""
+        """The journal of all sessions."""
         return self.path / "study.db"
 
     @property
     def report(self) -> Path:
-        """Where reports go unless another place is named."""
+        """The default folder of reports."""
         return self.path / "report"
 
     @property
     def languages(self) -> Path:
-        """Languages of the study's own, one file each."""
+        """The study's own languages, one file each."""
         return self.path / "texts"
 
     def text(self) -> str:
-        """Return the text of the study file, with the files of the study's own languages.
+        """Return the text of the study file and of the study's own languages.
 
         Raises:
-            BadInput: there is none, or nothing that can be a study or a language.
+            BadInput: a file is missing, unreadable or too long.
         """
         return with_languages(self._study_text(), self._languages())
 
     def _languages(self) -> dict[str, str]:
-        """What stands in the file of each language, by its code."""
+        """Return the text of each language file by language code."""
         return {_code(file): _language_text(file) for file in sorted(self.languages.glob("*.toml"))}
 
     def _study_text(self) -> str:
@@ -77,7 +77,7 @@ class StudyFolder:
             ) from None
         except NotADirectoryError:
             raise BadInput(
-                f"{self.path}: is a file; give the folder that holds study.toml"
+                f"{self.path}: must be the folder that contains study.toml, got a file"
             ) from None
         except (OSError, UnicodeDecodeError) as error:
             raise BadInput(f"{self.study_file}: cannot be read ({error})") from error
@@ -86,8 +86,8 @@ class StudyFolder:
         """Return the checked study.
 
         Raises:
-            BadInput: there is none.
-            StudyError: it cannot be used.
+            BadInput: the study file is missing or unreadable.
+            StudyError: the study has problems.
         """
         return parsed_study(self.text(), str(self.study_file), dialects=dialects)
 
@@ -100,22 +100,22 @@ class StudyFolder:
         if not self.journal.is_file():
             raise BadInput(
                 f"{self.path}: no sessions here (study.db is missing); "
-                "record one with touchbeam run, or bring scores in with touchbeam import"
+                "record one with touchbeam run or import scores with touchbeam import"
             )
         return self.journal
 
 
 @contextmanager
 def new_study(folder: StudyFolder, text: str) -> Iterator[StudyFolder]:
-    """Make a study out of `text`, in a new folder or an empty one, for the body to go on with.
+    """Create a study from `text` in a new or empty folder, and yield it to the body.
 
-    If the body fails before anything is journalled, nothing of it stays.
+    If the body fails before the first journal event, everything created is removed again.
 
     Raises:
-        BadInput: the folder is there already and not empty, or cannot be made.
+        BadInput: the folder is not empty or cannot be created.
     """
     place = Path(os.path.realpath(folder.path))
-    topmost = _made(place)
+    topmost = _created(place)
     try:
         folder.study_file.write_text(text, encoding="utf-8")
         yield folder
@@ -127,13 +127,13 @@ def new_study(folder: StudyFolder, text: str) -> Iterator[StudyFolder]:
         raise
 
 
-def _made(place: Path) -> Path | None:
-    """Make the folder `place`, unless it is there and empty; return the topmost one made."""
+def _created(place: Path) -> Path | None:
+    """Create the folder `place` unless it exists and is empty; return the topmost new folder."""
     try:
         topmost = make_folder(place, mode=0o700)
     except OSError as error:
         raise BadInput(
-            f"{place}: cannot be made ({error.strerror}); name another folder"
+            f"{place}: cannot be created ({error.strerror}); choose another folder"
         ) from error
     if topmost is None:
         _require_empty(place)
@@ -144,14 +144,16 @@ def _require_empty(path: Path) -> None:
     try:
         taken = any(path.iterdir())
     except OSError as error:
-        raise BadInput(f"{path}: no folder for a study ({error.strerror}); name another") from error
+        raise BadInput(
+            f"{path}: cannot be used for a study ({error.strerror}); choose another"
+        ) from error
     if taken:
-        raise BadInput(f"{path}: is there already and not empty; name a new folder")
+        raise BadInput(f"{path}: must be a new or empty folder, but it contains files")
 
 
 def _code(file: Path) -> str:
     if not re.fullmatch(CODE, file.stem):
-        raise BadInput(f"{file}: must be named by a language's code, as fr.toml")
+        raise BadInput(f"{file}: must be named by a language code, such as fr.toml")
     return file.stem
 
 
@@ -172,14 +174,14 @@ def numbered(path: Path) -> Path:
 
 
 def pseudonym(text: str) -> str:
-    """Return `text` if it can stand for a participant.
+    """Return `text` if it is a valid pseudonym.
 
     Raises:
-        BadInput: it could be a name, or could leave the study's folder.
+        BadInput: it could be a real name or a path.
     """
     if not _PSEUDONYM.fullmatch(text):
         raise BadInput(
             "a participant must be a pseudonym of letters, digits, - and _ with a digit in it, "
-            f"such as P01; names are not kept, got {text!r}"
+            f"such as P01 (real names are not stored), got {text!r}"
         )
     return text

@@ -1,4 +1,4 @@
-"""Published scores become a study: one completed session per subject."""
+"""Import of published scores as a study with one completed session per subject."""
 
 import json
 from collections.abc import Mapping
@@ -20,13 +20,13 @@ def import_table(
     source: str,
     content: bytes,
 ) -> None:
-    """Write a new study that holds `scores`, subject by subject.
+    """Create a study from `scores`, one session per subject.
 
     Args:
-        folder: where to make it.
+        folder: the new study.
         scores: condition → score, None for a missing one, by subject.
-        source: the name of the file they come from; the study is named after it.
-        content: what stood in it, for its digest.
+        source: name of the file with the scores; also gives the study its name.
+        content: the bytes of that file, for its digest.
     """
     clock = WallClock()
     digest = sha256(content).hexdigest()
@@ -50,8 +50,8 @@ def import_table(
 
 
 def _named(study_text: str, source: str) -> str:
-    """The paper's study under the name of the file that its scores come from."""
+    """Return the paper's study file with the name of the scores' file as the study's name."""
     stem = Path(source).stem.encode(errors="replace").decode()
     name = printable(stem)[:LONGEST_NAME]
-    # A string of JSON is one of TOML.
+    # A JSON string is also a valid TOML string.
     return study_text.replace('name = "paper"', f"name = {json.dumps(name, ensure_ascii=False)}", 1)

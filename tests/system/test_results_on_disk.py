@@ -1,4 +1,4 @@
-"""Where results go: files, folders, pipes and devices, and a disk that is full."""
+"""Output of results to files, folders, pipes and devices, and to a full disk."""
 
 import os
 import resource
@@ -17,7 +17,7 @@ def somewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-def test_a_report_that_cannot_be_written_says_where(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_report_that_cannot_be_written_names_the_path(capsys: pytest.CaptureFixture[str]) -> None:
     typed("import", str(PUBLISHED), "published")
     Path("file").write_text("")
     assert typed("report", "published", "--out", "file/report") == 2
@@ -28,7 +28,10 @@ def test_a_report_that_cannot_be_written_says_where(capsys: pytest.CaptureFixtur
     ("command", "message"),
     [
         (("report", "published", "--out", ""), "--out': must name a folder, got ''"),
-        (("report", "published", "--out", "file"), "file: is a file; name a folder for the report"),
+        (
+            ("report", "published", "--out", "file"),
+            "file: must be a folder for the report, got a file",
+        ),
         (("export", "published", " ", "--format", "csv"), "'DIR': must name a folder, got ' '"),
     ],
 )
@@ -44,23 +47,23 @@ def test_a_place_for_results_must_be_a_folder(
     assert everything(Path()) == before
 
 
-def test_a_disk_that_fills_up_leaves_no_part_of_a_report() -> None:
+def test_a_full_disk_leaves_no_part_of_a_report() -> None:
     typed("import", str(PUBLISHED), "published")
-    assert typed("report", "published", "--out", "before") == 0, "fonts are known from here on"
+    assert typed("report", "published", "--out", "before") == 0, "fills matplotlib's font cache"
     before = everything(Path())
-    said = subprocess.run(
+    shown = subprocess.run(
         [TOUCHBEAM, "report", "published", "--out", "deep/out"],
         capture_output=True,
         text=True,
         check=False,
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, 40_000)),
     )
-    assert_matches(r"^touchbeam: deep/out/report\.\w+: File too large\n$", said.stderr)
-    assert said.returncode == 1
+    assert_matches(r"^touchbeam: deep/out/report\.\w+: File too large\n$", shown.stderr)
+    assert shown.returncode == 1
     assert everything(Path()) == before
 
 
-def test_a_device_that_is_written_to_stays_a_device(tmp_path: Path) -> None:
+def test_a_pipe_that_is_written_to_stays_a_pipe(tmp_path: Path) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     Path("scenes.csv").write_text("voltage_v\n100\n")
@@ -92,20 +95,20 @@ def test_standard_output_gets_the_predictions_and_nothing_else(
         (("predict", "scenes.csv", "-o", "/dev/full"), "/dev/full: No space left on device"),
         (
             ("predict", "scenes.csv", "-o", "-"),
-            "standard output cannot be written (No space left on device)",
+            "cannot write to standard output (No space left on device)",
         ),
         (
             ("report", "published", "--json"),
-            "standard output cannot be written (No space left on device)",
+            "cannot write to standard output (No space left on device)",
         ),
-        (("report", "published"), "standard output cannot be written (No space left on device)"),
+        (("report", "published"), "cannot write to standard output (No space left on device)"),
     ],
 )
-def test_a_full_disk_is_one_clear_line(arguments: tuple[str, ...], message: str) -> None:
+def test_a_full_disk_gives_one_clear_line(arguments: tuple[str, ...], message: str) -> None:
     Path("scenes.csv").write_text("voltage_v\n100\n")
     typed("import", str(PUBLISHED), "published")
     with Path("/dev/full").open("w") as full:
-        said = subprocess.run(
+        shown = subprocess.run(
             [TOUCHBEAM, *arguments], stdout=full, stderr=subprocess.PIPE, text=True, check=False
         )
-    assert (said.returncode, said.stderr) == (1, f"touchbeam: {message}\n")
+    assert (shown.returncode, shown.stderr) == (1, f"touchbeam: {message}\n")

@@ -120,7 +120,7 @@ def test_mistakes_in_a_language_are_listed_with_the_studys_own(
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("FR.toml", FRENCH.encode(), "texts/FR.toml: must be named by a language's code"),
+        ("FR.toml", FRENCH.encode(), "texts/FR.toml: must be named by a language code"),
         ("french.toml", FRENCH.encode(), "texts/french.toml: must be named by a language"),
         ("fr.toml", b"name = '\xff'", "texts/fr.toml: cannot be read"),
     ],

@@ -61,16 +61,16 @@ def test_the_demo_ends_with_table_4_and_the_device_off(tmp_path: Path) -> None:
         for _ in range(2)
     ]
     assert all("Table 4" in run.stdout and "Device off, read back" in run.stdout for run in shown)
-    assert not any(run.stderr for run in shown), "no progress bar where there is no terminal"
+    assert not any(run.stderr for run in shown), "no progress bar without a terminal"
     for name in ("table4.csv", "report.html", "report.json"):
         first, second = (Path(folder, "report", name).read_bytes() for folder in ("demo", "demo-2"))
-        assert first == second.replace(b"demo-2", b"demo"), f"{name} follows from the seed"
+        assert first == second.replace(b"demo-2", b"demo"), f"{name} depends on the seed alone"
     with closing(sqlite3.connect("demo/study.db")) as journal:
         offs = journal.execute("SELECT payload FROM event WHERE tag = 'device-off'").fetchall()
     assert [json.loads(body)["confirmed"] for (body,) in offs] == [True, True]
 
 
-def test_a_study_is_looked_after(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_journal_commands_work_on_a_rehearsal(capsys: pytest.CaptureFixture[str]) -> None:
     typed("new", "study")
     assert typed(*RUN, "virtual") == 0
     capsys.readouterr()
@@ -115,14 +115,14 @@ def test_a_study_is_looked_after(capsys: pytest.CaptureFixture[str]) -> None:
         (("import", "words.csv", "new"), 2, "words.csv, line 2, column a: .* got 'x'"),
         (("import", "nowhere.csv", "new"), 2, "nowhere.csv: no such file"),
         (("import", "binary.csv", "new"), 2, "binary.csv: cannot be read as UTF-8 text"),
-        (("import", "scores.csv", "scores.csv/new"), 2, "scores.csv/new: cannot be made"),
-        (("import", "scores.csv", "study"), 2, "study: is there already and not empty"),
-        (("demo", "--out", "scores.csv/demo"), 2, "scores.csv/demo: cannot be made"),
+        (("import", "scores.csv", "scores.csv/new"), 2, "scores.csv/new: cannot be created"),
+        (("import", "scores.csv", "study"), 2, "study: must be a new or empty folder, but"),
+        (("demo", "--out", "scores.csv/demo"), 2, "scores.csv/demo: cannot be created"),
         (("demo", "--participants", "0"), 2, "--participants"),
         (("report", "study"), 2, "no sessions here"),
         (("report", "nowhere"), 2, "nowhere: no sessions here"),
-        (("new", "study"), 2, "study: is there already and not empty"),
-        (("new", "scores.csv"), 2, "scores.csv: no folder for a study .Not a directory"),
+        (("new", "study"), 2, "study: must be a new or empty folder, but it contains files"),
+        (("new", "scores.csv"), 2, "scores.csv: cannot be used for a study .Not a directory"),
         (("import", "words.csv", "empty"), 2, "words.csv, line 2"),
         (("demo", "--out", "empty", "--participants", "100"), 2, "--participants"),
         (("new", "other", "--template", "frob"), 2, "one of paper.*, got 'frob'"),
@@ -148,14 +148,14 @@ def test_bad_input_is_one_clear_line_and_changes_nothing(
     capsys.readouterr()
     before = everything(tmp_path)
     assert typed(*arguments) == code
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert said.err.count("\n") == 1
-    assert_matches(message, said.err)
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert shown.err.count("\n") == 1
+    assert_matches(message, shown.err)
     assert everything(tmp_path) == before
 
 
-def test_an_empty_folder_is_as_good_as_a_new_one_and_stays_when_the_work_fails(
+def test_an_empty_folder_is_accepted_and_kept_when_the_command_fails(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     Path("study").mkdir()
@@ -169,17 +169,17 @@ def test_an_empty_folder_is_as_good_as_a_new_one_and_stays_when_the_work_fails(
     assert typed("check", "study") == 0
 
 
-def test_conditions_that_the_model_does_not_know_are_named_at_import(
+def test_import_names_conditions_that_the_model_does_not_know(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     Path("scores.csv").write_text("subject,频率,Voltage,电压\n1,3,4,5\n2,6,8,8\n", encoding="utf-8")
     assert typed("import", "scores.csv", "published") == 0
-    said = capsys.readouterr()
-    assert said.out.splitlines()[0] == (
+    shown = capsys.readouterr()
+    assert shown.out.splitlines()[0] == (
         "No contrast is predicted for 频率, 电压: the friction model knows signal, frequency, "
         "structure, voltage, direction, pressure."
     )
-    assert said.err == ""
+    assert shown.err == ""
     assert typed("report", "published", "--json") == 0
     reason = json.loads(capsys.readouterr().out)["sensitivity_models"]["M1"]["reason"]
     assert reason == "a line needs at least 3 ratings with a predicted contrast, got 2"
@@ -191,7 +191,7 @@ def test_conditions_that_the_model_does_not_know_are_named_at_import(
     "command",
     [("new", "../study"), ("import", str(PUBLISHED), "../study"), ("new", "../a/../study")],
 )
-def test_a_study_can_be_made_beside_this_folder(
+def test_a_study_can_be_made_outside_the_current_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: tuple[str, ...]
 ) -> None:
     for name in ("here", "a"):
@@ -203,7 +203,7 @@ def test_a_study_can_be_made_beside_this_folder(
 
 
 @pytest.mark.parametrize("place", ["missing/../study", "missing/../../study", "link/../study"])
-def test_what_cannot_be_made_by_going_back_leaves_nothing(
+def test_a_path_through_a_missing_folder_fails_and_leaves_nothing(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -228,7 +228,7 @@ def test_an_unknown_key_names_the_near_miss(capsys: pytest.CaptureFixture[str]) 
     assert everything(Path("study")) == {"study.toml", "test_study.py"}
 
 
-def test_debug_shows_where_an_error_came_from() -> None:
+def test_debug_shows_a_traceback() -> None:
     shown = subprocess.run(
         [TOUCHBEAM, "report", "nowhere", "--debug"], capture_output=True, text=True, check=False
     )
@@ -243,7 +243,7 @@ def test_the_doctor_finds_our_own_packages(capsys: pytest.CaptureFixture[str]) -
     assert found["psychopy"]["value"] == "2026.2.5"
 
 
-def test_the_doctor_sees_a_package_in_the_way() -> None:
+def test_the_doctor_reports_a_package_that_shadows_ours() -> None:
     Path("analysis").mkdir()
     Path("analysis/__init__.py").write_text("")
     program = "import sys; sys.argv = ['touchbeam', 'doctor']; from runner.cli import main; main()"
@@ -253,4 +253,4 @@ def test_the_doctor_sees_a_package_in_the_way() -> None:
     assert shown.returncode == 1
     assert "FAIL  package analysis" in shown.stdout
     honest = subprocess.run([TOUCHBEAM, "doctor"], capture_output=True, text=True, check=False)
-    assert honest.returncode == 0, "the command itself does not look into the current folder"
+    assert honest.returncode == 0, "the command does not import from the current folder"

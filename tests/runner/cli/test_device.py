@@ -1,4 +1,4 @@
-"""`touchbeam device`: list, probe, sweep, and the calibration that a sweep leaves."""
+"""`touchbeam device`: list, probe, sweep, and the calibration that a sweep saves."""
 
 import json
 import subprocess
@@ -33,16 +33,18 @@ def endpoints(request: pytest.FixtureRequest) -> Iterator[Endpoints]:
         yield simulator
 
 
-def test_a_probe_says_who_and_how_and_changes_nothing(endpoints: Endpoints) -> None:
+def test_a_probe_reports_identity_and_status_and_changes_nothing(endpoints: Endpoints) -> None:
     with ControlClient(endpoints.control) as control:
         control.fault("panel-on")
-        said = probed(endpoints.url, TOUCHBEAM)
-        assert said["output"] == "1"
+        found = probed(endpoints.url, TOUCHBEAM)
+        assert found["output"] == "1"
         assert control.state()["output"] is True
-        assert {"board": "boot", "keysight": "load_ohm"}[said["dialect"]] in said
+        assert {"board": "boot", "keysight": "load_ohm"}[found["dialect"]] in found
 
 
-def test_a_probe_of_a_stranger_shows_both(endpoints: Endpoints) -> None:
+def test_a_probe_of_an_unknown_device_shows_expected_and_actual_identity(
+    endpoints: Endpoints,
+) -> None:
     with ControlClient(endpoints.control) as control:
         control.fault("wrong-idn")
         with pytest.raises(ForeignDevice, match=r"TOUCHBEAM,BOARD.*33220A.*; got 'ACME,Toaster"):
@@ -50,19 +52,19 @@ def test_a_probe_of_a_stranger_shows_both(endpoints: Endpoints) -> None:
         control.fault("wrong-idn", on=False)
 
 
-def test_a_sweep_finds_the_hidden_resonance_and_is_kept(tmp_path: Path) -> None:
+def test_a_sweep_finds_the_hidden_resonance_and_saves_it(tmp_path: Path) -> None:
     (tmp_path / "study.toml").touch()
     done = touchbeam("device", "sweep", "sim", "--keep", str(tmp_path), "--json")
     assert done.returncode == 0, done.stderr
-    said = json.loads(done.stdout)
+    found = json.loads(done.stdout)
     hidden_hz = natural_frequency_hz(SimulatedBeam(1).beam, 6)
-    assert said["frequency_hz"] == pytest.approx(hidden_hz, rel=2e-4)
+    assert found["frequency_hz"] == pytest.approx(hidden_hz, rel=2e-4)
     kept = kept_calibration(tmp_path)
     assert kept is not None
-    assert kept.frequency_hz == said["frequency_hz"]
+    assert kept.frequency_hz == found["frequency_hz"]
 
 
-def test_a_generator_takes_the_calibration_that_is_kept() -> None:
+def test_a_generator_uses_the_saved_calibration() -> None:
     settings = RigSettings(dialect="keysight", amplifier_gain=20.0, generator_max_vpp=20.0)
     with session_rig("sim", settings, TOUCHBEAM, 1, FOUND) as rig:
         rig.device.arm()
@@ -74,12 +76,12 @@ def test_a_generator_cannot_sweep() -> None:
         swept("sim", 24_221.0, "keysight", TOUCHBEAM)
 
 
-def test_where_no_resonance_is_nothing_is_kept(tmp_path: Path) -> None:
+def test_a_sweep_without_a_resonance_fails(tmp_path: Path) -> None:
     with pytest.raises(DeviceError, match="no resonance between 13300 and 14700 Hz"):
         swept("sim", 14_000.0, "board", TOUCHBEAM)
 
 
-def test_a_calibration_that_is_none_is_refused(tmp_path: Path) -> None:
+def test_an_invalid_calibration_is_refused(tmp_path: Path) -> None:
     assert kept_calibration(tmp_path) is None
     with pytest.raises(BadInput, match="no study here"):
         keep_calibration(tmp_path, FOUND, "x", "2026-01-01")
@@ -98,7 +100,7 @@ def test_ports_are_listed_without_opening_any() -> None:
 
 
 @pytest.mark.parametrize(
-    ("url", "code", "told"),
+    ("url", "code", "message"),
     [
         ("/dev/ttyNOPE", 1, "no such port; is the device plugged in?"),
         ("frob://x", 2, "not the address of a device"),
@@ -108,14 +110,14 @@ def test_ports_are_listed_without_opening_any() -> None:
         ("/dev/null", 1, "is not a serial port"),
     ],
 )
-def test_a_port_that_does_not_work_is_one_line(url: str, code: int, told: str) -> None:
+def test_a_port_that_does_not_work_gives_one_line(url: str, code: int, message: str) -> None:
     done = touchbeam("device", "probe", url)
     assert (done.returncode, done.stdout) == (code, "")
     assert done.stderr.count("\n") == 1
-    assert told in done.stderr
+    assert message in done.stderr
 
 
-def test_an_address_writes_into_no_file(
+def test_an_address_cannot_write_to_a_file(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -134,9 +136,11 @@ def test_an_address_writes_into_no_file(
         ("device", "sweep", url),
     ):
         assert typed(*command) == 2
-        told = capsys.readouterr()
-        assert told.out == ""
-        assert told.err.count("\n") == 1
-        assert "must be sim, a serial port, socket://HOST:PORT or rfc2217://HOST:PORT" in told.err
+        message = capsys.readouterr()
+        assert message.out == ""
+        assert message.err.count("\n") == 1
+        assert (
+            "must be sim, a serial port, socket://HOST:PORT or rfc2217://HOST:PORT" in message.err
+        )
     assert Path("thesis.tex").read_text() == "a chapter"
     assert not list(tmp_path.glob("*/study.db"))

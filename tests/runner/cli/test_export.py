@@ -31,7 +31,7 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A study whose journal holds the nasty sessions."""
+    """A study whose journal contains the hostile sessions."""
     folder = tmp_path_factory.mktemp("recorded")
     (folder / "study.toml").write_text(study_text(), encoding="utf-8")
     with open_journal(folder / "study.db") as journal:
@@ -58,19 +58,19 @@ def contents(folder: Path) -> dict[str, str]:
 
 
 def everything() -> set[Path]:
-    """What there is, but for the files that SQLite keeps beside a database that is read."""
+    """All paths but the files that SQLite keeps beside a database while it is read."""
     return {path for path in Path().rglob("*") if not path.name.startswith("study.db-")}
 
 
 def test_the_demo_passes_the_official_validator(demo: Path, tmp_path: Path) -> None:
     assert typed("export", demo, tmp_path / "bids", "--format", "bids", "--rehearsals") == 0
-    said = subprocess.run(
+    shown = subprocess.run(
         [VALIDATOR, str(tmp_path / "bids"), "--format", "json"],
         capture_output=True,
         text=True,
         check=True,
     )
-    found = json.loads(said.stdout)
+    found = json.loads(shown.stdout)
     assert sorted(found["summary"]["subjects"]) == ["P01", "P02"]
     assert {issue["severity"] for issue in found["issues"]["issues"]} == {"warning"}
     assert list(bids_slips(contents(tmp_path / "bids"))) == []
@@ -94,12 +94,12 @@ def test_the_demo_is_psychds(demo: Path, tmp_path: Path) -> None:
     assert list(psychds_slips(contents(tmp_path / "psychds"))) == []
 
 
-def test_dry_runs_alone_are_not_exported_unasked(
+def test_rehearsals_alone_are_exported_only_on_request(
     demo: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert typed("export", demo, tmp_path / "csv", "--format", "csv") == 2
-    said = capsys.readouterr()
-    assert said.err == "touchbeam: nothing but rehearsals here; name them with --rehearsals\n"
+    shown = capsys.readouterr()
+    assert shown.err == "touchbeam: nothing but rehearsals here; name them with --rehearsals\n"
     assert list(tmp_path.iterdir()) == []
 
 
@@ -115,14 +115,14 @@ def test_the_journal_gives_the_same_bytes_each_time(
     )
 
 
-def test_a_withdrawal_takes_a_participant_out_of_the_next_export(study: Path) -> None:
+def test_withdrawn_participants_are_left_out(study: Path) -> None:
     assert typed("withdraw", study, "--participant", "P01") == 0
     assert typed("export", study, "csv", "--format", "csv") == 0
     rows = csv_rows(contents(Path("csv"))["trials.csv"])
     assert {row["participant"] for row in rows} == {"P-01", "p_01", "D01", "E01"}
 
 
-def test_a_published_table_comes_out_as_it_went_in(
+def test_a_published_table_is_exported_unchanged(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -167,7 +167,7 @@ def test_a_changed_journal_is_reported_and_exported_with_a_warning(
             "WHERE tag = 'answered' AND session IN ('P-01/1', 'P01/2')"
         )
     warning = (
-        "touchbeam: warning: the journal was changed by other means than touchbeam, in P-01/1, "
+        "touchbeam: warning: the journal was modified outside touchbeam, in P-01/1, "
         "P01/2; see touchbeam verify study\n"
     )
     for name in ("csv", "bids", "psychds"):
@@ -177,26 +177,28 @@ def test_a_changed_journal_is_reported_and_exported_with_a_warning(
         assert 0 <= page.index("**Changed journal.**") < 100
         assert "broken in P-01/1, P01/2;" in page
     assert typed("report", study.name, "--json") == 0
-    said = capsys.readouterr()
-    assert said.err == warning
-    found = json.loads(said.out)
+    shown = capsys.readouterr()
+    assert shown.err == warning
+    found = json.loads(shown.out)
     assert found["broken_chains"] == ["P-01/1", "P01/2"]
     assert "broken in P-01/1, P01/2;" in found["provenance"]["journal"]
     page = (study / "report" / "report.html").read_text()
     assert page.index("<strong>Changed journal.</strong>") < page.index("<nav")
 
 
-def test_a_whole_journal_gives_no_warning(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_intact_journal_gives_no_warning(
+    study: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert typed("export", study, "csv", "--format", "csv") == 0
     assert capsys.readouterr().err == ""
     assert set(contents(Path("csv"))) == {"trials.csv", "trials.json"}
     assert typed("report", study, "--json") == 0
-    said = capsys.readouterr()
-    assert (said.err, json.loads(said.out)["broken_chains"]) == ("", [])
+    shown = capsys.readouterr()
+    assert (shown.err, json.loads(shown.out)["broken_chains"]) == ("", [])
     assert "Changed journal" not in (study / "report" / "report.html").read_text()
 
 
-def test_many_changed_sessions_are_one_short_line(
+def test_many_changed_sessions_give_one_short_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -214,8 +216,11 @@ def test_many_changed_sessions_are_one_short_line(
     ("arguments", "message"),
     [
         (("nowhere", "out", "--format", "csv"), "nowhere: no sessions here"),
-        (("study", "full", "--format", "csv"), "full: is there already and not empty"),
-        (("study", "file", "--format", "csv"), "file: is a file; name a folder to make"),
+        (
+            ("study", "full", "--format", "csv"),
+            "full: must be a new or empty folder, but it contains files",
+        ),
+        (("study", "file", "--format", "csv"), "file: must be a new or empty folder, got a file"),
         (("study", "file/out", "--format", "csv"), "file/out: Not a directory"),
         (("study", "out", "--format", "xlsx"), "'xlsx' is not one of 'csv', 'bids', 'psychds'"),
         (("study", "out"), "Missing option '--format'"),
@@ -230,9 +235,9 @@ def test_bad_input_is_one_clear_line_and_changes_nothing(
     Path("file").write_text("mine")
     before = everything()
     assert typed("export", *arguments) == 2
-    said = capsys.readouterr()
-    assert (said.out, said.err.count("\n")) == ("", 1)
-    assert re.search(message, said.err), said.err
+    shown = capsys.readouterr()
+    assert (shown.out, shown.err.count("\n")) == ("", 1)
+    assert re.search(message, shown.err), shown.err
     assert everything() == before
 
 

@@ -1,4 +1,4 @@
-"""What an option lets one choose is read where it is defined, and not before it is needed."""
+"""Choices of options: listed from the module that defines them, and loaded only when needed."""
 
 import subprocess
 import sys
@@ -43,7 +43,7 @@ CHOICES = [
 
 
 @pytest.mark.parametrize(("option", "names"), CHOICES, ids=str)
-def test_help_lists_what_there_is(
+def test_help_lists_the_choices(
     option: tuple[str, ...], names: Iterable[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     *command, name = option
@@ -61,7 +61,7 @@ def test_help_lists_what_there_is(
     ],
     ids=str,
 )
-def test_what_is_not_there_is_refused_with_what_is(
+def test_an_unknown_choice_is_refused_with_the_known_ones(
     command: tuple[str, ...], names: Iterable[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert typed(*command) == 2

@@ -1,4 +1,4 @@
-"""Progress and tables: shown to a terminal, and to nothing that only looks like one."""
+"""Progress bars and tables: a progress bar appears only on a real terminal."""
 
 import sys
 
@@ -9,13 +9,13 @@ from runner.cli.output import print_table, progress
 
 @pytest.fixture(autouse=True, params=["xterm-256color", "dumb"])
 def colours_wanted(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Some continuous integration sets this, though nothing there is a terminal."""
+    """Set FORCE_COLOR, as some CI systems do although they have no terminal."""
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("COLUMNS", "20")
     monkeypatch.setenv("TERM", request.param)
 
 
-def test_no_progress_bar_where_there_is_no_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+def test_there_is_no_progress_bar_without_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
     with progress("participants", 2) as step:
         step()
         step()

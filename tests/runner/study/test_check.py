@@ -1,4 +1,4 @@
-"""`touchbeam check`: the preview, its JSON contract, and refusals that list everything."""
+"""`touchbeam check`: the preview, its JSON contract, and lists of every problem."""
 
 import json
 import math
@@ -41,7 +41,7 @@ def document(capsys: pytest.CaptureFixture[str]) -> Any:
 @pytest.mark.parametrize(
     ("name", "size", "balanced"), [("paper", 9, False), ("extended", 20, True)]
 )
-def test_the_json_is_what_others_rely_on(
+def test_the_json_keeps_its_contract(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, size: int, balanced: bool
 ) -> None:
     assert typed("check", study(tmp_path, name), "--json") == 0
@@ -71,7 +71,7 @@ def test_the_cohort_may_be_of_another_size(
     assert {n for row in found["carryover"]["counts"] for n in row} == {0, 2}
 
 
-def test_longer_sessions_of_widely_spread_contrasts_buy_precision(
+def test_longer_sessions_and_a_wider_spread_of_contrasts_improve_precision(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     typed("check", study(tmp_path, "extended"), "--json")
@@ -96,7 +96,7 @@ def test_precision_by_session_length_is_explained_in_whole_sentences(
     assert "Pred.: predicted change of ln(friction), positive in the expected" in " ".join(lines)
 
 
-def test_the_preview_can_be_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_preview_is_readable(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert typed("check", study(tmp_path, "extended")) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "Plan of the first of 20 participants (session 1)"
@@ -112,7 +112,7 @@ def test_the_preview_can_be_read(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert " 20 scored trials, " in session, "practice is not scored"
 
 
-def test_what_never_follows_within_a_block_is_not_called_balanced(
+def test_conditions_that_never_follow_each_other_are_not_called_balanced(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     changes = [("[design]", "[design]\nrepeats = 2\ngroup_by_beam = 'session'")]
@@ -128,7 +128,7 @@ def test_what_never_follows_within_a_block_is_not_called_balanced(
     )
 
 
-def test_a_bound_on_beam_swaps_is_not_told_to_be_balanced_by_a_larger_cohort(
+def test_with_a_limit_on_beam_swaps_no_larger_cohort_is_suggested(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     changed = study(tmp_path, "paper", ("[design]", "[design]\nmax_beam_swaps = 6"))
@@ -136,7 +136,7 @@ def test_a_bound_on_beam_swaps_is_not_told_to_be_balanced_by_a_larger_cohort(
     assert "this design cannot balance it" in capsys.readouterr().out
 
 
-def test_columns_stand_under_one_another_in_chinese_as_well(
+def test_columns_are_aligned_in_chinese_too(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     changed = study(tmp_path, "paper", ('name = "voltage"', 'name = "电压"'))
@@ -146,7 +146,7 @@ def test_columns_stand_under_one_another_in_chinese_as_well(
     assert len(begins) == 1
 
 
-def test_the_highest_resonance_that_keeps_the_limits_is_told(
+def test_the_highest_resonance_within_the_limits_is_reported(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     changed = study(tmp_path, "paper", ("max_slew_v_per_us = 40", "max_slew_v_per_us = 30.44"))
@@ -157,15 +157,17 @@ def test_the_highest_resonance_that_keeps_the_limits_is_told(
     assert f"above {highest_hz:.0f} Hz a limit would end the session" in capsys.readouterr().out
     run = ("run", changed, "--participant", "P01", "--ratings", "virtual", "--seed")
     assert typed(*run, "2") == 2
-    told = capsys.readouterr().err
-    assert_matches(r"^touchbeam: the resonance of this beam is 242\d\d Hz: condition voltage", told)
-    assert "output off, read back" in told
+    errors = capsys.readouterr().err
+    assert_matches(
+        r"^touchbeam: the resonance of this beam is 242\d\d Hz: condition voltage", errors
+    )
+    assert "output off, read back" in errors
     assert typed("verify", changed, "--json") == 0
     (session,) = document(capsys)["sessions"]
     assert (session["state"], session["trials_answered"], session["chain_ok"]) == ("idle", 0, True)
 
 
-def test_a_text_that_does_not_fit_is_told_with_everything_else_and_by_run_as_well(
+def test_check_and_run_report_a_text_that_does_not_fit_with_all_other_problems(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     long = "[texts.en]\nwelcome = '" + "word " * 400 + "'\n"
@@ -173,9 +175,9 @@ def test_a_text_that_does_not_fit_is_told_with_everything_else_and_by_run_as_wel
         tmp_path, "paper", ("[rating]", f"{long}[rating]"), ("[design]", "[design]\nx = 1")
     )
     assert typed("check", changed) == 2
-    told = capsys.readouterr().err
-    assert "unknown key, got 'x'" in told
-    assert "texts.en.welcome: a text must fit its place on the participant's screen" in told
+    errors = capsys.readouterr().err
+    assert "unknown key, got 'x'" in errors
+    assert "texts.en.welcome: a text must fit its place on the participant's screen" in errors
     file = tmp_path / "study.toml"
     file.write_text(file.read_text().replace("\nx = 1", ""))
     assert typed("run", changed, "--participant", "P01", "--ratings", "virtual") == 2
@@ -183,15 +185,17 @@ def test_a_text_that_does_not_fit_is_told_with_everything_else_and_by_run_as_wel
     assert not (tmp_path / "study.db").exists()
 
 
-def test_the_study_file_given_for_its_folder_is_told(
+def test_a_study_file_instead_of_its_folder_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     study(tmp_path)
     assert typed("check", tmp_path / "study.toml") == 2
-    assert "study.toml: is a file; give the folder that holds study" in capsys.readouterr().err
+    assert "study.toml: must be the folder that contains study.toml, got" in capsys.readouterr().err
 
 
-def test_one_of_a_thing_is_not_many(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_count_of_one_is_written_in_the_singular(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert typed("check", study(tmp_path), "--participants", "1") == 0
     shown = capsys.readouterr().out
     assert shown.startswith("Plan of the first of 1 participant (session 1)\n")
@@ -262,7 +266,7 @@ def test_every_problem_is_listed_by_line(
     assert found["problems"][0].keys() >= {"where", "rule", "value", "hint"}
 
 
-def test_a_text_that_does_not_fit_the_participants_screen_is_found_by_line(
+def test_a_text_that_does_not_fit_the_participants_screen_is_listed_by_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = study(tmp_path, "paper", ('en = "no effect"', 'en = "imperceptible"'))

@@ -1,4 +1,4 @@
-"""Files and folders are there as a whole or not at all, and never over something else."""
+"""Files and folders are written completely or not at all, and never over something else."""
 
 import os
 import resource
@@ -21,7 +21,7 @@ def everything(folder: Path) -> dict[str, bytes]:
 
 
 @pytest.mark.parametrize("name", ["new", "deep/new", "empty"])
-def test_the_folder_holds_the_contents_and_nothing_else(tmp_path: Path, name: str) -> None:
+def test_the_folder_contains_the_files_and_nothing_else(tmp_path: Path, name: str) -> None:
     (tmp_path / "empty").mkdir()
     mode = (tmp_path / "empty").stat().st_mode
     write_new_folder(CONTENTS, tmp_path / name)
@@ -30,20 +30,22 @@ def test_the_folder_holds_the_contents_and_nothing_else(tmp_path: Path, name: st
     assert (tmp_path / name).stat().st_mode == mode, "as readable as any new folder"
 
 
-def test_a_folder_that_holds_something_is_refused(tmp_path: Path) -> None:
+def test_a_folder_that_is_not_empty_is_refused(tmp_path: Path) -> None:
     (tmp_path / "mine.txt").write_text("mine")
-    with pytest.raises(BadInput, match=f"{tmp_path.name}: is there already and not empty"):
+    with pytest.raises(
+        BadInput, match=f"{tmp_path.name}: must be a new or empty folder, but it contains files"
+    ):
         write_new_folder(CONTENTS, tmp_path)
     assert everything(tmp_path) == {"mine.txt": b"mine"}
 
 
 def test_a_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "mine.txt").write_text("mine")
-    with pytest.raises(BadInput, match=r"mine\.txt: is a file; name a folder to make"):
+    with pytest.raises(BadInput, match=r"mine\.txt: must be a new or empty folder, got a file"):
         write_new_folder(CONTENTS, tmp_path / "mine.txt")
 
 
-def test_what_fails_on_the_way_leaves_nothing_behind(tmp_path: Path) -> None:
+def test_a_failure_half_way_leaves_nothing_behind(tmp_path: Path) -> None:
     clash = {"a": b"a file\n", "a/b": b"in a folder of the same name\n"}
     place = tmp_path / "deep" / "er" / "new"
     with pytest.raises(FileExistsError, match=f"File exists: '{place}'"):
@@ -51,14 +53,14 @@ def test_what_fails_on_the_way_leaves_nothing_behind(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_full_disk_is_told_of_the_folder_that_was_named(tmp_path: Path) -> None:
+def test_a_full_disk_is_reported_for_the_folder_as_given(tmp_path: Path) -> None:
     place = tmp_path / "deep" / "new"
     program = f"""
 from pathlib import Path
 from runner.study.files import write_new_folder
 write_new_folder({{"a": bytes(9_999)}}, Path({str(place)!r}))
 """
-    said = subprocess.run(
+    shown = subprocess.run(
         [sys.executable, "-c", program],
         capture_output=True,
         text=True,
@@ -66,7 +68,7 @@ write_new_folder({{"a": bytes(9_999)}}, Path({str(place)!r}))
         cwd=Path(__file__).parents[3],
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (9_000, 9_000)),
     )
-    assert said.stderr.endswith(f"OSError: [Errno 27] File too large: '{place}'\n")
+    assert shown.stderr.endswith(f"OSError: [Errno 27] File too large: '{place}'\n")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -75,7 +77,7 @@ def test_a_long_folder_name_is_accepted(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["x" * 255]
 
 
-def test_files_are_written_into_a_folder_and_replace_what_was_written_before(
+def test_files_replace_those_of_an_earlier_call_and_no_others(
     tmp_path: Path,
 ) -> None:
     write_files({"page": b"old", "figures/a": b"old", "figures/b": b"old"}, tmp_path / "deep/er")
@@ -89,7 +91,7 @@ def test_files_are_written_into_a_folder_and_replace_what_was_written_before(
     }
 
 
-def test_no_file_is_written_where_none_can_be(tmp_path: Path) -> None:
+def test_a_path_that_cannot_be_a_folder_or_file_gets_nothing(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(NotADirectoryError, match=r"Not a directory: .*file/report"):
         write_files({"page": b""}, tmp_path / "file" / "report")
@@ -113,13 +115,13 @@ def test_a_new_file_has_the_permissions_of_any_new_file(tmp_path: Path) -> None:
     assert entries(tmp_path) == ["new", "other"]
 
 
-def test_a_file_of_the_user_beside_it_stays(tmp_path: Path) -> None:
+def test_a_users_file_beside_it_is_kept(tmp_path: Path) -> None:
     (tmp_path / "x.csv.part").write_text("mine")
     write_whole(tmp_path / "x.csv", b"data")
     assert (tmp_path / "x.csv.part").read_text() == "mine"
 
 
-def test_what_was_there_keeps_its_permissions(tmp_path: Path) -> None:
+def test_an_existing_file_keeps_its_permissions(tmp_path: Path) -> None:
     path = tmp_path / "x.csv"
     path.write_text("old")
     path.chmod(0o640)
@@ -138,13 +140,13 @@ def test_a_link_is_followed(tmp_path: Path, there: bool) -> None:
     assert target.read_text() == "new"
 
 
-def test_a_long_name_is_no_hindrance(tmp_path: Path) -> None:
+def test_a_long_file_name_is_accepted(tmp_path: Path) -> None:
     write_whole(tmp_path / ("x" * 255), b"new")
     assert entries(tmp_path) == ["x" * 255]
 
 
 @pytest.mark.parametrize("name", ["file/x.csv", "missing/x.csv", "x" * 256, "loop"])
-def test_what_cannot_be_written_is_called_as_it_was_given(tmp_path: Path, name: str) -> None:
+def test_a_write_error_names_the_path_as_given(tmp_path: Path, name: str) -> None:
     (tmp_path / "file").write_text("")
     (tmp_path / "loop").symlink_to("loop")
     before = entries(tmp_path)
@@ -160,7 +162,7 @@ def test_a_file_too_large_for_the_disk_leaves_the_old_one(tmp_path: Path) -> Non
     program = (
         "from pathlib import Path; from runner.study.files import write_whole as w; import sys"
     )
-    said = subprocess.run(
+    shown = subprocess.run(
         [sys.executable, "-c", f"{program}; w(Path(sys.argv[1]), bytes(99_999))", str(path)],
         capture_output=True,
         text=True,
@@ -168,11 +170,11 @@ def test_a_file_too_large_for_the_disk_leaves_the_old_one(tmp_path: Path) -> Non
         cwd=Path(__file__).parents[3],
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (9_999, 9_999)),
     )
-    assert said.stderr.endswith(f"OSError: [Errno 27] File too large: '{path}'\n")
+    assert shown.stderr.endswith(f"OSError: [Errno 27] File too large: '{path}'\n")
     assert (path.read_text(), entries(tmp_path)) == ("old", ["x.csv"])
 
 
-def test_streams_are_told_from_files(tmp_path: Path) -> None:
+def test_streams_are_distinguished_from_files(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "file").write_text("")
     (tmp_path / "link").symlink_to("file")

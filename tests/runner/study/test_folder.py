@@ -1,4 +1,4 @@
-"""A study's folder: files that nobody would write there, and that must not keep it waiting."""
+"""Unusable files in a study's folder: each is refused at once, without being read to the end."""
 
 import os
 from collections.abc import Callable
@@ -35,13 +35,13 @@ def test_a_pipe_or_a_device_is_refused_without_being_read(tmp_path: Path, name: 
 def test_a_file_that_is_too_long_is_refused_without_being_read(tmp_path: Path, name: str) -> None:
     with (tmp_path / name).open("wb") as file:
         file.truncate(10**12)
-    told = f"{name}: must have at most {LONGEST_TEXT} bytes, got 1000000000000$"
-    with pytest.raises(BadInput, match=told):
+    message = f"{name}: must have at most {LONGEST_TEXT} bytes, got 1000000000000$"
+    with pytest.raises(BadInput, match=message):
         READERS[name](tmp_path)
 
 
 @pytest.mark.parametrize("text", ["[" * 100_000, '{"frequency_hz": 1' + "0" * 400 + "}", "\x00"])
-def test_what_is_no_calibration_is_refused_in_one_line(tmp_path: Path, text: str) -> None:
+def test_an_invalid_calibration_is_refused_in_one_line(tmp_path: Path, text: str) -> None:
     (tmp_path / "calibration.json").write_text(text, encoding="utf-8")
     with pytest.raises(BadInput, match=r"not a calibration .*; measure it again$"):
         kept_calibration(tmp_path)

@@ -1,4 +1,4 @@
-"""The participant's window: a process of its own that a session sends screens to and polls.
+"""The participant's window: a separate process that displays a session's screens.
 
 Public face: `client.WindowParticipant`, `client.participant_window`, `server.serve_window`,
 `preflight.study_window`.

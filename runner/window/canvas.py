@@ -1,7 +1,6 @@
-"""The one module that imports psychopy: draws pages in a window and takes presses and keys.
+"""The psychopy window, which draws pages and collects presses and keys.
 
-psychopy needs a display as soon as it is imported; this module is loaded by the window's own
-process alone.
+The import of psychopy needs a display, so only the window's own process imports this module.
 """
 
 import ctypes
@@ -49,7 +48,7 @@ _KEYS = {
 
 
 class PsychopyCanvas:
-    """An open window. Nothing in it waits but `flip`, for the screen."""
+    """An open window. Only `flip` blocks, until the screen refreshes."""
 
     def __init__(self, settings: Settings) -> None:
         logging.console.setLevel(logging.CRITICAL)
@@ -76,7 +75,7 @@ class PsychopyCanvas:
         )
 
     def look(self) -> dict[str, Any]:
-        """Return what is known of the screen; what the system does not say is None."""
+        """Return the properties of the screen; None where the system does not report one."""
         return {
             "screen": self._screen,
             "size_px": [int(side) for side in self._window.size],
@@ -93,14 +92,14 @@ class PsychopyCanvas:
                 stimulus.draw()
 
     def prepare(self, page: Page) -> None:
-        """Build what `page` needs, so that its first frame is not late."""
+        """Build the stimuli of `page` in advance, so that its first frame is not late."""
         for element in page:
             self.stimuli(element)
 
     def stimuli(self, element: Element) -> list[Any]:
-        """Return what draws `element`.
+        """Return the stimuli that draw `element`.
 
-        It is built once and kept: setting a text takes milliseconds.
+        They are built once and cached: typesetting takes milliseconds.
         """
         if isinstance(element, Dot):
             return [self._dot(element)]
@@ -110,7 +109,7 @@ class PsychopyCanvas:
         return self._drawn[element]
 
     def flip(self) -> float:
-        """Show what was drawn; return when that was, s on the monotonic clock."""
+        """Show the back buffer; return the time of the flip, s on the monotonic clock."""
         self._window.flip(clearBuffer=True)
         flipped_s = time.monotonic()
         if flipped_s - self._looked_s > LOOK_FOR_WINDOW_EVERY_S:
@@ -119,7 +118,7 @@ class PsychopyCanvas:
         return flipped_s
 
     def inputs(self) -> list[tuple[float, Input]]:
-        """Return what came in since the last call, each with its time."""
+        """Return the inputs since the last call, each with its time."""
         self._handle.dispatch_events()
         taken, self._inputs = self._inputs, []
         return taken
@@ -180,7 +179,7 @@ class PsychopyCanvas:
         return self._latched(Released())
 
     def _on_key(self, symbol: int, _modifiers: int) -> bool:
-        """Latch a key; handled here, Escape goes no further and closes nothing."""
+        """Latch a key; returning True keeps pyglet from closing the window at Escape."""
         name = _KEYS.get(symbol)
         return True if name is None else self._latched(Key(name=name))
 
@@ -193,7 +192,7 @@ class PsychopyCanvas:
         return True
 
     def _on_canvas(self, x: float, y: float) -> tuple[float, float]:
-        """A point of the window, whose origin is below on the left, on the canvas."""
+        """Convert a point of the window, with its origin at the bottom left, to the canvas."""
         width, height = self._window.size
         return (x - width / 2) / self._scale, (y - height / 2) / self._scale
 
@@ -203,7 +202,7 @@ class PsychopyCanvas:
         return float(rate) if rate and 20 < rate < 1000 else None
 
     def is_there(self) -> bool:
-        """Return whether the X server still has the window: nobody is told when it is destroyed."""
+        """Ask the X server whether the window exists: no event reports that it was destroyed."""
         if not sys.platform.startswith("linux"):
             return True
         from pyglet.libs.x11 import xlib
@@ -213,7 +212,7 @@ class PsychopyCanvas:
         return bool(xlib.XGetWindowAttributes(display, window, ctypes.byref(attributes)))
 
     def _millimetres_per_pixel(self) -> float | None:
-        """As the X server reports it; other systems do not say."""
+        """Return the size that the X server reports; None on other systems."""
         if not sys.platform.startswith("linux"):
             return None
         from pyglet.libs.x11 import xlib
@@ -227,7 +226,7 @@ def _window(settings: Settings) -> Any:
     screens = pyglet.canvas.get_display().get_screens()
     if settings.screen >= len(screens):
         sizes = ", ".join(f"{n} ({s.width}x{s.height})" for n, s in enumerate(screens))
-        raise WorkFailed(f"--screen {settings.screen} is not there; this machine has {sizes}")
+        raise WorkFailed(f"--screen {settings.screen} does not exist; this computer has {sizes}")
     screen = screens[settings.screen]
     return visual.Window(
         size=SMALL_WINDOW_PX if settings.windowed else (screen.width, screen.height),

@@ -1,4 +1,4 @@
-"""The session's side of the participant's window, which runs in a process of its own."""
+"""The session's side of the participant's window, which runs in a separate process."""
 
 import os
 import queue
@@ -17,33 +17,33 @@ from runner.screens import Response, Screen
 from runner.window.messages import Settings, line_of, message_of, settings_message, show_message
 
 SILENT_S = 2.0
-"""A window that draws says so five times a second; after this long it is stuck."""
+"""A window sends `alive` five times a second; after this much silence it counts as stuck."""
 
 _COUNTED_S = 0.25
-"""The most that counts as silence between two polls: a pause of the session is not the window's."""
+"""Most silence counted between two polls, so that a slow session is not blamed on the window."""
 
-GO_ON = "run the same command to go on, with --ratings console if need be"
+GO_ON = "run the same command to resume, with --ratings console if necessary"
 
 
 class WindowGone(WorkFailed):
-    """The participant's window does not work any more; the session can be resumed."""
+    """The participant's window has failed; the session can be resumed."""
 
 
 class Peer(Protocol):
     """The window's process."""
 
     def send(self, message: Mapping[str, Any]) -> None:
-        """Say something; raises `WindowGone` if nobody listens."""
+        """Send `message`; raises `WindowGone` if the process has ended."""
         ...
 
     def received(self) -> list[Mapping[str, Any]]:
-        """Return what it said since the last call; raises `WindowGone` once it has ended."""
+        """Return the messages since the last call; raises `WindowGone` once it has ended."""
         ...
 
 
 @dataclass
 class WindowParticipant:
-    """Sends screens to the window and gives back what was answered there."""
+    """Participant who answers in the window."""
 
     peer: Peer
     monotonic_s: Callable[[], float]
@@ -60,7 +60,7 @@ class WindowParticipant:
         self.peer.send(show_message(self._number, screen))
 
     def poll(self) -> Response | None:
-        """Return the answer to the last screen.
+        """Return the answer to the last screen, or None.
 
         Raises:
             WindowGone: the window was closed, has ended, or has been silent for too long.
@@ -93,13 +93,13 @@ class WindowParticipant:
         self._silent_s = 0.0 if heard else self._silent_s + min(passed_s, _COUNTED_S)
         if self._silent_s > SILENT_S:
             raise WindowGone(
-                f"the participant's window is stuck (silent for {SILENT_S:g} s); {GO_ON}"
+                f"the participant's window does not respond (silent for {SILENT_S:g} s); {GO_ON}"
             )
 
 
 OPENS_WITHIN_S = 30.0
 LINGERS_S = 20.0
-"""How long the last page stays unless the participant closes it."""
+"""How long the last page remains unless the participant closes it."""
 
 _ENDS_WITHIN_S = 3.0
 _TICK_S = 0.02
@@ -107,21 +107,21 @@ _TICK_S = 0.02
 
 @dataclass
 class WindowProcess:
-    """The window's process and what it said; a thread reads, so that nobody waits for it."""
+    """The window's process; a thread reads its messages, so that the session never blocks."""
 
     process: "subprocess.Popen[str]"
     complaints: IO[bytes]
 
     def __post_init__(self) -> None:
-        self._said: queue.SimpleQueue[Mapping[str, Any] | None] = queue.SimpleQueue()
-        # A daemon: where the process hangs, so does its pipe, and the session must be able to end.
+        self._messages: queue.SimpleQueue[Mapping[str, Any] | None] = queue.SimpleQueue()
+        # A daemon thread: if the process hangs, so does its pipe, and the session must still end.
         threading.Thread(target=self._read, name="window", daemon=True).start()
 
     def send(self, message: Mapping[str, Any]) -> None:
-        """Write a line to the process.
+        """Write `message` to the process.
 
         Raises:
-            WindowGone: it has ended.
+            WindowGone: the process has ended.
         """
         assert self.process.stdin is not None
         try:
@@ -131,25 +131,25 @@ class WindowProcess:
             raise self._gone() from None
 
     def received(self) -> list[Mapping[str, Any]]:
-        """Return what it said since the last call.
+        """Return the messages since the last call.
 
         Raises:
-            WindowGone: it has ended and everything it said has been taken.
+            WindowGone: the process has ended and all its messages have been returned.
         """
         messages: list[Mapping[str, Any]] = []
-        while not self._said.empty():
-            message = self._said.get()
+        while not self._messages.empty():
+            message = self._messages.get()
             if message is not None:
                 messages.append(message)
                 continue
-            self._said.put(None)  # the end stays to be found by the next call
+            self._messages.put(None)  # keep the end marker for the next call
             if messages:
                 return messages
             raise self._gone()
         return messages
 
     def end(self) -> None:
-        """Ask the process to end, then make it; a stopped one cannot be asked."""
+        """Ask the process to end, then kill it; a stopped process cannot respond."""
         assert self.process.stdin is not None
         with suppress(OSError):
             self.process.stdin.close()
@@ -163,15 +163,15 @@ class WindowProcess:
         assert self.process.stdout is not None
         with self.process.stdout as lines:
             for line in lines:
-                self._said.put(message_of(line))
-        self._said.put(None)
+                self._messages.put(message_of(line))
+        self._messages.put(None)
 
     def _gone(self) -> WindowGone:
-        """Say how it ended, with the last thing that its libraries printed."""
+        """Return the error for an ended process, with the last line that its libraries printed."""
         self.complaints.seek(0)
         printed = self.complaints.read().decode(errors="replace").strip().splitlines()
         last = f": {printed[-1].strip()}" if printed else ""
-        return WindowGone(f"the participant's window has ended unexpectedly{last}; {GO_ON}")
+        return WindowGone(f"the participant's window ended unexpectedly{last}; {GO_ON}")
 
 
 @contextmanager
@@ -180,15 +180,15 @@ def participant_window(
     settings: Settings,
     monotonic_s: Callable[[], float] = time.monotonic,
 ) -> Iterator[WindowParticipant]:
-    """Open the window and give its participant; the last page stays until it has been read.
+    """Open the window and yield its participant; leave the last page up for reading.
 
     Args:
-        command: what starts the window's process.
-        settings: its screen and language.
+        command: command line of the window's process.
+        settings: screen and language of the window.
         monotonic_s: the session's clock, s.
 
     Raises:
-        WorkFailed: there is no display, no such screen, no font, or the window does not open.
+        WorkFailed: the display, the screen or a font is missing, or the window does not open.
     """
     _require_display()
     with tempfile.TemporaryFile() as complaints:
@@ -212,7 +212,7 @@ def _started(command: Sequence[str], complaints: IO[bytes]) -> WindowProcess:
         text=True,
         encoding="utf-8",
         env={**os.environ, "PSYCHOPYNOPACKAGES": "1"},  # else psychopy changes PYTHONPATH
-        start_new_session=True,  # Ctrl-C is the session's to handle: the device goes off first
+        start_new_session=True,  # Ctrl-C reaches only the session, which turns the device off first
     )
     return WindowProcess(process, complaints)
 
@@ -221,8 +221,7 @@ def _require_display() -> None:
     needed = sys.platform.startswith("linux")
     if needed and not os.environ.get("DISPLAY"):
         raise WorkFailed(
-            "there is no display for the participant's window (DISPLAY is not set); "
-            "use --ratings console"
+            "the participant's window needs a display (DISPLAY is not set); use --ratings console"
         )
 
 
@@ -238,12 +237,12 @@ def _await_opening(peer: WindowProcess, until_s: float) -> None:
         time.sleep(_TICK_S)
     raise WorkFailed(
         f"the participant's window did not open within {OPENS_WITHIN_S:g} s "
-        "(a virtual screen needs 24 bits); use --ratings console"
+        "(a virtual screen must be 24 bits deep); use --ratings console"
     )
 
 
 def _linger(participant: WindowParticipant, until_s: float) -> None:
-    """The session is over and written down: whatever the window does now changes nothing."""
+    """Wait until the last page is closed; the session is recorded, so a lost window is ignored."""
     with suppress(WindowGone):
         while participant.poll() is None and time.monotonic() < until_s:
             time.sleep(_TICK_S)

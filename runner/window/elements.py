@@ -1,4 +1,4 @@
-"""What a page is made of. Lengths are parts of a canvas of 800 by 600, its origin in the middle.
+"""Elements of a page and inputs, in units of a canvas of 800 by 600 with its origin in the centre.
 
 The canvas is scaled to the screen as a whole, so that a page looks the same on every screen.
 """
@@ -19,7 +19,7 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class Box:
-    """An upright rectangle around the middle (`x`, `y`); `y` points up."""
+    """A rectangle centred at (`x`, `y`); `y` points up."""
 
     x: float
     y: float
@@ -40,7 +40,7 @@ class Box:
 
 @dataclass(frozen=True, kw_only=True)
 class Text:
-    """Lines of text in the middle of `box`; `size` is the height of a letter's em."""
+    """Text centred in `box`; `size` is the length of an em."""
 
     text: str
     box: Box
@@ -50,7 +50,7 @@ class Text:
 
 @dataclass(frozen=True, kw_only=True)
 class Outline:
-    """A polygon, or a line where there are two points."""
+    """A polygon, or a line if it has two points."""
 
     points: tuple[Point, ...]
     fill: str | None = None
@@ -60,7 +60,7 @@ class Outline:
 
 @dataclass(frozen=True, kw_only=True)
 class Dot:
-    """A disc; the one element that moves from frame to frame."""
+    """A disc; the only element that moves from frame to frame."""
 
     x: float
     y: float
@@ -72,19 +72,19 @@ Element = Text | Outline | Dot
 
 
 Page = tuple[Element, ...]
-"""What stands on the screen at one moment, drawn in this order."""
+"""The elements on the screen at one moment, in drawing order."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Target:
-    """A place that answers to a press."""
+    """An area that reacts to a press."""
 
     name: str
     box: Box
 
 
 def pixels_per_unit(width_px: float, height_px: float) -> float:
-    """Return how much the canvas is magnified to fill a screen.
+    """Return the factor that scales the canvas to a screen.
 
     >>> pixels_per_unit(1920, 1080)
     1.8
@@ -102,7 +102,7 @@ class Pressed:
 
 @dataclass(frozen=True, kw_only=True)
 class Dragged:
-    """It moves while it is down."""
+    """The pointer moves while it is down."""
 
     x: float
     y: float
@@ -110,7 +110,7 @@ class Dragged:
 
 @dataclass(frozen=True, kw_only=True)
 class Released:
-    """It goes up."""
+    """The pointer goes up."""
 
 
 @dataclass(frozen=True, kw_only=True)

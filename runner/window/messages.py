@@ -1,8 +1,8 @@
-"""What the session and its window say to each other: one JSON object per line.
+"""Messages between a session and its window: one JSON object per line.
 
-To the window: the settings first, then `{"show": id, "screen": …}`. From it: `opened` or `failed`
-once; then `alive` now and then, `shown` when a screen is first seen, `answer`, `operator` when
-Escape is pressed, and `closed` or `broken` at an end that nobody asked for.
+To the window: first the settings, then `{"show": id, "screen": …}`. From the window: `opened` or
+`failed` once; then `alive` periodically, `shown` when a screen is first displayed, `answer`,
+`operator` when Escape is pressed, and `closed` or `broken` at an unexpected end.
 """
 
 import json
@@ -30,7 +30,7 @@ _SCREENS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """How the window opens: on which screen, counted from 0, with which texts, for which pages."""
+    """Settings of the window: texts, screen number (from 0) and the screens to prepare."""
 
     wording: Wording
     screen: int = 0
@@ -48,10 +48,10 @@ def line_of(message: Mapping[str, Any]) -> str:
 
 
 def message_of(line: str) -> dict[str, Any]:
-    """Return the message that stands in `line`.
+    """Return the message in `line`.
 
     Raises:
-        ValueError: it is no JSON object.
+        ValueError: `line` is not a JSON object.
     """
     try:
         return dict(json.loads(line))
@@ -70,7 +70,7 @@ def settings_message(settings: Settings) -> dict[str, Any]:
 
 
 def settings_of(message: Mapping[str, Any]) -> Settings:
-    """Return the settings that `message` holds."""
+    """Return the settings in `message`."""
     return Settings(
         wording=Wording(**{**message["wording"], "fonts": tuple(message["wording"]["fonts"])}),
         screen=message["screen"],
@@ -80,7 +80,7 @@ def settings_of(message: Mapping[str, Any]) -> Settings:
 
 
 def show_message(number: int, screen: Screen) -> dict[str, Any]:
-    """Return the message that puts `screen` before the participant as the `number`-th one."""
+    """Return the message that shows `screen` as the `number`-th one."""
     values = {entry.name: getattr(screen, entry.name) for entry in fields(screen)}
     if isinstance(screen, AskScore):
         values["rating"] = screen.rating.model_dump(mode="json", by_alias=True)
@@ -90,10 +90,10 @@ def show_message(number: int, screen: Screen) -> dict[str, Any]:
 
 
 def screen_of(message: Mapping[str, Any]) -> Screen:
-    """Return the screen that a `show` message holds.
+    """Return the screen in a `show` message.
 
     Raises:
-        ValueError: there is no such kind of screen.
+        ValueError: the kind of screen is unknown.
     """
     values = {key: value for key, value in message.items() if key not in {"show", "screen"}}
     if message["screen"] not in _SCREENS:

@@ -1,7 +1,7 @@
-"""Each screen as a page: what the participant sees and what answers to a press, without a window.
+"""Layout of each screen as a page: its elements and its targets for presses.
 
-A page knows the touch to make and nothing of the drive: neither what the device does in this trial
-nor which answer is expected can be seen.
+A page shows the touch to make but nothing about the drive: the participant sees neither the
+device's state in this trial nor the expected answer.
 """
 
 from collections.abc import Mapping
@@ -37,7 +37,7 @@ _ANSWER_STEP = 78.0
 
 @dataclass(frozen=True, kw_only=True)
 class PageState:
-    """What changes on a page while its screen stands."""
+    """State of a page that changes while its screen is shown."""
 
     chosen: str | None = None
     passed_s: float = 0.0
@@ -45,14 +45,14 @@ class PageState:
 
 
 def page(screen: Screen, view: PageState, wording: Wording) -> Page:
-    """Return what `screen` looks like now."""
+    """Return the page of `screen` in the state `view`."""
     texts = wording.texts
     called = (_small(texts["operator.called"], _FOOT),) if view.operator_called else ()
     return (*_page(screen, view, wording, texts), *called)
 
 
 def targets(screen: Screen) -> tuple[Target, ...]:
-    """Return what answers to a press on `screen`; `ready` and `confirm` to Enter, too."""
+    """Return the targets on `screen`; Enter also activates `ready` and `confirm`."""
     match screen:
         case Welcome() | Instruction() | Notice(text="thanks"):
             return (Target(name="ready", box=_BUTTON),)
@@ -67,7 +67,7 @@ def targets(screen: Screen) -> tuple[Target, ...]:
 
 
 def target_at(screen: Screen, x: float, y: float) -> str | None:
-    """Return the name of the target at a point, None if there is none."""
+    """Return the name of the target at a point, or None."""
     return next((target.name for target in targets(screen) if target.box.holds(x, y)), None)
 
 
@@ -109,7 +109,7 @@ def _instruction(screen: Instruction, texts: Mapping[str, str]) -> Page:
 
 
 def _pacing(screen: Pacing, view: PageState, texts: Mapping[str, str]) -> Page:
-    """The mark moves at the sliding speed; how long a place is held is not shown."""
+    """Return the page whose mark moves at the sliding speed; it hides how long to hold a place."""
     return (
         Text(text=texts["touch.now"], box=_TITLE, size=TITLE_SIZE),
         *sketch(screen.touch),
@@ -148,7 +148,7 @@ def _score(screen: AskScore, view: PageState, wording: Wording) -> Page:
 
 
 def _answers(names: tuple[str, ...]) -> tuple[Target, ...]:
-    """The answers from top to bottom."""
+    """Return the targets of the answers from top to bottom."""
     return tuple(
         Target(
             name=name,

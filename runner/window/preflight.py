@@ -1,4 +1,4 @@
-"""Texts that do not fit their places on the participant's screen, found without a screen."""
+"""Check, without a screen, that every text fits its place in the participant's window."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager
@@ -26,7 +26,7 @@ _INSTRUCTIONS = ("remember", "practice", "break")
 
 
 def foreseen(study: Study, consent: str | None) -> tuple[Screen, ...]:
-    """Return each screen once; the touches' own ones first among those of a trial."""
+    """Return every screen of a session once; the screens of touches precede the questions."""
     items: tuple[Item, ...] = (*study.opening, *study.condition)
     touches = [touch for item in items for touch in item.touches]
     cues = [pacing(touch, study.touch) for touch in touches]
@@ -46,7 +46,7 @@ _ALL = PageState(operator_called=True)
 
 
 def fits(text: Text) -> bool:
-    """Return whether all lines of `text` stay within its room."""
+    """Return whether all lines of `text` fit its box."""
     lines = wrapped(text.text, text.size, text.box.width)
     widest = max(text_width(line, text.size) for line in lines)
     return widest <= text.box.width and text_height(len(lines), text.size) <= text.box.height
@@ -65,7 +65,7 @@ def misfits(screens: tuple[Screen, ...], wording: Wording) -> Iterator[str]:
 def fit_problems(study: Study) -> Iterator[Problem]:
     """Yield a problem for every text of `study` that does not fit its place.
 
-    In every language in which it must be complete, and is.
+    Checks each required language whose texts are complete.
     """
     screens = foreseen(study, consent=None)
     for code in required_codes(study):
@@ -84,10 +84,10 @@ def fit_problems(study: Study) -> Iterator[Problem]:
 
 
 def require_fit(study: Study, wording: Wording, consent: str | None) -> None:
-    """Refuse a session whose participant could not read everything.
+    """Check that every text of a session fits its place.
 
     Raises:
-        BadInput: a text, or the consent's reference, does not fit its place.
+        BadInput: a text or the consent reference does not fit its place.
     """
     for text in misfits(foreseen(study, consent), wording):
         raise BadInput(
@@ -96,7 +96,7 @@ def require_fit(study: Study, wording: Wording, consent: str | None) -> None:
 
 
 def _path(study: Study, wording: Wording, text: str) -> Path:
-    """Where in the study file `text` stands, empty if it is a built-in one."""
+    """Return the path of `text` in the study file; empty for a built-in text."""
     for key in (*study.texts.get(wording.code, {}), *wording.texts):
         path = text_path(study, wording.code, key)
         if path is not None and wording.texts[key] in text:
@@ -116,7 +116,7 @@ def study_window(
     screen: int,
     windowed: bool,
 ) -> AbstractContextManager[WindowParticipant]:
-    """Return the window to enter before anything is driven or written down.
+    """Return the context of the window, to be entered before the device is driven.
 
     Raises:
         BadInput: a text does not fit its place.

@@ -1,4 +1,4 @@
-"""A screen while it stands: what has been done on it, and how its frames came."""
+"""A screen while it is shown: its inputs, frame times and record."""
 
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -13,18 +13,18 @@ from runner.window.response import PendingResponse
 from runner.window.widgets import look
 
 LATE = 1.5
-"""A frame counts as dropped when its interval is longer than this many refresh intervals."""
+"""A frame counts as dropped if its interval exceeds this many refresh intervals."""
 
 
 @dataclass
 class FrameTimes:
-    """When each frame of one screen was shown, seconds on the session's monotonic clock."""
+    """Times of the frames of one screen, seconds on the session's monotonic clock."""
 
     interval_s: float
     shown_s: list[float] = field(default_factory=list, init=False)
 
     def add(self, t_s: float) -> None:
-        """Take note of a frame."""
+        """Add a frame."""
         self.shown_s.append(t_s)
 
     def record(self) -> dict[str, Any]:
@@ -66,7 +66,7 @@ class ShownScreen:
         self.frames = FrameTimes(self.interval_s)
 
     def take(self, given: Input, t_s: float) -> None:
-        """Let the participant's hand do something; before the first frame nothing can be meant."""
+        """Apply an input; ignore it before the first frame, when the screen is not yet visible."""
         if not self.frames.shown_s:
             return
         since_s = t_s - self.frames.shown_s[0]
@@ -76,7 +76,7 @@ class ShownScreen:
             self.pending.take(given, since_s)
 
     def page(self, t_s: float, wording: Wording) -> Page:
-        """Return what it looks like at `t_s`."""
+        """Return the page at `t_s`."""
         shown_s = self.frames.shown_s
         view = PageState(
             chosen=self.pending.chosen,
@@ -86,7 +86,7 @@ class ShownScreen:
         return page(self.screen, view, wording)
 
     def record(self) -> dict[str, Any]:
-        """Return which screen it was, when it was first seen, and its frames."""
+        """Return the screen's name, the time when it was first shown, and its frames."""
         return {
             "screen": _name(self.screen),
             "shown_s": self.frames.shown_s[0] if self.frames.shown_s else None,
@@ -97,12 +97,12 @@ class ShownScreen:
     def answer(
         self, past: list[dict[str, Any]], display: dict[str, Any], wording: Wording
     ) -> dict[str, Any]:
-        """Return the message that holds the answer and how it came about.
+        """Return the message with the answer and its trace.
 
         Args:
-            past: the records of the screens that stood since the last answer.
-            display: what is known of the screen, for the journal.
-            wording: what the scale was labelled in.
+            past: records of the screens shown since the last answer.
+            display: properties of the display, for the journal.
+            wording: language of the scale's labels.
         """
         trace = {
             **self.pending.trace(),

@@ -1,6 +1,6 @@
-"""From presses and keys to an answer: a choice, which may change, then a confirmation.
+"""Responses from presses and keys: a choice, which may change, then a confirmation.
 
-Nothing is chosen to begin with, and nothing counts as an answer before it is confirmed.
+At first nothing is chosen. A choice becomes an answer only when it is confirmed.
 """
 
 from dataclasses import dataclass, field
@@ -13,14 +13,14 @@ from runner.window.pages import target_at, targets
 from runner.window.widgets import score_at
 
 EARLY_S = 0.15
-"""Faster than anybody can react: a press as early as this was meant for the screen before."""
+"""Shorter than any reaction time: an earlier press was meant for the previous screen."""
 
 _STEPS = {"left": -1, "right": 1, "down": -1, "up": 1}
 
 
 @dataclass
 class PendingResponse:
-    """One screen being answered; times are seconds since it was first seen."""
+    """The response to one screen; times are seconds since the screen was first shown."""
 
     screen: Screen
     chosen: str | None = field(default=None, init=False)
@@ -33,7 +33,7 @@ class PendingResponse:
     _typed: str = field(default="", init=False)
 
     def take(self, given: Input, t_s: float) -> None:
-        """Let `given` change the choice, or confirm it."""
+        """Apply `given`: change the choice or confirm it."""
         if self.answer is not None:
             return
         if t_s < EARLY_S:
@@ -52,7 +52,7 @@ class PendingResponse:
                 self._held = False
 
     def trace(self) -> dict[str, Any]:
-        """Return how the choice came about: its start, every change, and the marker's path."""
+        """Return the history of the choice: its start, every change, and the marker's path."""
         start = self.changes[0] if self.changes else None
         return {
             "start": start,
@@ -69,7 +69,7 @@ class PendingResponse:
             self.answer, self.confirmed_s = answer, t_s
 
     def _ready(self) -> str | None:
-        """Enter answers a screen that has a button; the others wait for nobody."""
+        """Return the answer to Enter on a screen with a button; None on others."""
         names = [target.name for target in targets(self.screen)]
         return "ready" if "ready" in names else None
 
@@ -128,7 +128,7 @@ class PendingResponse:
 
 
 def _stepped(chosen: str | None, step: int, values: tuple[str, ...]) -> str | None:
-    """The value beside `chosen`; without one, an arrow brings the mark in from its own end."""
+    """Return the value next to `chosen`; without a choice, the end at which an arrow starts."""
     if step == 0:
         return chosen
     if chosen is None:

@@ -1,7 +1,7 @@
-"""The window's own process: takes screens from the session, draws frames, sends answers back.
+"""The window's process: receives screens from the session, draws frames, returns answers.
 
-Paced by a clock; where the screen itself holds a flip back, by the screen. The device is not known
-here: whatever its wire does, no frame waits for it.
+The screen paces the frames if flips wait for its refresh, otherwise a clock does. This process does
+not access the device, so no frame waits for the device's link.
 """
 
 import os
@@ -25,23 +25,23 @@ from runner.window.presentation import ShownScreen
 ALIVE_EVERY_S = 0.2
 _USUAL_REFRESH_HZ = 60.0
 _SLICE_S = 0.004
-"""How often keys are looked at between frames: as finely are reaction times known."""
+"""Interval of input polls between frames, which limits the resolution of reaction times."""
 
 _TRIAL_FLIPS = 6
 _HELD_BACK = 0.7
-"""Flips that take this part of a refresh interval are held back by the screen."""
+"""If every flip takes at least this part of a refresh interval, flips wait for the screen."""
 
 _EARLY_SHARE = 0.5
-"""Where they are, a frame is drawn after this part of the interval; the screen does the rest."""
+"""If so, a frame is drawn after this part of the interval, and the flip waits for the rest."""
 
 
 class Canvas(Protocol):
-    """A window, as far as this process needs one."""
+    """The window's drawing surface and inputs."""
 
     closed: bool
 
     def look(self) -> dict[str, Any]:
-        """Return what is known of the screen."""
+        """Return the properties of the screen."""
         ...
 
     def draw(self, page: Page) -> None:
@@ -49,25 +49,25 @@ class Canvas(Protocol):
         ...
 
     def prepare(self, page: Page) -> None:
-        """Build what a page needs."""
+        """Build the stimuli of `page` in advance."""
         ...
 
     def flip(self) -> float:
-        """Show it; return when, s on the monotonic clock."""
+        """Show the back buffer; return the time of the flip, s on the monotonic clock."""
         ...
 
     def inputs(self) -> list[tuple[float, Input]]:
-        """Return what came in and when."""
+        """Return the inputs since the last call, each with its time."""
         ...
 
 
 Mailbox = queue.SimpleQueue[Mapping[str, Any]]
-"""What the session says; `end` when it will say no more."""
+"""Messages from the session; `end` is the last one."""
 
 
 @dataclass
 class WindowServer:
-    """Shows what the mailbox says until the session ends or the window is closed."""
+    """Shows the screens from the mailbox until the session ends or the window is closed."""
 
     canvas: Canvas
     settings: Settings
@@ -82,7 +82,7 @@ class WindowServer:
     _share: float = field(default=1.0, init=False)
 
     def run(self) -> None:
-        """Open with a page that asks to wait, then serve."""
+        """Show a page that asks to wait, then serve."""
         self._display = self.canvas.look()
         self._interval_s = 1 / (self._display["refresh_hz"] or _USUAL_REFRESH_HZ)
         self._standing = ShownScreen(0, Notice(text="wait"), self._interval_s)
@@ -93,13 +93,13 @@ class WindowServer:
         while not (self._ended or self.canvas.closed):
             self._wait()
             self._frame()
-            if screen := next(foreseen, None):  # one a frame: none may keep the session waiting
+            if screen := next(foreseen, None):  # one per frame, so that the session never waits
                 self.canvas.prepare(page(screen, PageState(), self.settings.wording))
         if self.canvas.closed:
             self.send({"closed": True})
 
     def _learn_pace(self) -> None:
-        """Find out whether the screen holds flips back, and then how long a refresh takes."""
+        """Measure whether flips wait for the screen and, if so, the refresh interval."""
         flipped_s = []
         for _ in range(_TRIAL_FLIPS):
             self.canvas.draw(self._page())
@@ -111,7 +111,7 @@ class WindowServer:
         self._display["interval_ms"] = round(self._interval_s * 1000, 3)
 
     def _wait(self) -> None:
-        """Until the next frame is due or there is something new to show; at least look once."""
+        """Wait until the next frame is due or a message arrives; poll the inputs at least once."""
         while True:
             self._take_inputs()
             left_s = self._due_s - self.now_s()
@@ -165,11 +165,11 @@ class WindowServer:
 
 
 def serve_window() -> None:
-    """Open the window that the first line of standard input describes and serve it until the end.
+    """Open the window with the settings in the first line of standard input and serve it.
 
-    Standard output belongs to the session: whatever a library prints goes to standard error.
+    Standard output carries messages only: whatever libraries print goes to standard error.
     """
-    # Libraries print from C as well, so the descriptor itself is led elsewhere.
+    # Libraries also print from C, so the descriptor itself is redirected.
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
 
@@ -200,7 +200,7 @@ def _first_line(error: Exception) -> str:
 
 
 def _mailbox(source: TextIO) -> Mailbox:
-    """Messages as they come, read by a thread so that no frame waits for them."""
+    """Return a mailbox that a thread fills from `source`, so that no frame waits for input."""
     mailbox: Mailbox = Mailbox()
 
     def read() -> None:

@@ -1,8 +1,8 @@
-"""How much room a text takes, estimated from above, without a screen.
+"""Text layout without a screen, from upper bounds on the size of text.
 
-A Latin letter is given its advance in DejaVu Sans, which is wider than the fonts that may stand in
-for it; an East Asian character is as wide as high. The same lines are measured and drawn, so a text
-that fits here fits on the screen.
+A Latin letter counts with its advance in DejaVu Sans, which is wider than its substitute fonts; an
+East Asian character is as wide as high. The same lines are measured and drawn, so a text that fits
+here fits on the screen.
 """
 
 import unicodedata
@@ -32,11 +32,11 @@ _ADVANCES = (
 """Advance widths of the printable ASCII characters in DejaVu Sans 2.37, thousandths of an em."""
 
 _CLOSING = "，。、；：？！）”’,.;:?!)"
-"""What may not begin a line."""
+"""Characters that must not begin a line."""
 
 
 def text_width(text: str, size: float) -> float:
-    """Return how wide one line of `text` can become, in the unit of `size`.
+    """Return the largest width of one line of `text`, in the unit of `size`.
 
     >>> round(text_width("smooth", 20), 1)
     77.9
@@ -47,16 +47,16 @@ def text_width(text: str, size: float) -> float:
 
 
 def text_height(lines: int, size: float) -> float:
-    """Return the height of that many lines."""
+    """Return the height of `lines` lines."""
     return lines * size * LINE_HEIGHT
 
 
 def wrapped(text: str, size: float, width: float) -> tuple[str, ...]:
     """Return `text` in lines that are at most `width` wide, as far as it can be broken.
 
-    Latin text breaks at spaces, Chinese text between any two characters but before closing marks;
-    the lines are made about equally long: as narrow, in steps of half an em, as their number
-    allows.
+    Latin text breaks at spaces, Chinese text between any two characters but not before closing
+    marks. The lines are about equally long: as narrow, in steps of half an em, as the smallest
+    number of lines allows.
     """
     if text_width(text.rstrip(), size) <= width:
         return (text.strip(),)
@@ -71,12 +71,12 @@ def wrapped(text: str, size: float, width: float) -> tuple[str, ...]:
 
 
 class _Piece(NamedTuple):
-    """A part of a text that stays whole, and its width in thousandths of an em."""
+    """An unbreakable part of a text and its width in thousandths of an em."""
 
     text: str
     advance: int
     ink: int
-    """Without the space at its end."""
+    """Width without trailing space."""
 
 
 def _piece(text: str) -> _Piece:
@@ -84,7 +84,7 @@ def _piece(text: str) -> _Piece:
 
 
 def _filled(pieces: list[_Piece], box: float) -> tuple[str, ...]:
-    """Lines that each take as many pieces as they hold; `box` in thousandths of an em."""
+    """Return lines filled with as many pieces as fit; `box` in thousandths of an em."""
     lines, taken = [""], 0
     for piece in pieces:
         if lines[-1] and taken + piece.ink > box:
@@ -109,7 +109,7 @@ def _advance(character: str) -> int:
 
 
 def _pieces(text: str) -> list[str]:
-    """`text` cut at every place where a line may end."""
+    """Return `text` split at every place where a line may end."""
     cuts = [at for at, (left, right) in enumerate(pairwise(text), start=1) if _breaks(left, right)]
     return [text[start:end] for start, end in pairwise([0, *cuts, len(text)])]
 

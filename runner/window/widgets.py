@@ -1,4 +1,4 @@
-"""The rating scale on the canvas: where each score lies, how it looks, and how that is logged."""
+"""Drawings on the canvas: the rating scale, the beam and the touch."""
 
 from itertools import pairwise
 
@@ -97,7 +97,7 @@ _HEAD = 16.0
 _FINGER_RADIUS = 24.0
 
 BESIDE_M = (-0.024, -0.008, 0.008, 0.024)
-"""Where several fingers are drawn, seen from the place in their middle."""
+"""Positions of several fingers relative to their centre."""
 
 
 def beam_x(position_m: float) -> float:
@@ -123,7 +123,7 @@ def fingers(way: FingerPath, fraction: float) -> tuple[Dot, ...]:
 
 
 def _places(way: FingerPath, position_m: float) -> list[float]:
-    """Where the fingers are; of several, those that still touch the beam."""
+    """Return the positions of the fingers; of several, only those on the beam."""
     if not way.several:
         return [position_m]
     places = [position_m + beside_m for beside_m in BESIDE_M]
@@ -151,7 +151,7 @@ def _arrow(way: FingerPath) -> Page:
 
 
 def _mark(place_m: float, harder: bool) -> Page:
-    """A place to touch: one tip points at it, two to press harder."""
+    """Return the mark of a place to touch: one tip points at it, two mean to press harder."""
     x = beam_x(place_m)
     place = Outline(points=((x, _BEAM_Y - 17), (x, _BEAM_Y + 17)), edge=ACCENT, width=6)
     heights = (26.0, 56.0) if harder else (26.0,)

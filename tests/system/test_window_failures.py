@@ -1,4 +1,4 @@
-"""A window that fails: the session ends with the device off, says why, and can be resumed."""
+"""A failing window: the session ends with the device off and a reason, and can be resumed."""
 
 import os
 import signal
@@ -39,13 +39,13 @@ def lose_display(running: Running, person: Person) -> None:
 
 
 def begun(seat: Seat, running: Running) -> int:
-    """How many touches have begun; the operator is told of the session once it is opened."""
+    """Return the number of touches begun; the console prints a line once the session is open."""
     return len(seat.payloads("touch-started")) if running.said else 0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """What goes wrong, what is said, and who goes on."""
+    """What fails, the expected message, and how the session is resumed."""
 
     name: str
     harm: Callable[[Running, Person], None]
@@ -57,22 +57,22 @@ CASES = [
     Case(
         name="stopped",
         harm=stop,
-        complaint="the participant's window is stuck (silent for 2 s)",
+        complaint="the participant's window does not respond (silent for 2 s)",
         goes_on="console",
     ),
-    Case(name="crashed", harm=crash, complaint="the participant's window has ended unexpectedly"),
+    Case(name="crashed", harm=crash, complaint="the participant's window ended unexpectedly"),
     Case(name="closed", harm=close, complaint="the participant's window was closed"),
     Case(
         name="display lost",
         harm=lose_display,
-        complaint="the participant's window has ended unexpectedly",
+        complaint="the participant's window ended unexpectedly",
     ),
 ]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Harmed:
-    """How a session ended, and how it went on."""
+    """How a session ended and was resumed."""
 
     code: int
     complaint: str
@@ -82,7 +82,7 @@ class Harmed:
 
 
 def harmed(case: Case, folder: Path) -> Harmed:
-    """Harm the window while the output is on; go on without one."""
+    """Harm the window while the output is on; resume without one."""
     study = tiny_study().replace("voltage_v = 100 }]", LONG_SIGNAL, 1)
     with ExitStack() as stack:
         display = stack.enter_context(virtual_display(800, 600))
@@ -109,14 +109,14 @@ def harmed(case: Case, folder: Path) -> Harmed:
 
 @pytest.fixture(scope="module")
 def all_harmed(small_display: str, tmp_path_factory: pytest.TempPathFactory) -> list[Harmed]:
-    """All sessions, harmed at the same time: most of each is waiting."""
+    """Run all sessions at the same time, because each mostly waits."""
     folders = [tmp_path_factory.mktemp("seat") for _ in CASES]
     with ThreadPoolExecutor(len(CASES)) as pool:
         return list(pool.map(harmed, CASES, folders))
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
-def test_the_device_goes_off_and_the_session_can_go_on_without_a_window(
+def test_the_device_goes_off_and_the_session_can_be_resumed_without_a_window(
     case: Case, all_harmed: list[Harmed]
 ) -> None:
     done = all_harmed[CASES.index(case)]
@@ -134,9 +134,9 @@ def test_the_device_goes_off_and_the_session_can_go_on_without_a_window(
 @pytest.mark.parametrize(
     ("options", "environment", "complaint"),
     [
-        ((), {"DISPLAY": ""}, "there is no display for the participant's window"),
+        ((), {"DISPLAY": ""}, "the participant's window needs a display (DISPLAY is not set)"),
         ((), {"DISPLAY": ":941"}, "the participant's window cannot open on :941"),
-        (("--screen", "3"), {}, "--screen 3 is not there; this machine has 0 (800x600)"),
+        (("--screen", "3"), {}, "--screen 3 does not exist; this computer has 0 (800x600)"),
         (
             ("--language", "zh"),
             {"FONTCONFIG_FILE": "fonts.conf"},
@@ -145,7 +145,7 @@ def test_the_device_goes_off_and_the_session_can_go_on_without_a_window(
     ],
     ids=["no display", "dead display", "no such screen", "no font"],
 )
-def test_a_window_that_cannot_open_says_why_in_one_line_and_leaves_nothing_behind(
+def test_a_window_that_cannot_open_gives_one_line_and_leaves_nothing_behind(
     options: tuple[str, ...],
     environment: dict[str, str],
     complaint: str,

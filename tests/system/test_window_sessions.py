@@ -1,4 +1,4 @@
-"""Whole sessions at a real window: what was answered on the screen stands in the journal."""
+"""Whole sessions at a real window: the journal contains the answers given on the screen."""
 
 import random
 from collections.abc import Iterator
@@ -27,7 +27,7 @@ CASES: list[tuple[Controls, str, tuple[int, int]]] = [
 
 @dataclass(frozen=True, kw_only=True)
 class Sat:
-    """What a session came to, and who sat there."""
+    """The outcome of a session, and its person."""
 
     code: int
     complaint: str
@@ -36,7 +36,7 @@ class Sat:
 
 
 def run_session(case: tuple[Controls, str, tuple[int, int]], folder: Path) -> Sat:
-    """Sit through a whole session with one hand on one device, on a display of one's own."""
+    """Run a whole session with one kind of input on a display of its own."""
     control, language, size = case
     with virtual_display(*size) as display:
         seat = Seat(folder / "study", display)
@@ -48,14 +48,14 @@ def run_session(case: tuple[Controls, str, tuple[int, int]], folder: Path) -> Sa
 
 @pytest.fixture(scope="module")
 def sat(small_display: str, tmp_path_factory: pytest.TempPathFactory) -> list[Sat]:
-    """All sessions, held at the same time: most of each is waiting."""
+    """Run all sessions at the same time, because each mostly waits."""
     folders = [tmp_path_factory.mktemp("seat") for _ in CASES]
     with ThreadPoolExecutor(len(CASES)) as pool:
         return list(pool.map(run_session, CASES, folders))
 
 
 @pytest.mark.parametrize("case", CASES, ids=str)
-def test_every_answer_given_on_the_screen_stands_in_the_journal(
+def test_the_journal_contains_every_answer_given_on_the_screen(
     case: tuple[Controls, str, tuple[int, int]], sat: list[Sat]
 ) -> None:
     done = sat[CASES.index(case)]
@@ -74,7 +74,7 @@ def test_every_answer_given_on_the_screen_stands_in_the_journal(
 
 
 @pytest.mark.parametrize("case", CASES, ids=str)
-def test_each_answer_says_how_it_came_about(
+def test_each_answer_has_its_trace(
     case: tuple[Controls, str, tuple[int, int]], sat: list[Sat]
 ) -> None:
     done = sat[CASES.index(case)]
@@ -104,7 +104,7 @@ def test_two_hundred_random_events_do_no_harm(small_display: str, tmp_path: Path
             person.look_later()
         for batch in monkey_events(random.Random(8), 200):
             person.xdotool(*batch)
-        assert session.process.poll() is None, "nothing that is pressed ends a session"
+        assert session.process.poll() is None, "no key or press ends a session"
         assert session.attend(person) == 0, session.complaint
 
     answered = seat.payloads("answered")
@@ -114,7 +114,7 @@ def test_two_hundred_random_events_do_no_harm(small_display: str, tmp_path: Path
 
 
 def monkey_events(stream: random.Random, count: int) -> Iterator[list[str]]:
-    """Keys and pointer of someone who is no participant, twenty at a time."""
+    """Yield random keys and pointer events, twenty at a time."""
     keys = ["Escape", "Return", "BackSpace", "Left", "Right", "Up", "Down", "space", "Tab", "a"]
     keys += [*"0123456789", "F4", "alt+F4", "ctrl+c", "ctrl+q", "super", "Delete", "KP_5"]
     for _ in range(count // 20):

@@ -1,4 +1,4 @@
-"""Draws every page in a real window: measures each line, and keeps pictures if it is told where.
+"""Draws every page in a real window, measures each line and, given a folder, saves pictures.
 
     python -m tests.runner.window.drawn en [FOLDER]
 
@@ -63,7 +63,7 @@ def pictures(study: Study) -> list[Shown]:
 
 
 def too_wide(canvas: PsychopyCanvas, screen: Screen, wording: Wording) -> list[dict[str, Any]]:
-    """The lines that are drawn wider than they were taken for."""
+    """Return the lines that are drawn wider than estimated."""
     found = []
     px_per_unit = canvas.look()["px_per_unit"]
     for text in page(screen, PageState(operator_called=True), wording):

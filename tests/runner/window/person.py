@@ -27,7 +27,7 @@ LOOK_EVERY_S = 0.05
 
 @contextmanager
 def virtual_display(width: int, height: int, depth: int = 24) -> Iterator[str]:
-    """A display of its own, named by the server, gone afterwards."""
+    """Start a virtual display, numbered by the server, and end it afterwards."""
     reading, writing = os.pipe()
     server = subprocess.Popen(
         [
@@ -45,8 +45,8 @@ def virtual_display(width: int, height: int, depth: int = 24) -> Iterator[str]:
     )
     os.close(writing)
     try:
-        with os.fdopen(reading) as told:
-            yield f":{told.readline().strip()}"
+        with os.fdopen(reading) as answer:
+            yield f":{answer.readline().strip()}"
     finally:
         server.terminate()
         server.wait()
@@ -68,7 +68,7 @@ class Person:
     scored: list[int] = field(default_factory=list)
 
     def look(self) -> Image.Image:
-        """What is on the display now."""
+        """Return the pixels on the display."""
         return ImageGrab.grab(xdisplay=self.display)
 
     def look_later(self) -> None:
@@ -76,7 +76,7 @@ class Person:
         time.sleep(LOOK_EVERY_S)
 
     def sight(self) -> Sight:
-        """Which kind of page that is."""
+        """Return the kind of page."""
         image = self.look()
         colours = [_colour(image, point) for point in (BUTTON, *ANSWERS, SCALE_LINE)]
         button, first, second, third, line = colours
@@ -87,7 +87,7 @@ class Person:
         return "button" if button in {ACCENT, PALE} else "nothing"
 
     def act(self) -> None:
-        """Do what the page asks for, once, and wait until it is another one."""
+        """Do what the page asks for, once, and wait for the next page."""
         sight = self.sight()
         if sight == "nothing":
             return self.look_later()
@@ -127,12 +127,12 @@ class Person:
                 return
 
     def _text(self) -> bytes:
-        """The upper half of the page: another text is another page."""
+        """Return the upper half of the page: a different text means a different page."""
         image = self.look()
         return image.crop((0, 0, image.width, image.height // 2)).tobytes()
 
     def click(self, x: float, y: float) -> None:
-        """Press and release at a place of the canvas."""
+        """Press and release at a point of the canvas."""
         across, down = _pixel(self.look().size, (x, y))
         self.xdotool("mousemove", str(across), str(down), "click", "1")
 
@@ -141,7 +141,7 @@ class Person:
         self.xdotool("key", *names)
 
     def close_window(self) -> None:
-        """Destroy the window, and look whether it is gone."""
+        """Destroy the window and check that it is gone."""
         find = ["xdotool", "search", "--name", "touchbeam"]
         environment = {**os.environ, "DISPLAY": self.display}
         while subprocess.run(find, env=environment, capture_output=True, check=False).stdout:

@@ -1,4 +1,4 @@
-"""Keeps a picture of every page, in both languages and on a small and a large screen.
+"""Saves a picture of every page, in both languages and on a small and a large screen.
 
 python -m tests.runner.window.pictures FOLDER
 """

@@ -80,18 +80,18 @@ class Seat:
         return Running(process)
 
     def events(self) -> list[StoredEvent]:
-        """What the journal holds of the session."""
+        """Return the session's events from the journal."""
         with open_journal(self.folder / "study.db") as journal:
             return journal.events(session_name(self.participant, 1))
 
     def payloads(self, tag: str) -> list[Mapping[str, Any]]:
-        """What the journal holds of one kind of event."""
+        """Return the payloads of one kind of event."""
         return [event.payload for event in self.events() if event.tag == tag]
 
 
 @dataclass
 class Running:
-    """A session under way."""
+    """A running session."""
 
     process: "subprocess.Popen[str]"
     lose_display: Callable[[], None] = lambda: None
@@ -105,13 +105,13 @@ class Running:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Leave nothing running when a test has failed."""
+        """Leave no process running after a failed test."""
         if self.process.poll() is None:
             self.process.kill()
             self.end()
 
     def attend(self, person: Person) -> int:
-        """Let `person` do what the screens ask until the session ends; return its exit code."""
+        """Let `person` follow the screens until the session ends; return its exit code."""
         until_s = time.monotonic() + ENDS_WITHIN_S
         while self.process.poll() is None and time.monotonic() < until_s:
             person.act()
@@ -133,7 +133,7 @@ class Running:
         return code
 
     def window_process(self) -> int:
-        """The id of the window's process, a child of the session's."""
+        """Return the id of the window's process, a child of the session's."""
         children = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children")
         for child in children.read_text().split():
             command = Path(f"/proc/{child}/cmdline").read_bytes()

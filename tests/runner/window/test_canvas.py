@@ -1,4 +1,4 @@
-"""What is drawn stays within what was estimated, so that a text that fits on paper fits."""
+"""Drawn text stays within its estimated size, so a text that fits by estimate fits the screen."""
 
 import json
 import os
@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[3]
     ("language", "display", "width"),
     [("en", "small_display", 800), ("zh", "large_display", 1920)],
 )
-def test_no_line_is_wider_on_the_screen_than_it_was_taken_for(
+def test_no_line_is_wider_on_the_screen_than_estimated(
     language: str, display: str, width: int, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
     environment = {"DISPLAY": request.getfixturevalue(display), "HOME": str(tmp_path)}
@@ -27,7 +27,7 @@ def test_no_line_is_wider_on_the_screen_than_it_was_taken_for(
         text=True,
         check=True,
     )
-    told = json.loads(drawn.stdout.splitlines()[-1])
-    assert told["screens"] > 15
-    assert told["too_wide"] == []
+    found = json.loads(drawn.stdout.splitlines()[-1])
+    assert found["screens"] > 15
+    assert found["too_wide"] == []
     assert (tmp_path / f"score-chosen-{language}-{width}.png").stat().st_size < 50_000

@@ -65,7 +65,7 @@ def answer(number: int, text: str) -> dict[str, Any]:
     return {"answer": text, "of": number, "reaction_time_s": 0.7, "trace": {"path": []}}
 
 
-def test_an_answer_is_given_once() -> None:
+def test_an_answer_is_returned_once() -> None:
     at = At()
     at.participant.show(AskChange(question="places"))
     assert at.poll(ALIVE) is None
@@ -74,24 +74,24 @@ def test_an_answer_is_given_once() -> None:
     assert at.poll(ALIVE) is None
 
 
-def test_an_answer_to_the_screen_before_is_no_answer() -> None:
+def test_an_answer_to_the_previous_screen_is_ignored() -> None:
     at = At()
     at.participant.show(Instruction(text="remember"))
     at.participant.show(AskChange(question="places"))
     assert at.poll(answer(1, "ready")) is None
 
 
-def test_a_window_that_is_silent_is_found_stuck_within_bounded_time() -> None:
+def test_a_silent_window_ends_the_session_within_bounded_time() -> None:
     at = At()
     at.participant.show(Notice(text="pause"))
     at.poll(ALIVE)
     while at.t_s < SILENT_S:
         assert at.poll() is None
-    with pytest.raises(WindowGone, match=r"stuck \(silent for 2 s\).*--ratings console"):
+    with pytest.raises(WindowGone, match=r"does not respond \(silent for 2 s\).*--ratings console"):
         at.poll(after_s=0.2)
 
 
-def test_a_session_that_was_itself_held_up_does_not_blame_the_window() -> None:
+def test_a_slow_session_does_not_blame_the_window() -> None:
     at = At()
     at.participant.show(Notice(text="pause"))
     at.poll(ALIVE)
@@ -105,7 +105,7 @@ def test_a_closed_window_ends_the_session() -> None:
         at.poll({"closed": True})
 
 
-def test_a_window_that_cannot_draw_any_more_ends_the_session() -> None:
+def test_a_window_that_cannot_draw_ends_the_session() -> None:
     at = At()
     with pytest.raises(WindowGone, match=r"cannot draw \(out of memory\); .*--ratings console"):
         at.poll({"broken": "out of memory"})
@@ -119,10 +119,12 @@ def test_escape_calls_the_operator_only() -> None:
     assert calls == ["called"]
 
 
-def test_no_display_is_one_line_that_names_the_console(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_display_gives_one_line_that_names_the_console(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr("sys.platform", "linux")
     monkeypatch.delenv("DISPLAY", raising=False)
-    expected = r"no display .*\(DISPLAY is not set\); use --ratings console"
+    expected = r"needs a display \(DISPLAY is not set\); use --ratings console"
     with (
         pytest.raises(WorkFailed, match=expected),
         participant_window(["false"], Settings(wording=study_wording(PAPER, "en"))),
@@ -131,12 +133,12 @@ def test_no_display_is_one_line_that_names_the_console(monkeypatch: pytest.Monke
 
 
 @pytest.mark.parametrize("screen", foreseen(PAPER, consent="C-7"), ids=str)
-def test_every_screen_comes_through_the_wire_unchanged(screen: Any) -> None:
+def test_every_screen_survives_the_messages_unchanged(screen: Any) -> None:
     assert screen_of(message_of(line_of(show_message(3, screen)))) == screen
 
 
 @pytest.mark.parametrize("language", ["en", "zh"])
-def test_the_settings_come_through_the_wire_unchanged(language: Any) -> None:
+def test_the_settings_survive_the_messages_unchanged(language: Any) -> None:
     settings = Settings(
         wording=study_wording(PAPER, language),
         screen=1,
@@ -147,7 +149,7 @@ def test_the_settings_come_through_the_wire_unchanged(language: Any) -> None:
 
 
 @given(line=st.sampled_from(["", "{", "7", "null", '"text"', "[1, 2]", "\x00"]))
-def test_a_line_that_is_no_message_is_refused(line: str) -> None:
+def test_a_line_that_is_not_a_message_is_refused(line: str) -> None:
     with pytest.raises(ValueError, match="must be one JSON object, got ") as refused:
         message_of(line)
     assert repr(line) in str(refused.value)
@@ -158,7 +160,7 @@ def test_an_unknown_screen_is_refused() -> None:
         screen_of({"show": 1, "screen": "Film"})
 
 
-def test_the_first_font_that_is_there_is_taken() -> None:
+def test_the_first_available_font_is_used() -> None:
     fonts = built_in("zh").fonts
     assert first_font(fonts, {"Noto Sans CJK JP", "PingFang SC"}.__contains__) == "Noto Sans CJK JP"
     assert first_font(fonts, {"DejaVu Sans"}.__contains__) is None

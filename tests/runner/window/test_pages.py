@@ -1,4 +1,4 @@
-"""Pages: what they show, what they do not tell, and that every text fits."""
+"""Pages: what they show, what they hide, and that every text fits."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -63,7 +63,7 @@ def test_every_built_in_text_fits_whatever_is_touched(
     assert list(fit_problems(every)) == []
 
 
-def test_a_text_that_is_too_long_is_found_with_its_place_in_the_study_file() -> None:
+def test_a_text_that_is_too_long_is_reported_with_its_place_in_the_study_file() -> None:
     long = "Touch it gently. " * 20
     (problem,) = fit_problems(study(**{"touch.smooth": long}))
     assert problem.path == ("texts", "en", "touch.smooth")
@@ -71,20 +71,20 @@ def test_a_text_that_is_too_long_is_found_with_its_place_in_the_study_file() -> 
     assert problem.value == repr(long)
 
 
-def test_a_word_that_is_too_wide_for_its_band_is_found() -> None:
+def test_a_word_that_is_too_wide_for_its_band_is_reported() -> None:
     text = template("paper").replace('en = "no effect"', 'en = "imperceptible"')
     (problem,) = fit_problems(parsed_study(text))
     assert (problem.where, problem.value) == ("rating.bands.0.en", "'imperceptible'")
 
 
-def test_a_reference_of_the_consent_that_is_too_long_refuses_the_session() -> None:
+def test_a_consent_reference_that_is_too_long_is_refused() -> None:
     require_fit(study(), wording("en"), "C-2026-0042")
     with pytest.raises(BadInput, match=r"fit its place .* got 'Your consent is filed as x{90}"):
         require_fit(study(), wording("en"), "x" * 90)
 
 
 @pytest.mark.parametrize("language", built_in_codes())
-def test_nothing_leaves_the_canvas_and_no_two_texts_share_a_place(language: str) -> None:
+def test_elements_stay_on_the_canvas_and_texts_do_not_overlap(language: str) -> None:
     for screen in foreseen(parsed_study(template("extended")), consent="C-7"):
         elements = page(screen, PageState(operator_called=True), wording(language))
         rooms = [element.box for element in elements if isinstance(element, Text)]
@@ -157,7 +157,7 @@ def test_several_fingers_are_drawn_where_they_touch_the_beam() -> None:
     ("ticks", "scores"),
     [("all", list(range(11))), ("ends", [0, 10]), ("bands", [0, 1, 4, 5, 7, 8, 10])],
 )
-def test_the_study_says_which_scores_are_marked(ticks: str, scores: list[int]) -> None:
+def test_the_study_determines_which_scores_have_ticks(ticks: str, scores: list[int]) -> None:
     rating = parsed_study(template("paper")).rating.model_copy(update={"ticks": ticks})
     assert marked(rating) == scores
     texts = {
@@ -168,7 +168,7 @@ def test_the_study_says_which_scores_are_marked(ticks: str, scores: list[int]) -
     assert {text for text in texts if text.isdigit()} == {str(score) for score in scores}
 
 
-def test_the_scale_bears_no_mark_until_one_is_chosen() -> None:
+def test_the_scale_has_no_mark_until_a_score_is_chosen() -> None:
     screen = AskScore(rating=Rating())
     dots = [
         [e for e in page(screen, PageState(chosen=chosen), wording("en")) if isinstance(e, Dot)]

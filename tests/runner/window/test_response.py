@@ -1,4 +1,4 @@
-"""Choosing and confirming: every key and press, and what must never happen by itself."""
+"""Choosing and confirming: every key and press, and no answer without confirmation."""
 
 import random
 
@@ -26,7 +26,7 @@ INPUTS: st.SearchStrategy[Input] = st.one_of(
 
 
 def after(screen: Screen, *given_inputs: Input | str) -> PendingResponse:
-    """The screen after inputs a second apart; a string is a row of keys."""
+    """Return the response after inputs a second apart; a string is a sequence of keys."""
     pending = PendingResponse(screen)
     inputs = [
         single
@@ -109,7 +109,7 @@ def test_a_score_by_the_pointer_is_the_nearest_one(score: int) -> None:
         assert after(SCORE, press_score(score + beside)).chosen == str(score)
 
 
-def test_the_mark_follows_the_pointer_and_its_path_is_kept() -> None:
+def test_the_mark_follows_the_pointer_and_its_path_is_recorded() -> None:
     drag = [Dragged(x=score_x(place, RATING), y=-200) for place in (2.4, 3.2, 4.0)]
     pending = after(SCORE, press_score(2), *drag, Released(), drag[0], "enter")
     assert pending.answer == "4"
@@ -120,7 +120,7 @@ def test_the_mark_follows_the_pointer_and_its_path_is_kept() -> None:
     assert trace["confirmed_s"] == 7.0
 
 
-def test_a_drag_that_began_elsewhere_moves_no_mark() -> None:
+def test_a_drag_that_began_elsewhere_does_not_move_the_mark() -> None:
     assert after(SCORE, Pressed(x=0, y=250), Dragged(x=0, y=50)).chosen is None
 
 
@@ -131,14 +131,14 @@ def test_a_page_with_a_button_is_answered_by_the_button_or_enter(screen: Screen)
     assert after(screen, Pressed(x=0, y=0), "5 left").answer is None
 
 
-def test_a_press_before_anybody_can_react_was_meant_for_the_screen_before() -> None:
+def test_a_press_shorter_than_any_reaction_time_is_only_counted() -> None:
     pending = PendingResponse(Instruction(text="remember"))
     pending.take(Key(name="enter"), EARLY_S / 2)
     assert (pending.answer, pending.early) == (None, 1)
 
 
 @given(inputs=st.lists(INPUTS, max_size=60))
-def test_whatever_is_pressed_only_a_confirmed_choice_of_the_scale_is_an_answer(
+def test_only_a_confirmed_choice_of_the_scale_is_an_answer(
     inputs: list[Input],
 ) -> None:
     pending = after(SCORE, *inputs)
@@ -149,12 +149,12 @@ def test_whatever_is_pressed_only_a_confirmed_choice_of_the_scale_is_an_answer(
 
 
 @given(inputs=st.lists(INPUTS, max_size=60))
-def test_nothing_ends_a_notice_or_a_touch(inputs: list[Input]) -> None:
+def test_no_input_ends_a_notice_or_a_touch(inputs: list[Input]) -> None:
     pacing = Pacing(start_m=0.01, end_m=0.08, duration_s=1, force_n=0.5, direction="right")
     for screen in (Notice(text="touch.end"), Notice(text="pause"), pacing):
         assert after(screen, *inputs).answer is None
 
 
-def test_the_first_arrow_favours_no_score_in_the_middle() -> None:
+def test_the_first_arrow_starts_at_an_end_of_the_scale() -> None:
     keys = random.Random(1).choices(["left", "right"], k=50)
     assert {after(SCORE, key).chosen for key in keys} == {"0", "10"}

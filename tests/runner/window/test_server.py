@@ -1,4 +1,4 @@
-"""The window's process without a window: a canvas that only remembers, a clock that is set."""
+"""The window's process without a window: a recording canvas and a manual clock."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -25,7 +25,7 @@ PACING = Pacing(start_m=0.0, end_m=0.1, duration_s=1.0, force_n=0.5, direction="
 
 
 class NeverWaits(Mailbox):
-    """A mailbox whose waiting takes none of the test's time."""
+    """A mailbox that waits on the test's clock, not in real time."""
 
     def get(self, block: bool = True, timeout: float | None = None) -> Mapping[str, Any]:
         return self.get_nowait()
@@ -33,7 +33,7 @@ class NeverWaits(Mailbox):
 
 @dataclass
 class FakeCanvas:
-    """A screen of 60 Hz that holds flips back if it is told to; `script` acts at frames."""
+    """A 60 Hz screen whose flips can wait for its refresh; `script` acts at frames."""
 
     script: dict[int, Any]
     holds_back: bool = False
@@ -91,7 +91,7 @@ def answers(sent: list[Any]) -> list[Any]:
     return [message for message in sent if "answer" in message]
 
 
-def test_a_score_comes_back_with_its_trace_and_the_screens_before_it() -> None:
+def test_a_score_is_sent_with_its_trace_and_the_previous_screens() -> None:
     canvas, sent = served(
         {
             8: show_message(1, PACING),
@@ -110,11 +110,11 @@ def test_a_score_comes_back_with_its_trace_and_the_screens_before_it() -> None:
     assert trace["start"]["t_s"] < answer["reaction_time_s"] == trace["confirmed_s"]
     assert trace["scale"]["length_mm"] == 660 * 0.25
     assert trace["scale"]["ticks"] == list(range(11))
-    assert canvas.prepared, "what is foreseen is built before it is needed"
+    assert canvas.prepared, "foreseen pages are built before they are needed"
 
 
 @pytest.mark.parametrize("holds_back", [True, False])
-def test_frames_come_at_the_refresh_rate_whoever_paces_them(holds_back: bool) -> None:
+def test_frames_follow_the_refresh_rate_paced_by_screen_or_clock(holds_back: bool) -> None:
     _, sent = served(
         {
             8: show_message(1, Instruction(text="remember")),
@@ -137,7 +137,7 @@ def test_a_new_screen_is_drawn_at_once() -> None:
     assert canvas.drawn[8] != canvas.drawn[7]
 
 
-def test_escape_calls_the_operator_and_ends_nothing() -> None:
+def test_escape_calls_the_operator_and_does_not_end_the_session() -> None:
     _, sent = served(
         {
             8: show_message(1, Instruction(text="remember")),
@@ -151,12 +151,12 @@ def test_escape_calls_the_operator_and_ends_nothing() -> None:
     assert len(answer["trace"]["screens"][-1]["operator_called_s"]) == 1
 
 
-def test_a_closed_window_says_so() -> None:
+def test_a_closed_window_sends_closed() -> None:
     _, sent = served({20: FakeCanvas.close_window})
     assert sent[-1] == {"closed": True}
 
 
-def test_a_window_that_draws_says_so_five_times_a_second() -> None:
+def test_a_drawing_window_sends_alive_five_times_a_second() -> None:
     canvas, sent = served({8: show_message(1, Notice(text="pause")), 308: {"end": True}})
     alive = [message["alive"] for message in sent if "alive" in message]
     gaps = [later - earlier for earlier, later in pairwise(alive)]
@@ -164,7 +164,7 @@ def test_a_window_that_draws_says_so_five_times_a_second() -> None:
     assert alive[-1] > canvas.t_s - 0.25
 
 
-def test_dropped_frames_are_told_from_late_ones() -> None:
+def test_dropped_frames_are_distinguished_from_late_ones() -> None:
     frames = FrameTimes(0.016)
     for t_s in (1.0, 1.016, 1.032, 1.055, 1.087, 1.103):
         frames.add(t_s)

@@ -1,4 +1,4 @@
-"""Laws of the estimate: lines hold what was given, in order, and stay within their width."""
+"""Laws of the layout: lines contain the whole text, in order, and stay within their width."""
 
 import pytest
 from hypothesis import given
@@ -12,7 +12,7 @@ WORDS = st.lists(
 
 
 @given(words=WORDS, width=st.floats(140, 800))
-def test_lines_hold_the_whole_text_and_stay_within_the_width(
+def test_lines_contain_the_whole_text_and_stay_within_the_width(
     words: list[str], width: float
 ) -> None:
     text = " ".join(words)
@@ -31,15 +31,15 @@ def test_lines_are_about_equally_long() -> None:
     assert (first, second) == ("Slide your left index finger", "slowly from left to right.")
 
 
-def test_a_word_that_cannot_be_broken_stays_whole() -> None:
+def test_an_unbreakable_word_stays_whole() -> None:
     assert wrapped("piezoelectricity", 30, 60) == ("piezoelectricity",)
     assert text_width("piezoelectricity", 30) > 60
 
 
 @pytest.mark.parametrize(("text", "ems"), [("0", 0.636), ("W", 0.989), ("梁", 1.0), ("é", 1.0)])
-def test_a_letter_is_as_wide_as_its_font_says_or_wider(text: str, ems: float) -> None:
+def test_a_letter_is_at_least_as_wide_as_in_its_font(text: str, ems: float) -> None:
     assert text_width(text, 100) == pytest.approx(ems * 100 * 1.04)
 
 
-def test_lines_stand_an_eighth_of_ten_ems_apart() -> None:
+def test_the_distance_of_lines_is_one_and_a_quarter_ems() -> None:
     assert text_height(3, 20) == 75

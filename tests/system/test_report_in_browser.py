@@ -1,4 +1,4 @@
-"""The report as a reader meets it: in a browser without a network, by keyboard, and on paper."""
+"""The report in a browser without a network, used by keyboard, and in print."""
 
 import base64
 import json
@@ -45,7 +45,7 @@ POINTS_PER_MM = 72 / 25.4
 
 
 def nasty_sessions() -> list[list[StoredEvent]]:
-    """Sessions with catch and opposite trials, missing scores, and texts that want to run."""
+    """Return sessions with catch and opposite trials, missing scores, and texts with code."""
     rng = np.random.default_rng(2)
     sessions = [
         session_events(EXTENDED, slot, rng, who=who)
@@ -85,7 +85,7 @@ def browser(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
         yield driver
 
 
-def test_it_asks_for_nothing_and_complains_of_nothing(browser: webdriver.Chrome) -> None:
+def test_the_page_makes_no_requests_and_logs_no_errors(browser: webdriver.Chrome) -> None:
     messages = [json.loads(entry["message"])["message"] for entry in browser.get_log("performance")]  # type: ignore[no-untyped-call]
     asked = [
         message["params"]["request"]["url"]
@@ -96,14 +96,14 @@ def test_it_asks_for_nothing_and_complains_of_nothing(browser: webdriver.Chrome)
     assert browser.get_log("browser") == []  # type: ignore[no-untyped-call]
 
 
-def test_texts_that_people_typed_stay_texts(browser: webdriver.Chrome) -> None:
+def test_typed_texts_are_escaped(browser: webdriver.Chrome) -> None:
     assert browser.title == f"{TYPED}: report"
     assert browser.find_elements(By.TAG_NAME, "script") == []
     assert TYPED in browser.find_element(By.ID, "incidents").text
     assert TYPED in browser.find_element(By.ID, "left-out").text
 
 
-def test_a_score_leads_to_its_trials_and_their_predictions(browser: webdriver.Chrome) -> None:
+def test_a_score_links_to_its_trials_and_their_predictions(browser: webdriver.Chrome) -> None:
     cell = browser.find_element(By.CSS_SELECTOR, "#table4 tbody tr:nth-child(2) td:nth-child(4) a")
     score = float(cell.text)
     cell.send_keys("\n")
@@ -120,7 +120,7 @@ def test_a_score_leads_to_its_trials_and_their_predictions(browser: webdriver.Ch
     assert all(re.fullmatch(r"−?\d\.\d{4}", text) for row in cells for text in row[7:10])
 
 
-def test_a_missing_score_leads_to_its_trials_too(browser: webdriver.Chrome) -> None:
+def test_a_missing_score_links_to_its_trials(browser: webdriver.Chrome) -> None:
     missing = browser.find_elements(By.CSS_SELECTOR, "#table4 td.missing a")
     assert [cell.get_attribute("aria-label") for cell in missing] == ["not given: its trials"]
     assert browser.find_element(By.ID, "readings").is_displayed()
@@ -134,7 +134,7 @@ def test_axe_finds_no_accessibility_violation(browser: webdriver.Chrome, width: 
         "const done = arguments[arguments.length - 1]; axe.run().then(done)"
     )
     assert [(entry["id"], entry["nodes"][0]["html"]) for entry in found["violations"]] == []
-    assert len(found["passes"]) > 15, "axe did look at the page"
+    assert len(found["passes"]) > 15, "axe checked the page"
 
 
 def test_only_tables_are_wider_than_a_narrow_screen(browser: webdriver.Chrome) -> None:
@@ -143,7 +143,7 @@ def test_only_tables_are_wider_than_a_narrow_screen(browser: webdriver.Chrome) -
     assert browser.execute_script(script) == 0
 
 
-def test_printed_it_is_legible_and_nothing_is_cut_off(
+def test_the_printed_page_is_legible_and_complete(
     browser: webdriver.Chrome, tmp_path: Path
 ) -> None:
     options = PrintOptions()
@@ -156,7 +156,7 @@ def test_printed_it_is_legible_and_nothing_is_cut_off(
     words = re.findall(
         r'xMin="([\d.-]+)" yMin="[\d.]+" xMax="([\d.]+)" yMax="[\d.]+">(.*?)<', boxes
     )
-    assert {"comprehensive", "heterogeneity)?", "measured", "structure"} <= {w[2] for w in words}
+    assert {"comprehensive", "heterogeneity", "measured", "structure"} <= {w[2] for w in words}
     left, right = (min(float(w[0]) for w in words), max(float(w[1]) for w in words))
     assert left >= 9 * POINTS_PER_MM
     assert right <= (210 - 9) * POINTS_PER_MM

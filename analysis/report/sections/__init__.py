@@ -1,4 +1,4 @@
-"""The sections of the report, a module each: its tables, sentences, figures and data.
+"""Sections of the report, one module each, with their tables, sentences, figures and data.
 
 Public face: `scores.section`, and `section` of every other module.
 """

@@ -1,4 +1,4 @@
-"""Whether the conditions differ: the omnibus test, and each pair of conditions."""
+"""Differences between conditions: the omnibus test and pairwise comparisons."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -19,7 +19,7 @@ from analysis.statistics.summary import Reading
 
 
 def section(found: Findings) -> Section:
-    """Return the tests of the conditions, and the scores that they are made on."""
+    """Return the tests of the conditions, and the scores that they compare."""
     main = found.table.main
     return Section(
         name="tests",
@@ -39,17 +39,17 @@ def _pairs_line(pairs: Sequence[PairwiseTest]) -> str:
     if all(isinstance(pair.test, NotEstimable) for pair in pairs):
         return "No pair of conditions can be tested."
     if not differ:
-        return "No pair of conditions differs after Holm's correction."
-    return f"After Holm's correction differ: {', '.join(differ)}."
+        return "No pair of conditions differs significantly after Holm's correction."
+    return f"Significant differences after Holm's correction: {', '.join(differ)}."
 
 
 def _pairwise_table(pairs: Sequence[PairwiseTest]) -> Table:
     numbers = ("V", "n", "zeros", "rank-biserial r", "p", "p (Holm)")
     return Table(
         name="pairwise",
-        caption="Wilcoxon's signed rank test of each pair of conditions, two-sided. V is the sum "
-        "of the ranks of positive differences; differences of zero are dropped and counted; "
-        "p (Holm) is corrected for the number of pairs that have a test.",
+        caption="Two-sided Wilcoxon signed-rank test of each pair of conditions. V is the sum of "
+        "the ranks of positive differences; zero differences are dropped and counted; p (Holm) is "
+        "corrected for the number of pairs that could be tested.",
         columns=columns("pair", *numbers, "method"),
         rows=[[f"{pair.a} − {pair.b}", *_pair_cells(pair)] for pair in pairs],
         unbroken=True,
@@ -78,16 +78,16 @@ def _scores_figure(found: Findings) -> Figure:
     return Figure(
         name="scores",
         title="Scores by condition",
-        caption="Scores by condition: a line with circles per subject, clouds with the density of "
-        "the scores, bars from the lower to the upper quartile with the median, and means as "
-        f"diamonds.{drawn}",
+        caption="Scores by condition. Lines with circles show subjects, clouds the density of the "
+        "scores, bars the interquartile range with the median, and diamonds the means."
+        f"{drawn}",
         draw=partial(raincloud_figure, data),
         table=_quartile_table(table),
     )
 
 
 def _quartile_table(table: ScoreTable) -> Table:
-    """What the clouds show: how many scores, and their spread, by condition."""
+    """Return the number of scores, their mean and their quartiles by condition."""
     rows = []
     for name, column in zip(table.conditions, table.scores.T, strict=True):
         given = column[~np.isnan(column)]
@@ -97,13 +97,13 @@ def _quartile_table(table: ScoreTable) -> Table:
     spread_names = ("lowest", "quartile", "median", "quartile", "highest")
     return Table(
         name="quartiles",
-        caption="The numbers behind the figure; single scores stand in Table 4.",
+        caption="Numbers shown in the figure; Table 4 lists the individual scores.",
         columns=columns("condition", "n", "mean", *spread_names),
         rows=rows,
     )
 
 
-_COMPLETE = NotEstimable(reason="no score is missing, so that Friedman's test applies")
+_COMPLETE = NotEstimable(reason="no score is missing, so Friedman's test applies")
 
 
 def _tests_json(main: Reading) -> Json:

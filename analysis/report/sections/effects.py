@@ -1,4 +1,4 @@
-"""Agreement of subjects, and the effects of conditions and subjects."""
+"""Agreement between subjects, and effects of conditions and subjects."""
 
 from collections.abc import Mapping
 
@@ -14,7 +14,7 @@ from analysis.trials.trial_statistics import TrialStatistics
 
 
 def section(found: Findings) -> Section:
-    """Return intraclass correlations, and additive and ordinal effects."""
+    """Return intraclass correlations, additive effects and ordinal effects."""
     return Section(
         name="agreement",
         title="Agreement and effects",
@@ -32,16 +32,16 @@ def section(found: Findings) -> Section:
             },
             "additive": _additive_json(found.table),
             "gain_heterogeneity": plain(found.table.heterogeneity),
-            "ordinal": {link: _ordinal_json(said) for link, said in found.trials.ordinal.items()},
+            "ordinal": {link: _ordinal_json(fit) for link, fit in found.trials.ordinal.items()},
         },
     )
 
 
 def _icc_table(table: TableStatistics) -> Table:
-    """Both intraclass correlations, named by their target."""
+    """Return the intraclass correlations of subjects and of conditions."""
     targets = {
-        "subjects (how well one condition's score stands for a person)": table.icc_subjects,
-        "conditions (how well one person's score stands for a condition)": table.icc_conditions,
+        "subjects (how reliably one condition's score measures a subject)": table.icc_subjects,
+        "conditions (how reliably one subject's score measures a condition)": table.icc_conditions,
     }
     return Table(
         name="icc",
@@ -54,7 +54,7 @@ def _icc_table(table: TableStatistics) -> Table:
 
 def _icc_cells(icc: IntraclassCorrelation | NotEstimable) -> list[str]:
     if isinstance(icc, NotEstimable):
-        return [f"none: {icc.reason}", number(None), number(None)]
+        return [f"not estimable: {icc.reason}", number(None), number(None)]
     values = (icc.agreement_single, icc.consistency_single, icc.consistency_mean)
     return [number(value) for value in values]
 
@@ -62,42 +62,43 @@ def _icc_cells(icc: IntraclassCorrelation | NotEstimable) -> list[str]:
 def _additive_line(table: TableStatistics) -> str:
     effects, gains = table.additive, table.heterogeneity
     if isinstance(effects, NotEstimable):
-        return f"Additive effects: none ({effects.reason})."
+        return f"Additive effects: not estimable ({effects.reason})."
     slopes = (
-        f"none ({gains.reason})"
+        f"not estimable ({gains.reason})"
         if isinstance(gains, NotEstimable)
         else f"F({gains.df[0]}, {gains.df[1]}) = {gains.f:.3f}, p = {p_value(gains.p)}, "
-        f"moment estimate of their spread τ = {number(gains.tau)}"
+        f"standard deviation of the slopes (moment estimate) τ = {number(gains.tau)}"
     )
     return (
-        f"Score = {number(effects.grand_mean)} + condition + subject + residual: residual standard "
-        f"deviation {number(effects.residual_sd)} ({effects.residual_df} df), of subjects "
-        f"{number(effects.subject_sd)}, shrinkage {number(effects.shrinkage)}. Do subjects differ "
-        f"in how strongly conditions show (gain heterogeneity)? {slopes}."
+        f"Additive model: score = {number(effects.grand_mean)} + condition + subject + residual. "
+        f"Residual standard deviation {number(effects.residual_sd)} ({effects.residual_df} df), "
+        f"between-subject standard deviation {number(effects.subject_sd)}, shrinkage factor "
+        f"{number(effects.shrinkage)}. Gain heterogeneity (differences between subjects in the "
+        f"size of condition effects): {slopes}."
     )
 
 
 def _ordinal_line(trials: TrialStatistics) -> str:
-    said = [
-        f"{link}: none ({effects.reason})"
+    fits = [
+        f"{link}: not estimable ({effects.reason})"
         if isinstance(effects, NotEstimable)
-        else f"{link}: standard deviation of subjects {number(effects.subject_sd)}, "
+        else f"{link}: between-subject standard deviation {number(effects.subject_sd)}, "
         f"log-likelihood {number(effects.log_likelihood, 4)}"
         for link, effects in trials.ordinal.items()
     ]
-    return f"Ordinal mixed model, {'; '.join(said)}."
+    return f"Ordinal mixed model, {'; '.join(fits)}."
 
 
 def _condition_table(found: Findings) -> Table:
-    """Each condition's effect: additive, and on the latent scales of the ordinal models."""
+    """Return each condition's additive effect, and its effects in the ordinal models."""
     conditions, ordinal = found.loaded.table.conditions, found.trials.ordinal
     effects = found.table.additive
     additive: Mapping[str, float] = {} if isinstance(effects, NotEstimable) else effects.conditions
     return Table(
         name="conditions",
-        caption="Effects of conditions: additive, in rating points about the grand mean; and of "
-        "the ordinal mixed model with a random level of each subject, on its latent scale against "
-        f"{conditions[0]}, with standard errors.",
+        caption="Effects of conditions: additive, in points relative to the grand mean; and in the "
+        "ordinal mixed model with a random intercept per subject, on its latent scale relative to "
+        f"{conditions[0]}, ± standard error.",
         columns=columns("condition", "additive", *(f"ordinal, {link}" for link in ordinal)),
         rows=[
             [name, number(additive.get(name)), *(_effect(e, name) for e in ordinal.values())]
@@ -115,16 +116,15 @@ def _effect(effects: OrdinalEffects | NotEstimable, name: str) -> str:
 
 
 def _subject_table(table: TableStatistics) -> Table | None:
-    """Each subject's level and slope, None where there are none."""
+    """Return each subject's additive effect and slope, or None if they are not estimable."""
     effects, gains = table.additive, table.heterogeneity
     if isinstance(effects, NotEstimable):
         return None
     slopes: Mapping[str, float] = {} if isinstance(gains, NotEstimable) else gains.gains
     return Table(
         name="subjects",
-        caption="Each subject's additive effect in rating points, the share of it that is to be "
-        "believed (shrinkage), and the slope of the subject's scores on the conditions' effects "
-        "(1 on average).",
+        caption="Each subject's additive effect in points, the shrinkage factor, and the slope of "
+        "the subject's scores on the condition effects (1 on average).",
         columns=columns("subject", "additive", "shrinkage", "slope"),
         rows=[
             [
@@ -147,8 +147,8 @@ def _icc_json(icc: IntraclassCorrelation | NotEstimable) -> Json:
         "3,k": icc.consistency_mean,
     }
     known: Json = {name: or_null(value) for name, value in kinds.items()}
-    lacking = [value.reason for value in kinds.values() if isinstance(value, NotEstimable)]
-    return {**known, "reason": lacking[0]} if lacking else known
+    missing = [value.reason for value in kinds.values() if isinstance(value, NotEstimable)]
+    return {**known, "reason": missing[0]} if missing else known
 
 
 def _additive_json(table: TableStatistics) -> Json:
@@ -160,7 +160,7 @@ def _additive_json(table: TableStatistics) -> Json:
         **plain(effects),
         "shrinkage": or_null(effects.shrinkage),
         **why("shrinkage", effects.shrinkage),
-        "subject_shrinkage": {who: or_null(s) for who, s in effects.subject_shrinkage.items()},
+        "subject_shrinkage": {name: or_null(s) for name, s in effects.subject_shrinkage.items()},
     }
 
 

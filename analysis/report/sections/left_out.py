@@ -1,4 +1,4 @@
-"""Exclusions and interruptions: what the report leaves out and why, and what happened besides."""
+"""Exclusions with their reasons, interruptions, and operator notes."""
 
 from collections.abc import Iterable, Sequence
 
@@ -11,7 +11,7 @@ from analysis.report.wording import MISSING
 
 
 def section(found: Findings) -> Section:
-    """Return what is left out, and what happened in the sessions."""
+    """Return the exclusions, and the incidents of the sessions."""
     loaded = found.loaded
     counts = _counts(loaded)
     return Section(
@@ -27,19 +27,31 @@ def section(found: Findings) -> Section:
             ),
             _table(
                 "left-out",
-                "What is left out of every number of this report, and why.",
-                ["participant", "session", "trial", "by", "why"],
+                "Data excluded from every number in this report, with the reasons.",
+                ["participant", "session", "trial", "by", "reason"],
                 (
-                    [e.participant, _or_all(e.session), _or_all(e.trial), e.by, e.why]
+                    [
+                        e.participant,
+                        "all" if e.session is None else str(e.session),
+                        "all" if e.trial is None else str(e.trial),
+                        e.by,
+                        e.why,
+                    ]
                     for e in loaded.left_out
                 ),
             ),
             _table(
                 "incidents",
-                "Interruptions, and what the operator noted.",
-                ["participant", "session", "trial", "what", "in words"],
+                "Interruptions and operator notes.",
+                ["participant", "session", "trial", "event", "description"],
                 (
-                    [e.participant, str(e.session), _or_none(e.trial), e.what, e.text]
+                    [
+                        e.participant,
+                        str(e.session),
+                        MISSING if e.trial is None else str(e.trial),
+                        e.what,
+                        e.text,
+                    ]
                     for e in loaded.incidents
                 ),
             ),
@@ -57,12 +69,12 @@ def section(found: Findings) -> Section:
 def _rules_line(found: Findings) -> str:
     rules = rules_in_words(found.study.exclusions)
     if not rules:
-        return "The study settled no rules of exclusion beforehand."
-    return f"Rules settled beforehand: {'; '.join(rules)}."
+        return "The study prespecified no exclusion rules."
+    return f"Prespecified exclusion rules: {'; '.join(rules)}."
 
 
 def _counts(loaded: StudyData) -> dict[str, int]:
-    """How much of the study the report leaves out, by reason."""
+    """Return the numbers of excluded sessions, trials and participants, by reason."""
     by_rule = [entry for entry in loaded.left_out if entry.by == "rule"]
     return {
         "rehearsals": loaded.rehearsals_left_out,
@@ -78,34 +90,26 @@ def _counts(loaded: StudyData) -> dict[str, int]:
 
 def _unfinished(found: Findings) -> str:
     if found.published:
-        return "not known of a published table"
+        return "unknown for a published table"
     return ", ".join(found.loaded.unfinished) or "none"
 
 
 def _interruptions_line(found: Findings) -> str:
-    """Say that nothing interrupted the sessions where that is known and so."""
+    """Return a sentence on missing incidents, or an empty text if there were incidents."""
     if found.published:
-        return "What interrupted the sessions behind a published table is not known."
+        return "Interruptions are unknown for a published table."
     if found.loaded.incidents:
         return ""
     if found.loaded.unfinished:
         return "No other incident was recorded."
-    return "No session was interrupted, and nothing was noted."
+    return "No interruptions or notes were recorded."
 
 
 def _table(
     name: str, caption: str, names: Sequence[str], rows: Iterable[Sequence[str]]
 ) -> Table | None:
-    """A table of what happened, None where nothing did."""
+    """Return a table of texts, or None without rows."""
     found = list(rows)
     if not found:
         return None
     return Table(name=name, caption=caption, columns=columns(*names, kind="text"), rows=found)
-
-
-def _or_all(value: int | None) -> str:
-    return "all" if value is None else str(value)
-
-
-def _or_none(value: int | None) -> str:
-    return MISSING if value is None else str(value)

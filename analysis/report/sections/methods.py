@@ -1,4 +1,4 @@
-"""How the numbers of the report were made."""
+"""Methods behind the numbers of the report."""
 
 from analysis.loading.exclusions import rules_in_words
 from analysis.loading.missing_scores import unscored
@@ -11,7 +11,7 @@ from analysis.trials.trial_statistics import TrialStatistics
 
 
 def section(found: Findings) -> Section:
-    """Return the methods, a paragraph each."""
+    """Return the methods in three paragraphs: data, tests and models."""
     return Section(
         name="methods",
         title="Methods",
@@ -28,21 +28,21 @@ def _data(found: Findings) -> str:
     origin = (
         "The scores are those of a published table."
         if found.published
-        else "Each condition was a change of one parameter of the vibrating beam; participants "
-        "said what changed and, "
+        else "Each condition changed one parameter of the vibrating beam. Participants reported "
+        "the change that they felt and, "
         + (
-            "if that agreed with the expectation,"
+            "if their answer agreed with the expectation,"
             if study.rating.score_when == "agrees"
-            else "whatever they said,"
+            else "whatever their answer,"
         )
         + f" scored the strength of the effect from {found.scale.in_words}."
     )
     return (
         f"{origin} {subjects} {'subject' if subjects == 1 else 'subjects'} and {conditions} "
-        f"{'condition' if conditions == 1 else 'conditions'} have scores and are analysed"
+        f"{'condition' if conditions == 1 else 'conditions'} had scores and were analysed"
         f"{_unscored(loaded)}. A subject's score "
-        "for a condition is the mean over the trials that have one. A score that was not given is "
-        f"missing: it is no zero and drops no subject. Rules of exclusion settled beforehand: "
+        "for a condition is the mean over the scored trials. A score that was not given is treated "
+        "as missing, not as zero, and the subject is kept. Prespecified exclusion rules: "
         f"{settled}."
     )
 
@@ -50,39 +50,39 @@ def _data(found: Findings) -> str:
 def _unscored(loaded: StudyData) -> str:
     subjects, conditions = unscored(loaded.table)
     names = (*subjects, *conditions)
-    return f"; without any score: {', '.join(names)}" if names else ""
+    return f"; without scores: {', '.join(names)}" if names else ""
 
 
 def _tests(trials: TrialStatistics) -> str:
     unit = "single trials" if trials.has_repeats else "one score per subject and condition"
     return (
-        "Conditions were compared with Friedman's test corrected for ties, its exact p counting "
-        "all rearrangements of each subject's own scores where that can be listed (Skillings and "
-        "Mack's test where scores are missing), and pair by pair with Wilcoxon's signed rank test, "
-        "exact up to 200 differences, zeros dropped, p-values corrected by Holm. Intraclass "
-        "correlations and additive effects are by least squares with moment estimates of "
-        "variances; equal slopes (Mandel) were tested by their extra sum of squares. The ordinal "
-        "mixed model (cumulative link, random level of each subject, maximum likelihood) was "
-        f"fitted to {unit}. Carry-over "
-        "and order were tested by F tests within subjects, with condition allowed for."
+        "Conditions were compared with Friedman's test, corrected for ties, with an exact p-value "
+        "over all within-subject permutations of the scores where these could be enumerated (with "
+        "the Skillings–Mack test where scores were missing), and pairwise with Wilcoxon "
+        "signed-rank tests, exact for up to 200 differences, with zero differences dropped and "
+        "p-values corrected by Holm's method. Intraclass correlations and additive effects were "
+        "estimated by least squares, with moment estimates of the variances; equality of slopes "
+        "(Mandel) was tested by the extra sum of squares. The ordinal mixed model (cumulative link, random "
+        f"intercept per subject, maximum likelihood) was fitted to {unit}. Carry-over and order "
+        "effects were tested by within-subject F tests adjusted for condition."
     )
 
 
 def _model(trials: TrialStatistics) -> str:
     measured = int(trials.contrasts.measured.sum())
-    own = (
-        f"for {measured} of {len(trials.contrasts.measured)} trials measured force or place was "
-        f"taken in place of the planned one, in steps of {FORCE_STEP:.0%} and "
+    touches = (
+        f"in {measured} of {len(trials.contrasts.measured)} trials, measured force or place "
+        f"replaced the planned value, in steps of {FORCE_STEP:.0%} and "
         f"{1000 * PLACE_STEP_M:g} mm; the drive was taken as read back, relative to the measured "
         "resonance"
         if measured
-        else "nothing was measured of the touches, so that planned or standard values were taken"
+        else "touches were not measured, so planned or standard values were used"
     )
     return (
         "Contrasts were predicted trial by trial from the friction model under three laws; "
-        f"{own}. "
-        f"Sensitivities are under the law '{LAW}'. M1 is a linear mixed model, rating = bias + "
-        "gain × contrast; M2 puts it behind ordered thresholds that all subjects share, with a "
-        "discrepancy of each condition; M3 adds the answers, catch and opposite trials. Intervals "
-        "are integrated over the variances and not taken at their best values."
+        f"{touches}. Sensitivities were estimated under the law '{LAW}'. M1 is a linear mixed "
+        "model, rating = bias + gain × contrast; M2 maps the same line to ratings through ordered "
+        "thresholds common to all subjects and adds a discrepancy per condition; M3 adds the "
+        "answers and the catch and opposite trials. Intervals are integrated over the variance "
+        "parameters instead of fixing these at their best-fitting values."
     )

@@ -1,4 +1,4 @@
-"""Ratings against the friction model: predicted contrasts, and each law's score."""
+"""Ratings against the friction model: predicted contrasts and the fit of each law."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -14,11 +14,11 @@ from analysis.trials.law_comparison import LawLikelihood, LawOrder, shared_contr
 from analysis.trials.trial_statistics import PAPERS_RANKING, LawScore, TrialStatistics
 
 PREDICTIONS = "predictions"
-"""The id of the table of predicted contrasts."""
+"""Id of the table of predicted contrasts."""
 
 
 def section(found: Findings) -> Section:
-    """Return what the model predicts, and how it fits what was felt."""
+    """Return the model's predictions, and how well they fit the ratings."""
     return Section(
         name="model",
         title="Ratings against the model",
@@ -39,11 +39,11 @@ def _signal_line(trials: TrialStatistics) -> str:
     signal = trials.signal
     laws = ", ".join(f"{law} {number(value, 4)}" for law, value in signal.predicted.items())
     felt = (
-        "is not recorded here"
+        "response not recorded"
         if isinstance(signal.felt, NotEstimable)
-        else f"was felt as expected by {share(signal.felt)}"
+        else f"felt as expected by {share(signal.felt)}"
     )
-    return f"The first signal (0 → 100 V) {felt}; contrast predicted for it: {laws}."
+    return f"First signal (0 → 100 V): {felt}; predicted contrast: {laws}."
 
 
 def _ratings_figure(found: Findings) -> Figure:
@@ -51,28 +51,28 @@ def _ratings_figure(found: Findings) -> Figure:
     if data is None:
         return Figure(
             name="model",
-            instead="No trial with a rating has a prediction, so that there is nothing to draw.",
+            instead="No rated trial has a prediction, so there is no figure.",
             table=table,
         )
     return Figure(
         name="model",
         title="Ratings against the model",
-        caption="Ratings against the contrast that the friction model predicts for the trial, a "
-        "shape and colour per condition; equal ratings are shifted a little. The line is the "
-        f"group's, by M1.{of_all(len(data.ratings.rating), data.of, 'ratings')}",
+        caption="Ratings against the contrast that the friction model predicts for each trial. "
+        "Shape and colour mark the condition; equal ratings are offset slightly. The line is the "
+        f"group fit of M1.{of_all(len(data.ratings.rating), data.of, 'ratings')}",
         draw=partial(scatter_figure, data),
         table=table,
     )
 
 
 def _prediction_table(found: Findings) -> Table:
-    """The contrast that each law predicts for each condition, beside the mean score."""
+    """Return each law's mean predicted contrast by condition, beside the mean score."""
     laws, means = found.trials.laws, found.table.main.table4.column_means
     physical = [score for score in laws if not isinstance(score.likelihood, NotEstimable)] or laws
     return Table(
         name=PREDICTIONS,
         caption="Mean predicted contrast of each condition under each friction law (change of log "
-        "friction; positive is the expected change), beside the mean score.",
+        "friction; positive in the expected direction), with the mean score.",
         columns=columns("condition", "mean score", *(score.law for score in physical)),
         rows=[
             [
@@ -86,34 +86,34 @@ def _prediction_table(found: Findings) -> Table:
 
 
 def _laws_line(trials: TrialStatistics) -> str:
-    """How far the laws' log-likelihoods can be read, empty where there are none."""
+    """Return cautions on the laws' log-likelihoods, or an empty text if there are none."""
     if not any(isinstance(score.likelihood, LawLikelihood) for score in trials.laws):
         return ""
-    said = (
-        "The gain in log-likelihood is not penalised for the law's three parameters more (slope, "
-        "its spread, its correlation with level), so that chance alone makes it positive; beside a "
-        "large p it says that any contrasts would do."
+    cautions = (
+        "The gain in log-likelihood is not penalised for the law's three additional parameters "
+        "(slope, its standard deviation, and its correlation with the level), so it is positive by "
+        "chance alone; if p is large, arbitrary contrasts would fit as well."
     )
     scored = trials.scored
     if all(shared_contrasts(scored.ratings, x) for x in scored.contrasts.values()):
-        said += (
-            " All subjects have the same contrasts here, so that a law cannot say who felt what: "
-            "its gain is of the conditions' means, and of subjects who follow them more or less."
+        cautions += (
+            " Here all subjects have the same contrasts, so a law cannot explain who felt what: "
+            "its gain reflects the condition means and how strongly each subject follows them."
         )
-    return said
+    return cautions
 
 
 def _law_table(laws: Sequence[LawScore]) -> Table:
     return Table(
         name="laws",
-        caption="Each friction law against the ratings: does it order the conditions as people "
-        "did (Spearman's correlation of predicted contrasts with mean scores, p over all orders, "
-        "and the least correlation of these ranks, ties and all, that has p < .05), and does it "
-        "explain who felt what (largest log-likelihood of M1 with its contrasts, the gain over "
-        "subjects who differ in level alone, and p of the gain: the share of all assignments of "
-        "its contrasts to the conditions that gain as much)." + _circular(laws),
+        caption="Each friction law compared with the ratings. Order of the conditions: Spearman's "
+        "correlation of predicted contrasts with mean scores, p over all orders, and the smallest "
+        "correlation of these ranks, including ties, that has p < .05. Who felt what: maximum "
+        "log-likelihood of M1 with the law's contrasts, its gain over a model in which subjects "
+        "differ only in level, and p of the gain, the share of all assignments of the contrasts to "
+        "the conditions with at least this gain." + _circular(laws),
         columns=[
-            *columns("law", "Spearman", "p", "p < .05 takes"),
+            *columns("law", "Spearman", "p", "smallest for p < .05"),
             Column(name="order, strongest first", kind="ranking"),
             *columns("log-likelihood", "gain", "p of the gain"),
         ],
@@ -125,14 +125,14 @@ def _circular(laws: Sequence[LawScore]) -> str:
     if all(score.law != PAPERS_RANKING for score in laws):
         return ""
     return (
-        " The paper's own ranking (voltage first, pressure last, nothing said of the others) was "
-        "read off the paper's Table 4: scored on those very data it is circular and no evidence."
+        " The paper's own ranking (voltage first, pressure last, the others unranked) was derived "
+        "from the paper's Table 4: tested on the same data, it is circular and not evidence."
     )
 
 
 def _order_cells(order: LawOrder | NotEstimable) -> list[str]:
     if isinstance(order, NotEstimable):
-        return [*[number(None)] * 3, f"none: {order.reason}"]
+        return [*[number(None)] * 3, f"not estimable: {order.reason}"]
     needed = order.rank_needed
     return [
         number(order.spearman, 2),
@@ -146,8 +146,8 @@ def _felt(found: LawLikelihood | NotEstimable) -> list[str]:
     if isinstance(found, NotEstimable):
         return [number(None)] * 3
     gain_p = found.gain_p
-    told = f"none: {gain_p.reason}" if isinstance(gain_p, NotEstimable) else p_value(gain_p)
-    return [number(found.log_likelihood, 2), number(found.gain_over_none, 2), told]
+    p = f"not available: {gain_p.reason}" if isinstance(gain_p, NotEstimable) else p_value(gain_p)
+    return [number(found.log_likelihood, 2), number(found.gain_over_none, 2), p]
 
 
 def _law_json(score: LawScore) -> Json:

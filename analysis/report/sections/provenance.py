@@ -1,4 +1,4 @@
-"""Where the report comes from: its input, versions and seeds, and the model's parameters."""
+"""Provenance of the report: input, versions, seeds and parameters of the model."""
 
 import json
 import platform
@@ -18,11 +18,11 @@ _LIBRARIES = ("touchbeam", "numpy", "scipy", "matplotlib")
 
 
 def section(found: Findings) -> Section:
-    """Return what a reader needs to make the report again."""
+    """Return the facts needed to reproduce the report."""
     facts = _provenance(found)
     return Section(
         name="provenance",
-        title="Where this comes from",
+        title="Provenance",
         blocks=[Definitions(entries=facts)],
         data={"provenance": facts},
     )
@@ -44,7 +44,7 @@ def _provenance(found: Findings) -> dict[str, str]:
         "versions that recorded": "; ".join(recording.versions) or "none: imported",
         "seeds": f"design {study.study.seed}; sessions "
         + (", ".join(map(str, recording.seeds)) or "none")
-        + "; the analysis draws nothing at random",
+        + "; the analysis uses no random numbers",
         "model parameters": ", ".join(
             f"{name} {value}" for name, value in _model_parameters(study).items()
         ),
@@ -57,11 +57,11 @@ def _recorded_under(origin: Origin, loaded: StudyData) -> str:
         return "no study file: imported"
     if not others:
         return "this study file"
-    return "other versions of the study file too, SHA-256 " + ", ".join(others)
+    return "also other versions of the study file, SHA-256 " + ", ".join(others)
 
 
 def _model_parameters(study: Study) -> dict[str, str]:
-    """The parameters of the friction model, with their units."""
+    """Return the parameters of the friction model, with units."""
     scene, finger = Scene(), study.touch
     beam = scene.structure.beam
     return {

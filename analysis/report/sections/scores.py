@@ -1,4 +1,4 @@
-"""Table 4, and what follows from its missing scores."""
+"""Table 4, and its results under each reading of missing scores."""
 
 from analysis.loading.missing_scores import LABELS, marks, unscored, withheld
 from analysis.report.as_json import Json, friedman_json, pair_json, plain
@@ -13,7 +13,7 @@ from analysis.statistics.table4 import Table4
 
 
 def section(found: Findings) -> Section:
-    """Return the scores, and the means under each reading of the missing ones."""
+    """Return the scores, and the means under each reading of missing scores."""
     main = found.table.main.table4
     return Section(
         name="table4",
@@ -32,17 +32,17 @@ def section(found: Findings) -> Section:
 
 
 def _score_table(found: Findings) -> Table:
-    """Table 4; each score leads to its trials, each mean to the predictions."""
+    """Return Table 4; each score links to its trials, each mean to the predictions."""
     table, empty = found.loaded.table, found.loaded.empty
     header, *rows, averages = table4_lines(found.table.main.table4, MISSING, marks(empty))
     with_trials = {(r["subject"], r["condition"]) for r in found.trial_records if is_scored(r)}
 
     def score(row: int, column: int, text: str) -> Cell:
         why = LABELS[empty[row, column]] if (row, column) in empty else ""
-        leads = (table.subjects[row], table.conditions[column]) in with_trials
+        has_trials = (table.subjects[row], table.conditions[column]) in with_trials
         return Cell(
             text=text,
-            target=trials_anchor(row, column) if leads else "",
+            target=trials_anchor(row, column) if has_trials else "",
             label=why and f"{why}: its trials",
             why=why,
             missing=bool(why),
@@ -54,12 +54,12 @@ def _score_table(found: Findings) -> Table:
     ]
     name, *means, grand_mean = averages
     lines.append([name, *(_mean(mean, target=PREDICTIONS) for mean in means), _mean(grand_mean)])
-    told_apart = "Cells without a score are told apart below. " if found.table_notes else ""
+    note = "Notes below distinguish the empty cells. " if found.table_notes else ""
     return Table(
         name="table4",
         label="Table 4",
-        caption=f"Scores by subject and condition, {found.scale.in_words}. {told_apart}A score "
-        "leads to its trials and what the model predicts for them, an average to the predictions.",
+        caption=f"Scores by subject and condition, {found.scale.in_words}. {note}Each score "
+        "links to its trials and their predictions, each average to the predictions.",
         columns=columns(*header),
         rows=lines,
         footer=True,
@@ -71,18 +71,18 @@ def _mean(text: str, target: str = "") -> Cell:
 
 
 def _readings_table(found: Findings) -> Table | None:
-    """The means and the omnibus test under each reading of withheld scores, None without such."""
+    """Return means and omnibus test by reading of withheld scores, or None without any."""
     readings, table = found.table.readings, found.loaded.table
     if len(readings) == 1 or not withheld(table, found.loaded.empty).any():
         return None
-    words = {"missing": "left missing", "zero": "as 0", "lowest": "as the lowest score given"}
+    words = {"missing": "left missing", "zero": "as 0", "lowest": "as the lowest observed score"}
     numbers = (*table.conditions, "all", "pairs that differ (Holm)")
     return Table(
         name="readings",
-        caption="What follows if scores that were withheld, as the answer disagreed, are left "
-        "missing, read as 0 (no effect), or read as the lowest score that anybody gave: mean of "
-        "each condition, and the omnibus test. Blank cells of a published table are taken for "
-        "such; cells whose trials are excluded or were never reached stay missing throughout.",
+        caption="Sensitivity of the results to scores withheld because the answer disagreed with "
+        "the expectation: condition means and omnibus test with these scores left missing, read "
+        "as 0 (no effect), or read as the lowest observed score. Blank cells of a published table "
+        "count as withheld; cells whose trials were excluded or never reached stay missing.",
         columns=[*columns("withheld scores", *numbers), Column(name="test", kind="sentence")],
         rows=[
             [
@@ -98,7 +98,7 @@ def _readings_table(found: Findings) -> Table | None:
 
 
 def _means_json(result: Table4) -> Json:
-    """The table with its means; a missing score is `null`."""
+    """Return the table with its means; a missing score is `null`."""
     table = result.table
     return {
         "columns": list(table.conditions),
@@ -119,7 +119,7 @@ def _column_means(result: Table4) -> Json:
 
 
 def _empty_json(found: Findings) -> Json:
-    """Why cells of the table have no score, and who and what has none at all."""
+    """Return the reasons for empty cells, and the subjects and conditions without any score."""
     table = found.loaded.table
     subjects, conditions = unscored(table)
     return {

@@ -1,4 +1,4 @@
-"""Sensitivity of each subject under the models M1, M2 and M3, and what the data cannot tell."""
+"""Sensitivity of each subject under the models M1, M2 and M3, with the limits of the data."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -22,18 +22,22 @@ from analysis.trials.law_comparison import (
 from analysis.trials.trial_statistics import TrialStatistics
 
 _CEILING = 0.05
-"""A larger share than this of the highest scores there are is worth a warning."""
+"""Share of scores at the top of the scale above which the report warns."""
 
 
 def section(found: Findings) -> Section:
-    """Return bias and gain of each subject, and what notices a change."""
+    """Return bias and gain of each subject, and the detection of changes."""
     trials = found.trials
     return Section(
         name="sensitivity",
         title="Sensitivity",
         blocks=[
-            Items(heading="What these data cannot tell.", lines=_limits(found)),
-            *_lacking(trials),
+            Items(heading="Limitations of these data.", lines=_limits(found)),
+            *(
+                f"{model} could not be fitted: {fit.reason}."
+                for model, fit in (("M1", trials.m1), ("M2", trials.m2))
+                if isinstance(fit, NotEstimable)
+            ),
             _gains_figure(trials),
             None if isinstance(trials.m3, NotEstimable) else _detection_table(trials.m3),
         ],
@@ -42,43 +46,43 @@ def section(found: Findings) -> Section:
 
 
 def _limits(found: Findings) -> list[str]:
-    """What these data cannot tell, a sentence or two each."""
-    said, trials = [], found.trials
+    """Return the limitations of the data, a sentence or two each."""
+    limits, trials = [], found.trials
     if not trials.has_repeats:
-        said.append(
-            "There is one rating per subject and condition. Whether subjects differ in sensitivity "
-            "cannot be told then: a subject's gain is known only by pooling with the others, and "
-            "its own share shows how little of it is the subject's. With so few ratings the "
-            "intervals of M1 and M2 rest largely on their priors."
+        limits.append(
+            "With one rating per subject and condition, differences between subjects in "
+            "sensitivity cannot be established: a subject's gain is known only by pooling with the "
+            "others, and the shrinkage factor shows how little of it comes from the subject's own "
+            "trials. The intervals of M1 and M2 then depend largely on the priors."
         )
     if isinstance(trials.m1, LinearSensitivity):
-        said.append(
-            "M1 takes the predicted contrast for all in which conditions differ. Whatever else "
-            "sets them apart is noise to it, of single trials and not of conditions, so that its "
-            "intervals are too narrow, the group's most of all; M2 allows for a discrepancy of "
-            "each condition."
+        limits.append(
+            "M1 assumes that conditions differ only in the predicted contrast. It treats all other "
+            "differences between conditions as noise of single trials, so its intervals are too "
+            "narrow, above all those of the group; M2 includes a discrepancy for each condition."
         )
     rated = [score.order.rated for score in trials.laws if isinstance(score.order, LawOrder)]
     if rated:
-        said.append(_too_few_means(rated[0]))
+        limits.append(_too_few_means(rated[0]))
     ceiling = _share_at_ceiling(found)
     if ceiling > _CEILING:
-        said.append(
-            f"{ceiling:.0%} of the scores are the highest possible. M1 knows no ceiling and makes "
-            "gains too small; M2 is for such ratings."
+        limits.append(
+            f"{ceiling:.0%} of the scores are the highest possible. M1 ignores this ceiling and "
+            "underestimates the gains; M2 accounts for it."
         )
     if isinstance(trials.m3, NotEstimable):
-        said.append(
-            f"M3, change detection and rating in one model, has no answer: {trials.m3.reason}."
+        limits.append(
+            f"M3 (change detection and rating in one model) could not be fitted: "
+            f"{trials.m3.reason}."
         )
-    return said
+    return limits
 
 
 def _too_few_means(count: int) -> str:
-    """What so many condition means can say of a law, by either correlation."""
+    """Return a sentence on the correlations that `count` condition means need for p < .05."""
     ranks, moments = critical_rank_correlation(count), critical_correlation(count)
     if isinstance(ranks, NotEstimable):
-        reached = "has p < .05 in no order, not even a perfect one"
+        reached = "cannot have p < .05, even for a perfect order"
     elif ranks >= 1:
         reached = "has p < .05 only if it is 1 or −1"
     else:
@@ -86,25 +90,17 @@ def _too_few_means(count: int) -> str:
     products = (
         ""
         if isinstance(moments, NotEstimable)
-        else f" (Pearson's, of the contrasts and means themselves, must exceed {moments:.3f})"
+        else f" (Pearson's correlation of the contrasts and means must exceed {moments:.3f})"
     )
     return (
-        f"With {count} condition means and no ties Spearman's rank correlation, the one shown, "
-        f"{reached}{products}. Most orders of the conditions are no evidence for or against a law."
+        f"With {count} condition means and no ties, Spearman's rank correlation (the one shown) "
+        f"{reached}{products}. Most orders of the conditions are not evidence for or against a law."
     )
 
 
 def _share_at_ceiling(found: Findings) -> float:
     scores = found.loaded.scored["score"].dropna()
     return float((scores >= found.scale.highest).mean()) if len(scores) else 0.0
-
-
-def _lacking(trials: TrialStatistics) -> list[str]:
-    return [
-        f"{model} has no answer: {fit.reason}."
-        for model, fit in (("M1", trials.m1), ("M2", trials.m2))
-        if isinstance(fit, NotEstimable)
-    ]
 
 
 def _gains_figure(trials: TrialStatistics) -> Figure:
@@ -115,18 +111,18 @@ def _gains_figure(trials: TrialStatistics) -> Figure:
         name="sensitivity",
         title="Sensitivity of each subject",
         caption="Sensitivity of each subject with its 95 % interval, by M1 (circles) and M2 "
-        f"(squares); dashed lines are the group's.{of_all(len(data.shown), data.of, 'subjects')}",
+        f"(squares); dashed lines show the group.{of_all(len(data.shown), data.of, 'subjects')}",
         draw=partial(gains_figure, data),
         table=_gains_table(data),
     )
 
 
 def _gains_table(data: Gains) -> Table:
-    """Every subject's bias and gain under each model, with intervals and shrinkage."""
+    """Return each subject's bias and gain under each model, with intervals and shrinkage."""
     models = data.models
     names = ["subject"]
     for model in models:
-        names += [f"{model} bias", "95 %", f"{model} gain", "95 %", "own share"]
+        names += [f"{model} bias", "95 %", f"{model} gain", "95 %", "shrinkage"]
     group = [cell for lines in models.values() for cell in (*_line_cells(lines), "")]
     rows = [["group", *group]]
     for place, line in enumerate(next(iter(models.values())).subjects):
@@ -136,8 +132,9 @@ def _gains_table(data: Gains) -> Table:
     return Table(
         name="gains",
         caption="Bias (rating at no contrast) and sensitivity (gain, rating points per unit of "
-        "contrast) of each subject and of the group, with 95 % intervals. The own share says how "
-        "much of a gain comes from the subject's own trials; the rest is borrowed from the group.",
+        "contrast) of each subject and of the group, with 95 % intervals. The shrinkage factor is "
+        "the share of a gain that comes from the subject's own trials; the rest comes from the "
+        "group.",
         columns=columns(*names),
         rows=rows,
     )
@@ -153,10 +150,10 @@ def _line_cells(line: SubjectLine | Lines) -> list[str]:
 
 
 def _detection_table(fit: JointSensitivity) -> Table:
-    """Each subject's d′ and criterion by M3."""
+    """Return each subject's d′ and criterion under M3."""
     return Table(
         name="detection",
-        caption="Noticing a change (M3: answers and ratings as one ordered scale): d′ at a "
+        caption="Change detection (M3: answers and ratings on one ordered scale): d′ at a "
         f"contrast of {fit.reference_contrast:.3f}, and criterion, with 95 % intervals.",
         columns=columns("subject", "d′", "95 %", "criterion", "95 %", "gain", "95 %"),
         rows=[

@@ -1,4 +1,4 @@
-"""Order, carry-over, drift and catch trials: what else than the conditions shows in the answers."""
+"""Checks of sessions: order, carry-over, drift and catch trials."""
 
 from functools import partial
 
@@ -14,7 +14,7 @@ from analysis.trials.trial_statistics import CatchAnswers
 
 
 def section(found: Findings) -> Section:
-    """Return the checks of sessions as wholes."""
+    """Return the checks of whole sessions."""
     trials = found.trials
     return Section(
         name="checks",
@@ -23,7 +23,7 @@ def section(found: Findings) -> Section:
             Items(
                 lines=[
                     _f_line("Place in the session", trials.order),
-                    _f_line("Carry-over from the trial before", trials.carry_over),
+                    _f_line("Carry-over from the previous trial", trials.carry_over),
                     _drift_line(trials.drift),
                     _catch_line(trials.catch.overall),
                 ]
@@ -44,13 +44,13 @@ def section(found: Findings) -> Section:
 
 def _f_line(name: str, test: FTest | NotEstimable) -> str:
     if isinstance(test, NotEstimable):
-        return f"{name}: not told ({test.reason})."
+        return f"{name}: not estimable ({test.reason})."
     return f"{name}: F({test.df[0]}, {test.df[1]}) = {test.f:.3f}, p = {p_value(test.p)}."
 
 
 def _drift_line(drift: Drift | NotEstimable) -> str:
     if isinstance(drift, NotEstimable):
-        return f"Drift: not told ({drift.reason})."
+        return f"Drift: not estimable ({drift.reason})."
     return (
         f"Drift: {number(drift.points_per_trial)} points per trial, 95 % interval "
         f"{interval(drift.interval, 3)}, p = {p_value(drift.p)}."
@@ -59,14 +59,14 @@ def _drift_line(drift: Drift | NotEstimable) -> str:
 
 def _catch_line(answers: Discrimination | NotEstimable) -> str:
     if isinstance(answers, NotEstimable):
-        return f"Catch trials: nothing to tell ({answers.reason})."
+        return f"Catch trials: not estimable ({answers.reason})."
     unknown = answers.hits.interval
     pooled = f" (no intervals: {unknown.reason})" if isinstance(unknown, NotEstimable) else ""
     return (
-        f"Catch trials (0 V): a change, whichever it was, was reported on "
-        f"{share(answers.false_alarms)} of them, and on {share(answers.hits)} of the scored "
-        f"trials; d′ = {number(answers.d_prime, 2)}, criterion {number(answers.criterion, 2)}"
-        f"{pooled}."
+        f"Catch trials (0 V): a change in either direction was reported on "
+        f"{share(answers.false_alarms)} of the catch trials and {share(answers.hits)} of the "
+        f"scored trials; d′ = {number(answers.d_prime, 2)}, criterion "
+        f"{number(answers.criterion, 2)}{pooled}."
     )
 
 
@@ -77,17 +77,17 @@ def _course_figure(found: Findings) -> Figure:
     return Figure(
         name="course",
         title="Scores over the session",
-        caption="Mean score, with its standard error, by the trial's place in the session.",
+        caption="Mean score with standard error, by the trial's place in the session.",
         draw=partial(course_figure, data),
         table=_course_table(data),
     )
 
 
 def _course_table(data: Course) -> Table:
-    """The mean score at each place of the session."""
+    """Return the mean score by place in the session."""
     return Table(
         name="course",
-        caption="The numbers behind the figure: mean score by place in the session.",
+        caption="Numbers shown in the figure: mean score by place in the session.",
         columns=columns("place", "mean score", "standard error", "scores"),
         rows=[
             [str(place), number(mean, 2), number(error, 2), str(count)]
@@ -103,29 +103,31 @@ def _course_table(data: Course) -> Table:
 
 
 def _catch_table(catch: CatchAnswers) -> Table:
-    """Hits and false alarms of each subject."""
+    """Return hits and false alarms by subject."""
     return Table(
         name="catch",
-        caption="Trials on which a change was reported, whichever it was: scored trials (hits) and "
-        "catch trials at 0 V (false alarms), with exact 95 % intervals; d′ and criterion from "
-        "counts alone.",
+        caption="Trials on which a change in either direction was reported: scored trials (hits) "
+        "and catch trials at 0 V (false alarms), with exact 95 % intervals; d′ and criterion are "
+        "computed from the counts alone.",
         columns=columns("subject", "hits", "false alarms", "d′", "criterion"),
-        rows=[[who, *_catch_cells(answers)] for who, answers in catch.subjects.items()],
+        rows=[[name, *_catch_cells(answers)] for name, answers in catch.subjects.items()],
     )
 
 
 def _catch_cells(answers: Discrimination | NotEstimable) -> list[str]:
     if isinstance(answers, NotEstimable):
-        return [f"none: {answers.reason}", *[number(None)] * 3]
+        return [f"not estimable: {answers.reason}", *[number(None)] * 3]
     rates = [share(answers.hits), share(answers.false_alarms)]
     return [*rates, number(answers.d_prime, 2), number(answers.criterion, 2)]
 
 
 def _catch_json(catch: CatchAnswers) -> Json:
-    """Hits and false alarms, pooled and by subject."""
+    """Return hits and false alarms, pooled and by subject."""
     return {
         "overall": _discrimination_json(catch.overall),
-        "subjects": {who: _discrimination_json(said) for who, said in catch.subjects.items()},
+        "subjects": {
+            name: _discrimination_json(answers) for name, answers in catch.subjects.items()
+        },
     }
 
 

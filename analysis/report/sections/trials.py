@@ -1,4 +1,4 @@
-"""Every trial that counts, with the contrast that each friction law predicts for it."""
+"""All analysed trials, with the contrast that each friction law predicts for them."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -14,7 +14,7 @@ def section(found: Findings) -> Section:
         name="trials",
         title="Trials",
         blocks=[
-            "Every trial that counts, with the contrast that each friction law predicts for it.",
+            "All analysed trials, with the contrast that each friction law predicts for them.",
             TableGroup(name="trial-tables", tables=_subject_tables(found)),
         ],
         data={"trials": found.trial_records},
@@ -27,12 +27,12 @@ def trials_anchor(row: int, column: int) -> str:
 
 
 def is_scored(record: Mapping[str, Any]) -> bool:
-    """Return whether a trial counts for Table 4."""
+    """Return whether a trial contributes to Table 4."""
     return record["kind"] in {"trial", "published"}
 
 
 def _subject_tables(found: Findings) -> list[Table]:
-    """The trials of each subject in the order of the conditions, others at the end."""
+    """Return each subject's trials in the order of the conditions, with unscored trials last."""
     table = found.loaded.table
     places = {name: place for place, name in enumerate(table.conditions)}
     own: dict[str, list[Mapping[str, Any]]] = {name: [] for name in table.subjects}
@@ -63,7 +63,7 @@ def _columns(laws: Mapping[str, object]) -> list[Column]:
 def _rows(
     row: int, records: Sequence[Mapping[str, Any]], places: Mapping[str, int]
 ) -> Sequence[Row]:
-    """A subject's trials; the first one of each condition is what a cell of Table 4 leads to."""
+    """Return a subject's trials; cells of Table 4 link to the first one of each condition."""
 
     def place(record: Mapping[str, Any]) -> int:
         return places[record["condition"]] if is_scored(record) else len(places)
@@ -96,7 +96,7 @@ def _cells(record: Mapping[str, Any]) -> list[str]:
 
 
 def _touch(record: Mapping[str, Any]) -> str:
-    """Under what touch the contrast is predicted."""
+    """Return the source of the touch for which the contrast is predicted."""
     if record["kind"] == "published":
         return "standard"
     return "measured" if record["measured"] else "as planned"

@@ -1,10 +1,10 @@
-"""Correlations and effects, and why there is none."""
+"""Intraclass correlations and effects, and the reasons for missing ones."""
 
 from analysis.report.report import report_json
 from tests.analysis.reports import made
 
 
-def test_equal_scores_say_why_there_is_no_correlation() -> None:
+def test_correlations_of_equal_scores_are_null_with_a_reason() -> None:
     numbers = report_json(made([[5, 5, 5]] * 3))
     assert numbers["icc"]["subjects"]["3,1"] is None
     assert "do not vary" in numbers["icc"]["subjects"]["reason"]

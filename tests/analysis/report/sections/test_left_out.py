@@ -1,4 +1,4 @@
-"""What is left out, and what is known of interruptions."""
+"""Exclusions and interruptions."""
 
 import numpy as np
 
@@ -8,8 +8,8 @@ from tests.analysis.chains import chain
 from tests.analysis.reports import ORIGIN, PAPER, plain_report, session_events
 
 
-def test_a_session_counts_as_uninterrupted_only_where_that_is_known() -> None:
-    undisturbed = "No session was interrupted, and nothing was noted."
+def test_only_complete_sessions_are_reported_as_uninterrupted() -> None:
+    undisturbed = "No interruptions or notes were recorded."
     events = chain(session_events(PAPER, 0, np.random.default_rng(1)))
     pages = [
         report_html(report("a", load_study_data([found], rehearsals=False), PAPER, ORIGIN))
@@ -20,5 +20,5 @@ def test_a_session_counts_as_uninterrupted_only_where_that_is_known() -> None:
     assert "unfinished sessions: P01" in pages[1]
     published = report_html(plain_report())
     assert undisturbed not in published
-    assert "What interrupted the sessions behind a published table is not known." in published
-    assert "unfinished sessions: not known" in published
+    assert "Interruptions are unknown for a published table." in published
+    assert "unfinished sessions: unknown for a published table" in published

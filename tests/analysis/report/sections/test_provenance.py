@@ -1,4 +1,4 @@
-"""Where the report comes from: what it states is what it was made with."""
+"""Provenance: the stated parameters are those that were used."""
 
 import re
 
@@ -11,7 +11,7 @@ from device.friction.contrasts import predicted_contrast
 from tests.analysis.reports import plain_report
 
 
-def test_the_rung_that_is_stated_is_the_one_that_predicted() -> None:
+def test_the_stated_rung_is_the_one_used_for_predictions() -> None:
     numbers = report_json(plain_report())
     stated = re.search(r"\brung (\w+)", numbers["provenance"]["model parameters"])
     assert stated is not None

@@ -1,4 +1,4 @@
-"""Table 4 on the page and as data: missing scores, and where each cell leads."""
+"""Table 4 on the page and as data: missing scores, and the link of each cell."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from analysis.report.report import report_html, report_json
 from tests.analysis.reports import SCORES, ReadPage, made, study_report
 
 
-def test_a_subject_who_scored_nothing_is_still_a_row() -> None:
+def test_a_subject_without_scores_has_a_row() -> None:
     numbers = report_json(made([[np.nan] * 3, *SCORES[1:2]]))
     assert numbers["table4"]["rows"][0]["comprehensive"] is None
 
@@ -23,7 +23,7 @@ def test_missing_scores_are_read_in_three_ways() -> None:
     assert numbers["missing_readings"]["zero"]["friedman"]["chi2"] is not None
 
 
-def test_every_score_leads_to_its_trials_and_every_average_to_predictions() -> None:
+def test_every_score_links_to_its_trials_and_every_average_to_predictions() -> None:
     page = ReadPage(report_html(study_report()))
     links = [attrs["href"] for tag, attrs in page.tags if tag == "a"]
     targets = {f"#{attrs['id']}" for _, attrs in page.tags if "id" in attrs}

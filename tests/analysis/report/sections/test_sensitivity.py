@@ -1,4 +1,4 @@
-"""Sensitivities, and what the data cannot tell."""
+"""Sensitivities and the detection of changes."""
 
 from analysis.report.report import report_json
 from tests.analysis.reports import study_report

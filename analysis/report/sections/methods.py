@@ -62,9 +62,9 @@ def _tests(trials: TrialStatistics) -> str:
         "signed-rank tests, exact for up to 200 differences, with zero differences dropped and "
         "p-values corrected by Holm's method. Intraclass correlations and additive effects were "
         "estimated by least squares, with moment estimates of the variances; equality of slopes "
-        "(Mandel) was tested by the extra sum of squares. The ordinal mixed model (cumulative link, random "
-        f"intercept per subject, maximum likelihood) was fitted to {unit}. Carry-over and order "
-        "effects were tested by within-subject F tests adjusted for condition."
+        "(Mandel) was tested by the extra sum of squares. The ordinal mixed model (cumulative "
+        "link, random intercept per subject, maximum likelihood) was fitted to "
+        f"{unit}. Carry-over and order effects were tested by within-subject F tests adjusted for condition."
     )
 
 

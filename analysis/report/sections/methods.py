@@ -64,7 +64,8 @@ def _tests(trials: TrialStatistics) -> str:
         "estimated by least squares, with moment estimates of the variances; equality of slopes "
         "(Mandel) was tested by the extra sum of squares. The ordinal mixed model (cumulative "
         "link, random intercept per subject, maximum likelihood) was fitted to "
-        f"{unit}. Carry-over and order effects were tested by within-subject F tests adjusted for condition."
+        f"{unit}. Carry-over and order effects were tested by within-subject F tests "
+        "adjusted for condition."
     )
 
 

@@ -6,12 +6,13 @@ answer until the device has shown that no earlier one is outstanding.
 
 import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import cycle
 from typing import TypeVar
 
 from device.errors import DeviceError, EmergencyStop, LinkTimeout, ProtocolError
-from device.link.codec import LineBuffer, encoded, text
+from device.link.codec import LineBuffer, encoded, fields, text
 from device.link.port import PORT_ERRORS, Port, open_port
 
 ANSWER_TIMEOUT_S = 0.4
@@ -29,6 +30,34 @@ _IDENTITY = re.compile(r"[^,]+,[^,]+,[^,]*,.*")
 _Value = TypeVar("_Value")
 
 
+@dataclass(frozen=True, kw_only=True)
+class Register:
+    """A number that the device stores and returns, and that touchbeam may choose.
+
+    Attributes:
+        put: the command that stores it, with a place for the number, 1 to 255.
+        get: the query that returns it.
+        told: a pattern of the answer; its group is the number.
+        compound: whether the device answers several queries in one line.
+        is_a_setting: whether users set it too, so that it may change only once the rig is armed.
+    """
+
+    put: str
+    get: str
+    told: "re.Pattern[str]"
+    compound: bool = False
+    is_a_setting: bool = False
+
+    def is_told(self, line: str, token: int) -> bool:
+        """Return whether `line` is the answer that contains `token`."""
+        found = self.told.fullmatch(line)
+        return found is not None and int(found[1]) == token
+
+
+EVENT_ENABLE = Register(put="*ESE {}", get="*ESE?", told=re.compile(r"\+?(\d{1,3})"), compound=True)
+"""The event enable register, which every IEEE 488.2 device has and touchbeam does not use."""
+
+
 class Link:
     """Commands and queries over one port, where each answer belongs to the query before it."""
 
@@ -40,6 +69,7 @@ class Link:
         self._in_step = True
         self._stopped = False
         self._tokens = cycle(range(1, 256))
+        self.register = EVENT_ENABLE
 
     def tell(self, command: str) -> None:
         """Send `command`, which has no answer, as one line in one write.
@@ -61,8 +91,7 @@ class Link:
             ProtocolError: the answer is not a line of text, or is cut short.
             DeviceError: the port is gone.
         """
-        if not self._in_step or self._lines or self._take(0.0):
-            self.synchronise()
+        self._get_into_step()
         self.tell(query)
         self._in_step = False
         answer = text(self._line(query, self._monotonic() + timeout_s))
@@ -73,13 +102,18 @@ class Link:
         """Return the parsed answer to `query`; repeat the query once if the answer is garbled.
 
         Raises:
-            DeviceError: as for `ask` and `parsed`.
+            DeviceError: as for `ask` and `parsed`, or a second line arrived with the answer.
         """
-        try:
-            return parsed(self.ask(query))
-        except ProtocolError:
-            self.synchronise(ANSWER_TIMEOUT_S)
-            return parsed(self.ask(query))
+        return self._twice(lambda: parsed(self._only_answer(query)))
+
+    def certain(self, queries: Sequence[str], parsed: Callable[[list[str]], _Value]) -> _Value:
+        """Return the parsed answers to `queries`; no unsolicited line can be taken for one.
+
+        The answers must come with a number that touchbeam chose: in the same line, or between two
+        such numbers. Raises as `query`.
+        """
+        asked = self._beside_token if self.register.compound else self._between_tokens
+        return self._twice(lambda: parsed(asked(queries)))
 
     def identify(self, patience_s: float = HANDSHAKE_S) -> str:
         """Return the device's answer to `*IDN?`, ignoring the messages it sends at start-up.
@@ -106,10 +140,9 @@ class Link:
     def synchronise(self, patience_s: float = SYNC_TIMEOUT_S) -> None:
         """Drain the input until it is quiet, then have the device return two numbers we choose.
 
-        The numbers are written to and read from the event enable register, which every IEEE 488.2
-        device has and touchbeam does not use otherwise. Devices answer in order, so that any
-        earlier answer arrives before them. Two numbers are needed because an earlier answer may
-        equal the first.
+        The numbers are written to and read from the device's `register`. Devices answer in order,
+        so that any earlier answer arrives before them. Two numbers are needed because an earlier
+        answer may equal the first.
 
         Raises:
             LinkTimeout: the numbers did not arrive within `patience_s`.
@@ -119,10 +152,7 @@ class Link:
         deadline_s = self._monotonic() + patience_s
         self._quiet(deadline_s)
         for _ in range(2):
-            token = next(self._tokens)
-            self.tell(f"*ESE {token}")
-            self.tell("*ESE?")
-            self._skip_to(token, deadline_s)
+            self._skip_to(self._request_token(), deadline_s)
         self._in_step = not self._lines
 
     def stop(self) -> None:
@@ -136,6 +166,61 @@ class Link:
     def close(self) -> None:
         """Close the port."""
         self._port.close()
+
+    def _get_into_step(self) -> None:
+        if not self._in_step or self._lines or self._take(0.0):
+            self.synchronise()
+
+    def _twice(self, asked: Callable[[], _Value]) -> _Value:
+        try:
+            return asked()
+        except ProtocolError:
+            self.synchronise(ANSWER_TIMEOUT_S)
+            return asked()
+
+    def _only_answer(self, query: str) -> str:
+        answer = self.ask(query)
+        if self._lines:
+            raise ProtocolError(f"the device must answer {query!r} with one line, got two")
+        return answer
+
+    def _beside_token(self, queries: Sequence[str]) -> list[str]:
+        """Return the answers to a compound query that starts with one for the register."""
+        token, register = next(self._tokens), self.register
+        line = ";:".join((f"{register.put.format(token)};{register.get}", *queries))
+        told, *answers = fields(self._only_answer(line), 1 + len(queries))
+        if not register.is_told(told, token):
+            raise ProtocolError(f"the device must answer with {token} first, got {told!r}")
+        return answers
+
+    def _between_tokens(self, queries: Sequence[str]) -> list[str]:
+        """Return the answers to separate queries, enclosed by two queries for the register."""
+        self._get_into_step()
+        self._in_step = False
+        self._expect_token()
+        answers = []
+        for query in queries:
+            self.tell(query)
+            answers.append(text(self._line(query, self._deadline_s())))
+        self._expect_token()
+        self._in_step = not self._lines
+        return answers
+
+    def _expect_token(self) -> None:
+        token = self._request_token()
+        told = text(self._line(self.register.get, self._deadline_s()))
+        if not self.register.is_told(told, token):
+            raise ProtocolError(f"the device must answer with {token}, got {told!r}")
+
+    def _deadline_s(self) -> float:
+        return self._monotonic() + ANSWER_TIMEOUT_S
+
+    def _request_token(self) -> int:
+        """Store the next number in the register, ask for it, and return it."""
+        token = next(self._tokens)
+        self.tell(self.register.put.format(token))
+        self.tell(self.register.get)
+        return token
 
     def _line(self, query: str, deadline_s: float) -> bytes:
         line = self._next_line(deadline_s)
@@ -184,7 +269,7 @@ class Link:
             line = self._next_line(deadline_s)
             if line is None:
                 break
-            if line.lstrip(b"+") == b"%d" % token:
+            if line.isascii() and self.register.is_told(line.decode().strip(), token):
                 return
         raise LinkTimeout("cannot get back into step: an earlier answer is still outstanding")
 

@@ -1,12 +1,13 @@
 """The link: in step and within its deadlines, whatever the peer does."""
 
 import errno
+import re
 
 import pytest
 
 from device.errors import DeviceError, EmergencyStop, LinkTimeout, ProtocolError
-from device.link.codec import number
-from device.link.link import MOST_LINES, Link
+from device.link.codec import number, switch
+from device.link.link import EVENT_ENABLE, MOST_LINES, Link, Register
 from device.link.port import advice
 from tests.device.scripted import ScriptedPort, ticking
 
@@ -64,6 +65,72 @@ def test_a_query_with_a_garbled_answer_is_repeated_once() -> None:
     with pytest.raises(ProtocolError, match="in ASCII, got"):
         link.query("VOLT?", number)
     assert port.sent.count(b"VOLT?\n") == 2
+
+
+def test_a_second_line_makes_an_answer_none() -> None:
+    link, port = linked({b"OUTP?\n": b"0\n1\n"})
+    with pytest.raises(ProtocolError, match=r"must answer 'OUTP\?' with one line, got two"):
+        link.query("OUTP?", switch)
+    assert port.sent.count(b"OUTP?\n") == 2
+
+
+class Keeping(ScriptedPort):
+    """Answers queries for its register, of which `put` and `get` are the words, in any line."""
+
+    def __init__(self, answers: dict[bytes, bytes], put: str, get: str) -> None:
+        super().__init__(answers, deaf_to_sync=True)
+        self._put, self._get, self._number = put, get, ""
+
+    def send(self, data: bytes) -> None:
+        self.sent.append(data)
+        said = []
+        for part in data.decode().strip().split(";"):
+            if part.startswith(self._put):
+                self._number = part.removeprefix(self._put)
+            elif part == self._get:
+                said.append(self._number)
+            else:
+                said.append(self.answers[part.lstrip(":").encode()].decode())
+        if said:
+            self.pending += ";".join(said).encode() + b"\n"
+
+
+PHASE = Register(put="C2:PHSE {}", get="C2?", told=re.compile(r"(\d+)"))
+
+
+def certain(answer: bytes, register: Register) -> tuple[Link, Keeping]:
+    port = Keeping({b"OUTP?": answer, b"VOLT?": b"5"}, register.put[:-2], register.get)
+    link = Link(port, monotonic=ticking())
+    link.register = register
+    return link, port
+
+
+def test_a_certain_answer_comes_with_a_number_in_one_line() -> None:
+    link, port = certain(b"0", EVENT_ENABLE)
+    assert link.certain(["OUTP?", "VOLT?"], list) == ["0", "5"]
+    assert port.sent == [b"*ESE 1;*ESE?;:OUTP?;:VOLT?\n"]
+
+
+def test_a_certain_answer_stands_alone_between_two_numbers() -> None:
+    link, port = certain(b"0", PHASE)
+    assert link.certain(["OUTP?", "VOLT?"], list) == ["0", "5"]
+    told = [b"C2:PHSE 1\n", b"C2?\n", b"OUTP?\n", b"VOLT?\n", b"C2:PHSE 2\n", b"C2?\n"]
+    assert port.sent == told
+
+
+@pytest.mark.parametrize("register", [EVENT_ENABLE, PHASE], ids=["compound", "one a line"])
+@pytest.mark.parametrize("answer", [b"0\n1", b"0\n0", b"1\n0", b"0;0"])
+def test_no_stray_line_answers_a_certain_question(answer: bytes, register: Register) -> None:
+    link, _ = certain(answer, register)
+    with pytest.raises(ProtocolError, match="the device must answer"):
+        link.certain(["OUTP?"], lambda answers: switch(answers[0]))
+
+
+def test_a_stray_line_that_came_before_is_passed_over() -> None:
+    for register in (EVENT_ENABLE, PHASE):
+        link, port = certain(b"1", register)
+        port.pending = b"0\n"
+        assert link.certain(["OUTP?"], list) == ["1"]
 
 
 def test_an_echo_is_detected() -> None:

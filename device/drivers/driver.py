@@ -14,7 +14,7 @@ from typing import ClassVar
 from device.drivers.setpoints import Limits, Setpoint
 from device.errors import DeviceError, ForeignOutput, OutputUnknown
 from device.link.codec import number, number_text, queued_error, switch
-from device.link.link import Link
+from device.link.link import EVENT_ENABLE, Link, Register
 from protocol.journal.records import Identity, ReadBack
 
 MOST_QUEUED_ERRORS = 32
@@ -37,10 +37,13 @@ class Driver(ABC):
     """What to ask somebody who wants to know how the device is: name → query."""
     off_command: ClassVar[str] = "OUTP OFF"
     output_query: ClassVar[str] = "OUTP?"
+    register: ClassVar[Register] = EVENT_ENABLE
+    """What the link gets into step by."""
 
     def __init__(
         self, link: Link, limits: Limits, monotonic: Callable[[], float] = time.monotonic
     ) -> None:
+        link.register = self.register
         self.link = link
         self.limits = limits
         self.monotonic = monotonic
@@ -65,10 +68,14 @@ class Driver(ABC):
                 f"expected {self.expected}, got {idn!r}; nothing else was sent"
             )
             raise self.foreign
+        self._meet()
         self.link.synchronise()
         self.off()
         errors = tuple(self.drained_errors())
         return self._prepared(idn, errors)
+
+    def _meet(self) -> None:  # noqa: B027 - most devices need nothing
+        """Tell a device that is the expected one what the link needs to get into step."""
 
     @abstractmethod
     def _prepared(self, idn: str, errors: tuple[str, ...]) -> Identity:
@@ -109,8 +116,8 @@ class Driver(ABC):
         )
 
     def output(self) -> bool:
-        """Get whether the output is on."""
-        return self.link.query(self.output_query, switch)
+        """Get whether the output is on; no stray line answers for it."""
+        return self.link.certain([self.output_query], lambda answers: switch(answers[0]))
 
     def send_off(self) -> None:
         """Send off once, without waiting for anything.

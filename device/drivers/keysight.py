@@ -10,40 +10,71 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-from device.drivers.driver import Driver
-from device.drivers.setpoints import Setpoint
-from device.errors import DeviceError, LimitExceeded
-from device.link.codec import fields, impedance, number, number_text, switch
-from protocol.journal.records import Identity, ReadBack
-
-AMPLITUDE_REL_TOL = 1e-3
-"""They keep four digits of an amplitude (33220A User's Guide, "Output Amplitude")."""
-NO_WATCHDOG = (
-    "this generator has no watchdog: if this program or its cable dies, the output stays on; "
-    "keep a hand on the amplifier's switch"
+from device.drivers.generator import (
+    AMPLITUDE_REL_TOL,
+    NO_LIMITS,
+    NO_WATCHDOG,
+    Generator,
+    Off,
+    Told,
+    left_on,
 )
-NO_LIMITS = "this model has no limits of its own: only the plan and this program keep them"
+from device.link.codec import impedance, number, number_text, switch
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ramp:
-    """An amplitude that this program moves, for the generator cannot."""
+class Model:
+    """What differs between the models, as `*IDN?` names them."""
 
-    from_v: float
-    to_v: float
-    begin_s: float
-    v_per_s: float
+    has_limits: bool
+    channels: int
 
-    def at(self, now_s: float) -> float:
-        """Return the amplitude at a moment, V."""
-        moved_v = self.v_per_s * (now_s - self.begin_s)
-        if moved_v >= abs(self.to_v - self.from_v):
-            return self.to_v
-        return self.from_v + math.copysign(moved_v, self.to_v - self.from_v)
+    @classmethod
+    def of(cls, idn: str) -> "Model":
+        """Return what the model is that answers `*IDN?` with `idn`.
+
+        >>> Model.of("Agilent Technologies,33522B,MY52800123,3.05").channels
+        2
+        """
+        number = idn.split(",")[1]
+        has_limits = not number.startswith("33220")
+        # 33510, 33512, 33520 and 33522 have two channels, 33509, 33511, 33519 and 33521 one.
+        return cls(
+            has_limits=has_limits, channels=2 if has_limits and number[4:5] in {"0", "2"} else 1
+        )
+
+    @property
+    def off(self) -> Mapping[str, Off]:
+        """What must not be on."""
+        if not self.has_limits:
+            return _OFF_33220A
+        return _OFF_33500 if self.channels == 1 else {**_OFF_33500, **_OFF_TWO_CHANNELS}
 
 
-class Keysight(Driver):
-    """Control a generator. 0 V is its output switched off: it cannot give less than a little."""
+_LIMITS = ("SOUR1:VOLT:LIM:STAT?", "SOUR1:VOLT:LIM:HIGH?", "SOUR1:VOLT:LIM:LOW?")
+_OFF_33220A = {
+    "AM": Off(header="AM:STAT"),
+    "FM": Off(header="FM:STAT"),
+    "PM": Off(header="PM:STAT"),
+    "PWM": Off(header="PWM:STAT"),
+    "FSK": Off(header="FSK:STAT"),
+    "sweep": Off(header="SWE:STAT"),
+    "burst": Off(header="BURS:STAT"),
+}
+_OFF_33500 = {
+    **{name: Off(header=f"SOUR1:{off.header}") for name, off in _OFF_33220A.items()},
+    "BPSK": Off(header="SOUR1:BPSK:STAT"),
+    "sum": Off(header="SOUR1:SUM:STAT"),
+    "frequency mode": Off(header="SOUR1:FREQ:MODE", word="CW"),
+}
+_OFF_TWO_CHANNELS = {
+    "combined channel": Off(header="SOUR1:COMB:FEED", word="NONE"),
+    "second channel": Off(header="OUTP2"),
+}
+
+
+class Keysight(Generator):
+    """Control a 33220A, 33500 or 33600. Everything is asked for in one compound query."""
 
     dialect: ClassVar[str] = "keysight"
     idn: ClassVar["re.Pattern[str]"] = re.compile(
@@ -60,191 +91,101 @@ class Keysight(Driver):
         "load_ohm": "OUTP:LOAD?",
         "events": "*ESR?",
     }
+    _model = Model(has_limits=False, channels=1)
     _source = ""
     _output = "OUTP"
-    _has_limits = False
-    _least_v = 0.0
-    _ramp: Ramp | None = None
-    _amplitude_v = 0.0
 
-    def arm(self) -> Identity:
-        """Set the generator up; refused before anything is sent where its gain is not known."""
-        self.limits.amplifier.vpp(self.limits.max_voltage_v)
-        return super().arm()
-
-    def _prepared(self, idn: str, errors: tuple[str, ...]) -> Identity:
-        self._has_limits = ",33220A" not in idn.upper()
-        if self._has_limits:
-            self._source, self._output = "SOUR1:", "OUTP1"
-        self._ramp = None
-        self._set_up()
-        return Identity(
-            idn=idn,
-            boot=None,
-            device_time_s=None,
-            dialect=self.dialect,
-            cleared_errors=errors,
-            remarks=(NO_WATCHDOG,) if self._has_limits else (NO_WATCHDOG, NO_LIMITS),
-        )
-
-    def _set_up(self) -> None:
-        """The order matters: what comes later is counted in what came before.
+    def _set_up(self, idn: str) -> float:
+        """Set up; the order matters: what comes later is counted in what came before.
 
         The smallest amplitude comes before the limits: they cannot be switched on while what is
         set exceeds them.
         """
+        self._model = Model.of(idn)
+        if self._model.has_limits:
+            self._source, self._output, self.on_command = "SOUR1:", "OUTP1", "OUTP1 ON"
         source = self._source
-        if self._has_limits:
+        for setting in self._model.off.values():
+            self.set_word(setting.header, setting.word)
+        if self._model.has_limits:
             self.set_word(f"{source}VOLT:LIM:STAT", "0")
         self.set_word(f"{source}FUNC", "SIN")
-        for modulation in ("SWE", "BURS"):
-            self.set_word(f"{source}{modulation}:STAT", "0")
         self.send(f"{self._output}:LOAD INF")
         self.set_word(f"{source}VOLT:UNIT", "VPP")
         self.send(f"{source}VOLT MIN")
         self.set_number(f"{source}VOLT:OFFS", 0.0)
         least_vpp = self.number(f"{source}VOLT? MIN")
-        self._least_v = self.limits.amplifier.amplitude_v(least_vpp)
         self._set_limits()
-        self._amplitude_v = self._least_v
-        self._as_set_up()
+        return least_vpp
 
     def _set_limits(self) -> None:
-        most_v = self.limits.amplifier.vpp(self.limits.max_voltage_v) / 2
-        if self._has_limits:
-            self.set_number(f"{self._source}VOLT:LIM:HIGH", most_v)
-            self.set_number(f"{self._source}VOLT:LIM:LOW", -most_v)
+        if self._model.has_limits:
+            self.set_number(f"{self._source}VOLT:LIM:HIGH", self._most_v)
+            self.set_number(f"{self._source}VOLT:LIM:LOW", -self._most_v)
             self.set_word(f"{self._source}VOLT:LIM:STAT", "1")
 
-    def drive(self, setpoint: Setpoint) -> ReadBack:
-        """Set `setpoint`, switch the output on, and return what the device says of it.
+    @property
+    def _most_v(self) -> float:
+        return self.limits.amplifier.vpp(self.limits.max_voltage_v) / 2
 
-        The amplitude starts at the smallest and moves on with `carry_on`. Where it is on its way
-        there already, as fast, it goes on as it was.
-        """
-        self._checked(setpoint)
-        if setpoint.voltage_v == 0 and self.driven is None:
-            return self.read_back()
-        self._as_set_up()
-        self.set_word(f"{self._source}SWE:STAT", "0")
-        self.set_number(f"{self._source}FREQ", setpoint.frequency_hz)
-        if self.driven is None:
-            self._set_amplitude(self._least_v)
-            self.send(f"{self._output} ON")
-        self.driven = setpoint
-        to_v, v_per_s = max(setpoint.voltage_v, self._least_v), setpoint.ramp_v_per_s
-        if self._ramp is None or (self._ramp.to_v, self._ramp.v_per_s) != (to_v, v_per_s):
-            self._ramp = Ramp(
-                from_v=self._amplitude_v, to_v=to_v, begin_s=self.monotonic(), v_per_s=v_per_s
-            )
-        read_back = self.read_back()
-        if not read_back.output:
-            raise DeviceError("the generator's output is off, and was to be on")
-        return read_back
+    def _remarks(self) -> tuple[str, ...]:
+        return (NO_WATCHDOG,) if self._model.has_limits else (NO_WATCHDOG, NO_LIMITS)
 
-    def carry_on(self) -> bool:
-        """Take the next step of the ramp; at 0 V the output goes off."""
-        if self._ramp is None or self.driven is None:
-            return False
-        wanted_v = self._ramp.at(self.monotonic())
-        self._set_amplitude(wanted_v)
-        if wanted_v != self._ramp.to_v:
-            return True
-        self._ramp = None
-        if self.driven.voltage_v == 0:
-            self.off()
-        return False
+    def _set_vpp(self, vpp: float) -> None:
+        self.set_number(f"{self._source}VOLT", vpp, AMPLITUDE_REL_TOL)
 
-    def read_back(self) -> ReadBack:
-        """Get the drive; a generator measures nothing.
+    def _set_frequency(self, frequency_hz: float) -> None:
+        self.set_number(f"{self._source}FREQ", frequency_hz)
 
-        Raises:
-            DeviceError: the output is on, and the drive is not what was set.
-        """
-        read_back = self._said()
-        if self.driven is not None and read_back.output:
-            self._as_set(read_back)
-        return read_back
-
-    def _said(self) -> ReadBack:
-        query = f"{self._output}?;:{self._source}VOLT?;:{self._source}FREQ?"
-        on, vpp, frequency_hz = self.link.query(query, _output_and_two)
-        return ReadBack(
-            output=on,
-            voltage_v=self.limits.amplifier.amplitude_v(vpp),
-            frequency_hz=frequency_hz,
+    def _told(self) -> Told:
+        source, output = self._source, self._output
+        queries = (
+            *(f"{output}?", f"{source}VOLT?", f"{source}FREQ?"),
+            *(f"{output}:LOAD?", f"{source}VOLT:UNIT?", f"{source}VOLT:OFFS?", f"{source}FUNC?"),
+            *(_LIMITS if self._model.has_limits else ()),
+            *(setting.query for setting in self._model.off.values()),
         )
 
-    def check(self) -> None:
-        """See that the output is as it was switched, and that nobody turned a knob."""
-        read_back = self._said()
-        if read_back.output != (self.driven is not None):
-            state = "on" if read_back.output else "off"
-            raise DeviceError(f"the generator's output is {state}, and nobody here switched it")
-        self._as_set_up()
-        if self.driven is not None:
-            self._as_set(read_back)
-
-    def off(self) -> None:
-        """Turn the output off and read it back."""
-        self._ramp = None
-        super().off()
-
-    def _checked(self, setpoint: Setpoint) -> None:
-        setpoint.checked(self.limits)
-        if 0 < setpoint.voltage_v < self._least_v:
-            raise LimitExceeded(
-                f"voltage_v must be 0 or at least the generator's {self._least_v:g}, "
-                f"got {setpoint.voltage_v:g}"
+        def parsed(answers: list[str]) -> Told:
+            said = dict(zip(queries, answers, strict=True))
+            return Told(
+                output=switch(said[f"{output}?"]),
+                vpp=number(said[f"{source}VOLT?"]),
+                frequency_hz=number(said[f"{source}FREQ?"]),
+                wrong=self._shape_wrong(said)
+                or self._limits_wrong(said)
+                or left_on(self._model.off, said),
             )
 
-    def _set_amplitude(self, voltage_v: float) -> None:
-        vpp = self.limits.amplifier.vpp(voltage_v)
-        self.set_number(f"{self._source}VOLT", vpp, AMPLITUDE_REL_TOL)
-        self._amplitude_v = voltage_v
+        return self.link.certain(queries, parsed)
 
-    def _as_set(self, read_back: ReadBack) -> None:
-        """Raise unless the drive is what was last set, for the ramp moves it step by step."""
-        told_v, kept_v = self._amplitude_v, read_back.voltage_v
-        if not math.isclose(told_v, kept_v, rel_tol=AMPLITUDE_REL_TOL):
-            raise DeviceError(f"the amplitude was set to {told_v:g} V and reads back as {kept_v:g}")
-        self.require_frequency(read_back.frequency_hz)
-
-    def _as_set_up(self) -> None:
-        """Load, unit, offset and limits are what every amplitude relies on: see them again.
-
-        Raises:
-            DeviceError: one of them is not as it was set.
-        """
-        source = self._source
-        query = f"{self._output}:LOAD?;:{source}VOLT:UNIT?;:{source}VOLT:OFFS?;:{source}FUNC?"
-        load, unit, offset, function = self.link.query(query, lambda said: fields(said, 4))
+    def _shape_wrong(self, said: Mapping[str, str]) -> str:
+        load, volts = said[f"{self._output}:LOAD?"], f"{self._source}VOLT"
         if math.isfinite(impedance(load)):
-            raise DeviceError(f"the generator's load must be INF, got {load}: twice the voltage")
-        if (unit, function) != ("VPP", "SIN") or number(offset) != 0:
-            raise DeviceError(
-                "the generator's unit, offset and function must be VPP, 0 and SIN, "
-                f"got {unit}, {number_text(number(offset))} and {function}"
-            )
-        if self._has_limits:
-            self._as_limited()
+            return f"load must be INF, got {load}: twice the voltage"
+        unit, function = said[f"{volts}:UNIT?"], said[f"{self._source}FUNC?"]
+        offset_v = number(said[f"{volts}:OFFS?"])
+        if (unit, offset_v, function) == ("VPP", 0, "SIN"):
+            return ""
+        return (
+            "unit, offset and function must be VPP, 0 and SIN, "
+            f"got {unit}, {number_text(offset_v)} and {function}"
+        )
 
-    def _as_limited(self) -> None:
-        limit = f"{self._source}VOLT:LIM"
-        query = f"{limit}:STAT?;:{limit}:HIGH?;:{limit}:LOW?"
-        on, high_v, low_v = self.link.query(query, _output_and_two)
-        most_v = self.limits.amplifier.vpp(self.limits.max_voltage_v) / 2
-        kept = math.isclose(high_v, most_v, rel_tol=1e-6) and math.isclose(low_v, -most_v)
-        if not (on and kept):
-            raise DeviceError(
-                f"the generator's limits must be on at {-most_v:g} and {most_v:g} V, got "
-                f"{'on' if on else 'off'} at {low_v:g} and {high_v:g} V"
-            )
-
-
-def _output_and_two(reply: str) -> tuple[bool, float, float]:
-    on, first, second = fields(reply, 3)
-    return switch(on), number(first), number(second)
+    def _limits_wrong(self, said: Mapping[str, str]) -> str:
+        if not self._model.has_limits:
+            return ""
+        on, (high_v, low_v) = (
+            switch(said[_LIMITS[0]]),
+            (number(said[asked]) for asked in _LIMITS[1:]),
+        )
+        most_v = self._most_v
+        if on and math.isclose(high_v, most_v, rel_tol=1e-6) and math.isclose(low_v, -most_v):
+            return ""
+        return (
+            f"limits must be on at {-most_v:g} and {most_v:g} V, got "
+            f"{'on' if on else 'off'} at {low_v:g} and {high_v:g} V"
+        )
 
 
 DRIVER = Keysight

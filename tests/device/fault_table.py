@@ -111,6 +111,11 @@ GENERATOR = (
     _generator(25, "panel-changed", "driving", f"(load must be INF|reads back as).*; {_OFF}"),
     _generator(25, "panel-changed", "handshake", "", None),
     _generator(25, "frequency-changed", "driving", f"FREQ was set to .* as 99000; {_OFF}"),
+    _generator(25, "modulated", "driving", f"generator's FM must be off, got 1; {_OFF}"),
+    _generator(25, "modulated", "between", f"generator's FM must be off, got 1; {_OFF}"),
+    _generator(25, "modulated", "handshake", "", None),
+    _generator(25, "signal-added", "driving", f"combined channel must be NONE, got CH2; {_OFF}"),
+    _generator(25, "signal-added", "handshake", "", None),
     _generator(32, "panel-on", "between", f"output is on, and nobody .*; {_OFF}"),
 )
 LEFT_ON = Row(

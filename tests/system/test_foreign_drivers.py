@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from device.simulator.client import ControlClient, simulator_process
-from device.simulator.models.keysight_model import AMPLIFIER_GAIN
+from device.simulator.models.generator_model import AMPLIFIER_GAIN
 from tests.device.rigs import TOUCHBEAM
 
 pytestmark = [

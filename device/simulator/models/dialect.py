@@ -106,6 +106,12 @@ class Dialect:
     def turn_knobs(self) -> None:
         """Change at the panel what the drive relies on."""
 
+    def modulate(self) -> None:
+        """Switch frequency modulation on at the panel, where there is one."""
+
+    def add_signal(self) -> None:
+        """Add a second signal to the output at the panel, where there is one."""
+
     def turn_frequency(self, frequency_hz: float) -> None:
         """Change the frequency at the panel, where it is kept besides by the power stage."""
 

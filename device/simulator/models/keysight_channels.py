@@ -199,6 +199,10 @@ class Channels:
         nothing(call.argument)
         return word
 
+    def switch_word(self, call: Call, *, on: bool) -> str:
+        """Return what a query for a switch answers."""
+        return self.word(call, str(int(on)))
+
     def _text(self, value: float) -> str:
         return f"{value:+.{self._model.digits}E}"
 
@@ -211,7 +215,7 @@ class Channels:
             "[SOURce#:]FUNCtion[:SHAPe]": self._set_function,
             "[SOURce#:]FUNCtion[:SHAPe]?": lambda call: self.word(call, self.of(call).function),
             "OUTPut#[:STATe]": self._switch,
-            "OUTPut#[:STATe]?": lambda call: self.word(call, str(int(self._output(call)))),
+            "OUTPut#[:STATe]?": lambda call: self.switch_word(call, on=self._output(call)),
             "OUTPut#:LOAD": self._set_load,
             "OUTPut#:LOAD?": lambda call: self.told(call, self._load(call), 1.0, 10_000.0),
             **{f"[SOURce#:]APPLy:{function}": self._applied(function) for function in FUNCTIONS},
@@ -250,7 +254,7 @@ class Channels:
             f"{limit}:HIGH?": lambda call: self.told(call, self.of(call).limit_high_v, -10, 10),
             f"{limit}:LOW?": lambda call: self.told(call, self.of(call).limit_low_v, -10, 10),
             f"{limit}:STATe": lambda call: self.of(call).limit(boolean(call.argument)),
-            f"{limit}:STATe?": lambda call: self.word(call, str(int(self.of(call).limited))),
+            f"{limit}:STATe?": lambda call: self.switch_word(call, on=self.of(call).limited),
         }
 
     def _clipped(self, complaint: ScpiError | None) -> None:

@@ -1,14 +1,14 @@
 """The dialect of the Keysight 33220A and 33500 generators, as far as a drive needs it.
 
-Source: Agilent 33220A User's Guide and 33500 Series Operating and Service Guide. Channel 1 drives
-the beam through an amplifier of gain `AMPLIFIER_GAIN` with an open (high impedance) input.
+Source: Agilent 33220A User's Guide and 33500 Series Operating and Service Guide.
 """
 
 from collections.abc import Callable
 
-from device.simulator.models.dialect import Dialect, Status, asked
-from device.simulator.models.keysight_channels import Channel, Channels, Model
-from device.simulator.models.keysight_settings import DONE_AND_FORGOTTEN, SETTINGS, Kept
+from device.simulator.models.dialect import asked
+from device.simulator.models.generator_model import GeneratorDialect
+from device.simulator.models.keysight_channels import Channels, Model
+from device.simulator.models.keysight_settings import DONE_AND_FORGOTTEN, SETTINGS, SETTINGS_33500
 from device.simulator.models.power_stage import FrequencySweep, Instrument
 from device.simulator.models.scpi import (
     HERTZ,
@@ -19,13 +19,8 @@ from device.simulator.models.scpi import (
     ScpiError,
     boolean,
     choice,
-    given,
     quantity,
 )
-
-AMPLIFIER_GAIN = 20.0
-_UNITS = {"": NO_UNIT, "S": SECONDS, "HZ": HERTZ, "DEG": {"": 1.0, "DEG": 1.0}}
-
 
 _GENERATORS = {
     "keysight": Model(
@@ -49,67 +44,46 @@ _GENERATORS = {
 }
 
 
-class KeysightDialect(Dialect):
-    """Answers a generator's commands; channel 1 is what `instrument` puts on the beam."""
+class KeysightDialect(GeneratorDialect):
+    """Answers the commands of a 33220A or 33522B."""
 
     plus = "+"
-    banner = ""
 
     def __init__(self, instrument: Instrument, model: Model) -> None:
-        self._instrument = instrument
         self._model = model
         self.idn = model.idn
         self._burst_end_s: float | None = None
-        self._channels = Channels(instrument, model)
-        self._preset()
+        settings = SETTINGS if not model.limits else SETTINGS + SETTINGS_33500
+        channels = Channels(instrument, model)
         handlers = {
             **self._system(),
-            **self._channels.handlers(),
+            **channels.handlers(),
             **self._sweep_and_burst(),
             **dict.fromkeys(DONE_AND_FORGOTTEN, _done),
         }
-        for kept in SETTINGS:
-            handlers |= self._kept(kept)
-        super().__init__(Status(), handlers, model.channels)
+        super().__init__(instrument, channels, settings, handlers)
 
-    @property
-    def channels(self) -> list[Channel]:
-        """The channels; the first one drives the beam."""
-        return self._channels.all
+    def modulate(self) -> None:
+        """Switch frequency modulation on at the panel."""
+        self.channels[0].settings["FM:STATe"] = 1.0
 
-    def answer(self, line: str) -> str | None:
-        """Return what is answered to `line`; the beam follows."""
-        answer = super().answer(line)
-        self.follow()
-        return answer
+    def add_signal(self) -> None:
+        """Add the second channel to the first; a 33220A has no other signal than its modulation."""
+        if len(self.channels) == 1:
+            self.modulate()
+        else:
+            self.channels[0].settings["COMBine:FEED"] = "CH2"
 
-    def restart(self) -> None:
-        """Lose power and come back."""
-        self._instrument.restart()
-        self._preset()
-        self.status.power_on()
+    def _added_emf_vpp(self) -> float:
+        settings, added_vpp = self.channels[0].settings, 0.0
+        if settings.get("SUM:STATe"):
+            added_vpp += float(settings["SUM:AMPLitude"]) / 100 * self.channels[0].emf_vpp
+        if settings.get("COMBine:FEED") == "CH2":
+            added_vpp += self.channels[1].emf_vpp
+        return added_vpp
 
-    def lose_limits(self) -> None:
-        """Switch the limits of the first channel off."""
-        self.channels[0].limited = False
-
-    def turn_knobs(self) -> None:
-        """Change load, unit and offset of the first channel."""
-        first = self.channels[0]
-        first.load_ohm, first.unit, first.emf_offset_v = 50.0, "VRMS", 1.0
-
-    def turn_frequency(self, frequency_hz: float) -> None:
-        """Change the frequency of the first channel."""
-        self.channels[0].frequency_hz = frequency_hz
-
-    def follow(self) -> None:
-        """Put on the beam what channel 1 gives: at once, for a generator has no slew."""
-        first, instrument = self.channels[0], self._instrument
-        instrument.target_v = AMPLIFIER_GAIN * first.emf_vpp / 2 if self._sounding() else 0.0
-        if instrument.sweep is None:
-            instrument.frequency_hz = first.frequency_hz
-        if instrument.output:
-            instrument.voltage_v = instrument.target_v
+    def _deviates(self) -> bool:
+        return bool(self.channels[0].settings["FM:STATe"])
 
     def _sounding(self) -> bool:
         """A burst that waits for its trigger, or is over, gives nothing."""
@@ -119,13 +93,10 @@ class KeysightDialect(Dialect):
         return self._burst_end_s is not None and self._instrument.time_s < self._burst_end_s
 
     def _preset(self) -> None:
-        self._channels.preset()
+        super()._preset()
         for channel in self.channels:
-            channel.settings |= {kept.header: kept.default for kept in SETTINGS}
             channel.settings |= {"BURSt": 0.0, "SWEep": 0.0, "TRIGger": "IMM"}
             channel.settings |= {"start": 100.0, "stop": 1_000.0, "time": 1.0, "cycles": 1.0}
-        self._instrument.reset()
-        self._instrument.frequency_hz = self.channels[0].frequency_hz
 
     def _system(self) -> dict[str, Handler]:
         return {
@@ -169,7 +140,7 @@ class KeysightDialect(Dialect):
         return {header: put, f"{header}?": get}
 
     def _state(self, call: Call, name: str) -> str:
-        return self._channels.word(call, str(int(self._channels.of(call).settings[name])))
+        return self._channels.switch_word(call, on=bool(self._channels.of(call).settings[name]))
 
     def _switch_sweep(self, call: Call) -> None:
         self._channels.of(call).settings["SWEep"] = float(boolean(call.argument))
@@ -210,40 +181,9 @@ class KeysightDialect(Dialect):
         self._burst_end_s = self._instrument.time_s + cycles / first.frequency_hz
         self._start_sweep(1)
 
-    def _kept(self, kept: Kept) -> dict[str, Handler]:
-        """The two commands of a setting that nothing in the simulation depends on."""
-
-        def place(call: Call) -> dict[str, float | str]:
-            return (self._channels.of(call) if kept.per_channel else self.channels[0]).settings
-
-        def put(call: Call) -> None:
-            place(call)[kept.header] = _value(kept, call.argument)
-
-        def get(call: Call) -> str:
-            value = place(call)[kept.header]
-            if isinstance(value, str):
-                return self._channels.word(call, value)
-            if kept.is_switch:
-                return self._channels.word(call, str(int(value)))
-            return self._channels.told(call, value, kept.lowest, kept.highest)
-
-        headed = kept.header.startswith(("OUTPut", "TRIGger", "SYSTem", "DISPlay", "UNIT", "FORM"))
-        header = kept.header if headed else f"[SOURce#:]{kept.header}"
-        return {header: put, f"{header}?": get}
-
 
 def _done(_: Call) -> None:
     """Accept a command that nothing here depends on."""
-
-
-def _value(kept: Kept, argument: str) -> float | str:
-    if kept.text:
-        return given(argument)
-    if kept.words:
-        return choice(argument, kept.words)
-    if kept.is_switch:
-        return float(boolean(argument))
-    return quantity(argument, _UNITS[kept.unit], kept.lowest, kept.highest)
 
 
 def _speaking(generator: Model) -> Callable[[Instrument, object], KeysightDialect]:

@@ -78,6 +78,14 @@ SETTINGS = (
     Kept(header="SYSTem:BEEPer:STATe", default=1.0, per_channel=False),
 )
 
+SETTINGS_33500 = (
+    Kept(header="BPSK:STATe"),
+    Kept(header="SUM:STATe"),
+    Kept(header="SUM:AMPLitude", default=0.1, lowest=0, highest=100),
+    Kept(header="COMBine:FEED", default="NONE", words=("CH1", "CH2", "NONE")),
+)
+"""What the 33220A does not have."""
+
 FUNCTIONS = (
     "SINusoid", "SQUare", "TRIangle", "RAMP", "PULSe", "PRBS", "NOISe", "ARB", "USER", "DC",
 )  # fmt: skip

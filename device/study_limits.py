@@ -16,6 +16,7 @@ def device_limits(rig: Rig) -> Limits:
         max_frequency_hz=rig.max_frequency_hz,
         ramp_v_per_s=rig.ramp_v_per_s,
         watchdog_s=rig.watchdog_s,
+        max_temperature_c=rig.max_temperature_c,
         amplifier=Amplifier(
             gain=rig.amplifier_gain,
             max_vpp=rig.generator_max_vpp,

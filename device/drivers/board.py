@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-from device.drivers.driver import Driver
+from device.drivers.driver import NO_TEMPERATURE, Driver
 from device.drivers.setpoints import Setpoint
-from device.errors import DeviceError
+from device.errors import DeviceError, LinkTimeout
 from device.link.codec import fields, number, number_text, switch, whole
 from protocol.journal.records import Identity, ReadBack
 
@@ -21,6 +21,7 @@ DISCHARGE_S = 0.5
 _OFF = "OUTP?;:MEAS:VOLT?"
 _READ_BACK = "OUTP?;:VOLT:INST?;:VOLT?;:FREQ?;:MEAS:VOLT?;:MEAS:FORC?;:MEAS:POS?;:SYST:TIME?"
 _HEALTH = "OUTP?;:OUTP:PROT:CAUS?;:SYST:BOOT?;:VOLT?;:VOLT:INST?;:FREQ?;:MEAS:VOLT?"
+_UNDEFINED = "-113 "
 _PROMISES = "OUTP:PROT:CAUS?;:SYST:BOOT?;:VOLT:LIM?;:SYST:WATC?"
 _CAUSES = {
     "WATC": "its watchdog tripped: nothing was heard of this program for too long",
@@ -40,6 +41,7 @@ class Health:
     instant_v: float
     frequency_hz: float
     monitor_v: float
+    temperature_c: float | None = None
 
 
 class Board(Driver):
@@ -66,6 +68,7 @@ class Board(Driver):
         "errors_queued": "SYST:ERR:COUN?",
     }
     _boot = 0
+    _measures_temperature = False
     _most_v = 0.0
     """What the output may have while it is driven: the drive, or what it still comes down from."""
 
@@ -76,13 +79,27 @@ class Board(Driver):
         self.set_number("VOLT:LIM", self.limits.max_voltage_v)
         self.set_number("SYST:WATC", self.limits.watchdog_s)
         self._keeps_its_promises()
+        limited = self.limits.max_temperature_c is not None
+        self._measures_temperature = limited and self._has_thermometer()
         return Identity(
             idn=idn,
             boot=self._boot,
             device_time_s=self.device_time_s(),
             dialect=self.dialect,
             cleared_errors=errors,
+            remarks=(NO_TEMPERATURE,) if limited and not self._measures_temperature else (),
         )
+
+    def _has_thermometer(self) -> bool:
+        """Whether the board measures its temperature; one that does must be cool enough."""
+        try:
+            self._require_cool(self.number("MEAS:TEMP?"))
+        except LinkTimeout:
+            self.link.synchronise()
+            if not any(error.startswith(_UNDEFINED) for error in self.drained_errors()):
+                raise
+            return False
+        return True
 
     def drive(self, setpoint: Setpoint) -> ReadBack:
         """Set `setpoint`, switch the output on, and return what the device says of it."""
@@ -116,7 +133,9 @@ class Board(Driver):
 
     def check(self) -> None:
         """See that the board does what it was told."""
-        health = self.link.query(_HEALTH, _health)
+        measured = self._measures_temperature
+        query = f"{_HEALTH};:MEAS:TEMP?" if measured else _HEALTH
+        health = self.link.query(query, lambda reply: _health(reply, with_temperature=measured))
         if health.boot != self._boot:
             raise DeviceError(
                 f"the device restarted (boot {self._boot}, now {health.boot}): brown-out?"
@@ -127,6 +146,8 @@ class Board(Driver):
             raise DeviceError(_unexpected(health.output))
         self._require_amplitude(health.target_v, health.instant_v, health.monitor_v)
         self.require_frequency(health.frequency_hz)
+        if health.temperature_c is not None:
+            self._require_cool(health.temperature_c)
 
     def still_on(self) -> str:
         """Wait until the output has discharged; the switch alone proves nothing."""
@@ -157,6 +178,13 @@ class Board(Driver):
             raise DeviceError(f"the device: {_CAUSES.get(cause, cause)}")
         _kept("VOLT:LIM", self.limits.max_voltage_v, number(limit_v))
         _kept("SYST:WATC", self.limits.watchdog_s, number(watchdog_s))
+
+    def _require_cool(self, temperature_c: float) -> None:
+        most_c = self.limits.max_temperature_c
+        if most_c is not None and temperature_c > most_c:
+            raise DeviceError(
+                f"the power stage must not be hotter than {most_c:g} °C, got {temperature_c:.1f} °C"
+            )
 
     def _require_amplitude(self, target_v: float, instant_v: float, monitor_v: float) -> None:
         """Raise unless the amplitude is the driven one, or on its way there from no higher up.
@@ -223,16 +251,18 @@ def _output_and_monitor(reply: str) -> tuple[bool, float]:
     return switch(on), number(monitor_v)
 
 
-def _health(reply: str) -> Health:
-    on, cause, boot, target_v, instant_v, frequency_hz, monitor_v = fields(reply, 7)
+def _health(reply: str, *, with_temperature: bool) -> Health:
+    on, cause, boot, *numbers = fields(reply, 8 if with_temperature else 7)
+    target_v, instant_v, frequency_hz, monitor_v, *temperature_c = map(number, numbers)
     return Health(
         output=switch(on),
         cause=cause,
         boot=whole(boot),
-        target_v=number(target_v),
-        instant_v=number(instant_v),
-        frequency_hz=number(frequency_hz),
-        monitor_v=number(monitor_v),
+        target_v=target_v,
+        instant_v=instant_v,
+        frequency_hz=frequency_hz,
+        monitor_v=monitor_v,
+        temperature_c=temperature_c[0] if temperature_c else None,
     )
 
 

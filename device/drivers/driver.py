@@ -19,6 +19,7 @@ from protocol.journal.records import Identity, ReadBack
 
 MOST_QUEUED_ERRORS = 32
 """An error queue that is longer than this does not end."""
+NO_TEMPERATURE = "this device measures no temperature: nothing keeps rig.max_temperature_c"
 REL_TOL = 1e-6
 """How far what a device keeps may be from what it was told, where nothing else is said."""
 

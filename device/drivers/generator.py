@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-from device.drivers.driver import Driver
+from device.drivers.driver import NO_TEMPERATURE, Driver
 from device.drivers.setpoints import Setpoint
 from device.errors import DeviceError, LimitExceeded
 from protocol.journal.records import Identity, ReadBack
@@ -122,13 +122,14 @@ class Generator(Driver):
         self._least_v = self.limits.amplifier.amplitude_v(self._set_up(idn))
         self._amplitude_v = self._least_v
         self.read_back()
+        limited = self.limits.max_temperature_c is not None
         return Identity(
             idn=idn,
             boot=None,
             device_time_s=None,
             dialect=self.dialect,
             cleared_errors=errors,
-            remarks=self._remarks(),
+            remarks=self._remarks() + (NO_TEMPERATURE,) * limited,
         )
 
     def drive(self, setpoint: Setpoint) -> ReadBack:

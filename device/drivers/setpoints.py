@@ -81,6 +81,7 @@ class Limits:
     max_frequency_hz: float
     ramp_v_per_s: float
     watchdog_s: float
+    max_temperature_c: float | None = None
     amplifier: Amplifier = field(default_factory=Amplifier)
 
 

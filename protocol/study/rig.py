@@ -98,6 +98,16 @@ class Rig(Record):
             description="what the amplifier supplies: 2 pi f C V of the drive",
         ),
     ] = None
+    # An idle stage in a warm room has 30; silicon ends at 150.
+    max_temperature_c: Annotated[
+        Positive | None,
+        Field(
+            ge=30,
+            le=150,
+            description="hottest power stage, in °C, of a board that measures it: above it, "
+            "the output goes off",
+        ),
+    ] = None
     watchdog_s: Annotated[
         Positive,
         Field(

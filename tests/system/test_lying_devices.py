@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from device.drivers.driver import Driver
-from device.errors import DeviceError, OutputUnknown
-from tests.device.lying import LyingPort, lying
+from device.drivers.driver import NO_TEMPERATURE, Driver
+from device.errors import DeviceError, LinkTimeout, OutputUnknown
+from tests.device.lying import LyingPort, lying, unarmed
 from tests.device.rigs import DRIVE, LIMITS
 
 FREQ = {"board": "FREQ?", "keysight": "SOUR1:FREQ?"}
@@ -156,3 +156,59 @@ def test_arming_does_not_go_on_while_the_output_has_voltage() -> None:
     with pytest.raises(OutputUnknown, match=r"monitor still shows 150\.0 V"):
         board.arm()
     assert not any(line.startswith("SYST:WATC") for line in port.sent)
+
+
+COOL = replace(LIMITS, max_temperature_c=60)
+
+
+def test_a_board_that_gets_too_hot_is_at_fault_in_one_question() -> None:
+    board, port = lying(COOL)
+    board.drive(DRIVE)
+    board.check()
+    port.lies = {"MEAS:TEMP?": ["60.0", "60.1"]}
+    port.sent.clear()
+    board.check()
+    assert len(port.sent) == 1
+    with pytest.raises(DeviceError, match=r"not be hotter than 60 °C, got 60\.1 °C"):
+        board.check()
+
+
+@pytest.mark.parametrize("answer", ["NAN", "9.91E37", ""])
+def test_a_temperature_that_is_no_number_is_a_fault(answer: str) -> None:
+    board, port = lying(COOL)
+    port.lies = {"MEAS:TEMP?": [answer]}
+    with pytest.raises(DeviceError, match="must answer with a number"):
+        board.check()
+
+
+def test_a_board_that_is_hot_is_not_armed() -> None:
+    board, port = unarmed(COOL)
+    port.lies = {"MEAS:TEMP?": ["900"]}
+    with pytest.raises(DeviceError, match=r"not be hotter than 60 °C, got 900\.0 °C"):
+        board.arm()
+
+
+def test_a_board_without_a_thermometer_says_that_nothing_keeps_the_limit() -> None:
+    board, port = unarmed(COOL)
+    port.unknown = {"MEAS:TEMP?"}
+    assert board.arm().remarks == (NO_TEMPERATURE,)
+    board.drive(DRIVE)
+    board.check()
+
+
+def test_a_board_that_does_not_say_its_temperature_is_not_one_without_a_thermometer() -> None:
+    board, port = unarmed(COOL)
+    port.silent = {"MEAS:TEMP?"}
+    with pytest.raises(LinkTimeout, match=r"no answer to 'MEAS:TEMP\?' in time"):
+        board.arm()
+
+
+def test_nobody_asks_for_a_temperature_that_is_not_limited() -> None:
+    board, port = lying(LIMITS)
+    board.check()
+    assert not any("TEMP" in line for line in port.sent)
+
+
+def test_a_generator_says_that_nothing_keeps_the_temperature() -> None:
+    assert NO_TEMPERATURE in unarmed(COOL, "keysight")[0].arm().remarks
+    assert NO_TEMPERATURE not in unarmed(LIMITS, "keysight")[0].arm().remarks

@@ -104,6 +104,15 @@ class Rig:
         self.beat()
         return self._owned(lambda: self._guarded(lambda: self._drive(setpoint)))
 
+    def watchdog_trips(self) -> bool:
+        """Return whether the device turns its output off when it hears nothing for a while.
+
+        Tried with the output on at 0 V, which nobody should touch; it is off afterwards. No other
+        call is made meanwhile, but an emergency stop ends the wait. Raises as `drive`.
+        """
+        self.beat()
+        return self._owned(lambda: self._guarded(self._driver.watchdog_trips))
+
     def read_back(self) -> ReadBack:
         """Get the drive and the sensors as the device reports them."""
         return self._owned(lambda: self._guarded(self._driver.read_back))

@@ -18,7 +18,11 @@ MONITOR_ABS_TOL_V = 2.0
 above what was asked of it."""
 DISCHARGE_S = 0.5
 """How long the output may take to fall below `MONITOR_ABS_TOL_V` once it is off."""
+_SILENCE = 1.2
+"""How long to be silent for the watchdog to trip, relative to its time."""
+_IDLE_HZ = 1_000.0
 _OFF = "OUTP?;:MEAS:VOLT?"
+_TRIPPED = "OUTP?;:OUTP:PROT:CAUS?"
 _READ_BACK = "OUTP?;:VOLT:INST?;:VOLT?;:FREQ?;:MEAS:VOLT?;:MEAS:FORC?;:MEAS:POS?;:SYST:TIME?"
 _HEALTH = "OUTP?;:OUTP:PROT:CAUS?;:SYST:BOOT?;:VOLT?;:VOLT:INST?;:FREQ?;:MEAS:VOLT?"
 _UNDEFINED = "-113 "
@@ -161,6 +165,20 @@ class Board(Driver):
             if self.monotonic() >= deadline_s:
                 return f"its monitor still shows {monitor_v:.1f} V after {DISCHARGE_S:g} s"
 
+    def watchdog_trips(self) -> bool:
+        """Return whether the output goes off by itself when the board hears nothing for a while.
+
+        Its voltage must be gone too. The trip is cleared, and the output stays off.
+        """
+        self.drive(
+            Setpoint(voltage_v=0.0, frequency_hz=_IDLE_HZ, ramp_v_per_s=self.limits.ramp_v_per_s)
+        )
+        self.link.stay_silent(_SILENCE * self.limits.watchdog_s)
+        tripped = self.link.query(_TRIPPED, _tripped)
+        self.off()
+        self.send("OUTP:PROT:CLE")
+        return tripped
+
     def device_time_s(self) -> float:
         """Get the device's own time, s."""
         return self.number("SYST:TIME?")
@@ -249,6 +267,11 @@ def _read_back(reply: str) -> tuple[ReadBack, float]:
 def _output_and_monitor(reply: str) -> tuple[bool, float]:
     on, monitor_v = fields(reply, 2)
     return switch(on), number(monitor_v)
+
+
+def _tripped(reply: str) -> bool:
+    on, cause = fields(reply, 2)
+    return not switch(on) and cause == "WATC"
 
 
 def _health(reply: str, *, with_temperature: bool) -> Health:

@@ -116,6 +116,17 @@ class Driver(ABC):
             "keep it as the rig's calibration"
         )
 
+    def watchdog_trips(self) -> bool:
+        """Return whether the output goes off by itself when the device hears nothing for a while.
+
+        The output is on at 0 V meanwhile, and off afterwards. Nobody should touch the beam.
+
+        Raises:
+            DeviceError: the device has no watchdog, or does not do what it is told.
+            OutputUnknown: its output cannot be read back as off.
+        """
+        raise DeviceError(f"a {self.dialect} device has no watchdog")
+
     def output(self) -> bool:
         """Get whether the output is on; no stray line answers for it."""
         return self.link.certain([self.output_query], lambda answers: switch(answers[0]))

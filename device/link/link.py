@@ -155,6 +155,16 @@ class Link:
             self._skip_to(self._request_token(), deadline_s)
         self._in_step = not self._lines
 
+    def stay_silent(self, seconds: float) -> None:
+        """Send nothing for a while; what comes meanwhile is no answer to anything.
+
+        Raises:
+            EmergencyStop: as any other wait.
+        """
+        deadline_s = self._monotonic() + seconds
+        while self._next_line(deadline_s) is not None:
+            self._in_step = False
+
     def stop(self) -> None:
         """End the current wait and every later one with `EmergencyStop`; safe from any thread."""
         self._stopped = True

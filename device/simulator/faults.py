@@ -51,6 +51,7 @@ FAULTS = (
     Fault(number=17, name="monitor-wrong", what="the monitor shows half of the voltage"),
     Fault(number=17, name="scale-wrong", what="twice of what is set comes out, and is reported"),
     Fault(number=18, name="watchdog-trip", what="the watchdog trips"),
+    Fault(number=18, name="watchdog-dead", what="the watchdog is acknowledged and never trips"),
     Fault(number=20, name="opc-silent", what="*OPC? is not answered"),
     Fault(number=21, name="wrong-idn", what="*IDN? answers with another device's name"),
     Fault(number=23, name="deaf", what="the device stops reading"),
@@ -118,6 +119,7 @@ class Broken:
             "monitor-wrong": self._misread,
             "scale-wrong": self._scale,
             "watchdog-trip": lambda on: self._trip("WATC") if on else None,
+            "watchdog-dead": self._kill_watchdog,
             "wrong-idn": self._rename,
             "limits-lost": lambda on: self._lose_limits() if on else None,
             "panel-changed": lambda on: self.dialect.turn_knobs() if on else None,
@@ -144,6 +146,9 @@ class Broken:
 
     def _trip(self, cause: str) -> None:
         self.instrument.trip(cause, self.wall_s())
+
+    def _kill_watchdog(self, on: bool) -> None:
+        self.instrument.watchdog_dead = on
 
     def _misread(self, on: bool) -> None:
         self.beam.monitor_gain = SHOWN_BY_MONITOR if on else 1.0

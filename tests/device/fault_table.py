@@ -73,6 +73,7 @@ BOARD = (
     Row(number=17, fault="monitor-wrong", told=f"the monitor must show .* V, got .* V; {_OFF}"),
     Row(number=17, fault="scale-wrong", told=rf"must not exceed 100\.0 V, got .* V; {_OFF}"),
     Row(number=18, fault="watchdog-trip", told=f"its watchdog tripped: .*; {_OFF}"),
+    Row(number=18, fault="watchdog-dead", error=None),
     Row(number=20, fault="opc-silent", error=LinkTimeout, told=rf"'\*OPC\?' in time; {_OFF}"),
     Row(number=21, fault="wrong-idn", when="handshake", error=ForeignOutput,
         told=rf"{_CUT} \(expected a board \(TOUCHBEAM,BOARD,…\), got 'ACME,Toaster 3000,0,1.0'"),

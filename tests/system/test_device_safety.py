@@ -98,6 +98,76 @@ def test_a_session_that_hangs_is_ended_by_the_watchdog(
         assert rig.drive(DRIVE).output, "armed anew, it drives again"
 
 
+def test_a_watchdog_is_tried_at_0_v_and_cleared(
+    simulator: Endpoints, control: ControlClient
+) -> None:
+    with opened(simulator.url) as rig:
+        rig.arm()
+        assert rig.watchdog_trips() is True
+        state = control.state()
+        assert (state["output"], state["tripped"]) == (False, False)
+        assert rig.drive(DRIVE).output, "it goes on as if nothing had been"
+
+
+def test_a_watchdog_that_is_acknowledged_and_not_there_is_found(
+    simulator: Endpoints, control: ControlClient
+) -> None:
+    control.fault("watchdog-dead")
+    with opened(simulator.url) as rig:
+        rig.arm()
+        assert rig.watchdog_trips() is False
+        assert control.state()["output"] is False
+
+
+def test_nothing_but_0_v_is_on_while_a_watchdog_is_tried(
+    simulator: Endpoints, control: ControlClient
+) -> None:
+    with opened(simulator.url) as rig:
+        rig.arm()
+        trial = threading.Thread(target=rig.watchdog_trips)
+        trial.start()
+        assert until(lambda: control.state()["output"], within_s=1)
+        voltages = []
+        while control.state()["output"]:
+            voltages.append(control.state()["voltage_v"])
+        trial.join()
+        assert set(voltages) == {0.0}
+
+
+def test_a_stop_by_hand_ends_the_trial_of_a_watchdog(
+    simulator: Endpoints, control: ControlClient
+) -> None:
+    with opened(simulator.url, limits=replace(LIMITS, watchdog_s=5)) as rig:
+        rig.arm()
+        caught: list[BaseException] = []
+
+        def try_it() -> None:
+            try:
+                rig.watchdog_trips()
+            except DeviceError as error:
+                caught.append(error)
+
+        trial = threading.Thread(target=try_it)
+        trial.start()
+        assert until(lambda: control.state()["output"], within_s=1)
+        stopped_s = time.monotonic()
+        rig.emergency_stop()
+        assert until(lambda: not control.state()["output"], within_s=1)
+        assert time.monotonic() - stopped_s < 0.1
+        trial.join()
+        assert isinstance(caught[0], EmergencyStop)
+
+
+def test_a_generator_has_no_watchdog_to_try() -> None:
+    with (
+        simulator_process(TOUCHBEAM, seed=1, dialect="keysight", wire="tcp") as other,
+        opened(other.url, "keysight") as rig,
+    ):
+        rig.arm()
+        with pytest.raises(DeviceError, match="a keysight device has no watchdog; output off"):
+            rig.watchdog_trips()
+
+
 def test_the_search_for_the_resonance_never_waits_longer_than_the_watchdog_is_fed(
     simulator: Endpoints, control: ControlClient
 ) -> None:

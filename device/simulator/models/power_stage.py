@@ -51,6 +51,7 @@ class Instrument:
     hot: bool = False
     off_ignored: bool = False
     relay_stuck: bool = False
+    watchdog_dead: bool = False
     left_v: float = 0.0
     """What is at the output although it is off: 0 unless something is broken."""
     set_gain: float = 1.0
@@ -108,7 +109,7 @@ class Instrument:
 
     def silence_left_s(self, wall_s: float) -> float | None:
         """Return how long the host may still be silent; None while nothing depends on it."""
-        if not self.output or self.watchdog_s is None:
+        if not self.output or self.watchdog_s is None or self.watchdog_dead:
             return None
         return self.heard_wall_s + WATCHDOG_MARGIN * self.watchdog_s - wall_s
 

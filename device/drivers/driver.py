@@ -183,11 +183,13 @@ class Driver(ABC):
         """Get a number."""
         return self.link.query(query, number)
 
-    def set_number(self, header: str, value: float, rel_tol: float = REL_TOL) -> None:
+    def set_number(
+        self, header: str, value: float, rel_tol: float = REL_TOL, abs_tol: float = 1e-6
+    ) -> None:
         """Set a value, settle, and compare what the device kept."""
         self.send(f"{header} {number_text(value)}")
         kept = self.number(f"{header}?")
-        if not math.isclose(kept, value, rel_tol=rel_tol, abs_tol=1e-6):
+        if not math.isclose(kept, value, rel_tol=rel_tol, abs_tol=abs_tol):
             raise DeviceError(f"{header} was set to {value:g} and reads back as {kept:g}")
 
     def require_frequency(self, said_hz: float) -> None:

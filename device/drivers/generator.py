@@ -6,7 +6,6 @@ All of that is set before a drive, and asked for in every read-back and poll.
 
 import math
 from abc import abstractmethod
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -55,28 +54,6 @@ class Told:
     vpp: float
     frequency_hz: float
     wrong: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class Off:
-    """Something that must not be on while the beam is driven: how to ask, and the answer then."""
-
-    header: str
-    word: str = "0"
-
-    @property
-    def query(self) -> str:
-        """The question whether it is on."""
-        return f"{self.header}?"
-
-
-def left_on(off: Mapping[str, Off], said: Mapping[str, str]) -> str:
-    """Return what of `off` is on by the answers that a generator `said`, nothing if all is off."""
-    for name, setting in off.items():
-        if said[setting.query] != setting.word:
-            wanted = "off" if setting.word == "0" else setting.word
-            return f"{name} must be {wanted}, got {said[setting.query]}"
-    return ""
 
 
 class Generator(Driver):

@@ -30,7 +30,10 @@ class Rig(Record):
     ] = "sim"
     dialect: Annotated[
         Dialect,
-        Field(description="what the device speaks: `board`, or `keysight`, which is a generator"),
+        Field(
+            description="what the device speaks: `board`, or that of a generator: `keysight`, "
+            "`rigol`, `siglent`"
+        ),
     ] = "board"
     voltages_are: Annotated[
         Literal["peak"],

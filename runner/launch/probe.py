@@ -50,7 +50,8 @@ def probed(url: str, touchbeam: Sequence[str]) -> dict[str, Any]:
                 "check that it is on and set to this speed"
             ) from error
         driver = driver_for(idn)
-        link.synchronise()
+        if not driver.register.is_a_setting:
+            link.synchronise()
         health = {name: link.ask(query) for name, query in driver.health.items()}
     return {"url": url, "idn": idn, "dialect": driver.dialect, **health}
 

@@ -119,6 +119,45 @@ GENERATOR = (
     _generator(25, "signal-added", "handshake", "", None),
     _generator(32, "panel-on", "between", f"output is on, and nobody .*; {_OFF}"),
 )
+
+
+def _one_a_line(dialect: str, modulated: str, added: str) -> tuple[Row, ...]:
+    """The rows of a generator that takes one query a line, and what it says of modulation."""
+    rows: tuple[tuple[int, str, Moment, str, type[Exception] | None], ...] = (
+        (4, "late-reply-once", "driving", f"in time; {_OFF}", LinkTimeout),
+        (5, "truncated-reply", "driving", _CUT, OutputUnknown),
+        (10, "line-end-crlf", "driving", "", None),
+        (12, "brown-out", "driving", f"(nobody here switched it|reads back as .*); {_OFF}",
+         DeviceError),
+        (13, "read-back-differs", "between", "reads back as", DeviceError),
+        (21, "wrong-idn", "handshake", f"{_CUT} .*generator .*, got 'ACME", ForeignOutput),
+        (25, "panel-changed", "driving", f"(load must be|reads back as).*; {_OFF}", DeviceError),
+        (25, "panel-changed", "handshake", "", None),
+        (25, "frequency-changed", "driving", f"FREQ was set to .* as 99000; {_OFF}", DeviceError),
+        (25, "modulated", "driving", f"modulation must be off, got {modulated}; {_OFF}",
+         DeviceError),
+        (25, "modulated", "between", f"modulation must be off, got {modulated}", DeviceError),
+        (25, "modulated", "handshake", "", None),
+        (25, "signal-added", "driving", f"{added} must be off, got ON; {_OFF}", DeviceError),
+        (25, "signal-added", "handshake", "", None),
+        (32, "panel-on", "between", f"output is on, and nobody .*; {_OFF}", DeviceError),
+    )  # fmt: skip
+    return tuple(
+        Row(number=number, fault=fault, when=when, told=told, error=error, dialect=dialect)
+        for number, fault, when, told, error in rows
+    )
+
+
+RIGOL = (
+    *_one_a_line("rigol", "ON", "sum"),
+    Row(number=14, fault="error-after-set", told=f"refused by the device: -310 .*; {_OFF}",
+        dialect="rigol"),
+    Row(number=24, fault="limits-lost", told=f"limits must be on .*; {_OFF}", dialect="rigol"),
+)  # fmt: skip
+SIGLENT = (
+    *_one_a_line("siglent", "STATE,ON,FM.*", "combined channel"),
+    Row(number=3, fault="garbled-once", error=None, dialect="siglent"),
+)
 LEFT_ON = Row(
     number=1,
     fault="vanish",
@@ -129,4 +168,4 @@ LEFT_ON = Row(
 )
 """A generator has no watchdog: when its cable is pulled, only the amplifier's switch helps."""
 
-FAULTS = (*BOARD, *GENERATOR, LEFT_ON)
+FAULTS = (*BOARD, *GENERATOR, *RIGOL, *SIGLENT, LEFT_ON)

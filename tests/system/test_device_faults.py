@@ -1,6 +1,7 @@
 """Every fault that a device can have, over the real byte path; see `fault_table`."""
 
 from collections.abc import Iterator
+from contextlib import ExitStack
 
 import pytest
 
@@ -14,11 +15,18 @@ from tests.device.rigs import DRIVE, TOUCHBEAM, driven_on, opened, until
 
 @pytest.fixture(scope="module")
 def simulators() -> Iterator[dict[str, Endpoints]]:
-    with (
-        simulator_process(TOUCHBEAM, seed=1, keep=True) as board,
-        simulator_process(TOUCHBEAM, seed=1, dialect="keysight", wire="tcp", keep=True) as other,
-    ):
-        yield {"board": board, "keysight": other}
+    with ExitStack() as stack:
+
+        def simulator(dialect: str, wire: str) -> Endpoints:
+            started = simulator_process(TOUCHBEAM, 1, dialect=dialect, wire=wire, keep=True)
+            return stack.enter_context(started)
+
+        yield {
+            "board": simulator("board", "pty"),
+            "keysight": simulator("keysight", "tcp"),
+            "rigol": simulator("rigol", "tcp"),
+            "siglent": simulator("siglent", "pty"),
+        }
 
 
 @pytest.fixture

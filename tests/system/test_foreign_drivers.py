@@ -23,13 +23,13 @@ WIRES = ("pty", "tcp")
 @contextmanager
 def opened(model: str, dialect: str, wire: str) -> Iterator[tuple[Any, ControlClient]]:
     """Their driver of `model` on a simulated `dialect`, through VISA in pure Python."""
-    from pymeasure.instruments import agilent
+    from pymeasure.instruments import agilent, rigol
 
     with (
         simulator_process(TOUCHBEAM, seed=1, dialect=dialect, wire=wire) as endpoints,
         ControlClient(endpoints.control) as control,
     ):
-        driver = getattr(agilent, model)(
+        driver = getattr(rigol if dialect == "rigol" else agilent, model)(
             _resource(endpoints.url),
             visa_library="@py",
             read_termination="\n",
@@ -92,6 +92,40 @@ def test_their_33500_drives_ours(wire: str) -> None:
         generator.ch_2.frequency = 5_000
         assert generator.ch_2.frequency == 5_000
         assert generator.ch_1.frequency == 1_000, "the channels are apart"
+        assert generator.check_errors() == []
+
+
+@pytest.mark.parametrize("wire", WIRES)
+def test_their_dg800_drives_ours(wire: str) -> None:
+    with opened("DG800", "rigol", wire) as (generator, control):
+        assert ",DG832," in generator.id
+        first, second = generator.channel_1, generator.channel_2
+        first.high_impedance = True
+        assert first.load == pytest.approx(9.9e37)
+        first.sine = (24221.37, 2.5, 0, 90)
+        assert first.frequency == pytest.approx(24221.37)
+        assert first.waveform[0] == '"SIN'
+        assert first.waveform[1:4] == pytest.approx([24221.37, 2.5, 0])
+        first.output_enabled = True
+        assert first.output_enabled is True
+        state = control.state()
+        assert state["frequency_hz"] == pytest.approx(24221.37)
+        assert state["voltage_v"] == pytest.approx(AMPLIFIER_GAIN * 2.5 / 2)
+        second.load = 75
+        assert (second.load, second.output_enabled) == (75, False)
+        second.square = (1000, 1, 0, 0)
+        second.duty_cycle, second.pulse_width = 25, 1e-4
+        assert (second.duty_cycle, second.pulse_width) == (25, pytest.approx(1e-4))
+        second.sync_enabled = False
+        assert (second.sync_enabled, first.sync_enabled) == (False, True)
+        for channel in (first, second):
+            channel.triangle = channel.pulse = (1000, 1, 0, 0)
+            channel.noise, channel.dc = (1, 0), 1
+        first.shape = "SIN"
+        assert first.shape == "SIN"
+        first.output_enabled = False
+        assert first.output_enabled is False
+        assert control.state()["output"] is False
         assert generator.check_errors() == []
 
 

@@ -6,7 +6,7 @@ The amplifier has the gain `AMPLIFIER_GAIN` and an open (high impedance) input.
 from collections.abc import Sequence
 
 from device.simulator.models.dialect import Dialect, Status
-from device.simulator.models.keysight_channels import Channel, Channels
+from device.simulator.models.keysight_channels import MOST_EMF_VPP, Channel, Channels
 from device.simulator.models.keysight_settings import Kept
 from device.simulator.models.power_stage import Instrument
 from device.simulator.models.scpi import (
@@ -67,7 +67,7 @@ class GeneratorDialect(Dialect):
     def follow(self) -> None:
         """Put on the beam what channel 1 gives: at once, for a generator has no slew."""
         first, instrument = self.channels[0], self._instrument
-        emf_vpp = first.emf_vpp + self._added_emf_vpp()
+        emf_vpp = min(first.emf_vpp + self._added_emf_vpp(), MOST_EMF_VPP)
         instrument.target_v = AMPLIFIER_GAIN * emf_vpp / 2 if self._sounding() else 0.0
         if instrument.sweep is None:
             moved_hz = DEVIATION_HZ if self._deviates() else 0.0

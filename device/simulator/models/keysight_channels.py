@@ -6,6 +6,7 @@ Source: Agilent 33220A User's Guide and 33500 Series Operating and Service Guide
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 from device.simulator.models.keysight_settings import FUNCTIONS
 from device.simulator.models.power_stage import Instrument
@@ -166,6 +167,8 @@ class Model:
 class Channels:
     """The channels of a generator; the output of the first is what `instrument` gives."""
 
+    functions: ClassVar[tuple[str, ...]] = FUNCTIONS
+
     def __init__(self, instrument: Instrument, model: Model) -> None:
         self._instrument = instrument
         self._model = model
@@ -218,7 +221,10 @@ class Channels:
             "OUTPut#[:STATe]?": lambda call: self.switch_word(call, on=self._output(call)),
             "OUTPut#:LOAD": self._set_load,
             "OUTPut#:LOAD?": lambda call: self.told(call, self._load(call), 1.0, 10_000.0),
-            **{f"[SOURce#:]APPLy:{function}": self._applied(function) for function in FUNCTIONS},
+            **{
+                f"[SOURce#:]APPLy:{function}": self._applied(function)
+                for function in self.functions
+            },
             "[SOURce#:]APPLy?": self._application,
         }
 
@@ -269,7 +275,7 @@ class Channels:
         self.of(call).frequency_hz = value
 
     def _set_function(self, call: Call) -> None:
-        self.of(call).function = choice(call.argument, FUNCTIONS)
+        self.of(call).function = choice(call.argument, self.functions)
 
     def _output(self, call: Call) -> bool:
         return self._instrument.output if call.channel == 1 else self.of(call).output

@@ -12,7 +12,9 @@ from device.drivers.board import Board
 from device.drivers.generator import Ramp
 from device.drivers.keysight import Keysight
 from device.drivers.registry import driver_for, driver_of, drivers
+from device.drivers.rigol import Rigol
 from device.drivers.setpoints import Amplifier, Limits, Setpoint
+from device.drivers.siglent import Siglent
 from device.errors import ForeignDevice, LimitExceeded
 from device.link.link import Link
 from device.simulator.client import ControlClient, simulator_process
@@ -40,8 +42,11 @@ def test_dialects_are_found_by_name_and_by_who_answers() -> None:
     assert driver_for("Agilent Technologies,33220A,MY44,2.02") is Keysight
     assert driver_for("Keysight Technologies,33512B,MY52,3.05") is Keysight
     assert driver_for("TOUCHBEAM,BOARD,7,1.1") is Board
-    with pytest.raises(AddressError, match="one of board, keysight, got 'rigol'"):
-        driver_of("rigol")
+    assert driver_for("Rigol Technologies,DG1062Z,DG1ZA0,03.01.12") is Rigol
+    assert driver_for("RIGOL TECHNOLOGIES,DG832,DG8A0,00.02") is Rigol
+    assert driver_for("Siglent Technologies,SDG2042X,SDG2X0,2.01") is Siglent
+    with pytest.raises(AddressError, match="one of board, keysight, rigol, siglent, got 'acme'"):
+        driver_of("acme")
     with pytest.raises(ForeignDevice, match="got 'Rigol,DG1022,1,2'; nothing else was sent"):
         driver_for("Rigol,DG1022,1,2")
 
@@ -69,7 +74,8 @@ def rig(dialect: str) -> str:
 def test_a_study_may_name_every_dialect_that_there_is(next_dialect: str) -> None:
     for dialect in drivers():
         assert parsed_study(rig(dialect), dialects=drivers).rig.dialect == dialect
-    with pytest.raises(StudyError, match="'board', 'keysight' or 'next', got 'nxt'; did you mean"):
+    known = "'board', 'keysight', 'rigol', 'siglent' or 'next'"
+    with pytest.raises(StudyError, match=f"{known}, got 'nxt'; did you mean"):
         parsed_study(rig("nxt"), dialects=drivers)
 
 
@@ -177,7 +183,7 @@ def test_a_generators_ramp_goes_on_while_its_frequency_is_stepped(
 ) -> None:
     generator = Keysight(Link(ScriptedPort({}), monotonic=ticking()), LIMITS)
     now_s = 0.0
-    for name in ("set_word", "set_number", "send"):
+    for name in ("_set_frequency", "_set_vpp", "send"):
         monkeypatch.setattr(generator, name, lambda *_: None)
     monkeypatch.setattr(generator, "read_back", lambda: replace(ON, frequency_hz=1000.0))
     monkeypatch.setattr(generator, "monotonic", lambda: now_s)
@@ -191,7 +197,17 @@ def test_a_generators_ramp_goes_on_while_its_frequency_is_stepped(
     assert generator._amplitude_v == pytest.approx(100)
 
 
-@pytest.mark.parametrize("dialect", ["board", "keysight", "keysight-33220A"])
+LEAST_V = {
+    "board": 100.0,
+    "keysight": 0.02,
+    "keysight-33220A": 0.2,
+    "rigol": 0.04,
+    "rigol-DG1062Z": 0.02,
+    "siglent": 0.04,
+}
+
+
+@pytest.mark.parametrize("dialect", LEAST_V)
 def test_a_rig_ramps_whatever_it_speaks(dialect: str) -> None:
     driver = dialect.split("-", maxsplit=1)[0]
     with (
@@ -201,8 +217,7 @@ def test_a_rig_ramps_whatever_it_speaks(dialect: str) -> None:
     ):
         rig.arm()
         first = rig.drive(DRIVE)
-        least_v = {"board": 100.0, "keysight": 0.02, "keysight-33220A": 0.2}[dialect]
-        assert first.voltage_v == pytest.approx(least_v), "a board ramps by itself"
+        assert first.voltage_v == pytest.approx(LEAST_V[dialect]), "a board ramps by itself"
 
         def settled() -> bool:
             rig.beat()

@@ -79,7 +79,10 @@ def test_ranges_and_words_have_theirs() -> None:
     assert quantity("MAX", HERTZ, 0, 10) == 10
 
 
-@pytest.fixture(params=dialects())
+SCPI = [dialect for dialect in dialects() if dialect != "siglent"]
+
+
+@pytest.fixture(params=SCPI)
 def device(request: pytest.FixtureRequest) -> SimulatedDevice:
     return simulated_device(seed=1, wall_s=lambda: 0.0, dialect=request.param)
 
@@ -106,7 +109,8 @@ def test_a_full_error_queue_says_so(device: SimulatedDevice) -> None:
 
 VOCABULARY = """FREQ VOLT OUTP SYST :WATC :ERR? :RAMP :LIM SOUR1
 : ; ? , * ' " # MIN MAX ON INF 1E9 -1
-KHZ VPP *RST *ESE :LOAD :UNIT :OFFS :HIGH SWE :STAT BURS APPL :SIN DBM"""
+KHZ VPP *RST *ESE :LOAD :UNIT :OFFS :HIGH SWE :STAT BURS APPL :SIN DBM MOD SUM VOLL COMB :FEED CH2
+C1: C2: BSWV MDWV AMP FRQ WVTP STATE CMBN SINE HZ"""
 WORDS = st.lists(st.sampled_from(VOCABULARY.split()), max_size=12).map(" ".join)
 
 

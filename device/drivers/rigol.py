@@ -1,0 +1,60 @@
+"""The driver of the Rigol DG800 and DG1000Z generators, through an amplifier.
+
+Source: Rigol DG800 and DG1000Z Programming Guides. They take one query a line, and say `ON` and
+`OFF`. Numbers have seven digits.
+"""
+
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import ClassVar
+
+from device.drivers.scpi_generator import ScpiGenerator, Words
+from device.link.link import EVENT_ENABLE, Register
+
+_ONE_CHANNEL = {
+    "modulation": (":SOUR1:MOD", "OFF"),
+    "sweep": (":SOUR1:SWE:STAT", "OFF"),
+    "burst": (":SOUR1:BURS", "OFF"),
+    "harmonics": (":SOUR1:HARM", "OFF"),
+    "sum": (":SOUR1:SUM", "OFF"),
+}
+_TWO_CHANNELS = {**_ONE_CHANNEL, "second channel": (":OUTP2", "OFF")}
+
+
+class Rigol(ScpiGenerator):
+    """Control a DG800 or a DG1000Z."""
+
+    dialect: ClassVar[str] = "rigol"
+    idn: ClassVar["re.Pattern[str]"] = re.compile(
+        r"Rigol Technologies,DG(8\d\d|10\d\dZ)", re.IGNORECASE
+    )
+    expected: ClassVar[str] = "a generator (Rigol DG800 or DG1000Z)"
+    health: ClassVar[Mapping[str, str]] = {
+        "output": ":OUTP1?",
+        "amplitude": ":SOUR1:VOLT?",
+        "unit": ":SOUR1:VOLT:UNIT?",
+        "offset_v": ":SOUR1:VOLT:OFFS?",
+        "frequency_hz": ":SOUR1:FREQ?",
+        "function": ":SOUR1:FUNC?",
+        "load_ohm": ":OUTP1:LOAD?",
+        "modulation": ":SOUR1:MOD?",
+    }
+    off_command: ClassVar[str] = ":OUTP1 OFF"
+    output_query: ClassVar[str] = ":OUTP1?"
+    register: ClassVar[Register] = replace(EVENT_ENABLE, compound=False)
+    amplitude_abs_tol_vpp: ClassVar[float] = 1e-3
+
+    def _words_of(self, idn: str) -> Words:
+        """A DG1000Z has no limits; a DG811, 821 and 831 has one channel."""
+        model = idn.split(",")[1].upper()
+        return Words(
+            source=":SOUR1:",
+            output=":OUTP1",
+            limits="" if model.startswith("DG10") else ":OUTP1:VOLL",
+            off=_ONE_CHANNEL if model.endswith("1") else _TWO_CHANNELS,
+            switches=("OFF", "ON"),
+        )
+
+
+DRIVER = Rigol

@@ -1,0 +1,169 @@
+"""The driver of the Siglent SDG generators of the X series, through an amplifier.
+
+Source: Siglent SDG Series Programming Guide (PG02). Their answers begin with the header that was
+asked for, and give names and values in turn: `C1:OUTP OFF,LOAD,HZ,PLRT,NOR`.
+"""
+
+import math
+import re
+from collections.abc import Mapping
+from typing import ClassVar
+
+from device.drivers.generator import (
+    AMPLITUDE_REL_TOL,
+    NO_ERRORS,
+    NO_LIMITS,
+    NO_WATCHDOG,
+    Generator,
+    Told,
+)
+from device.errors import DeviceError, ProtocolError
+from device.link.codec import number, number_text, switch
+from device.link.link import Register
+
+LEAST_VPP = 4e-3
+"""What all of them can give into an open circuit."""
+_OFF = (
+    *("C1:MDWV STATE,OFF", "C1:SWWV STATE,OFF", "C1:BTWV STATE,OFF", "C1:BSWV WVTP,SINE"),
+    *("C1:HARM HARMSTATE,OFF", "C1:CMBN OFF", "C2:OUTP OFF"),
+    *("COUP TRACE,OFF", "COUP FCOUP,OFF", "COUP PCOUP,OFF", "COUP ACOUP,OFF"),
+)
+_MUST_BE_OFF = {
+    "modulation": "C1:MDWV",
+    "sweep": "C1:SWWV",
+    "burst": "C1:BTWV",
+    "harmonics": "C1:HARM",
+    "combined channel": "C1:CMBN",
+    "coupling of channels": "COUP",
+    "second channel": "C2:OUTP",
+}
+_HEADERS = ("C1:OUTP", "C1:BSWV", *_MUST_BE_OFF.values())
+_UNITS = {"": 1.0, "HZ": 1.0, "KHZ": 1e3, "MHZ": 1e6, "V": 1.0, "MV": 1e-3}
+_VALUE = re.compile(r"([-+]?[\d.]+(?:[eE][-+]?\d+)?)([A-Z]*)")
+
+
+class Siglent(Generator):
+    """Control an SDG1000X, 2000X, 6000X or their like. An answer means that all before is done."""
+
+    dialect: ClassVar[str] = "siglent"
+    idn: ClassVar["re.Pattern[str]"] = re.compile(r"Siglent Technologies,SDG\d{4}X", re.IGNORECASE)
+    expected: ClassVar[str] = "a generator (Siglent SDG of the X series)"
+    health: ClassVar[Mapping[str, str]] = {
+        "output": "C1:OUTP?",
+        "wave": "C1:BSWV?",
+        "modulation": "C1:MDWV?",
+        "sweep": "C1:SWWV?",
+        "burst": "C1:BTWV?",
+        "second_channel": "C2:OUTP?",
+    }
+    off_command: ClassVar[str] = "C1:OUTP OFF"
+    output_query: ClassVar[str] = "C1:OUTP?"
+    register: ClassVar[Register] = Register(
+        put="C2:BSWV PHSE,{}",
+        get="C2:BSWV?",
+        told=re.compile(r"C2:BSWV .*\bPHSE,(\d{1,3})(?:,.*)?"),
+        is_a_setting=True,
+    )
+    """They have no event enable register: the phase of the second channel, which is off."""
+    amplitude_abs_tol_vpp: ClassVar[float] = 1e-3
+    on_command = "C1:OUTP ON"
+
+    def _meet(self) -> None:
+        """Make the second channel's phase its own, and one that it has."""
+        for command in ("COUP TRACE,OFF", "COUP PCOUP,OFF", "C2:BSWV WVTP,SINE"):
+            self.link.tell(command)
+
+    def _set_up(self, idn: str) -> float:  # noqa: ARG002 - all models are alike
+        """Set up; whether it was obeyed is seen by what is read back of it all."""
+        amplitude = f"C1:BSWV AMP,{number_text(LEAST_VPP)}"
+        for command in (*_OFF, "C1:OUTP LOAD,HZ", amplitude, "C1:BSWV OFST,0"):
+            self.send(command)
+        return LEAST_VPP
+
+    def _remarks(self) -> tuple[str, ...]:
+        return NO_WATCHDOG, NO_LIMITS, NO_ERRORS
+
+    def output(self) -> bool:
+        """Get whether the output is on; no stray line answers for it."""
+        return self.link.certain(
+            [self.output_query], lambda answers: switch(_words(answers[0], "C1:OUTP")[0])
+        )
+
+    def send(self, command: str) -> None:
+        """Send `command`; nothing tells whether the generator minded it."""
+        self.link.tell(command)
+
+    def drained_errors(self) -> list[str]:
+        """Return nothing: the generator keeps no errors."""
+        return []
+
+    def _set_vpp(self, vpp: float) -> None:
+        self._set_wave("AMP", vpp, AMPLITUDE_REL_TOL, self.amplitude_abs_tol_vpp)
+
+    def _set_frequency(self, frequency_hz: float) -> None:
+        self._set_wave("FRQ", frequency_hz, rel_tol=1e-6, abs_tol=0.0)
+
+    def _set_wave(self, name: str, value: float, rel_tol: float, abs_tol: float) -> None:
+        self.send(f"C1:BSWV {name},{number_text(value)}")
+        kept = self.link.query("C1:BSWV?", lambda said: _quantity(_words(said, "C1:BSWV"), name))
+        if not math.isclose(kept, value, rel_tol=rel_tol, abs_tol=abs_tol):
+            raise DeviceError(f"{name} was set to {value:g} and reads back as {kept:g}")
+
+    def _told(self) -> Told:
+        return self.link.certain([f"{header}?" for header in _HEADERS], _told_by)
+
+
+def _told_by(answers: list[str]) -> Told:
+    said = {
+        header: _words(answer, header) for header, answer in zip(_HEADERS, answers, strict=True)
+    }
+    wave = said["C1:BSWV"]
+    return Told(
+        output=switch(said["C1:OUTP"][0]),
+        vpp=_quantity(wave, "AMP"),
+        frequency_hz=_quantity(wave, "FRQ"),
+        wrong=_shape_wrong(said["C1:OUTP"], wave) or _left_on(said),
+    )
+
+
+def _shape_wrong(output: list[str], wave: list[str]) -> str:
+    load, shape, offset_v = _word(output, "LOAD"), _word(wave, "WVTP"), _quantity(wave, "OFST")
+    if load != "HZ":
+        return f"load must be HZ, got {load}: twice the voltage"
+    if (shape, offset_v) != ("SINE", 0):
+        return f"wave and offset must be SINE and 0, got {shape} and {number_text(offset_v)}"
+    return ""
+
+
+def _left_on(said: Mapping[str, list[str]]) -> str:
+    for name, header in _MUST_BE_OFF.items():
+        if "ON" in said[header] or "OFF" not in said[header]:
+            return f"{name} must be off, got {','.join(said[header])[:40]}"
+    return ""
+
+
+def _words(answer: str, header: str) -> list[str]:
+    """Return what stands after `header` in `answer`."""
+    begin, _, rest = answer.partition(" ")
+    if begin != header or not rest:
+        raise ProtocolError(f"the device must answer with {header} and its values, got {answer!r}")
+    return [word.strip() for word in rest.split(",")]
+
+
+def _word(words: list[str], name: str) -> str:
+    """Return the word that follows `name`."""
+    if name not in words[:-1]:
+        raise ProtocolError(f"the device must answer with its {name}, got {','.join(words)!r}")
+    return words[words.index(name) + 1]
+
+
+def _quantity(words: list[str], name: str) -> float:
+    """Return the number that follows `name`, in Hz or V."""
+    word = _word(words, name)
+    found = _VALUE.fullmatch(word)
+    if found is None or found[2] not in _UNITS:
+        raise ProtocolError(f"the device must answer with a number for {name}, got {word!r}")
+    return number(found[1]) * _UNITS[found[2]]
+
+
+DRIVER = Siglent

@@ -1,0 +1,228 @@
+"""The dialect of the Siglent SDG generators of the X series, as far as a drive needs it.
+
+Source: Siglent SDG Series Programming Guide (PG02). There is no error queue: what is not understood
+does nothing, and what is out of range is clipped.
+"""
+
+import math
+import re
+from collections.abc import Callable, Mapping
+from itertools import pairwise
+
+from device.simulator.models.generator_model import GeneratorDialect
+from device.simulator.models.keysight_channels import Channel, Channels, Model
+from device.simulator.models.power_stage import Instrument
+
+_GENERATORS = {
+    "siglent": Model(
+        idn="Siglent Technologies,SDG2042X,SDG2XCAD1R0001,2.01.01.23R7",
+        channels=2,
+        digits=6,
+        least_emf_vpp=4e-3,
+        most_hz=40e6,
+        limits=False,
+        most_cycles=1_000_000,
+    )
+}
+WAVES = ("SINE", "SQUARE", "RAMP", "PULSE", "NOISE", "ARB", "DC")
+TYPES = ("AM", "DSBAM", "FM", "PM", "PWM", "ASK", "FSK", "PSK")
+_MODES = ("MDWV", "SWWV", "BTWV")
+"""Only one of them can be on."""
+_LINE = re.compile(r"(?:C([12]):)?([*A-Z_]+)(\?)?(?:\s+(.*))?")
+_LONG = {
+    "OUTPUT": "OUTP",
+    "BASIC_WAVE": "BSWV",
+    "MODULATEWAVE": "MDWV",
+    "SWEEPWAVE": "SWWV",
+    "BURSTWAVE": "BTWV",
+    "HARMONIC": "HARM",
+    "COMBINE": "CMBN",
+    "COUPLING": "COUP",
+}
+_NUMBER = re.compile(r"([-+]?[\d.]+(?:E[-+]?\d+)?)([A-Z]*)")
+_UNITS = {"": 1.0, "HZ": 1.0, "KHZ": 1e3, "MHZ": 1e6, "V": 1.0, "VPP": 1.0, "MV": 1e-3}
+_COUPLED = ("TRACE", "FCOUP", "PCOUP", "ACOUP")
+FIRST_EMF_VPP = 4.0
+
+
+class SiglentDialect(GeneratorDialect):
+    """Answers the commands of an SDG2042X."""
+
+    def __init__(self, instrument: Instrument, model: Model) -> None:
+        self.idn = model.idn
+        self._model = model
+        self._coupled = dict.fromkeys(_COUPLED, "OFF")
+        self._answers: dict[str, Callable[[int], str]] = {
+            "OUTP": self._output,
+            "BSWV": self._wave,
+            "HARM": lambda number: f"HARMSTATE,{self._setting(number, 'HARM')}",
+            "CMBN": lambda number: self._setting(number, "CMBN"),
+            "COUP": lambda _: ",".join(",".join(pair) for pair in self._coupled.items()),
+            **{mode: self._mode_answer(mode) for mode in _MODES},
+        }
+        self._setters: dict[str, Callable[[int, list[str]], None]] = {
+            "OUTP": self._set_output,
+            "BSWV": self._set_wave,
+            "HARM": lambda number, words: self._switch(number, "HARM", words[-1]),
+            "CMBN": lambda number, words: self._switch(number, "CMBN", words[-1]),
+            "COUP": lambda _, words: self._couple(words),
+            **{mode: self._mode_setter(mode) for mode in _MODES},
+        }
+        super().__init__(instrument, Channels(instrument, model), (), {})
+
+    def answer(self, line: str) -> str | None:
+        """Return what is answered to `line`; the beam follows."""
+        answer = self._line_answer(line.strip().upper())
+        self.follow()
+        return answer
+
+    def modulate(self) -> None:
+        """Switch frequency modulation on at the panel."""
+        self.channels[0].settings |= {"MDWV": "ON", "type": "FM"}
+
+    def add_signal(self) -> None:
+        """Add the second channel to the first at the panel."""
+        self.channels[0].settings["CMBN"] = "ON"
+
+    def _added_emf_vpp(self) -> float:
+        return self.channels[1].emf_vpp if self._setting(1, "CMBN") == "ON" else 0.0
+
+    def _deviates(self) -> bool:
+        return (self._setting(1, "MDWV"), self._setting(1, "type")) == ("ON", "FM")
+
+    def _preset(self) -> None:
+        super()._preset()
+        self._coupled |= dict.fromkeys(_COUPLED, "OFF")
+        for channel in self.channels:
+            channel.function, channel.load_ohm = "SINE", math.inf
+            channel.emf_vpp = FIRST_EMF_VPP
+            channel.settings |= dict.fromkeys((*_MODES, "HARM", "CMBN"), "OFF")
+            channel.settings |= {"PLRT": "NOR", "PHSE": 0.0, "type": "AM"}
+
+    def _line_answer(self, line: str) -> str | None:
+        common = {"*IDN?": self.idn, "*OPC?": "1"}
+        if line in common:
+            return common[line]
+        if line == "*RST":
+            self._preset()
+        found = _LINE.fullmatch(line)
+        if found is None:
+            return None
+        number, header = int(found[1] or 1), _LONG.get(found[2], found[2])
+        if header not in self._answers:
+            return None
+        if found[3]:
+            return self._query_answer(number, header)
+        self._setters[header](number, [word.strip() for word in (found[4] or "").split(",")])
+        return None
+
+    def _query_answer(self, number: int, header: str) -> str | None:
+        """What a query answers; that for harmonics is silent unless the wave is a sine."""
+        if header == "HARM" and self.channels[number - 1].function != "SINE":
+            return None
+        named = header if header == "COUP" else f"C{number}:{header}"
+        return f"{named} {self._answers[header](number)}"
+
+    def _setting(self, number: int, name: str) -> str:
+        return str(self.channels[number - 1].settings[name])
+
+    def _switch(self, number: int, name: str, word: str) -> None:
+        if word in {"ON", "OFF"}:
+            self.channels[number - 1].settings[name] = word
+
+    def _couple(self, words: list[str]) -> None:
+        for name, word in _pairs(words).items():
+            if name in self._coupled and word in {"ON", "OFF"}:
+                self._coupled[name] = word
+
+    def _output(self, number: int) -> str:
+        channel = self.channels[number - 1]
+        on = self._instrument.output if number == 1 else channel.output
+        load = "HZ" if math.isinf(channel.load_ohm) else f"{channel.load_ohm:g}"
+        return f"{'ON' if on else 'OFF'},LOAD,{load},PLRT,{channel.settings['PLRT']}"
+
+    def _set_output(self, number: int, words: list[str]) -> None:
+        channel = self.channels[number - 1]
+        if words[0] in {"ON", "OFF"}:
+            on = words.pop(0) == "ON"
+            if number == 1:
+                self._instrument.switch(on)
+            else:
+                channel.output = on
+        pairs = _pairs(words)
+        if pairs.get("PLRT") in {"NOR", "INVT"}:
+            channel.settings["PLRT"] = pairs["PLRT"]
+        load = pairs.get("LOAD", "")
+        if load == "HZ":
+            channel.load_ohm = math.inf
+        elif (ohm := _number(load)) is not None:
+            channel.load_ohm = min(max(ohm, 50.0), 100_000.0)
+
+    def _wave(self, number: int) -> str:
+        channel = self.channels[number - 1]
+        vpp, offset_v = channel.shown * channel.emf_vpp, channel.offset_v
+        return (
+            f"WVTP,{channel.function},FRQ,{channel.frequency_hz:.10g}HZ,"
+            f"PERI,{1 / channel.frequency_hz:.6g}S,AMP,{vpp:.6g}V,OFST,{offset_v:.6g}V,"
+            f"HLEV,{offset_v + vpp / 2:.6g}V,LLEV,{offset_v - vpp / 2:.6g}V,"
+            f"PHSE,{channel.settings['PHSE']:g}"
+        )
+
+    def _set_wave(self, number: int, words: list[str]) -> None:
+        channel, pairs = self.channels[number - 1], _pairs(words)
+        if pairs.get("WVTP") in WAVES:
+            channel.function = pairs["WVTP"]
+            channel.settings |= dict.fromkeys(_MODES, "OFF")
+        gain = self._instrument.set_gain if number == 1 else 1.0
+        setters: Mapping[str, Callable[[float], object]] = {
+            "FRQ": lambda hz: self._set_frequency(channel, gain * hz),
+            "AMP": lambda vpp: channel.set_vpp(gain * vpp),
+            "OFST": channel.set_offset,
+            "PHSE": lambda degrees: channel.settings.update(PHSE=degrees % 360),
+        }
+        for name, setter in setters.items():
+            if (value := _number(pairs.get(name, ""))) is not None:
+                setter(value)
+
+    def _set_frequency(self, channel: Channel, frequency_hz: float) -> None:
+        channel.frequency_hz = min(max(frequency_hz, 1e-6), self._model.most_hz)
+
+    def _mode_answer(self, mode: str) -> Callable[[int], str]:
+        def answer(number: int) -> str:
+            if self._setting(number, mode) == "OFF":
+                return "STATE,OFF"
+            kind = f",{self._setting(number, 'type')}" if mode == "MDWV" else ""
+            return f"STATE,ON{kind},SRC,INT,CARR,{self._wave(number)}"
+
+        return answer
+
+    def _mode_setter(self, mode: str) -> Callable[[int, list[str]], None]:
+        def put(number: int, words: list[str]) -> None:
+            settings, pairs = self.channels[number - 1].settings, _pairs(words)
+            if pairs.get("STATE") == "ON":
+                settings |= dict.fromkeys(_MODES, "OFF")
+            self._switch(number, mode, pairs.get("STATE", ""))
+            kind = next((word for word in words if word in TYPES), None)
+            if mode == "MDWV" and kind is not None:
+                settings["type"] = kind
+
+        return put
+
+
+def _pairs(words: list[str]) -> dict[str, str]:
+    """Each word that may be a name, and what follows it."""
+    return dict(pairwise(words))
+
+
+def _number(word: str) -> float | None:
+    found = _NUMBER.fullmatch(word)
+    if found is None or found[2] not in _UNITS:
+        return None
+    return float(found[1]) * _UNITS[found[2]]
+
+
+def _speaking(generator: Model) -> Callable[[Instrument, object], SiglentDialect]:
+    return lambda instrument, _: SiglentDialect(instrument, generator)
+
+
+MODELS = {name: _speaking(generator) for name, generator in _GENERATORS.items()}

@@ -1,46 +1,87 @@
 """A simulated device in the test's own process that can be made to lie, one answer at a time."""
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+
 from device.drivers.driver import Driver
 from device.drivers.registry import driver_of
-from device.drivers.setpoints import Limits
+from device.drivers.setpoints import Limits, Setpoint
+from device.errors import DeviceError, LimitExceeded
 from device.link.link import Link
+from device.rig import RAMP_STEP_S, Rig
 from device.simulator.device import simulated_device
 from tests.device.scripted import ticking
+
+LINE_S = 5e-4
+"""How long a line takes."""
+
+
+class SteppedClock:
+    """Seconds that pass by `advance` alone."""
+
+    def __init__(self) -> None:
+        self._now_s = 0.0
+
+    def __call__(self) -> float:
+        return self._now_s
+
+    def advance(self, seconds: float) -> None:
+        """Let time pass."""
+        self._now_s += seconds
 
 
 class LyingPort:
     """A port with a simulated device behind it; what `lies` has for a query is answered instead.
 
-    A list is used up one answer after the other; its last one stays. Lines in `unknown` are not
-    understood, those in `silent` not answered. `sent` are the lines that came. Device time passes
-    by `advance` alone.
+    A list is used up one answer after the other; its last one stays. `line_lie` is applied to every
+    whole line that is answered. Lines in `unknown` are not understood, those in `silent` not
+    answered. `sent` are the lines that came. Device time is that of `clock`, where there is one,
+    and passes while somebody waits; else it passes by `advance` alone.
     """
 
-    def __init__(self, dialect: str = "board") -> None:
-        self.device = simulated_device(seed=1, wall_s=lambda: 0.0, dialect=dialect)
+    def __init__(self, dialect: str = "board", clock: SteppedClock | None = None) -> None:
+        self._clock = clock
+        self.device = simulated_device(seed=1, wall_s=self._now_s, dialect=dialect)
         self.lies: dict[str, list[str]] = {}
+        self.line_lie: Callable[[str], str] = str
         self.unknown: set[str] = set()
         self.silent: set[str] = set()
         self.sent: list[str] = []
+        self.off_s: float | None = None
+        """When the output went off last."""
         self._pending = b""
 
     def receive(self, timeout_s: float) -> bytes:
         data, self._pending = self._pending, b""
+        if not data and self._clock is not None:
+            self._clock.advance(timeout_s)
         return data
 
     def send(self, data: bytes) -> None:
         line = data.decode().strip()
         self.sent.append(line)
-        answer = self.device.answer("FROB?" if line in self.unknown else line, wall_s=0.0)
+        if self._clock is not None:
+            self._clock.advance(LINE_S)
+        was_on = self.device.instrument.output
+        answer = self.device.answer("FROB?" if line in self.unknown else line, self._now_s())
+        if was_on and not self.device.instrument.output:
+            self.off_s = self._now_s()
         if answer is not None and line not in self.silent:
-            queries = [part.lstrip(":") for part in line.split(";") if "?" in part]
-            said = zip(queries, answer.split(";"), strict=True)
-            self._pending += ";".join(self._told(*pair) for pair in said).encode() + b"\n"
+            self._pending += self.line_lie(self._lied(line, answer)).encode("latin-1") + b"\n"
 
     def close(self) -> None: ...
 
     def advance(self, seconds: float) -> None:
         self.device.answer_control(f"advance {seconds}")
+
+    def _now_s(self) -> float:
+        return 0.0 if self._clock is None else self._clock()
+
+    def _lied(self, line: str, answer: str) -> str:
+        queries = [part.lstrip(":") for part in line.split(";") if "?" in part]
+        answers = answer.split(";") if len(queries) > 1 else [answer]
+        return ";".join(self._told(*pair) for pair in zip(queries, answers, strict=True))
 
     def _told(self, query: str, answer: str) -> str:
         lies = self.lies.get(query, [])
@@ -59,3 +100,38 @@ def lying(limits: Limits, dialect: str = "board") -> tuple[Driver, LyingPort]:
     driver, port = unarmed(limits, dialect)
     driver.arm()
     return driver, port
+
+
+@dataclass(frozen=True, kw_only=True)
+class WatchedRig:
+    """A rig on a device that may lie, and the clock that both live by."""
+
+    rig: Rig
+    port: LyingPort
+    clock: SteppedClock
+
+    def live(self, seconds: float) -> None:
+        """Let the session live on for a while, or until the rig fails, which it raises."""
+        for _ in range(round(seconds / RAMP_STEP_S)):
+            self.clock.advance(RAMP_STEP_S)
+            for _ in range(2):  # the rig does what is due after one call and before the next
+                with suppress(LimitExceeded):
+                    self.rig.drive(_TOO_MUCH)
+
+
+_TOO_MUCH = Setpoint(voltage_v=1e6, frequency_hz=1e3, ramp_v_per_s=1.0)
+"""Is refused before anything is sent."""
+
+
+@contextmanager
+def watched(limits: Limits, dialect: str) -> Iterator[WatchedRig]:
+    """A rig, not armed yet, whose device may lie; it is closed afterwards, whatever it says."""
+    clock = SteppedClock()
+    port = LyingPort(dialect, clock)
+    driver = driver_of(dialect)(Link(port, monotonic=clock), limits, clock)
+    rig = Rig(driver, limits, monotonic=clock)
+    try:
+        yield WatchedRig(rig=rig, port=port, clock=clock)
+    finally:
+        with suppress(DeviceError):
+            rig.close()

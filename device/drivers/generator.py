@@ -1,7 +1,7 @@
-"""Generators before an amplifier: amplitudes peak-to-peak, and ramps made by this program.
+"""What the drivers of generators share: peak-to-peak amplitudes and ramps made by touchbeam.
 
-What somebody sets at the panel can double the amplitude, move the frequency or add a second signal.
-All of that is set before a drive, and asked for in every read-back and poll.
+A setting at the front panel can double the amplitude, change the frequency or add a second signal.
+The driver sets all of them when it arms the generator, and reads them in every read-back and poll.
 """
 
 import math
@@ -15,7 +15,7 @@ from device.errors import DeviceError, LimitExceeded
 from protocol.journal.records import Identity, ReadBack
 
 AMPLITUDE_REL_TOL = 1e-3
-"""They keep four digits of an amplitude (33220A User's Guide, "Output Amplitude")."""
+"""They store four digits of an amplitude (33220A User's Guide, "Output Amplitude")."""
 NO_WATCHDOG = (
     "this generator has no watchdog: if this program or its cable dies, the output stays on; "
     "keep a hand on the amplifier's switch"
@@ -28,7 +28,7 @@ NO_ERRORS = (
 
 @dataclass(frozen=True, kw_only=True)
 class Ramp:
-    """An amplitude that this program moves, for the generator cannot."""
+    """A linear change of the amplitude, which touchbeam makes in steps."""
 
     from_v: float
     to_v: float
@@ -36,7 +36,7 @@ class Ramp:
     v_per_s: float
 
     def at(self, now_s: float) -> float:
-        """Return the amplitude at a moment, V."""
+        """Return the amplitude at `now_s`, V."""
         moved_v = self.v_per_s * (now_s - self.begin_s)
         if moved_v >= abs(self.to_v - self.from_v):
             return self.to_v
@@ -44,50 +44,50 @@ class Ramp:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Told:
-    """What a generator tells of itself, all of one moment.
+class Status:
+    """What a generator reports about itself at one moment.
 
-    `wrong` says what is not as every drive relies on, and is empty if all of it is.
+    `fault` names a setting that is not as every drive needs it; it is empty if there is none.
     """
 
     output: bool
     vpp: float
     frequency_hz: float
-    wrong: str
+    fault: str
 
 
 class Generator(Driver):
-    """Control a generator. 0 V is its output switched off: it cannot give less than a little."""
+    """Control a generator. Its amplitude has a minimum, so 0 V means that its output is off."""
 
     on_command = "OUTP ON"
     amplitude_abs_tol_vpp: ClassVar[float] = 0.0
-    """The step of amplitudes that are too small for `AMPLITUDE_REL_TOL`."""
+    """The resolution of the amplitude, where it is coarser than `AMPLITUDE_REL_TOL`."""
     _least_v = 0.0
     _ramp: Ramp | None = None
     _amplitude_v = 0.0
 
     @abstractmethod
     def _set_up(self, idn: str) -> float:
-        """Set everything that an amplitude relies on; return the least amplitude, Vpp, now set.
+        """Apply all settings, and the smallest amplitude; return it, Vpp.
 
-        The order matters: what comes later is counted in what came before.
+        The order matters: an amplitude depends on the load and the unit that are set.
         """
 
     @abstractmethod
     def _remarks(self) -> tuple[str, ...]:
-        """Return what the operator must know of what this generator cannot do."""
+        """Return what the operator must know about the limitations of this generator."""
 
     @abstractmethod
-    def _told(self) -> Told:
-        """Ask for everything at once, so that no stray line answers for it."""
+    def _status(self) -> Status:
+        """Read all settings together, so that no unsolicited line is taken for an answer."""
 
     @abstractmethod
     def _set_vpp(self, vpp: float) -> None:
-        """Set the amplitude and compare what was kept."""
+        """Set the amplitude and compare the value that the generator stored."""
 
     @abstractmethod
     def _set_frequency(self, frequency_hz: float) -> None:
-        """Set the frequency and compare what was kept."""
+        """Set the frequency and compare the value that the generator stored."""
 
     def arm(self) -> Identity:
         """Set the generator up; refused before anything is sent where its gain is not known."""
@@ -110,10 +110,10 @@ class Generator(Driver):
         )
 
     def drive(self, setpoint: Setpoint) -> ReadBack:
-        """Set `setpoint`, switch the output on, and return what the device says of it.
+        """Apply `setpoint`, switch the output on, and return the values read back.
 
-        The amplitude starts at the smallest and moves on with `carry_on`. Where it is on its way
-        there already, as fast, it goes on as it was.
+        The amplitude starts at the smallest one; `carry_on` makes the steps of the ramp. A ramp to
+        the same amplitude at the same rate is continued.
         """
         self._checked(setpoint)
         if setpoint.voltage_v == 0 and self.driven is None:
@@ -132,7 +132,7 @@ class Generator(Driver):
         return self.read_back()
 
     def carry_on(self) -> bool:
-        """Take the next step of the ramp; at 0 V the output goes off."""
+        """Make the next step of the ramp; at 0 V the output is switched off."""
         if self._ramp is None or self.driven is None:
             return False
         wanted_v = self._ramp.at(self.monotonic())
@@ -145,21 +145,21 @@ class Generator(Driver):
         return False
 
     def read_back(self) -> ReadBack:
-        """Get the drive; a generator measures nothing.
+        """Read the drive; a generator has no sensors.
 
         Raises:
-            DeviceError: the output is not as it was switched, or something is not as it was set.
+            DeviceError: the output or a setting differs from what was commanded.
         """
-        told = self._told()
-        self._require(told, output=self.driven is not None)
+        status = self._status()
+        self._require(status, output=self.driven is not None)
         return ReadBack(
-            output=told.output,
-            voltage_v=self.limits.amplifier.amplitude_v(told.vpp),
-            frequency_hz=told.frequency_hz,
+            output=status.output,
+            voltage_v=self.limits.amplifier.amplitude_v(status.vpp),
+            frequency_hz=status.frequency_hz,
         )
 
     def check(self) -> None:
-        """See that the output is as it was switched, and that nobody turned a knob."""
+        """Check that the output and all settings are as commanded."""
         self.read_back()
 
     def off(self) -> None:
@@ -179,18 +179,18 @@ class Generator(Driver):
         self._set_vpp(self.limits.amplifier.vpp(voltage_v))
         self._amplitude_v = voltage_v
 
-    def _require(self, told: Told, *, output: bool) -> None:
-        """Raise unless the generator is set up, switched and driven as it was told."""
-        if told.output != output:
-            state = "on" if told.output else "off"
+    def _require(self, status: Status, *, output: bool) -> None:
+        """Raise unless the output, the settings and the drive are as commanded."""
+        if status.output != output:
+            state = "on" if status.output else "off"
             raise DeviceError(f"the generator's output is {state}, and nobody here switched it")
-        if told.wrong:
-            raise DeviceError(f"the generator's {told.wrong}")
-        self._require_amplitude(self.limits.amplifier.amplitude_v(told.vpp))
-        self.require_frequency(told.frequency_hz)
+        if status.fault:
+            raise DeviceError(f"the generator's {status.fault}")
+        self._require_amplitude(self.limits.amplifier.amplitude_v(status.vpp))
+        self.require_frequency(status.frequency_hz)
 
     def _require_amplitude(self, kept_v: float) -> None:
-        """The amplitude is the last one set, for the ramp moves it step by step."""
+        """Raise unless the amplitude is that of the last step of the ramp."""
         step_v = self.limits.amplifier.amplitude_v(self.amplitude_abs_tol_vpp)
         if not math.isclose(self._amplitude_v, kept_v, rel_tol=AMPLITUDE_REL_TOL, abs_tol=step_v):
             raise DeviceError(

@@ -52,7 +52,7 @@ class Keysight(ScpiGenerator):
     }
 
     def _words_of(self, idn: str) -> Words:
-        """A 33220A has no limits; 33510, 12, 20, 22 and their like have two channels."""
+        """Return the names; a 33220A has no limits, and 33510, 12, 20 and 22 have two channels."""
         model = idn.split(",")[1]
         if model.startswith("33220"):
             return Words(source="", output="OUTP", limits="", off=_MODULATIONS, switches=_SWITCHES)

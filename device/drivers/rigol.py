@@ -1,7 +1,7 @@
 """The driver of the Rigol DG800 and DG1000Z generators, through an amplifier.
 
-Source: Rigol DG800 and DG1000Z Programming Guides. They take one query a line, and say `ON` and
-`OFF`. Numbers have seven digits.
+Source: Rigol DG800 and DG1000Z Programming Guides. Each line holds one query, switches answer `ON`
+or `OFF`, and numbers have seven digits.
 """
 
 import re
@@ -46,7 +46,7 @@ class Rigol(ScpiGenerator):
     amplitude_abs_tol_vpp: ClassVar[float] = 1e-3
 
     def _words_of(self, idn: str) -> Words:
-        """A DG1000Z has no limits; a DG811, 821 and 831 has one channel."""
+        """Return the names; a DG1000Z has no limits, and a DG811, 821 or 831 has one channel."""
         model = idn.split(",")[1].upper()
         return Words(
             source=":SOUR1:",

@@ -1,4 +1,4 @@
-"""Generators that speak SCPI: one order of set-up and one question, with each maker's words."""
+"""Generators that speak SCPI: they differ only in the names of commands and of states."""
 
 import math
 from abc import abstractmethod
@@ -10,21 +10,21 @@ from device.drivers.generator import (
     NO_LIMITS,
     NO_WATCHDOG,
     Generator,
-    Told,
+    Status,
 )
 from device.link.codec import impedance, number, number_text, switch
 
 
 @dataclass(frozen=True, kw_only=True)
 class Words:
-    """What a model calls things.
+    """The names of commands and states of one model.
 
     Attributes:
-        source: what its headers for channel 1 begin with, `SOUR1:` or nothing.
-        output: the header of its output.
-        limits: the header of its voltage limits; empty where it has none.
-        off: what must not be on while the beam is driven: name → header, and the answer then.
-        switches: how it says off, and on.
+        source: the prefix of commands for channel 1, such as `SOUR1:`, or nothing.
+        output: the command for the output.
+        limits: the command for the voltage limits; empty for a model without limits.
+        off: settings that must be off: name → command, and the answer if it is off.
+        switches: the answers for off and on.
     """
 
     source: str
@@ -35,19 +35,18 @@ class Words:
 
 
 class ScpiGenerator(Generator):
-    """Control a generator whose commands differ from those of others by their words alone."""
+    """Control a generator that speaks SCPI."""
 
     _words: Words
 
     @abstractmethod
     def _words_of(self, idn: str) -> Words:
-        """Return the words of the model that answers `*IDN?` with `idn`."""
+        """Return the names of the model that answers `*IDN?` with `idn`."""
 
     def _set_up(self, idn: str) -> float:
-        """Set up; the order matters: what comes later is counted in what came before.
+        """Apply all settings. The smallest amplitude precedes the limits.
 
-        The smallest amplitude comes before the limits: they cannot be switched on while what is
-        set exceeds them.
+        Limits that the amplitude exceeds cannot be switched on.
         """
         words = self._words = self._words_of(idn)
         self.on_command = f"{words.output} ON"
@@ -69,7 +68,7 @@ class ScpiGenerator(Generator):
 
     @property
     def _most_v(self) -> float:
-        """What the generator must not exceed, V, on either side of 0."""
+        """Return the largest voltage allowed at the output, V, of either sign."""
         return self.limits.amplifier.vpp(self.limits.max_voltage_v) / 2
 
     def _remarks(self) -> tuple[str, ...]:
@@ -82,7 +81,7 @@ class ScpiGenerator(Generator):
     def _set_frequency(self, frequency_hz: float) -> None:
         self.set_number(f"{self._words.source}FREQ", frequency_hz)
 
-    def _told(self) -> Told:
+    def _status(self) -> Status:
         words = self._words
         volts, limits = f"{words.source}VOLT", words.limits
         headers = (
@@ -92,23 +91,25 @@ class ScpiGenerator(Generator):
             *(header for header, _ in words.off.values()),
         )
 
-        def parsed(answers: list[str]) -> Told:
-            said = dict(zip(headers, answers, strict=True))
-            return Told(
-                output=switch(said[words.output]),
-                vpp=number(said[volts]),
-                frequency_hz=number(said[f"{words.source}FREQ"]),
-                wrong=self._shape_wrong(said) or self._limits_wrong(said) or self._left_on(said),
+        def parsed(answers: list[str]) -> Status:
+            answer_to = dict(zip(headers, answers, strict=True))
+            return Status(
+                output=switch(answer_to[words.output]),
+                vpp=number(answer_to[volts]),
+                frequency_hz=number(answer_to[f"{words.source}FREQ"]),
+                fault=self._shape_fault(answer_to)
+                or self._limits_fault(answer_to)
+                or self._left_on(answer_to),
             )
 
         return self.link.certain([f"{header}?" for header in headers], parsed)
 
-    def _shape_wrong(self, said: Mapping[str, str]) -> str:
-        load, volts = said[f"{self._words.output}:LOAD"], f"{self._words.source}VOLT"
+    def _shape_fault(self, answer_to: Mapping[str, str]) -> str:
+        load, volts = answer_to[f"{self._words.output}:LOAD"], f"{self._words.source}VOLT"
         if math.isfinite(impedance(load)):
             return f"load must be INF, got {load}: twice the voltage"
-        unit, function = said[f"{volts}:UNIT"], said[f"{self._words.source}FUNC"]
-        offset_v = number(said[f"{volts}:OFFS"])
+        unit, function = answer_to[f"{volts}:UNIT"], answer_to[f"{self._words.source}FUNC"]
+        offset_v = number(answer_to[f"{volts}:OFFS"])
         if (unit, offset_v, function) == ("VPP", 0, "SIN"):
             return ""
         return (
@@ -116,11 +117,11 @@ class ScpiGenerator(Generator):
             f"got {unit}, {number_text(offset_v)} and {function}"
         )
 
-    def _limits_wrong(self, said: Mapping[str, str]) -> str:
+    def _limits_fault(self, answer_to: Mapping[str, str]) -> str:
         if not (limits := self._words.limits):
             return ""
-        on, most_v = switch(said[f"{limits}:STAT"]), self._most_v
-        high_v, low_v = number(said[f"{limits}:HIGH"]), number(said[f"{limits}:LOW"])
+        on, most_v = switch(answer_to[f"{limits}:STAT"]), self._most_v
+        high_v, low_v = number(answer_to[f"{limits}:HIGH"]), number(answer_to[f"{limits}:LOW"])
         if on and math.isclose(high_v, most_v, rel_tol=1e-6) and math.isclose(low_v, -most_v):
             return ""
         return (
@@ -128,9 +129,11 @@ class ScpiGenerator(Generator):
             f"{'on' if on else 'off'} at {low_v:g} and {high_v:g} V"
         )
 
-    def _left_on(self, said: Mapping[str, str]) -> str:
+    def _left_on(self, answer_to: Mapping[str, str]) -> str:
         off_word = self._words.switches[False]
         for name, (header, word) in self._words.off.items():
-            if said[header] != word:
-                return f"{name} must be {'off' if word == off_word else word}, got {said[header]}"
+            if answer_to[header] != word:
+                return (
+                    f"{name} must be {'off' if word == off_word else word}, got {answer_to[header]}"
+                )
         return ""

@@ -1,7 +1,7 @@
 """The driver of the Siglent SDG generators of the X series, through an amplifier.
 
-Source: Siglent SDG Series Programming Guide (PG02). Their answers begin with the header that was
-asked for, and give names and values in turn: `C1:OUTP OFF,LOAD,HZ,PLRT,NOR`.
+Source: Siglent SDG Series Programming Guide (PG02). An answer starts with the command that was
+asked for, followed by names and values: `C1:OUTP OFF,LOAD,HZ,PLRT,NOR`.
 """
 
 import math
@@ -15,14 +15,14 @@ from device.drivers.generator import (
     NO_LIMITS,
     NO_WATCHDOG,
     Generator,
-    Told,
+    Status,
 )
 from device.errors import DeviceError, ProtocolError
 from device.link.codec import number, number_text, switch
 from device.link.link import Register
 
 LEAST_VPP = 4e-3
-"""What all of them can give into an open circuit."""
+"""An amplitude that every model can generate into an open circuit."""
 _OFF = (
     *("C1:MDWV STATE,OFF", "C1:SWWV STATE,OFF", "C1:BTWV STATE,OFF", "C1:BSWV WVTP,SINE"),
     *("C1:HARM HARMSTATE,OFF", "C1:CMBN OFF", "C2:OUTP OFF"),
@@ -43,7 +43,7 @@ _VALUE = re.compile(r"([-+]?[\d.]+(?:[eE][-+]?\d+)?)([A-Z]*)")
 
 
 class Siglent(Generator):
-    """Control an SDG1000X, 2000X, 6000X or their like. An answer means that all before is done."""
+    """Control an SDG1000X, 2000X, 6000X or similar; it completes commands before it answers."""
 
     dialect: ClassVar[str] = "siglent"
     idn: ClassVar["re.Pattern[str]"] = re.compile(r"Siglent Technologies,SDG\d{4}X", re.IGNORECASE)
@@ -64,17 +64,17 @@ class Siglent(Generator):
         told=re.compile(r"C2:BSWV .*\bPHSE,(\d{1,3})(?:,.*)?"),
         is_a_setting=True,
     )
-    """They have no event enable register: the phase of the second channel, which is off."""
+    """The phase of the second channel, which is off: there is no event enable register."""
     amplitude_abs_tol_vpp: ClassVar[float] = 1e-3
     on_command = "C1:OUTP ON"
 
     def _meet(self) -> None:
-        """Make the second channel's phase its own, and one that it has."""
+        """Decouple the second channel, and make it a sine, which has a phase."""
         for command in ("COUP TRACE,OFF", "COUP PCOUP,OFF", "C2:BSWV WVTP,SINE"):
             self.link.tell(command)
 
     def _set_up(self, idn: str) -> float:  # noqa: ARG002 - all models are alike
-        """Set up; whether it was obeyed is seen by what is read back of it all."""
+        """Apply all settings; `read_back` shows whether the generator accepted them."""
         amplitude = f"C1:BSWV AMP,{number_text(LEAST_VPP)}"
         for command in (*_OFF, "C1:OUTP LOAD,HZ", amplitude, "C1:BSWV OFST,0"):
             self.send(command)
@@ -84,17 +84,17 @@ class Siglent(Generator):
         return NO_WATCHDOG, NO_LIMITS, NO_ERRORS
 
     def output(self) -> bool:
-        """Get whether the output is on; no stray line answers for it."""
+        """Return whether the output is on; no unsolicited line is taken for the answer."""
         return self.link.certain(
             [self.output_query], lambda answers: switch(_words(answers[0], "C1:OUTP")[0])
         )
 
     def send(self, command: str) -> None:
-        """Send `command`; nothing tells whether the generator minded it."""
+        """Send `command`; the generator reports no errors."""
         self.link.tell(command)
 
     def drained_errors(self) -> list[str]:
-        """Return nothing: the generator keeps no errors."""
+        """Return an empty list: the generator has no error queue."""
         return []
 
     def _set_vpp(self, vpp: float) -> None:
@@ -105,28 +105,30 @@ class Siglent(Generator):
 
     def _set_wave(self, name: str, value: float, rel_tol: float, abs_tol: float) -> None:
         self.send(f"C1:BSWV {name},{number_text(value)}")
-        kept = self.link.query("C1:BSWV?", lambda said: _quantity(_words(said, "C1:BSWV"), name))
+        kept = self.link.query(
+            "C1:BSWV?", lambda answer: _quantity(_words(answer, "C1:BSWV"), name)
+        )
         if not math.isclose(kept, value, rel_tol=rel_tol, abs_tol=abs_tol):
             raise DeviceError(f"{name} was set to {value:g} and reads back as {kept:g}")
 
-    def _told(self) -> Told:
-        return self.link.certain([f"{header}?" for header in _HEADERS], _told_by)
+    def _status(self) -> Status:
+        return self.link.certain([f"{header}?" for header in _HEADERS], _status_of)
 
 
-def _told_by(answers: list[str]) -> Told:
-    said = {
+def _status_of(answers: list[str]) -> Status:
+    found = {
         header: _words(answer, header) for header, answer in zip(_HEADERS, answers, strict=True)
     }
-    wave = said["C1:BSWV"]
-    return Told(
-        output=switch(said["C1:OUTP"][0]),
+    wave = found["C1:BSWV"]
+    return Status(
+        output=switch(found["C1:OUTP"][0]),
         vpp=_quantity(wave, "AMP"),
         frequency_hz=_quantity(wave, "FRQ"),
-        wrong=_shape_wrong(said["C1:OUTP"], wave) or _left_on(said),
+        fault=_shape_fault(found["C1:OUTP"], wave) or _left_on(found),
     )
 
 
-def _shape_wrong(output: list[str], wave: list[str]) -> str:
+def _shape_fault(output: list[str], wave: list[str]) -> str:
     load, shape, offset_v = _word(output, "LOAD"), _word(wave, "WVTP"), _quantity(wave, "OFST")
     if load != "HZ":
         return f"load must be HZ, got {load}: twice the voltage"
@@ -135,15 +137,15 @@ def _shape_wrong(output: list[str], wave: list[str]) -> str:
     return ""
 
 
-def _left_on(said: Mapping[str, list[str]]) -> str:
+def _left_on(found: Mapping[str, list[str]]) -> str:
     for name, header in _MUST_BE_OFF.items():
-        if "ON" in said[header] or "OFF" not in said[header]:
-            return f"{name} must be off, got {','.join(said[header])[:40]}"
+        if "ON" in found[header] or "OFF" not in found[header]:
+            return f"{name} must be off, got {','.join(found[header])[:40]}"
     return ""
 
 
 def _words(answer: str, header: str) -> list[str]:
-    """Return what stands after `header` in `answer`."""
+    """Return the names and values after `header` in `answer`."""
     begin, _, rest = answer.partition(" ")
     if begin != header or not rest:
         raise ProtocolError(f"the device must answer with {header} and its values, got {answer!r}")

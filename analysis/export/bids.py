@@ -120,7 +120,7 @@ def _described(column: Column, data: Dataset) -> dict[str, Any]:
     levels = data.levels(column)
     return _given(
         {
-            "Description": column.description,
+            "Description": data.meaning(column),
             "Units": column.unit,
             "Levels": {tsv_cell(level): meaning for level, meaning in levels.items()},
         }

@@ -91,8 +91,8 @@ _ANSWER = (
     _column("agrees", "Whether the answer agrees with the expectation.", levels=YES_NO),
     _column(
         "score",
-        "Strength of the effect from 0 (none) to 10 (very effective). Missing where it "
-        "was not asked for or not given, never 0 instead.",
+        "Strength of the effect from {minimum} (none) to {maximum} (very effective). Missing where "
+        "it was not asked for or not given, never 0 instead.",
     ),
     _column(
         "reaction_time_s",

@@ -18,6 +18,7 @@ from analysis.loading.sessions import load_sessions
 from protocol.errors import BadInput
 from protocol.journal.events import StoredEvent
 from protocol.study.design import Publication
+from protocol.study.questions import PAPERS_SCALE, Rating
 from protocol.study.study import Study
 from protocol.study.texts import language, study_codes, study_wording
 
@@ -156,6 +157,16 @@ class Dataset:
             f"{_counted(self.sessions_withdrawn, 'withdrawn session')}"
         )
 
+    @property
+    def rating(self) -> Rating:
+        """The scale of the scores."""
+        return PAPERS_SCALE if self.published else self.study.rating
+
+    def meaning(self, column: Column) -> str:
+        """Return what `column` holds; scores lie between the ends of this study's scale."""
+        ends = {"minimum": self.rating.minimum, "maximum": self.rating.maximum}
+        return column.description.format(**ends)
+
     def levels(self, column: Column) -> Mapping[str, str]:
         """Return what the words in `column` stand for; this study may have words of its own."""
         if column.name == "condition":
@@ -177,9 +188,10 @@ class Dataset:
     def description(self) -> str:
         """Return what was done, in two or three sentences that hold for every study."""
         conditions, imported = ", ".join(self.conditions), "; ".join(self.sources)
+        scale = f"from {self.rating.minimum} to {self.rating.maximum}"
         if self.published:
             return (
-                f"Published scores, from 0 to 10, of subjects under the conditions {conditions}, "
+                f"Published scores, {scale}, of subjects under the conditions {conditions}, "
                 f"imported from {imported}. No session was run: how the scores were given is not "
                 "known."
             )
@@ -187,7 +199,7 @@ class Dataset:
             f"Study {self.study.study.name!r} of a touch device whose friction is changed by "
             f"vibration. In each trial a parameter changes ({conditions}), the "
             "participant touches and says what changed, and scores how strong the effect is, "
-            "from 0 to 10."
+            f"{scale}."
             + (
                 f" Sessions of the kind `published` are imported from {imported}."
                 if imported

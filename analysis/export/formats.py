@@ -33,7 +33,7 @@ def trials_csv(data: Dataset) -> str:
 def _described(column: Column, data: Dataset) -> dict[str, object]:
     levels = data.levels(column)
     return {
-        "description": column.description,
+        "description": data.meaning(column),
         **({"unit": column.unit} if column.unit else {}),
         **({"levels": dict(levels)} if levels else {}),
         **({"one_per_touch_separated_by": BETWEEN_TOUCHES} if column.per_touch else {}),

@@ -82,7 +82,7 @@ def _variable(column: Column, data: Dataset) -> dict[str, Any]:
     return {
         "@type": "PropertyValue",
         "name": column.name,
-        "description": column.description + listed,
+        "description": data.meaning(column) + listed,
         **({"unitText": column.unit} if column.unit else {}),
         **({"valueReference": terms} if terms else {}),
     }

@@ -13,6 +13,7 @@ from analysis.loading.score_table import ScoreTable
 from device.friction.changes import CONDITIONS
 from protocol.errors import BadInput
 from protocol.study.fields import LONGEST_NAME, require_printable
+from protocol.study.questions import PAPERS_SCALE
 
 NAMES = frozenset({"average", "comprehensive", "mean", "total"})
 LEAST_OTHERS = 3
@@ -81,7 +82,7 @@ def unpredicted_note(conditions: Sequence[str]) -> str | None:
     )
 
 
-SCALE = (0.0, 10.0)
+SCALE = (float(PAPERS_SCALE.minimum), float(PAPERS_SCALE.maximum))
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
 
 
@@ -92,7 +93,7 @@ class TableError(BadInput):
 def published_table(text: str, source: str = "scores.csv") -> ScoreTable:
     """Return the scores in `text`: first column `subject`, then one column per condition.
 
-    A blank cell is a missing score. Scores lie in [0, 10]. An apostrophe before `=`, `+`, `-` or
+    A blank cell is a missing score. Scores lie on `SCALE`. An apostrophe before `=`, `+`, `-` or
     `@` is the guard of an exported name and no part of it. A condition that the friction model
     knows is called as the model calls it, whatever the case. A subject is a pseudonym with a digit.
 
@@ -221,7 +222,7 @@ def _score(cell: str, where: str) -> float:
         raise TableError(f"{where}: a score must be a number or blank, got {cell[:40]!r}")
     value = float(cell)
     if not SCALE[0] <= value <= SCALE[1]:
-        raise TableError(f"{where}: a score must lie in [0, 10], got {cell}")
+        raise TableError(f"{where}: a score must lie in [{SCALE[0]:g}, {SCALE[1]:g}], got {cell}")
     return value
 
 

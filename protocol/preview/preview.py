@@ -59,7 +59,8 @@ def precision_by_length(shown: Preview, predict: Predict) -> list[Precision]:
     """
     main = [trial for trial in shown.plans[0].trials if trial.kind == "trial"]
     contrasts = [contrast for trial in main if (contrast := predict(trial)) is not None]
-    return precisions(contrasts, shown.study.design.repeats, session_lengths(shown.study))
+    study = shown.study
+    return precisions(contrasts, study.design.repeats, session_lengths(study), study.rating)
 
 
 def preview_record(shown: Preview, predict: Predict) -> dict[str, Any]:

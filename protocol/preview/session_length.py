@@ -13,6 +13,7 @@ from protocol.plan.feasibility import design_problems, most_catches
 from protocol.plan.plan import plan
 from protocol.plan.trials import session_s
 from protocol.study.design import MOST_REPEATS
+from protocol.study.questions import PAPERS_SCALE, Rating
 from protocol.study.study import Condition, Study
 
 
@@ -90,8 +91,13 @@ class Precision:
     relative: float
 
 
+def residual_sd(rating: Rating) -> float:
+    """Return the SD that a score has about the line, on a scale of another length accordingly."""
+    return RESIDUAL_SD * (rating.span / PAPERS_SCALE.span)
+
+
 def precisions(
-    contrasts: Sequence[float], repeats: int, sessions: Iterable[SessionLength]
+    contrasts: Sequence[float], repeats: int, sessions: Iterable[SessionLength], rating: Rating
 ) -> list[Precision]:
     """Return the precision of each session, assuming the same spread of contrasts.
 
@@ -99,20 +105,25 @@ def precisions(
         contrasts: predicted contrasts of the scored trials of a session of `repeats` repeats.
         repeats: repeats of that session.
         sessions: sessions of other lengths.
+        rating: the scale of the scores.
     """
-    return [_precision(contrasts, session.repeats / repeats, session) for session in sessions]
+    return [
+        _precision(contrasts, session.repeats / repeats, session, rating) for session in sessions
+    ]
 
 
-def _precision(contrasts: Sequence[float], share: float, session: SessionLength) -> Precision:
-    trials = round(share * len(contrasts))
-    half = half_width(squared_spread(contrasts) * share, trials)
+def _precision(
+    contrasts: Sequence[float], share: float, session: SessionLength, rating: Rating
+) -> Precision:
+    trials, largest = round(share * len(contrasts)), max(map(abs, contrasts), default=0.0)
+    half = half_width(squared_spread(contrasts) * share, trials, residual_sd(rating))
     return Precision(
         repeats=session.repeats,
         trials=trials,
         duration_s=session.duration_s,
         whole=session.whole,
         half_width=half,
-        relative=half * max(map(abs, contrasts), default=0.0) / 10 if half < inf else inf,
+        relative=half * largest / rating.span if half < inf else inf,
     )
 
 
@@ -124,17 +135,17 @@ def squared_spread(contrasts: Sequence[float]) -> float:
     return sum((contrast - mean) ** 2 for contrast in contrasts)
 
 
-def half_width(spread: float, trials: int, residual_sd: float = RESIDUAL_SD) -> float:
+def half_width(spread: float, trials: int, sd: float = RESIDUAL_SD) -> float:
     """Return half the width of the 95 % interval of a slope, infinite if it is undetermined.
 
     Args:
         spread: sum of squared deviations of the contrasts.
         trials: number of trials with a score.
-        residual_sd: SD of a score about the line.
+        sd: of a score about the line.
     """
     if trials < 3 or spread <= 1e-12:
         return inf
-    return t_quantile(0.975, trials - 2) * residual_sd / sqrt(spread)
+    return t_quantile(0.975, trials - 2) * sd / sqrt(spread)
 
 
 def t_quantile(probability: float, df: int) -> float:

@@ -4,8 +4,9 @@ from collections.abc import Iterator, Sequence
 
 from protocol.plan.trials import Trial
 from protocol.preview.preview import Predict, Preview, levels, precision_by_length
-from protocol.preview.session_length import RESIDUAL_SD, Precision
+from protocol.preview.session_length import Precision, residual_sd
 from protocol.proof.cohort import CarryOver, balance_guaranteed, sequences
+from protocol.study.questions import PAPERS_SCALE
 
 
 def preview_lines(shown: Preview, predict: Predict) -> Iterator[str]:
@@ -166,8 +167,11 @@ def _precision_lines(shown: Preview, predict: Predict) -> Iterator[str]:
         yield "*: not allowed by the study as it is; levels, catch trials, opposite repeats or"
         yield "max_session_s would have to change with design.repeats."
     yield "<: this study. Of the scale: the half-width at the largest change predicted here."
-    scatter = f"Scores are assumed to scatter with an SD of {RESIDUAL_SD:.2f} points"
-    yield f"{scatter}, as in the paper's Table 4."
+    rating = shown.study.rating
+    yield (
+        f"Scores are assumed to scatter with an SD of {residual_sd(rating):.2f} points, "
+        f"as in the paper's Table 4{'' if rating.span == PAPERS_SCALE.span else ' on this scale'}."
+    )
 
 
 def _precision_row(shown: Preview, option: Precision) -> tuple[str, str, str, str, str]:

@@ -56,6 +56,10 @@ def no_change(question: Question) -> str:
     return ANSWERS[question][-1]
 
 
+Score = Annotated[Whole, Field(le=1_000)]
+"""Whole, so that it can be typed and counted."""
+
+
 class Band(Record):
     """A range of scores, and its name in each language by the language's code."""
 
@@ -64,8 +68,8 @@ class Band(Record):
         str, Annotated[Line, Field(description="its name in that language, such as `en`")]
     ] = Field(init=False)
 
-    first: Annotated[Whole, Field(alias="from", description="lowest score of the band")]
-    last: Annotated[Whole, Field(alias="to", description="highest score of the band")]
+    first: Annotated[Score, Field(alias="from", description="lowest score of the band")]
+    last: Annotated[Score, Field(alias="to", description="highest score of the band")]
 
     @property
     def names(self) -> dict[str, str]:
@@ -83,20 +87,26 @@ PAPERS_BANDS = {
 
 
 class Rating(Record):
-    """When the effect is scored, and how the scores are named (0-10, paper section 5.2)."""
+    """When and on which scale the effect is scored, and how the scores are named."""
 
     score_when: Annotated[
         Literal["agrees", "always"],
         Field(description="ask for the score only if the answer agrees with the expectation"),
     ] = "agrees"
-    minimum: Annotated[Literal[0], Field(description="lowest score")] = 0
-    maximum: Annotated[Literal[10], Field(description="highest score")] = 10
+    minimum: Annotated[Score, Field(description="lowest score")] = 0
+    maximum: Annotated[Score, Field(description="highest score, above the lowest")] = 10
     ticks: Annotated[
         Literal["all", "bands", "ends"], Field(description="which scores are marked on the scale")
     ] = "all"
     bands: Annotated[
         tuple[Band, ...], Field(description="names of ranges, together the whole scale")
     ] = ()
+
+    @model_validator(mode="after")
+    def _ends_are_apart(self) -> Self:
+        if self.minimum >= self.maximum:
+            raise ValueError(f"maximum must be above minimum = {self.minimum}, got {self.maximum}")
+        return self
 
     @model_validator(mode="after")
     def _bands_cover_the_scale(self) -> Self:
@@ -108,6 +118,11 @@ class Rating(Record):
             )
         return self
 
+    @property
+    def span(self) -> int:
+        """How far the ends of the scale are apart."""
+        return self.maximum - self.minimum
+
     def checked_score(self, score: int) -> int:
         """Return `score` if it lies on the scale.
 
@@ -117,3 +132,7 @@ class Rating(Record):
         if not self.minimum <= score <= self.maximum:
             raise ValueError(f"rating must lie in [{self.minimum}, {self.maximum}], got {score}")
         return score
+
+
+PAPERS_SCALE = Rating()
+"""From 0 to 10 (section 5.2)."""

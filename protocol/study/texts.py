@@ -15,7 +15,7 @@ from protocol.study.languages import (
     built_in_codes,
     reference_texts,
 )
-from protocol.study.questions import PAPERS_BANDS, Band, Rating
+from protocol.study.questions import PAPERS_BANDS, PAPERS_SCALE, Band, Rating
 from protocol.study.study import Study
 from protocol.study.touch import Touch
 
@@ -83,6 +83,11 @@ def touch_text(touch: Touch) -> str:
     return f"touch{full or '.smooth'}" + (".harder" if touch.press > 1 else "")
 
 
+def score_text(wording: Wording, rating: Rating) -> str:
+    """Return the question for a score; it names the ends of the scale."""
+    return wording.texts["score"].format(minimum=rating.minimum, maximum=rating.maximum)
+
+
 def band_name(band: Band, wording: Wording) -> str | None:
     """Return the name of `band`: the study file's, else the language's own for the English one."""
     given = band.names.get(wording.code)
@@ -102,7 +107,13 @@ def _span(first: int, last: int) -> str:
 
 def worded_as_built(study: Study) -> bool:
     """Return whether the study's participants read nothing but what comes with every study."""
-    return not (study.texts or study.languages) and all(map(_is_papers, study.rating.bands))
+    rating = study.rating
+    if study.texts or study.languages:
+        return False
+    ends = (rating.minimum, rating.maximum)
+    return ends == (PAPERS_SCALE.minimum, PAPERS_SCALE.maximum) and all(
+        map(_is_papers, rating.bands)
+    )
 
 
 def _is_papers(band: Band) -> bool:

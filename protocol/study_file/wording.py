@@ -113,8 +113,8 @@ def _text_problems(path: Path, text: str, named: set[str]) -> Iterator[Problem]:
         )
     elif unprintable(text):
         yield Problem(where=where, rule=f"a text {UNWANTED}", value=repr(text), path=path)
-    elif _fields(text) != _fields(known.get(key, "")):
-        wanted = ", ".join(f"{{{name}}}" for name in _fields(known.get(key, ""))) or "none"
+    elif _fields(text) not in (allowed := _allowed_fields(key)):
+        wanted = " or ".join(", ".join(fields) or "none" for fields in allowed)
         yield Problem(
             where=where, rule=f"the fields in braces must be {wanted}", value=repr(text), path=path
         )
@@ -142,9 +142,20 @@ def _plain(text: str) -> str:
     return " ".join(seen.casefold().split())
 
 
+def _allowed_fields(key: str) -> list[list[str]]:
+    """The fields of the built-in text; a study that asks for its own scores may name the ends."""
+    fields = _fields(reference_texts().get(key, ""))
+    return [fields, []] if key == "score" else [fields]
+
+
 def _fields(text: str) -> list[str]:
-    """Names in braces; a brace that is not closed counts as one of its own."""
+    """What stands in braces; a brace that is not closed counts as one of its own."""
     try:
-        return sorted(name for _, name, _, _ in Formatter().parse(text) if name is not None)
+        parsed = list(Formatter().parse(text))
     except ValueError:
         return ["{"]
+    return sorted(
+        f"{{{name}{f'!{conversion}' if conversion else ''}{f':{form}' if form else ''}}}"
+        for _, name, form, conversion in parsed
+        if name is not None
+    )

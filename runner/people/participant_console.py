@@ -11,7 +11,7 @@ from typing import TextIO
 
 from protocol.errors import BadInput, WorkFailed
 from protocol.study.questions import ANSWERS, Rating
-from protocol.study.texts import Wording, band_names
+from protocol.study.texts import Wording, band_names, score_text
 from runner.people.operator_keys import OPERATOR_MARK
 from runner.people.terminal import at_terminal
 from runner.screens import (
@@ -151,7 +151,8 @@ class ConsoleParticipant:
                     *self._choices(ANSWERS[question]),
                 ]
             case AskScore(rating=rating):
-                return [self._texts["score"], "   ".join(band_names(rating, self.wording))]
+                bands = "   ".join(band_names(rating, self.wording))
+                return [score_text(self.wording, rating), bands]
 
     def _parse(self, line: str) -> str | None:
         """Return the answer in `line`, None if it is invalid."""
@@ -176,7 +177,7 @@ class ConsoleParticipant:
         try:
             return str(rating.checked_score(int(line)))
         except ValueError:
-            self.say(f"? {line!r}: {self._texts['score']}")
+            self.say(f"? {line!r}: {score_text(self.wording, rating)}")
             return None
 
     def _choices(self, answers: tuple[str, ...]) -> list[str]:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from device.simulator.client import ControlClient
-from protocol.study.questions import Question
+from protocol.study.questions import PAPERS_SCALE, Question, Rating
 from runner.clock import Clock
 from runner.screens import (
     AskChange,
@@ -29,7 +29,10 @@ JUST_NOTICEABLE = 0.01
 
 @dataclass(frozen=True, kw_only=True)
 class Character:
-    """Parameters of a virtual participant: score = bias + gain · felt contrast + noise."""
+    """Parameters of a virtual participant: score = bias + gain · felt contrast + noise.
+
+    On the paper's scale, whatever the study's.
+    """
 
     bias: float
     gain: float
@@ -92,8 +95,8 @@ class VirtualParticipant:
                 return self._respond("ready")
             case AskChange(question=question):
                 return self._respond(self._change(question))
-            case AskScore():
-                return self._respond(str(self._score()))
+            case AskScore(rating=rating):
+                return self._respond(str(self._score(rating)))
         return None
 
     def _respond(self, answer: str) -> Response:
@@ -139,11 +142,13 @@ class VirtualParticipant:
         changed = abs(math.log(first[0].friction / first[-1].friction)) > JUST_NOTICEABLE
         return first[0].friction if changed else resting
 
-    def _score(self) -> int:
+    def _score(self, rating: Rating) -> int:
+        """Return the score on the paper's scale, as far between the ends of this one."""
         character = self.character
         score = character.bias + character.gain * self._contrast
         score += self.random_stream.gauss(0, character.rating_noise)
-        return round(min(max(score, 0.0), 10.0))
+        above = min(max(score, PAPERS_SCALE.minimum), PAPERS_SCALE.maximum) - PAPERS_SCALE.minimum
+        return round(rating.minimum + above * (rating.span / PAPERS_SCALE.span))
 
 
 def _depth(touch: list[_Felt], resting: float) -> float:

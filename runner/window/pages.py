@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from protocol.study.questions import ANSWERS
-from protocol.study.texts import Wording
+from protocol.study.texts import Wording, score_text
 from runner.screens import AskChange, AskScore, Instruction, Notice, Pacing, Screen, Welcome
 from runner.window.elements import (
     ACCENT,
@@ -22,7 +22,7 @@ from runner.window.elements import (
     Target,
     Text,
 )
-from runner.window.widgets import fingers, scale, scale_box, sketch
+from runner.window.widgets import SCALE_BOX, fingers, scale, sketch
 
 TITLE_SIZE, ANSWER_SIZE, BUTTON_SIZE, SMALL_SIZE = 30.0, 26.0, 24.0, 19.0
 _TITLE = Box(x=0, y=205, width=720, height=130)
@@ -58,9 +58,9 @@ def targets(screen: Screen) -> tuple[Target, ...]:
             return (Target(name="ready", box=_BUTTON),)
         case AskChange(question=question):
             return (*_answers(ANSWERS[question]), Target(name="confirm", box=_BUTTON))
-        case AskScore(rating=rating):
+        case AskScore():
             return (
-                Target(name="scale", box=scale_box(rating)),
+                Target(name="scale", box=SCALE_BOX),
                 Target(name="confirm", box=_BUTTON),
             )
     return ()
@@ -140,7 +140,7 @@ def _score(screen: AskScore, view: PageState, wording: Wording) -> Page:
     texts = wording.texts
     chosen = None if view.chosen is None else int(view.chosen)
     return (
-        Text(text=texts["score"], box=_TITLE, size=TITLE_SIZE),
+        Text(text=score_text(wording, screen.rating), box=_TITLE, size=TITLE_SIZE),
         *scale(screen.rating, wording, chosen),
         _small(texts["hint.score"], _HINT),
         *_button(texts["button.confirm"], active=chosen is not None),

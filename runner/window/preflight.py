@@ -20,6 +20,7 @@ from runner.window.elements import Text
 from runner.window.messages import Settings
 from runner.window.pages import PageState, page
 from runner.window.text_layout import text_height, text_width, wrapped
+from runner.window.widgets import MOST_STEPS
 
 _NOTICES = ("wait", "touch.end", "pause", "thanks")
 _INSTRUCTIONS = ("remember", "practice", "break")
@@ -63,10 +64,18 @@ def misfits(screens: tuple[Screen, ...], wording: Wording) -> Iterator[str]:
 
 
 def fit_problems(study: Study) -> Iterator[Problem]:
-    """Yield a problem for every text of `study` that does not fit its place.
+    """Yield a problem for a scale that is too long, and for every text that does not fit its place.
 
     Checks each required language whose texts are complete.
     """
+    if study.rating.span > MOST_STEPS:
+        yield Problem(
+            where="rating.maximum",
+            rule=f"must be at most {MOST_STEPS} above minimum = {study.rating.minimum}, "
+            "for the participant's screen",
+            value=str(study.rating.maximum),
+            path=("rating", "maximum"),
+        )
     screens = foreseen(study, consent=None)
     for code in required_codes(study):
         if any(lacking(study, code)):

@@ -93,11 +93,18 @@ class PendingResponse:
     def _typed_key(self, name: str, t_s: float) -> None:
         if name == "backspace":
             self._typed = self._typed[:-1]
-            self._choose(self._typed or None, "key", t_s)
+            self._choose(self._typed_value(), "key", t_s)
         elif isinstance(self.screen, AskChange):
             self._choose(self._answer_by_key(name, ANSWERS[self.screen.question]), "key", t_s)
         elif isinstance(self.screen, AskScore):
             self._choose(self._score_by_key(name, self.screen.rating), "key", t_s)
+
+    def _typed_value(self) -> str | None:
+        """Return the score that is typed, None while it is not on the scale."""
+        if not (self._typed and isinstance(self.screen, AskScore)):
+            return None
+        score = int(self._typed)
+        return str(score) if score >= self.screen.rating.minimum else None
 
     def _answer_by_key(self, name: str, answers: tuple[str, ...]) -> str | None:
         if name.isdigit():
@@ -108,9 +115,9 @@ class PendingResponse:
 
     def _score_by_key(self, name: str, rating: Rating) -> str | None:
         if name.isdigit():
-            longer = self._typed + name
-            self._typed = longer if int(longer) <= rating.maximum else name
-            return str(int(self._typed))
+            possible = (text for text in (self._typed + name, name) if int(text) <= rating.maximum)
+            self._typed = next(possible, "")
+            return self._typed_value() if self._typed else self.chosen
         self._typed = ""
         scores = tuple(str(score) for score in range(rating.minimum, rating.maximum + 1))
         return _stepped(self.chosen, _STEPS.get(name, 0), scores)

@@ -18,6 +18,7 @@ from protocol.preview.session_length import (
     squared_spread,
     t_quantile,
 )
+from protocol.study.questions import PAPERS_SCALE, Rating
 from protocol.study.study import Study
 from protocol.study_file.limits import problems
 from protocol.study_file.loading import StudyError, parsed_study, template
@@ -50,7 +51,7 @@ def test_longer_sessions_give_narrower_intervals() -> None:
     sessions = [
         SessionLength(repeats=n, duration_s=100 + 200 * n, whole=True) for n in (1, 2, 4, 5, 8, 16)
     ]
-    found = precisions([0.1, 0.2, 0.3, 0.4] * 5, 4, sessions)
+    found = precisions([0.1, 0.2, 0.3, 0.4] * 5, 4, sessions, PAPERS_SCALE)
     assert [b.repeats for b in found] == [1, 2, 4, 5, 8, 16]
     assert [b.duration_s for b in found][2] == 900
     widths = [b.half_width for b in found]
@@ -59,9 +60,21 @@ def test_longer_sessions_give_narrower_intervals() -> None:
 
 
 def test_equal_contrasts_do_not_determine_a_slope() -> None:
-    found = precisions([0.3] * 5, 1, [SessionLength(repeats=1, duration_s=60, whole=True)])
+    found = precisions(
+        [0.3] * 5, 1, [SessionLength(repeats=1, duration_s=60, whole=True)], PAPERS_SCALE
+    )
     assert all(isinf(b.half_width) and b.relative == inf for b in found)
     assert half_width(1.0, 2) == inf
+
+
+def test_a_longer_scale_changes_the_points_and_not_their_share_of_it() -> None:
+    sessions = [SessionLength(repeats=4, duration_s=60, whole=True)]
+    tens, hundreds = (
+        precisions([0.1, 0.2, 0.3, 0.4] * 5, 4, sessions, Rating(minimum=low, maximum=high))[0]
+        for low, high in ((0, 10), (100, 200))
+    )
+    assert hundreds.half_width == pytest.approx(10 * tens.half_width)
+    assert hundreds.relative == pytest.approx(tens.relative)
 
 
 def test_sessions_the_study_does_not_allow_are_marked() -> None:

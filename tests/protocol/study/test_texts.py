@@ -1,10 +1,8 @@
 """Texts: everything that is asked has one, and bands have a name."""
 
-import pytest
-
 from protocol.plan.plan import plan
 from protocol.study.languages import reference_texts
-from protocol.study.questions import ANSWERS, checked_answer
+from protocol.study.questions import ANSWERS
 from protocol.study.texts import band_names, study_wording, touch_text
 from protocol.study_file.loading import parsed_study, template
 
@@ -27,13 +25,3 @@ def test_bands_are_named_with_their_scores() -> None:
 def test_a_band_without_a_name_in_a_language_takes_that_of_the_language() -> None:
     study = parsed_study(template("paper").replace(', zh = "很弱"', ""))
     assert band_names(study.rating, study_wording(study, "zh"))[1] == "1-4 很弱"
-
-
-def test_an_answer_to_another_question_is_refused() -> None:
-    with pytest.raises(ValueError, match="smoother, rougher, same, got 'swapped'"):
-        checked_answer("roughness", "swapped")
-
-
-def test_a_score_beyond_the_scale_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"rating must lie in \[0, 10\], got 11"):
-        STUDY.rating.checked_score(11)

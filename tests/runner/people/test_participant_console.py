@@ -82,6 +82,13 @@ def test_a_score_outside_the_scale_is_asked_for_again() -> None:
     ]
 
 
+def test_a_score_lies_on_the_studys_scale() -> None:
+    terminal = Terminal("101\n55\n")
+    assert terminal.answer(AskScore(rating=Rating(minimum=0, maximum=100))).answer == "55"
+    assert terminal.said[0] == "How strong is the change? 0 to 100"
+    assert terminal.said[-1] == "? '101': How strong is the change? 0 to 100"
+
+
 def test_the_reaction_time_starts_at_the_question() -> None:
     assert Terminal("\n").answer(Instruction(text="remember")).reaction_time_s == 1.0
 

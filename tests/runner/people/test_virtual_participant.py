@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from protocol.study.questions import ANSWERS, Question, Rating
+from protocol.study.questions import ANSWERS, PAPERS_SCALE, Question, Rating
 from runner.people.virtual_participant import Character, VirtualParticipant
 from runner.screens import AskChange, AskScore, Instruction, Notice, Pacing
 from tests.runner.fakes import FakeClock
@@ -27,7 +27,9 @@ class FakeHand:
     def lift(self) -> None: ...
 
 
-def felt(touches: list[Any], question: Question, resting: float = 0.4) -> tuple[str, int]:
+def felt(
+    touches: list[Any], question: Question, resting: float = 0.4, scale: Rating = PAPERS_SCALE
+) -> tuple[str, int]:
     """Let a participant feel the resting beam, then `touches`, then ask."""
     control, clock = FakeHand(), FakeClock()
     virtual = VirtualParticipant(
@@ -43,7 +45,7 @@ def felt(touches: list[Any], question: Question, resting: float = 0.4) -> tuple[
         _touch(virtual, control, clock, touch)
     virtual.show(AskChange(question=question))
     change = virtual.poll()
-    virtual.show(AskScore(rating=Rating()))
+    virtual.show(AskScore(rating=scale))
     score = virtual.poll()
     assert change is not None
     assert score is not None
@@ -85,3 +87,11 @@ def test_the_answer_and_the_score_follow_the_felt_friction(
 
 def test_a_score_stays_on_the_scale() -> None:
     assert felt([lambda _: 0.01], "roughness")[1] == 10
+
+
+@pytest.mark.parametrize(("friction", "share"), [(0.01, 1.0), (0.4, 0.2), (10.0, 0.0)])
+def test_a_score_is_as_far_between_the_ends_of_any_scale(friction: float, share: float) -> None:
+    for minimum, maximum in ((0, 100), (1, 6), (100, 110)):
+        scale = Rating(minimum=minimum, maximum=maximum)
+        found = felt([lambda _: friction], "roughness", scale=scale)[1]
+        assert found == minimum + share * (maximum - minimum)

@@ -13,6 +13,7 @@ from typing import Any
 
 from PIL import Image, ImageGrab
 
+from protocol.study.questions import Rating
 from protocol.study.study import Study
 from protocol.study.texts import Wording, study_wording
 from protocol.study.touch import Touch
@@ -87,7 +88,10 @@ def main(language: str, folder: Path | None) -> None:
     study = parsed_study(template("paper"))
     wording = study_wording(study, language)
     canvas = PsychopyCanvas(Settings(wording=wording))
-    screens = foreseen(parsed_study(template("extended")), consent="C-7")
+    screens = (
+        *foreseen(parsed_study(template("extended")), consent="C-7"),
+        AskScore(rating=Rating(minimum=0, maximum=100)),
+    )
     wide = [line for screen in screens for line in too_wide(canvas, screen, wording)]
     for name, screen, view in pictures(study) if folder else []:
         canvas.draw(page(screen, view, wording))

@@ -19,7 +19,16 @@ from runner.screens import AskChange, AskScore, FingerPath, Instruction, Pacing,
 from runner.window.elements import CANVAS, Dot, Outline, Text
 from runner.window.pages import PageState, page, targets
 from runner.window.preflight import fit_problems, foreseen, require_fit
-from runner.window.widgets import beam_x, fingers, look, marked
+from runner.window.widgets import (
+    SCALE_BOX,
+    beam_x,
+    fingers,
+    labelled,
+    look,
+    marked,
+    score_at,
+    score_x,
+)
 
 PAPER = parsed_study(template("paper"))
 RIGHT = Pacing(start_m=0.01, end_m=0.081, duration_s=1.775, force_n=0.5, direction="right")
@@ -83,9 +92,83 @@ def test_a_consent_reference_that_is_too_long_is_refused() -> None:
         require_fit(study(), wording("en"), "x" * 90)
 
 
+SCALES = [(0, 10), (0, 100), (1, 7), (0, 1), (5, 105), (100, 199), (0, 660), (340, 1000)]
+THIRDS = ("no effect", "very weak", "very effective")
+
+
+def scale_of(minimum: int, maximum: int, ticks: str = "all") -> Rating:
+    """A scale, with bands of about equal length if it is long enough."""
+    ends = [minimum + third * (maximum + 1 - minimum) // 3 for third in range(4)]
+    bands = [
+        {"from": first, "to": beyond - 1, "en": name}
+        for name, (first, beyond) in zip(THIRDS, pairwise(ends), strict=True)
+    ]
+    keys = {"minimum": minimum, "maximum": maximum, "ticks": ticks}
+    return Rating.model_validate({**keys, "bands": bands if maximum - minimum > 1 else []})
+
+
+def study_with(rating: Rating) -> Study:
+    return PAPER.model_copy(update={"rating": rating})
+
+
+@pytest.mark.parametrize("ticks", ["all", "bands", "ends"])
+@pytest.mark.parametrize("ends", SCALES)
+def test_every_scale_fits_the_page(ends: tuple[int, int], ticks: str) -> None:
+    assert list(fit_problems(study_with(scale_of(*ends, ticks)))) == []
+
+
+def test_a_scale_with_more_scores_than_the_screen_has_pixels_is_refused() -> None:
+    (problem,) = fit_problems(study_with(Rating(minimum=1, maximum=662)))
+    assert str(problem) == (
+        "rating.maximum: must be at most 660 above minimum = 1, for the participant's screen, "
+        "got 662"
+    )
+
+
+@pytest.mark.parametrize("ends", SCALES)
+def test_a_press_where_a_score_lies_chooses_it(ends: tuple[int, int]) -> None:
+    rating = scale_of(*ends)
+    for score in range(rating.minimum, rating.maximum + 1):
+        x = score_x(score, rating)
+        assert SCALE_BOX.holds(x, SCALE_BOX.y)
+        assert round(score_at(x, rating)) == score
+
+
+@pytest.mark.parametrize(
+    ("ends", "ticks", "labels"),
+    [
+        ((0, 10), "all", list(range(11))),
+        ((1, 7), "all", list(range(1, 8))),
+        ((0, 100), "all", list(range(0, 101, 10))),
+        ((1, 100), "all", [1, *range(10, 101, 10)]),
+        ((0, 100), "bands", [0, 32, 66, 100]),
+        ((0, 100), "ends", [0, 100]),
+        ((5, 105), "all", [5, *range(20, 91, 10), 105]),
+        ((340, 1000), "all", [340, *range(500, 901, 100), 1000]),
+    ],
+)
+def test_numbers_of_scores_stand_as_far_apart_as_they_need(
+    ends: tuple[int, int], ticks: str, labels: list[int]
+) -> None:
+    rating = scale_of(*ends, ticks)
+    assert labelled(rating) == labels
+    assert set(labels) <= set(marked(rating))
+    texts = {
+        e.text
+        for e in page(AskScore(rating=rating), PageState(), wording("en"))
+        if isinstance(e, Text)
+    }
+    assert {text for text in texts if text.isdigit()} == {str(score) for score in labels}
+
+
+@pytest.mark.parametrize("ends", SCALES)
 @pytest.mark.parametrize("language", built_in_codes())
-def test_elements_stay_on_the_canvas_and_texts_do_not_overlap(language: str) -> None:
-    for screen in foreseen(parsed_study(template("extended")), consent="C-7"):
+def test_elements_stay_on_the_canvas_and_texts_do_not_overlap(
+    language: str, ends: tuple[int, int]
+) -> None:
+    study = parsed_study(template("extended"))
+    rating = study.rating if ends == (0, 10) else scale_of(*ends, "bands")
+    for screen in foreseen(study.model_copy(update={"rating": rating}), consent="C-7"):
         elements = page(screen, PageState(operator_called=True), wording(language))
         rooms = [element.box for element in elements if isinstance(element, Text)]
         corners = [point for box in rooms for point in box.corners]

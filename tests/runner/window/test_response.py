@@ -76,6 +76,34 @@ def test_a_score_by_keys(keys: str, chosen: str | None) -> None:
 
 
 @pytest.mark.parametrize(
+    ("ends", "keys", "chosen"),
+    [
+        ((0, 100), "1 0 0", "100"),
+        ((0, 100), "1 0 1", "1"),
+        ((0, 100), "5 5", "55"),
+        ((0, 100), "up", "0"),
+        ((0, 100), "down down", "99"),
+        ((1, 7), "0", None),
+        ((1, 7), "8", None),
+        ((1, 7), "3 9", "3"),
+        ((1, 7), "3 9 up", "4"),
+        ((1, 7), "0 3", "3"),
+        ((5, 12), "1", None),
+        ((5, 12), "1 2", "12"),
+        ((5, 12), "1 2 backspace", None),
+        ((5, 12), "1 3", None),
+        ((5, 12), "1 left", "12"),
+    ],
+)
+def test_a_score_by_keys_lies_on_the_scale(
+    ends: tuple[int, int], keys: str, chosen: str | None
+) -> None:
+    screen = AskScore(rating=Rating(minimum=ends[0], maximum=ends[1]))
+    assert after(screen, keys).chosen == chosen
+    assert after(screen, keys, "enter").answer == chosen
+
+
+@pytest.mark.parametrize(
     ("keys", "chosen"),
     [
         ("1", "smoother"),

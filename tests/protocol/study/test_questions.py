@@ -53,7 +53,7 @@ def test_a_score_beyond_the_scale_is_refused() -> None:
 def test_the_question_for_a_score_names_the_ends_of_the_studys_scale() -> None:
     study = parsed_study(TO_100)
     asked = [score_text(study_wording(study, code), study.rating) for code in ("en", "zh")]
-    assert asked == ["How strong is the change? 0 to 100", "变化有多明显？0 到 100 分"]
+    assert asked == ["How strong is the change? 0 to 100", "变化有多强？0 到 100 分"]
     assert not worded_as_built(study), "other scores may not fit where the built-in ones do"
 
 

@@ -88,7 +88,7 @@ def test_a_word_that_is_too_wide_for_its_band_is_reported() -> None:
 
 def test_a_consent_reference_that_is_too_long_is_refused() -> None:
     require_fit(study(), wording("en"), "C-2026-0042")
-    with pytest.raises(BadInput, match=r"fit its place .* got 'Your consent is filed as x{90}"):
+    with pytest.raises(BadInput, match=r"fit its place .* got 'Consent form: x{90}"):
         require_fit(study(), wording("en"), "x" * 90)
 
 

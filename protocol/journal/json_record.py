@@ -55,11 +55,25 @@ class JsonRecord:
             KeyError: a required key is missing.
             TypeError, AttributeError: a value has a shape that no build has written.
         """
-        return cls(
-            **{
-                name: read(payload[name]) if key.required or name in payload else key.missing
-                for name, _, key, read in cls.json_keys()
-            }
+        plain, read, missing = cls._reading()
+        record = cls.__new__(cls)
+        # A frozen dataclass' own __init__ assigns field by field, which takes most of the time.
+        fields = vars(record)
+        for name in plain:
+            fields[name] = payload[name] if name in payload else missing[name]
+        for name, reader in read:
+            fields[name] = reader(payload[name]) if name in payload else missing[name]
+        return record
+
+    @classmethod
+    @cache
+    def _reading(cls) -> tuple[tuple[str, ...], tuple[tuple[str, _Reader], ...], dict[str, Any]]:
+        """Return the keys with plain values, those with readers, and the values of missing keys."""
+        keys = cls.json_keys()
+        return (
+            tuple(name for name, _, _, read in keys if read is _as_it_is),
+            tuple((name, read) for name, _, _, read in keys if read is not _as_it_is),
+            {name: key.missing for name, _, key, _ in keys if not key.required},
         )
 
     @classmethod

@@ -1,19 +1,21 @@
 """Rows of the tables of sessions, attempts and touches, and records of exclusions and incidents.
 
-A field of a row is a column of its table; its type decides on the column's (see `table`), and None
+A field of a row is a column of its table; its type decides on the column's (see `Table`), and None
 is a missing value. Names end in the unit: `_s`, `_v` (amplitude, peak), `_hz`, `_m`, `_n`. A
 frequency without a unit is relative to the resonance.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
-from typing import Any, get_type_hints
+from typing import Any, Generic, TypeVar, get_type_hints
 
 import numpy as np
 import pandas as pd
 
 from protocol.study.touch import Touch
+
+Row = TypeVar("Row")
 
 TEXT = pd.StringDtype("python", na_value=np.nan)
 """The type of text columns. (The pyarrow storage refuses text that is not valid Unicode.)"""
@@ -134,13 +136,54 @@ class TouchRow:
     place_ok: bool | None = None
 
 
-def table(row_type: type, rows: Sequence[Any]) -> pd.DataFrame:
-    """Return a table of `rows`, all of `row_type`, with one column per field."""
-    columns = {
-        name: pd.Series([getattr(row, name) for row in rows], dtype=_COLUMN_TYPES.get(hint, object))
-        for name, hint in get_type_hints(row_type).items()
-    }
-    return pd.DataFrame(columns)
+class Table(Generic[Row]):
+    """A table that grows row by row.
+
+    Rows are packed into a part of the table when there are many of them, since the garbage
+    collector slows down with the number of long-lived objects.
+    """
+
+    ROWS_OF_A_PART = 5_000
+
+    def __init__(self, row_type: type[Row]) -> None:
+        self._types = {
+            name: _COLUMN_TYPES.get(hint, object) for name, hint in get_type_hints(row_type).items()
+        }
+        self._parts: list[pd.DataFrame] = []
+        self._packed = 0
+        self._rows: list[Row] = []
+
+    @property
+    def last(self) -> Row:
+        """The last row; it may be changed until the rows are packed."""
+        return self._rows[-1]
+
+    @property
+    def last_id(self) -> int:
+        """The index of the last row."""
+        return self._packed + len(self._rows) - 1
+
+    def append(self, row: Row) -> None:
+        """Append a row."""
+        self._rows.append(row)
+
+    def pack(self) -> None:
+        """Pack the rows if there are many; none of them may be changed any more."""
+        if len(self._rows) >= self.ROWS_OF_A_PART:
+            self._parts.append(self._part())
+            self._packed += len(self._rows)
+            self._rows = []
+
+    def frame(self) -> pd.DataFrame:
+        """Return the table, with one column per field of its rows."""
+        return pd.concat([*self._parts, self._part()], ignore_index=True)
+
+    def _part(self) -> pd.DataFrame:
+        columns = {
+            name: pd.Series([getattr(row, name) for row in self._rows], dtype=kind)
+            for name, kind in self._types.items()
+        }
+        return pd.DataFrame(columns)
 
 
 def values(column: "pd.Series[Any]") -> list[Any]:

@@ -15,8 +15,8 @@ from analysis.loading.records import (
     Exclusion,
     Incident,
     SessionRow,
+    Table,
     TouchRow,
-    table,
 )
 from protocol.journal.events import (
     Answered,
@@ -149,14 +149,13 @@ def load_sessions(chains: Iterable[Sequence[StoredEvent]]) -> Sessions:
         if any(event.tag == Withdrawn.TAG for event in events):
             withdrawn += 1
             continue
-        course = _Course(rows)
-        for event in events:
-            course.take(event)
-        course.end()
+        _Course(rows).read(events)
+        rows.attempts.pack()
+        rows.touches.pack()
     return Sessions(
-        sessions=table(SessionRow, rows.sessions),
-        attempts=table(AttemptRow, rows.attempts),
-        touches=table(TouchRow, rows.touches),
+        sessions=rows.sessions.frame(),
+        attempts=rows.attempts.frame(),
+        touches=rows.touches.frame(),
         traces=rows.traces(),
         incidents=tuple(rows.incidents),
         exclusions=tuple(rows.exclusions),
@@ -168,9 +167,9 @@ def load_sessions(chains: Iterable[Sequence[StoredEvent]]) -> Sessions:
 class _Rows:
     """The rows of the sessions read so far; `samples` holds three numbers per sample of a trace."""
 
-    sessions: list[SessionRow] = field(default_factory=list)
-    attempts: list[AttemptRow] = field(default_factory=list)
-    touches: list[TouchRow] = field(default_factory=list)
+    sessions: Table[SessionRow] = field(default_factory=lambda: Table(SessionRow))
+    attempts: Table[AttemptRow] = field(default_factory=lambda: Table(AttemptRow))
+    touches: Table[TouchRow] = field(default_factory=lambda: Table(TouchRow))
     sampled: list[int] = field(default_factory=list)
     samples: "array[float]" = field(default_factory=lambda: array("d"))
     incidents: list[Incident] = field(default_factory=list)
@@ -189,8 +188,6 @@ class _Course:
 
     def __init__(self, rows: _Rows) -> None:
         self._rows = rows
-        # Looking this method up takes longer than most of its work.
-        self._take_record = self._record
         self._planned: dict[int, PlannedTrial] = {}
         self._attempts: dict[int, list[AttemptRow]] = {}
         self._excluded: dict[int, str] = {}
@@ -202,30 +199,30 @@ class _Course:
 
     @property
     def _session(self) -> SessionRow:
-        return self._rows.sessions[-1]
+        return self._rows.sessions.last
 
     @property
     def _attempt(self) -> AttemptRow:
         """The running attempt, or the last one."""
-        return self._rows.attempts[-1]
+        return self._rows.attempts.last
 
-    def take(self, stored: StoredEvent) -> None:
-        """Add an event; those without a handler say nothing about trials."""
-        self._stored = stored
-        self._take_record(stored.record)
-
-    def end(self) -> None:
-        """Mark the excluded trials; the decision may precede a trial's last attempt."""
+    def read(self, events: Iterable[StoredEvent]) -> None:
+        """Add all events of the session; those without a handler say nothing about trials."""
+        take = self._take  # looking this method up takes longer than most of its work
+        for stored in events:
+            self._stored = stored
+            take(stored.record)
+        # A trial may be excluded before its last attempt.
         for index, why in self._excluded.items():
             self._exclude(why, index)
             for attempt in self._attempts.get(index, []):
                 attempt.exclusion = why
 
     @singledispatchmethod
-    def _record(self, _: Event) -> None:
+    def _take(self, _: Event) -> None:
         pass
 
-    @_record.register
+    @_take.register
     def _scores_imported(self, event: ScoresImported) -> None:
         """Add a trial for each condition; its course is unknown."""
         self._rows.sessions.append(
@@ -238,19 +235,19 @@ class _Course:
                 imported_from=event.source and f"{event.source} (SHA-256 {event.source_sha256})",
             )
         )
-        self._rows.attempts += [
-            AttemptRow(
-                session_id=len(self._rows.sessions) - 1,
-                trial_index=index,
-                trial_kind=event.kind,
-                condition=condition,
-                answered=True,
-                score=event.scores.get(condition),
+        for index, condition in enumerate(event.conditions):
+            self._rows.attempts.append(
+                AttemptRow(
+                    session_id=self._rows.sessions.last_id,
+                    trial_index=index,
+                    trial_kind=event.kind,
+                    condition=condition,
+                    answered=True,
+                    score=event.scores.get(condition),
+                )
             )
-            for index, condition in enumerate(event.conditions)
-        ]
 
-    @_record.register
+    @_take.register
     def _session_opened(self, event: SessionOpened) -> None:
         self._rows.sessions.append(
             SessionRow(
@@ -267,7 +264,7 @@ class _Course:
         )
         self._under(event)
 
-    @_record.register
+    @_take.register
     def _session_resumed(self, event: SessionResumed) -> None:
         self._under(event)
         self._incident("resumed")
@@ -280,33 +277,33 @@ class _Course:
             # One copy of the text, which most sessions share.
             self._study_text = self._rows.study_texts.setdefault(event.study_text, event.study_text)
 
-    @_record.register
+    @_take.register
     def _practice_renewed(self, _: PracticeRenewed) -> None:
         self._incident("practised again")
 
-    @_record.register
+    @_take.register
     def _device_armed(self, event: DeviceArmed) -> None:
         self._session.device = event.idn
 
-    @_record.register
+    @_take.register
     def _rig_described(self, event: RigDescribed) -> None:
         self._session.operator_noted = {**self._session.operator_noted, **event.answers}
         self._incident("rig", "; ".join(f"{name}: {said}" for name, said in event.answers.items()))
 
-    @_record.register
+    @_take.register
     def _beam_mounted(self, event: BeamMounted) -> None:
         self._beam = event.beam
 
-    @_record.register
+    @_take.register
     def _resonance_measured(self, event: ResonanceMeasured) -> None:
         self._resonance = event
 
-    @_record.register
+    @_take.register
     def _trial_started(self, event: TrialStarted) -> None:
         planned, resonance = self._planned[event.index], self._resonance
         attempts = self._attempts.setdefault(event.index, [])
         attempt = AttemptRow(
-            session_id=len(self._rows.sessions) - 1,
+            session_id=self._rows.sessions.last_id,
             trial_index=event.index,
             attempt=len(attempts) + 1,
             block=planned.block,
@@ -328,13 +325,13 @@ class _Course:
         attempts.append(attempt)
         self._rows.attempts.append(attempt)
 
-    @_record.register
+    @_take.register
     def _touch_started(self, event: TouchStarted) -> None:
         touches = self._planned[self._attempt.trial_index].touches
         planned = _touch(tuple(sorted(touches[event.touch].items())))
         self._rows.touches.append(
             TouchRow(
-                attempt_id=len(self._rows.attempts) - 1,
+                attempt_id=self._rows.attempts.last_id,
                 planned=planned,
                 beam=self._beam,
                 place=planned.place,
@@ -350,9 +347,9 @@ class _Course:
             )
         )
 
-    @_record.register
+    @_take.register
     def _touch_ended(self, event: TouchEnded) -> None:
-        touch = self._rows.touches[-1]
+        touch = self._rows.touches.last
         touch.force_n = event.judged.force_n
         touch.force_ok = event.judged.force_ok
         touch.place_ok = event.judged.place_ok
@@ -361,10 +358,10 @@ class _Course:
             touch.start_voltage_v, touch.end_voltage_v = start.voltage_v, end.voltage_v
             touch.start_frequency_hz, touch.end_frequency_hz = start.frequency_hz, end.frequency_hz
             touch.start_monitor_v, touch.end_monitor_v = start.monitor_v, end.monitor_v
-        self._rows.sampled += [len(self._rows.touches) - 1] * len(event.trace)
+        self._rows.sampled += [self._rows.touches.last_id] * len(event.trace)
         self._rows.samples.extend(chain.from_iterable(event.trace))
 
-    @_record.register
+    @_take.register
     def _answered(self, event: Answered) -> None:
         attempt = self._attempt
         attempt.answered = True
@@ -376,16 +373,16 @@ class _Course:
         if began_s is not None:
             attempt.duration_s = round(self._stored.monotonic_s - began_s, 6)
 
-    @_record.register
+    @_take.register
     def _trial_aborted(self, event: TrialAborted) -> None:
         self._attempt.abort_reason = event.why
         self._incident("trial aborted", event.why, event.index)
 
-    @_record.register
+    @_take.register
     def _paused(self, _: Paused) -> None:
         self._incident("paused")
 
-    @_record.register
+    @_take.register
     def _note_taken(self, event: NoteTaken) -> None:
         """Add a note to the running or the last attempt, or else to the first one to come."""
         if self._attempts:
@@ -395,20 +392,20 @@ class _Course:
             self._early_notes.append(event.text)
         self._incident("note", event.text)
 
-    @_record.register
+    @_take.register
     def _device_off(self, event: DeviceOff) -> None:
         if not event.confirmed:
             self._incident("device off, not confirmed", event.why)
 
-    @_record.register
+    @_take.register
     def _session_completed(self, _: SessionCompleted) -> None:
         self._session.session_completed = True
 
-    @_record.register
+    @_take.register
     def _trial_excluded(self, event: TrialExcluded) -> None:
         self._excluded[event.index] = event.reason
 
-    @_record.register
+    @_take.register
     def _session_excluded(self, event: SessionExcluded) -> None:
         self._session.exclusion = event.reason
         self._exclude(event.reason)

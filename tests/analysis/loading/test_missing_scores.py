@@ -98,8 +98,8 @@ def test_without_a_withheld_score_the_page_has_no_readings() -> None:
 def test_who_has_no_score_is_named_and_not_counted() -> None:
     result = reported(a_study())
     page = report_html(result)
-    assert "4 subjects and 3 conditions have scores and are analysed" in page
-    assert "analysed; without any score: P04." in page
+    assert "4 subjects and 3 conditions had scores and were analysed" in page
+    assert "analysed; without scores: P04." in page
     assert report_json(result)["table4"]["unscored_subjects"] == ["P04"]
 
 
@@ -109,8 +109,8 @@ def test_a_condition_nobody_scored_is_named_and_not_counted() -> None:
         found.table, found.empty
     )
     page = report_html(reported(found))
-    assert "2 subjects and 2 conditions have scores and are analysed" in page
-    assert "analysed; without any score: pressure." in page
+    assert "2 subjects and 2 conditions had scores and were analysed" in page
+    assert "analysed; without scores: pressure." in page
 
 
 def test_a_complete_table_has_nothing_to_note() -> None:

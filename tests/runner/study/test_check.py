@@ -282,7 +282,8 @@ def test_a_text_that_does_not_fit_the_participants_screen_is_listed_by_line(
     [
         (
             "boards",
-            "study.toml:11: rig.dialect: must be one of 'board' or 'keysight', got 'boards'",
+            "study.toml:11: rig.dialect: must be one of 'board', 'keysight', 'rigol' or 'siglent', "
+            "got 'boards'; did you mean 'board'?",
         ),
         ("Keysight", "got 'Keysight'; did you mean 'keysight'?"),
     ],

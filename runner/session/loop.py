@@ -92,7 +92,8 @@ def run_then_turn_off(part: Callable[[SessionContext], None], context: SessionCo
             with stops_allowed():
                 part(context)
         except BaseException as error:
-            _turn_off(context, str(error) or type(error).__name__)
+            doubt = error if isinstance(error, OutputUnknown) else None
+            _turn_off(context, str(error) or type(error).__name__, doubt)
             error.add_note(_OFF)
             if not isinstance(error, BadInput):  # the same input would fail again
                 error.add_note(_RESUMABLE)
@@ -101,9 +102,13 @@ def run_then_turn_off(part: Callable[[SessionContext], None], context: SessionCo
         context.log.append(SessionCompleted())
 
 
-def _turn_off(context: SessionContext, why: str) -> None:
-    """Turn the output off and record it; an unknown output is always reported first."""
-    unknown = None
+def _turn_off(context: SessionContext, why: str, doubt: OutputUnknown | None = None) -> None:
+    """Turn the output off and record it; an unknown output is always reported first.
+
+    With `doubt` the device has already failed to confirm it. One good answer after that does not
+    count as a confirmation, so that the journal agrees with what the operator is told.
+    """
+    unknown = doubt
     try:
         context.device.off()
     except OutputUnknown as error:

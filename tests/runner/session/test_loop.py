@@ -4,9 +4,12 @@ from pathlib import Path
 
 import pytest
 
+from device.drivers.setpoints import Setpoint
 from device.errors import DeviceError, OutputUnknown
 from protocol.journal.events import DeviceOff, Event, TrialAborted
+from protocol.journal.records import ReadBack
 from protocol.study_file.loading import template
+from runner.cli.output import complaint
 from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal, JournalError, open_journal
 from runner.screens import AskScore, Instruction, Note, Order, Pacing, Response
@@ -209,6 +212,24 @@ def test_an_order_withdraws_the_pending_question(tmp_path: Path, order: Order) -
             with pytest.raises(StoppedByOperator):
                 run(made)
     assert operator.asked[-1] == "", "withdrawn"
+
+
+def test_a_device_that_failed_to_confirm_off_once_stays_in_doubt(tmp_path: Path) -> None:
+    """A later good answer does not make the journal contradict what the operator was told."""
+
+    class Doubtful(FakeDevice):
+        def drive(self, setpoint: Setpoint) -> ReadBack:
+            super().drive(setpoint)
+            raise OutputUnknown("no answer")
+
+    device = Doubtful()
+    with open_journal(tmp_path / "study.db") as journal:
+        with pytest.raises(OutputUnknown, match="UNKNOWN - cut the amplifier") as caught:
+            carried_out(journal, device, FakeParticipant())
+        last = journal.events("P01/1")[-1]
+        assert (last.tag, last.payload["confirmed"]) == ("device-off", False)
+    assert "output off, read back" not in complaint(caught.value)[0]
+    assert device.calls[-1] == "off", "asked all the same"
 
 
 def test_an_emergency_stop_turns_off_before_anything_else(tmp_path: Path) -> None:

@@ -12,9 +12,9 @@ from collections.abc import Callable, Mapping
 from typing import ClassVar
 
 from device.drivers.setpoints import Limits, Setpoint
-from device.errors import DeviceError, ForeignOutput, OutputUnknown
+from device.errors import DeviceError, ForeignOutput, LinkTimeout, OutputUnknown
 from device.link.codec import number, number_text, queued_error, switch
-from device.link.link import EVENT_ENABLE, Link, Register
+from device.link.link import ANSWER_TIMEOUT_S, EVENT_ENABLE, Link, Register
 from protocol.journal.records import Identity, ReadBack
 
 MOST_QUEUED_ERRORS = 32
@@ -161,11 +161,20 @@ class Driver(ABC):
             OutputUnknown: the device does not say so.
         """
         try:
-            still_on = self.still_on()
+            still_on = self._asked_twice_whether_on()
         except DeviceError as error:
             raise OutputUnknown(str(error)) from error
         if still_on:
             raise OutputUnknown(f"the device was told {self.off_command} and {still_on}")
+
+    def _asked_twice_whether_on(self) -> str:
+        """Tell a device that missed its deadline again: one answer out of two is a confirmation."""
+        try:
+            return self.still_on()
+        except LinkTimeout:
+            self.send_off()
+            self.link.synchronise(ANSWER_TIMEOUT_S)
+            return self.still_on()
 
     def still_on(self) -> str:
         """Return what shows that the output is not off after all; nothing if it is off.

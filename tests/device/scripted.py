@@ -7,11 +7,14 @@ from itertools import count
 class ScriptedPort:
     """Answers each line with what `answers` has for it; records what was sent.
 
+    What `on_repeat` has is answered from the second time on.
+
     It keeps the event enable register that the link synchronises by, unless it is `deaf_to_sync`.
     """
 
     def __init__(self, answers: Mapping[bytes, bytes], *, deaf_to_sync: bool = False) -> None:
         self.answers = dict(answers)
+        self.on_repeat: Mapping[bytes, bytes] = {}
         self.pending = b""
         self.sent: list[bytes] = []
         self._enabled = b"0"
@@ -22,6 +25,8 @@ class ScriptedPort:
         return data
 
     def send(self, data: bytes) -> None:
+        if data in self.sent and data in self.on_repeat:
+            self.answers[data] = self.on_repeat[data]
         self.sent.append(data)
         if data.startswith(b"*ESE ") and not self._deaf_to_sync:
             self._enabled = data[5:]

@@ -115,6 +115,15 @@ def test_off_is_off_only_when_read_back(answer: bytes) -> None:
         board.off()
 
 
+def test_off_is_sent_and_asked_again_where_one_answer_is_lost() -> None:
+    question = b"OUTP?;:MEAS:VOLT?\n"
+    board, port = scripted({question: b""})
+    port.on_repeat = {question: b"0;0\n"}
+    board.off()
+    assert port.sent.count(b"OUTP OFF\n") == 2
+    assert port.sent[-1] == question
+
+
 @pytest.mark.parametrize(
     ("url", "kind", "message"),
     [

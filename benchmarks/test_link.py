@@ -14,7 +14,7 @@ import pytest
 import serial
 
 from device.drivers.board import Board
-from device.drivers.setpoints import Limits
+from device.drivers.limits import Limits
 from device.link.codec import LineBuffer, text
 from device.link.link import open_link
 from device.link.port import SerialPort

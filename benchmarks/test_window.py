@@ -14,7 +14,7 @@ from statistics import median
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from protocol.study.texts import study_wording
+from protocol.study.participant_texts import study_wording
 from protocol.study_file.loading import parsed_study, template
 from runner.screens import Instruction, Pacing, Screen
 from runner.window.client import Peer, participant_window

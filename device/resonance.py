@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from device.drivers.setpoints import Limits, Setpoint
+from device.drivers.limits import Limits, Setpoint
 from device.errors import DeviceError
 from protocol.journal.records import ReadBack
 

@@ -14,9 +14,9 @@ from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+from device.drivers.discovery import driver_of
 from device.drivers.driver import Driver
-from device.drivers.registry import driver_of
-from device.drivers.setpoints import Limits, Setpoint
+from device.drivers.limits import Limits, Setpoint
 from device.errors import DeviceError, EmergencyStop, ForeignDevice, OutputUnknown
 from device.link.link import open_link
 from device.resonance import Resonance, resonance

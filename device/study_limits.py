@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 
 from device.beam.beam import Beam
-from device.drivers.setpoints import Amplifier, Limits
+from device.drivers.limits import Amplifier, Limits
 from protocol.errors import Path, Problem
-from protocol.study.rig import Rig
+from protocol.study.rig_settings import Rig
 from protocol.study.study import Study
 
 

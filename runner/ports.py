@@ -6,13 +6,13 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Literal, Protocol
 
 if TYPE_CHECKING:
-    from device.drivers.setpoints import Setpoint
+    from device.drivers.limits import Setpoint
     from device.resonance import Resonance
     from protocol.journal.records import Identity, ReadBack
     from runner.screens import Note, OperatorView, Order, Response, Screen
 
 
-Ratings = Literal["window", "console", "virtual"]
+AnswerSource = Literal["window", "console", "virtual"]
 """Where the participant answers, if it is one."""
 
 

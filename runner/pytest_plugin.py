@@ -13,8 +13,8 @@ import pytest
 if TYPE_CHECKING:
     from protocol.plan.trials import Plan
     from protocol.study.study import Study
+    from runner.launch.device_access import SessionRig
     from runner.launch.rehearsal import Rehearsal
-    from runner.launch.rig import SessionRig
     from runner.people.virtual_participant import VirtualParticipant
 
 
@@ -92,7 +92,7 @@ def simulated_rig(study: "Study") -> "Iterator[SessionRig]":
     `simulated_rig.device` is driven as in a session, over the real byte path;
     `simulated_rig.control` moves the finger, advances time and swaps the beam.
     """
-    from runner.launch.rig import SIMULATED, session_rig, touchbeam_command
+    from runner.launch.device_access import SIMULATED, session_rig, touchbeam_command
 
     with session_rig(SIMULATED, study.rig, touchbeam_command(), study.study.seed) as rig:
         yield rig
@@ -125,8 +125,8 @@ def rehearsal(
 
     It uses the calibration beside the study file, if there is one.
     """
+    from runner.launch.device_access import kept_calibration
     from runner.launch.rehearsal import rehearse
-    from runner.launch.rig import kept_calibration
 
     calibration = kept_calibration(Path(str(request.path)).parent)
     return rehearse(study_text, plan, study.study.seed, calibration)

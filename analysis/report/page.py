@@ -4,8 +4,8 @@ from collections.abc import Callable, Sequence
 from importlib.resources import files
 
 from analysis.loading.study_data import changed_journal
+from analysis.report.blocks import Section
 from analysis.report.findings import Findings
-from analysis.report.section import Section
 from analysis.report.sections import (
     differences,
     effects,

@@ -7,9 +7,9 @@ from typing import Any
 from analysis.cells import json_text
 from analysis.loading.missing_scores import withheld
 from analysis.loading.study_data import StudyData
+from analysis.report.blocks import Figure, Section
 from analysis.report.findings import Findings, Origin
 from analysis.report.page import SECTIONS, page_html
-from analysis.report.section import Figure, Section
 from analysis.statistics.summary import table_statistics
 from analysis.trials.trial_statistics import trial_statistics
 from protocol.study.study import Study

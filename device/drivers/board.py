@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from device.drivers.driver import NO_TEMPERATURE, Driver
-from device.drivers.setpoints import Setpoint
+from device.drivers.limits import Setpoint
 from device.errors import DeviceError, LinkTimeout
 from device.link.codec import fields, number, number_text, switch, whole
 from protocol.journal.records import Identity, ReadBack

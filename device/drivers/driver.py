@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from typing import ClassVar
 
-from device.drivers.setpoints import Limits, Setpoint
+from device.drivers.limits import Limits, Setpoint
 from device.errors import DeviceError, ForeignOutput, LinkTimeout, OutputUnknown
 from device.link.codec import number, number_text, queued_error, switch
 from device.link.link import ANSWER_TIMEOUT_S, EVENT_ENABLE, Link, Register

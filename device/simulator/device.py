@@ -11,10 +11,10 @@ from device.errors import DeviceError
 from device.link.codec import text
 from device.simulator.control import Control
 from device.simulator.faults import Broken
+from device.simulator.models.beam_and_finger import SimulatedBeam
 from device.simulator.models.dialect import Dialect
 from device.simulator.models.power_stage import DeviceClock, Instrument
 from device.simulator.models.scpi import ScpiError
-from device.simulator.models.simulated_beam import SimulatedBeam
 
 Model = Callable[[Instrument, SimulatedBeam], Dialect]
 _ERROR_AFTER_SET = ScpiError(-310, "System error")

@@ -6,7 +6,8 @@ from typing import Any
 
 from protocol.plan.plan import plan
 from protocol.plan.trials import Plan, Trial, plan_swaps, session_s, touches_s
-from protocol.preview.session_length import Precision, precisions, session_lengths
+from protocol.preview.precision import Precision, precisions
+from protocol.preview.session_length import session_lengths
 from protocol.proof.cohort import CarryOver, carry_over
 from protocol.study.study import Study
 from protocol.study.touch import Touch, slew_v_per_us

@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Sequence
 
 from protocol.plan.trials import Trial
+from protocol.preview.precision import Precision, residual_sd
 from protocol.preview.preview import Predict, Preview, levels, precision_by_length
-from protocol.preview.session_length import Precision, residual_sd
 from protocol.proof.cohort import CarryOver, balance_guaranteed, sequences
 from protocol.study.questions import PAPERS_SCALE
 

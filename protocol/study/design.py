@@ -1,11 +1,10 @@
-"""The design of a study, its timing, session rules, exclusions and facts for publication."""
+"""The design of a study, its timing, and facts for publication."""
 
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from protocol.study.fields import Count, Line, NotNegative, Positive, Record, Share, Whole
-from protocol.study.languages import KnownCode
+from protocol.study.fields import Count, Line, NotNegative, Positive, Record, Whole
 
 Order = Literal["williams", "blocks", "random", "fixed"]
 Grouping = Literal["no", "block", "session"]
@@ -104,63 +103,6 @@ class Timing(Record):
     max_session_s: Annotated[
         Positive, Field(le=14_400, description="longest session that may be planned")
     ] = 5_400.0
-
-
-OperatorQuestion = Literal["skin state", "room temperature", "humidity", "cleaning"]
-
-
-class SessionRules(Record):
-    """What a session is read in, what it asks of the operator, and when it may be resumed."""
-
-    languages: Annotated[
-        tuple[KnownCode, ...],
-        Field(min_length=1, description="in which all that participants read must be there"),
-    ] = ("en", "zh")
-    operator_asks: Annotated[
-        tuple[OperatorQuestion, ...],
-        Field(description="what the operator notes before the first trial"),
-    ] = ()
-    consent_required: Annotated[
-        bool, Field(strict=True, description="refuse a session without a reference to the consent")
-    ] = False
-    resume_within_h: Annotated[
-        Positive, Field(le=720, description="an interrupted session older than this is not resumed")
-    ] = 24.0
-    practise_again: Annotated[
-        Literal["never", "on resume"], Field(description="whether a resumed session practises")
-    ] = "never"
-
-
-class Exclusions(Record):
-    """Rules that were settled beforehand; the report applies them and says whom they met."""
-
-    max_false_alarms: Annotated[
-        Share | None, Field(description="share of catch trials on which a change was reported")
-    ] = None
-    max_missing_scores: Annotated[
-        Share | None, Field(description="share of a participant's scores that is missing")
-    ] = None
-    # A limit of more than half a minute would leave out everybody: it is in ms.
-    min_reaction_s: Annotated[
-        Positive | None, Field(le=30, description="a trial answered sooner is left out")
-    ] = None
-    # Nobody answers within 0.1 s, and 600 s leave out nobody.
-    max_reaction_s: Annotated[
-        Positive | None,
-        Field(ge=0.1, le=600, description="a trial answered later is left out"),
-    ] = None
-    min_trials: Annotated[
-        Count | None, Field(description="a participant with fewer valid trials is left out")
-    ] = None
-
-    @model_validator(mode="after")
-    def _some_time_is_left(self) -> Self:
-        fastest, slowest = self.min_reaction_s, self.max_reaction_s
-        if fastest is not None and slowest is not None and fastest >= slowest:
-            raise ValueError(
-                f"min_reaction_s must be less than max_reaction_s = {slowest:g}, got {fastest:g}"
-            )
-        return self
 
 
 class Publication(Record):

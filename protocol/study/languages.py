@@ -1,6 +1,6 @@
 """The languages that participants read, one file each: texts, fonts and names of score bands.
 
-The built-in ones stand in `protocol/texts`. A study's own come with the study.
+The built-in ones stand in `protocol/languages`. A study's own come with the study.
 """
 
 import tomllib
@@ -15,7 +15,7 @@ from protocol.study.fields import Line, Name, Record, known_as, require_printabl
 
 REFERENCE = "en"
 """The language whose texts say which keys there are, and with which fields in braces."""
-FOLDER: Traversable = files("protocol") / "texts"
+FOLDER: Traversable = files("protocol") / "languages"
 CODE = r"[a-z]{2,3}(-[A-Za-z0-9]{2,8})*"
 
 Code = Annotated[str, Field(pattern=f"^{CODE}$")]

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from pydantic import Field, field_validator
 
 from protocol.study.fields import Name, NotNegative, Positive, Record
-from protocol.study.rig import Rig
+from protocol.study.rig_settings import Rig
 
 Direction = Literal["right", "left"]
 Coverage = Literal["local", "full"]

@@ -9,8 +9,8 @@ from protocol.study.study import Condition, Item, Study
 from protocol.study.touch import Touch, current_ma, driven_s, slew_v_per_us, touch_s
 from protocol.study.variants import scaled
 from protocol.study_file.consistency import name_problems, opening_problems
+from protocol.study_file.text_checks import instruction_problem, text_problems
 from protocol.study_file.units import unit_hint
-from protocol.study_file.wording import instruction_problem, text_problems
 
 
 def problems(study: Study, further: Iterable[Problem] = ()) -> list[Problem]:

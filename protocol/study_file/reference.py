@@ -48,7 +48,7 @@ the fields in braces that the built-in one has; a touch may name further keys as
 `touchbeam check` lists what is wrong with the file, by line, and `touchbeam run --language CODE`
 takes it. The journal keeps the file with the study file, and `touchbeam amend` accepts a change.
 
-`protocol/texts/en.toml` is a file to start from. One that is added there is a language of every
+`protocol/languages/en.toml` is a file to start from. One that is added there is a language of every
 study; `session.languages` says in which languages a study must be complete.
 """
 

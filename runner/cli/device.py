@@ -35,9 +35,9 @@ def device_probe(url: UrlArgument, as_json: JsonOption = False) -> None:
 
     Changes no setting; the device's output stays as it is.
     """
+    from runner.launch.device_access import touchbeam_command
     from runner.launch.locks import rig_lock
     from runner.launch.probe import probed
-    from runner.launch.rig import touchbeam_command
 
     with rig_lock(url, "touchbeam device probe"):
         status = probed(url, touchbeam_command())
@@ -65,9 +65,9 @@ def device_sweep(
 
     Searches within 5 % of --near, then turns the output off.
     """
+    from runner.launch.device_access import touchbeam_command
     from runner.launch.locks import rig_lock
     from runner.launch.probe import kept, swept
-    from runner.launch.rig import touchbeam_command
 
     with rig_lock(url, "touchbeam device sweep"):
         found, idn = swept(url, near, dialect, touchbeam_command())

@@ -16,7 +16,7 @@ from runner.cli.options import (
 )
 from runner.cli.results import write_report
 from runner.clock import Pace
-from runner.ports import Ratings
+from runner.ports import AnswerSource
 
 app = typer.Typer()
 
@@ -35,8 +35,8 @@ def demo(
     """
     from protocol.study_file.loading import template
     from runner.cli.output import progress
+    from runner.launch.device_access import touchbeam_command
     from runner.launch.rehearsal import rehearse_cohort
-    from runner.launch.rig import touchbeam_command
     from runner.study.folder import StudyFolder, new_study, numbered
 
     folder = StudyFolder(path=out or numbered(Path("demo")))
@@ -101,7 +101,7 @@ def run(
             callback=address,
         ),
     ] = None,
-    ratings: Annotated[Ratings, typer.Option()] = "window",
+    ratings: Annotated[AnswerSource, typer.Option()] = "window",
     pace: Annotated[
         Pace | None,
         typer.Option(help="[default: stepped if device and ratings are simulated, else wall]"),
@@ -123,7 +123,7 @@ def run(
 
     An interrupted session resumes at the trial in which it stopped.
     """
-    from runner.launch.rig import touchbeam_command
+    from runner.launch.device_access import touchbeam_command
     from runner.launch.run_session import SessionOptions, run_session
     from runner.study.folder import StudyFolder
 

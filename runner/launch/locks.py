@@ -42,7 +42,7 @@ def rig_lock(url: str, holder: str, common: Path = COMMON) -> Iterator[None]:
         RigInUse: another process holds the rig; the message names its session.
         UnsafeFolder: other users can open the folder of the locks.
     """
-    from runner.launch.rig import SIMULATED
+    from runner.launch.device_access import SIMULATED
 
     lock = _lock(url, holder, _address(url), common) if url != SIMULATED else nullcontext()
     with lock:

@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from device.simulator.client import ControlClient
-from protocol.study.texts import study_wording
+from protocol.study.participant_texts import study_wording
 from runner.clock import Clock, SteppedClock
-from runner.launch.rig import SessionRig
+from runner.launch.device_access import SessionRig
 from runner.people.operator_console import Display, LiveDisplay, OperatorConsole, PlainDisplay
 from runner.people.participant_console import ConsoleParticipant, TypedLines
 from runner.people.terminal import at_terminal, terminal_keys

@@ -6,15 +6,15 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from device.drivers.registry import driver_for, driver_of
+from device.drivers.discovery import driver_for, driver_of
 from device.errors import LinkTimeout
 from device.link.link import HANDSHAKE_S, open_link
 from device.link.port import described_ports
 from device.resonance import Resonance
 from device.simulator.client import simulator_process
-from protocol.study.rig import Rig as RigSettings
+from protocol.study.rig_settings import Rig as RigSettings
 from runner.clock import WallClock
-from runner.launch.rig import SIMULATED, keep_calibration, session_rig
+from runner.launch.device_access import SIMULATED, keep_calibration, session_rig
 
 BLUETOOTH = ("rfcomm", "bluetooth")
 

@@ -9,18 +9,18 @@ from device.resonance import Resonance
 from protocol.errors import BadInput
 from protocol.journal.state import SessionState
 from protocol.plan.plan import plan
+from protocol.study.participant_texts import Wording, lacking, study_codes, study_wording
 from protocol.study.study import Study
-from protocol.study.texts import Wording, lacking, study_codes, study_wording
 from runner.clock import Clock, Pace, SteppedClock, WallClock
 from runner.journal.cohort import slot_for, states
 from runner.journal.location import checked_place, mounts_of_this_machine
 from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal, JournalError, journal_if_used, session_name
+from runner.launch.device_access import SIMULATED, kept_calibration, session_rig
 from runner.launch.locks import rig_lock, session_lock
 from runner.launch.participants import Say, participant_and_operator
-from runner.launch.rig import SIMULATED, kept_calibration, session_rig
 from runner.people.participant_console import require_typist
-from runner.ports import Ratings
+from runner.ports import AnswerSource
 from runner.session.loop import run
 from runner.session.resume import require_resumable
 from runner.session.session import Session, SessionContext, SessionKind
@@ -39,7 +39,7 @@ class SessionOptions:
     participant: str
     number: int = 1
     device: str | None = None
-    ratings: Ratings = "window"
+    ratings: AnswerSource = "window"
     pace: Pace | None = None
     rehearsal: bool = False
     language: str = "en"

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from typing import TextIO
 
 from protocol.errors import BadInput, WorkFailed
+from protocol.study.participant_texts import Wording, band_names, score_text
 from protocol.study.questions import ANSWERS, Rating
-from protocol.study.texts import Wording, band_names, score_text
 from runner.people.operator_keys import OPERATOR_MARK
 from runner.people.terminal import at_terminal
 from runner.screens import (

@@ -13,10 +13,12 @@ from protocol.journal.events import (
 from protocol.plan.trials import Trial
 from runner.journal.session_log import abort_trial, close_interrupted
 from runner.screens import Notice
+from runner.session.operator_view import update_view
+from runner.session.orders import RepeatTrial
 from runner.session.session import SessionContext
 from runner.session.setup import prepare
-from runner.session.tick import RepeatTrial, pause_if_wanted, update_view
 from runner.session.trial import ask, touch
+from runner.session.waiting import pause_if_wanted
 from runner.signals import stops_allowed, stops_deferred
 
 _OFF = "output off, read back"

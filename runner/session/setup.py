@@ -4,8 +4,9 @@ from protocol.errors import BadInput
 from protocol.journal.events import BeamMounted, DeviceArmed, ResonanceMeasured, RigDescribed
 from protocol.study_file.limits import problems_at
 from runner.screens import Notice, Welcome
+from runner.session.operator_view import update_view
 from runner.session.session import SessionContext
-from runner.session.tick import operator_answer, response, tick, update_view
+from runner.session.waiting import operator_answer, response, tick
 
 
 def prepare(context: SessionContext) -> None:

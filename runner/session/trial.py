@@ -3,18 +3,19 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from device.drivers.setpoints import SLOWEST_RAMP_V_PER_S, Setpoint
+from device.drivers.limits import SLOWEST_RAMP_V_PER_S, Setpoint
 from protocol.journal.events import Answered, TouchEnded, TouchStarted
 from protocol.journal.records import Compliance, InstructionResponse, ReadBack, TraceSample
 from protocol.plan.trials import Trial
+from protocol.study.participant_texts import touch_text
 from protocol.study.questions import checked_answer
-from protocol.study.texts import touch_text
 from protocol.study.touch import Touch
 from runner.screens import AskChange, AskScore, Instruction, Notice, Response, pacing
 from runner.session.compliance import judged, samples_of
+from runner.session.operator_view import update_view
 from runner.session.session import SessionContext
 from runner.session.setup import mount
-from runner.session.tick import TICK_S, response, update_view, wait
+from runner.session.waiting import TICK_S, response, wait
 
 SAMPLE_EVERY_S = 0.2
 SWEEP_STEP_S = 0.1

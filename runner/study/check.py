@@ -13,8 +13,8 @@ from protocol.plan.trials import Trial
 from protocol.preview.preview import Predict, preview, preview_record
 from protocol.preview.text import preview_lines
 from protocol.proof.cohort import cohort_problems
+from protocol.study.participant_texts import worded_as_built
 from protocol.study.study import Study
-from protocol.study.texts import worded_as_built
 from protocol.study.touch import Touch
 from protocol.study_file.language_files import located
 from protocol.study_file.loading import StudyError, parsed_study

@@ -19,7 +19,7 @@ _PSEUDONYM = re.compile(r"(?=.*[0-9])[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
 
 def dialects() -> Iterable[str]:
     """Return the dialects that have a driver."""
-    from device.drivers.registry import drivers
+    from device.drivers.discovery import drivers
 
     return drivers()
 

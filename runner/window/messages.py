@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
+from protocol.study.participant_texts import Wording
 from protocol.study.questions import Rating
-from protocol.study.texts import Wording
 from runner.screens import (
     AskChange,
     AskScore,

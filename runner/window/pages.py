@@ -7,9 +7,10 @@ device's state in this trial nor the expected answer.
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from protocol.study.participant_texts import Wording, score_text
 from protocol.study.questions import ANSWERS
-from protocol.study.texts import Wording, score_text
 from runner.screens import AskChange, AskScore, Instruction, Notice, Pacing, Screen, Welcome
+from runner.window.beam_sketch import fingers, sketch
 from runner.window.elements import (
     ACCENT,
     FAINT,
@@ -22,7 +23,7 @@ from runner.window.elements import (
     Target,
     Text,
 )
-from runner.window.widgets import SCALE_BOX, fingers, scale, sketch
+from runner.window.rating_scale import SCALE_BOX, scale
 
 TITLE_SIZE, ANSWER_SIZE, BUTTON_SIZE, SMALL_SIZE = 30.0, 26.0, 24.0, 19.0
 _TITLE = Box(x=0, y=205, width=720, height=130)

@@ -4,8 +4,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager
 
 from protocol.errors import BadInput, Path, Problem
-from protocol.study.study import Item, Study
-from protocol.study.texts import (
+from protocol.study.participant_texts import (
     Wording,
     band_name,
     lacking,
@@ -14,13 +13,14 @@ from protocol.study.texts import (
     text_path,
     touch_text,
 )
+from protocol.study.study import Item, Study
 from runner.screens import AskChange, AskScore, Instruction, Notice, Screen, Welcome, pacing
 from runner.window.client import WindowParticipant, participant_window
 from runner.window.elements import Text
 from runner.window.messages import Settings
 from runner.window.pages import PageState, page
+from runner.window.rating_scale import MOST_STEPS
 from runner.window.text_layout import text_height, text_width, wrapped
-from runner.window.widgets import MOST_STEPS
 
 _NOTICES = ("wait", "touch.end", "pause", "thanks")
 _INSTRUCTIONS = ("remember", "practice", "break")

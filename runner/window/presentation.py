@@ -5,12 +5,12 @@ from itertools import pairwise
 from statistics import median
 from typing import Any
 
-from protocol.study.texts import Wording
+from protocol.study.participant_texts import Wording
 from runner.screens import AskChange, AskScore, Instruction, Notice, Screen
 from runner.window.elements import Input, Key, Page
 from runner.window.pages import PageState, page
+from runner.window.rating_scale import look
 from runner.window.response import PendingResponse
-from runner.window.widgets import look
 
 LATE = 1.5
 """A frame counts as dropped if its interval exceeds this many refresh intervals."""

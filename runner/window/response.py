@@ -10,7 +10,7 @@ from protocol.study.questions import ANSWERS, Rating
 from runner.screens import AskChange, AskScore, Screen
 from runner.window.elements import Dragged, Input, Key, Pressed, Released
 from runner.window.pages import target_at, targets
-from runner.window.widgets import score_at
+from runner.window.rating_scale import score_at
 
 EARLY_S = 0.15
 """Shorter than any reaction time: an earlier press was meant for the previous screen."""

@@ -4,9 +4,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
+from device.drivers.discovery import driver_of
 from device.drivers.driver import Driver
-from device.drivers.registry import driver_of
-from device.drivers.setpoints import Limits, Setpoint
+from device.drivers.limits import Limits, Setpoint
 from device.errors import DeviceError, LimitExceeded
 from device.link.link import Link
 from device.rig import RAMP_STEP_S, Rig

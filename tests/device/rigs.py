@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from device.drivers.setpoints import Amplifier, Limits, Setpoint
+from device.drivers.limits import Amplifier, Limits, Setpoint
 from device.errors import DeviceError
 from device.rig import Rig, open_rig
 from device.simulator.client import ControlClient

@@ -5,7 +5,7 @@ import random
 
 import pytest
 
-from device.drivers.setpoints import Limits, Setpoint
+from device.drivers.limits import Limits, Setpoint
 from device.errors import DeviceError
 from device.resonance import SWEEP_VOLTAGE_V, resonance
 from protocol.journal.records import ReadBack

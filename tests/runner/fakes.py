@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 
-from device.drivers.setpoints import Setpoint
+from device.drivers.limits import Setpoint
 from device.errors import DeviceError, OutputUnknown
 from device.resonance import Resonance
 from protocol.journal.records import Identity, ReadBack

@@ -12,8 +12,8 @@ from device.resonance import Resonance
 from protocol.plan.plan import plan
 from protocol.study.questions import ANSWERS
 from protocol.study_file.loading import parsed_study, template, template_tests
+from runner.launch.device_access import SessionRig, keep_calibration
 from runner.launch.rehearsal import Rehearsal, rehearse
-from runner.launch.rig import SessionRig, keep_calibration
 from runner.people.virtual_participant import VirtualParticipant
 from runner.screens import AskChange, Pacing
 

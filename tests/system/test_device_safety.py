@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from device.drivers.setpoints import Limits
+from device.drivers.limits import Limits
 from device.errors import DeviceError, EmergencyStop, OutputUnknown
 from device.link.link import open_link
 from device.rig import FEEDS_PER_WATCHDOG, open_rig

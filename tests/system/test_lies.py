@@ -12,7 +12,7 @@ from typing import Literal
 import pytest
 
 from device.drivers.board import MONITOR_ABS_TOL_V
-from device.drivers.setpoints import Setpoint
+from device.drivers.limits import Setpoint
 from device.errors import DeviceError, OutputUnknown
 from tests.device.lying import WatchedRig, watched
 from tests.device.rigs import LIMITS as ANY_LIMITS

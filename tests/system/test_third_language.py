@@ -13,7 +13,7 @@ import pytest
 from protocol.study import languages
 from tests.runner.command_line import typed
 
-FILES = Path(languages.__file__).parents[1] / "texts"
+FILES = Path(languages.__file__).parents[1] / "languages"
 FRENCH = (
     (FILES / "en.toml")
     .read_text(encoding="utf-8")

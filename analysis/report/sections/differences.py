@@ -8,10 +8,10 @@ import numpy as np
 from analysis.estimates import NotEstimable
 from analysis.loading.score_table import ScoreTable
 from analysis.report.as_json import Json, friedman_json, pair_json, skillings_mack_json, why
+from analysis.report.blocks import Figure, Section, Table, columns
 from analysis.report.drawing import raincloud_figure
 from analysis.report.figure_data import raincloud
 from analysis.report.findings import Findings
-from analysis.report.section import Figure, Section, Table, columns
 from analysis.report.wording import number, of_all, omnibus_line, p_value
 from analysis.statistics.omnibus import Friedman
 from analysis.statistics.signed_rank import PairwiseTest, SignedRank

@@ -3,8 +3,8 @@
 from analysis.loading.exclusions import rules_in_words
 from analysis.loading.missing_scores import unscored
 from analysis.loading.study_data import StudyData
+from analysis.report.blocks import Section
 from analysis.report.findings import Findings
-from analysis.report.section import Section
 from analysis.trials.arrays import LAW
 from analysis.trials.contrasts import FORCE_STEP, PLACE_STEP_M
 from analysis.trials.trial_statistics import TrialStatistics

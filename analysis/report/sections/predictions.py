@@ -5,10 +5,10 @@ from functools import partial
 
 from analysis.estimates import NotEstimable
 from analysis.report.as_json import Json, or_null, plain, why
+from analysis.report.blocks import Column, Figure, Section, Table, columns
 from analysis.report.drawing import scatter_figure
 from analysis.report.figure_data import scatter
 from analysis.report.findings import Findings
-from analysis.report.section import Column, Figure, Section, Table, columns
 from analysis.report.wording import number, of_all, p_value, share
 from analysis.trials.law_comparison import LawLikelihood, LawOrder, shared_contrasts
 from analysis.trials.trial_statistics import PAPERS_RANKING, LawScore, TrialStatistics

@@ -6,8 +6,8 @@ from hashlib import sha256
 from importlib.metadata import version
 
 from analysis.loading.study_data import StudyData, changed_journal
+from analysis.report.blocks import Definitions, Section
 from analysis.report.findings import Findings, Origin
-from analysis.report.section import Definitions, Section
 from analysis.trials.arrays import LAW
 from analysis.trials.contrasts import RUNG
 from device.friction.laws import LAWS

@@ -2,8 +2,8 @@
 
 from analysis.loading.missing_scores import LABELS, marks, unscored, withheld
 from analysis.report.as_json import Json, friedman_json, pair_json, plain
+from analysis.report.blocks import Cell, Column, Items, Row, Section, Table, columns
 from analysis.report.findings import Findings
-from analysis.report.section import Cell, Column, Items, Row, Section, Table, columns
 from analysis.report.sections.predictions import PREDICTIONS
 from analysis.report.sections.trials import is_scored, trials_anchor
 from analysis.report.table4_text import table4_csv, table4_lines, table4_tex

@@ -5,10 +5,10 @@ from functools import partial
 
 from analysis.estimates import NotEstimable
 from analysis.report.as_json import Json, plain
+from analysis.report.blocks import Figure, Items, Section, Table, columns
 from analysis.report.drawing import gains_figure
 from analysis.report.figure_data import Gains, gains
 from analysis.report.findings import Findings
-from analysis.report.section import Figure, Items, Section, Table, columns
 from analysis.report.wording import interval, number, of_all
 from analysis.sensitivity.joint_model import JointSensitivity
 from analysis.sensitivity.linear_model import LinearSensitivity

@@ -4,10 +4,10 @@ from functools import partial
 
 from analysis.estimates import NotEstimable
 from analysis.report.as_json import Json, or_null, plain, why
+from analysis.report.blocks import Figure, Items, Section, Table, columns
 from analysis.report.drawing import course_figure
 from analysis.report.figure_data import Course, course
 from analysis.report.findings import Findings
-from analysis.report.section import Figure, Items, Section, Table, columns
 from analysis.report.wording import interval, number, p_value, share
 from analysis.sensitivity.checks import Discrimination, Drift, FTest, Proportion
 from analysis.trials.trial_statistics import CatchAnswers

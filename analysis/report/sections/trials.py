@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from analysis.report.blocks import Cell, Column, Row, Section, Table, TableGroup, columns
 from analysis.report.findings import Findings
-from analysis.report.section import Cell, Column, Row, Section, Table, TableGroup, columns
 from analysis.report.wording import MISSING, number
 
 

@@ -1,5 +1,5 @@
 """The simulated instruments behind the wire: dialects, power stage and beam.
 
 Public face: `dialect.Dialect`, `board_model.BoardDialect`, `keysight_model.KeysightDialect`,
-`simulated_beam.SimulatedBeam`.
+`beam_and_finger.SimulatedBeam`.
 """

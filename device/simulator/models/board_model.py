@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 
 from device.link.codec import number_text
+from device.simulator.models.beam_and_finger import SimulatedBeam
 from device.simulator.models.dialect import Dialect, Status, asked
 from device.simulator.models.power_stage import (
     DEFAULT_FREQUENCY_HZ,
@@ -24,7 +25,6 @@ from device.simulator.models.scpi import (
     extremes,
     quantity,
 )
-from device.simulator.models.simulated_beam import SimulatedBeam
 
 IDN = "touchbeam,BOARD,SIM,1.1"
 BANNER = "touchbeam board 1.1 ready"

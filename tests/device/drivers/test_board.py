@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from device.drivers.board import Board
-from device.drivers.setpoints import Limits, Setpoint
+from device.drivers.limits import Limits, Setpoint
 from device.errors import DeviceError, ForeignOutput, OutputUnknown
 from device.link.link import Link, open_link
 from device.simulator.client import ControlClient, Endpoints, simulator_process

@@ -6,8 +6,8 @@ import pytest
 from pydantic import ValidationError
 
 from protocol.errors import Problem
+from protocol.study.participant_texts import score_text, study_wording, worded_as_built
 from protocol.study.questions import PAPERS_SCALE, Rating, checked_answer
-from protocol.study.texts import score_text, study_wording, worded_as_built
 from protocol.study_file.loading import StudyError, parsed_study, template
 
 PAPER = template("paper")

@@ -3,7 +3,7 @@
 import pytest
 
 from protocol.study.questions import ANSWERS, no_change, opposite_answer
-from protocol.study.rig import Rig
+from protocol.study.rig_settings import Rig
 from protocol.study.touch import Touch, TouchDefaults, driven_s, touch_s
 from protocol.study.variants import at_level, opposite, opposite_expected
 from protocol.study_file.loading import parsed_study, template

@@ -5,14 +5,14 @@ from importlib.resources import files
 import pytest
 
 from protocol.errors import Problem
-from protocol.study.texts import band_names, study_codes, study_wording
+from protocol.study.participant_texts import band_names, study_codes, study_wording
 from protocol.study_file.language_files import with_languages
 from protocol.study_file.loading import StudyError, parsed_study, template, text_digest
 from protocol.study_file.toml import LONGEST_TEXT
 
 PAPER = template("paper")
 FRENCH = (
-    (files("protocol") / "texts" / "en.toml")
+    (files("protocol") / "languages" / "en.toml")
     .read_text(encoding="utf-8")
     .replace('name = "English"', 'name = "French"')
     .replace('general = "general"', 'general = "moyen"')

@@ -11,12 +11,12 @@ from device.beam.modes import natural_frequency_hz
 from device.errors import DeviceError, ForeignDevice
 from device.resonance import Resonance
 from device.simulator.client import ControlClient, Endpoints, simulator_process
-from device.simulator.models.simulated_beam import SimulatedBeam
+from device.simulator.models.beam_and_finger import SimulatedBeam
 from protocol.errors import BadInput
-from protocol.study.rig import Rig as RigSettings
+from protocol.study.rig_settings import Rig as RigSettings
 from protocol.study_file.loading import template
+from runner.launch.device_access import keep_calibration, kept_calibration, session_rig
 from runner.launch.probe import probed, swept
-from runner.launch.rig import keep_calibration, kept_calibration, session_rig
 from tests.device.rigs import TOUCHBEAM
 from tests.runner.command_line import typed
 

@@ -14,7 +14,7 @@ from device.simulator.device import dialects
 from device.simulator.transports import LineKind
 from protocol.study.languages import built_in_codes
 from runner.clock import Pace
-from runner.ports import Ratings
+from runner.ports import AnswerSource
 from tests.runner.command_line import typed
 
 HEAVY = {
@@ -30,7 +30,7 @@ HEAVY = {
     "matplotlib",
 }
 CHOICES = [
-    (("run", "--ratings"), get_args(Ratings)),
+    (("run", "--ratings"), get_args(AnswerSource)),
     (("run", "--pace"), get_args(Pace)),
     (("run", "--language"), built_in_codes()),
     (("export", "--format"), EXPORTS),

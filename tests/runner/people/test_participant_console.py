@@ -8,8 +8,8 @@ from dataclasses import replace
 import pytest
 
 from protocol.errors import BadInput
+from protocol.study.participant_texts import study_wording
 from protocol.study.questions import Rating
-from protocol.study.texts import study_wording
 from protocol.study_file.loading import parsed_study, template
 from runner.people.participant_console import (
     MOST_LINES,

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from device.drivers.setpoints import Setpoint
+from device.drivers.limits import Setpoint
 from device.errors import DeviceError, OutputUnknown
 from protocol.journal.events import DeviceOff, Event, TrialAborted
 from protocol.journal.records import ReadBack
@@ -14,7 +14,7 @@ from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal, JournalError, open_journal
 from runner.screens import AskScore, Instruction, Note, Order, Pacing, Response
 from runner.session.loop import run
-from runner.session.tick import StoppedByOperator
+from runner.session.orders import StoppedByOperator
 from tests.runner.fakes import FakeDevice, FakeOperator, FakeParticipant, context
 
 TEXT = template("paper")

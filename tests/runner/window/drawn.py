@@ -13,9 +13,9 @@ from typing import Any
 
 from PIL import Image, ImageGrab
 
+from protocol.study.participant_texts import Wording, study_wording
 from protocol.study.questions import Rating
 from protocol.study.study import Study
-from protocol.study.texts import Wording, study_wording
 from protocol.study.touch import Touch
 from protocol.study_file.loading import parsed_study, template
 from runner.screens import AskChange, AskScore, Instruction, Notice, Screen, Welcome, pacing

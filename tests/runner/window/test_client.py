@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from protocol.errors import WorkFailed
 from protocol.study.languages import built_in
-from protocol.study.texts import study_wording
+from protocol.study.participant_texts import study_wording
 from protocol.study_file.loading import parsed_study, template
 from runner.screens import AskChange, Instruction, Notice, Response
 from runner.window.client import SILENT_S, WindowGone, WindowParticipant, participant_window

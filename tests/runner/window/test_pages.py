@@ -10,25 +10,17 @@ from hypothesis import strategies as st
 
 from protocol.errors import BadInput
 from protocol.study.languages import built_in_codes
+from protocol.study.participant_texts import Wording, study_wording, touch_text, worded_as_built
 from protocol.study.questions import Band, Rating
 from protocol.study.study import Study
-from protocol.study.texts import Wording, study_wording, touch_text, worded_as_built
 from protocol.study.touch import Direction, Touch, TouchDefaults
 from protocol.study_file.loading import TEMPLATES, parsed_study, template
 from runner.screens import AskChange, AskScore, FingerPath, Instruction, Pacing, pacing
+from runner.window.beam_sketch import beam_x, fingers
 from runner.window.elements import CANVAS, Dot, Outline, Text
 from runner.window.pages import PageState, page, targets
 from runner.window.preflight import fit_problems, foreseen, require_fit
-from runner.window.widgets import (
-    SCALE_BOX,
-    beam_x,
-    fingers,
-    labelled,
-    look,
-    marked,
-    score_at,
-    score_x,
-)
+from runner.window.rating_scale import SCALE_BOX, labelled, look, marked, score_at, score_x
 
 PAPER = parsed_study(template("paper"))
 RIGHT = Pacing(start_m=0.01, end_m=0.081, duration_s=1.775, force_n=0.5, direction="right")

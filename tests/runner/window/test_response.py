@@ -10,8 +10,8 @@ from protocol.study.questions import ANSWERS, Question, Rating
 from runner.screens import AskChange, AskScore, Instruction, Notice, Pacing, Screen, Welcome
 from runner.window.elements import Dragged, Input, Key, Pressed, Released
 from runner.window.pages import targets
+from runner.window.rating_scale import score_x
 from runner.window.response import EARLY_S, PendingResponse
-from runner.window.widgets import score_x
 
 RATING = Rating()
 CHANGE, SCORE = AskChange(question="roughness"), AskScore(rating=RATING)

@@ -9,15 +9,15 @@ from unicodedata import category, normalize
 from protocol.errors import Path, Problem
 from protocol.study.fields import UNWANTED, unprintable
 from protocol.study.languages import Language, reference_texts
-from protocol.study.questions import ANSWERS, Band
-from protocol.study.study import Study
-from protocol.study.texts import (
+from protocol.study.participant_texts import (
     band_name,
     required_codes,
     study_codes,
     study_wording,
     text_path,
 )
+from protocol.study.questions import ANSWERS, Band
+from protocol.study.study import Study
 from protocol.study.touch import Touch
 
 

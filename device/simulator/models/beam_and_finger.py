@@ -18,7 +18,7 @@ MODE = 6
 BODY_HEIGHT_M = 1e-3
 SPREAD = {"resonance": 0.005, "damping": 0.1, "gain": 0.03}
 """Relative standard deviations of what the seed moves."""
-NOISE = {"monitor_v": 0.05, "force_n": 0.005, "position_m": 1e-4, "vibration": 0.005}
+SENSOR_NOISE = {"monitor_v": 0.05, "force_n": 0.005, "position_m": 1e-4, "vibration": 0.005}
 """Standard deviations of the sensors; that of the vibration is relative."""
 
 _DIRECTIONS: dict[str, Direction] = {"right": "right", "left": "left"}
@@ -117,7 +117,7 @@ class SimulatedBeam:
 
     def _noise(self, channel: str, instrument: Instrument) -> float:
         moment = random.Random(f"{self.seed}/{channel}/{instrument.time_s:.6f}")
-        return moment.gauss(0, NOISE[channel])
+        return moment.gauss(0, SENSOR_NOISE[channel])
 
 
 def _direction(text: str) -> Direction:

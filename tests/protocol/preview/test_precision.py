@@ -9,15 +9,14 @@ from scipy.stats import t
 
 from protocol.plan.plan import plan
 from protocol.plan.trials import session_s
-from protocol.preview.session_length import (
+from protocol.preview.precision import (
     RESIDUAL_SD,
-    SessionLength,
     half_width,
     precisions,
-    session_lengths,
     squared_spread,
     t_quantile,
 )
+from protocol.preview.session_length import SessionLength, session_lengths
 from protocol.study.questions import PAPERS_SCALE, Rating
 from protocol.study.study import Study
 from protocol.study_file.limits import problems

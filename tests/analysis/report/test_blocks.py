@@ -5,8 +5,7 @@ from html import escape
 
 import pytest
 
-from analysis.report.page import page_html
-from analysis.report.section import (
+from analysis.report.blocks import (
     Block,
     Cell,
     Column,
@@ -18,6 +17,7 @@ from analysis.report.section import (
     TableGroup,
     columns,
 )
+from analysis.report.page import page_html
 from tests.analysis.reports import plain_report
 
 SPEED = Table(

@@ -9,11 +9,11 @@ import pytest
 
 import device.drivers
 from device.drivers.board import Board
+from device.drivers.discovery import driver_for, driver_of, drivers
 from device.drivers.generator import Ramp
 from device.drivers.keysight import Keysight
-from device.drivers.registry import driver_for, driver_of, drivers
+from device.drivers.limits import Amplifier, Limits, Setpoint
 from device.drivers.rigol import Rigol
-from device.drivers.setpoints import Amplifier, Limits, Setpoint
 from device.drivers.siglent import Siglent
 from device.errors import ForeignDevice, LimitExceeded
 from device.link.link import Link

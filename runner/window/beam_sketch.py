@@ -1,0 +1,78 @@
+"""The sketch of the beam with the touch to make, and the marks that pace it."""
+
+from device.beam.beam import Beam
+from runner.screens import FingerPath
+from runner.window.elements import ACCENT, FAINT, INK, PALE, Box, Dot, Outline, Page
+
+BEAM_M = Beam().length_m
+_LEFT, _LENGTH = -300.0, 600.0
+_BEAM_Y, _BEAM_HEIGHT = 0.0, 34.0
+_ARROW_Y = 52.0
+_HEAD = 16.0
+_FINGER_RADIUS = 24.0
+
+BESIDE_M = (-0.024, -0.008, 0.008, 0.024)
+"""Positions of several fingers relative to their centre."""
+
+
+def beam_x(position_m: float) -> float:
+    """Return where a place on the beam lies across the canvas; the clamp is on the left."""
+    return _LEFT + _LENGTH * position_m / BEAM_M
+
+
+def sketch(way: FingerPath) -> Page:
+    """Return the beam and the touch: an arrow along it, or marks that point at places."""
+    if way.start_m != way.end_m:
+        return (*_beam(), *_arrow(way))
+    marks = [mark for place_m in _places(way, way.start_m) for mark in _mark(place_m, way.harder)]
+    return (*_beam(), *marks)
+
+
+def fingers(way: FingerPath, fraction: float) -> tuple[Dot, ...]:
+    """Return the pacing marks after `fraction` of the way, from 0 to 1."""
+    position_m = way.start_m + fraction * (way.end_m - way.start_m)
+    return tuple(
+        Dot(x=beam_x(place_m), y=_BEAM_Y, radius=_FINGER_RADIUS)
+        for place_m in _places(way, position_m)
+    )
+
+
+def _places(way: FingerPath, position_m: float) -> list[float]:
+    """Return the positions of the fingers; of several, only those on the beam."""
+    if not way.several:
+        return [position_m]
+    places = [position_m + beside_m for beside_m in BESIDE_M]
+    return [place_m for place_m in places if 0 <= place_m <= BEAM_M]
+
+
+def _beam() -> Page:
+    clamp = Box(x=_LEFT - 20, y=_BEAM_Y, width=40, height=110)
+    beam = Box(x=_LEFT + _LENGTH / 2, y=_BEAM_Y, width=_LENGTH, height=_BEAM_HEIGHT)
+    return (
+        Outline(points=clamp.corners, fill=FAINT),
+        Outline(points=beam.corners, fill=PALE, edge=INK),
+    )
+
+
+def _arrow(way: FingerPath) -> Page:
+    start, end = beam_x(way.start_m), beam_x(way.end_m)
+    base = end - _HEAD if end > start else end + _HEAD
+    head = ((end, _ARROW_Y), (base, _ARROW_Y + _HEAD), (base, _ARROW_Y - _HEAD))
+    return (
+        Outline(points=((start, _ARROW_Y), (base, _ARROW_Y)), edge=ACCENT, width=6),
+        Outline(points=((start, _ARROW_Y - 14), (start, _ARROW_Y + 14)), edge=ACCENT, width=6),
+        Outline(points=head, fill=ACCENT),
+    )
+
+
+def _mark(place_m: float, harder: bool) -> Page:
+    """Return the mark of a place to touch: one tip points at it, two mean to press harder."""
+    x = beam_x(place_m)
+    place = Outline(points=((x, _BEAM_Y - 17), (x, _BEAM_Y + 17)), edge=ACCENT, width=6)
+    heights = (26.0, 56.0) if harder else (26.0,)
+    return (place, *(_tip(x, height) for height in heights))
+
+
+def _tip(x: float, height: float) -> Outline:
+    points = ((x, height), (x + 17, height + 26), (x - 17, height + 26))
+    return Outline(points=points, fill=ACCENT)

@@ -21,7 +21,7 @@ DISCHARGE_S = 0.5
 _SILENCE = 1.2
 """How long to be silent for the watchdog to trip, relative to its time."""
 _IDLE_HZ = 1_000.0
-_OFF = "OUTP?;:MEAS:VOLT?"
+_OFF = ("OUTP?", "MEAS:VOLT?")
 _TRIPPED = "OUTP?;:OUTP:PROT:CAUS?"
 _READ_BACK = "OUTP?;:VOLT:INST?;:VOLT?;:FREQ?;:MEAS:VOLT?;:MEAS:FORC?;:MEAS:POS?;:SYST:TIME?"
 _HEALTH = "OUTP?;:OUTP:PROT:CAUS?;:SYST:BOOT?;:VOLT?;:VOLT:INST?;:FREQ?;:MEAS:VOLT?"
@@ -154,10 +154,13 @@ class Board(Driver):
             self._require_cool(health.temperature_c)
 
     def still_on(self) -> str:
-        """Wait until the output has discharged; the switch alone proves nothing."""
+        """Wait until the output has discharged; the switch alone proves nothing.
+
+        The answers come beside a token, so that no stray line is taken for them.
+        """
         deadline_s = self.monotonic() + DISCHARGE_S
         while True:
-            on, monitor_v = self.link.query(_OFF, _output_and_monitor)
+            on, monitor_v = self.link.certain(_OFF, _output_and_monitor)
             if on:
                 return "says that its output is on"
             if abs(monitor_v) < MONITOR_ABS_TOL_V:
@@ -264,8 +267,8 @@ def _read_back(reply: str) -> tuple[ReadBack, float]:
     return read_back, instant_v
 
 
-def _output_and_monitor(reply: str) -> tuple[bool, float]:
-    on, monitor_v = fields(reply, 2)
+def _output_and_monitor(answers: list[str]) -> tuple[bool, float]:
+    on, monitor_v = answers
     return switch(on), number(monitor_v)
 
 

@@ -10,6 +10,7 @@ class ScriptedPort:
     What `on_repeat` has is answered from the second time on.
 
     It keeps the event enable register that the link synchronises by, unless it is `deaf_to_sync`.
+    A question beside that register is answered as the question alone, after the register.
     """
 
     def __init__(self, answers: Mapping[bytes, bytes], *, deaf_to_sync: bool = False) -> None:
@@ -25,9 +26,13 @@ class ScriptedPort:
         return data
 
     def send(self, data: bytes) -> None:
+        token, beside, question = data.partition(b";*ESE?;:")
+        data = question if beside else data
         if data in self.sent and data in self.on_repeat:
             self.answers[data] = self.on_repeat[data]
         self.sent.append(data)
+        if beside and self.answers.get(data):
+            self.pending += token[5:] + b";"
         if data.startswith(b"*ESE ") and not self._deaf_to_sync:
             self._enabled = data[5:]
         elif data == b"*ESE?\n" and not self._deaf_to_sync:

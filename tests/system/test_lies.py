@@ -73,6 +73,7 @@ LINES: Mapping[str, Callable[[], Callable[[str], str]]] = {
     "a 1 after": lambda: lambda line: f"{line}\n1",
     "an OFF first": lambda: lambda line: f"OFF\n{line}",
     "two zeros first": lambda: lambda line: f"0;0\n{line}",
+    "two zeros instead": lambda: lambda _: "0;0",
     "the one before": _shifted,
     "NUL at the end": lambda: lambda line: f"{line}\0",
     "0xFF first": lambda: lambda line: f"\xff{line}",

@@ -64,6 +64,11 @@ class Rig:
         self._owner = threading.Thread(target=self._serve, name="port owner", daemon=True)
         self._owner.start()
 
+    @property
+    def has_watchdog(self) -> bool:
+        """Whether the device turns its output off by itself when it hears nothing."""
+        return self._driver.has_watchdog
+
     def arm(self) -> Identity:
         """Turn the output off, check who answers, set limits and watchdog; forget a fault.
 

@@ -11,6 +11,10 @@ _HOST = r"(?:[\w.-]+|\[[\w:.%]+\])"
 _ON_A_NETWORK = re.compile(rf"(?:socket|rfc2217)://{_HOST}:(\d{{1,5}})", re.ASCII | re.IGNORECASE)
 
 
+SIMULATED = "sim"
+"""The address of a simulated device, which each command starts for itself."""
+
+
 class AddressError(BadInput):
     """The address of a device, or its dialect, is not one that exists: the user's mistake."""
 

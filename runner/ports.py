@@ -23,6 +23,15 @@ class Device(Protocol):
         """Turn the output off, identify the device, set limits and watchdog."""
         ...
 
+    @property
+    def has_watchdog(self) -> bool:
+        """Whether the device turns its output off by itself when it hears nothing."""
+        ...
+
+    def watchdog_trips(self) -> bool:
+        """Return whether it does so, tried with the output on at 0 V; leave the output off."""
+        ...
+
     def resonance(self, near_hz: float, sleep: Callable[[float], None]) -> Resonance:
         """Find the resonance of the untouched beam near `near_hz`; leave the output off."""
         ...
@@ -77,6 +86,10 @@ class Operator(Protocol):
 
     def mount(self, beam: str) -> None:
         """Ask the operator to mount `beam`; the answer confirms it."""
+        ...
+
+    def confirm(self, text: str) -> None:
+        """Ask the operator to do what `text` says; the answer confirms it."""
         ...
 
     def order(self) -> Order | Note | None:

@@ -92,7 +92,8 @@ def simulated_rig(study: "Study") -> "Iterator[SessionRig]":
     `simulated_rig.device` is driven as in a session, over the real byte path;
     `simulated_rig.control` moves the finger, advances time and swaps the beam.
     """
-    from runner.launch.device_access import SIMULATED, session_rig, touchbeam_command
+    from protocol.address import SIMULATED
+    from runner.launch.device_access import session_rig, touchbeam_command
 
     with session_rig(SIMULATED, study.rig, touchbeam_command(), study.study.seed) as rig:
         yield rig

@@ -104,7 +104,8 @@ class OperatorView:
     """The session's progress and the device's last read-back.
 
     `device` is None if the output has been read back as off, if it is `unknown`, or while the
-    session is idle and the device has not been asked yet.
+    session is idle and the device has not been asked yet. `busy` says what the output is on for
+    while no participant touches the beam.
     """
 
     session: str
@@ -116,7 +117,7 @@ class OperatorView:
     total: int
     left_s: float
     device: ReadBack | None
-    searching: bool
+    busy: str
     watchdog_s: float
     last_answer: str
     warning: str
@@ -130,8 +131,8 @@ class OperatorView:
         """Return the state of the output in words."""
         if self.unknown:
             return UNKNOWN.removeprefix("output ")
-        if self.searching:
-            return "ON, 10 V at most, searching"
+        if self.busy:
+            return f"ON, {self.busy}"
         if self.device is None and self.state == "idle":
             return "not known yet"
         if self.device is None or not self.device.output:

@@ -89,6 +89,17 @@ class DeviceArmed(Identity, Event):
 
 
 @dataclass(frozen=True, kw_only=True)
+class WatchdogTested(Event):
+    """The device heard nothing for longer than its watchdog's time, with its output on at 0 V."""
+
+    TAG: ClassVar = "watchdog-tested"
+
+    tripped: Annotated[bool, Key("whether it turned its output off")]
+    idn: Annotated[str, Key("answer of the device to `*IDN?`")]
+    address: Annotated[str, Key("where it was reached: `sim`, a serial port or a URL")]
+
+
+@dataclass(frozen=True, kw_only=True)
 class RigDescribed(Event):
     """The operator has answered the study's questions about the rig."""
 
@@ -300,6 +311,7 @@ EVENTS: tuple[type[Event], ...] = (
     SessionResumed,
     PracticeRenewed,
     DeviceArmed,
+    WatchdogTested,
     RigDescribed,
     BeamMounted,
     ResonanceMeasured,

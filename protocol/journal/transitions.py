@@ -27,6 +27,7 @@ from protocol.journal.events import (
     TrialExcluded,
     TrialStarted,
     Unpaused,
+    WatchdogTested,
     Withdrawn,
 )
 
@@ -41,6 +42,7 @@ _TABLE: dict[tuple[str, type[Event]], str] = {
     ("idle", PracticeRenewed): "idle",
     ("idle", DeviceArmed): "armed",
     ("idle", SessionCompleted): "completed",
+    ("armed", WatchdogTested): "armed",
     ("armed", RigDescribed): "armed",
     ("armed", ResonanceMeasured): "armed",
     ("armed", BeamMounted): "armed",

@@ -1,11 +1,16 @@
 """The log of one session: checks each event against the state, stores it, updates the state."""
 
+from datetime import datetime
+from typing import TypeVar
+
 from protocol.journal.events import DeviceOff, Event, StoredEvent, TrialAborted
 from protocol.journal.state import SessionState, folded
 from protocol.journal.transitions import next_state
 from runner.clock import Clock
 from runner.journal.store import Journal
 from runner.signals import stops_deferred
+
+_Kind = TypeVar("_Kind", bound=Event)
 
 
 class SessionLog:
@@ -18,6 +23,12 @@ class SessionLog:
         events = journal.events(session)
         self._next_seq = len(events)
         self.state: SessionState = folded(events)
+
+    def of_all_sessions(self, kind: type[_Kind]) -> list[tuple[datetime, _Kind]]:
+        """Return what the study's journal holds of one kind of event, each with its UTC."""
+        events = [event for event in self._journal.events_of(kind) if not event.erased]
+        records = [(event.utc, event.record) for event in events]
+        return [(utc, record) for utc, record in records if isinstance(record, kind)]
 
     def append(self, event: Event) -> None:
         """Store `event`; it is on the disk when this returns.

@@ -12,11 +12,10 @@ from device.resonance import Resonance
 from device.rig import Rig, open_rig
 from device.simulator.client import ControlClient, simulator_process
 from device.study_limits import device_limits
+from protocol.address import SIMULATED
 from protocol.errors import BadInput
 from protocol.study.rig_settings import Rig as RigSettings
 from runner.study.files import short_text, write_whole
-
-SIMULATED = "sim"
 
 
 @dataclass(frozen=True, kw_only=True)

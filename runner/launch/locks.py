@@ -13,6 +13,7 @@ from urllib.parse import urlsplit
 
 from filelock import FileLock, Timeout
 
+from protocol.address import SIMULATED
 from protocol.errors import WorkFailed
 
 _ON_A_NETWORK = {"socket", "rfc2217"}
@@ -42,8 +43,6 @@ def rig_lock(url: str, holder: str, common: Path = COMMON) -> Iterator[None]:
         RigInUse: another process holds the rig; the message names its session.
         UnsafeFolder: other users can open the folder of the locks.
     """
-    from runner.launch.device_access import SIMULATED
-
     lock = _lock(url, holder, _address(url), common) if url != SIMULATED else nullcontext()
     with lock:
         yield

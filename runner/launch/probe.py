@@ -12,9 +12,10 @@ from device.link.link import HANDSHAKE_S, open_link
 from device.link.port import described_ports
 from device.resonance import Resonance
 from device.simulator.client import simulator_process
+from protocol.address import SIMULATED
 from protocol.study.rig_settings import Rig as RigSettings
 from runner.clock import WallClock
-from runner.launch.device_access import SIMULATED, keep_calibration, session_rig
+from runner.launch.device_access import keep_calibration, session_rig
 
 BLUETOOTH = ("rfcomm", "bluetooth")
 

@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import TypeVar
 
 from device.resonance import Resonance
+from protocol.address import SIMULATED
 from protocol.journal.events import Answered, DeviceOff, Event, StoredEvent, TouchEnded
 from protocol.journal.state import SessionState
 from protocol.plan.trials import Plan
 from runner.journal.store import open_journal, session_name
-from runner.launch.device_access import SIMULATED, touchbeam_command
+from runner.launch.device_access import touchbeam_command
 from runner.launch.run_session import SessionOptions, run_session
 from runner.study.folder import StudyFolder
 

@@ -6,6 +6,7 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager, nullco
 from dataclasses import dataclass
 
 from device.resonance import Resonance
+from protocol.address import SIMULATED
 from protocol.errors import BadInput
 from protocol.journal.state import SessionState
 from protocol.plan.plan import plan
@@ -16,7 +17,7 @@ from runner.journal.cohort import slot_for, states
 from runner.journal.location import checked_place, mounts_of_this_machine
 from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal, JournalError, journal_if_used, session_name
-from runner.launch.device_access import SIMULATED, kept_calibration, session_rig
+from runner.launch.device_access import kept_calibration, session_rig
 from runner.launch.locks import rig_lock, session_lock
 from runner.launch.participants import Say, participant_and_operator
 from runner.people.participant_console import require_typist
@@ -184,6 +185,7 @@ def _context(request: _Request, say: Say, stack: ExitStack) -> SessionContext:
     return SessionContext(
         session=session,
         device=rig.device,
+        address=request.url,
         participant=participant,
         operator=operator,
         clock=clock,

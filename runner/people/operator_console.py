@@ -139,7 +139,10 @@ class OperatorConsole:
     def mount(self, beam: str) -> None:
         """Ask the operator to mount `beam`; the output must be off."""
         self.swap(beam)
-        text = f"The output is off. Mount the beam '{beam}', then press Enter."
+        self.confirm(f"The output is off. Mount the beam '{beam}', then press Enter.")
+
+    def confirm(self, text: str) -> None:
+        """Ask the operator to do what `text` says and to press Enter."""
         self._ask(text, lambda: self._keys.expect_confirmation(any_line=self.piped))
 
     def order(self) -> Order | Note | None:

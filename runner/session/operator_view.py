@@ -11,7 +11,7 @@ def update_view(
     device: ReadBack | None = None,
     warning: str = "",
     *,
-    searching: bool = False,
+    busy: str = "",
     unknown: bool = False,
 ) -> None:
     """Show the operator the session's progress and, while the output is on, its read-back."""
@@ -30,7 +30,7 @@ def update_view(
             total=len(session.plan.trials),
             left_s=sum(trial_s(session.study, entry) for entry in left),
             device=device,
-            searching=searching,
+            busy=busy,
             watchdog_s=session.study.rig.watchdog_s,
             last_answer=state.last_answer,
             warning=warning,

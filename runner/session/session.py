@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from importlib.metadata import version
 from typing import Literal
 
+from protocol.address import SIMULATED
 from protocol.journal.events import SessionOpened, SessionResumed
 from protocol.journal.records import PlannedTrial
 from protocol.plan.trials import Plan, Trial
@@ -71,6 +72,7 @@ def _planned(trial: Trial) -> PlannedTrial:
 class SessionContext:
     """A running session with its device, people, clock and log.
 
+    `address` is where the device was reached, `sim` for one that is simulated.
     `opened_now` is True for a new session and False for a resumed one. `resonance_hz` is 0 until
     it has been measured. `beam_in_doubt` is True while the operator has been asked to mount a beam
     and has not confirmed it.
@@ -83,6 +85,7 @@ class SessionContext:
     clock: Clock
     log: SessionLog
     opened_now: bool
+    address: str = SIMULATED
     resonance_hz: float = field(default=0.0, init=False)
     pause_wanted: bool = field(default=False, init=False)
     beam_in_doubt: bool = field(default=False, init=False)

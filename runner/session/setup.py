@@ -7,6 +7,7 @@ from runner.screens import Notice, Welcome
 from runner.session.operator_view import update_view
 from runner.session.session import SessionContext
 from runner.session.waiting import operator_answer, response, tick
+from runner.session.watchdog import require_watchdog
 
 
 def prepare(context: SessionContext) -> None:
@@ -17,13 +18,18 @@ def prepare(context: SessionContext) -> None:
     identity = context.device.arm()
     context.log.append(DeviceArmed(**vars(identity)))
     update_view(context, warning="; ".join(identity.remarks))
+    require_watchdog(context, identity.idn)
     if study.session.operator_asks:
         asked = study.session.operator_asks
         context.log.append(
             RigDescribed(answers={question: _ask_operator(context, question) for question in asked})
         )
     mount(context, study.touch.beam)
-    update_view(context, warning="measuring the resonance: hands off the beam", searching=True)
+    update_view(
+        context,
+        warning="measuring the resonance: hands off the beam",
+        busy="10 V at most, searching",
+    )
     found = context.device.resonance(
         study.rig.nominal_resonance_hz, lambda seconds: tick(context, seconds)
     )

@@ -7,6 +7,7 @@ from datetime import UTC, datetime, timedelta
 from device.drivers.limits import Setpoint
 from device.errors import DeviceError, OutputUnknown
 from device.resonance import Resonance
+from protocol.address import SIMULATED
 from protocol.journal.records import Identity, ReadBack
 from protocol.plan.plan import plan
 from protocol.study_file.loading import parsed_study, template
@@ -48,6 +49,9 @@ class FakeDevice:
 
     fails: str = ""
     on: bool = False
+    has_watchdog: bool = False
+    trips: bool = True
+    idn: str = "fake"
     calls: list[str] = field(default_factory=list)
     driven: list[Setpoint] = field(default_factory=list)
 
@@ -58,7 +62,11 @@ class FakeDevice:
 
     def arm(self) -> Identity:
         self._called("arm")
-        return Identity(idn="fake", boot=1, device_time_s=0.0)
+        return Identity(idn=self.idn, boot=1, device_time_s=0.0)
+
+    def watchdog_trips(self) -> bool:
+        self._called("watchdog_trips")
+        return self.trips
 
     def resonance(self, near_hz: float, sleep: Callable[[float], None]) -> Resonance:
         self._called("resonance")
@@ -141,6 +149,10 @@ class FakeOperator:
         assert not self.device.on, "the output must be off while a beam is swapped"
         self.mounts.append(beam)
 
+    def confirm(self, text: str) -> None:
+        assert not self.device.on
+        self.asked.append(text)
+
     def ask(self, text: str) -> None:
         self.asked.append(text)
 
@@ -168,7 +180,9 @@ def context(
     participant: FakeParticipant,
     text: str = template("paper"),
     operator: FakeOperator | None = None,
+    *,
     kind: SessionKind = "participant",
+    address: str = SIMULATED,
 ) -> SessionContext:
     """Return the context of session P01/1 of the study `text`; open it in `journal` if new."""
     clock = FakeClock()
@@ -190,6 +204,7 @@ def context(
     return SessionContext(
         session=session,
         device=device,
+        address=address,
         participant=participant,
         operator=operator or FakeOperator(device),
         clock=clock,

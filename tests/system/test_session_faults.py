@@ -149,6 +149,25 @@ def test_the_output_of_an_unexpected_device_is_never_reported_as_off(
     assert "output off" not in line
 
 
+def test_a_watchdog_that_is_not_there_is_found_before_the_first_trial(
+    tmp_path: Path, simulator: Endpoints, control: ControlClient
+) -> None:
+    row = Row(number=18, fault="watchdog-dead", when="handshake")
+    with open_journal(tmp_path / "study.db") as journal:
+        made = context(journal, FakeDevice(), FakeParticipant(), STUDY)
+        control.fault(row.fault)
+        with (
+            opened(simulator.url, "board", device_limits(made.session.study.rig)) as device,
+            pytest.raises(DeviceError, match="watchdog did not trip") as caught,
+        ):
+            run(on_the_rig(made, device, control, row))
+        assert control.state()["output"] is False
+        _assert_reported(caught.value)
+        _assert_journalled(journal, caught.value)
+        tags = [event.tag for event in journal.events("P01/1")]
+        assert tags == ["session-opened", "device-armed", "watchdog-tested", "device-off"]
+
+
 def _assert_reported(error: DeviceError) -> None:
     line, code = complaint(error)
     assert code == WORK_FAILED

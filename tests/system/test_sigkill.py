@@ -16,7 +16,7 @@ from runner.journal.store import open_journal
 from runner.journal.verification import verdicts
 from tests.runner.command_line import TOUCHBEAM
 
-EVENTS = 47
+EVENTS = 48
 """Number of events in a session of the paper's study."""
 
 

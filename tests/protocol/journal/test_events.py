@@ -121,6 +121,11 @@ PAYLOADS: dict[str, dict[str, Any]] = {
         "cleared_errors": ['-113,"Undefined header"'],
         "remarks": [],
     },
+    "watchdog-tested": {
+        "tripped": True,
+        "idn": "touchbeam,BOARD,SIM,1.1",
+        "address": "sim",
+    },
     "rig-described": {"answers": {"skin state": "dry"}},
     "beam-mounted": {"beam": "1 mm"},
     "resonance-measured": {"frequency_hz": 24068.8, "tip_m_per_v": 8.9e-09},

@@ -32,7 +32,7 @@ def view(**changes: object) -> OperatorView:
         "total": 7,
         "left_s": 130.0,
         "device": ON,
-        "searching": False,
+        "busy": "",
         "last_answer": "smoother, score 8",
         "warning": "",
     }
@@ -200,7 +200,7 @@ def test_a_colon_in_a_note_is_part_of_it() -> None:
 
 
 def test_the_search_for_the_resonance_is_shown_as_on() -> None:
-    assert view(device=None, searching=True).output().startswith("ON")
+    assert view(device=None, busy="10 V at most, searching").output().startswith("ON")
 
 
 @pytest.mark.parametrize("enter", ["\n", "\r"])

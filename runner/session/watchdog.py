@@ -1,0 +1,64 @@
+"""The test of the device's watchdog: once a day for each device, with nobody at the beam."""
+
+from concurrent.futures import ThreadPoolExecutor, wait
+from dataclasses import replace
+
+from device.errors import DeviceError
+from protocol.address import SIMULATED
+from protocol.journal.events import WatchdogTested
+from runner.session.operator_view import update_view
+from runner.session.orders import obey
+from runner.session.session import SessionContext
+from runner.session.waiting import TICK_S, operator_answer
+from runner.signals import raise_if_stopped
+
+_HANDS_OFF = "The watchdog will be tested; nobody may touch the beam. Press Enter once it is free."
+
+
+def require_watchdog(context: SessionContext, idn: str) -> None:
+    """Test the watchdog of the armed device, unless it has tripped today; record the result.
+
+    The operator first keeps everybody off the beam; a simulated beam is always free.
+
+    Raises:
+        DeviceError: the watchdog did not trip; the output is off.
+    """
+    tripped = WatchdogTested(tripped=True, idn=idn, address=context.address)
+    if not context.device.has_watchdog or _recorded_today(context, tripped):
+        return
+    if context.address != SIMULATED:
+        context.operator.confirm(_HANDS_OFF)
+        operator_answer(context)
+    update_view(
+        context,
+        warning="testing the watchdog: hands off the beam",
+        busy="0 V, testing the watchdog",
+    )
+    found = replace(tripped, tripped=_trips(context))
+    context.log.append(found)
+    update_view(context)
+    if not found.tripped:
+        raise DeviceError(
+            "the device's watchdog did not trip when the device heard nothing: if this program "
+            "died, the output would stay on; have the device repaired"
+        )
+
+
+def _recorded_today(context: SessionContext, found: WatchdogTested) -> bool:
+    today = context.clock.utc().astimezone().date()
+    tests = context.log.of_all_sessions(WatchdogTested)
+    return any(utc.astimezone().date() == today and test == found for utc, test in tests)
+
+
+def _trips(context: SessionContext) -> bool:
+    """Try it while the operator and signals are heard; whatever ends the session ends the test."""
+    with ThreadPoolExecutor(max_workers=1) as thread:
+        test = thread.submit(context.device.watchdog_trips)
+        try:
+            while not wait([test], TICK_S).done:
+                raise_if_stopped()
+                obey(context)
+        except BaseException:
+            context.device.emergency_stop()
+            raise
+    return test.result()

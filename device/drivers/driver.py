@@ -193,10 +193,15 @@ class Driver(ABC):
         return self.link.query(query, number)
 
     def set_number(
-        self, header: str, value: float, rel_tol: float = REL_TOL, abs_tol: float = 1e-6
+        self,
+        header: str,
+        value: float,
+        rel_tol: float = REL_TOL,
+        abs_tol: float = 1e-6,
+        unit: str = "",
     ) -> None:
         """Set a value, settle, and compare what the device kept."""
-        self.send(f"{header} {number_text(value)}")
+        self.send(f"{header} {number_text(value)} {unit}".rstrip())
         kept = self.number(f"{header}?")
         if not math.isclose(kept, value, rel_tol=rel_tol, abs_tol=abs_tol):
             raise DeviceError(f"{header} was set to {value:g} and reads back as {kept:g}")

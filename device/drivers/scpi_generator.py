@@ -75,8 +75,9 @@ class ScpiGenerator(Generator):
         return (NO_WATCHDOG,) if self._words.limits else (NO_WATCHDOG, NO_LIMITS)
 
     def _set_vpp(self, vpp: float) -> None:
+        """Set the amplitude with its unit, which somebody may have changed at the panel."""
         header = f"{self._words.source}VOLT"
-        self.set_number(header, vpp, AMPLITUDE_REL_TOL, self.amplitude_abs_tol_vpp)
+        self.set_number(header, vpp, AMPLITUDE_REL_TOL, self.amplitude_abs_tol_vpp, unit="VPP")
 
     def _set_frequency(self, frequency_hz: float) -> None:
         self.set_number(f"{self._words.source}FREQ", frequency_hz)

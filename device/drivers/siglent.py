@@ -98,13 +98,13 @@ class Siglent(Generator):
         return []
 
     def _set_vpp(self, vpp: float) -> None:
-        self._set_wave("AMP", vpp, AMPLITUDE_REL_TOL, self.amplitude_abs_tol_vpp)
+        self._set_wave("AMP", vpp, AMPLITUDE_REL_TOL, self.amplitude_abs_tol_vpp, unit="V")
 
     def _set_frequency(self, frequency_hz: float) -> None:
-        self._set_wave("FRQ", frequency_hz, rel_tol=1e-6, abs_tol=0.0)
+        self._set_wave("FRQ", frequency_hz, rel_tol=1e-6, abs_tol=0.0, unit="HZ")
 
-    def _set_wave(self, name: str, value: float, rel_tol: float, abs_tol: float) -> None:
-        self.send(f"C1:BSWV {name},{number_text(value)}")
+    def _set_wave(self, name: str, value: float, rel_tol: float, abs_tol: float, unit: str) -> None:
+        self.send(f"C1:BSWV {name},{number_text(value)}{unit}")
         kept = self.link.query(
             "C1:BSWV?", lambda answer: _quantity(_words(answer, "C1:BSWV"), name)
         )

@@ -291,6 +291,26 @@ def test_nobody_is_told_off_of_an_output_that_stays_on(dialect: str, name: str) 
         assert is_on(watched_rig) or dialect == "board", "whose watchdog may have tripped since"
 
 
+@pytest.mark.parametrize("dialect", ["keysight", "rigol"])
+def test_a_unit_changed_in_mid_ramp_does_not_multiply_the_voltage(dialect: str) -> None:
+    with watched(LIMITS, dialect) as watched_rig:
+        watched_rig.rig.arm()
+        watched_rig.rig.drive(replace(DRIVE, ramp_v_per_s=40))
+        watched_rig.live(0.2)
+        instrument, tell = watched_rig.port.device.instrument, watched_rig.port.send
+        voltages = [instrument.output_v]
+
+        def tell_and_look(data: bytes) -> None:
+            tell(data)
+            voltages.append(instrument.output_v)
+
+        watched_rig.port.send = tell_and_look  # type: ignore[method-assign]
+        watched_rig.port.device.answer(PANEL[dialect]["unit"], watched_rig.clock())
+        assert told_of(watched_rig, "driving") == "off"
+        assert 2 < voltages[0] < 15
+        assert max(voltages) < voltages[0] + 2, "a step or two of the ramp"
+
+
 @pytest.mark.parametrize("dialect", DIALECTS)
 def test_an_honest_device_is_told_nothing_of(dialect: str) -> None:
     with watched(LIMITS, dialect) as watched_rig:

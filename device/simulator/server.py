@@ -94,6 +94,8 @@ class Server:
             answer = self._device.answer_bytes(line, self._wall_s())
             if answer is not None:
                 self._wire.reply(line.decode("ascii", "replace"), answer)
+        if received is None:
+            self._buffer.clear()  # of a line that the host did not end
         return received is None
 
     def _lines(self, received: bytes) -> list[bytes]:

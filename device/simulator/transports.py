@@ -104,6 +104,7 @@ class TcpLine:
     def __init__(self, port: int) -> None:
         self._port = port
         self._host: socket.socket | None = None
+        self._next: socket.socket | None = None
         self.come_back()
         self.url = f"socket://{LOOPBACK}:{self._port}"
 
@@ -116,7 +117,7 @@ class TcpLine:
     def hang_up(self) -> None:
         """Hang up on the host, and on whoever comes."""
         self.close()
-        self._host = None
+        self._host = self._next = None
 
     def fileno(self) -> int:
         """Return the host's socket, or the listener's while there is none."""
@@ -126,10 +127,11 @@ class TcpLine:
         """Return what came; the first call for a host lets it in."""
         if self._host is None:
             return self._let_in()
-        self._turn_away()
+        self._next = self._next or self._accepted()
         try:
             data = self._host.recv(_CHUNK)
         except BlockingIOError:
+            self._turn_away()
             return b""
         except OSError:
             data = b""
@@ -147,21 +149,32 @@ class TcpLine:
 
     def close(self) -> None:
         """Close the port."""
-        self._listener.close()
-        if self._host is not None:
-            self._host.close()
+        for end in (self._listener, self._host, self._next):
+            if end is not None:
+                end.close()
 
     def _let_in(self) -> bytes:
-        with contextlib.suppress(BlockingIOError):
-            self._host, _ = self._listener.accept()
-            self._host.setblocking(False)
-            self._host.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._host, self._next = self._next or self._accepted(), None
         return b""
 
     def _turn_away(self) -> None:
-        """One host at a time: a second one finds its connection closed."""
-        with contextlib.suppress(BlockingIOError):
-            self._listener.accept()[0].close()
+        """One host at a time: a second one finds its connection closed.
+
+        It comes first here and the first host is looked at afterwards: if that one has hung up,
+        the newcomer is the next host.
+        """
+        if self._next is not None:
+            self._next.close()
+            self._next = None
+
+    def _accepted(self) -> socket.socket | None:
+        try:
+            host, _ = self._listener.accept()
+        except (BlockingIOError, ConnectionAbortedError):
+            return None
+        host.setblocking(False)
+        host.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        return host
 
 
 class ControlDoor:

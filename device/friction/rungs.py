@@ -5,6 +5,7 @@ Only the rungs that need it load the solver of the segmented beam: most predicti
 
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -30,7 +31,12 @@ if TYPE_CHECKING:
     from device.beam.motion_pattern import MotionSummary
 
 
-FieldOf = Callable[[Beam, Drive], Field]
+@dataclass(frozen=True, kw_only=True)
+class Rung:
+    """A rung: the driven beam's motion as it computes it, and a mode's natural frequency, Hz."""
+
+    field_of: Callable[[Beam, Drive, Overlap], Field]
+    resonance_hz: Callable[[Beam, int], float] = natural_frequency_hz
 
 
 def _frequency_hz(drive: Drive) -> float | None:
@@ -79,34 +85,43 @@ def _driven(summary: "MotionSummary", frequency_hz: float, voltage_v: float) -> 
     )
 
 
-def _segmented(*, patched: bool, shear: bool) -> FieldOf:
-    """Return the field of a rung that solves the segmented beam."""
+def _modal(name: str) -> Rung:
+    """Return a rung of one mode of the bare beam."""
 
-    def field_of(beam: Beam, drive: Drive) -> Field:
-        frequency_hz = _frequency_hz(drive)
-        if frequency_hz is None:
-            from device.beam.timoshenko import segmented_natural_frequency_hz
+    def field_of(beam: Beam, drive: Drive, overlap: Overlap) -> Field:
+        signal = Signal(voltage_v=drive.voltage_v, frequency_hz=_frequency_hz(drive))
+        return modal_rung_field(name, beam, drive.mode, signal, overlap)
 
-            frequency_hz = segmented_natural_frequency_hz(
-                beam, drive.mode, patched=patched, shear=shear
-            )
+    return Rung(field_of=field_of)
+
+
+def _segmented(*, patched: bool, shear: bool) -> Rung:
+    """Return a rung that solves the segmented beam."""
+
+    def resonance_hz(beam: Beam, mode: int) -> float:
+        from device.beam.timoshenko import segmented_natural_frequency_hz
+
+        return segmented_natural_frequency_hz(beam, mode, patched=patched, shear=shear)
+
+    def field_of(beam: Beam, drive: Drive, _: Overlap) -> Field:
+        frequency_hz = _frequency_hz(drive) or resonance_hz(beam, drive.mode)
         summary = _summary(beam, frequency_hz, patched=patched, shear=shear)
         return _driven(summary, frequency_hz, drive.voltage_v)
 
-    return field_of
+    return Rung(field_of=field_of, resonance_hz=resonance_hz)
 
 
-def _modes(count: int) -> FieldOf:
-    """Return the field of a rung that adds up the first `count` modes of the bare beam."""
+def _modes(count: int) -> Rung:
+    """Return the rung that adds up the first `count` modes of the bare beam."""
 
-    def field_of(beam: Beam, drive: Drive) -> Field:
+    def field_of(beam: Beam, drive: Drive, _: Overlap) -> Field:
         if drive.mode > count:
             rule = f"must be at most {count} on the rung modes:{count}; take modes:{drive.mode}"
             raise OutOfRangeError("mode", rule, drive.mode)
         frequency_hz = _frequency_hz(drive) or natural_frequency_hz(beam, drive.mode)
         return _driven(_modal_summary(beam, frequency_hz, count), frequency_hz, drive.voltage_v)
 
-    return field_of
+    return Rung(field_of=field_of)
 
 
 def forget_set_ups() -> None:
@@ -120,7 +135,7 @@ def forget_set_ups() -> None:
 
 TOP_RUNG = "timoshenko-patched"
 MODAL_RUNGS = ("eq15", "far-field", "mode")
-SEGMENTED_RUNGS: Mapping[str, FieldOf] = MappingProxyType(
+SEGMENTED_RUNGS: Mapping[str, Rung] = MappingProxyType(
     {
         "euler-patched": _segmented(patched=True, shear=False),
         "timoshenko": _segmented(patched=False, shear=True),
@@ -128,28 +143,31 @@ SEGMENTED_RUNGS: Mapping[str, FieldOf] = MappingProxyType(
     }
 )
 HIGHEST_MODE = 999
-"""The highest mode that `modes:N` can add up."""
+"""The highest mode that `modes:N` can add up: N has at most three digits."""
 _LOWEST_SUM = Drive().mode
 """The reference scene's mode: a sum without it has no reference tip speed."""
 RUNG_NAMES = (*MODAL_RUNGS, "modes:N", *SEGMENTED_RUNGS)
+_RUNGS = {**{name: _modal(name) for name in MODAL_RUNGS}, **SEGMENTED_RUNGS}
 
 
-def check_rung(name: str) -> None:
-    """Refuse a name not in `RUNG_NAMES`; `modes:12` is the sum of the first twelve modes.
+def rung(name: str) -> Rung:
+    """Return the rung of that name, one of `RUNG_NAMES`; `modes:12` is the sum of twelve modes.
 
     Raises:
         OutOfRangeError: the rung does not exist.
     """
-    if name not in MODAL_RUNGS and name not in SEGMENTED_RUNGS and not _mode_count(name):
-        names = ", ".join(RUNG_NAMES).replace(":N", f":N (N from {_LOWEST_SUM} to {HIGHEST_MODE})")
-        raise OutOfRangeError("rung", f"must be one of {names}", repr(name))
-
-
-def _mode_count(name: str) -> int:
-    """Return the N of `modes:N`, or 0."""
+    if name in _RUNGS:
+        return _RUNGS[name]
     found = re.fullmatch(r"modes:([1-9]\d{0,2})", name)
-    count = int(found.group(1)) if found else 0
-    return count if _LOWEST_SUM <= count <= HIGHEST_MODE else 0
+    if found and int(found[1]) >= _LOWEST_SUM:
+        return _modes(int(found[1]))
+    names = ", ".join(RUNG_NAMES).replace(":N", f":N (N from {_LOWEST_SUM} to {HIGHEST_MODE})")
+    raise OutOfRangeError("rung", f"must be one of {names}", repr(name))
+
+
+def check_rung(name: str) -> None:
+    """Refuse a name that `rung` does not know."""
+    rung(name)
 
 
 def rung_field(name: str, beam: Beam, drive: Drive, overlap: Overlap = "first") -> Field:
@@ -164,23 +182,12 @@ def rung_field(name: str, beam: Beam, drive: Drive, overlap: Overlap = "first") 
     Raises:
         OutOfRangeError: the rung does not exist, or the mode lies beyond its cut-off or its sum.
     """
-    check_rung(name)
-    if name in MODAL_RUNGS:
-        signal = Signal(voltage_v=drive.voltage_v, frequency_hz=_frequency_hz(drive))
-        return modal_rung_field(name, beam, drive.mode, signal, overlap)
-    field_of = SEGMENTED_RUNGS.get(name) or _modes(_mode_count(name))
-    return field_of(beam, drive)
+    return rung(name).field_of(beam, drive, overlap)
 
 
 def rung_resonance_hz(name: str, beam: Beam, mode: int) -> float:
     """Return the natural frequency of `mode` as the rung of that name computes it, Hz."""
-    check_rung(name)
-    if name in SEGMENTED_RUNGS:
-        from device.beam.timoshenko import segmented_natural_frequency_hz
-
-        patched, shear = name.endswith("patched"), name.startswith("timoshenko")
-        return segmented_natural_frequency_hz(beam, mode, patched=patched, shear=shear)
-    return natural_frequency_hz(beam, mode)
+    return rung(name).resonance_hz(beam, mode)
 
 
 @lru_cache(maxsize=32)

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from protocol.study.questions import QUESTIONS
+
 YES_NO = {"true": "yes", "false": "no"}
 
 
@@ -27,6 +29,16 @@ def _column(name: str, description: str, **more: Any) -> Column:
 
 def _touch(name: str, description: str, **more: Any) -> Column:
     return Column(name=name, description=description, per_touch=True, **more)
+
+
+def _answers() -> dict[str, str]:
+    """Return every answer with its meaning; one to several questions stands after the last."""
+    meanings: dict[str, str] = {}
+    for asked in QUESTIONS.values():
+        for answer, meaning in asked.answers.items():
+            meanings.pop(answer, None)
+            meanings[answer] = meaning
+    return meanings
 
 
 _SESSION = (
@@ -65,29 +77,13 @@ _PLAN = (
     _column(
         "question",
         "What is asked after the last touch.",
-        levels={
-            "roughness": "how did the roughness change",
-            "strength": "how did the effect change",
-            "places": "did the smooth and the rough places swap",
-        },
+        levels={question: asked.meaning for question, asked in QUESTIONS.items()},
     ),
     _column("expected", "The answer that agrees with the expectation."),
 )
 
 _ANSWER = (
-    _column(
-        "change",
-        "The participant's answer.",
-        levels={
-            "smoother": "about the roughness",
-            "rougher": "about the roughness",
-            "stronger": "about the strength of the effect",
-            "weaker": "about the strength of the effect",
-            "same": "no change of roughness or strength",
-            "swapped": "the smooth and the rough places swapped",
-            "not swapped": "they did not swap",
-        },
-    ),
+    _column("change", "The participant's answer.", levels=_answers()),
     _column("agrees", "Whether the answer agrees with the expectation.", levels=YES_NO),
     _column(
         "score",

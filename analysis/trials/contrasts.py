@@ -14,7 +14,7 @@ from device.beam.beam import Beam
 from device.friction.changes import CONDITIONS, Change, Moment, trial_change
 from device.friction.contrasts import predicted_contrast
 from device.friction.laws import LAWS
-from protocol.study.questions import Question
+from protocol.study.questions import QUESTIONS, Question
 from protocol.study.study import Study
 from protocol.study.touch import Touch
 from protocol.study_file.loading import StudyError, parsed_study
@@ -118,11 +118,11 @@ def _readable(text: str | None) -> Study | None:
 def _planned_change(
     study: Study, question: Question | None, expected: str | None, planned: tuple[Touch, ...]
 ) -> Change | None:
-    """Return the change as planned; None without a question or with an unknown beam."""
+    """Return the change as planned; None without a known question or with an unknown beam."""
     beams = {touch.beam for touch in planned if touch.beam is not None}
-    if question is None or not planned or not beams <= study.beams.keys():
-        return None
-    return trial_change(study, question, expected, planned)
+    if question and question in QUESTIONS and planned and beams <= study.beams.keys():
+        return trial_change(study, question, expected, planned)
+    return None
 
 
 def _change(

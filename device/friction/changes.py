@@ -3,14 +3,11 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Literal
 
 from device.friction.scenes import REFERENCE_SPEED_M_S
-from protocol.study.questions import CONTRARIES
+from protocol.study.questions import CONTRARIES, QUESTIONS, Effect, Question
 from protocol.study.study import Study
 from protocol.study.touch import Coverage, Direction, Place, Touch, TouchDefaults
-
-Effect = Literal["friction", "depth", "places"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +50,7 @@ _PLACES = 143
 
 
 def trial_change(
-    study: Study, question: str, expected: str | None, touches: Sequence[Touch]
+    study: Study, question: Question, expected: str | None, touches: Sequence[Touch]
 ) -> Change:
     """Return the change from a trial's first touch to the end of its last one.
 
@@ -62,18 +59,16 @@ def trial_change(
 
     Args:
         study: gives the finger's place, path, force, contact and speed, and the beams.
-        question: roughness, strength or places.
+        question: what is asked after the last touch.
         expected: the expected answer.
         touches: touches of the trial.
     """
     first, last = touches[0], touches[-1]
     if len(touches) == 1 and first.programme == "hold":
         first = first.model_copy(update={"voltage_v": 0.0})
-    effect: Effect = "friction"
-    if question == "places":
-        effect = "places"
-    elif question == "strength" and last.place == "path":
-        effect = "depth"
+    effect = QUESTIONS[question].effect
+    if effect == "depth" and last.place != "path":
+        effect = "friction"
     return Change(
         effect=effect,
         contrary=expected in CONTRARIES.values(),

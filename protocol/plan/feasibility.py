@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from protocol.errors import Problem
 from protocol.plan.blocks import MAX_GROUPS, beam_groups, grouping, most_swaps
 from protocol.plan.trials import beams_of, touches_s
+from protocol.study.questions import ANSWERS
 from protocol.study.study import Study
 from protocol.study.touch import Touch
 from protocol.study.variants import at_level, opposite_expected
@@ -39,12 +40,14 @@ def _levels(study: Study) -> Iterator[Problem]:
 
 def _opposites(study: Study) -> Iterator[Problem]:
     asked = study.design.opposite_repeats
+    asked_both_ways = [question for question, answers in ANSWERS.items() if len(answers) > 2]
     if asked and not any(map(opposite_expected, study.condition)):
         yield _problem(
             "design.opposite_repeats",
             "must be 0 if no condition has an opposite",
             asked,
-            "an opposite needs a question about roughness or strength and touches that differ",
+            f"an opposite needs a question about {' or '.join(asked_both_ways)} and touches that "
+            "differ",
         )
 
 

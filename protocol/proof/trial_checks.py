@@ -80,7 +80,8 @@ def _alike(one: tuple[list[float], list[object]], other: tuple[list[float], list
 def _opposites(study: Study, plan: Plan) -> Violations:
     turned = Counter(trial.condition for trial in plan.trials if trial.opposite)
     for condition in study.condition:
-        possible = len(ANSWERS[condition.question]) == 3 and condition.expected != "same"
+        *changes, same = ANSWERS[condition.question]
+        possible = len(changes) == 2 and condition.expected != same
         there = [_course(touch, 1.0, backwards=False) for touch in condition.touches]
         back = [_course(touch, 1.0, backwards=True) for touch in reversed(condition.touches)]
         wanted = study.design.opposite_repeats if possible and there != back else 0

@@ -1,5 +1,7 @@
 """Questions after a touch, the answers that each one allows, and the scale of scores."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Annotated, Literal, Self
 
 from pydantic import ConfigDict, Field, model_validator
@@ -7,13 +9,54 @@ from pydantic import ConfigDict, Field, model_validator
 from protocol.study.fields import Line, Record, Whole
 
 Question = Literal["roughness", "strength", "places"]
+Effect = Literal["friction", "depth", "places"]
+"""What is felt to change: friction, how much it varies along the path, or where it is high."""
 
-ANSWERS: dict[Question, tuple[str, ...]] = {
-    "roughness": ("smoother", "rougher", "same"),
-    "strength": ("stronger", "weaker", "same"),
-    "places": ("swapped", "not swapped"),
+
+@dataclass(frozen=True, kw_only=True)
+class QuestionType:
+    """A question after a touch; its texts and those of its answers are in each language's file.
+
+    Attributes:
+        effect: what the question is about.
+        meaning: of the question, for exported data.
+        answers: each with its meaning. The first is the one for which a predicted contrast is
+            positive, and the last says that nothing changed; one between them is the contrary of
+            the first.
+    """
+
+    effect: Effect
+    meaning: str
+    answers: Mapping[str, str]
+
+
+_SAME = {"same": "no change of roughness or strength"}
+QUESTIONS: Mapping[Question, QuestionType] = {
+    "roughness": QuestionType(
+        effect="friction",
+        meaning="how did the roughness change",
+        answers={"smoother": "about the roughness", "rougher": "about the roughness", **_SAME},
+    ),
+    "strength": QuestionType(
+        effect="depth",
+        meaning="how did the effect change",
+        answers={
+            "stronger": "about the strength of the effect",
+            "weaker": "about the strength of the effect",
+            **_SAME,
+        },
+    ),
+    "places": QuestionType(
+        effect="places",
+        meaning="did the smooth and the rough places swap",
+        answers={
+            "swapped": "the smooth and the rough places swapped",
+            "not swapped": "they did not swap",
+        },
+    ),
 }
 """The paper asks how the touch changed (section 5.2); the wording fits the condition."""
+ANSWERS = {question: tuple(asked.answers) for question, asked in QUESTIONS.items()}
 
 
 def checked_answer(question: Question, answer: str) -> str:
@@ -30,9 +73,8 @@ def checked_answer(question: Question, answer: str) -> str:
     return answer
 
 
-CONTRARIES = {"smoother": "rougher", "stronger": "weaker"}
+CONTRARIES = {answers[0]: answers[1] for answers in ANSWERS.values() if len(answers) > 2}
 """Answers and their contraries; a predicted contrast is positive for the former."""
-_OPPOSITES = CONTRARIES | {contrary: answer for answer, contrary in CONTRARIES.items()}
 
 
 def opposite_answer(question: Question, answer: str) -> str | None:
@@ -43,8 +85,8 @@ def opposite_answer(question: Question, answer: str) -> str | None:
     >>> opposite_answer("roughness", "smoother")
     'rougher'
     """
-    opposite = _OPPOSITES.get(answer)
-    return opposite if opposite in ANSWERS[question] else None
+    *changes, same = ANSWERS[question]
+    return next((other for other in changes if answer not in {other, same}), None)
 
 
 def no_change(question: Question) -> str:

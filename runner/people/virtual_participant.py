@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from device.simulator.client import ControlClient
-from protocol.study.questions import PAPERS_SCALE, Question, Rating
+from protocol.study.questions import ANSWERS, PAPERS_SCALE, QUESTIONS, Question, Rating
 from runner.clock import Clock
 from runner.screens import (
     AskChange,
@@ -115,22 +115,19 @@ class VirtualParticipant:
         felt = self._felt_contrast(question) + noise
         self._touches.clear()
         self._contrast = felt
-        if question == "places":
-            return "swapped" if felt > JUST_NOTICEABLE else "not swapped"
-        more, less = {"roughness": ("smoother", "rougher"), "strength": ("stronger", "weaker")}[
-            question
-        ]
+        more, *less, same = ANSWERS[question]
         if abs(felt) < JUST_NOTICEABLE:
-            return "same"
-        return more if felt > 0 else less
+            return same
+        return more if felt > 0 else (*less, same)[0]
 
     def _felt_contrast(self, question: Question) -> float:
         """Return the change of log friction that `question` asks about."""
         first, last = self._touches[0], self._touches[-1]
-        if question == "places":
+        effect = QUESTIONS[question].effect
+        if effect == "places":
             return _swap(first, last)
         resting = self._resting or first[0].friction
-        if question == "strength":
+        if effect == "depth":
             return _depth(last, resting) - _depth(first, resting)
         return math.log(self._before(resting) / last[-1].friction)
 

@@ -14,6 +14,7 @@ from protocol.preview.preview import Predict, preview, preview_record
 from protocol.preview.text import preview_lines
 from protocol.proof.cohort import cohort_problems
 from protocol.study.participant_texts import worded_as_built
+from protocol.study.questions import Question
 from protocol.study.study import Study
 from protocol.study.touch import Touch
 from protocol.study_file.language_files import located
@@ -98,7 +99,7 @@ def _prediction(study: Study) -> Predict:
     from device.friction.contrasts import predicted_contrast
 
     @cache  # the trials of a cohort share few combinations, which alone determine a prediction
-    def contrast(question: str, expected: str | None, touches: tuple[Touch, ...]) -> float:
+    def contrast(question: Question, expected: str | None, touches: tuple[Touch, ...]) -> float:
         return predicted_contrast(trial_change(study, question, expected, touches))
 
     def predict(trial: Trial) -> float | None:

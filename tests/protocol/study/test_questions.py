@@ -1,13 +1,21 @@
 """The scale of scores: whole numbers between two ends, and bands that cover it."""
 
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 from pydantic import ValidationError
 
 from protocol.errors import Problem
+from protocol.study.languages import built_in, built_in_codes
 from protocol.study.participant_texts import score_text, study_wording, worded_as_built
-from protocol.study.questions import PAPERS_SCALE, Rating, checked_answer
+from protocol.study.questions import (
+    PAPERS_SCALE,
+    QUESTIONS,
+    Effect,
+    Question,
+    Rating,
+    checked_answer,
+)
 from protocol.study_file.loading import StudyError, parsed_study, template
 
 PAPER = template("paper")
@@ -98,3 +106,17 @@ def test_a_scale_that_cannot_be_is_refused(keys: dict[str, Any], told: str) -> N
 def test_a_scale_is_refused_without_a_study_file_too() -> None:
     with pytest.raises(ValidationError, match="maximum must be above minimum = 3, got 3"):
         Rating(minimum=3, maximum=3)
+
+
+def test_every_question_is_defined_once() -> None:
+    assert tuple(QUESTIONS) == get_args(Question)
+    for asked in QUESTIONS.values():
+        assert asked.effect in get_args(Effect)
+        assert len(asked.answers) in (2, 3)
+
+
+@pytest.mark.parametrize("question", QUESTIONS)
+def test_every_question_and_answer_has_a_text_in_every_language(question: Question) -> None:
+    keys = {f"question.{question}", *(f"answer.{answer}" for answer in QUESTIONS[question].answers)}
+    for code in built_in_codes():
+        assert keys <= built_in(code).texts.keys()

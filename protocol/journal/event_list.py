@@ -11,7 +11,7 @@ from types import NoneType
 from typing import Any, get_args, get_origin
 
 from protocol.journal.events import EVENTS
-from protocol.journal.json_record import JsonRecord, KeyOf, as_json, is_optional
+from protocol.journal.json_record import JsonRecord, Key, as_json, is_optional
 
 _INTRODUCTION = """\
 ## Events
@@ -37,17 +37,13 @@ def event_list() -> str:
     rows = [f"| `{event.TAG}` | {_meaning(event)} |" for event in EVENTS]
     overview = _lines(["| tag | what happened |", "|---|---|", *rows])
     events = [_section(f"`{event.TAG}`", event) for event in EVENTS if event.json_keys()]
-    records = [_section(_heading(kind), kind) for kind in _within(EVENTS)]
+    parts = (part for event in EVENTS for key in event.json_keys() for part in _records(key.type))
+    records = [_section(_heading(kind), kind) for kind in dict.fromkeys(parts)]
     return "\n".join([_INTRODUCTION, overview, *events, *records])
 
 
-def _within(kinds: Iterable[type[JsonRecord]]) -> list[type[JsonRecord]]:
-    """Return the records contained in those of `kinds`, each once."""
-    found = [part for kind in kinds for key in kind.json_keys() for part in _records(key.type)]
-    return list(dict.fromkeys(found))
-
-
 def _records(hint: Any) -> Iterator[type[JsonRecord]]:
+    """Yield the records that a value of type `hint` contains."""
     if isinstance(hint, type) and issubclass(hint, JsonRecord):
         yield hint
     for part in get_args(hint):
@@ -56,13 +52,15 @@ def _records(hint: Any) -> Iterator[type[JsonRecord]]:
 
 def _section(heading: str, kind: type[JsonRecord]) -> str:
     header = ["| key | value | if absent | meaning |", "|---|---|---|---|"]
-    rows = [_row(key) for key in kind.json_keys()]
+    rows = [
+        f"| `{key.name}` | {_value(key.type)} | {_absent(key.key)} | {key.key.meaning} |"
+        for key in kind.json_keys()
+    ]
     return _lines([f"### {heading}", "", _meaning(kind), "", *header, *rows])
 
 
-def _row(key: KeyOf) -> str:
-    absent = "" if key.key.required else f"`{json.dumps(as_json(key.key.missing))}`"
-    return f"| `{key.name}` | {_value(key.type)} | {absent} | {key.key.meaning} |"
+def _absent(key: Key) -> str:
+    return "" if key.required else f"`{json.dumps(as_json(key.missing))}`"
 
 
 def _lines(lines: Iterable[str]) -> str:

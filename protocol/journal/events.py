@@ -306,31 +306,8 @@ class ScoresImported(Event):
 Opening = SessionOpened | ScoresImported
 """The first event of a session."""
 
-EVENTS: tuple[type[Event], ...] = (
-    SessionOpened,
-    SessionResumed,
-    PracticeRenewed,
-    DeviceArmed,
-    WatchdogTested,
-    RigDescribed,
-    BeamMounted,
-    ResonanceMeasured,
-    TrialStarted,
-    TouchStarted,
-    TouchEnded,
-    Answered,
-    TrialAborted,
-    Paused,
-    Unpaused,
-    NoteTaken,
-    DeviceOff,
-    SessionCompleted,
-    TrialExcluded,
-    SessionExcluded,
-    Withdrawn,
-    StudyAmended,
-    ScoresImported,
-)
+EVENTS: tuple[type[Event], ...] = tuple(Event.__subclasses__())
+"""In the order in which they are defined above."""
 TAGS: Mapping[str, type[Event]] = {event.TAG: event for event in EVENTS}
 
 

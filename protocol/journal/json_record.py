@@ -106,22 +106,16 @@ def as_json(value: Any) -> Any:
 def _reader(hint: Any) -> _Reader:
     """Return the function that converts JSON to a value of type `hint`."""
     if is_optional(hint):
-        return _optional(_reader(next(part for part in get_args(hint) if part is not NoneType)))
+        read = _reader(next(part for part in get_args(hint) if part is not NoneType))
+        return read if read is _as_it_is else lambda value: None if value is None else read(value)
     if get_origin(hint) is tuple:
-        return _each(_reader(get_args(hint)[0]))
+        each = _reader(get_args(hint)[0])
+        return tuple if each is _as_it_is else lambda values: tuple(map(each, values))
     if isinstance(hint, type) and issubclass(hint, JsonRecord):
         return hint.from_json
     if isinstance(hint, type) and issubclass(hint, tuple):
         return lambda values: hint(*values)
     return _as_it_is
-
-
-def _optional(read: _Reader) -> _Reader:
-    return read if read is _as_it_is else lambda value: None if value is None else read(value)
-
-
-def _each(read: _Reader) -> _Reader:
-    return tuple if read is _as_it_is else lambda values: tuple(map(read, values))
 
 
 def _as_it_is(value: Any) -> Any:

@@ -4,34 +4,22 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from datetime import datetime
 
-from protocol.journal.events import (
-    Answered,
-    BeamMounted,
-    Event,
-    Opening,
-    PracticeRenewed,
-    ScoresImported,
-    SessionOpened,
-    SessionResumed,
-    StoredEvent,
-    TrialAborted,
-    TrialExcluded,
-    TrialStarted,
-)
+from protocol.journal import events
+from protocol.journal.events import Event, Opening, StoredEvent
 from protocol.journal.transitions import next_state
 
 _FOLDED = frozenset(
     kind.TAG
     for kind in (
-        SessionOpened,
-        ScoresImported,
-        SessionResumed,
-        BeamMounted,
-        PracticeRenewed,
-        TrialStarted,
-        TrialAborted,
-        Answered,
-        TrialExcluded,
+        events.SessionOpened,
+        events.ScoresImported,
+        events.SessionResumed,
+        events.BeamMounted,
+        events.PracticeRenewed,
+        events.TrialStarted,
+        events.TrialAborted,
+        events.Answered,
+        events.TrialExcluded,
     )
 )
 """The other events change only the name of the state, so that long traces need not be parsed."""
@@ -71,44 +59,42 @@ class SessionState:
 
     def _take_record(self, event: Event) -> None:
         match event:
-            case SessionOpened() | ScoresImported():
+            case events.SessionOpened() | events.ScoresImported():
                 self.opened = event
-            case SessionResumed():
+            case events.SessionResumed():
                 self.beam = None  # another may have been mounted during the interruption
-            case BeamMounted():
+            case events.BeamMounted():
                 self.beam = event.beam
-            case PracticeRenewed():
+            case events.PracticeRenewed():
                 self.answered.difference_update(event.indices)
-            case TrialExcluded():
+            case events.TrialExcluded():
                 self.excluded[event.index] = event.reason
-            case TrialStarted() | TrialAborted() | Answered():
+            case events.TrialStarted() | events.TrialAborted() | events.Answered():
                 self._take_trial(event)
 
-    def _take_trial(self, event: TrialStarted | TrialAborted | Answered) -> None:
-        self.trial = event.index if isinstance(event, TrialStarted) else None
+    def _take_trial(
+        self, event: events.TrialStarted | events.TrialAborted | events.Answered
+    ) -> None:
+        self.trial = event.index if isinstance(event, events.TrialStarted) else None
         match event:
-            case TrialAborted():
+            case events.TrialAborted():
                 self.aborted.append(event.index)
-            case Answered():
-                self.last_answer = _in_words(event)
+            case events.Answered():
+                score = [] if event.score is None else [f"score {event.score}"]
+                self.last_answer = ", ".join([event.change or "felt", *score])
                 if event.index in self.answered:
                     self.answered_twice.append(event.index)
                 self.answered.add(event.index)
 
 
-def _in_words(answer: Answered) -> str:
-    score = [] if answer.score is None else [f"score {answer.score}"]
-    return ", ".join([answer.change or "felt", *score])
-
-
-def folded(events: Iterable[StoredEvent]) -> SessionState:
-    """Return the state to which `events` lead from the beginning.
+def folded(chain: Iterable[StoredEvent]) -> SessionState:
+    """Return the state to which the events of `chain` lead from the beginning.
 
     Raises:
         NotAllowed: one of them is not allowed in the state before it.
         KeyError, TypeError, AttributeError: no build has written such a payload.
     """
     state = SessionState()
-    for event in events:
+    for event in chain:
         state.take(event)
     return state

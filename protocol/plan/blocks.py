@@ -1,6 +1,5 @@
 """Blocks of a session: the order of their conditions, grouped where beam swaps must be few."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -49,16 +48,15 @@ def beam_groups(study: Study) -> tuple[Group, ...]:
     members: dict[Beams, list[int]] = {}
     for number, condition in enumerate(study.condition):
         members.setdefault(beams_of(condition.touches, study.touch.beam), []).append(number)
+
+    def turns(numbers: list[int]) -> bool:
+        opposite = any(opposite_expected(study.condition[number]) for number in numbers)
+        return study.design.opposite_repeats > 0 and opposite
+
     return tuple(
-        Group(members=tuple(numbers), beams=beams, turns=_turns(study, beams, numbers))
+        Group(members=tuple(numbers), beams=beams, turns=len(beams) > 1 and turns(numbers))
         for beams, numbers in members.items()
     )
-
-
-def _turns(study: Study, beams: Beams, numbers: Sequence[int]) -> bool:
-    if study.design.opposite_repeats == 0 or len(beams) == 1:
-        return False
-    return any(opposite_expected(study.condition[number]) for number in numbers)
 
 
 def grouping(study: Study) -> Grouping:

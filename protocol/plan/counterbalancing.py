@@ -68,7 +68,11 @@ def block_orders(wanted: Blocks, name: Name, slot: int) -> Orders:
         cycle = _williams_cycle(wanted, name, slot // size)
         return tuple(block[slot % size] for block in cycle)
     stream = Stream(*name, "slot", slot)
-    return _shuffled(wanted, stream) if wanted.order == "random" else _blocks(wanted, stream)
+    if wanted.order == "blocks":
+        return _blocks(wanted, stream)
+    size = wanted.conditions
+    drawn = shuffle(size, wanted.repeats, wanted.max_run, stream)
+    return tuple(tuple(drawn[start : start + size]) for start in range(0, len(drawn), size))
 
 
 @lru_cache(maxsize=256)
@@ -77,26 +81,13 @@ def _williams_cycle(wanted: Blocks, name: Name, cycle: int) -> tuple[Orders, ...
     stream = Stream(*name, "cycle", cycle)
     blocks: list[Orders] = []
     while len(blocks) < wanted.repeats:
-        drawn = _relabelled(wanted.conditions, stream)
-        if not blocks or wanted.max_run > 1 or not _meet_alike(blocks[-1], drawn):
+        labels = stream.shuffled(range(wanted.conditions))
+        sequences = stream.shuffled(williams_sequences(wanted.conditions))
+        drawn = tuple(tuple(labels[number] for number in sequence) for sequence in sequences)
+        before = blocks[-1] if blocks and wanted.max_run == 1 else ()
+        if all(order[-1] != after[0] for order, after in zip(before, drawn, strict=False)):
             blocks.append(drawn)
     return tuple(blocks)
-
-
-def _relabelled(conditions: int, stream: Stream) -> Orders:
-    labels = stream.shuffled(range(conditions))
-    sequences = stream.shuffled(williams_sequences(conditions))
-    return tuple(tuple(labels[number] for number in sequence) for sequence in sequences)
-
-
-def _meet_alike(before: Orders, after: Orders) -> bool:
-    return any(first[-1] == second[0] for first, second in zip(before, after, strict=True))
-
-
-def _shuffled(wanted: Blocks, stream: Stream) -> Orders:
-    size = wanted.conditions
-    drawn = shuffle(size, wanted.repeats, wanted.max_run, stream)
-    return tuple(tuple(drawn[start : start + size]) for start in range(0, len(drawn), size))
 
 
 def _blocks(wanted: Blocks, stream: Stream) -> Orders:
@@ -109,8 +100,6 @@ def _blocks(wanted: Blocks, stream: Stream) -> Orders:
 
 
 SlotState = Literal["free", "running", "done", "dropped"]
-
-_TAKEN = ("running", "done")
 
 
 def next_slot(states: Sequence[SlotState]) -> int:
@@ -127,7 +116,5 @@ def next_slot(states: Sequence[SlotState]) -> int:
     >>> next_slot(["done", "running"])
     2
     """
-    for slot, state in enumerate(states):
-        if state not in _TAKEN:
-            return slot
-    return len(states)
+    free = (slot for slot, state in enumerate(states) if state not in {"running", "done"})
+    return next(free, len(states))

@@ -1,7 +1,7 @@
 """The plan of a session: opening, practice, and scored trials in the slot's order with catches."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 from protocol.plan.blocks import ordered_conditions, practice_pool
 from protocol.plan.randomisation import Name, Stream, spaced_places
@@ -23,23 +23,12 @@ def level_draws(study: Study, name: Name) -> list[list[float]]:
 
 def opposite_draws(study: Study, name: Name) -> list[list[bool]]:
     """Return for each condition which of its repeats run in the opposite order."""
-    repeats = study.design.repeats
-    drawn = []
-    for number, condition in enumerate(study.condition):
-        turned = study.design.opposite_repeats if opposite_expected(condition) else 0
-        marks = [True] * turned + [False] * (repeats - turned)
-        drawn.append(Stream(*name, number).shuffled(marks))
-    return drawn
-
-
-def practised(study: Study, name: Name) -> list[int]:
-    """Return the conditions to practise: the whole pool in random order, again and again."""
-    pool, wanted = practice_pool(study), study.design.practice_trials
-    stream = Stream(*name)
-    drawn: list[int] = []
-    while len(drawn) < wanted:
-        drawn += stream.shuffled(pool)
-    return drawn[:wanted]
+    repeats, asked = study.design.repeats, study.design.opposite_repeats
+    turned = [asked if opposite_expected(condition) else 0 for condition in study.condition]
+    return [
+        Stream(*name, number).shuffled([True] * some + [False] * (repeats - some))
+        for number, some in enumerate(turned)
+    ]
 
 
 def catch_places(study: Study, order: list[int], name: Name) -> dict[int, int]:
@@ -62,19 +51,6 @@ def catch_places(study: Study, order: list[int], name: Name) -> dict[int, int]:
     }
 
 
-@dataclass(frozen=True, kw_only=True)
-class SessionStreams:
-    """The names of the random streams of one session."""
-
-    study: Study
-    slot: int
-    number: int
-
-    def name(self, purpose: str) -> Name:
-        """Return the seed and name of the stream for `purpose`."""
-        return (self.study.study.seed, purpose, self.number, self.slot)
-
-
 def plan(study: Study, slot: int, session: int = 1) -> Plan:
     """Return the plan for the participant in `slot`, counted from 0 over the cohort.
 
@@ -90,14 +66,17 @@ def plan(study: Study, slot: int, session: int = 1) -> Plan:
         ValueError: the design's constraints cannot be met (`protocol.study_file.limits` reports
             this beforehand).
     """
-    of = SessionStreams(study=study, slot=slot, number=session)
+
+    def stream_name(purpose: str) -> Name:
+        return (study.study.seed, purpose, session, slot)
+
     order = ordered_conditions(study, slot, session)
-    names = study.conditions
-    trials = [*map(_opening_trial, study.opening), *_practice(of), *_main(of, order)]
+    practice = _practice(study, stream_name("practice"))
+    trials = [*map(_opening_trial, study.opening), *practice, *_main(study, order, stream_name)]
     return Plan(
         slot=slot,
         session=session,
-        sequence=tuple(names[number] for _, number in order),
+        sequence=tuple(study.conditions[number] for _, number in order),
         trials=tuple(replace(trial, index=index) for index, trial in enumerate(trials)),
     )
 
@@ -115,34 +94,40 @@ def _opening_trial(item: Opening) -> Trial:
     )
 
 
-def _practice(of: SessionStreams) -> Iterator[Trial]:
-    for number in practised(of.study, of.name("practice")):
-        condition = of.study.condition[number]
+def _practice(study: Study, name: Name) -> Iterator[Trial]:
+    """Yield trials of the conditions to practise: all in random order, again and again."""
+    pool, wanted, stream = practice_pool(study), study.design.practice_trials, Stream(*name)
+    drawn: list[int] = []
+    while len(drawn) < wanted:
+        drawn += stream.shuffled(pool)
+    for number in drawn[:wanted]:
+        condition = study.condition[number]
         yield replace(_trial(condition, condition.levels[-1], turned=False), kind="practice")
 
 
-def _main(of: SessionStreams, order: list[tuple[int, int]]) -> Iterator[Trial]:
+def _main(
+    study: Study, order: list[tuple[int, int]], stream_name: Callable[[str], Name]
+) -> Iterator[Trial]:
     """Yield the scored trials block by block, with catch trials after some of them."""
-    levels = level_draws(of.study, of.name("levels"))
-    turned = opposite_draws(of.study, of.name("opposite"))
-    catches = catch_places(of.study, [number for _, number in order], of.name("catch"))
-    block_before = 1
+    levels = level_draws(study, stream_name("levels"))
+    turned = opposite_draws(study, stream_name("opposite"))
+    catches = catch_places(study, [number for _, number in order], stream_name("catch"))
+    every, block_before = study.design.break_every_blocks, 1
     for place, (block, number) in enumerate(order, start=1):
+        pauses = every > 0 and block != block_before and (block - 1) % every == 0
         yield _trial(
-            of.study.condition[number],
+            study.condition[number],
             levels[number].pop(),
             turned=turned[number].pop(),
             block=block,
-            break_s=_break_s(of.study, block) if block != block_before else 0.0,
+            break_s=study.design.break_s if pauses else 0.0,
         )
         if place in catches:
-            yield _catch_trial(of.study.condition[catches[place]], block)
+            condition = study.condition[catches[place]]
+            still = _trial(condition, 0.0, turned=False, block=block)
+            same = no_change(condition.question)
+            yield replace(still, kind="catch", expected=same, scored=False)
         block_before = block
-
-
-def _break_s(study: Study, block: int) -> float:
-    every = study.design.break_every_blocks
-    return study.design.break_s if every and (block - 1) % every == 0 else 0.0
 
 
 def _trial(
@@ -161,18 +146,4 @@ def _trial(
         level=level,
         opposite=turned,
         break_s=break_s,
-    )
-
-
-def _catch_trial(condition: Condition, block: int) -> Trial:
-    return Trial(
-        index=0,
-        block=block,
-        kind="catch",
-        condition=condition.name,
-        question=condition.question,
-        expected=no_change(condition.question),
-        scored=False,
-        touches=at_level(condition.touches, 0.0),
-        level=0.0,
     )

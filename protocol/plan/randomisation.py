@@ -4,9 +4,11 @@ Python guarantees the same sequence on every platform and version for `random.ra
 its shuffles. Here SHA-256 defines every draw, so that a seed gives the same plan everywhere.
 """
 
+from bisect import bisect_left
 from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 from hashlib import sha256
+from itertools import chain, pairwise
 from math import comb
 from typing import TypeVar
 
@@ -125,7 +127,12 @@ def _without_neighbours_alike(kinds: int, repeats: int, stream: Stream) -> list[
         parts, mending, _ = choices[stream.weighted(weights)]
         good = [at for at in range(len(drawn) + 1) if at not in bad]
         gaps = stream.shuffled(bad)[:mending] + stream.shuffled(good)[: parts - mending]
-        drawn = _with_runs(drawn, kind, gaps, _composition(repeats, parts, stream))
+        # All lists of `parts` positive lengths with the sum `repeats` are equally likely.
+        cuts = sorted(stream.shuffled(range(1, repeats))[: parts - 1])
+        lengths = [end - begin for begin, end in pairwise([0, *cuts, repeats])]
+        runs = dict(zip(sorted(gaps), lengths, strict=True))
+        woven = ([kind] * runs.get(at, 0) + drawn[at : at + 1] for at in range(len(drawn) + 1))
+        drawn = list(chain.from_iterable(woven))
     return drawn
 
 
@@ -150,20 +157,6 @@ def _completions(kinds: int, repeats: int, kind: int, bad: int) -> int:
     )
 
 
-def _composition(total: int, parts: int, stream: Stream) -> list[int]:
-    """Return `parts` positive whole numbers with sum `total`, all such lists equally likely."""
-    cuts = sorted(stream.shuffled(range(1, total))[: parts - 1])
-    return [after - before for before, after in zip([0, *cuts], [*cuts, total], strict=True)]
-
-
-def _with_runs(items: list[int], kind: int, gaps: list[int], lengths: list[int]) -> list[int]:
-    runs = dict(zip(sorted(gaps), lengths, strict=True))
-    woven: list[int] = []
-    for at in range(len(items) + 1):
-        woven += [kind] * runs.get(at, 0) + items[at : at + 1]
-    return woven
-
-
 def spaced_places(allowed: list[int], number: int, apart: int, stream: Stream) -> list[int]:
     """Return `number` of the ascending places `allowed`, each at least `apart` after the last.
 
@@ -173,13 +166,7 @@ def spaced_places(allowed: list[int], number: int, apart: int, stream: Stream) -
         ValueError: no such choice exists.
     """
     # ways[i][k]: the number of choices of k places among allowed[i:]
-    after = [
-        next(
-            (j for j in range(i + 1, len(allowed)) if allowed[j] - allowed[i] >= apart),
-            len(allowed),
-        )
-        for i in range(len(allowed))
-    ]
+    after = [bisect_left(allowed, place + apart) for place in allowed]
     ways = [[1] + [0] * number for _ in range(len(allowed) + 1)]
     for i in reversed(range(len(allowed))):
         for wanted in range(1, number + 1):

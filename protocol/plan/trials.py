@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import Literal
 
 from protocol.study.questions import Question
@@ -53,12 +53,7 @@ def beams_of(touches: Iterable[Touch], mounted: str | None) -> Beams:
 
     `mounted` is the study's own beam, used for touches that name none.
     """
-    needed: list[str | None] = []
-    for touch in touches:
-        beam = touch.beam or mounted
-        if not needed or needed[-1] != beam:
-            needed.append(beam)
-    return tuple(needed)
+    return tuple(beam for beam, _ in groupby(touch.beam or mounted for touch in touches))
 
 
 def swap_count(beams: Iterable[str | None]) -> int:
@@ -72,11 +67,9 @@ def swap_count(beams: Iterable[str | None]) -> int:
 
 def touches_s(study: Study, touches: Sequence[Touch]) -> float:
     """Return the duration of a trial's touches, including instructions and pauses, s."""
-    device_s = sum(on_s(touch, study.touch, study.rig) for touch in touches)
-    timing = study.timing
-    return (
-        device_s + len(touches) * timing.reading_s + (len(touches) - 1) * timing.between_touches_s
-    )
+    device_s, timing = sum(on_s(touch, study.touch, study.rig) for touch in touches), study.timing
+    reading_s = len(touches) * timing.reading_s
+    return device_s + reading_s + (len(touches) - 1) * timing.between_touches_s
 
 
 def trial_s(study: Study, trial: Trial) -> float:

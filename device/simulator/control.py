@@ -18,7 +18,7 @@ class Control:
         self._commands: dict[str, Callable[..., object]] = {
             "state": self._state,
             "touch": self._touch,
-            "lift": self._lift,
+            "lift": self._beam.lift,
             "beam": self._swap_beam,
             "advance": self._advance,
             "reset": self._reset,
@@ -33,9 +33,10 @@ class Control:
             known = ", ".join(self._commands)
             return json.dumps({"error": f"unknown command {name!r}; known: {known}"})
         try:
-            return json.dumps(self._commands[name](*arguments))
+            told = self._commands[name](*arguments)
         except (TypeError, ValueError) as error:
             return json.dumps({"error": str(error)})
+        return json.dumps({"ok": True} if told is None else told)
 
     def _state(self) -> dict[str, object]:
         instrument = self._instrument
@@ -59,13 +60,8 @@ class Control:
         self._beam.touch(float(force_n), float(position_m), direction)
         return {"friction_coefficient": self._beam.friction_coefficient(self._instrument)}
 
-    def _lift(self) -> dict[str, object]:
-        self._beam.lift()
-        return {"ok": True}
-
-    def _swap_beam(self, body_spacing_m: str) -> dict[str, object]:
+    def _swap_beam(self, body_spacing_m: str) -> None:
         self._beam.swap(float(body_spacing_m))
-        return {"ok": True}
 
     def _advance(self, seconds: str) -> dict[str, object]:
         self._clock.step(float(seconds))
@@ -78,10 +74,9 @@ class Control:
         self._broken.switch(name, on=state == "on")
         return {"fault": name, "on": name in self._broken.active}
 
-    def _reset(self) -> dict[str, object]:
+    def _reset(self) -> None:
         """Without faults, as after power has come, with nobody touching; the boot counter stays."""
         self._broken.clear()
         self._broken.dialect.restart()
         self._instrument.boot -= 1
         self._beam.lift()
-        return {"ok": True}

@@ -88,8 +88,38 @@ class Broken:
     wall_s: Callable[[], float]
 
     def __post_init__(self) -> None:
+        instrument, dialect = self.instrument, self.dialect
         self.active: set[str] = set()
-        self._idn = self.dialect.idn
+        self._settings: dict[str, tuple[object, str, object]] = {
+            "read-back-differs": (instrument, "set_gain", KEPT_OF_SET),
+            "endless-errors": (dialect.status, "always", (_ERROR.code, _ERROR.text)),
+            "over-temperature": (instrument, "hot", True),
+            "monitor-wrong": (self.beam, "monitor_gain", SHOWN_BY_MONITOR),
+            "scale-wrong": (instrument, "scale", TOO_MUCH),
+            "watchdog-dead": (instrument, "watchdog_dead", True),
+            "wrong-idn": (dialect, "idn", WRONG_IDN),
+            "off-ignored": (instrument, "off_ignored", True),
+            "relay-stuck": (instrument, "relay_stuck", True),
+            "stage-shorted": (instrument, "left_v", SHORTED_V),
+            "peak-to-peak": (instrument, "stage_gain", TOO_MUCH),
+        }
+        """What has another value while a fault is on: whose, which one, and the value."""
+        self._sound = {
+            name: getattr(owner, setting) for name, (owner, setting, _) in self._settings.items()
+        }
+        self._happenings: dict[str, Callable[[], None]] = {
+            "brown-out": dialect.restart,
+            "error-queued": lambda: dialect.status.complain(_ERROR),
+            "over-temperature": lambda: instrument.trip("TEMP", self.wall_s()),
+            "watchdog-trip": lambda: instrument.trip("WATC", self.wall_s()),
+            "limits-lost": self._lose_limits,
+            "panel-changed": dialect.turn_knobs,
+            "modulated": dialect.modulate,
+            "signal-added": dialect.add_signal,
+            "frequency-changed": self._turn_frequency,
+            "panel-on": self._press_output,
+        }
+        """What happens once, when a fault is switched on."""
 
     def switch(self, name: str, *, on: bool) -> None:
         """Switch a fault on or off.
@@ -100,61 +130,18 @@ class Broken:
         if name not in NAMES:
             raise ValueError(f"a fault must be one of {', '.join(NAMES)}, got {name!r}")
         (self.active.add if on else self.active.discard)(name)
-        change = self._changes().get(name)
-        if change is not None:
-            change(on)
+        if name in self._settings:
+            owner, setting, faulty = self._settings[name]
+            setattr(owner, setting, faulty if on else self._sound[name])
+        if name in self._happenings and on:
+            self._happenings[name]()
+        if name == "relay-stuck":
+            self.instrument.left_v = 0.0  # it holds what is on when the output is switched off
 
     def clear(self) -> None:
         """Switch every fault off."""
         for name in sorted(self.active):
             self.switch(name, on=False)
-
-    def _changes(self) -> dict[str, Callable[[bool], None]]:
-        return {
-            "brown-out": lambda on: self.dialect.restart() if on else None,
-            "read-back-differs": self._keep_less,
-            "error-queued": lambda on: self.dialect.status.complain(_ERROR) if on else None,
-            "endless-errors": self._complain_for_ever,
-            "over-temperature": self._heat,
-            "monitor-wrong": self._misread,
-            "scale-wrong": self._scale,
-            "watchdog-trip": lambda on: self._trip("WATC") if on else None,
-            "watchdog-dead": self._kill_watchdog,
-            "wrong-idn": self._rename,
-            "limits-lost": lambda on: self._lose_limits() if on else None,
-            "panel-changed": lambda on: self.dialect.turn_knobs() if on else None,
-            "modulated": lambda on: self.dialect.modulate() if on else None,
-            "signal-added": lambda on: self.dialect.add_signal() if on else None,
-            "frequency-changed": lambda on: self._turn_frequency() if on else None,
-            "off-ignored": self._ignore_off,
-            "relay-stuck": self._stick,
-            "stage-shorted": self._short,
-            "peak-to-peak": self._double,
-            "panel-on": lambda on: self._press_output() if on else None,
-        }
-
-    def _keep_less(self, on: bool) -> None:
-        self.instrument.set_gain = KEPT_OF_SET if on else 1.0
-
-    def _complain_for_ever(self, on: bool) -> None:
-        self.dialect.status.always = (_ERROR.code, _ERROR.text) if on else None
-
-    def _heat(self, on: bool) -> None:
-        self.instrument.hot = on
-        if on:
-            self._trip("TEMP")
-
-    def _trip(self, cause: str) -> None:
-        self.instrument.trip(cause, self.wall_s())
-
-    def _kill_watchdog(self, on: bool) -> None:
-        self.instrument.watchdog_dead = on
-
-    def _misread(self, on: bool) -> None:
-        self.beam.monitor_gain = SHOWN_BY_MONITOR if on else 1.0
-
-    def _rename(self, on: bool) -> None:
-        self.dialect.idn = WRONG_IDN if on else self._idn
 
     def _lose_limits(self) -> None:
         self.instrument.limit_v = MAX_VOLTAGE_V
@@ -163,21 +150,6 @@ class Broken:
     def _turn_frequency(self) -> None:
         self.dialect.turn_frequency(OTHER_HZ)
         self.instrument.sweep, self.instrument.frequency_hz = None, OTHER_HZ
-
-    def _ignore_off(self, on: bool) -> None:
-        self.instrument.off_ignored = on
-
-    def _stick(self, on: bool) -> None:
-        self.instrument.relay_stuck, self.instrument.left_v = on, 0.0
-
-    def _short(self, on: bool) -> None:
-        self.instrument.left_v = SHORTED_V if on else 0.0
-
-    def _double(self, on: bool) -> None:
-        self.instrument.stage_gain = TOO_MUCH if on else 1.0
-
-    def _scale(self, on: bool) -> None:
-        self.instrument.scale = TOO_MUCH if on else 1.0
 
     def _press_output(self) -> None:
         self.instrument.cause = "NONE"

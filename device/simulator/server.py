@@ -52,13 +52,13 @@ class Server:
         `orphaned` says whether whoever started us is gone, so that a host which never came is no
         reason to wait for ever.
         """
-        gone = False
-        while keep or not gone or self._watched():
+        gone, instrument = False, self._device.instrument
+        while keep or not gone or (instrument.output and instrument.watchdog_s is not None):
             self._wait(listening=not gone)
             gone = self._hear() or orphaned()
             if self._door is not None:
                 self._door.serve(self._answer_control)
-            self._device.instrument.watch(self._wall_s())
+            instrument.watch(self._wall_s())
             self._wire.wait()
 
     def _answer_control(self, line: str) -> str:
@@ -67,10 +67,6 @@ class Server:
         self._vanish_or_come_back()
         self._announce()
         return answer
-
-    def _watched(self) -> bool:
-        instrument = self._device.instrument
-        return instrument.output and instrument.watchdog_s is not None
 
     def _wait(self, *, listening: bool) -> None:
         """Wait until somebody does something, a tick at most; a line that hung up is no somebody.

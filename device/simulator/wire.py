@@ -49,7 +49,9 @@ class Wire:
         opc = "opc-silent" in self._active and "*OPC?" in query.upper()
         if opc or self._active & {"silent", "dead-peer"}:
             return
-        data = self._garbled(self._stood_in(query, answer).encode("ascii"))
+        data = self._stood_in(query, answer).encode("ascii")
+        if self._taken("garbled"):
+            data = bytes(byte ^ 0x80 if place % 3 == 0 else byte for place, byte in enumerate(data))
         if "truncated-reply" in self._active:
             data = data[: len(data) // 2]
         else:
@@ -87,11 +89,6 @@ class Wire:
                 fields = answer.split(";")
                 return ";".join(text if _NUMERIC.fullmatch(field) else field for field in fields)
         return answer
-
-    def _garbled(self, data: bytes) -> bytes:
-        if not self._taken("garbled"):
-            return data
-        return bytes(byte ^ 0x80 if place % 3 == 0 else byte for place, byte in enumerate(data))
 
     def _line_end(self) -> bytes:
         if "line-end-mixed" in self._active:

@@ -59,7 +59,9 @@ class SimulatedBeam:
         Raises:
             ValueError: no force, a place that is not on the beam, or no such direction.
         """
-        finger = Finger(force_n=force_n, position_m=position_m, direction=_direction(direction))
+        if direction not in _DIRECTIONS:
+            raise ValueError(f"the direction must be right or left, got {direction!r}")
+        finger = Finger(force_n=force_n, position_m=position_m, direction=_DIRECTIONS[direction])
         self._scene(finger, voltage_v=0.0, frequency_hz=1.0)
         self.finger = finger
 
@@ -118,9 +120,3 @@ class SimulatedBeam:
     def _noise(self, channel: str, instrument: Instrument) -> float:
         moment = random.Random(f"{self.seed}/{channel}/{instrument.time_s:.6f}")
         return moment.gauss(0, SENSOR_NOISE[channel])
-
-
-def _direction(text: str) -> Direction:
-    if text not in _DIRECTIONS:
-        raise ValueError(f"the direction must be right or left, got {text!r}")
-    return _DIRECTIONS[text]

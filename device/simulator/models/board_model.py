@@ -22,8 +22,8 @@ from device.simulator.models.scpi import (
     Handler,
     ScpiError,
     boolean,
-    extremes,
     quantity,
+    told,
 )
 
 IDN = "touchbeam,BOARD,SIM,1.1"
@@ -77,9 +77,13 @@ class BoardDialect(Dialect):
         ramp = (_V_PER_S, *RAMP_RANGE_V_PER_S)
         volts = "[SOURce#:]VOLTage"
         return {
-            "[SOURce#:]FREQuency[:CW]?": self._frequency,
+            "[SOURce#:]FREQuency[:CW]?": lambda call: number_text(
+                told(call.argument, self._instrument.frequency_hz, *FREQUENCY_RANGE_HZ)
+            ),
             "[SOURce#:]FREQuency[:CW]": self._set_frequency,
-            f"{volts}[:LEVel][:IMMediate][:AMPLitude]?": self._voltage,
+            f"{volts}[:LEVel][:IMMediate][:AMPLitude]?": lambda call: number_text(
+                told(call.argument, self._instrument.target_v, 0.0, self._instrument.limit_v)
+            ),
             f"{volts}[:LEVel][:IMMediate][:AMPLitude]": self._set_voltage,
             f"{volts}:INSTant?": asked(lambda: number_text(self._instrument.meant_v)),
             **self._quantity(f"{volts}:RAMP", self._instrument, "ramp_v_per_s", ramp),
@@ -104,7 +108,9 @@ class BoardDialect(Dialect):
         watchdog = (SECONDS, *WATCHDOG_RANGE_S)
         return {
             "[SOURce#:]VOLTage:LIMit": self._set_limit,
-            "[SOURce#:]VOLTage:LIMit?": self._limit,
+            "[SOURce#:]VOLTage:LIMit?": lambda call: number_text(
+                told(call.argument, self._instrument.limit_v, 0.0, MAX_VOLTAGE_V)
+            ),
             **self._quantity("SYSTem:WATChdog", self._instrument, "watchdog_s", watchdog),
             "OUTPut#:PROTection:TRIPped?": asked(lambda: str(int(self._instrument.tripped))),
             "OUTPut#:PROTection:CAUSe?": asked(lambda: self._instrument.cause),
@@ -119,10 +125,11 @@ class BoardDialect(Dialect):
             "VIBRation": self._beam.measured_vibration_m,
             "TEMPerature": lambda instrument: instrument.temperature_c,
         }
-        return {f"MEASure[:SCALar]:{name}?": self._reading(read) for name, read in readings.items()}
 
-    def _reading(self, read: Callable[[Instrument], float]) -> Handler:
-        return asked(lambda: number_text(read(self._instrument)))
+        def reading(read: Callable[[Instrument], float]) -> Handler:
+            return asked(lambda: number_text(read(self._instrument)))
+
+        return {f"MEASure[:SCALar]:{name}?": reading(read) for name, read in readings.items()}
 
     def _quantity(
         self, header: str, owner: object, name: str, rule: tuple[Mapping[str, float], float, float]
@@ -134,28 +141,18 @@ class BoardDialect(Dialect):
             setattr(owner, name, quantity(call.argument, units, lowest, highest))
 
         def get(call: Call) -> str:
-            kept = getattr(owner, name) or 0.0
-            return _told(call.argument, kept, lowest, highest)
+            return number_text(told(call.argument, getattr(owner, name) or 0.0, lowest, highest))
 
         return {header: put, f"{header}?": get}
-
-    def _frequency(self, call: Call) -> str:
-        return _told(call.argument, self._instrument.frequency_hz, *FREQUENCY_RANGE_HZ)
 
     def _set_frequency(self, call: Call) -> None:
         value = quantity(call.argument, HERTZ, *FREQUENCY_RANGE_HZ)
         self._instrument.sweep = None
         self._instrument.frequency_hz = self._instrument.set_gain * value
 
-    def _voltage(self, call: Call) -> str:
-        return _told(call.argument, self._instrument.target_v, 0.0, self._instrument.limit_v)
-
     def _set_voltage(self, call: Call) -> None:
         value = quantity(call.argument, VOLTS, 0.0, self._instrument.limit_v)
         self._instrument.target_v = self._instrument.set_gain * value
-
-    def _limit(self, call: Call) -> str:
-        return _told(call.argument, self._instrument.limit_v, 0.0, MAX_VOLTAGE_V)
 
     def _set_limit(self, call: Call) -> None:
         value = quantity(call.argument, VOLTS, 0.0, MAX_VOLTAGE_V)
@@ -195,16 +192,6 @@ class BoardDialect(Dialect):
     def _forget(self) -> None:
         self.sweep_start_hz = self.sweep_stop_hz = DEFAULT_FREQUENCY_HZ
         self.sweep_time_s = 1.0
-
-
-def _told(argument: str, kept: float, lowest: float, highest: float) -> str:
-    """The answer to a query: what is kept, or what `MIN` and `MAX` stand for."""
-    if not argument:
-        return number_text(kept)
-    extreme = extremes(argument, lowest, highest)
-    if extreme is None:
-        raise ScpiError(-108, "Parameter not allowed")
-    return number_text(extreme)
 
 
 MODELS = {"board": BoardDialect}

@@ -3,10 +3,10 @@
 The amplifier has the gain `AMPLIFIER_GAIN` and an open (high impedance) input.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from device.simulator.models.dialect import Dialect, Status
-from device.simulator.models.keysight_channels import MOST_EMF_VPP, Channel, Channels
+from device.simulator.models.keysight_channels import MOST_EMF_VPP, Channel, Channels, Model
 from device.simulator.models.keysight_settings import Kept
 from device.simulator.models.power_stage import Instrument
 from device.simulator.models.scpi import (
@@ -137,3 +137,14 @@ def _value(kept: Kept, argument: str) -> float | str:
     if kept.is_switch:
         return float(boolean(argument))
     return quantity(argument, _UNITS[kept.unit], kept.lowest, kept.highest)
+
+
+def models(
+    dialect: Callable[[Instrument, Model], Dialect], generators: Mapping[str, Model]
+) -> dict[str, Callable[[Instrument, object], Dialect]]:
+    """Return what simulates each of `generators`, by name; none of them needs the beam."""
+
+    def simulating(generator: Model) -> Callable[[Instrument, object], Dialect]:
+        return lambda instrument, _: dialect(instrument, generator)
+
+    return {name: simulating(generator) for name, generator in generators.items()}

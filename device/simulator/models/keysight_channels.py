@@ -25,6 +25,7 @@ from device.simulator.models.scpi import (
     number,
     quantity,
     split_outside_quotes,
+    told,
 )
 
 SOURCE_OHM = 50.0
@@ -168,6 +169,8 @@ class Channels:
     """The channels of a generator; the output of the first is what `instrument` gives."""
 
     functions: ClassVar[tuple[str, ...]] = FUNCTIONS
+    limit_header = "[SOURce#:]VOLTage:LIMit"
+    limit_state = ":STATe"
 
     def __init__(self, instrument: Instrument, model: Model) -> None:
         self._instrument = instrument
@@ -190,12 +193,7 @@ class Channels:
 
     def told(self, call: Call, kept: float, lowest: float, highest: float) -> str:
         """Return the answer to a query: what is kept, or what `MIN` and `MAX` stand for."""
-        if not call.argument:
-            return self._text(kept)
-        extreme = extremes(call.argument, lowest, highest)
-        if extreme is None:
-            raise ScpiError(-108, "Parameter not allowed")
-        return self._text(extreme)
+        return self._text(told(call.argument, kept, lowest, highest))
 
     def word(self, call: Call, word: str) -> str:
         """Return `word` to a query that takes no argument."""
@@ -217,8 +215,8 @@ class Channels:
             ),
             "[SOURce#:]FUNCtion[:SHAPe]": self._set_function,
             "[SOURce#:]FUNCtion[:SHAPe]?": lambda call: self.word(call, self.of(call).function),
-            "OUTPut#[:STATe]": self._switch,
-            "OUTPut#[:STATe]?": lambda call: self.switch_word(call, on=self._output(call)),
+            "OUTPut#[:STATe]": lambda call: self.switch(call.channel, on=boolean(call.argument)),
+            "OUTPut#[:STATe]?": lambda call: self.switch_word(call, on=self.is_on(call.channel)),
             "OUTPut#:LOAD": self._set_load,
             "OUTPut#:LOAD?": lambda call: self.told(call, self._load(call), 1.0, 10_000.0),
             **{
@@ -247,7 +245,7 @@ class Channels:
         }
 
     def _limits(self) -> dict[str, Handler]:
-        limit = "[SOURce#:]VOLTage:LIMit"
+        limit, state = self.limit_header, f"{self.limit_header}{self.limit_state}"
 
         def put(name: str) -> Handler:
             return lambda call: setattr(
@@ -259,8 +257,8 @@ class Channels:
             f"{limit}:LOW": put("limit_low_v"),
             f"{limit}:HIGH?": lambda call: self.told(call, self.of(call).limit_high_v, -10, 10),
             f"{limit}:LOW?": lambda call: self.told(call, self.of(call).limit_low_v, -10, 10),
-            f"{limit}:STATe": lambda call: self.of(call).limit(boolean(call.argument)),
-            f"{limit}:STATe?": lambda call: self.switch_word(call, on=self.of(call).limited),
+            state: lambda call: self.of(call).limit(boolean(call.argument)),
+            f"{state}?": lambda call: self.switch_word(call, on=self.of(call).limited),
         }
 
     def _clipped(self, complaint: ScpiError | None) -> None:
@@ -277,15 +275,16 @@ class Channels:
     def _set_function(self, call: Call) -> None:
         self.of(call).function = choice(call.argument, self.functions)
 
-    def _output(self, call: Call) -> bool:
-        return self._instrument.output if call.channel == 1 else self.of(call).output
+    def is_on(self, channel: int) -> bool:
+        """Return whether the output of a channel is on."""
+        return self._instrument.output if channel == 1 else self.all[channel - 1].output
 
-    def _switch(self, call: Call) -> None:
-        on = boolean(call.argument)
-        if call.channel == 1:
+    def switch(self, channel: int, *, on: bool) -> None:
+        """Switch the output of a channel."""
+        if channel == 1:
             self._instrument.switch(on)
         else:
-            self.of(call).output = on
+            self.all[channel - 1].output = on
 
     def _load(self, call: Call) -> float:
         return min(self.of(call).load_ohm, SCPI_INFINITY)
@@ -297,8 +296,8 @@ class Channels:
             if self.of(call).unit == "DBM":
                 self.of(call).unit = "VPP"
         else:
-            value = number(text, _OHM) if extremes(text, 1, 1e4) is None else extremes(text, 1, 1e4)
-            assert value is not None
+            extreme = extremes(text, 1, 1e4)
+            value = number(text, _OHM) if extreme is None else extreme
             if value >= SCPI_INFINITY:
                 self.of(call).load_ohm = OPEN_OHM
                 return
@@ -363,7 +362,7 @@ class Channels:
             for setter, value in zip(setters, values, strict=False):
                 if value.upper() not in {"DEF", "DEFAULT"}:
                     setter(Call(argument=value, channel=call.channel))
-            self._switch(Call(argument="ON", channel=call.channel))
+            self.switch(call.channel, on=True)
 
         return apply
 

@@ -3,23 +3,21 @@
 Source: Agilent 33220A User's Guide and 33500 Series Operating and Service Guide.
 """
 
-from collections.abc import Callable
-
 from device.simulator.models.dialect import asked
-from device.simulator.models.generator_model import GeneratorDialect
+from device.simulator.models.generator_model import GeneratorDialect, models
 from device.simulator.models.keysight_channels import Channels, Model
-from device.simulator.models.keysight_settings import DONE_AND_FORGOTTEN, SETTINGS, SETTINGS_33500
+from device.simulator.models.keysight_settings import (
+    DONE_AND_FORGOTTEN,
+    SETTINGS,
+    SETTINGS_33500,
+    Kept,
+)
 from device.simulator.models.power_stage import FrequencySweep, Instrument
 from device.simulator.models.scpi import (
-    HERTZ,
-    NO_UNIT,
-    SECONDS,
     Call,
     Handler,
     ScpiError,
     boolean,
-    choice,
-    quantity,
 )
 
 _GENERATORS = {
@@ -50,10 +48,9 @@ class KeysightDialect(GeneratorDialect):
     plus = "+"
 
     def __init__(self, instrument: Instrument, model: Model) -> None:
-        self._model = model
         self.idn = model.idn
         self._burst_end_s: float | None = None
-        settings = SETTINGS if not model.limits else SETTINGS + SETTINGS_33500
+        settings = (*SETTINGS, *(SETTINGS_33500 if model.limits else ()), *_ranged(model))
         channels = Channels(instrument, model)
         handlers = {
             **self._system(),
@@ -95,8 +92,7 @@ class KeysightDialect(GeneratorDialect):
     def _preset(self) -> None:
         super()._preset()
         for channel in self.channels:
-            channel.settings |= {"BURSt": 0.0, "SWEep": 0.0, "TRIGger": "IMM"}
-            channel.settings |= {"start": 100.0, "stop": 1_000.0, "time": 1.0, "cycles": 1.0}
+            channel.settings |= {"BURSt": 0.0, "SWEep": 0.0}
 
     def _system(self) -> dict[str, Handler]:
         return {
@@ -110,34 +106,12 @@ class KeysightDialect(GeneratorDialect):
         }
 
     def _sweep_and_burst(self) -> dict[str, Handler]:
-        top = self._model.most_hz
         return {
-            **self._number("[SOURce#:]FREQuency:STARt", "start", HERTZ, (1e-6, top)),
-            **self._number("[SOURce#:]FREQuency:STOP", "stop", HERTZ, (1e-6, top)),
-            **self._number("[SOURce#:]SWEep:TIME", "time", SECONDS, (1e-3, 500.0)),
-            **self._number(
-                "[SOURce#:]BURSt:NCYCles", "cycles", NO_UNIT, (1, self._model.most_cycles)
-            ),
             "[SOURce#:]SWEep:STATe": self._switch_sweep,
             "[SOURce#:]SWEep:STATe?": lambda call: self._state(call, "SWEep"),
             "[SOURce#:]BURSt:STATe": self._switch_burst,
             "[SOURce#:]BURSt:STATe?": lambda call: self._state(call, "BURSt"),
-            "TRIGger#:SOURce": self._set_trigger,
-            "TRIGger#:SOURce?": lambda call: self._channels.word(
-                call, self._trigger_source(call.channel)
-            ),
         }
-
-    def _number(
-        self, header: str, name: str, units: dict[str, float], rule: tuple[float, float]
-    ) -> dict[str, Handler]:
-        def put(call: Call) -> None:
-            self._channels.of(call).settings[name] = quantity(call.argument, units, *rule)
-
-        def get(call: Call) -> str:
-            return self._channels.told(call, float(self._channels.of(call).settings[name]), *rule)
-
-        return {header: put, f"{header}?": get}
 
     def _state(self, call: Call, name: str) -> str:
         return self._channels.switch_word(call, on=bool(self._channels.of(call).settings[name]))
@@ -153,10 +127,10 @@ class KeysightDialect(GeneratorDialect):
             return
         self._instrument.sweep = (
             FrequencySweep(
-                start_hz=float(settings["start"]),
-                stop_hz=float(settings["stop"]),
+                start_hz=float(settings["FREQuency:STARt"]),
+                stop_hz=float(settings["FREQuency:STOP"]),
                 begin_s=self._instrument.time_s,
-                duration_s=float(settings["time"]),
+                duration_s=float(settings["SWEep:TIME"]),
             )
             if settings["SWEep"]
             else None
@@ -167,27 +141,29 @@ class KeysightDialect(GeneratorDialect):
         self._burst_end_s = None
 
     def _trigger_source(self, channel: int = 1) -> str:
-        return str(self.channels[channel - 1].settings["TRIGger"])
-
-    def _set_trigger(self, call: Call) -> None:
-        words = ("IMMediate", "EXTernal", "BUS", "TIMer")
-        self._channels.of(call).settings["TRIGger"] = choice(call.argument, words)
+        return str(self.channels[channel - 1].settings["TRIGger#:SOURce"])
 
     def _trigger(self) -> None:
         if self._trigger_source() != "BUS":
             raise ScpiError(-211, "Trigger ignored")
         first = self.channels[0]
-        cycles = float(first.settings["cycles"])
+        cycles = float(first.settings["BURSt:NCYCles"])
         self._burst_end_s = self._instrument.time_s + cycles / first.frequency_hz
         self._start_sweep(1)
+
+
+def _ranged(model: Model) -> tuple[Kept, ...]:
+    """The settings of sweep and burst that go as far as the model does."""
+    top_hz, cycles = model.most_hz, model.most_cycles
+    return (
+        Kept(header="FREQuency:STARt", default=100.0, lowest=1e-6, highest=top_hz, unit="HZ"),
+        Kept(header="FREQuency:STOP", default=1_000.0, lowest=1e-6, highest=top_hz, unit="HZ"),
+        Kept(header="BURSt:NCYCles", default=1.0, lowest=1, highest=cycles),
+    )
 
 
 def _done(_: Call) -> None:
     """Accept a command that nothing here depends on."""
 
 
-def _speaking(generator: Model) -> Callable[[Instrument, object], KeysightDialect]:
-    return lambda instrument, _: KeysightDialect(instrument, generator)
-
-
-MODELS = {name: _speaking(generator) for name, generator in _GENERATORS.items()}
+MODELS = models(KeysightDialect, _GENERATORS)

@@ -27,6 +27,7 @@ class Kept:
         return not (self.words or self.text) and self.highest == self.lowest
 
 
+_TRIGGERS = ("IMMediate", "EXTernal", "BUS", "TIMer")
 SETTINGS = (
     Kept(header="PHASe", lowest=-360, highest=360, unit="DEG"),
     Kept(header="FUNCtion:SQUare:DCYCle", default=50.0, lowest=0.01, highest=99.99),
@@ -51,6 +52,7 @@ SETTINGS = (
     Kept(header="FUNCtion:ARBitrary:ADVance", default="SRAT", words=("SRATe", "TRIGger")),
     Kept(header="FUNCtion:ARBitrary:FILTer", default="NORM", words=("NORMal", "STEP", "OFF")),
     Kept(header="FREQuency:MODE", default="CW", words=("CW", "LIST", "SWEep", "FIXed")),
+    Kept(header="SWEep:TIME", default=1.0, lowest=1e-3, highest=500.0, unit="S"),
     Kept(header="SWEep:SPACing", default="LIN", words=("LINear", "LOGarithmic")),
     Kept(header="BURSt:MODE", default="TRIG", words=("TRIGgered", "GATed")),
     Kept(header="BURSt:INTernal:PERiod", default=1e-2, lowest=1e-6, highest=8e3, unit="S"),
@@ -68,6 +70,7 @@ SETTINGS = (
     Kept(header="OUTPut:TRIGger[:STATe]", per_channel=False),
     Kept(header="OUTPut:TRIGger:SLOPe", default="POS", words=("POSitive", "NEGative")),
     Kept(header="OUTPut:TRIGger:SOURce", default="CH1", words=("CH1", "CH2"), per_channel=False),
+    Kept(header="TRIGger#:SOURce", default="IMM", words=_TRIGGERS),
     Kept(header="TRIGger#:SLOPe", default="POS", words=("POSitive", "NEGative")),
     Kept(header="TRIGger#:DELay", lowest=0, highest=1e3, unit="S"),
     Kept(header="TRIGger#:COUNt", default=1.0, lowest=1, highest=1e6),

@@ -4,20 +4,17 @@ Source: Rigol DG800 and DG1000Z Programming Guides. Numbers have seven digits, s
 `OFF`.
 """
 
-from collections.abc import Callable
 from typing import ClassVar
 
 from device.simulator.models.dialect import asked
-from device.simulator.models.generator_model import GeneratorDialect
+from device.simulator.models.generator_model import GeneratorDialect, models
 from device.simulator.models.keysight_channels import Channels, Model
 from device.simulator.models.keysight_settings import Kept
 from device.simulator.models.power_stage import Instrument
 from device.simulator.models.scpi import (
     NO_UNIT,
-    VOLTS,
     Call,
     Handler,
-    boolean,
     choice,
     nothing,
     quantity,
@@ -67,6 +64,8 @@ class RigolChannels(Channels):
     """Channels in Rigol's words. What is out of range is clipped, and complained about."""
 
     functions: ClassVar[tuple[str, ...]] = FUNCTIONS
+    limit_header = "OUTPut#:VOLLimit"
+    limit_state = "[:STATe]"
 
     def switch_word(self, call: Call, *, on: bool) -> str:
         """Return what a query for a switch answers."""
@@ -81,22 +80,6 @@ class RigolChannels(Channels):
             **super()._drive(),
             impedance: self._set_load,
             f"{impedance}?": lambda call: self.told(call, self._load(call), 1.0, 10_000.0),
-        }
-
-    def _limits(self) -> dict[str, Handler]:
-        def put(name: str) -> Handler:
-            return lambda call: setattr(
-                self.of(call), name, quantity(call.argument, VOLTS, -10.0, 10.0)
-            )
-
-        limit = "OUTPut#:VOLLimit"
-        return {
-            f"{limit}:HIGH": put("limit_high_v"),
-            f"{limit}:LOW": put("limit_low_v"),
-            f"{limit}:HIGH?": lambda call: self.told(call, self.of(call).limit_high_v, -10, 10),
-            f"{limit}:LOW?": lambda call: self.told(call, self.of(call).limit_low_v, -10, 10),
-            f"{limit}[:STATe]": lambda call: self.of(call).limit(boolean(call.argument)),
-            f"{limit}[:STATe]?": lambda call: self.switch_word(call, on=self.of(call).limited),
         }
 
     def _applied(self, function: str) -> Handler:
@@ -163,8 +146,4 @@ class RigolDialect(GeneratorDialect):
         return bool(settings[_MODULATION]) and settings["MOD:TYPe"] == "FM"
 
 
-def _speaking(generator: Model) -> Callable[[Instrument, object], RigolDialect]:
-    return lambda instrument, _: RigolDialect(instrument, generator)
-
-
-MODELS = {name: _speaking(generator) for name, generator in _GENERATORS.items()}
+MODELS = models(RigolDialect, _GENERATORS)

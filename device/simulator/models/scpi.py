@@ -89,6 +89,18 @@ def extremes(argument: str, lowest: float, highest: float) -> float | None:
     return words.get(argument.upper())
 
 
+def told(argument: str, kept: float, lowest: float, highest: float) -> float:
+    """Return the number that answers a query: what is kept, or what `MIN` and `MAX` stand for.
+
+    Raises:
+        ScpiError: the argument is neither (-108).
+    """
+    extreme = extremes(argument, lowest, highest) if argument else kept
+    if extreme is None:
+        raise ScpiError(-108, "Parameter not allowed")
+    return extreme
+
+
 def boolean(argument: str) -> bool:
     """Return the state that `argument` gives.
 

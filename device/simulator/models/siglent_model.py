@@ -7,9 +7,10 @@ does nothing, and what is out of range is clipped.
 import math
 import re
 from collections.abc import Callable, Mapping
+from functools import partial
 from itertools import pairwise
 
-from device.simulator.models.generator_model import GeneratorDialect
+from device.simulator.models.generator_model import GeneratorDialect, models
 from device.simulator.models.keysight_channels import Channel, Channels, Model
 from device.simulator.models.power_stage import Instrument
 
@@ -58,7 +59,7 @@ class SiglentDialect(GeneratorDialect):
             "HARM": lambda number: f"HARMSTATE,{self._setting(number, 'HARM')}",
             "CMBN": lambda number: self._setting(number, "CMBN"),
             "COUP": lambda _: ",".join(",".join(pair) for pair in self._coupled.items()),
-            **{mode: self._mode_answer(mode) for mode in _MODES},
+            **{mode: partial(self._mode_answer, mode) for mode in _MODES},
         }
         self._setters: dict[str, Callable[[int, list[str]], None]] = {
             "OUTP": self._set_output,
@@ -66,7 +67,7 @@ class SiglentDialect(GeneratorDialect):
             "HARM": lambda number, words: self._switch(number, "HARM", words[-1]),
             "CMBN": lambda number, words: self._switch(number, "CMBN", words[-1]),
             "COUP": lambda _, words: self._couple(words),
-            **{mode: self._mode_setter(mode) for mode in _MODES},
+            **{mode: partial(self._set_mode, mode) for mode in _MODES},
         }
         super().__init__(instrument, Channels(instrument, model), (), {})
 
@@ -137,18 +138,14 @@ class SiglentDialect(GeneratorDialect):
 
     def _output(self, number: int) -> str:
         channel = self.channels[number - 1]
-        on = self._instrument.output if number == 1 else channel.output
+        on = self._channels.is_on(number)
         load = "HZ" if math.isinf(channel.load_ohm) else f"{channel.load_ohm:g}"
         return f"{'ON' if on else 'OFF'},LOAD,{load},PLRT,{channel.settings['PLRT']}"
 
     def _set_output(self, number: int, words: list[str]) -> None:
         channel = self.channels[number - 1]
         if words[0] in {"ON", "OFF"}:
-            on = words.pop(0) == "ON"
-            if number == 1:
-                self._instrument.switch(on)
-            else:
-                channel.output = on
+            self._channels.switch(number, on=words.pop(0) == "ON")
         pairs = _pairs(words)
         if pairs.get("PLRT") in {"NOR", "INVT"}:
             channel.settings["PLRT"] = pairs["PLRT"]
@@ -187,26 +184,20 @@ class SiglentDialect(GeneratorDialect):
     def _set_frequency(self, channel: Channel, frequency_hz: float) -> None:
         channel.frequency_hz = min(max(frequency_hz, 1e-6), self._model.most_hz)
 
-    def _mode_answer(self, mode: str) -> Callable[[int], str]:
-        def answer(number: int) -> str:
-            if self._setting(number, mode) == "OFF":
-                return "STATE,OFF"
-            kind = f",{self._setting(number, 'type')}" if mode == "MDWV" else ""
-            return f"STATE,ON{kind},SRC,INT,CARR,{self._wave(number)}"
+    def _mode_answer(self, mode: str, number: int) -> str:
+        if self._setting(number, mode) == "OFF":
+            return "STATE,OFF"
+        kind = f",{self._setting(number, 'type')}" if mode == "MDWV" else ""
+        return f"STATE,ON{kind},SRC,INT,CARR,{self._wave(number)}"
 
-        return answer
-
-    def _mode_setter(self, mode: str) -> Callable[[int, list[str]], None]:
-        def put(number: int, words: list[str]) -> None:
-            settings, pairs = self.channels[number - 1].settings, _pairs(words)
-            if pairs.get("STATE") == "ON":
-                settings |= dict.fromkeys(_MODES, "OFF")
-            self._switch(number, mode, pairs.get("STATE", ""))
-            kind = next((word for word in words if word in TYPES), None)
-            if mode == "MDWV" and kind is not None:
-                settings["type"] = kind
-
-        return put
+    def _set_mode(self, mode: str, number: int, words: list[str]) -> None:
+        settings, pairs = self.channels[number - 1].settings, _pairs(words)
+        if pairs.get("STATE") == "ON":
+            settings |= dict.fromkeys(_MODES, "OFF")
+        self._switch(number, mode, pairs.get("STATE", ""))
+        kind = next((word for word in words if word in TYPES), None)
+        if mode == "MDWV" and kind is not None:
+            settings["type"] = kind
 
 
 def _pairs(words: list[str]) -> dict[str, str]:
@@ -221,8 +212,4 @@ def _number(word: str) -> float | None:
     return float(found[1]) * _UNITS[found[2]]
 
 
-def _speaking(generator: Model) -> Callable[[Instrument, object], SiglentDialect]:
-    return lambda instrument, _: SiglentDialect(instrument, generator)
-
-
-MODELS = {name: _speaking(generator) for name, generator in _GENERATORS.items()}
+MODELS = models(SiglentDialect, _GENERATORS)

@@ -9,7 +9,7 @@ import sys
 import typer
 
 from runner.cli import device, journal, results, study
-from runner.cli.output import complaint
+from runner.cli.output import complain_of, warnings_in_lines
 from runner.signals import signals_raise
 
 app = typer.Typer(
@@ -36,11 +36,8 @@ def main() -> None:
     arguments = [argument for argument in sys.argv[1:] if argument != "--debug"]
     debug = len(arguments) < len(sys.argv) - 1
     try:
-        with signals_raise():
+        with signals_raise(), warnings_in_lines():
             code = app(arguments or ["--help"], prog_name="touchbeam", standalone_mode=False)
     except Exception as error:
-        if debug:
-            raise
-        line, code = complaint(error)
-        typer.echo(f"touchbeam: {line}", err=True)
+        code = complain_of(error, debug=debug)
     sys.exit(code or 0)

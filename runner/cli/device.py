@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from runner.cli.options import Choosing, DialectOption, JsonOption, UrlArgument, Wire, print_json
+from runner.cli.options import Choosing, DialectOption, JsonOption, UrlArgument, Wire
+from runner.cli.output import print_json, say
 
 app = typer.Typer()
 device_commands = typer.Typer(help="List ports, identify the device, find its resonance.")
@@ -22,11 +23,9 @@ def device_list(as_json: JsonOption = False) -> None:
         print_json(found)
         return
     for port in found:
-        typer.echo("  ".join(text for text in port.values() if text))
+        say("  ".join(text for text in port.values() if text))
     if not found:
-        typer.echo(
-            "no serial ports found; for a generator on the network use socket://ADDRESS:5025"
-        )
+        say("no serial ports found; for a generator on the network use socket://ADDRESS:5025")
 
 
 @device_commands.command("probe")
@@ -45,7 +44,7 @@ def device_probe(url: UrlArgument, as_json: JsonOption = False) -> None:
         print_json(status)
         return
     for name, value in status.items():
-        typer.echo(f"{name:15} {value}")
+        say(f"{name:15} {value}")
 
 
 @device_commands.command("sweep", cls=Choosing)
@@ -82,7 +81,7 @@ def device_sweep(
             }
         )
         return
-    typer.echo(
+    say(
         f"resonance {found.frequency_hz:.1f} Hz, {1e9 * found.tip_m_per_v:.1f} nm per volt at the "
         f"tip; device off (read back){f'; saved in {file}' if file else ''}"
     )
@@ -107,7 +106,7 @@ def simulate_device(
     """
     from device.simulator.server import simulate
 
-    simulate(wire, place, control, dialect=dialect, keep=keep, seed=seed, say=typer.echo)
+    simulate(wire, place, control, dialect=dialect, keep=keep, seed=seed, say=say)
 
 
 @app.command()
@@ -120,7 +119,7 @@ def doctor(as_json: JsonOption = False) -> None:
         print_json([finding.record() for finding in found])
     else:
         for finding in found:
-            typer.echo(finding.line())
+            say(finding.line())
     if not all(finding.ok for finding in found):
         raise typer.Exit(1)
 

@@ -11,9 +11,9 @@ from runner.cli.options import (
     ReasonOption,
     SessionOption,
     StudyArgument,
-    print_json,
     study_journal,
 )
+from runner.cli.output import print_json, say
 
 app = typer.Typer()
 
@@ -33,12 +33,12 @@ def status(study: StudyArgument, as_json: JsonOption = False) -> None:
         print_json({"sessions": records, "next_slot": free})
         return
     for line in lines:
-        typer.echo(
+        say(
             f"{line.participant}/{line.session}  {line.kind}  {line.state}  "
             f"{line.answered} of {line.planned} trials"
             + (f", {line.excluded_trials} excluded" if line.excluded_trials else "")
         )
-    typer.echo(f"The next participant gets slot {free} of the design.")
+    say(f"The next participant gets slot {free} of the design.")
 
 
 @app.command()
@@ -58,7 +58,7 @@ def verify(study: StudyArgument, as_json: JsonOption = False) -> None:
         print_json({"ok": ok, "sessions": sessions})
     else:
         for line in [verdict.line() for verdict in found] or ["The journal contains no sessions."]:
-            typer.echo(line)
+            say(line)
     if not ok:
         raise typer.Exit(1)
 
@@ -92,7 +92,7 @@ def exclude(
             exclude_session(journal, WallClock(), name, reason)
         else:
             exclude_trial(journal, WallClock(), name, trial, reason)
-    typer.echo(f"{name}{'' if trial is None else f', trial {trial}'} is excluded: {reason}")
+    say(f"{name}{'' if trial is None else f', trial {trial}'} is excluded: {reason}")
 
 
 @app.command()
@@ -108,7 +108,7 @@ def amend(study: StudyArgument, reason: ReasonOption) -> None:
     validated_study(text, str(folder.study_file))
     with study_journal(folder, to_write=True) as journal:
         accept(journal, WallClock(), text, reason)
-    typer.echo("The changed study.toml is accepted; sessions continue with it.")
+    say("The changed study.toml is accepted; sessions continue with it.")
 
 
 @app.command()
@@ -128,7 +128,7 @@ def withdraw(study: StudyArgument, participant: ParticipantOption) -> None:
         for name in sessions_of(journal, participant):
             stack.enter_context(session_lock(name, study, "touchbeam withdraw"))
         sessions = erase(journal, WallClock(), participant)
-    typer.echo(
+    say(
         f"Erased: {', '.join(sessions)}. Make reports and exports again: "
         "old ones still contain the data."
     )

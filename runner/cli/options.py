@@ -1,4 +1,4 @@
-"""Arguments, options and output shared by several commands."""
+"""Arguments and options shared by several commands."""
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
@@ -161,13 +161,6 @@ ConsentOption = Annotated[
 ReasonOption = Annotated[
     str, typer.Option(help="The reason, recorded in the journal.", callback=_reason)
 ]
-
-
-def print_json(document: object) -> None:
-    """Print `document` as the only JSON document of a command."""
-    import json
-
-    typer.echo(json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False))
 
 
 def study_journal(folder: "StudyFolder", *, to_write: bool = False) -> "Journal":

@@ -1,16 +1,59 @@
-"""Tables, progress bars and error lines."""
+"""Everything that the commands print: lines, JSON, tables, progress bars and error lines.
+
+No other module prints, so nothing reaches a terminal unescaped.
+"""
 
 import errno
 import sys
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 import typer
 
 from protocol.errors import BadInput, WorkFailed
-from runner.people.terminal import at_terminal
+from runner.people.terminal import at_terminal, visible, visible_json
 
 WIDE = 10_000
+
+
+def say(line: str) -> None:
+    """Print `line` on standard output."""
+    typer.echo(visible(line))
+
+
+def complain(line: str) -> None:
+    """Print `line` on standard error."""
+    typer.echo(visible(line), err=True)
+
+
+def print_json(document: object) -> None:
+    """Print `document` as the only JSON document of a command."""
+    import json
+
+    print_json_text(json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False))
+
+
+def print_json_text(text: str) -> None:
+    """Print a JSON document."""
+    typer.echo(visible_json(text.removesuffix("\n")))
+
+
+def print_csv(text: str) -> None:
+    """Print a CSV file: exactly to a pipe or file, visibly on a terminal."""
+    if not at_terminal(sys.stdout):
+        typer.echo(text, nl=False)
+        return
+    for line in text.removesuffix("\n").split("\n"):
+        say(line)
+
+
+@contextmanager
+def warnings_in_lines() -> Iterator[None]:
+    """Print warnings of libraries in the body as lines on standard error."""
+    with warnings.catch_warnings():
+        warnings.showwarning = lambda message, *_: complain(f"touchbeam: warning: {message}")
+        yield
 
 
 def print_table(title: str, lines: Sequence[Sequence[str]]) -> None:
@@ -20,14 +63,17 @@ def print_table(title: str, lines: Sequence[Sequence[str]]) -> None:
     from rich.markup import escape
     from rich.table import Table
 
+    def shown(text: str) -> str:
+        return escape(visible(text))
+
     header, *rows, last = lines
     table = Table(
-        title=title, box=box.SIMPLE_HEAD, show_footer=True, title_justify="left", padding=0
+        title=shown(title), box=box.SIMPLE_HEAD, show_footer=True, title_justify="left", padding=0
     )
     for place, (name, foot) in enumerate(zip(header, last, strict=True)):
-        table.add_column(escape(name), escape(foot), justify="right" if place else "left")
+        table.add_column(shown(name), shown(foot), justify="right" if place else "left")
     for row in rows:
-        table.add_row(*(escape(cell) for cell in row))
+        table.add_row(*(shown(cell) for cell in row))
     # A pipe has no width. Where TERM is dumb, rich uses the given width only if a height is given.
     console = Console() if at_terminal(sys.stdout) else Console(width=WIDE, height=1)
     console.print(table)
@@ -41,7 +87,7 @@ def progress(what: str, total: int) -> Iterator[Callable[[], None]]:
 
     shown = at_terminal(sys.stderr)
     with Progress(console=Console(stderr=True), transient=True, disable=not shown) as bar:
-        task = bar.add_task(what, total=total)
+        task = bar.add_task(visible(what), total=total)
         yield lambda: bar.advance(task)
 
 
@@ -58,6 +104,19 @@ _PATHS_GIVEN_WRONG = {
     errno.ENOTDIR,
     errno.EPERM,
 }
+
+
+def complain_of(error: BaseException, *, debug: bool) -> int:
+    """Print the error line, or the traceback if `debug`; return the exit code."""
+    if debug:
+        import traceback
+
+        for part in "".join(traceback.format_exception(error)).splitlines():
+            complain(part)
+        return WORK_FAILED
+    line, code = complaint(error)
+    complain(f"touchbeam: {line}")
+    return code
 
 
 def complaint(error: BaseException) -> tuple[str, int]:

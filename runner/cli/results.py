@@ -17,9 +17,9 @@ from runner.cli.options import (
     OverlapOption,
     StudyArgument,
     named_folder,
-    print_json,
     study_journal,
 )
+from runner.cli.output import complain, print_csv, print_json, print_json_text, print_table, say
 from runner.people.terminal import at_terminal
 
 if TYPE_CHECKING:
@@ -50,8 +50,8 @@ def import_scores(
     import_table(StudyFolder(path=study), table.by_subject(), scores.name, content)
     note = unpredicted_note(table.conditions)
     if note:
-        typer.echo(note)
-    typer.echo(f"{len(table.subjects)} subjects imported; next: touchbeam report {study}")
+        say(note)
+    say(f"{len(table.subjects)} subjects imported; next: touchbeam report {study}")
 
 
 @app.command()
@@ -109,7 +109,7 @@ def export(
     _warn_of_broken(broken, study)
     texts = EXPORTS[as_format](data)
     write_new_folder({name: text.encode() for name, text in texts.items()}, folder)
-    typer.echo(f"Written: {folder}, {data.summary()}")
+    say(f"Written: {folder}, {data.summary()}")
 
 
 @app.command(cls=Choosing)
@@ -140,13 +140,13 @@ def predict(
     text = predicted(str(scenes), text_of(bytes_of(scenes), scenes), options, defaults)
     to_stdout = str(out) == "-"
     if to_stdout:
-        typer.echo(text, nl=False)
+        print_csv(text)
     else:
         write_whole(out, text.encode())
     # Keep the message out of a stream that a program reads as a table.
     streamed = to_stdout or is_stream(out)
     if not streamed or at_terminal(sys.stderr):
-        typer.echo(f"{text.count(chr(10)) - 1} scenes predicted: {out}", err=streamed)
+        (complain if streamed else say)(f"{text.count(chr(10)) - 1} scenes predicted: {out}")
 
 
 @app.command()
@@ -174,8 +174,6 @@ def ladder(
     if as_json:
         print_json(ladder_json(rows))
         return
-    from runner.cli.output import print_table
-
     print_table("The ladder", ladder_lines(rows))
 
 
@@ -191,8 +189,6 @@ def claims(as_json: JsonOption = False) -> None:
     if as_json:
         print_json(claims_json(results))
         return
-    from runner.cli.output import print_table
-
     print_table("Claims", claims_lines(results))
 
 
@@ -208,7 +204,6 @@ def write_report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json:
     from analysis.report.table4_text import table4_lines
     from analysis.report.wording import omnibus_line
     from protocol.study_file.loading import text_digest
-    from runner.cli.output import print_table
     from runner.journal.verification import readable_chains
     from runner.study.files import write_files
 
@@ -230,22 +225,22 @@ def write_report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json:
     files = report_files(result)
     write_files(files, out, replaced=result.figure_files)
     if as_json:
-        typer.echo(files["report.json"].decode(), nl=False)
+        print_json_text(files["report.json"].decode())
         return
     table4 = result.table.main.table4
     print_table("Table 4", table4_lines(table4, "–", marks(result.loaded.empty)))
     for note in result.table_notes:
-        typer.echo(note)
+        say(note)
     written = ", ".join(str(out / name) for name in files if name not in result.figure_files)
-    typer.echo(f"{omnibus_line(result.table.main)}\nWritten: {written}")
+    say(omnibus_line(result.table.main))
+    say(f"Written: {written}")
 
 
 def _warn_of_broken(sessions: "Sequence[str]", study: Path) -> None:
     if not sessions:
         return
     named = ", ".join(sessions[:10]) + (f" and {len(sessions) - 10} more" if sessions[10:] else "")
-    typer.echo(
+    complain(
         f"touchbeam: warning: the journal was modified outside touchbeam, in {named}; "
-        f"see touchbeam verify {study}",
-        err=True,
+        f"see touchbeam verify {study}"
     )

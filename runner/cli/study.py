@@ -14,6 +14,7 @@ from runner.cli.options import (
     StudyArgument,
     address,
 )
+from runner.cli.output import complain, print_json_text, progress, say
 from runner.cli.results import write_report
 from runner.clock import Pace
 from runner.ports import AnswerSource
@@ -34,7 +35,6 @@ def demo(
     Uses the simulated device and virtual participants.
     """
     from protocol.study_file.loading import template
-    from runner.cli.output import progress
     from runner.launch.device_access import touchbeam_command
     from runner.launch.rehearsal import rehearse_cohort
     from runner.study.folder import StudyFolder, new_study, numbered
@@ -43,7 +43,7 @@ def demo(
     with new_study(folder, template("paper")), progress("participants", participants) as step:
         rehearse_cohort(folder, participants, seed, touchbeam_command(), step)
     write_report(folder, folder.report, rehearsals=True, as_json=False)
-    typer.echo(f"Device off, read back after each of {participants} sessions.")
+    say(f"Device off, read back after each of {participants} sessions.")
 
 
 @app.command()
@@ -61,7 +61,7 @@ def new(
     study = StudyFolder(path=folder)
     with new_study(study, template_text(template)):
         study.test_file.write_text(template_tests(), encoding="utf-8")
-    typer.echo(
+    say(
         f"Edit {study.study_file}; then: touchbeam check {folder}, "
         f"touchbeam run {folder} --participant P01"
     )
@@ -80,11 +80,11 @@ def check(
     from runner.study.folder import StudyFolder
 
     folder = StudyFolder(path=study)
-    shown, problems, in_order = checked(folder, participants, as_json=as_json)
-    for line in problems:
-        typer.echo(f"touchbeam: {line}", err=True)
-    if shown:
-        typer.echo(shown)
+    lines, problems, in_order = checked(folder, participants, as_json=as_json)
+    for problem in problems:
+        complain(f"touchbeam: {problem}")
+    for line in lines:
+        (print_json_text if as_json else say)(line)
     if not in_order:
         raise typer.Exit(2)
 
@@ -142,8 +142,8 @@ def run(
         seed=seed,
         touchbeam=touchbeam_command(),
     )
-    state = run_session(options, say=typer.echo)
-    typer.echo(
+    state = run_session(options, say=say)
+    say(
         f"{participant}/{session} is complete: {len(state.answered)} trials answered, "
         "device off (read back)."
     )

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from runner.people.operator_keys import HELP, HELP_LINES, HELP_TYPING, OPERATOR_MARK, OperatorKeys
+from runner.people.terminal import visible
 from runner.screens import Note, OperatorView, Order
 
 
@@ -64,7 +65,10 @@ class LiveDisplay:
 
 def panel_lines(view: OperatorView, question: str, typed: str | None) -> list[str]:
     """Return the lines of the panel, most important first: a low terminal cuts off the last."""
-    from rich.markup import escape
+    from rich import markup
+
+    def escape(text: str) -> str:
+        return markup.escape(visible(text))
 
     colour = "green" if view.output() == "off" else "red"
     lines = [f"output: [bold {colour}]{view.output()}[/]"]
@@ -77,7 +81,7 @@ def panel_lines(view: OperatorView, question: str, typed: str | None) -> list[st
     return [
         *lines,
         f"[dim]{HELP if typed is None else HELP_TYPING}[/]",
-        f"{view.session}  {view.kind}  [bold]{view.state}[/]",
+        f"{escape(view.session)}  {view.kind}  [bold]{view.state}[/]",
         view.progress(),
         f"trial: {escape(view.trial)}   next: {escape(view.next_trial)}",
         f"last answer: {escape(view.last_answer) or '-'}   watchdog {view.watchdog_s:g} s",

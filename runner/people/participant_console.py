@@ -118,7 +118,7 @@ class ConsoleParticipant:
         """Print `screen`."""
         self._screen = screen
         self.typed.forget()
-        for line in self._lines_of(screen):
+        for line in "\n".join(self._lines_of(screen)).split("\n"):
             self.say(line)
         self._shown_s = self.monotonic_s()
 

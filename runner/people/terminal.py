@@ -1,11 +1,40 @@
-"""Single key presses from a terminal, and detection of terminals."""
+"""Text that is safe on a terminal, single key presses from one, and detection of terminals."""
 
 import os
+import re
 import select
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TextIO
+
+_OBEYED = re.compile(
+    "[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]"
+)
+_OBEYED_IN_JSON = re.compile(f"(?!\n){_OBEYED.pattern}")
+
+
+def visible(text: str) -> str:
+    r"""Return the line `text` with escapes for the characters that a terminal would obey.
+
+    These are control characters, line separators, those that turn the direction of writing, and
+    halves of surrogate pairs. Whatever comes from a file, a journal or a device can hold them.
+
+    >>> visible("触觉 \x1b[2J \u202e")
+    '触觉 \\x1b[2J \\u202e'
+    """
+    return _OBEYED.sub(lambda match: ascii(match[0])[1:-1], text)
+
+
+def visible_json(text: str) -> str:
+    r"""Return the same JSON document with escapes for the characters that a terminal would obey.
+
+    Such characters occur only in its strings, except for the line feeds between its lines.
+
+    >>> visible_json('["\x9b"]')
+    '["\\u009b"]'
+    """
+    return _OBEYED_IN_JSON.sub(lambda match: f"\\u{ord(match[0]):04x}", text)
 
 
 @contextmanager

@@ -41,13 +41,13 @@ def _placement_problems(study: Study) -> Iterator[Problem]:
 
 def checked(
     folder: StudyFolder, participants: int | None, *, as_json: bool
-) -> tuple[str, list[str], bool]:
-    """Return the text to print, the problems as lines, and whether the study is valid.
+) -> tuple[list[str], list[str], bool]:
+    """Return the lines to print, the problems as lines, and whether the study is valid.
 
     Args:
         folder: the study.
         participants: size of the cohort; by default the study's own, or else 1.
-        as_json: whether the text is one JSON document.
+        as_json: whether they are one JSON document, as a single text.
 
     Raises:
         BadInput: the study file is missing or unreadable.
@@ -64,16 +64,16 @@ def checked(
         return _refused(source, located(text, broken), as_json=as_json)
     predict = _prediction(study)
     if as_json:
-        return _json({"ok": True, "problems": [], **preview_record(shown, predict)}), [], True
-    return "\n".join(preview_lines(shown, predict)), [], True
+        return [_json({"ok": True, "problems": [], **preview_record(shown, predict)})], [], True
+    return list(preview_lines(shown, predict)), [], True
 
 
 def _refused(
     source: str, problems: Sequence[Problem], *, as_json: bool
-) -> tuple[str, list[str], bool]:
+) -> tuple[list[str], list[str], bool]:
     lines = [problem.located(source) for problem in problems]
     if not as_json:
-        return "", lines, False
+        return [], lines, False
     found = [
         {
             "where": problem.where,
@@ -85,7 +85,7 @@ def _refused(
         }
         for problem in problems
     ]
-    return _json({"ok": False, "problems": found, "participants": []}), lines, False
+    return [_json({"ok": False, "problems": found, "participants": []})], lines, False
 
 
 def _json(document: dict[str, Any]) -> str:

@@ -1,10 +1,11 @@
 """Progress bars and tables: a progress bar appears only on a real terminal."""
 
 import sys
+import warnings
 
 import pytest
 
-from runner.cli.output import print_table, progress
+from runner.cli.output import print_table, progress, warnings_in_lines
 
 
 @pytest.fixture(autouse=True, params=["xterm-256color", "dumb"])
@@ -35,3 +36,10 @@ def test_a_closed_output_gets_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     print_table("Table 4", [["participant"], ["P01"], ["mean"]])
     with progress("participants", 1) as step:
         step()
+
+
+def test_a_warning_is_one_line_without_its_source(capsys: pytest.CaptureFixture[str]) -> None:
+    with warnings_in_lines():
+        warnings.simplefilter("always")
+        warnings.warn("odd\x1b[2J", stacklevel=1)
+    assert capsys.readouterr().err == "touchbeam: warning: odd\\x1b[2J\n"

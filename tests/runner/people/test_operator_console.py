@@ -7,6 +7,7 @@ import pytest
 from protocol.journal.records import ReadBack
 from runner.people.operator_console import OperatorConsole, PlainDisplay, panel_lines
 from runner.people.operator_keys import OperatorKeys
+from runner.people.terminal import visible
 from runner.screens import Note, OperatorView
 
 ON = ReadBack(
@@ -110,6 +111,13 @@ def test_typed_markup_is_shown_as_text() -> None:
     lines = panel_lines(view(last_answer="[red]x"), "", "[bold]note")
     assert "\\[red]x" in lines[-1]
     assert "\\[bold]note" in lines[1]
+
+
+def test_the_panel_shows_what_a_terminal_would_obey_as_escapes() -> None:
+    texts = ("session", "trial", "next_trial", "last_answer", "warning")
+    lines = panel_lines(view(**dict.fromkeys(texts, "\x1b[2J\n\u202e")), "\x9b", "\x1b")
+    assert [line for line in lines if visible(line) != line] == []
+    assert sum(line.count(r"\x1b[2J\n\u202e") for line in lines) == len(texts)
 
 
 def test_plain_lines_are_printed_only_when_something_changes() -> None:

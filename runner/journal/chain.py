@@ -1,7 +1,8 @@
 """The stored form of an event and the hash chain of a session.
 
 Each session has a chain of its own. The chain covers digests of the payloads, not the payloads
-themselves, so that it still verifies after a participant's data have been erased.
+themselves, so that it still verifies after a participant's data have been erased. Each digest
+begins with a random salt, erased with the payload, so that nobody can find the payload by trying.
 """
 
 import hashlib
@@ -12,17 +13,21 @@ from typing import Any, NamedTuple, NoReturn
 from protocol.journal.events import StoredEvent
 
 FIRST_HASH = "0" * 64
+SALT_BYTES = 16
+NO_SALT = b""
+"""The salt of each event in a journal of schema 2."""
 
 _PAYLOAD = json.JSONEncoder(ensure_ascii=False, sort_keys=True, allow_nan=False)
 
 
 class ChainLink(NamedTuple):
-    """An event, its stored payload (None if erased), and its hashes."""
+    """An event, its stored payload and salt (None if erased), and its hashes."""
 
     event: StoredEvent
     payload: str | None
     payload_sha256: str
     hash: str
+    salt: bytes | None
 
 
 class DamagedError(Exception):
@@ -51,7 +56,8 @@ def stored_event(row: tuple[Any, ...]) -> StoredEvent:
     try:
         payload = {} if body is None else _STORED.decode(body)
         when = _with_zone(datetime.fromisoformat(utc))
-    except (ValueError, RecursionError) as error:
+        monotonic_s = float(monotonic_s)
+    except (TypeError, ValueError, RecursionError) as error:
         raise DamagedError(f"event {seq} is damaged: {error}") from error
     if not isinstance(payload, dict):
         raise DamagedError(f"event {seq} is damaged: its payload must be an object")
@@ -68,6 +74,11 @@ def stored_event(row: tuple[Any, ...]) -> StoredEvent:
 def payload_text(event: StoredEvent) -> str:
     """Return the payload of `event` as stored text."""
     return _PAYLOAD.encode(event.payload)
+
+
+def payload_digest(body: str, salt: bytes) -> str:
+    """Return the digest of the stored payload `body` and its salt."""
+    return hashlib.sha256(salt + body.encode("utf-8", "surrogatepass")).hexdigest()
 
 
 def event_fields(session: str, event: StoredEvent, digest: str) -> tuple[object, ...]:

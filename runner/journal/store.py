@@ -4,28 +4,34 @@ No other module imports sqlite3. `runner.journal.chain` defines the stored form 
 docs/journal.md describes the file.
 """
 
-import hashlib
 import os
+import secrets
 import sqlite3
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import NamedTuple, Self
 
 from protocol.errors import WorkFailed
 from protocol.journal.events import Event, StoredEvent
 from runner.journal.chain import (
     FIRST_HASH,
+    NO_SALT,
+    SALT_BYTES,
     ChainLink,
     DamagedError,
     chain_hash,
     event_fields,
+    payload_digest,
     payload_text,
     stored_event,
 )
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
+UNSALTED_VERSION = 2
+"""Journals of this schema have no salts; they are read and continued as they are."""
+
 LOCK_WAIT_S = 2.0
 _ONE_PAGE = 4096
 """Size of a database without tables, bytes."""
@@ -39,11 +45,12 @@ _SCHEMA = (
         monotonic_s REAL NOT NULL,
         payload_sha256 TEXT NOT NULL,
         hash TEXT NOT NULL,
+        salt BLOB,
         payload TEXT,
         PRIMARY KEY (session, seq)
     ) STRICT""",
     """CREATE TRIGGER event_is_erased_at_most BEFORE UPDATE ON event
-        WHEN NEW.payload IS NOT NULL
+        WHEN NEW.payload IS NOT NULL OR NEW.salt IS NOT NULL
         OR (NEW.rowid, NEW.session, NEW.seq, NEW.tag, NEW.utc, NEW.monotonic_s,
             NEW.payload_sha256, NEW.hash)
         IS NOT (OLD.rowid, OLD.session, OLD.seq, OLD.tag, OLD.utc, OLD.monotonic_s,
@@ -56,11 +63,32 @@ _SCHEMA = (
         BEGIN SELECT RAISE(ABORT, 'the journal is append-only'); END""",
 )
 
-_APPEND = "INSERT INTO event VALUES (?, ?, ?, ?, ?, ?, ?, ?)"
 _EVENT = "SELECT seq, tag, utc, monotonic_s, payload"
-_CHAIN = f"{_EVENT}, payload_sha256, hash FROM event WHERE session = ? ORDER BY seq"
 _SESSIONS = "SELECT session FROM event GROUP BY session ORDER BY min(rowid)"
 _TAGGED = f"{_EVENT} FROM event WHERE tag"
+
+
+class _Statements(NamedTuple):
+    """The SQL in which the schemas differ."""
+
+    append: str
+    erase: str
+    chain: str
+
+
+_SALTED = _Statements(
+    "INSERT INTO event VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+    "UPDATE event SET payload = NULL, salt = NULL WHERE session = ?",
+    f"{_EVENT}, payload_sha256, hash, salt FROM event WHERE session = ? ORDER BY seq",
+)
+_UNSALTED = _Statements(
+    "INSERT INTO event VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+    "UPDATE event SET payload = NULL WHERE session = ?",
+    f"{_EVENT}, payload_sha256, hash, x'' FROM event WHERE session = ? ORDER BY seq",
+)
+
+RandomBytes = Callable[[int], bytes]
+"""Returns that number of random bytes."""
 
 
 class JournalError(WorkFailed):
@@ -68,9 +96,20 @@ class JournalError(WorkFailed):
 
 
 class Journal:
-    """The events of all sessions of one study."""
+    """The events of all sessions of one study.
 
-    def __init__(self, connection: sqlite3.Connection, path: Path) -> None:
+    `salted` tells whether nobody can guess erased payloads from what remains: in schema 2 one can.
+    """
+
+    def __init__(
+        self,
+        connection: sqlite3.Connection,
+        path: Path,
+        random_bytes: RandomBytes = secrets.token_bytes,
+    ) -> None:
+        self.salted = _version(connection) != UNSALTED_VERSION
+        self._sql = _SALTED if self.salted else _UNSALTED
+        self._random_bytes = random_bytes
         self._connection = connection
         self._path = path
         self._places = (str(path), str(_log_of(path)))
@@ -109,7 +148,7 @@ class Journal:
     def chain(self, session: str) -> Iterator[ChainLink]:
         """Yield the events of `session` with their hashes."""
         with self._errors_explained("read"):
-            for row in self._connection.execute(_CHAIN, (session,)):
+            for row in self._connection.execute(self._sql.chain, (session,)):
                 yield ChainLink(stored_event(row[:5]), *row[4:])
 
     @contextmanager
@@ -131,20 +170,20 @@ class Journal:
         """
         self._require_in_place()
         body = payload_text(event)
-        fields = event_fields(session, event, hashlib.sha256(body.encode()).hexdigest())
+        salt = self._random_bytes(SALT_BYTES) if self.salted else NO_SALT
+        fields = event_fields(session, event, payload_digest(body, salt))
         with self._errors_explained("written"):
             chained = chain_hash(self._hash_before(session, event.seq), fields)
-            self._connection.execute(_APPEND, (*fields, chained, body))
+            stored = (salt, body) if self.salted else (body,)
+            self._connection.execute(self._sql.append, (*fields, chained, *stored))
         if event.seq == 0:  # another process may have removed an unused journal: journal_if_used
             self._require_in_place()
         self._last_hashes = {(session, event.seq): chained}
 
     def erase_payloads(self, sessions: Iterable[str]) -> None:
-        """Erase the payloads of `sessions`; `forget_erased` must follow to clear the disk."""
+        """Erase payloads and salts of `sessions`; `forget_erased` must follow to clear the disk."""
         with self._errors_explained("written"):
-            self._connection.executemany(
-                "UPDATE event SET payload = NULL WHERE session = ?", [(name,) for name in sessions]
-            )
+            self._connection.executemany(self._sql.erase, [(name,) for name in sessions])
 
     def forget_erased(self) -> None:
         """Remove all copies of erased payloads from the disk.
@@ -261,8 +300,8 @@ def read_journal(path: Path) -> Journal:
         connection = sqlite3.connect(f"{path.absolute().as_uri()}?{_access(path)}", uri=True)
         connection.execute("PRAGMA query_only = ON")
         try:
-            version = connection.execute("PRAGMA user_version").fetchone()[0]
-            if version not in {0, SCHEMA_VERSION}:
+            version = _version(connection)
+            if version not in {0, UNSALTED_VERSION, SCHEMA_VERSION}:
                 raise sqlite3.DatabaseError(_other_schema(version))
             if version == 0:  # made and never filled: its process was killed
                 _require_empty(connection)
@@ -290,16 +329,20 @@ def _access(path: Path) -> str:
 
 def _other_schema(version: int) -> str:
     return (
-        f"schema must be {SCHEMA_VERSION}, got {version}; "
+        f"schema must be {UNSALTED_VERSION} or {SCHEMA_VERSION}, got {version}; "
         "use the version of touchbeam that created the journal"
     )
 
 
-def open_journal(path: Path) -> Journal:
+def open_journal(path: Path, random_bytes: RandomBytes = secrets.token_bytes) -> Journal:
     """Return the journal at `path` opened for writing; create it if missing.
 
     Events go to the write-ahead log, which is checkpointed at the end of a session, so that a copy
     of the main file is consistent at any moment.
+
+    Args:
+        path: the file.
+        random_bytes: the source of the salts, which must be unpredictable.
 
     Raises:
         JournalError: it cannot be opened, or has another version's schema.
@@ -326,7 +369,7 @@ def open_journal(path: Path) -> Journal:
     except sqlite3.Error as error:
         connection.close()
         raise JournalError(f"{path}: cannot be opened as a journal ({error})") from error
-    return Journal(connection, path)
+    return Journal(connection, path, random_bytes)
 
 
 def _log_ahead(connection: sqlite3.Connection) -> None:
@@ -348,6 +391,11 @@ def _log_ahead(connection: sqlite3.Connection) -> None:
     raise sqlite3.OperationalError("database is locked")
 
 
+def _version(connection: sqlite3.Connection) -> int:
+    version: int = connection.execute("PRAGMA user_version").fetchone()[0]
+    return version
+
+
 def _require_empty(connection: sqlite3.Connection) -> None:
     if connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
         raise sqlite3.DatabaseError("it is damaged, or has tables that are not touchbeam's")
@@ -357,13 +405,13 @@ def _ensure_schema(connection: sqlite3.Connection) -> None:
     """Create the tables unless they exist."""
     with connection:
         connection.execute("BEGIN IMMEDIATE")  # another process may be creating them too
-        version = connection.execute("PRAGMA user_version").fetchone()[0]
+        version = _version(connection)
         if version == 0:
             _require_empty(connection)
             for statement in _SCHEMA:
                 connection.execute(statement)
             connection.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
-        elif version != SCHEMA_VERSION:
+        elif version not in {UNSALTED_VERSION, SCHEMA_VERSION}:
             raise sqlite3.DatabaseError(_other_schema(version))
 
 

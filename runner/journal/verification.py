@@ -1,6 +1,5 @@
 """Verification of a journal: unbroken chains, permitted events, each trial answered once."""
 
-import hashlib
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -8,7 +7,7 @@ from typing import Any
 from protocol.journal.events import ScoresImported, SessionOpened, StoredEvent, Withdrawn
 from protocol.journal.state import SessionState, folded
 from protocol.journal.transitions import NotAllowed
-from runner.journal.chain import FIRST_HASH, ChainLink, chain_hash, event_fields
+from runner.journal.chain import FIRST_HASH, ChainLink, chain_hash, event_fields, payload_digest
 from runner.journal.store import Journal, JournalError
 
 STUDY_CHAIN = "@study"
@@ -162,8 +161,10 @@ def chain_is_unbroken(name: str, chain: Iterable[ChainLink], *, erased: bool) ->
 
 
 def _matches_digest(stored: str, link: ChainLink) -> bool:
-    digest = hashlib.sha256(stored.encode("utf-8", "surrogatepass")).hexdigest()
-    return digest == link.payload_sha256
+    return (
+        isinstance(link.salt, bytes)  # unless the file is damaged
+        and payload_digest(stored, link.salt) == link.payload_sha256
+    )
 
 
 def _folded(chain: list[ChainLink]) -> tuple[SessionState, str]:
@@ -171,6 +172,6 @@ def _folded(chain: list[ChainLink]) -> tuple[SessionState, str]:
         state = folded(link.event for link in chain)
     except (NotAllowed, KeyError, TypeError, AttributeError) as error:
         return SessionState(name="impossible"), str(error)
-    if state.name == "withdrawn" and not all(link.event.erased for link in chain):
+    if state.name == "withdrawn" and not all(link.event.erased and not link.salt for link in chain):
         return state, "withdrawn but not erased; run touchbeam withdraw again"
     return state, ""

@@ -158,6 +158,8 @@ def test_a_withdrawal_can_be_repeated(tmp_path: Path) -> None:
     [
         ("UPDATE event SET payload = json_set(payload, '$.score', 10) WHERE seq = 30", "chain"),
         ("UPDATE event SET payload = NULL WHERE seq = 30", "chain"),
+        ("UPDATE event SET salt = NULL WHERE seq = 30", "chain"),
+        ("UPDATE event SET salt = zeroblob(16) WHERE seq = 30", "chain"),
         ("UPDATE event SET utc = '2026-01-01T00:00:00+00:00' WHERE seq = 30", "chain"),
         ("DELETE FROM event WHERE seq = 30", "chain"),
         ("DELETE FROM event WHERE seq > 30", "lacks"),

@@ -56,8 +56,11 @@ def test_events_are_read_as_they_were_written(tmp_path: Path) -> None:
     [
         "UPDATE event SET tag = 'x'",
         "UPDATE event SET payload = '{}'",
-        "UPDATE event SET payload = NULL, utc = '2027-01-01T00:00:00+00:00'",
-        "UPDATE event SET payload = NULL, rowid = rowid + 10",
+        "UPDATE event SET payload = NULL",
+        "UPDATE event SET salt = NULL",
+        "UPDATE event SET payload = NULL, salt = zeroblob(16)",
+        "UPDATE event SET payload = NULL, salt = NULL, utc = '2027-01-01T00:00:00+00:00'",
+        "UPDATE event SET payload = NULL, salt = NULL, rowid = rowid + 10",
         "DELETE FROM event",
         "INSERT OR REPLACE INTO event SELECT * FROM event WHERE seq = 0",
     ],
@@ -76,7 +79,7 @@ def test_each_event_is_chained_to_the_one_before(tmp_path: Path) -> None:
     path = tmp_path / "study.db"
     with filled(path), closing(sqlite3.connect(path)) as other:
         rows = other.execute("SELECT * FROM event WHERE session = 'P01/1' ORDER BY seq").fetchall()
-    first, second = ((row[:-2], row[-2]) for row in rows)
+    first, second = ((row[:6], row[6]) for row in rows)
     assert first[1] == chain_hash(FIRST_HASH, first[0])
     assert second[1] == chain_hash(first[1], second[0])
 
@@ -133,7 +136,7 @@ def test_a_journal_of_another_version_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "study.db"
     with closing(sqlite3.connect(path)) as other:
         other.execute("PRAGMA user_version = 99")
-    with pytest.raises(JournalError, match="schema must be 2, got 99"):
+    with pytest.raises(JournalError, match="schema must be 2 or 3, got 99"):
         open_journal(path)
 
 

@@ -1,7 +1,10 @@
-"""The rig in a session: one thread owns the port and keeps the device's watchdog quiet.
+"""The rig in a session: one owner of the port, which keeps the device's watchdog quiet.
 
 The watchdog is fed only while the session beats: a hang anywhere turns the output off. A fault
 turns it off at once, and latches: nothing is driven again before somebody arms the rig anew.
+
+The owner's work is `Rig.step`. On a real device a thread does it in a loop; without the thread
+each call does it, and a simulated clock, so that a session can run in one thread.
 """
 
 import contextlib
@@ -36,9 +39,9 @@ class _Job:
 
 
 class Rig:
-    """A device whose calls are made one after the other by the thread that owns its port.
+    """A device whose calls are made one after the other by the owner of its port.
 
-    Every method may be called from any thread.
+    Once it has been started, every method may be called from any thread.
     """
 
     def __init__(
@@ -61,6 +64,10 @@ class Rig:
         self._ramping = False
         self._stopping = False
         self._fault: DeviceError | None = None
+        self._owner: threading.Thread | None = None
+
+    def start(self) -> None:
+        """Give the port to a thread of its own."""
         self._owner = threading.Thread(target=self._serve, name="port owner", daemon=True)
         self._owner.start()
 
@@ -138,7 +145,7 @@ class Rig:
         """
         self._stopping = True
         self._driver.link.stop()
-        self._jobs.put(_Job(work=lambda: None, result=Future()))
+        self._put(_Job(work=lambda: None, result=Future()))
 
     def beat(self) -> None:
         """Say that the session is alive.
@@ -161,37 +168,54 @@ class Rig:
                 self.off()
         finally:
             self._jobs.put(None)
-            self._owner.join()
+            if self._owner is not None:
+                self._owner.join()
             self._driver.close()
+
+    def idle_s(self) -> float | None:
+        """Return how long the owner may wait for a call; None if only a call gives it work."""
+        if self._ramping:
+            return RAMP_STEP_S
+        if not self._armed:
+            return None
+        return max(self._fed_s + self._watchdog_s / FEEDS_PER_WATCHDOG - self._monotonic(), 0.0)
+
+    def step(self, wait_s: float | None = 0.0) -> bool:
+        """Make the next call, if one comes within `wait_s`, and do what is due; only for the owner.
+
+        Returns False once the rig is closed.
+        """
+        try:
+            job = self._jobs.get(timeout=wait_s)
+        except queue.Empty:
+            job = _Job(work=lambda: None, result=Future())
+        if job is None:
+            return False
+        self._stop_if_asked()
+        _settle(job)
+        self._stop_if_asked()
+        with contextlib.suppress(DeviceError):  # it is latched: the next beat raises it
+            self._guarded(self._keep_going)
+        return True
 
     def _vibration_m(self) -> float:
         return self._owned(lambda: self._guarded(self._driver.vibration_m))
 
     def _owned(self, work: Callable[[], _Result]) -> _Result:
         result: Future[_Result] = Future()
-        self._jobs.put(_Job(work=work, result=result))
+        self._put(_Job(work=work, result=result))
         return result.result()
 
-    # What follows runs in the thread that owns the port.
+    def _put(self, job: _Job) -> None:
+        self._jobs.put(job)
+        if self._owner is None:
+            self.step()
+
+    # What follows is the owner's work.
 
     def _serve(self) -> None:
-        while True:
-            try:
-                job = self._jobs.get(timeout=self._idle_s())
-            except queue.Empty:
-                job = _Job(work=lambda: None, result=Future())
-            if job is None:
-                return
-            self._stop_if_asked()
-            _settle(job)
-            self._stop_if_asked()
-            with contextlib.suppress(DeviceError):  # it is latched: the next beat raises it
-                self._guarded(self._keep_going)
-
-    def _idle_s(self) -> float:
-        if self._ramping:
-            return RAMP_STEP_S
-        return max(self._fed_s + self._watchdog_s / FEEDS_PER_WATCHDOG - self._monotonic(), 0.0)
+        while self.step(self.idle_s()):
+            pass
 
     def _keep_going(self) -> None:
         """The ramp's next step, and the watchdog's next feed, if they are due."""
@@ -206,7 +230,7 @@ class Rig:
         """See that the device does what it was told, which feeds its watchdog.
 
         What is driven while the session does not move is not looked at: the device's watchdog
-        ends it. Where the device has none, this thread is the watchdog.
+        ends it. Where the device has none, the owner is the watchdog.
         """
         moved = self._beats != self._fed_beats
         if moved:
@@ -294,4 +318,6 @@ def open_rig(
         DeviceError: nothing can be opened there.
     """
     driver = driver_of(dialect)
-    return Rig(driver(open_link(url), limits), limits, calibration)
+    rig = Rig(driver(open_link(url), limits), limits, calibration)
+    rig.start()
+    return rig

@@ -250,6 +250,7 @@ def test_a_stop_by_hand_latches(simulator: Endpoints, control: ControlClient) ->
         assert until(lambda: control.state()["output"] is False, within_s=1)
         with pytest.raises(EmergencyStop, match="stopped by hand; output off, read back"):
             rig.drive(DRIVE)
+        assert rig.idle_s() is None, "its thread waits for a call, and does not spin"
         rig.off()
         rig.arm()
         assert rig.drive(DRIVE).output

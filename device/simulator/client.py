@@ -1,9 +1,10 @@
-"""The simulated device as a client has it: its process, and the hand on its control socket."""
+"""The simulated device as a client has it: the hand on it, and a device in its own process."""
 
 import json
 import socket
 import subprocess
 import tempfile
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,25 +16,8 @@ from device.errors import DeviceError
 _ANSWER_TIMEOUT_S = 5.0
 
 
-class ControlClient:
+class Hand(ABC):
     """Touches the beam, swaps it and lets time pass, as only a hand (or a simulation) can."""
-
-    def __init__(self, socket_path: Path) -> None:
-        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        self._socket.settimeout(_ANSWER_TIMEOUT_S)
-        try:
-            self._socket.connect(str(socket_path))
-        except OSError as error:
-            self._socket.close()
-            raise DeviceError(f"{socket_path}: no simulated device answers ({error})") from error
-        self._answers = self._socket.makefile("r", encoding="ascii")
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._answers.close()
-        self._socket.close()
 
     def touch(self, force_n: float, position_m: float, direction: str) -> float:
         """Put the finger down, moving in `direction`; return the friction coefficient it feels."""
@@ -64,10 +48,13 @@ class ControlClient:
         """Return the device's true state."""
         return self._ask("state")
 
+    @abstractmethod
+    def _answer(self, line: str) -> str:
+        """Return the device's answer to a line of the control channel, empty if it is gone."""
+
     def _ask(self, line: str) -> dict[str, Any]:
         try:
-            self._socket.sendall(line.encode("ascii") + b"\n")
-            answer = json.loads(self._answers.readline() or "{}")
+            answer = json.loads(self._answer(line) or "{}")
         except (OSError, ValueError) as error:
             raise DeviceError(f"the simulated device is gone: {error}") from error
         if not answer or "error" in answer:
@@ -75,6 +62,31 @@ class ControlClient:
                 f"the simulated device refused {line!r}: {answer.get('error', 'gone')}"
             )
         return dict(answer)
+
+
+class ControlClient(Hand):
+    """The hand on a device in another process, through its control socket."""
+
+    def __init__(self, socket_path: Path) -> None:
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self._socket.settimeout(_ANSWER_TIMEOUT_S)
+        try:
+            self._socket.connect(str(socket_path))
+        except OSError as error:
+            self._socket.close()
+            raise DeviceError(f"{socket_path}: no simulated device answers ({error})") from error
+        self._answers = self._socket.makefile("r", encoding="ascii")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._answers.close()
+        self._socket.close()
+
+    def _answer(self, line: str) -> str:
+        self._socket.sendall(line.encode("ascii") + b"\n")
+        return self._answers.readline()
 
 
 _END_S = 5.0

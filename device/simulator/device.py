@@ -35,7 +35,7 @@ class SimulatedDevice:
         """Take one line from the wire; any line keeps the watchdog quiet."""
         self.instrument.watch(wall_s)
         self.instrument.hear(wall_s)
-        self._pass_time()
+        self.pass_time()
         answer = self.dialect.answer(line)
         if "error-after-set" in self.broken.active and "?" not in line:
             self.dialect.status.complain(_ERROR_AFTER_SET)
@@ -55,10 +55,11 @@ class SimulatedDevice:
 
     def answer_control(self, line: str) -> str:
         """Take one line from the control socket."""
-        self._pass_time()
+        self.pass_time()
         return self.control.answer(line)
 
-    def _pass_time(self) -> None:
+    def pass_time(self) -> None:
+        """Bring the device to the present moment of its clock."""
         self.instrument.advance_to(self.clock.now_s())
         self.dialect.follow()
 

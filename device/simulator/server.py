@@ -55,31 +55,39 @@ class Server:
         gone, instrument = False, self._device.instrument
         while keep or not gone or (instrument.output and instrument.watchdog_s is not None):
             self._wait(listening=not gone)
-            gone = self._hear() or orphaned()
             if self._door is not None:
-                self._door.serve(self._answer_control)
-            instrument.watch(self._wall_s())
-            self._wire.wait()
+                self._door.serve(self.answer_control)
+            gone = self.step() or orphaned()
 
-    def _answer_control(self, line: str) -> str:
-        """What a hand does is done when it is told so."""
+    def step(self) -> bool:
+        """Do what is due now; return whether the host is gone."""
+        gone = self._hear()
+        self._device.instrument.watch(self._wall_s())
+        self._wire.wait()
+        return gone
+
+    def idle_s(self, longest_s: float) -> float:
+        """Return how long nothing is due, `longest_s` at most."""
+        left_s = self._device.instrument.silence_left_s(self._wall_s())
+        return self._wire.idle_s(longest_s if left_s is None else min(max(left_s, 0.0), longest_s))
+
+    def answer_control(self, line: str) -> str:
+        """Do what a hand asks for; it is done when this returns."""
         answer = self._device.answer_control(line)
         self._vanish_or_come_back()
         self._announce()
         return answer
 
     def _wait(self, *, listening: bool) -> None:
-        """Wait until somebody does something, a tick at most; a line that hung up is no somebody.
+        """Wait until somebody does something or something is due, a tick at most.
 
-        A watchdog that is about to trip is waited for exactly.
+        A line that hung up is nobody.
         """
         faults = self._device.broken.active
         listening = listening and self._there and "deaf" not in faults
         sources: list[Any] = [self._line] if listening else []
         sources += self._door.sockets() if self._door else []
-        left_s = self._device.instrument.silence_left_s(self._wall_s())
-        wait_s = self._wire.idle_s(TICK_S if left_s is None else min(max(left_s, 0.0), TICK_S))
-        select.select(sources, [], [], wait_s)
+        select.select(sources, [], [], self.idle_s(TICK_S))
 
     def _hear(self) -> bool:
         """Answer what came; return whether the host is gone."""

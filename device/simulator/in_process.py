@@ -1,0 +1,245 @@
+"""A simulated device in the caller's process and thread, on simulated time.
+
+The bytes, the driver and the models are those of a device in a process of its own. There are no
+sockets and no threads, and time passes only while somebody waits: a whole session runs as fast as
+the machine allows, and always in the same way.
+"""
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from datetime import datetime, timedelta
+from itertools import pairwise
+
+from device.drivers.discovery import driver_of
+from device.drivers.limits import Limits
+from device.link.link import Link
+from device.link.port import WRITE_TIMEOUT_S
+from device.resonance import Resonance
+from device.rig import Rig
+from device.simulator.client import Hand
+from device.simulator.device import SimulatedDevice, simulated_device
+from device.simulator.server import Server
+
+BUFFER = 4096
+"""Most bytes that a line holds of what nobody reads."""
+_MOMENT_S = 1e-6
+"""The least step of time, so that rounding cannot stop it."""
+
+
+class InProcessDevice(Hand):
+    """A simulated device and the line to it.
+
+    Args:
+        seed: what the beam's hidden properties follow from.
+        dialect: what the device speaks.
+        delay_s: called for each piece of data; returns how long it is on its way.
+        cuts: called with a number of bytes; returns where they are cut into pieces.
+    """
+
+    def __init__(
+        self,
+        seed: int,
+        dialect: str = "board",
+        delay_s: Callable[[], float] = lambda: 0.0,
+        cuts: Callable[[int], Sequence[int]] = lambda _: (),
+    ) -> None:
+        self._now_s = 0.0
+        self._line = _Line(self.now_s, delay_s, cuts)
+        self.inside: SimulatedDevice = simulated_device(seed, self.now_s, dialect)
+        self._server = Server(self.inside, self._line, None, self.now_s)
+        self.on_step: Callable[[], None] = lambda: None
+        """Called after everything that happens; it may look at what is inside."""
+
+    def now_s(self) -> float:
+        """Return the simulated time, s."""
+        return self._now_s
+
+    def advance(self, seconds: float) -> None:
+        """Let `seconds` pass: data arrive, and the watchdog trips, each at its moment."""
+        end_s = self._now_s + seconds
+        while self._now_s < end_s:
+            self.step_towards(end_s)
+
+    def step_towards(self, end_s: float) -> None:
+        """Let time pass until something happens, or until `end_s`."""
+        next_s = min(self._now_s + self._server.idle_s(end_s - self._now_s), self._line.next_s())
+        self._now_s = min(max(next_s, self._now_s + _MOMENT_S), end_s)
+        self.happen()
+
+    def happen(self) -> None:
+        """Do what is due now."""
+        self._server.step()
+        self.inside.pass_time()
+        self.on_step()
+
+    def port(self) -> "InProcessPort":
+        """Return the host's end of the line, newly opened; the one before it is closed.
+
+        Raises:
+            OSError: the port has vanished.
+        """
+        self._line.open()
+        return InProcessPort(self, self._line)
+
+    def _answer(self, line: str) -> str:
+        answer = self._server.answer_control(line)
+        self.on_step()
+        return answer
+
+
+class InProcessPort:
+    """The host's end of the line, until another one is opened or the device hangs up."""
+
+    def __init__(self, device: InProcessDevice, line: "_Line") -> None:
+        self._device = device
+        self._line = line
+        self._opening = line.openings
+
+    def receive(self, timeout_s: float) -> bytes:
+        """Return the bytes received, waiting at most `timeout_s`; empty if none arrived."""
+        end_s = self._device.now_s() + timeout_s
+        self._require_open()
+        while not (data := self._line.to_host.arrived()) and self._device.now_s() < end_s:
+            self._device.step_towards(end_s)
+            self._require_open()
+        return data
+
+    def send(self, data: bytes) -> None:
+        """Send `data`, within `WRITE_TIMEOUT_S`."""
+        self._require_open()
+        if self._line.to_device.waiting + len(data) > BUFFER:
+            self._device.advance(WRITE_TIMEOUT_S)
+            raise OSError("Write timeout")
+        self._line.to_device.add(data)
+        self._device.happen()
+
+    def close(self) -> None:
+        """Close the port; what is on its way to the device arrives."""
+        self._opening = -1
+
+    def _require_open(self) -> None:
+        if not (self._line.there and self._opening == self._line.openings):
+            raise OSError("the port is closed or has vanished")
+
+
+class _Line:
+    """The device's end of the line."""
+
+    def __init__(
+        self,
+        now_s: Callable[[], float],
+        delay_s: Callable[[], float],
+        cuts: Callable[[int], Sequence[int]],
+    ) -> None:
+        self.url = "in process"
+        self.there = True
+        self.openings = 0
+        self.to_device = _Pieces(now_s, delay_s, cuts)
+        self.to_host = _Pieces(now_s, delay_s, cuts)
+
+    def open(self) -> None:
+        if not self.there:
+            raise OSError("no such port")
+        self.openings += 1
+        self.to_host.clear()
+
+    def next_s(self) -> float:
+        """Return when the next data arrive; infinity if none are on their way."""
+        return min(self.to_device.next_s(), self.to_host.next_s())
+
+    def fileno(self) -> int:
+        raise OSError("an in-process line has no descriptor")
+
+    def receive(self) -> bytes:
+        return self.to_device.arrived()
+
+    def send(self, data: bytes) -> None:
+        if self.to_host.waiting <= BUFFER:
+            self.to_host.add(data)
+
+    def hang_up(self) -> None:
+        self.there = False
+        self.openings += 1
+        self.to_device.clear()
+        self.to_host.clear()
+
+    def come_back(self) -> None:
+        self.there = True
+
+    def close(self) -> None:
+        self.hang_up()
+
+
+class _Pieces:
+    """Data on their way in one direction; they keep their order."""
+
+    def __init__(
+        self,
+        now_s: Callable[[], float],
+        delay_s: Callable[[], float],
+        cuts: Callable[[int], Sequence[int]],
+    ) -> None:
+        self._now_s = now_s
+        self._delay_s = delay_s
+        self._cuts = cuts
+        self._pieces: deque[tuple[float, bytes]] = deque()
+        self.waiting = 0
+
+    def add(self, data: bytes) -> None:
+        for begin, end in pairwise((0, *self._cuts(len(data)), len(data))):
+            earliest_s = self._pieces[-1][0] if self._pieces else 0.0
+            self._pieces.append((max(self._now_s() + self._delay_s(), earliest_s), data[begin:end]))
+        self.waiting += len(data)
+
+    def next_s(self) -> float:
+        """Return when the next piece arrives; those that wait to be read have arrived."""
+        now_s = self._now_s()
+        return next((at_s for at_s, _ in self._pieces if at_s > now_s), float("inf"))
+
+    def arrived(self) -> bytes:
+        now_s, data = self._now_s(), b""
+        while self._pieces and self._pieces[0][0] <= now_s:
+            data += self._pieces.popleft()[1]
+        self.waiting -= len(data)
+        return data
+
+    def clear(self) -> None:
+        self._pieces.clear()
+        self.waiting = 0
+
+
+def in_process_rig(
+    device: InProcessDevice,
+    limits: Limits,
+    dialect: str = "board",
+    calibration: Resonance | None = None,
+) -> Rig:
+    """Return the rig on a new port of `device`; it has no thread, so each call does its work."""
+    link = Link(device.port(), device.now_s)
+    return Rig(driver_of(dialect)(link, limits, device.now_s), limits, calibration, device.now_s)
+
+
+class InProcessClock:
+    """The clock of a session in one thread; while it sleeps, the owner of the port works."""
+
+    def __init__(self, start: datetime, device: InProcessDevice, rig: Rig) -> None:
+        self._start = start
+        self._device = device
+        self._rig = rig
+
+    def utc(self) -> datetime:
+        """Return the date and time, UTC, from `start` at the device's beginning."""
+        return self._start + timedelta(seconds=self._device.now_s())
+
+    def monotonic_s(self) -> float:
+        """Return the simulated time, s."""
+        return self._device.now_s()
+
+    def sleep(self, seconds: float) -> None:
+        """Let `seconds` pass, or longer if the owner of the port is busy for longer."""
+        end_s = self._device.now_s() + seconds
+        while (left_s := end_s - self._device.now_s()) > 0:
+            idle_s = self._rig.idle_s()
+            self._device.advance(left_s if idle_s is None else min(left_s, idle_s))
+            if idle_s is not None and idle_s <= left_s:
+                self._rig.step()

@@ -5,9 +5,8 @@ With the printed λ = 0.0348 m the pieces of one γ span 0.0200 m while the next
 0.0318 m and 0.0418 m (γ = 0) the printed pieces do not meet.
 """
 
-from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -23,8 +22,7 @@ _PERIOD_START_M = 0.0218
 _PERIOD_END_M = 0.0418
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Pieces:
+class _Pieces(NamedTuple):
     """Pieces in force from `start_m`: constant + quarter·λ/4l_s + slope·(x - pivot)/l_s."""
 
     start_m: FloatArray
@@ -66,14 +64,7 @@ def _pieces(overlap: Overlap) -> _Pieces:
         for (start, constant, quarter, slope, pivot), end in zip(_PERIODIC, ends, strict=True):
             if end > low and start + shift < high:
                 rows.append((max(start + shift, low), constant, quarter, slope, pivot + shift))
-    columns = np.array(rows).T
-    return _Pieces(
-        start_m=columns[0],
-        constant=columns[1],
-        quarter=columns[2],
-        slope=columns[3],
-        pivot_m=columns[4],
-    )
+    return _Pieces(*np.array(rows).T)
 
 
 def same_direction_ratio(

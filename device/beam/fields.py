@@ -2,42 +2,24 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
 from device.beam.beam import Beam
 from device.beam.eq15 import Overlap, same_direction_ratio
 from device.beam.modes import FloatArray, modal_displacement_m, mode_constants, natural_frequency_hz
-from device.beam.windows import Window, mode_window, window_width
-
-
-class Pattern(Protocol):
-    """The direction and relative magnitude of the motion along a beam."""
-
-    def window(self, x_m: FloatArray, contact_m: FloatArray | float) -> Window:
-        """Return the window of a finger of `contact_m` with its right edge at `x_m`, shape (n,)."""
-        ...
-
-    def whole(self) -> Window:
-        """Return the window of a hand that covers the whole beam, shape (1,)."""
-        ...
+from device.beam.windows import Pattern, Window, mode_window, window_width
 
 
 @dataclass(frozen=True, kw_only=True)
-class ModePattern:
+class ModePattern(Pattern):
     """The exact mode shape of a bare Euler-Bernoulli beam."""
 
     mode: int
-    length_m: float
 
     def window(self, x_m: FloatArray, contact_m: FloatArray | float) -> Window:
         """See `Pattern`."""
         return mode_window(self.mode, self.length_m, x_m, window_width(x_m, contact_m))
-
-    def whole(self) -> Window:
-        """See `Pattern`."""
-        return self.window(np.array([self.length_m]), self.length_m)
 
 
 def _folded_sine_integral(angle: FloatArray) -> FloatArray:
@@ -47,14 +29,13 @@ def _folded_sine_integral(angle: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SinusoidPattern:
+class SinusoidPattern(Pattern):
     """φ ≈ √2 sin(bξ - π/4), the mode shape far from both ends.
 
     Zones of λ/4 begin at 3λ/8, with λ = 2πL/b; before 3λ/8 everything moves left.
     """
 
     mode: int
-    length_m: float
 
     @property
     def _wave_number_per_m(self) -> float:
@@ -71,10 +52,6 @@ class SinusoidPattern:
         mean = np.where(width_m > 0, math.sqrt(2.0) * magnitude, 1.0)  # √2 sin(-π/4) at the clamp
         return Window(right=right, left=1.0 - right, mean=mean)
 
-    def whole(self) -> Window:
-        """See `Pattern`."""
-        return self.window(np.array([self.length_m]), self.length_m)
-
     def _right_before_m(self, place_m: FloatArray) -> FloatArray:
         """Return the right-moving length between the clamp and each place."""
         half_wave_m = math.pi / self._wave_number_per_m
@@ -90,24 +67,23 @@ def _difference(ends: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Eq15Pattern:
+class Eq15Pattern(SinusoidPattern):
     """Eq 15's piecewise-linear a/u with the far field's magnitude.
 
     Eq 15 gives no magnitude and, for the whole beam, no ratio: both are the sinusoid's.
     """
 
-    far_field: SinusoidPattern
     overlap: Overlap = "first"
 
     def window(self, x_m: FloatArray, contact_m: FloatArray | float) -> Window:
         """See `Pattern`; a/u divides by the whole contact at the clamp too, as printed."""
         ratio = same_direction_ratio(x_m, contact_m, self.overlap)
-        mean = self.far_field.window(x_m, contact_m).mean
+        mean = super().window(x_m, contact_m).mean
         return Window(right=ratio, left=1.0 - ratio, mean=mean)
 
     def whole(self) -> Window:
         """See `Pattern`."""
-        return self.far_field.whole()
+        return super().window(np.array([self.length_m]), self.length_m)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

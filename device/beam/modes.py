@@ -154,12 +154,6 @@ def natural_frequency_hz(beam: Beam, mode: int) -> float:
     return wave_number**2 * beam.wave_constant_m2_s / (2 * math.pi)
 
 
-def _exact_phase(constants: ModeConstants, xi: Fraction) -> float:
-    """Return the phase bξ - lag at one place, with whole turns removed exactly."""
-    turns = float((Fraction(2 * constants.order - 1, 2) * xi) % 2)
-    return math.pi * turns + constants.root_offset * float(xi) - constants.lag
-
-
 @lru_cache(maxsize=1024)
 def modal_force_n_per_v(beam: Beam, mode: int) -> float:
     """Return the modal force Q/V of the patches on one mode, N/V; signed.
@@ -173,10 +167,14 @@ def modal_force_n_per_v(beam: Beam, mode: int) -> float:
     half = c.root * float(reach)
     near_clamp = c.clamp_weight * math.exp(-c.root * float(middle - reach))
     near_tip = c.tip_weight * math.exp(-c.root * float(1 - middle - reach))
-    waves = -2 * c.amplitude * math.sin(_exact_phase(c, middle))
-    swing = math.sin(
-        math.pi * float(Fraction(2 * c.order - 1, 2) * reach % 2) + (c.root_offset * float(reach))
-    )
+
+    def angle(xi: Fraction) -> float:
+        """Return bξ with whole turns removed exactly."""
+        turns = float(Fraction(2 * c.order - 1, 2) * xi % 2)
+        return math.pi * turns + c.root_offset * float(xi)
+
+    waves = -2 * c.amplitude * math.sin(angle(middle) - c.lag)
+    swing = math.sin(angle(reach))
     difference = c.root * (waves * swing - (near_clamp + near_tip) * math.expm1(-2 * half))
     return beam.patch_moment_n_m_per_v * difference / beam.length_m
 

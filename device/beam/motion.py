@@ -1,9 +1,8 @@
 """The driven beam's complex motion along its length, and the places where its direction changes."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -16,12 +15,12 @@ from device.beam.modes import (
     mode_shape,
     mode_slope,
 )
-from device.beam.timoshenko import Section, Waves, sections, system_matrix, waves
+from device.beam.timoshenko import Waves, sections, system_matrix, waves
 
 _ROUNDING = 1e-14
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class MotionState:
     """Deflection, m/V, and rotation, rad/V, at some places, with derivatives along the beam."""
 
@@ -33,100 +32,43 @@ class MotionState:
     rotation_curvature: ComplexArray
 
 
-class Motion(Protocol):
-    """A beam's harmonic motion per volt."""
-
-    @property
-    def length_m(self) -> float:
-        """The beam's length."""
-        ...
-
-    @property
-    def wave_number_per_m(self) -> float:
-        """The largest wave number in the motion, which determines how finely it is sampled."""
-        ...
-
-    @property
-    def rounding_m_per_v(self) -> float:
-        """The largest rounding error of a deflection."""
-        ...
-
-    @property
-    def joints_m(self) -> tuple[float, ...]:
-        """Inner places at which the motion is not smooth."""
-        ...
-
-    def state(self, x_m: FloatArray) -> MotionState:
-        """Return the motion at `x_m`, shape (n,), in rising order."""
-        ...
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SegmentedMotion:
-    """The motion of the three-segment beam: four waves in each segment, with their weights."""
+class Motion:
+    """A beam's harmonic motion per volt.
 
-    parts: Sequence[Section]
-    segment_waves: Sequence[Waves]
-    weights: ComplexArray
+    Attributes:
+        length_m: the beam's length.
+        wave_number_per_m: the largest one in the motion; it says how finely to sample it.
+        rounding_m_per_v: the largest rounding error of a deflection.
+        joints_m: inner places at which the motion is not smooth.
+        state: the motion at places, shape (n,), in rising order.
+    """
 
-    @property
-    def length_m(self) -> float:
-        """The beam's length."""
-        return sum(part.length_m for part in self.parts)
-
-    @property
-    def wave_number_per_m(self) -> float:
-        """See `Motion`."""
-        return max(float(np.abs(wave.exponent).max()) for wave in self.segment_waves)
-
-    @property
-    def rounding_m_per_v(self) -> float:
-        """See `Motion`: the waves cancel where the beam is almost at rest."""
-        return _ROUNDING * float(np.abs(self.weights).max())
-
-    @property
-    def joints_m(self) -> tuple[float, ...]:
-        """The patches' ends, where moment jumps."""
-        first, second, _ = (part.length_m for part in self.parts)
-        return first, first + second
-
-    def state(self, x_m: FloatArray) -> MotionState:
-        """See `Motion`."""
-        cuts = np.searchsorted(x_m, self.joints_m)
-        starts = (0.0, *self.joints_m)
-        pieces = [
-            self._segment_state(index, place - start)
-            for index, (place, start) in enumerate(zip(np.split(x_m, cuts), starts, strict=True))
-        ]
-        return MotionState(**dict(zip(_FIELDS, np.concatenate(pieces).T, strict=True)))
-
-    def _segment_state(self, index: int, place_m: FloatArray) -> ComplexArray:
-        """Return the six fields in one segment, shape (n, 6), places from the segment's start."""
-        wave, length_m = self.segment_waves[index], self.parts[index].length_m
-        exponent, rotation = wave.exponent[0], wave.rotation[0]
-        decaying = np.exp(np.multiply.outer(place_m, -exponent))
-        growing = np.exp(np.multiply.outer(place_m - length_m, exponent))
-        both, turn = np.concatenate([-exponent, exponent]), np.concatenate([-rotation, rotation])
-        weight = self.weights[4 * index : 4 * index + 4]
-        deflection = np.stack([weight * both**power for power in range(3)], axis=-1)
-        columns = np.concatenate([deflection, deflection * turn[:, None]], axis=-1)
-        return np.asarray(np.concatenate([decaying, growing], axis=-1) @ columns)
+    length_m: float
+    wave_number_per_m: float
+    rounding_m_per_v: float
+    joints_m: tuple[float, ...]
+    state: Callable[[FloatArray], MotionState]
 
 
-_FIELDS = (
-    "deflection",
-    "deflection_slope",
-    "deflection_curvature",
-    "rotation",
-    "rotation_slope",
-    "rotation_curvature",
-)
+def _segment_state(
+    wave: Waves, weight: ComplexArray, length_m: float, place_m: FloatArray
+) -> ComplexArray:
+    """Return the fields of `MotionState` in one segment, shape (n, 6), places from its start."""
+    exponent, rotation = wave.exponent[0], wave.rotation[0]
+    decaying = np.exp(np.multiply.outer(place_m, -exponent))
+    growing = np.exp(np.multiply.outer(place_m - length_m, exponent))
+    both, turn = np.concatenate([-exponent, exponent]), np.concatenate([-rotation, rotation])
+    deflection = np.stack([weight * both**power for power in range(3)], axis=-1)
+    columns = np.concatenate([deflection, deflection * turn[:, None]], axis=-1)
+    return np.asarray(np.concatenate([decaying, growing], axis=-1) @ columns)
 
 
-def segmented_motion(
-    beam: Beam, frequency_hz: float, *, patched: bool, shear: bool
-) -> SegmentedMotion:
+def segmented_motion(beam: Beam, frequency_hz: float, *, patched: bool, shear: bool) -> Motion:
     """Return the motion under the patches' moment pair ±M0 per volt, solved without modes.
+
+    Each of the three segments has four waves, whose weights follow from the joints. They cancel
+    where the beam is almost at rest. The moment jumps at the patches' ends.
 
     Args:
         beam: the beam, its damping (moduli E(1 + 2jζ)) and its patches.
@@ -142,52 +84,25 @@ def segmented_motion(
     jump = beam.patch_moment_n_m_per_v / abs(segment_waves[0].moment[0, 0])
     load[4], load[8] = jump, -jump
     weights = np.asarray(np.linalg.solve(matrix, load), dtype=np.complex128)
-    return SegmentedMotion(parts=parts, segment_waves=segment_waves, weights=weights)
+    lengths_m = [part.length_m for part in parts]
+    joints_m = (lengths_m[0], lengths_m[0] + lengths_m[1])
 
+    def state(x_m: FloatArray) -> MotionState:
+        pieces = np.split(x_m, np.searchsorted(x_m, joints_m))
+        segments = zip(segment_waves, np.split(weights, 3), lengths_m, strict=True)
+        rows = [
+            _segment_state(*segment, place_m - start_m)
+            for segment, place_m, start_m in zip(segments, pieces, (0.0, *joints_m), strict=True)
+        ]
+        return MotionState(*np.concatenate(rows).T)
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ModalMotion:
-    """The sum of the bare Euler-Bernoulli beam's first modes, each with its response."""
-
-    beam: Beam
-    amplitudes: tuple[complex, ...]
-
-    @property
-    def length_m(self) -> float:
-        """The beam's length."""
-        return self.beam.length_m
-
-    @property
-    def wave_number_per_m(self) -> float:
-        """The highest mode's b/L."""
-        return mode_constants(len(self.amplitudes)).root / self.length_m
-
-    @property
-    def rounding_m_per_v(self) -> float:
-        """See `Motion`."""
-        return _ROUNDING * max(abs(amplitude) for amplitude in self.amplitudes)
-
-    @property
-    def joints_m(self) -> tuple[float, ...]:
-        """Empty: a finite sum of modes is smooth."""
-        return ()
-
-    def state(self, x_m: FloatArray) -> MotionState:
-        """See `Motion`; the rotation is the slope, as there is no shear."""
-        derivatives = np.zeros((4, x_m.size), dtype=np.complex128)
-        for order, amplitude in enumerate(self.amplitudes, start=1):
-            derivatives += amplitude * _shape_derivatives(order, x_m / self.length_m)
-        deflection, slope, curvature, third = (
-            row / self.length_m**power for power, row in enumerate(derivatives)
-        )
-        return MotionState(
-            deflection=deflection,
-            deflection_slope=slope,
-            deflection_curvature=curvature,
-            rotation=slope,
-            rotation_slope=curvature,
-            rotation_curvature=third,
-        )
+    return Motion(
+        length_m=sum(lengths_m),
+        wave_number_per_m=max(float(np.abs(wave.exponent).max()) for wave in segment_waves),
+        rounding_m_per_v=_ROUNDING * float(np.abs(weights).max()),
+        joints_m=joints_m,
+        state=state,
+    )
 
 
 def _shape_derivatives(order: int, xi: FloatArray) -> FloatArray:
@@ -200,12 +115,29 @@ def _shape_derivatives(order: int, xi: FloatArray) -> FloatArray:
     return np.stack([shape, slope, curvature, third])
 
 
-def modal_motion(beam: Beam, frequency_hz: float, count: int) -> ModalMotion:
-    """Return the response of modes 1 … `count` per volt."""
-    amplitudes = tuple(
+def modal_motion(beam: Beam, frequency_hz: float, count: int) -> Motion:
+    """Return the sum of the bare Euler-Bernoulli beam's modes 1 … `count`, each with its response.
+
+    The sum is smooth. The rotation is the slope, as there is no shear.
+    """
+    amplitudes = [
         modal_amplitude_m_per_v(beam, order, frequency_hz) for order in range(1, count + 1)
+    ]
+
+    def state(x_m: FloatArray) -> MotionState:
+        derivatives = np.zeros((4, x_m.size), dtype=np.complex128)
+        for order, amplitude in enumerate(amplitudes, start=1):
+            derivatives += amplitude * _shape_derivatives(order, x_m / beam.length_m)
+        rows = [row / beam.length_m**power for power, row in enumerate(derivatives)]
+        return MotionState(*rows[:3], *rows[1:])
+
+    return Motion(
+        length_m=beam.length_m,
+        wave_number_per_m=mode_constants(count).root / beam.length_m,
+        rounding_m_per_v=_ROUNDING * max(map(abs, amplitudes)),
+        joints_m=(),
+        state=state,
     )
-    return ModalMotion(beam=beam, amplitudes=amplitudes)
 
 
 _SAMPLES_PER_RADIAN = 12

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from device.beam.modes import FloatArray
 from device.beam.motion import Motion, direction, sample_places, zone_edges_m
-from device.beam.windows import Window, window_width
+from device.beam.windows import Pattern, Window, window_width
 
 BoolArray = NDArray[np.bool_]
 
@@ -23,18 +23,14 @@ _NARROW = 1e-5  # part of the length below which a window is summed on its own
 _MONOMIALS = np.linalg.inv(np.vander(_NODES, increasing=True))
 
 
-def _antiderivative_matrix() -> FloatArray:
-    """Return the map from values at the nodes to the antiderivative's coefficients of t⁰ … t⁶."""
-    powers = _MONOMIALS / np.arange(1, _NODES.size + 1)[:, None]
-    constant = -((-1.0) ** np.arange(1, _NODES.size + 1)) @ powers
-    return np.vstack([constant, powers])
-
-
-_ANTIDERIVATIVE = _antiderivative_matrix()
+_POWERS = np.arange(1, _NODES.size + 1)
+_OF_POWERS = _MONOMIALS / _POWERS[:, None]
+_ANTIDERIVATIVE = np.vstack([-((-1.0) ** _POWERS) @ _OF_POWERS, _OF_POWERS])
+"""From values at the nodes to the antiderivative's coefficients of t⁰ … t⁶; it is 0 at t = -1."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class MotionPattern:
+class MotionPattern(Pattern):
     """Direction and magnitude of a motion along the beam; |W| is relative to its rms.
 
     Attributes:
@@ -57,9 +53,9 @@ class MotionPattern:
     coefficients: FloatArray
 
     def window(self, x_m: FloatArray, contact_m: FloatArray | float) -> Window:
-        """Return the window of a finger of `contact_m` with its right edge at `x_m`, shape (n,)."""
+        """See `Pattern`."""
         width_m = window_width(x_m, contact_m)
-        narrow = np.flatnonzero((width_m > 0) & (width_m < _NARROW * self.motion.length_m))
+        narrow = np.flatnonzero((width_m > 0) & (width_m < _NARROW * self.length_m))
         places = np.concatenate([x_m - width_m, x_m])
         count = x_m.size
         right, area = self._right_before(places), self._area_before(places)
@@ -69,11 +65,6 @@ class MotionPattern:
         if narrow.size:
             mean[narrow] = self._narrow_mean(x_m[narrow], width_m[narrow])
         return Window(right=share, left=1.0 - share, mean=mean)
-
-    def whole(self) -> Window:
-        """Return the window of a hand that covers the whole beam, shape (1,)."""
-        length_m = self.motion.length_m
-        return self.window(np.array([length_m]), length_m)
 
     def _right_before(self, place_m: FloatArray) -> FloatArray:
         """Return the right-moving length between the clamp and each place."""
@@ -126,12 +117,7 @@ class _Cells:
 
     def taken(self, which: BoolArray) -> "_Cells":
         """Return some of the cells."""
-        return _Cells(
-            low_m=self.low_m[which],
-            high_m=self.high_m[which],
-            deflection=self.deflection[which],
-            rotation=self.rotation[which],
-        )
+        return _Cells(**{name: values[which] for name, values in vars(self).items()})
 
 
 def _measured(motion: Motion, low_m: FloatArray, high_m: FloatArray) -> _Cells:
@@ -165,13 +151,11 @@ def _cells(motion: Motion) -> _Cells:
         open_cells = _measured(motion, ends[:, 0], ends[:, 1])
     else:
         done.append(open_cells)
-    order = np.argsort(np.concatenate([cells.low_m for cells in done]))
-    return _Cells(
-        low_m=np.concatenate([cells.low_m for cells in done])[order],
-        high_m=np.concatenate([cells.high_m for cells in done])[order],
-        deflection=np.concatenate([cells.deflection for cells in done])[order],
-        rotation=np.concatenate([cells.rotation for cells in done])[order],
-    )
+    columns = {
+        name: np.concatenate([getattr(cells, name) for cells in done]) for name in vars(open_cells)
+    }
+    order = np.argsort(columns["low_m"])
+    return _Cells(**{name: values[order] for name, values in columns.items()})
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -197,6 +181,7 @@ def motion_summary(motion: Motion) -> MotionSummary:
     coefficients = _ANTIDERIVATIVE @ area.T
     coefficients[0, 1:] += np.cumsum(area @ _WEIGHTS)[:-1]
     pattern = MotionPattern(
+        length_m=length_m,
         motion=motion,
         rms_m_per_v=rms,
         edges_m=edges,

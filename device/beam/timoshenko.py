@@ -15,7 +15,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from device.beam.beam import Beam, Patches
+from device.beam.beam import Beam
 from device.beam.modes import ComplexArray, FloatArray
 from device.errors import OutOfRangeError, whole
 
@@ -43,13 +43,6 @@ def shear_stiffness_n(modulus_pa: float, poisson_ratio: float, area_m2: float) -
     return factor * modulus_pa / (2 * (1 + poisson_ratio)) * area_m2
 
 
-def _patch_second_moment_m4(beam: Beam, patches: Patches) -> float:
-    """Return the sheets' second moment of area about the beam's neutral axis."""
-    own = patches.thickness_m**2 / 12
-    offset = ((beam.thickness_m + patches.thickness_m) / 2) ** 2
-    return patches.count * patches.width_m * patches.thickness_m * (own + offset)
-
-
 def sections(beam: Beam, *, patched: bool, shear: bool) -> tuple[Section, Section, Section]:
     """Return the three segments; unless `patched`, the sheets add no stiffness and no mass."""
     patches, scale = beam.patches, beam.frequency_scale**2
@@ -69,8 +62,9 @@ def sections(beam: Beam, *, patched: bool, shear: bool) -> tuple[Section, Sectio
 
     before, beyond = section(patches.start_m), section(beam.length_m - patches.end_m)
     if patched:
-        second_moment = _patch_second_moment_m4(beam, patches)
+        offset_m = (beam.thickness_m + patches.thickness_m) / 2
         area = patches.count * patches.width_m * patches.thickness_m
+        second_moment = area * (patches.thickness_m**2 / 12 + offset_m**2)
         bending += patches.youngs_modulus_pa * second_moment
         mass += patches.density_kg_m3 * area
         rotary += patches.density_kg_m3 * second_moment

@@ -6,6 +6,7 @@ everything moves left and φ = 0.
 """
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
@@ -35,6 +36,21 @@ class Window:
     right: FloatArray
     left: FloatArray
     mean: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pattern(ABC):
+    """The direction and relative magnitude of the motion along a beam."""
+
+    length_m: float
+
+    @abstractmethod
+    def window(self, x_m: FloatArray, contact_m: FloatArray | float) -> Window:
+        """Return the window of a finger of `contact_m` with its right edge at `x_m`, shape (n,)."""
+
+    def whole(self) -> Window:
+        """Return the window of a hand that covers the whole beam, shape (1,)."""
+        return self.window(np.array([self.length_m]), self.length_m)
 
 
 def window_width(end_m: FloatArray, contact_m: FloatArray | float) -> FloatArray:

@@ -18,12 +18,12 @@ from device.beam.fields import (
     Eq15Pattern,
     Field,
     ModePattern,
-    Pattern,
     Signal,
     SinusoidPattern,
     modal_field,
 )
 from device.beam.modes import natural_frequency_hz
+from device.beam.windows import Pattern
 from device.errors import OutOfRangeError
 from device.friction.scenes import Drive
 
@@ -48,11 +48,11 @@ def modal_rung_field(
     name: str, beam: Beam, mode: int, signal: Signal, overlap: Overlap = "first"
 ) -> Field:
     """Return the field of `eq15`, `far-field` or `mode`, for one signal or an array of them."""
-    far_field = SinusoidPattern(mode=mode, length_m=beam.length_m)
+    length_m = beam.length_m
     patterns: Mapping[str, Pattern] = {
-        "eq15": Eq15Pattern(far_field=far_field, overlap=overlap),
-        "far-field": far_field,
-        "mode": ModePattern(mode=mode, length_m=beam.length_m),
+        "eq15": Eq15Pattern(mode=mode, length_m=length_m, overlap=overlap),
+        "far-field": SinusoidPattern(mode=mode, length_m=length_m),
+        "mode": ModePattern(mode=mode, length_m=length_m),
     }
     return modal_field(beam, mode, patterns[name], signal)
 

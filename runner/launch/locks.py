@@ -8,6 +8,7 @@ import stat
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, suppress
+from ipaddress import ip_address
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -84,7 +85,11 @@ def session_lock(session: str, study: Path, holder: str) -> Iterator[None]:
 
 
 def _address(url: str) -> str:
-    """Return the numeric host and port, or the real path of the device, that `url` leads to."""
+    """Return the numeric host and port, or the real path of the device, that `url` leads to.
+
+    All spellings of an address of this machine are one: a device that listens there, such as a
+    serial port that a program forwards, usually listens at all of them.
+    """
     if "://" not in url:
         return os.path.realpath(url)
     try:
@@ -94,7 +99,15 @@ def _address(url: str) -> str:
         known = socket.getaddrinfo(parts.hostname, parts.port, type=socket.SOCK_STREAM)
     except (OSError, ValueError):  # opening it will give the right error
         return url
-    return repr(min(known)[-1][:2])
+    return f"{min(_one_spelling(place[-1][0]) for place in known)} {parts.port}"
+
+
+def _one_spelling(host: str | int) -> str:
+    """Return the numeric `host` as IPv4 if it is one mapped to IPv6, and each loopback as one."""
+    found = ip_address(host)
+    found = getattr(found, "ipv4_mapped", None) or found
+    here = found.is_loopback or found.is_unspecified  # systems connect 0.0.0.0 to themselves
+    return "this machine" if here else str(found)
 
 
 def _write_holder(path: Path, holder: str) -> None:

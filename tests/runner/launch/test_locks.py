@@ -41,6 +41,13 @@ def test_a_rig_is_locked_under_all_its_addresses(tmp_path: Path) -> None:
         ("/dev/test-rig-4", str(tmp_path / "by-id")),
         ("socket://localhost:50251", "socket://127.0.0.1:50251"),
         ("socket://127.0.0.1:50251", "rfc2217://localhost:50251"),
+        ("socket://127.0.0.1:50251", "socket://[::ffff:127.0.0.1]:50251"),
+        ("socket://[::FFFF:7f00:1]:50251", "SOCKET://LOCALHOST:050251"),
+        ("socket://[::1]:50251", "socket://localhost:50251"),
+        ("socket://[0:0::1]:50251", "socket://127.1.0.1:50251"),
+        ("socket://0.0.0.0:50251", "socket://[::]:50251"),
+        ("socket://192.0.2.5:50251", "rfc2217://[::ffff:192.0.2.5]:50251"),
+        ("socket://[2001:db8::5]:50251", "socket://[2001:DB8:0:0::5]:50251"),
     ]:
         with (
             rig_lock(first, "first"),
@@ -48,7 +55,12 @@ def test_a_rig_is_locked_under_all_its_addresses(tmp_path: Path) -> None:
             rig_lock(second, "second"),
         ):
             pass
-    with rig_lock("socket://localhost:50251", "one"), rig_lock("socket://localhost:50252", "two"):
+    with (
+        rig_lock("socket://localhost:50251", "one"),
+        rig_lock("socket://localhost:50252", "two"),
+        rig_lock("socket://192.0.2.5:50251", "three"),
+        rig_lock("socket://[2001:db8::5]:50251", "four"),
+    ):
         pass
 
 

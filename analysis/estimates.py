@@ -1,7 +1,13 @@
-"""Types of estimates: arrays, intervals, and the reason for an estimate that is missing."""
+"""Types of estimates: arrays, intervals, the reason for a missing one, and all of them as JSON.
 
-from dataclasses import dataclass
-from typing import TypeAlias
+A number that could not be estimated is `null`, with a `reason` beside it. The reason is called
+`<name>_reason` where only one of several numbers is missing.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, is_dataclass
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +16,7 @@ BoolArray: TypeAlias = NDArray[np.bool_]
 IntArray: TypeAlias = NDArray[np.int64]
 FloatArray: TypeAlias = NDArray[np.float64]
 Interval: TypeAlias = tuple[float, float]
+Json: TypeAlias = dict[str, Any]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,3 +32,28 @@ class NotEstimable:
     def __post_init__(self) -> None:
         if not self.reason:
             raise ValueError("the reason for a missing estimate must not be empty, got ''")
+
+
+def plain(value: object) -> Any:
+    """Return records, arrays and mappings as JSON values; NaN becomes `null`."""
+    if isinstance(value, NotEstimable):
+        return {"reason": value.reason}
+    if is_dataclass(value):
+        return {entry.name: plain(getattr(value, entry.name)) for entry in fields(value)}
+    if isinstance(value, Mapping):
+        return {str(name): plain(entry) for name, entry in value.items()}
+    if isinstance(value, list | tuple | np.ndarray):
+        return [plain(entry) for entry in value]
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    return None if isinstance(value, float) and math.isnan(value) else value
+
+
+def or_null(value: object) -> Any:
+    """Return a value as JSON, or `None` if it could not be estimated."""
+    return None if isinstance(value, NotEstimable) else plain(value)
+
+
+def why(name: str, found: object) -> Json:
+    """Return the reason why `name` is `null`, or nothing if `found` was estimated."""
+    return {f"{name}_reason": found.reason} if isinstance(found, NotEstimable) else {}

@@ -1,11 +1,12 @@
 """A claim of the paper, its check, and the verdict."""
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from inspect import signature
 from typing import Any
 
+from analysis.estimates import plain
 from device.friction.laws import LAWS
 
 
@@ -36,8 +37,12 @@ class Finding:
         return Verdict.PARTLY if any(decided) else Verdict.FAILS
 
 
-LawCheck = Callable[[str], Finding]
-LawlessCheck = Callable[[], Finding]
+def finding(*parts: Any, **computed: Any) -> Finding:
+    """Return the finding with these parts of the claim, and these numbers by name."""
+    return Finding(parts=parts, computed=computed)
+
+
+Check = Callable[..., Finding]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,8 +55,7 @@ class Claim:
         claim: the statement.
         check: what is computed, and the criterion.
         expected: the value or relation that the paper gives.
-        find: the check itself, given the name of a law.
-        lawless: whether the check is independent of the friction law.
+        find: the check itself; it takes the name of a law unless it depends on none.
         remark: a note on the result.
     """
 
@@ -60,28 +64,24 @@ class Claim:
     claim: str
     check: str
     expected: str
-    find: LawCheck
-    lawless: bool
+    find: Check
     remark: str = ""
+
+    @property
+    def lawless(self) -> bool:
+        """Whether the check is independent of the friction law."""
+        return not signature(self.find).parameters
 
 
 class Claims(list[Claim]):
-    """Claims in the order of the paper; the methods decorate the functions that check them."""
+    """Claims in the order of the paper."""
 
-    def under_each_law(self, **texts: str) -> Callable[[LawCheck], LawCheck]:
-        """Add the claim with these texts, checked under each friction law."""
+    def add(self, **texts: str) -> Callable[[Check], Check]:
+        """Add a claim with these texts; the decorated check gives it its name."""
 
-        def added(check: LawCheck) -> LawCheck:
-            self.append(Claim(find=check, lawless=False, **texts))
-            return check
-
-        return added
-
-    def without_law(self, **texts: str) -> Callable[[LawlessCheck], LawlessCheck]:
-        """Add the claim with these texts, whose check is independent of the friction law."""
-
-        def added(check: LawlessCheck) -> LawlessCheck:
-            self.append(Claim(find=lambda _law: check(), lawless=True, **texts))
+        def added(check: Check) -> Check:
+            name = check.__name__.strip("_").replace("_", "-")
+            self.append(Claim(id=name, find=check, **texts))
             return check
 
         return added
@@ -99,28 +99,17 @@ class Audited:
         claim, findings = self.claim, self.findings
         numbers = {law: finding.computed for law, finding in findings.items()}
         return {
-            "id": claim.id,
-            "place": claim.place,
-            "claim": claim.claim,
-            "check": claim.check,
-            "expected": claim.expected,
+            **{
+                name: getattr(claim, name) for name in ("id", "place", "claim", "check", "expected")
+            },
             "laws": {law: finding.verdict.value for law, finding in findings.items()},
-            "computed": _plain(next(iter(numbers.values())) if claim.lawless else numbers),
+            "computed": plain(next(iter(numbers.values())) if claim.lawless else numbers),
             "remark": claim.remark,
         }
-
-
-def _plain(value: Any) -> Any:
-    """Return the value as JSON types, with None for a number that is not finite."""
-    if isinstance(value, Mapping):
-        return {name: _plain(entry) for name, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def audited(claim: Claim) -> Audited:
     """Check a claim under every law, or once if its check is independent of the law."""
     if claim.lawless:
-        return Audited(claim=claim, findings=dict.fromkeys(LAWS, claim.find("")))
+        return Audited(claim=claim, findings=dict.fromkeys(LAWS, claim.find()))
     return Audited(claim=claim, findings={law: claim.find(law) for law in LAWS})

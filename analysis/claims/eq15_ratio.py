@@ -5,7 +5,7 @@ from typing import get_args
 
 import numpy as np
 
-from analysis.claims.claim import Claims, Finding
+from analysis.claims.claim import Claims, Finding, finding
 from analysis.claims.curves import CONTACT_M, OPERATING_M, PATCH_START_M
 from device.beam.beam import Beam
 from device.beam.eq15 import WAVELENGTH_M, Overlap, same_direction_ratio
@@ -31,8 +31,7 @@ def _wavelength_at(frequency_hz: float, *, shear: bool) -> float:
     return float(2 * math.pi / abs(wave.exponent[0, 0].imag))
 
 
-@CLAIMS.without_law(
-    id="lambda",
+@CLAIMS.add(
     place="Eq 15, Fig 10",
     claim="the wavelength at the operating mode is 0.0348 m",
     check="the wavelength of mode 6 and of travelling waves near 24.2 kHz, each within 0.5 %",
@@ -46,128 +45,110 @@ def _lambda() -> Finding:
         "timoshenko_at_24221_hz_m": _wavelength_at(24221.0, shear=True),
         "timoshenko_at_24105_hz_m": _wavelength_at(natural_frequency_hz(Beam(), 6), shear=True),
     }
-    close = tuple(abs(value / WAVELENGTH_M - 1) < 0.005 for value in found.values())
-    return Finding(parts=close, computed={"printed_m": WAVELENGTH_M, **found})
+    close = (abs(value / WAVELENGTH_M - 1) < 0.005 for value in found.values())
+    return finding(*close, printed_m=WAVELENGTH_M, **found)
 
 
-@CLAIMS.without_law(
-    id="first-rise",
+@CLAIMS.add(
     place="Section 3.2, positions I and II",
     claim="up to x = 0.0131 m all bodies under the finger move left",
     check="3λ/8 of the printed λ, and mode 6's first antinode, each within 0.1 mm",
     expected="0.0131 m",
 )
 def _first_rise() -> Finding:
-    exact = float(zones(6, _LENGTH_M).antinodes_m[0])
-    derived = 3 * WAVELENGTH_M / 8
-    return Finding(
-        parts=(abs(derived - 0.0131) < 1e-4, abs(exact - 0.0131) < 1e-4),
-        computed={"three_eighths_lambda_m": derived, "first_antinode_of_mode_6_m": exact},
-    )
+    found = {
+        "three_eighths_lambda_m": 3 * WAVELENGTH_M / 8,
+        "first_antinode_of_mode_6_m": zones(6, _LENGTH_M).antinodes_m[0],
+    }
+    return finding(*(abs(place_m - 0.0131) < 1e-4 for place_m in found.values()), **found)
 
 
 def _mode_ratio(places_m: FloatArray) -> FloatArray:
     return mode_window(6, _LENGTH_M, places_m, np.minimum(places_m, CONTACT_M)).right
 
 
-@CLAIMS.without_law(
-    id="zero-before-first-rise",
+@CLAIMS.add(
     place="Eq 15, first piece",
     claim="a/u is 0 on [0, 0.0131)",
     check="largest a/u there by Eq 15 and for mode 6",
     expected="0",
 )
-def _local_periodic_at_zero() -> Finding:
+def _zero_before_first_rise() -> Finding:
     places_m = np.linspace(0, 0.0130, 50)
     found = {
         "eq15_most": float(same_direction_ratio(places_m, CONTACT_M).max()),
         "mode_6_most": float(_mode_ratio(places_m).max()),
     }
-    return Finding(parts=tuple(most == 0.0 for most in found.values()), computed=found)
+    return finding(*(most == 0.0 for most in found.values()), **found)
 
 
-@CLAIMS.without_law(
-    id="eq13-maximum",
+@CLAIMS.add(
     place="Eq 13",
     claim="the largest part moving with the finger is λ/(4 l_s)",
     check="against the exact part for mode 6, with the printed λ and mode 6's, within 1 %",
     expected="0.87",
 )
-def _largest_ratio() -> Finding:
+def _eq13_maximum() -> Finding:
     found = {
         "printed_lambda": WAVELENGTH_M / (4 * CONTACT_M),
         "mode_6_lambda": _mode_wavelength_m() / (4 * CONTACT_M),
     }
     exact = float(_mode_ratio(_PERIODIC_M).max())
-    return Finding(
-        parts=tuple(abs(ratio / exact - 1) < 0.01 for ratio in found.values()),
-        computed={**found, "exact_for_mode_6": exact},
-    )
+    close = (abs(ratio / exact - 1) < 0.01 for ratio in found.values())
+    return finding(*close, **found, exact_for_mode_6=exact)
 
 
-@CLAIMS.without_law(
-    id="eq14-minimum",
+@CLAIMS.add(
     place="Eq 14",
     claim="the smallest part in periodic motion is 1 - λ/(4 l_s)",
     check="against the exact part for mode 6 between 30 and 81 mm, within 0.01",
     expected="0.13",
 )
-def _smallest_ratio() -> Finding:
+def _eq14_minimum() -> Finding:
     found = {
         "printed_lambda": 1 - WAVELENGTH_M / (4 * CONTACT_M),
         "mode_6_lambda": 1 - _mode_wavelength_m() / (4 * CONTACT_M),
     }
     inner = (_PERIODIC_M > 0.03) & (_PERIODIC_M < PATCH_START_M)
     exact = float(_mode_ratio(_PERIODIC_M)[inner].min())
-    return Finding(
-        parts=tuple(abs(ratio - exact) < 0.01 for ratio in found.values()),
-        computed={**found, "exact_for_mode_6": exact},
-    )
+    close = (abs(ratio - exact) < 0.01 for ratio in found.values())
+    return finding(*close, **found, exact_for_mode_6=exact)
 
 
-@CLAIMS.without_law(
-    id="eq15-continuous",
+@CLAIMS.add(
     place="Eq 15",
     claim="a/u rises and falls steadily as the finger moves",
     check="jumps of Eq 15 at its six breakpoints for γ = 0, each below 0.001",
     expected="no jump",
 )
-def _continuous() -> Finding:
+def _eq15_continuous() -> Finding:
     step = 1e-9
     breaks = np.array([0.0131, 0.0218, 0.0231, 0.0318, 0.0331, 0.0418])
     ends = same_direction_ratio(np.array([*(breaks - step), *(breaks + step)]), CONTACT_M)
     jumps = np.abs(ends[6:] - ends[:6])
-    return Finding(
-        parts=tuple((jumps < 1e-3).tolist()),
-        computed={"breakpoints_m": breaks.tolist(), "jumps": jumps.tolist()},
-    )
+    return finding(*(jumps < 1e-3), breakpoints_m=breaks, jumps=jumps)
 
 
-@CLAIMS.without_law(
-    id="eq15-period",
+@CLAIMS.add(
     place="Eq 15",
     claim="the pieces repeat with λ/2",
     check="the span of one γ's pieces against λ/2, within 0.1 mm",
     expected="0.0174 m",
     remark="pieces that span more than the period overlap",
 )
-def _period() -> Finding:
+def _eq15_period() -> Finding:
     span = 0.0418 - 0.0218
     half_wave = WAVELENGTH_M / 2
-    return Finding(
-        parts=(abs(span - half_wave) < 1e-4,),
-        computed={"span_of_pieces_m": span, "half_wavelength_m": half_wave},
-    )
+    return finding(abs(span - half_wave) < 1e-4, span_of_pieces_m=span, half_wavelength_m=half_wave)
 
 
-@CLAIMS.without_law(
-    id="eq15-breakpoints",
+@CLAIMS.add(
     place="Eq 15",
     claim="the stages end at 0.0231, 0.0318, 0.0331 and 0.0418 m",
     check="ramps and plateaus of a 10 mm window over zones of λ/4, each end within 0.15 mm",
     expected="the four printed places",
 )
-def _breakpoints() -> Finding:
+def _eq15_breakpoints() -> Finding:
     # The pieces should be ramps of λ/4 and plateaus of l_s - λ/4.
     quarter, plateau = WAVELENGTH_M / 4, CONTACT_M - WAVELENGTH_M / 4
     start = 0.0218
@@ -178,51 +159,42 @@ def _breakpoints() -> Finding:
         "end_of_rise_m": start + WAVELENGTH_M / 2,
     }
     printed = (0.0231, 0.0318, 0.0331, 0.0418)
-    return Finding(
-        parts=tuple(abs(a - b) < 1.5e-4 for a, b in zip(right.values(), printed, strict=True)),
-        computed={**right, "printed_m": list(printed)},
-    )
+    close = (abs(a - b) < 1.5e-4 for a, b in zip(right.values(), printed, strict=True))
+    return finding(*close, **right, printed_m=printed)
 
 
-@CLAIMS.without_law(
-    id="eq15-stages-in-words",
+@CLAIMS.add(
     place="Section 3.2, stages 4 and 6",
     claim="the fall begins at 0.0131 + λ/2, the rise at 0.0331 + λ/2",
     check="the text against Eq 15's pieces for γ = 0, within 0.1 mm",
     expected="the same places",
 )
-def _stage_text() -> Finding:
+def _eq15_stages_in_words() -> Finding:
     fall, rise = 0.0131 + WAVELENGTH_M / 2, 0.0331 + WAVELENGTH_M / 2
-    return Finding(
-        parts=(abs(fall - 0.0231) < 1e-4, abs(rise - 0.0331) < 1e-4),
-        computed={
-            "fall_begins_by_text_m": fall,
-            "fall_begins_by_eq15_m": 0.0231,
-            "rise_begins_by_text_m": rise,
-            "rise_begins_by_eq15_m": 0.0331,
-        },
+    return finding(
+        abs(fall - 0.0231) < 1e-4,
+        abs(rise - 0.0331) < 1e-4,
+        fall_begins_by_text_m=fall,
+        fall_begins_by_eq15_m=0.0231,
+        rise_begins_by_text_m=rise,
+        rise_begins_by_eq15_m=0.0331,
     )
 
 
-@CLAIMS.without_law(
-    id="eq15-gamma",
+@CLAIMS.add(
     place="Eq 15",
     claim="γ = 0 to 5 covers x up to 0.1 m",
     check="Eq 15 gives a value everywhere up to 0.1 m; every γ begins before 0.1 m",
     expected="all covered, all used",
 )
-def _gammas() -> Finding:
+def _eq15_gamma() -> Finding:
     last_start = 0.0218 + WAVELENGTH_M / 2 * np.arange(6)
-    used = int((last_start <= 0.1).sum())
-    ratio = same_direction_ratio(_FINE_M, CONTACT_M)
-    return Finding(
-        parts=(bool(np.isfinite(ratio).all()), used == 6),
-        computed={"gamma_that_begin_within_0.1_m": used, "gamma_named": 6},
-    )
+    used = {"gamma_that_begin_within_0.1_m": (last_start <= 0.1).sum(), "gamma_named": 6}
+    covered = np.isfinite(same_direction_ratio(_FINE_M, CONTACT_M)).all()
+    return finding(covered, len(set(used.values())) == 1, **used)
 
 
-@CLAIMS.without_law(
-    id="fig11-range",
+@CLAIMS.add(
     place="Fig 11",
     claim="a/u alternates in [0, 0.87]",
     check="lowest and highest a/u with the lower and with the higher γ where pieces overlap",
@@ -230,18 +202,15 @@ def _gammas() -> Finding:
 )
 def _fig11_range() -> Finding:
     ranges = {
-        overlap: (float(ratio.min()), float(ratio.max()))
+        f"range_{overlap}": (ratio.min(), ratio.max())
         for overlap in get_args(Overlap)
         for ratio in [same_direction_ratio(_FINE_M, CONTACT_M, overlap)]
     }
-    return Finding(
-        parts=tuple(abs(low) < 0.01 and abs(high - 0.87) < 0.01 for low, high in ranges.values()),
-        computed={f"range_{overlap}": list(pair) for overlap, pair in ranges.items()},
-    )
+    close = (abs(low) < 0.01 and abs(high - 0.87) < 0.01 for low, high in ranges.values())
+    return finding(*close, **ranges)
 
 
-@CLAIMS.without_law(
-    id="fig11-plateaus",
+@CLAIMS.add(
     place="Fig 11",
     claim="a/u keeps its highest or lowest value for a short distance only",
     check="Eq 15's plateau is shorter than its ramp; for mode 6 a/u is level on less than half",
@@ -251,7 +220,6 @@ def _fig11_plateaus() -> Finding:
     plateau, ramp = 0.0231 - 0.0218, 0.0318 - 0.0231
     ratio = _mode_ratio(_FINE_M)
     level = float(np.mean(np.abs(np.diff(ratio)) < 1e-9))
-    return Finding(
-        parts=(plateau < ramp, level < 0.5),
-        computed={"plateau_m": plateau, "ramp_m": ramp, "level_part_for_mode_6": level},
+    return finding(
+        plateau < ramp, level < 0.5, plateau_m=plateau, ramp_m=ramp, level_part_for_mode_6=level
     )

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from analysis.claims.claim import Claims, Finding
+from analysis.claims.claim import Claims, Finding, finding
 from analysis.claims.curves import (
     CONTACT_M,
     MU,
@@ -31,8 +31,7 @@ def _curve(law: str) -> FloatArray:
     return friction_coefficient(Scene(), law=choice, x_m=PLACES_M)
 
 
-@CLAIMS.under_each_law(
-    id="fig12-range",
+@CLAIMS.add(
     place="Fig 12",
     claim="μ' fluctuates from about 0.2 to 0.6 along the beam",
     check="lowest and highest μ' beyond 23.1 mm, each within 0.02",
@@ -43,21 +42,19 @@ def _fig12_range(law: str) -> Finding:
     return from_02_to_06(float(curve.min()), float(curve.max()))
 
 
-@CLAIMS.under_each_law(
-    id="fig12-range-repaired",
+@CLAIMS.add(
     place="Fig 12",
     claim="the range 0.2 to 0.6 follows from Eqs 12 to 14",
     check="μ' at the a/u of Eqs 13 and 14, each within 0.02",
     expected="0.2 and 0.6",
 )
-def _fig12_range_continuous(law: str) -> Finding:
+def _fig12_range_repaired(law: str) -> Finding:
     """Check the range with Eq 15's λ but without its breakpoints."""
     largest = WAVELENGTH_M / (4 * CONTACT_M)
     return from_02_to_06(mu_at_ratio(law, largest), mu_at_ratio(law, 1 - largest))
 
 
-@CLAIMS.under_each_law(
-    id="fig12-centre",
+@CLAIMS.add(
     place="Fig 12",
     claim="μ' is centred at 0.4",
     check="middle between lowest and highest μ' beyond 23.1 mm, within 0.02",
@@ -65,7 +62,7 @@ def _fig12_range_continuous(law: str) -> Finding:
 )
 def _fig12_centre(law: str) -> Finding:
     middle = centre(operating(_curve(law)))
-    return Finding(parts=(abs(middle - MU) < 0.02,), computed={"centre": middle})
+    return finding(abs(middle - MU) < 0.02, centre=middle)
 
 
 def _left_troughs(law: str) -> FloatArray:
@@ -73,57 +70,48 @@ def _left_troughs(law: str) -> FloatArray:
     return found[found < PATCH_START_M]
 
 
-@CLAIMS.under_each_law(
-    id="fig12-four-troughs",
+@CLAIMS.add(
     place="Fig 12",
     claim="there are four troughs left of the piezoelectric sheet",
     check="minima of μ' at x below 81 mm",
     expected="4",
 )
-def _four_troughs(law: str) -> Finding:
+def _fig12_four_troughs(law: str) -> Finding:
     found = _left_troughs(law)
-    return Finding(parts=(found.size == 4,), computed={"troughs_m": found.tolist()})
+    return finding(found.size == 4, troughs_m=found)
 
 
-@CLAIMS.under_each_law(
-    id="fig12-troughs",
+@CLAIMS.add(
     place="Fig 12, Section 6",
     claim="the first three troughs lie at 13.7, 27.5 and 42.2 mm",
     check="the first three minima of μ', each within 1 mm",
     expected="0.0137, 0.0275, 0.0422 m",
 )
-def _trough_places(law: str) -> Finding:
+def _fig12_troughs(law: str) -> Finding:
     found = _left_troughs(law)[:3]
     off = np.abs(found - _TROUGHS_M[: found.size])
-    return Finding(
-        parts=tuple((off < 1e-3).tolist()) or (False,),
-        computed={"troughs_m": found.tolist(), "paper_m": _TROUGHS_M.tolist()},
-    )
+    return finding(*(off < 1e-3 if off.size else [False]), troughs_m=found, paper_m=_TROUGHS_M)
 
 
-@CLAIMS.without_law(
-    id="fig12-trough-gaps",
+@CLAIMS.add(
     place="Fig 12",
     claim="troughs repeat with the period of Eq 15",
     check="gaps between the printed troughs against λ/2, within 1 mm",
     expected="0.0174 m",
 )
-def _trough_gaps() -> Finding:
+def _fig12_trough_gaps() -> Finding:
     gaps = np.diff(_TROUGHS_M)
-    return Finding(
-        parts=tuple((np.abs(gaps - WAVELENGTH_M / 2) < 1e-3).tolist()),
-        computed={"gaps_m": gaps.tolist(), "half_wavelength_m": WAVELENGTH_M / 2},
-    )
+    close = np.abs(gaps - WAVELENGTH_M / 2) < 1e-3
+    return finding(*close, gaps_m=gaps, half_wavelength_m=WAVELENGTH_M / 2)
 
 
-@CLAIMS.under_each_law(
-    id="fig12-fourth-trough",
+@CLAIMS.add(
     place="Fig 12",
     claim="the fourth trough is so near the sheet that a finger can hardly move there",
     check="the last trough left of the sheet is less than a contact length from it",
     expected="below 10 mm",
 )
-def _fourth_trough_near_patch(law: str) -> Finding:
+def _fig12_fourth_trough(law: str) -> Finding:
     found = _left_troughs(law)
-    gap = float(PATCH_START_M - found[-1]) if found.size else math.nan
-    return Finding(parts=(gap < CONTACT_M,), computed={"last_trough_to_patch_m": gap})
+    gap = PATCH_START_M - found[-1] if found.size else math.nan
+    return finding(gap < CONTACT_M, last_trough_to_patch_m=gap)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from analysis.claims.claim import Claims, Finding
+from analysis.claims.claim import Claims, Finding, finding
 from analysis.claims.curves import MU, falling, from_02_to_06, full_coverage, rising, spread
 from device.beam.modes import FloatArray
 
@@ -13,8 +13,7 @@ def _fig8(law: str) -> FloatArray:
     return np.array([full_coverage(law, same_direction=float(a)) for a in range(21)])
 
 
-@CLAIMS.under_each_law(
-    id="fig8-range",
+@CLAIMS.add(
     place="Fig 8",
     claim="μ' under full coverage runs from about 0.2 to 0.6",
     check="lowest and highest μ' for a = 0 to 20 of 20, each within 0.02",
@@ -25,24 +24,19 @@ def _fig8_range(law: str) -> Finding:
     return from_02_to_06(float(curve.min()), float(curve.max()))
 
 
-@CLAIMS.under_each_law(
-    id="fig8-linear-in-a",
+@CLAIMS.add(
     place="Fig 8, Section 4.1",
     claim="μ' falls linearly with a",
     check="every step in a lowers μ', all steps equal",
     expected="a straight line",
 )
-def _fig8_linear(law: str) -> Finding:
-    curve = _fig8(law)
-    steps = np.diff(curve)
-    return Finding(
-        parts=(bool((steps < 0).all()), bool(np.ptp(steps) < 1e-9)),
-        computed={"first_step": float(steps[0]), "last_step": float(steps[-1])},
-    )
+def _fig8_linear_in_a(law: str) -> Finding:
+    steps = np.diff(_fig8(law))
+    ends = {"first_step": steps[0], "last_step": steps[-1]}
+    return finding((steps < 0).all(), np.ptp(steps) < 1e-9, **ends)
 
 
-@CLAIMS.under_each_law(
-    id="fig8-crossing",
+@CLAIMS.add(
     place="Fig 8",
     claim="with less than half of the bodies helping it is rougher, with more it is smoother",
     check="μ' above μ for a below 10 of 20, below μ for a above 10",
@@ -50,38 +44,33 @@ def _fig8_linear(law: str) -> Finding:
 )
 def _fig8_crossing(law: str) -> Finding:
     curve = _fig8(law)
-    return Finding(
-        parts=(bool((curve[:10] > MU).all()), bool((curve[11:] < MU).all())),
-        computed={"at_9": float(curve[9]), "at_10": float(curve[10]), "at_11": float(curve[11])},
-    )
+    middle = {f"at_{a}": curve[a] for a in (9, 10, 11)}
+    return finding((curve[:10] > MU).all(), (curve[11:] < MU).all(), **middle)
 
 
-@CLAIMS.under_each_law(
-    id="u-lowers-mu-fixed-a",
+@CLAIMS.add(
     place="Section 4.1, Fig 13b",
     claim="μ' falls as u grows (a fixed)",
     check="μ' at u = 10, 15, 20, 30, 40 with a = 10",
     expected="falling",
 )
-def _u_at_fixed_a(law: str) -> Finding:
+def _u_lowers_mu_fixed_a(law: str) -> Finding:
     values = [full_coverage(law, same_direction=10.0, bodies=u) for u in (10, 15, 20, 30, 40)]
-    return Finding(parts=(falling(values),), computed={"mu_at_10_15_20_30_40": values})
+    return finding(falling(values), mu_at_10_15_20_30_40=values)
 
 
-@CLAIMS.under_each_law(
-    id="u-lowers-mu-fixed-ratio",
+@CLAIMS.add(
     place="Section 4.1, Fig 13b, Eq 7",
     claim="μ' falls as u grows (a/b fixed)",
     check="μ' at u = 10, 20, 30, 40 with half of them helping",
     expected="falling",
 )
-def _u_at_fixed_ratio(law: str) -> Finding:
+def _u_lowers_mu_fixed_ratio(law: str) -> Finding:
     values = [full_coverage(law, same_direction=u / 2, bodies=u) for u in (10, 20, 30, 40)]
-    return Finding(parts=(falling(values),), computed={"mu_at_10_20_30_40": values})
+    return finding(falling(values), mu_at_10_20_30_40=values)
 
 
-@CLAIMS.under_each_law(
-    id="u-saturates",
+@CLAIMS.add(
     place="Section 4.1",
     claim="beyond 20 bodies more of them change little (a/b fixed)",
     check="the change from 20 to 40 is below a quarter of that from 4 to 20, at 2 N",
@@ -90,78 +79,64 @@ def _u_at_fixed_ratio(law: str) -> Finding:
 def _u_saturates(law: str) -> Finding:
     at = {u: full_coverage(law, same_direction=u / 2, bodies=u, load_n=2.0) for u in (4, 20, 40)}
     early, late = abs(at[20] - at[4]), abs(at[40] - at[20])
-    return Finding(
-        parts=(late < 0.25 * early,), computed={"from_4_to_20": early, "from_20_to_40": late}
-    )
+    return finding(late < 0.25 * early, from_4_to_20=early, from_20_to_40=late)
 
 
-@CLAIMS.under_each_law(
-    id="u-effect-fades",
+@CLAIMS.add(
     place="Section 4.1, Fig 13b",
     claim="u matters at first and less as it grows (a fixed)",
     check="the change from 40 to 80 against that from 10 to 20, with a = 10",
     expected="smaller",
 )
-def _u_effects_fade(law: str) -> Finding:
+def _u_effect_fades(law: str) -> Finding:
     values = {u: full_coverage(law, same_direction=10.0, bodies=u) for u in (10, 20, 40, 80)}
     early, late = values[10] - values[20], values[40] - values[80]
-    return Finding(
-        parts=(abs(late) < abs(early),), computed={"from_10_to_20": early, "from_40_to_80": late}
-    )
+    return finding(abs(late) < abs(early), from_10_to_20=early, from_40_to_80=late)
 
 
 _BELOW, _ABOVE = (0.95, 0.97, 0.99, 1.0), (1.0, 1.01, 1.03, 1.05)
 
 
-@CLAIMS.under_each_law(
-    id="omega-raises-mu",
+@CLAIMS.add(
     place="Section 4.1, Fig 13c, Section 6",
     claim="μ' under full coverage rises with frequency",
     check="μ' (a = 10 of 20) from 0.95 to 1 and from 1 to 1.05 times the resonance",
     expected="rising",
 )
-def _frequency_raises(law: str) -> Finding:
+def _omega_raises_mu(law: str) -> Finding:
     values = {
-        side: [full_coverage(law, detuning=detuning) for detuning in steps]
+        f"{side}_resonance": [full_coverage(law, detuning=detuning) for detuning in steps]
         for side, steps in (("below", _BELOW), ("above", _ABOVE))
     }
-    return Finding(
-        parts=tuple(rising(series) for series in values.values()),
-        computed={f"{side}_resonance": series for side, series in values.items()},
-    )
+    return finding(*map(rising, values.values()), **values)
 
 
-@CLAIMS.under_each_law(
-    id="voltage-lowers-mu",
+@CLAIMS.add(
     place="Section 4.1, Fig 13d",
     claim="μ' under full coverage falls linearly with voltage",
     check="μ' (a = 10 of 20) at 0 to 200 V falls; its steps are equal to 5 %",
     expected="falling, straight",
 )
-def _voltage_lowers(law: str) -> Finding:
+def _voltage_lowers_mu(law: str) -> Finding:
     values = [full_coverage(law, voltage_v=v) for v in (0.0, 50.0, 100.0, 150.0, 200.0)]
     steps = np.diff(values)
-    straight = bool(np.ptp(steps) < 0.05 * np.abs(steps).max()) if steps.any() else False
-    return Finding(
-        parts=(falling(values), straight),
-        computed={"mu_at_0_50_100_150_200_v": values, "per_volt": float(steps.mean() / 50)},
-    )
+    straight = np.ptp(steps) < 0.05 * np.abs(steps).max()
+    per_volt = steps.mean() / 50
+    return finding(falling(values), straight, mu_at_0_50_100_150_200_v=values, per_volt=per_volt)
 
 
-@CLAIMS.under_each_law(
-    id="pressure-lowers-mu",
+@CLAIMS.add(
     place="Section 4.1, Fig 13",
     claim="the higher the touch pressure the smaller μ'",
     check="μ' (a = 10 of 20) at 2, 10 and 20 N per body",
     expected="falling",
 )
-def _load_lowers(law: str) -> Finding:
+def _pressure_lowers_mu(law: str) -> Finding:
     values = [full_coverage(law, load_n=load) for load in (2.0, 10.0, 20.0)]
-    return Finding(parts=(falling(values),), computed={"mu_at_2_10_20_n": values})
+    return finding(falling(values), mu_at_2_10_20_n=values)
 
 
-@CLAIMS.under_each_law(
-    id="a-and-frequency-lead",
+@CLAIMS.add(
     place="Section 4.1, Section 6",
     claim="under full coverage a and the frequency have the greatest influence",
     check="spread of μ' over a 0-20, frequency ±5 %, u 10-40 and 0-200 V: the two largest",
@@ -175,4 +150,4 @@ def _a_and_frequency_lead(law: str) -> Finding:
         "voltage": spread([full_coverage(law, voltage_v=v) for v in (0.0, 100.0, 200.0)]),
     }
     leading = sorted(effects, key=lambda name: -effects[name])[:2]
-    return Finding(parts=("a" in leading, "frequency" in leading), computed=effects)
+    return finding("a" in leading, "frequency" in leading, **effects)

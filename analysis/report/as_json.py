@@ -1,47 +1,9 @@
-"""Conversion of results to JSON.
+"""Tests of conditions as JSON."""
 
-A number that could not be estimated is `null`, with a `reason` beside it. The reason is called
-`<name>_reason` where only one of several numbers is missing.
-"""
-
-import math
-from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
-from typing import Any
-
-import numpy as np
-
-from analysis.estimates import NotEstimable
+from analysis.estimates import Json, NotEstimable, or_null, plain, why
 from analysis.statistics.omnibus import SkillingsMack
 from analysis.statistics.signed_rank import PairwiseTest
 from analysis.statistics.summary import Reading
-
-Json = dict[str, Any]
-
-
-def plain(value: object) -> Any:
-    """Return records, arrays and mappings as JSON values; NaN becomes `null`."""
-    if isinstance(value, NotEstimable):
-        return {"reason": value.reason}
-    if is_dataclass(value):
-        return {entry.name: plain(getattr(value, entry.name)) for entry in fields(value)}
-    if isinstance(value, Mapping):
-        return {str(name): plain(entry) for name, entry in value.items()}
-    if isinstance(value, list | tuple | np.ndarray):
-        return [plain(entry) for entry in value]
-    if isinstance(value, np.generic):
-        return plain(value.item())
-    return None if isinstance(value, float) and math.isnan(value) else value
-
-
-def or_null(value: object) -> Any:
-    """Return a value as JSON, or `None` if it could not be estimated."""
-    return None if isinstance(value, NotEstimable) else plain(value)
-
-
-def why(name: str, found: object) -> Json:
-    """Return the reason why `name` is `null`, or nothing if `found` was estimated."""
-    return {f"{name}_reason": found.reason} if isinstance(found, NotEstimable) else {}
 
 
 def friedman_json(reading: Reading) -> Json:

@@ -4,11 +4,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
+from analysis.estimates import plain
 from analysis.loading.missing_scores import notes
 from analysis.loading.published import SCALE
 from analysis.loading.records import values
 from analysis.loading.study_data import StudyData
-from analysis.report.as_json import plain
 from analysis.statistics.summary import TableStatistics
 from analysis.trials.contrasts import TrialContrasts
 from analysis.trials.trial_statistics import TrialStatistics

@@ -5,9 +5,9 @@ from functools import partial
 
 import numpy as np
 
-from analysis.estimates import NotEstimable
+from analysis.estimates import Json, NotEstimable, why
 from analysis.loading.score_table import ScoreTable
-from analysis.report.as_json import Json, friedman_json, pair_json, skillings_mack_json, why
+from analysis.report.as_json import friedman_json, pair_json, skillings_mack_json
 from analysis.report.blocks import Figure, Section, Table, columns
 from analysis.report.drawing import raincloud_figure
 from analysis.report.figure_data import raincloud

@@ -2,8 +2,7 @@
 
 from collections.abc import Mapping
 
-from analysis.estimates import NotEstimable
-from analysis.report.as_json import Json, or_null, plain, why
+from analysis.estimates import Json, NotEstimable, or_null, plain, why
 from analysis.report.blocks import Section, Table, columns
 from analysis.report.findings import Findings
 from analysis.report.wording import number, p_value

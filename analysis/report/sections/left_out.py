@@ -2,9 +2,9 @@
 
 from collections.abc import Iterable, Sequence
 
+from analysis.estimates import plain
 from analysis.loading.exclusions import rules_in_words
 from analysis.loading.study_data import StudyData
-from analysis.report.as_json import plain
 from analysis.report.blocks import Items, Section, Table, columns
 from analysis.report.findings import Findings
 from analysis.report.wording import MISSING

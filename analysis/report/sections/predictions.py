@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 from functools import partial
 
-from analysis.estimates import NotEstimable
-from analysis.report.as_json import Json, or_null, plain, why
+from analysis.estimates import Json, NotEstimable, or_null, plain, why
 from analysis.report.blocks import Column, Figure, Section, Table, columns
 from analysis.report.drawing import scatter_figure
 from analysis.report.figure_data import scatter

@@ -1,7 +1,8 @@
 """Table 4, and its results under each reading of missing scores."""
 
+from analysis.estimates import Json, plain
 from analysis.loading.missing_scores import LABELS, marks, unscored, withheld
-from analysis.report.as_json import Json, friedman_json, pair_json, plain
+from analysis.report.as_json import friedman_json, pair_json
 from analysis.report.blocks import Cell, Column, Items, Row, Section, Table, columns
 from analysis.report.findings import Findings
 from analysis.report.sections.predictions import PREDICTIONS

@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 from functools import partial
 
-from analysis.estimates import NotEstimable
-from analysis.report.as_json import Json, plain
+from analysis.estimates import Json, NotEstimable, plain
 from analysis.report.blocks import Figure, Items, Section, Table, columns
 from analysis.report.drawing import gains_figure
 from analysis.report.figure_data import Gains, gains

@@ -2,8 +2,7 @@
 
 from functools import partial
 
-from analysis.estimates import NotEstimable
-from analysis.report.as_json import Json, or_null, plain, why
+from analysis.estimates import Json, NotEstimable, or_null, plain, why
 from analysis.report.blocks import Figure, Items, Section, Table, columns
 from analysis.report.drawing import course_figure
 from analysis.report.figure_data import Course, course

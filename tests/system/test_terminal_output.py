@@ -130,7 +130,8 @@ def test_a_broken_chain_is_named_in_escapes(study: Path) -> None:
 def test_a_damaged_event_is_named_in_escapes(study: Path) -> None:
     with closing(sqlite3.connect(study / "study.db")) as journal, journal:
         journal.execute(
-            "INSERT INTO event VALUES (?, 0, 'note', '2026-01-01T12:00:00+00:00', 0, '', '', '[')",
+            "INSERT INTO event (session, seq, tag, utc, monotonic_s, payload_sha256, hash, payload)"
+            " VALUES (?, 0, 'note', '2026-01-01T12:00:00+00:00', 0, '', '', '[')",
             (f"{HOSTILE}/2",),
         )
     for command in ("status", "verify", "report"):

@@ -243,7 +243,9 @@ def _printing(tree: ast.Module) -> Iterator[ast.AST]:
         match node:
             case ast.Call(func=ast.Name(id=name)) if name in PRINTERS | {"input"}:
                 yield node
-            case ast.Attribute(attr=name) if name in PRINTERS | {"confirm", "prompt"}:
+            case ast.Attribute(attr=name) if name in PRINTERS:
+                yield node
+            case ast.Attribute(value=ast.Name(id="typer" | "click"), attr="confirm" | "prompt"):
                 yield node
             case ast.Attribute(
                 value=ast.Attribute(attr="stdout" | "stderr"), attr="write" | "buffer"

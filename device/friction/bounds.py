@@ -109,19 +109,14 @@ def _bins(batch: Batch) -> NDArray[np.intp]:
     return np.asarray(np.floor(steps), dtype=np.intp)
 
 
-def _speed_factor(batch: Batch) -> FloatArray:
-    """Return the factor from tip speed per metre of lever to relative tip speed, top rung."""
-    contact = batch.contact
-    lever_m = batch.beam.thickness_m / 2 + contact.body_height_m
-    reference = reference_tip_speed_m_s(TOP_RUNG)
-    return np.asarray(lever_m / contact.sliding_speed_m_s * (REFERENCE_SPEED_M_S / reference))
-
-
 def _terms(
     batch: Batch, same_direction: Range, tip_speed: Range, inertia_n_per_m: Range
 ) -> TopTerms:
     """Return the ranges as a law's terms: relative to speed, load per metre and printed load."""
-    contact, factor = batch.contact, _speed_factor(batch)
+    contact = batch.contact
+    lever_m = batch.beam.thickness_m / 2 + contact.body_height_m
+    reference = reference_tip_speed_m_s(TOP_RUNG)
+    factor = lever_m / contact.sliding_speed_m_s * (REFERENCE_SPEED_M_S / reference)
     full = contact.coverage == "full"
     covered = batch.beam.length_m if full else window_width(contact.x_m, contact.contact_m)
     per_metre = 1.0 / contact.load_n_per_m

@@ -17,9 +17,9 @@ from dataclasses import replace
 import numpy as np
 
 from device.beam.beam import Beam
-from device.beam.modes import FloatArray, modal_displacement_m, mode_constants, natural_frequency_hz
+from device.beam.modes import modal_displacement_m, mode_constants, natural_frequency_hz
 from device.beam.motion import segmented_motion
-from device.beam.motion_pattern import MotionPattern, MotionSummary, motion_summary
+from device.beam.motion_pattern import MotionSummary, motion_summary
 from device.beam.timoshenko import segmented_natural_frequency_hz
 
 DAMPING_RATIOS = np.geomspace(0.002, 0.02, 9)
@@ -30,11 +30,6 @@ _SAMPLES_PER_BIN = 20
 _MARGIN = 0.02  # of each range, for damping ratios between those solved
 
 
-def _solved(damping_ratio: float, frequency_hz: float) -> MotionSummary:
-    beam = replace(Beam(), damping_ratio=damping_ratio)
-    return motion_summary(segmented_motion(beam, frequency_hz, patched=True, shear=True))
-
-
 def _range(values: Sequence[float]) -> list[float]:
     """Return the range of values, widened by the margin."""
     low, high = min(values), max(values)
@@ -42,37 +37,31 @@ def _range(values: Sequence[float]) -> list[float]:
     return [low - widening, high + widening]
 
 
-def _area(pattern: MotionPattern, places_m: FloatArray) -> FloatArray:
-    """Return the running area ∫₀ˣ|W|dx / rms at each place, metres."""
-    return pattern.window(places_m, places_m[-1]).mean * places_m
-
-
-def _speed_ratio(summary: MotionSummary, frequency_hz: float, beam: Beam, mode: int) -> float:
-    """Return the top rung's tip speed over `mode`'s, both at their resonance."""
+def _ratios(
+    summary: MotionSummary, frequency_hz: float, beam: Beam, mode: int
+) -> tuple[float, float]:
+    """Return the top rung's tip speed and ω² rms|W| over those of `mode`, both at resonance."""
     own_hz = natural_frequency_hz(beam, mode)
     displacement_m = float(modal_displacement_m(beam, mode, 1.0, own_hz))
     own = own_hz * displacement_m * mode_constants(mode).root / beam.length_m
-    return summary.rotation_per_v * frequency_hz / own
-
-
-def _inertia_ratio(summary: MotionSummary, frequency_hz: float, beam: Beam, mode: int) -> float:
-    """Return the top rung's ω² rms|W| over `mode`'s ω²|q|, both at their resonance."""
-    own_hz = natural_frequency_hz(beam, mode)
-    displacement_m = float(modal_displacement_m(beam, mode, 1.0, own_hz))
-    return summary.displacement_m_per_v * frequency_hz**2 / (own_hz**2 * displacement_m)
+    inertia = summary.displacement_m_per_v * frequency_hz**2 / (own_hz**2 * displacement_m)
+    return summary.rotation_per_v * frequency_hz / own, inertia
 
 
 def _mode_row(mode: int) -> dict[str, object] | None:
     """Return one mode's row, or None if its number of zones varies over the domain."""
     frequency_hz = segmented_natural_frequency_hz(Beam(), mode, patched=True, shear=True)
     beams = [replace(Beam(), damping_ratio=float(ratio)) for ratio in DAMPING_RATIOS]
-    solved = [_solved(beam.damping_ratio, frequency_hz) for beam in beams]
+    motions = [segmented_motion(beam, frequency_hz, patched=True, shear=True) for beam in beams]
+    solved = [motion_summary(motion) for motion in motions]
     if len({summary.pattern.edges_m.size for summary in solved}) > 1:
         return None
-    pairs = list(zip(solved, beams, strict=True))
+    ratios = [_ratios(s, frequency_hz, beam, mode) for s, beam in zip(solved, beams, strict=True)]
+    speed_ratios, inertia_ratios = zip(*ratios, strict=True)
     edges = np.array([summary.pattern.edges_m for summary in solved])
     fine = np.linspace(0.0, Beam().length_m, 20 * AREA_CELLS + 1)
-    areas = np.array([_area(summary.pattern, fine) for summary in solved])
+    # the running areas ∫₀ˣ|W|dx / rms, m
+    areas = np.array([s.pattern.window(fine, fine[-1]).mean * fine for s in solved])
     middle = (areas.max(axis=0) + areas.min(axis=0)) / 2
     coarse = middle[::20]
     off = np.abs(areas - np.interp(fine, fine[::20], coarse)).max()
@@ -82,8 +71,8 @@ def _mode_row(mode: int) -> dict[str, object] | None:
         "moves_right": solved[0].pattern.moves_right.tolist(),
         "area_m": coarse.tolist(),
         "area_slack_m": float(off * (1 + _MARGIN)),
-        "speed_ratio": _range([_speed_ratio(s, frequency_hz, b, mode) for s, b in pairs]),
-        "inertia_ratio": _range([_inertia_ratio(s, frequency_hz, b, mode) for s, b in pairs]),
+        "speed_ratio": _range(speed_ratios),
+        "inertia_ratio": _range(inertia_ratios),
     }
 
 
@@ -127,17 +116,9 @@ def certified_bounds() -> dict[str, object]:
     }
 
 
-def _rounded(value: object) -> object:
-    """Return `value` with its numbers rounded to nine digits, which keeps the table readable."""
-    if isinstance(value, float):
-        return float(f"{value:.9g}")
-    if isinstance(value, list):
-        return [_rounded(entry) for entry in value]
-    if isinstance(value, dict):
-        return {key: _rounded(entry) for key, entry in value.items()}
-    return value
-
-
 if __name__ == "__main__":
-    json.dump(_rounded(certified_bounds()), sys.stdout, indent=1)
+    # Nine digits keep the table readable.
+    text = json.dumps(certified_bounds())
+    rounded = json.loads(text, parse_float=lambda number: float(f"{float(number):.9g}"))
+    json.dump(rounded, sys.stdout, indent=1)
     sys.stdout.write("\n")

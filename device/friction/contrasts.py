@@ -1,5 +1,6 @@
 """The predicted contrast of a change: how much friction changes, as one number."""
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -46,9 +47,13 @@ def friction_at(
     moment: Moment, places_m: tuple[float, ...], law: str = "consistent", rung: str = "mode"
 ) -> FloatArray:
     """Return the friction coefficient of `moment` at each place (right edge, m), shape (n,)."""
+    drive = Drive(voltage_v=moment.voltage_v)
+    if moment.frequency != 1:
+        resonance_hz = rung_resonance_hz(rung, Beam(), drive.mode)
+        drive = replace(drive, frequency_hz=moment.frequency * resonance_hz)
     scene = Scene(
         structure=Structure() if moment.has_bodies else Structure(body_height_m=0.0),
-        drive=_drive(moment, rung),
+        drive=drive,
         touch=FingerContact(
             contact_m=moment.contact_m,
             finger_load_n=moment.force_n,
@@ -58,10 +63,3 @@ def friction_at(
         direction=moment.direction,
     )
     return friction_coefficient(scene, law=law, rung=rung, x_m=places_m)
-
-
-def _drive(moment: Moment, rung: str) -> Drive:
-    if moment.frequency == 1:
-        return Drive(voltage_v=moment.voltage_v)
-    resonance_hz = rung_resonance_hz(rung, Beam(), Drive().mode)
-    return Drive(voltage_v=moment.voltage_v, frequency_hz=moment.frequency * resonance_hz)

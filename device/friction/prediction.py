@@ -124,23 +124,16 @@ def field_prediction(contact: Contact, field: Field, rung: str, choice: LawChoic
     state, law = law_state(contact, field, rung, choice), choice.law
     terms = state.terms
     half = np.full(contact.x_m.shape, 0.5)
-    columns = (
-        law(terms),
-        terms.same_direction,
-        half if law.as_printed else anisotropy(terms.relative_tip_speed),
-        terms.printed_inertial_ratio if law.as_printed else terms.inertial_ratio,
-        state.inertial_load_n,
-        field.displacement_m,
-    )
-    mu, ratio, eta, inertia, load, displacement = np.broadcast_arrays(*columns, half)[:-1]
-    return Prediction(
-        mu_effective=mu,
-        same_direction_ratio=ratio,
-        anisotropy=eta,
-        inertial_ratio=inertia,
-        inertial_load_n=load,
-        displacement_m=displacement,
-    )
+    columns = {
+        "mu_effective": law(terms),
+        "same_direction_ratio": terms.same_direction,
+        "anisotropy": half if law.as_printed else anisotropy(terms.relative_tip_speed),
+        "inertial_ratio": terms.printed_inertial_ratio if law.as_printed else terms.inertial_ratio,
+        "inertial_load_n": state.inertial_load_n,
+        "displacement_m": field.displacement_m,
+    }
+    *whole, _ = np.broadcast_arrays(*columns.values(), half)
+    return Prediction(**dict(zip(columns, whole, strict=True)))
 
 
 def _modal_prediction(batch: Batch, rung: str, choice: LawChoice) -> Prediction:

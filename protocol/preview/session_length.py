@@ -7,7 +7,7 @@ from protocol.plan.feasibility import design_problems, most_catches
 from protocol.plan.plan import plan
 from protocol.plan.trials import session_s
 from protocol.study.design import MOST_REPEATS
-from protocol.study.study import Condition, Study
+from protocol.study.study import Study
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,17 +46,15 @@ def _with(study: Study, **design: object) -> Study:
 def _relaxed(study: Study) -> Study:
     """Return the study with its other constraints relaxed as far as its repeats require."""
     design = study.design
-    conditions = tuple(_of_one_level(condition, design.repeats) for condition in study.condition)
+    conditions = tuple(
+        condition.model_copy(update={"levels": (max(condition.levels),)})
+        if design.repeats % len(condition.levels)
+        else condition
+        for condition in study.condition
+    )
     return _with(
         study.model_copy(update={"condition": conditions}),
         opposite_repeats=min(design.opposite_repeats, design.repeats - 1),
         catch_trials=min(design.catch_trials, most_catches(study)),
         max_alike_in_row=max(design.max_alike_in_row, design.repeats),
     )
-
-
-def _of_one_level(condition: Condition, repeats: int) -> Condition:
-    """Return the condition with only its highest level if its levels do not divide the repeats."""
-    if repeats % len(condition.levels) == 0:
-        return condition
-    return condition.model_copy(update={"levels": (max(condition.levels),)})

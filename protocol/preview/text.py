@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from protocol.plan.trials import Trial
 from protocol.preview.precision import Precision, residual_sd
 from protocol.preview.preview import Predict, Preview, levels, precision_by_length
-from protocol.proof.cohort import CarryOver, balance_guaranteed, sequences
+from protocol.proof.cohort import balance_guaranteed, sequences
 from protocol.study.questions import PAPERS_SCALE
 
 
@@ -129,10 +129,11 @@ def _carryover_lines(shown: Preview) -> Iterator[str]:
     if carryover.balanced:
         yield f"Carry-over  balanced over {_many(len(shown.plans), 'participant')}"
     else:
-        yield (
-            f"Carry-over  not balanced over {_many(len(shown.plans), 'participant')} "
-            f"({_unbalanced(carryover)}): {_advice(shown)}"
-        )
+        why = f"counts differ by up to {carryover.imbalance}"
+        if not any(map(any, carryover.counts)):
+            why = "no condition directly follows another within a block"
+        many = _many(len(shown.plans), "participant")
+        yield f"Carry-over  not balanced over {many} ({why}): {_advice(shown)}"
     yield "How often the condition of a column directly follows that of a row:"
     header = ("", *names)
     rows = [
@@ -140,12 +141,6 @@ def _carryover_lines(shown: Preview) -> Iterator[str]:
         for a, (name, row) in enumerate(zip(names, carryover.counts, strict=True))
     ]
     yield from _table(iter([header, *rows]))
-
-
-def _unbalanced(carryover: CarryOver) -> str:
-    if not any(map(any, carryover.counts)):
-        return "no condition directly follows another within a block"
-    return f"counts differ by up to {carryover.imbalance}"
 
 
 def _advice(shown: Preview) -> str:

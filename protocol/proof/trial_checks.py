@@ -170,16 +170,12 @@ def _blocks(study: Study, plan: Plan) -> Violations:
     blocks = [trial.block for trial in _kinds(plan, "trial", "catch")]
     if blocks != sorted(blocks) or sorted(set(blocks)) != list(range(1, max(blocks) + 1)):
         yield "blocks must be numbered from 1 and follow one another", str(blocks)
-    for number, names in _by_block(plan):
+    for number, trials in groupby(_kinds(plan, "trial"), key=lambda trial: trial.block):
+        names = [trial.condition for trial in trials]
         if len(set(names)) != len(names) and study.design.order != "random":
             yield "a condition must not come twice in a block", f"block {number}: {names}"
     if study.design.order == "fixed" and plan.sequence != study.conditions * study.design.repeats:
         yield "a fixed order must be that of the study file", str(plan.sequence)
-
-
-def _by_block(plan: Plan) -> list[tuple[int, list[str | None]]]:
-    main = _kinds(plan, "trial")
-    return [(n, [t.condition for t in some]) for n, some in groupby(main, key=lambda t: t.block)]
 
 
 def _runs(study: Study, plan: Plan) -> Violations:

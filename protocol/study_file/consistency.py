@@ -35,7 +35,8 @@ def _blank(where: str, named: Sequence[_Named]) -> Iterator[Problem]:
 def _alike(where: str, named: Sequence[_Named]) -> Iterator[Problem]:
     seen: dict[str, _Named] = {}
     for path, name in named:
-        before, first = seen.setdefault(_read(name), (path, name))
+        remembered = " ".join(name.casefold().split())
+        before, first = seen.setdefault(remembered, (path, name))
         if before != path:
             same = first == name
             yield Problem(
@@ -45,11 +46,6 @@ def _alike(where: str, named: Sequence[_Named]) -> Iterator[Problem]:
                 hint="rename one",
                 path=path,
             )
-
-
-def _read(name: str) -> str:
-    """The name as somebody remembers it."""
-    return " ".join(name.casefold().split())
 
 
 def opening_problems(study: Study) -> Iterator[Problem]:

@@ -6,7 +6,6 @@ What finds and tells mistakes is loaded when there are any.
 from collections.abc import Callable, Iterable
 from hashlib import sha256
 from importlib.resources import files
-from typing import Any
 
 from pydantic import ValidationError
 
@@ -68,7 +67,11 @@ def parsed_study(
     document = whole_document(text)
     if isinstance(document, Problem):
         raise StudyError(source, [document])
-    known = _known(document, dialects)
+    own = document.get("languages")
+    codes = own if isinstance(own, dict) else {}
+    known: dict[str, Names] = {"languages": lambda: dict.fromkeys([*built_in_codes(), *codes])}
+    if dialects is not None:
+        known["dialects"] = dialects
     try:
         study = Study.model_validate(document, context=known)
     except ValidationError as error:
@@ -79,16 +82,6 @@ def parsed_study(
     if found := problems(study, further(study)):
         raise StudyError(source, located(text, found))
     return study
-
-
-def _known(document: dict[str, Any], dialects: Names | None) -> dict[str, Names]:
-    """What names there are for a study to choose from."""
-    own = document.get("languages")
-    codes = own if isinstance(own, dict) else {}
-    known: dict[str, Names] = {
-        "languages": lambda: dict.fromkeys([*built_in_codes(), *codes]),
-    }
-    return known if dialects is None else {**known, "dialects": dialects}
 
 
 def text_digest(text: str) -> str:

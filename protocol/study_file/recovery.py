@@ -50,12 +50,12 @@ def semantic_problems(
     found = [*limit_problems(study), *further(study)]
     if not found and _OF_THE_DESIGN.isdisjoint(path[0] for path in unknown if path):
         found = design_problems(study)
-    return broken + [problem for problem in found if not _rests_on(problem.path, unknown)]
 
+    def is_known(path: Path) -> bool:
+        """Whether no unknown value lies at `path`, above it or below it."""
+        return all(path[: len(other)] != other[: len(path)] for other in unknown)
 
-def _rests_on(path: Path, unknown: list[Path]) -> bool:
-    """Whether one of the unknown values lies at `path`, above it or below it."""
-    return any(path[: len(other)] == other[: len(path)] for other in unknown)
+    return broken + [problem for problem in found if is_known(problem.path)]
 
 
 def recovered(document: dict[str, Any], known: Mapping[str, Names]) -> Study | None:

@@ -63,7 +63,8 @@ def _sections(schema: _Schema) -> Iterator[str]:
     records = schema["$defs"]
     for name, entry in schema["properties"].items():
         record = _record(entry, records)
-        yield f"## `{_header(name, entry)}`\n\n{_description(entry, record)}\n"
+        description = entry.get("description") or (record or {})["description"]
+        yield f"## `{_header(name, entry)}`\n\n{description}\n"
         if record:
             yield _table(record)
         if name == "design":
@@ -71,16 +72,12 @@ def _sections(schema: _Schema) -> Iterator[str]:
         if name == "rating":
             yield f"### A band, in `bands`\n\n{_table(records['Band'])}"
         if name == "texts":
-            yield _list(reference_texts())
+            rows = [f"| `{key}` | {text} |" for key, text in reference_texts().items()]
+            yield "\n".join(["| key | built-in text |", "|---|---|", *rows, ""])
         if name == "languages":
             yield _LANGUAGES
     touch = records["Touch"]
     yield f"## A touch, in `touches`\n\n{touch['description']}\n\n{_table(touch).rstrip()}\n"
-
-
-def _list(texts: Mapping[str, str]) -> str:
-    rows = [f"| `{key}` | {text} |" for key, text in texts.items()]
-    return "\n".join(["| key | built-in text |", "|---|---|", *rows, ""])
 
 
 def _header(name: str, entry: _Schema) -> str:
@@ -89,10 +86,6 @@ def _header(name: str, entry: _Schema) -> str:
     if name == "languages":
         return "texts/CODE.toml"
     return f"[{name}.en]` and `[{name}.zh]" if name == "texts" else f"[{name}]"
-
-
-def _description(entry: _Schema, record: _Schema | None) -> str:
-    return str(entry.get("description") or (record or {})["description"])
 
 
 def _record(entry: _Schema, records: _Schema) -> _Schema | None:

@@ -47,9 +47,7 @@ def schema_problems(document: Mapping[str, Any], error: ValidationError) -> list
 
 def follows(entry: Any) -> bool:
     """Return whether a list is called too short only because what it holds is wrong."""
-    if entry["type"] != "too_short":
-        return False
-    return bool(len(entry["input"]) >= entry["ctx"]["min_length"])
+    return bool(entry["type"] == "too_short" and len(entry["input"]) >= entry["ctx"]["min_length"])
 
 
 def _problem(document: Mapping[str, Any], entry: Any) -> Problem:
@@ -67,8 +65,15 @@ def _problem(document: Mapping[str, Any], entry: Any) -> Problem:
         return Problem(where=where, rule="must be given", value="nothing", path=path)
     if entry["type"] == "value_error" and isinstance(entry["input"], Mapping):
         return _disagreement(document, path, entry)
-    value = _shown(entry["input"])
-    hint = _hint(path) or _unit_hint(path, entry) or _meant_choice(entry)
+    value, key = repr(entry["input"]), str(path[-1])
+    if len(value) > 80:
+        value = f"{value[:77]}..."
+    if key.endswith("_v") or key == "voltages_are":
+        hint = _PEAK
+    elif entry["type"] in _OUT_OF_RANGE:
+        hint = unit_hint(path, entry["input"], too_large=entry["type"] == "less_than_equal")
+    else:
+        hint = _meant_choice(entry)
     return Problem(where=where, rule=_rule(entry), value=value, hint=hint, path=path)
 
 
@@ -81,21 +86,11 @@ def _disagreement(document: Mapping[str, Any], path: Path, entry: Any) -> Proble
     return Problem(where=place(document, path), rule=rule, value=value, path=path)
 
 
-def _shown(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 80 else f"{text[:77]}..."
-
-
 def _rule(entry: Any) -> str:
     if entry["type"] in _RULES:
         return _RULES[entry["type"]].format(**entry.get("ctx", {}))
     rule: str = entry["msg"].removeprefix("Value error, ")
     return rule[:1].lower() + rule[1:]
-
-
-def _hint(path: Path) -> str:
-    key = str(path[-1])
-    return _PEAK if key.endswith("_v") or key == "voltages_are" else ""
 
 
 def _meant_choice(entry: Any) -> str:
@@ -105,13 +100,6 @@ def _meant_choice(entry: Any) -> str:
     words = re.findall(r"'([^']*)'", entry["ctx"]["expected"])
     close = get_close_matches(entry["input"].lower(), words, n=1)
     return f"did you mean {close[0]!r}?" if close else ""
-
-
-def _unit_hint(path: Path, entry: Any) -> str:
-    """The unit of a number that is out of its range, or is none."""
-    if entry["type"] not in _OUT_OF_RANGE:
-        return ""
-    return unit_hint(path, entry["input"], too_large=entry["type"] == "less_than_equal")
 
 
 def place(document: Mapping[str, Any], path: Path) -> str:

@@ -181,7 +181,9 @@ class _Scanner:
         if first == "[":
             self._array(path)
         elif first == "{":
-            self._inline_table(path)
+            self.at += 1
+            while self._next_of("}"):
+                self._pair(path)
         else:
             self._taken(_TEXT if first in "\"'" else _PLAIN)
 
@@ -192,11 +194,6 @@ class _Scanner:
             self._seen((*path, index))
             self._value((*path, index))
             index += 1
-
-    def _inline_table(self, path: Path) -> None:
-        self.at += 1
-        while self._next_of("}"):
-            self._pair(path)
 
     def _next_of(self, closing: str) -> bool:
         """Skip to the next element; at the end, past `closing`."""

@@ -1,7 +1,9 @@
 """Commands for a study's journal: status, verify, exclude, amend, withdraw."""
 
+from collections.abc import Iterator
 from contextlib import ExitStack
-from typing import Annotated
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -14,6 +16,9 @@ from runner.cli.options import (
     study_journal,
 )
 from runner.cli.output import print_json, say
+
+if TYPE_CHECKING:
+    from runner.study.old_results import OldResults
 
 app = typer.Typer()
 
@@ -112,7 +117,9 @@ def amend(study: StudyArgument, reason: ReasonOption) -> None:
 
 
 @app.command()
-def withdraw(study: StudyArgument, participant: ParticipantOption) -> None:
+def withdraw(
+    study: StudyArgument, participant: ParticipantOption, as_json: JsonOption = False
+) -> None:
     """Erase a participant's data.
 
     This cannot be undone. The journal keeps the number and times of the events, not their content.
@@ -122,13 +129,33 @@ def withdraw(study: StudyArgument, participant: ParticipantOption) -> None:
     from runner.journal.amendments import withdraw as erase
     from runner.launch.locks import session_lock
     from runner.study.folder import StudyFolder
+    from runner.study.old_results import old_results
 
     folder = StudyFolder(path=study)
     with study_journal(folder, to_write=True) as journal, ExitStack() as stack:
         for name in sessions_of(journal, participant):
             stack.enter_context(session_lock(name, study, "touchbeam withdraw"))
         sessions = erase(journal, WallClock(), participant)
-    say(
-        f"Erased: {', '.join(sessions)}. Make reports and exports again: "
-        "old ones still contain the data."
-    )
+    old = old_results(study, participant)
+    if as_json:
+        print_json({"sessions": sessions, "salted": journal.salted, **asdict(old)})
+        return
+    for line in _withdrawn(sessions, participant, old, salted=journal.salted):
+        say(line)
+
+
+def _withdrawn(
+    sessions: list[str], participant: str, old: "OldResults", *, salted: bool
+) -> Iterator[str]:
+    """Yield what a withdrawal did and what it could not do, line by line."""
+    yield f"Erased: {', '.join(sessions)}."
+    if not salted:
+        yield (
+            "Digests without salt remain in this journal, which an earlier version made: a short "
+            "secret, such as a consent reference, can be found by trying all of them."
+        )
+    for result in old.holding:
+        yield f"Still contains {participant}: {result}. Make it again or delete it."
+    if old.unsearched:
+        yield f"Not searched, because too large, too many or unreadable: {old.unsearched} files."
+    yield "Copies, backups, and reports and exports kept elsewhere may still contain the data."

@@ -1,14 +1,17 @@
 """Termination signals as exceptions, so that every exit of the program runs the same cleanup."""
 
 import signal
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
 from protocol.errors import BadInput, WorkFailed
 
-# SIGHUP and SIGQUIT do not exist on Windows.
+# SIGHUP, SIGQUIT and SIGALRM do not exist on Windows.
 _SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT")
+_AGAIN_S = 0.01
+"""Time until a stop request is raised again that could not be raised, or got lost."""
 
 
 class Stopped(WorkFailed):
@@ -23,20 +26,42 @@ class _Stop:
         self.raised = False
         self.shields = 0
 
-    def handle(self, number: int, _frame: FrameType | None = None) -> None:
+    def handle(self, number: int, frame: FrameType | None = None) -> None:
         """Take the first signal as the request; ignore later ones.
 
         Python calls this in the main thread, between any two bytecode instructions.
         """
         if self.request is None:
             self.request = Stopped(f"stopped by {signal.Signals(number).name}")
-        self.raise_request()
+        # An interrupted import prints tracebacks of its own, or leaves half a module.
+        if not (_importing(frame) and self.raise_later()):
+            self.raise_request()
+
+    def raise_later(self) -> bool:
+        """Have `handle` called again in a moment; return whether this system can do so."""
+        timer = hasattr(signal, "setitimer")
+        if timer:
+            signal.setitimer(signal.ITIMER_REAL, _AGAIN_S)
+        return timer
+
+    def lost(self, error: BaseException | None) -> bool:
+        """Return whether `error`, which Python ignores, was the request; raise it again if so."""
+        if error is None or error is not self.request:
+            return False
+        self.raised = False
+        return self.raise_later()
 
     def raise_request(self) -> None:
         """Raise the request once, unless it is deferred."""
         if self.request is not None and not self.raised and self.shields == 0:
             self.raised = True
             raise self.request
+
+
+def _importing(frame: FrameType | None) -> bool:
+    while frame is not None and "importlib._bootstrap" not in frame.f_code.co_filename:
+        frame = frame.f_back
+    return frame is not None
 
 
 _stop = _Stop()
@@ -60,8 +85,11 @@ def signals_raise() -> Iterator[None]:
     """
     global _stop  # noqa: PLW0603 - see _Stop
     _stop = _Stop()
-    numbers = [getattr(signal, name) for name in _SIGNALS if hasattr(signal, name)]
+    names = (*_SIGNALS, "SIGALRM")
+    numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
     before = {number: signal.signal(number, _stop.handle) for number in numbers}
+    hook, lost = sys.unraisablehook, _stop.lost
+    sys.unraisablehook = lambda ignored: None if lost(ignored.exc_value) else hook(ignored)
     try:
         yield
     except (WorkFailed, BadInput, OSError):  # more important than the stop: an unknown output
@@ -71,6 +99,9 @@ def signals_raise() -> Iterator[None]:
             raise
         raise _stop.request from error
     finally:
+        sys.unraisablehook = hook
+        if hasattr(signal, "setitimer"):
+            signal.setitimer(signal.ITIMER_REAL, 0)
         for number, handler in before.items():
             signal.signal(number, handler)
         _stop = _Stop()

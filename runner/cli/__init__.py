@@ -6,7 +6,21 @@ Public face: `app.app`. `main` is the entry point of the installed command.
 
 def main() -> None:
     """Run touchbeam's command line."""
-    # Imported here to keep the import of this package cheap.
-    from runner.cli.app import main as run
+    # Imported here to keep the import of this package cheap, and signals first: Ctrl-C must not
+    # end in a traceback while the rest is imported.
+    try:
+        import signal
 
+        signal.signal(signal.SIGINT, _stop)
+        from runner.cli.app import main as run
+    except KeyboardInterrupt:
+        _stop()
     run()
+
+
+def _stop(*_: object) -> None:
+    """End the process before a command begins, when there is nothing to clean up."""
+    import os
+
+    os.write(2, b"touchbeam: stopped by SIGINT\n")
+    os._exit(1)

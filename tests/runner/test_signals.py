@@ -4,8 +4,10 @@ import itertools
 import os
 import signal
 import sys
+import time
 from collections.abc import Callable
 from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 from types import FrameType
 
@@ -49,6 +51,34 @@ def test_a_second_signal_changes_nothing() -> None:
 
     assert "SIGTERM" in stopped_by(body)
     assert done == ["device off"]
+
+
+def test_a_signal_during_an_import_stops_after_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    code = "import os, signal, time\nos.kill(os.getpid(), signal.SIGINT)\ntime.sleep(0.05)\n"
+    (tmp_path / "interrupted_module.py").write_text(code)
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def body() -> None:
+        import_module("interrupted_module")
+        time.sleep(5)
+
+    assert stopped_by(body) == "stopped by SIGINT"
+    assert sys.modules.pop("interrupted_module").time is time, "it is imported as a whole"
+
+
+def test_a_signal_in_a_finalizer_is_not_lost(capsys: pytest.CaptureFixture[str]) -> None:
+    class Finalized:
+        def __del__(self) -> None:
+            send(signal.SIGINT)
+
+    def body() -> None:
+        Finalized()
+        time.sleep(5)
+
+    assert stopped_by(body) == "stopped by SIGINT"
+    assert capsys.readouterr().err == ""
 
 
 def test_a_signal_is_deferred_to_the_end_of_the_block() -> None:

@@ -38,7 +38,7 @@ def device_probe(url: UrlArgument, as_json: JsonOption = False) -> None:
     from runner.launch.locks import rig_lock
     from runner.launch.probe import probed
 
-    with rig_lock(url, "touchbeam device probe"):
+    with rig_lock(url):
         status = probed(url, touchbeam_command())
     if as_json:
         print_json(status)
@@ -68,7 +68,7 @@ def device_sweep(
     from runner.launch.locks import rig_lock
     from runner.launch.probe import kept, swept
 
-    with rig_lock(url, "touchbeam device sweep"):
+    with rig_lock(url):
         found, idn = swept(url, near, dialect, touchbeam_command())
     file = kept(keep, found, idn) if keep else None
     if as_json:

@@ -91,7 +91,7 @@ def exclude(
     name = session_name(participant, session)
     with (
         study_journal(StudyFolder(path=study), to_write=True) as journal,
-        session_lock(name, study, "touchbeam exclude"),
+        session_lock(name, study),
     ):
         if trial is None:
             exclude_session(journal, WallClock(), name, reason)
@@ -134,7 +134,7 @@ def withdraw(
     folder = StudyFolder(path=study)
     with study_journal(folder, to_write=True) as journal, ExitStack() as stack:
         for name in sessions_of(journal, participant):
-            stack.enter_context(session_lock(name, study, "touchbeam withdraw"))
+            stack.enter_context(session_lock(name, study))
         sessions = erase(journal, WallClock(), participant)
     old = old_results(study, participant)
     if as_json:

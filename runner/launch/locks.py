@@ -1,8 +1,12 @@
-"""Locks that allow one session per rig, and one process per session, at a time."""
+"""Locks that allow one session per rig, and one process per session, at a time.
+
+Their files may outlive the process. They contain its number and nothing else, and their names tell
+nothing about participants: an erased participant leaves no trace here.
+"""
 
 import hashlib
-import json
 import os
+import shlex
 import socket
 import stat
 import tempfile
@@ -16,6 +20,7 @@ from filelock import FileLock, Timeout
 
 from protocol.address import SIMULATED
 from protocol.errors import WorkFailed
+from protocol.study.fields import printable
 
 _ON_A_NETWORK = {"socket", "rfc2217"}
 COMMON = Path("/tmp")  # noqa: S108 - the locks are in a folder that only the user can open
@@ -30,40 +35,39 @@ class UnsafeFolder(WorkFailed):
 
 
 @contextmanager
-def rig_lock(url: str, holder: str, common: Path = COMMON) -> Iterator[None]:
+def rig_lock(url: str, common: Path = COMMON) -> Iterator[None]:
     """Lock the rig, identified by its real device or host address, while the body runs.
 
     The simulated rig needs no lock: each session has its own.
 
     Args:
         url: a serial port's path or URL.
-        holder: the session's name and the study's folder, shown to others who want the rig.
         common: a folder that every process of this user finds.
 
     Raises:
-        RigInUse: another process holds the rig; the message names its session.
+        RigInUse: another process holds the rig; the message gives its command.
         UnsafeFolder: other users can open the folder of the locks.
     """
-    lock = _lock(url, holder, _address(url), common) if url != SIMULATED else nullcontext()
+    lock = _lock(url, _address(url), common) if url != SIMULATED else nullcontext()
     with lock:
         yield
 
 
 @contextmanager
-def _lock(what: str, holder: str, identity: str, common: Path) -> Iterator[None]:
+def _lock(what: str, identity: str, common: Path) -> Iterator[None]:
     """Lock `what`, identified by `identity`; the system releases the lock if the process dies."""
     folder = _folder(common)
     # Session names and rig addresses may contain any character; file names may not.
     name = hashlib.sha256(identity.encode()).hexdigest()[:24]
-    lock, holder_file = FileLock(folder / f"{name}.lock"), folder / f"{name}.json"
+    lock, holder_file = FileLock(folder / f"{name}.lock"), folder / f"{name}.process"
     try:
         lock.acquire(timeout=0)
     except Timeout:
         raise RigInUse(
-            f"{what} is in use by {_read_holder(holder_file)}; end that session first"
+            f"{what} is in use by {_holder(holder_file)}; end that session first"
         ) from None
     try:
-        _write_holder(holder_file, holder)
+        _write_holder(holder_file)
         yield
     finally:
         holder_file.unlink(missing_ok=True)  # before the release: the next holder writes its own
@@ -71,7 +75,7 @@ def _lock(what: str, holder: str, identity: str, common: Path) -> Iterator[None]
 
 
 @contextmanager
-def session_lock(session: str, study: Path, holder: str) -> Iterator[None]:
+def session_lock(session: str, study: Path) -> Iterator[None]:
     """Lock a session of the study in the folder `study`, identified by the folder's inode.
 
     Raises:
@@ -79,9 +83,20 @@ def session_lock(session: str, study: Path, holder: str) -> Iterator[None]:
         UnsafeFolder: other users can open the folder of the locks.
     """
     place = study.stat()
-    identity = f"session {session} of {place.st_dev}:{place.st_ino}"
-    with _lock(f"session {session} of {study.resolve()}", holder, identity, COMMON):
+    identity = f"session {session} of {place.st_dev}:{place.st_ino} {_boot()}"
+    with _lock(f"session {session} of {study.resolve()}", identity, COMMON):
         yield
+
+
+def _boot() -> str:
+    """Return the random name of this run of the system, if it has one.
+
+    No file keeps it, so after the next start nobody can find a session's name from its lock's.
+    """
+    try:
+        return Path("/proc/sys/kernel/random/boot_id").read_text("ascii")
+    except OSError:
+        return ""
 
 
 def _address(url: str) -> str:
@@ -110,20 +125,25 @@ def _one_spelling(host: str | int) -> str:
     return "this machine" if here else str(found)
 
 
-def _write_holder(path: Path, holder: str) -> None:
+def _write_holder(path: Path) -> None:
     """Write the holder of a lock to a new file, never through a link in its place."""
     path.unlink(missing_ok=True)
-    with path.open("x", encoding="utf-8") as file:
-        json.dump({"holder": holder, "process": os.getpid()}, file)
+    with path.open("x", encoding="ascii") as file:
+        file.write(str(os.getpid()))
 
 
-def _read_holder(path: Path) -> str:
+def _holder(path: Path) -> str:
+    """Return the process that holds a lock, with its command and folder as the system has them."""
+    import psutil
+
     try:
-        with open(path, encoding="utf-8", opener=_open_no_link) as file:
-            holder = json.load(file)
-    except (OSError, ValueError):
+        with open(path, encoding="ascii", opener=_open_no_link) as file:
+            process = psutil.Process(int(file.read(20)))
+        command, place = process.cmdline(), process.cwd()
+    except (OSError, ValueError, psutil.Error):
         return "another session"
-    return f"{holder['holder']} (process {holder['process']})"
+    words = " ".join(shlex.join(command[1:]).split())
+    return printable(f"{words} in {place} (process {process.pid})")
 
 
 def _open_no_link(path: str, flags: int) -> int:

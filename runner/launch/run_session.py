@@ -160,9 +160,8 @@ def _context(request: _Request, say: Say, stack: ExitStack) -> SessionContext:
     the participant has read the last page; the locks are released after both.
     """
     options, name = request.options, request.name
-    place = options.folder.path.resolve()
-    stack.enter_context(session_lock(name, place, name))
-    stack.enter_context(rig_lock(request.url, f"{name} of {place}"))
+    stack.enter_context(session_lock(name, options.folder.path))
+    stack.enter_context(rig_lock(request.url))
     # The window before the rig: without a window to instruct the participant nothing is driven.
     window = stack.enter_context(_window(request))
     calibration = options.calibration or kept_calibration(options.folder.path)

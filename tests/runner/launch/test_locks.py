@@ -1,36 +1,86 @@
 """Locks: one session per rig, and one process per session, at a time."""
 
+import hashlib
 import os
+import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
 from runner.launch.locks import RigInUse, UnsafeFolder, rig_lock, session_lock
 
+HERE = rf"in use by .+ in {re.escape(str(Path.cwd()))} \(process {os.getpid()}\); end that"
 
-def test_a_second_session_learns_which_one_uses_the_rig() -> None:
+
+@contextmanager
+def started(study: Path, ending: str) -> Iterator[subprocess.Popen[str]]:
+    """Start a process that locks a rig and a session of `study`, says so, and does `ending`."""
     program = (
-        "from runner.launch.locks import rig_lock\n"
-        "with rig_lock('/dev/test-rig', 'P02/1 of /study'): pass\n"
+        "import os, sys; from pathlib import Path; from runner.launch import locks\n"
+        "locks.COMMON = Path.cwd().parent\n"
+        "with locks.session_lock('P01/1', Path()), locks.rig_lock('/dev/test-rig', locks.COMMON):\n"
+        f"    print('locked', flush=True); {ending}\n"
     )
-    with rig_lock("/dev/test-rig", "P01/1 of /study"):
-        second = subprocess.run(
-            [sys.executable, "-c", program], capture_output=True, text=True, check=False
-        )
-    assert "/dev/test-rig is in use by P01/1 of /study (process" in second.stderr
-    with rig_lock("/dev/test-rig", "P03/1 of /study"):
+    command = [sys.executable, "-c", program, "--participant", "P01"]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, cwd=study, text=True, stdin=pipe, stdout=pipe) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "locked\n"
+        yield process
+        process.communicate("")
+
+
+@pytest.fixture
+def study(locks: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a study's folder; the folder of the locks is beside it."""
+    monkeypatch.setattr("runner.launch.locks.COMMON", locks.parent)
+    folder = locks.with_name("study")
+    folder.mkdir()
+    return folder
+
+
+def test_a_second_session_learns_which_one_uses_the_rig(study: Path) -> None:
+    with started(study, "sys.stdin.read()") as first:
+        used = f"is in use by .* --participant P01 in {study} .process {first.pid}.; end that"
+        with (
+            pytest.raises(RigInUse, match=f"/dev/test-rig {used}"),
+            rig_lock("/dev/test-rig", study.parent),
+        ):
+            pass
+        with (
+            pytest.raises(RigInUse, match=f"session P01/1 of {study} {used}"),
+            session_lock("P01/1", study),
+        ):
+            pass
+    with rig_lock("/dev/test-rig", study.parent), session_lock("P01/1", study):
         pass
+
+
+@pytest.mark.parametrize("ending", ["os._exit(7)", "os.kill(os.getpid(), 9)", "pass"])
+def test_the_files_of_a_lock_tell_nothing_about_a_participant(
+    locks: Path, study: Path, ending: str
+) -> None:
+    with started(study, ending) as process:
+        pass
+    held = {path.name: path.read_text() for path in locks.iterdir()}
+    assert set(held.values()) == ({"", str(process.pid)} if ending != "pass" else {""})
+    place = study.stat()
+    identity = f"session P01/1 of {place.st_dev}:{place.st_ino}".encode()
+    for known in (identity, identity + b" "):
+        name = hashlib.sha256(known).hexdigest()
+        assert not any(name.startswith(Path(file).stem) for file in held)
 
 
 def test_the_same_process_cannot_lock_a_rig_twice() -> None:
     with (
-        rig_lock("/dev/test-rig-2", "first"),
-        pytest.raises(RigInUse, match="in use by first"),
-        rig_lock("/dev/test-rig-2", "second"),
+        rig_lock("/dev/test-rig-2"),
+        pytest.raises(RigInUse, match=HERE),
+        rig_lock("/dev/test-rig-2"),
     ):
         pass
 
@@ -50,16 +100,16 @@ def test_a_rig_is_locked_under_all_its_addresses(tmp_path: Path) -> None:
         ("socket://[2001:db8::5]:50251", "socket://[2001:DB8:0:0::5]:50251"),
     ]:
         with (
-            rig_lock(first, "first"),
-            pytest.raises(RigInUse, match="in use by first"),
-            rig_lock(second, "second"),
+            rig_lock(first),
+            pytest.raises(RigInUse, match=HERE),
+            rig_lock(second),
         ):
             pass
     with (
-        rig_lock("socket://localhost:50251", "one"),
-        rig_lock("socket://localhost:50252", "two"),
-        rig_lock("socket://192.0.2.5:50251", "three"),
-        rig_lock("socket://[2001:db8::5]:50251", "four"),
+        rig_lock("socket://localhost:50251"),
+        rig_lock("socket://localhost:50252"),
+        rig_lock("socket://192.0.2.5:50251"),
+        rig_lock("socket://[2001:db8::5]:50251"),
     ):
         pass
 
@@ -68,17 +118,17 @@ def test_a_rig_is_locked_under_all_its_addresses(tmp_path: Path) -> None:
     "url", ["socket://127.0.0.1:port", "socket://", "socket://[bad:5025", "spy:///dev/x", ""]
 )
 def test_an_invalid_address_can_be_locked(url: str) -> None:
-    with rig_lock(url, "first"), pytest.raises(RigInUse), rig_lock(url, "second"):
+    with rig_lock(url), pytest.raises(RigInUse), rig_lock(url):
         pass
 
 
 def test_the_lock_of_a_dead_process_is_released() -> None:
     program = (
         "import os\nfrom runner.launch.locks import rig_lock\n"
-        "with rig_lock('/dev/test-rig-3', 'dead'): os._exit(7)\n"
+        "with rig_lock('/dev/test-rig-3'): os._exit(7)\n"
     )
     assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 7
-    with rig_lock("/dev/test-rig-3", "alive"):
+    with rig_lock("/dev/test-rig-3"):
         pass
 
 
@@ -89,17 +139,17 @@ def test_a_session_is_locked_under_all_paths_of_its_folder(
     study.mkdir()
     other.mkdir()
     (tmp_path / "link").symlink_to(study)
-    with session_lock("P01/1", study, "the first"):
+    with session_lock("P01/1", study):
         monkeypatch.setenv("TMPDIR", str(other))
         monkeypatch.setattr(tempfile, "tempdir", None)
         study.rename(tmp_path / "renamed")
         (tmp_path / "renamed").rename(study)
         with (
-            pytest.raises(RigInUse, match=r"session P01/1 of .*study is in use by the first"),
-            session_lock("P01/1", tmp_path / "link", "the second"),
+            pytest.raises(RigInUse, match=r"session P01/1 of .*study is " + HERE),
+            session_lock("P01/1", tmp_path / "link"),
         ):
             pass
-        with session_lock("P01/1", other, "another study"), session_lock("P02/1", study, "P02"):
+        with session_lock("P01/1", other), session_lock("P02/1", study):
             pass
 
 
@@ -138,10 +188,10 @@ def test_a_folder_that_others_can_write_to_is_refused(
     take(locks)
     with (
         pytest.raises(UnsafeFolder, match=f"{locks}: must be a folder that only .* got {found}; "),
-        rig_lock("/dev/test-rig", "first", locks.parent),
+        rig_lock("/dev/test-rig", locks.parent),
     ):
         pass
-    assert not [path for path in locks.parent.rglob("*") if path.suffix in {".json", ".lock"}]
+    assert not [path for path in locks.parent.rglob("*") if path.suffix in {".process", ".lock"}]
 
 
 def test_the_folder_of_another_user_is_not_used(
@@ -151,7 +201,7 @@ def test_the_folder_of_another_user_is_not_used(
     monkeypatch.setattr(os, "getuid", lambda: other)
     with (
         pytest.raises(UnsafeFolder, match=f"touchbeam-held-{other}: .* got a folder of another us"),
-        rig_lock("/dev/test-rig", "first", locks.parent),
+        rig_lock("/dev/test-rig", locks.parent),
     ):
         pass
     assert not locks.exists()
@@ -163,35 +213,35 @@ def test_the_runtime_folder_is_used_if_the_common_one_is_taken(
     runtime = tmp_path / "runtime"
     runtime.mkdir(mode=0o700)
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(runtime))
-    with rig_lock("/dev/test-rig", "first", locks.parent):
+    with rig_lock("/dev/test-rig", locks.parent):
         monkeypatch.delenv("XDG_RUNTIME_DIR")
         with (
-            pytest.raises(RigInUse, match="in use by first"),
-            rig_lock("/dev/test-rig", "second", locks.parent),
+            pytest.raises(RigInUse, match=HERE),
+            rig_lock("/dev/test-rig", locks.parent),
         ):
             pass
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(runtime))
     locks.chmod(0o777)
     with (
-        rig_lock("/dev/test-rig", "first", locks.parent),
-        pytest.raises(RigInUse, match="in use by first"),
-        rig_lock("/dev/test-rig", "second", locks.parent),
+        rig_lock("/dev/test-rig", locks.parent),
+        pytest.raises(RigInUse, match=HERE),
+        rig_lock("/dev/test-rig", locks.parent),
     ):
         assert {path.suffix for path in (runtime / "touchbeam-held").iterdir()} == {
-            ".json",
+            ".process",
             ".lock",
         }
     runtime.chmod(0o777)
     with (
         pytest.raises(UnsafeFolder, match="a folder with mode 0777"),
-        rig_lock("/dev/test-rig", "first", locks.parent),
+        rig_lock("/dev/test-rig", locks.parent),
     ):
         pass
 
 
 def _made(locks: Path, suffix: str) -> Path:
     """Return the file with `suffix` that locking a rig creates."""
-    with rig_lock("/dev/test-rig", "first", locks.parent):
+    with rig_lock("/dev/test-rig", locks.parent):
         return next(locks.glob(f"*{suffix}"))
 
 
@@ -201,26 +251,26 @@ def test_the_holder_is_not_written_through_a_link(
 ) -> None:
     thesis = tmp_path / "thesis.tex"
     thesis.write_text("a chapter")
-    put(_made(locks, ".json"), thesis)
+    put(_made(locks, ".process"), thesis)
     with (
-        rig_lock("/dev/test-rig", "first", locks.parent),
-        pytest.raises(RigInUse, match="in use by first"),
-        rig_lock("/dev/test-rig", "second", locks.parent),
+        rig_lock("/dev/test-rig", locks.parent),
+        pytest.raises(RigInUse, match=HERE),
+        rig_lock("/dev/test-rig", locks.parent),
     ):
         pass
     assert thesis.read_text() == "a chapter"
 
 
 def test_the_holder_is_not_read_through_a_link(locks: Path, tmp_path: Path) -> None:
-    other = tmp_path / "other.json"
+    other = tmp_path / "other.process"
     other.write_text('{"holder": "another user", "process": 1}')
-    with rig_lock("/dev/test-rig", "first", locks.parent):
-        holder_file = next(locks.glob("*.json"))
+    with rig_lock("/dev/test-rig", locks.parent):
+        holder_file = next(locks.glob("*.process"))
         holder_file.unlink()
         holder_file.symlink_to(other)
         with (
             pytest.raises(RigInUse, match="in use by another session"),
-            rig_lock("/dev/test-rig", "second", locks.parent),
+            rig_lock("/dev/test-rig", locks.parent),
         ):
             pass
 
@@ -231,6 +281,6 @@ def test_a_lock_that_is_a_link_changes_no_file(locks: Path, tmp_path: Path) -> N
     lock = _made(locks, ".lock")
     lock.unlink(missing_ok=True)
     lock.symlink_to(thesis)
-    with pytest.raises(OSError, match=lock.name), rig_lock("/dev/test-rig", "first", locks.parent):
+    with pytest.raises(OSError, match=lock.name), rig_lock("/dev/test-rig", locks.parent):
         pass
     assert thesis.read_text() == "a chapter"

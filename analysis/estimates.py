@@ -19,7 +19,7 @@ Interval: TypeAlias = tuple[float, float]
 Json: TypeAlias = dict[str, Any]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class NotEstimable:
     """The reason why the data do not determine an estimate, returned in its place.
 

@@ -16,7 +16,7 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from analysis.estimates import FloatArray
+from analysis.estimates import FloatArray, Interval
 from analysis.report.figure_data import Course, Gains, Raincloud, Scatter
 from analysis.report.findings import Scale
 
@@ -49,11 +49,7 @@ _MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 _GREY = "#767676"
 _DASHES: tuple[Any, ...] = ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1)), "-")
 _FONT = "DejaVu Sans"
-_REPRODUCIBLE: Any = {
-    "svg.hashsalt": "touchbeam",
-    "svg.fonttype": "path",
-    "font.family": _FONT,
-}
+_REPRODUCIBLE: Any = {"svg.hashsalt": "touchbeam", "svg.fonttype": "path", "font.family": _FONT}
 _STYLE: Any = {
     **_REPRODUCIBLE,
     "font.size": 10,
@@ -105,8 +101,7 @@ def raincloud_figure(data: Raincloud, words: Words) -> Drawing:
         )
         axes.plot(places, data.means, "D", color=_COLOURS[1], markersize=8, label="mean")
         axes.set_xticks(places, _labels(data.table.conditions, "condition"))
-        _limit(axes, data.scale)
-        axes.set_ylabel(f"score, {data.scale}")
+        axes.set(ylim=_limits(data.scale), ylabel=f"score, {data.scale}")
         axes.legend(loc="lower left", frameon=False)
 
     return _drawing(words, draw)
@@ -133,9 +128,8 @@ def scatter_figure(data: Scatter, words: Words) -> Drawing:
         if data.line is not None:
             ends = np.array([ratings.contrast.min(), ratings.contrast.max()])
             axes.plot(ends, data.line[0] + data.line[1] * ends, color="black", label="group (M1)")
-        _limit(axes, data.scale)
+        axes.set(ylim=_limits(data.scale), ylabel=f"rating, {data.scale}")
         axes.set_xlabel("predicted contrast, change of log friction")
-        axes.set_ylabel(f"rating, {data.scale}")
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
 
     return _drawing(words, draw)
@@ -179,10 +173,9 @@ def course_figure(data: Course, words: Words) -> Drawing:
         axes.errorbar(
             data.places, data.means, yerr=errors, fmt="o-", color=_COLOURS[0], markersize=5
         )
-        _limit(axes, data.scale)
+        axes.set(ylim=_limits(data.scale), ylabel="mean score ± standard error")
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.set_xlabel("place among the session's scored trials")
-        axes.set_ylabel("mean score ± standard error")
 
     return _drawing(words, draw)
 
@@ -195,10 +188,7 @@ def panels_figure(panels: Sequence[Panel], kind: str = "svg") -> bytes:
         _draw_panel(figure.add_subplot(rows, columns, place), panel)
     if kind == "svg":
         return _reproducible_svg(figure).encode()
-    out = io.BytesIO()
-    stamp = {"Software": None} if kind == "png" else {"CreationDate": None}
-    figure.savefig(out, format=kind, dpi=150, metadata=stamp)
-    return out.getvalue()
+    return _saved(figure, kind, "Software" if kind == "png" else "CreationDate")
 
 
 def _draw_panel(axes: Axes, panel: Panel) -> None:
@@ -208,8 +198,7 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
         for name, x, y in zip(series.names, series.x, series.y, strict=False):
             axes.annotate(name, (x, y), xytext=(4, 4), textcoords="offset points", fontsize=7)
     axes.set_title(panel.title, fontsize=9)
-    axes.set_xlabel(panel.x_label)
-    axes.set_ylabel(panel.y_label)
+    axes.set(xlabel=panel.x_label, ylabel=panel.y_label)
     if panel.logarithmic_x:
         axes.set_xscale("log")
         axes.margins(x=0.25)
@@ -217,9 +206,9 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
         axes.legend(frameon=False, fontsize=7)
 
 
-def _limit(axes: Axes, scale: Scale) -> None:
-    """Show the whole scale, with a margin for points at its ends."""
-    axes.set_ylim(scale.lowest - 0.05 * scale.span, scale.highest + 0.07 * scale.span)
+def _limits(scale: Scale) -> Interval:
+    """Return the ends of an axis with the whole scale and a margin for points at its ends."""
+    return scale.lowest - 0.05 * scale.span, scale.highest + 0.07 * scale.span
 
 
 def _cloud(axes: Axes, place: float, scores: FloatArray, scale: Scale) -> None:
@@ -253,28 +242,25 @@ def _known_characters() -> frozenset[int]:
 def _labels(names: tuple[str, ...], what: str) -> list[str]:
     """Return axis labels, with a number in place of a name that the font cannot draw."""
     return [
-        _short(name)
+        (name if len(name) <= 16 else f"{name[:15]}…")
         if all(ord(letter) in _known_characters() for letter in name)
         else f"{what} {number}"
         for number, name in enumerate(names, start=1)
     ]
 
 
-def _short(name: str) -> str:
-    return name if len(name) <= 16 else f"{name[:15]}…"
-
-
 def _drawing(words: Words, draw: Callable[[Axes], None]) -> Drawing:
     with rc_context(_STYLE):
         figure = Figure(figsize=(_WIDTH_IN, 3.8), layout="constrained")
         draw(figure.add_subplot())
-        return Drawing(name=words.name, svg=_svg(figure, words), png=_png(figure))
+        return Drawing(name=words.name, svg=_svg(figure, words), png=_saved(figure))
 
 
-def _png(figure: Figure) -> bytes:
+def _saved(figure: Figure, kind: str = "png", stamp: str = "Software") -> bytes:
+    """Return the figure without the `stamp` that would change from one time to the next."""
     out = io.BytesIO()
     FigureCanvasAgg(figure)
-    figure.savefig(out, format="png", dpi=_DOTS_PER_INCH, metadata={"Software": None})
+    figure.savefig(out, format=kind, dpi=_DOTS_PER_INCH, metadata={stamp: None})
     return out.getvalue()
 
 

@@ -4,12 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.estimates import FloatArray, IntArray
+from analysis.estimates import FloatArray, IntArray, NotEstimable
 from analysis.loading.score_table import ScoreTable
 from analysis.report.findings import Findings, Scale
 from analysis.sensitivity.linear_model import LinearSensitivity
 from analysis.sensitivity.lines import Lines
-from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.sensitivity.ratings import Ratings
 from analysis.trials.trial_statistics import TrialStatistics
 
@@ -67,9 +66,7 @@ def thinned(count: int, most: int) -> IntArray:
     >>> thinned(9, 4)
     array([0, 2, 4, 6])
     """
-    if count <= most:
-        return np.arange(count)
-    return np.arange(most) * count // most
+    return np.arange(count) if count <= most else np.arange(most) * count // most
 
 
 def raincloud(found: Findings) -> Raincloud:
@@ -93,11 +90,8 @@ def scatter(found: Findings) -> Scatter | None:
 
 def gains(trials: TrialStatistics) -> Gains | None:
     """Return each model's lines, or None if neither M1 nor M2 was fitted."""
-    models = {}
-    if isinstance(trials.m1, LinearSensitivity):
-        models["M1"] = trials.m1.lines
-    if isinstance(trials.m2, OrdinalSensitivity):
-        models["M2"] = trials.m2.lines
+    fits = {"M1": trials.m1, "M2": trials.m2}
+    models = {name: fit.lines for name, fit in fits.items() if not isinstance(fit, NotEstimable)}
     if not models:
         return None
     count = len(next(iter(models.values())).subjects)

@@ -9,7 +9,7 @@ from analysis.estimates import FloatArray, IntArray, Interval, NotEstimable
 from analysis.sensitivity.ratings import Ratings
 
 _POOLED = NotEstimable(
-    reason="trials of several subjects are pooled, and trials of one subject are not independent"
+    "trials of several subjects are pooled, and trials of one subject are not independent"
 )
 
 
@@ -69,10 +69,10 @@ def drift(ratings: Ratings, position: IntArray) -> Drift | NotEstimable:
     full = _fit(trials, np.column_stack([_dummies(trials.condition), place]))
     if full.rank == base.rank:
         return NotEstimable(
-            reason="subject and condition determine the position, so drift cannot be separated"
+            "subject and condition determine the position, so drift cannot be separated"
         )
     if full.df < 1:
-        return NotEstimable(reason="there is no residual to test the drift against")
+        return NotEstimable("there is no residual to test the drift against")
     slope = full.last_coefficient
     spread = np.sqrt(full.squares / full.df) / full.last_norm
     half = float(stdtrit(full.df, 0.975)) * spread
@@ -92,7 +92,7 @@ def carry_over(ratings: Ratings, previous: IntArray) -> FTest | NotEstimable:
     """
     followed = ~np.isnan(ratings.rating) & (previous >= 0)
     if not followed.any():
-        return NotEstimable(reason="no rated trial follows another")
+        return NotEstimable("no rated trial follows another")
     return _test_of(ratings.where(followed), previous[followed])
 
 
@@ -100,7 +100,7 @@ def order_effect(ratings: Ratings, position: IntArray) -> FTest | NotEstimable:
     """Return the test of the trial's position, as a factor, or why it is not possible."""
     scored = ~np.isnan(ratings.rating)
     if not scored.any():
-        return NotEstimable(reason="no trial was rated")
+        return NotEstimable("no trial was rated")
     return _test_of(ratings.where(scored), position[scored])
 
 
@@ -113,7 +113,7 @@ def proportion(count: int, trials: int) -> Proportion | NotEstimable:
     if not 0 <= count <= trials:
         raise ValueError(f"count must lie in [0, {trials}], got {count}")
     if trials == 0:
-        return NotEstimable(reason="there were no such trials")
+        return NotEstimable("there were no such trials")
     low = float(betaincinv(count, trials - count + 1, 0.025)) if count > 0 else 0.0
     high = float(betaincinv(count + 1, trials - count, 0.975)) if count < trials else 1.0
     return Proportion(count=count, trials=trials, share=count / trials, interval=(low, high))
@@ -133,9 +133,9 @@ def discrimination(
     """
     hit, alarm = proportion(*hits), proportion(*false_alarms)
     if isinstance(hit, NotEstimable):
-        return NotEstimable(reason="there were no signal trials")
+        return NotEstimable("there were no signal trials")
     if isinstance(alarm, NotEstimable):
-        return NotEstimable(reason="there were no catch trials")
+        return NotEstimable("there were no catch trials")
     z_hit, z_alarm = (float(ndtri((p.count + 0.5) / (p.trials + 1))) for p in (hit, alarm))
     return Discrimination(
         hits=hit if people == 1 else replace(hit, interval=_POOLED),
@@ -161,11 +161,9 @@ def _test_of(trials: Ratings, group: IntArray) -> FTest | NotEstimable:
     with_effect = _fit(trials, np.column_stack([condition, _dummies(group)]))
     df = (with_effect.rank - without.rank, with_effect.df)
     if df[0] < 1:
-        return NotEstimable(
-            reason="subject and condition determine the effect, so it cannot be separated"
-        )
+        return NotEstimable("subject and condition determine the effect, so it cannot be separated")
     if df[1] < 1 or with_effect.squares <= 1e-20 * max(1.0, without.squares):
-        return NotEstimable(reason="there is no residual to test the effect against")
+        return NotEstimable("there is no residual to test the effect against")
     f = (without.squares - with_effect.squares) / df[0] / (with_effect.squares / df[1])
     return FTest(f=f, df=df, p=float(fdtrc(*df, max(f, 0.0))))
 

@@ -89,14 +89,14 @@ def _check_answers(ratings: Ratings, answer: IntArray) -> None:
 
 def _refusal(trials: Ratings, answer: IntArray) -> NotEstimable | None:
     if not (trials.contrast <= 0).any():
-        return NotEstimable(reason="the study has no catch or opposite trials with an answer")
+        return NotEstimable("the study has no catch or opposite trials with an answer")
     if not (trials.contrast > 0).any():
-        return NotEstimable(reason="no trial has an expected change")
+        return NotEstimable("no trial has an expected change")
     if (answer == EXPECTED).all():
-        return NotEstimable(reason="every answer was the expected change, even without one")
+        return NotEstimable("every answer was the expected change, even without one")
     different = len(np.unique(trials.rating[answer == EXPECTED]))
     if different < 3:
-        return NotEstimable(reason=f"at least 3 different ratings are needed, got {different}")
+        return NotEstimable(f"at least 3 different ratings are needed, got {different}")
     return None
 
 

@@ -133,7 +133,7 @@ def linear_sensitivity(ratings: Ratings) -> LinearSensitivity | NotEstimable:
     sums = line_sums(trials.subject, len(trials.subjects), x, y)
     if not _has_residual(trials, sums):
         return NotEstimable(
-            reason="each subject's ratings lie exactly on a line, so there is no residual to "
+            "each subject's ratings lie exactly on a line, so there is no residual to "
             "separate noise from differences between subjects"
         )
     posterior = weighted_points(lambda points: _log_posterior(points, sums), START, POINTS)

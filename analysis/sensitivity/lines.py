@@ -65,16 +65,13 @@ def axes_of(trials: Ratings) -> Axes | NotEstimable:
     """Return centre and scale of the trials, or why they do not determine a line."""
     if len(trials.rating) < 3:
         return NotEstimable(
-            reason="a line needs at least 3 ratings with a predicted contrast, "
-            f"got {len(trials.rating)}"
+            f"a line needs at least 3 ratings with a predicted contrast, got {len(trials.rating)}"
         )
     axes = axes_about(trials.contrast, trials.rating)
     if axes.x_sd <= 1e-9 * float(np.abs(trials.contrast).max()):
-        return NotEstimable(
-            reason="all predicted contrasts are equal, so the gain cannot be estimated"
-        )
+        return NotEstimable("all predicted contrasts are equal, so the gain cannot be estimated")
     if axes.y_sd <= 1e-9 * float(np.abs(trials.rating).max()):
-        return NotEstimable(reason=f"all ratings are equal ({trials.rating[0]:g})")
+        return NotEstimable(f"all ratings are equal ({trials.rating[0]:g})")
     return axes
 
 

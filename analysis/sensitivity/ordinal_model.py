@@ -101,8 +101,7 @@ def ordinal_sensitivity(ratings: Ratings) -> OrdinalSensitivity | NotEstimable:
     values, category = np.unique(trials.rating, return_inverse=True)
     if len(values) < 3:
         return NotEstimable(
-            reason="two different ratings do not set the unit of the latent scale, "
-            "at least 3 are needed"
+            "two different ratings do not set the unit of the latent scale, at least 3 are needed"
         )
     edges = (values[1:] + values[:-1]) / 2
     fixed = np.isin(np.arange(len(edges)), [0, len(edges) - 1])

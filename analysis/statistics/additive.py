@@ -86,12 +86,10 @@ def gain_heterogeneity(table: ScoreTable) -> GainHeterogeneity | NotEstimable:
         return slopes
     df = (slopes.rank, fit.residual_df - slopes.rank)
     if min(df) < 1:
-        return NotEstimable(
-            reason=f"slopes and residual have {df[0]} and {df[1]} degrees of freedom"
-        )
+        return NotEstimable(f"slopes and residual have {df[0]} and {df[1]} degrees of freedom")
     within = fit.residual_squares - slopes.squares
     if within <= 1e-12 * fit.residual_squares:
-        return NotEstimable(reason="the slopes fit the scores exactly, so there is no residual")
+        return NotEstimable("the slopes fit the scores exactly, so there is no residual")
     variance = within / df[1]
     f = slopes.squares / df[0] / variance
     return GainHeterogeneity(
@@ -109,7 +107,7 @@ def _named(names: tuple[str, ...], values: FloatArray) -> dict[str, float]:
 
 def _shrinkage(variance: float, residual: float, count: int) -> float | NotEstimable:
     if variance + residual == 0:
-        return NotEstimable(reason="neither subjects nor residuals vary")
+        return NotEstimable("neither subjects nor residuals vary")
     return variance / (variance + residual / count)
 
 
@@ -142,7 +140,7 @@ def _slopes(fit: TwoWay) -> _Slopes | NotEstimable:
     lengths = np.sqrt((own**2).sum(axis=1))
     rows = np.flatnonzero(lengths > 1e-6 * max(1.0, float(lengths.max())))
     if not (fit.columns**2).sum() > 0 or not rows.size:
-        return NotEstimable(reason="the conditions do not differ, so slopes cannot be estimated")
+        return NotEstimable("the conditions do not differ, so slopes cannot be estimated")
     own, lengths = own[rows], lengths[rows]
     residuals = np.where(given, fit.residuals, 0.0)[rows]
     products = (own * residuals).sum(axis=1) / lengths

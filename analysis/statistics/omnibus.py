@@ -28,7 +28,7 @@ def exact_p(doubled_ranks: IntArray) -> float | NotEstimable:
     """
     if doubled_ranks.shape[1] > MOST_CONDITIONS:
         return NotEstimable(
-            reason=f"the exact p is computed for at most {MOST_CONDITIONS} conditions, got "
+            f"the exact p is computed for at most {MOST_CONDITIONS} conditions, got "
             f"{doubled_ranks.shape[1]}"
         )
     arrangements = (sorted(set(permutations(row.tolist()))) for row in doubled_ranks)
@@ -38,7 +38,7 @@ def exact_p(doubled_ranks: IntArray) -> float | NotEstimable:
     for count, row in enumerate(rows):
         if len(sums) * len(row) > LARGEST_STEP:
             return NotEstimable(
-                reason=f"the exact p is computed for small studies only: with {len(rows)} "
+                f"the exact p is computed for small studies only: with {len(rows)} "
                 f"subjects, there are too many rank sums to list after {count} of them"
             )
         if count < len(rows) - 1:
@@ -102,7 +102,7 @@ def friedman(table: ScoreTable) -> Friedman | NotEstimable:
     between = int(((ranks.sum(axis=0) - subjects * middle) ** 2).sum())
     within = int(((ranks - middle) ** 2).sum())
     if within == 0:
-        return NotEstimable(reason="every subject gave all conditions the same score")
+        return NotEstimable("every subject gave all conditions the same score")
     chi2 = (conditions - 1) * between / within
     return Friedman(
         chi2=chi2,
@@ -116,12 +116,12 @@ def friedman(table: ScoreTable) -> Friedman | NotEstimable:
 
 def _refusal(table: ScoreTable) -> NotEstimable | None:
     if len(table.conditions) < 2:
-        return NotEstimable(reason="Friedman's test needs at least 2 conditions, got 1")
+        return NotEstimable("Friedman's test needs at least 2 conditions, got 1")
     if len(table.subjects) < 2:
-        return NotEstimable(reason="Friedman's test needs at least 2 subjects, got 1")
+        return NotEstimable("Friedman's test needs at least 2 subjects, got 1")
     if not table.is_complete:
         return NotEstimable(
-            reason=f"Friedman's test needs every score, but {table.missing_count} of "
+            f"Friedman's test needs every score, but {table.missing_count} of "
             f"{table.scores.size} are missing"
         )
     return None
@@ -155,16 +155,16 @@ def skillings_mack(table: ScoreTable) -> SkillingsMack | NotEstimable:
         return kept
     scores = kept.scores[kept.given.sum(axis=1) >= 2]
     if not len(scores):
-        return NotEstimable(reason="no subject scored two conditions")
+        return NotEstimable("no subject scored two conditions")
     if len(scores) < 2:
-        return NotEstimable(reason="at least 2 subjects must score two conditions, got 1")
+        return NotEstimable("at least 2 subjects must score two conditions, got 1")
     if refusal := disconnected(~np.isnan(scores), kept.conditions):
         return refusal
     deviations, counts = _weighted_ranks(scores)
     variances = (deviations**2).sum(axis=1) / (counts - 1)
     total = deviations.sum(axis=0)
     if not variances.any():
-        return NotEstimable(reason="every subject gave all conditions the same score")
+        return NotEstimable("every subject gave all conditions the same score")
     tied, rank = _quadratic_form(total, _covariance(scores, variances / counts))
     untied, _ = _quadratic_form(total, _covariance(scores, np.ones(len(scores))))
     return SkillingsMack(

@@ -80,7 +80,7 @@ def ordinal_effects_of_trials(
     if covariance is None:
         extreme = conditions[int(np.argmax(np.abs(fitted.effects)))]
         return NotEstimable(
-            reason="the likelihood has no maximum, because scores do not overlap between "
+            "the likelihood has no maximum, because scores do not overlap between "
             f"conditions or subjects; the effect that diverges is that of {extreme}"
         )
     errors = np.sqrt(np.diag(covariance))[data.categories - 1 : -1]
@@ -99,14 +99,14 @@ def ordinal_effects_of_trials(
 def _refusal(counts: FloatArray, conditions: tuple[str, ...]) -> NotEstimable | None:
     subjects, _, categories = counts.shape
     if subjects < 2:
-        return NotEstimable(reason=f"the model needs scores of at least 2 subjects, got {subjects}")
+        return NotEstimable(f"the model needs scores of at least 2 subjects, got {subjects}")
     if not 2 <= categories <= MOST_CATEGORIES:
         return NotEstimable(
-            reason=f"the model needs 2 to {MOST_CATEGORIES} different scores, got {categories}"
+            f"the model needs 2 to {MOST_CATEGORIES} different scores, got {categories}"
         )
     for name, number in zip(conditions, counts.sum(axis=(0, 2)), strict=True):
         if number == 0:
-            return NotEstimable(reason=f"no score was given under {name}")
+            return NotEstimable(f"no score was given under {name}")
     return None
 
 

@@ -85,10 +85,10 @@ def signed_rank(differences: FloatArray) -> SignedRank | NotEstimable:
     """
     scored = differences[~np.isnan(differences)]
     if scored.size == 0:
-        return NotEstimable(reason="no subject has both scores")
+        return NotEstimable("no subject has both scores")
     changed = scored[np.round(scored, DECIMALS) != 0]
     if changed.size == 0:
-        return NotEstimable(reason=f"no difference in any subject (zeros: {scored.size})")
+        return NotEstimable(f"no difference in any subject (zeros: {scored.size})")
     ranks = doubled_midranks(np.abs(changed))
     positive, total = int(ranks[changed > 0].sum()), int(ranks.sum())
     exact = len(ranks) <= LARGEST_EXACT

@@ -93,7 +93,7 @@ def without_empty(table: ScoreTable) -> ScoreTable | NotEstimable:
     """Return the table without the subjects and conditions that have no score at all."""
     rows, columns = table.given.any(axis=1), table.given.any(axis=0)
     if not rows.any():
-        return NotEstimable(reason="no score was given")
+        return NotEstimable("no score was given")
     return ScoreTable(
         subjects=tuple(np.array(table.subjects, dtype=object)[rows]),
         conditions=tuple(np.array(table.conditions, dtype=object)[columns]),
@@ -104,13 +104,13 @@ def without_empty(table: ScoreTable) -> ScoreTable | NotEstimable:
 def _refusal(table: ScoreTable) -> NotEstimable | None:
     if len(table.subjects) < 2 or len(table.conditions) < 2:
         return NotEstimable(
-            reason="effects of subjects and conditions need at least 2 of each with a score, got "
+            "effects of subjects and conditions need at least 2 of each with a score, got "
             f"{len(table.subjects)} and {len(table.conditions)}"
         )
     if refusal := disconnected(table.given, table.conditions):
         return refusal
     if table.given.sum() < len(table.subjects) + len(table.conditions):
-        return NotEstimable(reason="there are as many effects as scores, so there is no residual")
+        return NotEstimable("there are as many effects as scores, so there is no residual")
     return None
 
 
@@ -128,7 +128,7 @@ def disconnected(given: BoolArray, conditions: tuple[str, ...]) -> NotEstimable 
     if linked.all():
         return None
     apart = ", ".join(np.array(conditions, dtype=object)[linked])
-    return NotEstimable(reason=f"no chain of subjects compares {apart} with the other conditions")
+    return NotEstimable(f"no chain of subjects compares {apart} with the other conditions")
 
 
 def _effects(deviations: FloatArray, given: BoolArray) -> tuple[FloatArray, FloatArray]:
@@ -194,5 +194,5 @@ def _ratio(fit: TwoWay, signal: float, noise: float) -> float | NotEstimable:
     total = signal + noise
     largest = fit.residual_variance + abs(fit.row_variance) + abs(fit.column_variance)
     if total <= 1e-12 * largest:
-        return NotEstimable(reason="targets and residuals do not vary, so their ratio is undefined")
+        return NotEstimable("targets and residuals do not vary, so their ratio is undefined")
     return signal / total

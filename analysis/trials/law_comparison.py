@@ -60,16 +60,16 @@ def _cell_means(
     names, condition = np.unique(trials.condition, return_inverse=True)
     if not 3 <= len(names) <= MOST_CONDITIONS:
         return NotEstimable(
-            reason=f"assignments are listed for 3 to {MOST_CONDITIONS} conditions, got {len(names)}"
+            f"assignments are listed for 3 to {MOST_CONDITIONS} conditions, got {len(names)}"
         )
     counts, sums = np.zeros((2, len(people), len(names)))
     np.add.at(counts, (subject, condition), 1)
     np.add.at(sums, (subject, condition), trials.rating)
     values = np.array([contrast[condition == place][0] for place in range(len(names))])
     if not np.array_equal(np.round(contrast, DECIMALS), np.round(values, DECIMALS)[condition]):
-        return NotEstimable(reason="a condition has not the same contrast for everybody")
+        return NotEstimable("a condition has not the same contrast for everybody")
     if (counts != counts[0, 0]).any():
-        return NotEstimable(reason="not every subject rated every condition equally often")
+        return NotEstimable("not every subject rated every condition equally often")
     return sums / counts, values, int(counts[0, 0])
 
 
@@ -178,13 +178,13 @@ def law_order(
             raise ValueError(f"{len(conditions)} conditions need as many values, got {values.size}")
     scored = ~np.isnan(observed)
     if scored.sum() < 3:
-        return NotEstimable(reason=f"an order needs at least 3 conditions, got {int(scored.sum())}")
+        return NotEstimable(f"an order needs at least 3 conditions, got {int(scored.sum())}")
     ranks = doubled_midranks(np.stack([predicted[scored], observed[scored]]))
     deviations = ranks - ranks.mean(axis=1, keepdims=True)
     tied = _by_strength(conditions, predicted)
     squares = (deviations**2).sum(axis=1)
     if not squares.all():
-        flat = NotEstimable(reason="all contrasts, or all mean ratings, are equal")
+        flat = NotEstimable("all contrasts, or all mean ratings, are equal")
         return LawOrder(
             tied=tied,
             spearman=flat,
@@ -220,7 +220,7 @@ def critical_correlation(pairs: int) -> float | NotEstimable:
     0.878
     """
     if pairs < 3:
-        return NotEstimable(reason=f"a correlation is tested with at least 3 pairs, got {pairs}")
+        return NotEstimable(f"a correlation is tested with at least 3 pairs, got {pairs}")
     t = float(stdtrit(pairs - 2, 0.975))
     return t / float(np.sqrt(pairs - 2 + t**2))
 
@@ -235,7 +235,7 @@ def critical_rank_correlation(pairs: int) -> float | NotEstimable:
     1.0
     """
     if pairs < 3:
-        return NotEstimable(reason=f"a correlation is tested with at least 3 pairs, got {pairs}")
+        return NotEstimable(f"a correlation is tested with at least 3 pairs, got {pairs}")
     ranks = np.arange(pairs) - (pairs - 1) / 2
     return _over_all_orders(np.stack([ranks, ranks]))[1]
 
@@ -331,7 +331,7 @@ def _over_all_orders(deviations: FloatArray) -> tuple[float, float | NotEstimabl
         p = _share_from(products, observed)
         rare = [value for value in np.unique(products) if _share_from(products, value) < 0.05]
         if not rare:
-            return p, NotEstimable(reason=f"no order of these {count} conditions has p < .05")
+            return p, NotEstimable(f"no order of these {count} conditions has p < .05")
         return p, float(rare[0]) / largest
     needed = critical_correlation(count)
     r = observed / largest

@@ -80,7 +80,7 @@ def _pooled(counts: Mapping[str, tuple[int, int]]) -> tuple[int, int]:
 PAPERS_RANKING = "paper's ranking"
 _CLAIMED = {"voltage": 1.0, "pressure": -1.0}
 """Section 5.2: voltage is best, touch pressure weakest; of the others it says nothing."""
-_UNORDERED = NotEstimable(reason="the order in which the scores were given is not known")
+_UNORDERED = NotEstimable("the order in which the scores were given is not known")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,7 +177,7 @@ def _laws(data: StudyData, scored: ScoredTrials) -> tuple[LawScore, ...]:
     if not data.table.conditions or not set(_CLAIMED) <= set(data.table.conditions):
         return tuple(found)
     claimed = np.array([_CLAIMED.get(name, 0.0) for name in data.table.conditions])
-    nobody = NotEstimable(reason="the claim ranks conditions and says nothing of single persons")
+    nobody = NotEstimable("the claim ranks conditions and says nothing of single persons")
     return (*found, _law_score(PAPERS_RANKING, data, claimed, observed, nobody))
 
 

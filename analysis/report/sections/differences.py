@@ -72,17 +72,15 @@ def _pair_cells(pair: PairwiseTest) -> list[str]:
 
 
 def _scores_figure(found: Findings) -> Figure:
-    table = found.loaded.table
     data = raincloud(found)
-    drawn = of_all(len(data.lines), len(table.subjects), "subjects' lines")
+    drawn = of_all(len(data.lines), len(data.table.subjects), "subjects' lines")
     return Figure(
         name="scores",
         title="Scores by condition",
         caption="Scores by condition. Lines with circles show subjects, clouds the density of the "
-        "scores, bars the interquartile range with the median, and diamonds the means."
-        f"{drawn}",
+        f"scores, bars the interquartile range with the median, and diamonds the means.{drawn}",
         draw=partial(raincloud_figure, data),
-        table=_quartile_table(table),
+        table=_quartile_table(data.table),
     )
 
 
@@ -103,7 +101,7 @@ def _quartile_table(table: ScoreTable) -> Table:
     )
 
 
-_COMPLETE = NotEstimable(reason="no score is missing, so Friedman's test applies")
+_COMPLETE = NotEstimable("no score is missing, so Friedman's test applies")
 
 
 def _tests_json(main: Reading) -> Json:
@@ -112,15 +110,11 @@ def _tests_json(main: Reading) -> Json:
         "friedman": friedman_json(main),
         "skillings_mack": skillings_mack_json(main.skillings_mack),
         **why("skillings_mack", main.skillings_mack or _COMPLETE),
-        "kendall_w": None if isinstance(test, NotEstimable) else test.kendall_w,
+        "kendall_w": test.kendall_w if isinstance(test, Friedman) else None,
         **why("kendall_w", test),
-        "rank_sums": _rank_sums(test, main.table4.table),
+        "rank_sums": dict(zip(main.table4.table.conditions, test.rank_sums, strict=True))
+        if isinstance(test, Friedman)
+        else None,
         **why("rank_sums", test),
         "pairwise": [pair_json(pair) for pair in main.pairwise],
     }
-
-
-def _rank_sums(test: Friedman | NotEstimable, table: ScoreTable) -> Json | None:
-    if isinstance(test, NotEstimable):
-        return None
-    return dict(zip(table.conditions, test.rank_sums, strict=True))

@@ -46,16 +46,19 @@ def _icc_table(table: TableStatistics) -> Table:
         name="icc",
         caption="Intraclass correlations by target (Shrout and Fleiss): (2,1) absolute agreement "
         "of single scores, (3,1) consistency of single scores, (3,k) consistency of means.",
-        columns=columns("target", "ICC(2,1)", "ICC(3,1)", "ICC(3,k)"),
+        columns=columns("target", *(f"ICC({kind})" for kind in _ICC)),
         rows=[[target, *_icc_cells(icc)] for target, icc in targets.items()],
     )
+
+
+_ICC = {"2,1": "agreement_single", "3,1": "consistency_single", "3,k": "consistency_mean"}
+"""Shrout and Fleiss' name of each coefficient, and its field."""
 
 
 def _icc_cells(icc: IntraclassCorrelation | NotEstimable) -> list[str]:
     if isinstance(icc, NotEstimable):
         return [f"not estimable: {icc.reason}", number(None), number(None)]
-    values = (icc.agreement_single, icc.consistency_single, icc.consistency_mean)
-    return [number(value) for value in values]
+    return [number(getattr(icc, name)) for name in _ICC.values()]
 
 
 def _additive_line(table: TableStatistics) -> str:
@@ -126,12 +129,7 @@ def _subject_table(table: TableStatistics) -> Table | None:
         "the subject's scores on the condition effects (1 on average).",
         columns=columns("subject", "additive", "shrinkage", "slope"),
         rows=[
-            [
-                name,
-                number(effect),
-                number(effects.subject_shrinkage[name]),
-                number(slopes.get(name)),
-            ]
+            [name, *map(number, (effect, effects.subject_shrinkage[name], slopes.get(name)))]
             for name, effect in effects.subjects.items()
         ],
     )
@@ -139,14 +137,10 @@ def _subject_table(table: TableStatistics) -> Table | None:
 
 def _icc_json(icc: IntraclassCorrelation | NotEstimable) -> Json:
     if isinstance(icc, NotEstimable):
-        return {**dict.fromkeys(("2,1", "3,1", "3,k")), "reason": icc.reason}
-    kinds = {
-        "2,1": icc.agreement_single,
-        "3,1": icc.consistency_single,
-        "3,k": icc.consistency_mean,
-    }
-    known: Json = {name: or_null(value) for name, value in kinds.items()}
-    missing = [value.reason for value in kinds.values() if isinstance(value, NotEstimable)]
+        return {**dict.fromkeys(_ICC), "reason": icc.reason}
+    values = {kind: getattr(icc, name) for kind, name in _ICC.items()}
+    missing = [value.reason for value in values.values() if isinstance(value, NotEstimable)]
+    known: Json = {kind: or_null(value) for kind, value in values.items()}
     return {**known, "reason": missing[0]} if missing else known
 
 

@@ -1,6 +1,6 @@
 """Exclusions with their reasons, interruptions, and operator notes."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 from analysis.estimates import plain
 from analysis.loading.exclusions import rules_in_words
@@ -14,6 +14,9 @@ def section(found: Findings) -> Section:
     """Return the exclusions, and the incidents of the sessions."""
     loaded = found.loaded
     counts = _counts(loaded)
+    unfinished = ", ".join(loaded.unfinished) or "none"
+    if found.published:
+        unfinished = "unknown for a published table"
     return Section(
         name="left-out",
         title="Exclusions and interruptions",
@@ -22,38 +25,22 @@ def section(found: Findings) -> Section:
             Items(
                 lines=[
                     *(f"{why}: {count}" for why, count in counts.items()),
-                    f"unfinished sessions: {_unfinished(found)}",
+                    f"unfinished sessions: {unfinished}",
                 ]
             ),
             _table(
                 "left-out",
                 "Data excluded from every number in this report, with the reasons.",
                 ["participant", "session", "trial", "by", "reason"],
-                (
-                    [
-                        e.participant,
-                        "all" if e.session is None else str(e.session),
-                        "all" if e.trial is None else str(e.trial),
-                        e.by,
-                        e.why,
-                    ]
-                    for e in loaded.left_out
-                ),
+                [[e.participant, e.session, e.trial, e.by, e.why] for e in loaded.left_out],
+                missing="all",
             ),
             _table(
                 "incidents",
                 "Interruptions and operator notes.",
                 ["participant", "session", "trial", "event", "description"],
-                (
-                    [
-                        e.participant,
-                        str(e.session),
-                        MISSING if e.trial is None else str(e.trial),
-                        e.what,
-                        e.text,
-                    ]
-                    for e in loaded.incidents
-                ),
+                [[e.participant, e.session, e.trial, e.what, e.text] for e in loaded.incidents],
+                missing=MISSING,
             ),
             _interruptions_line(found),
         ],
@@ -81,17 +68,9 @@ def _counts(loaded: StudyData) -> dict[str, int]:
         "sessions excluded": loaded.sessions_excluded,
         "sessions withdrawn": loaded.sessions_withdrawn,
         "trials excluded": loaded.trials_excluded,
-        "trials excluded by rule": sum(entry.trial is not None for entry in by_rule),
-        "participants excluded by rule": len(
-            {entry.participant for entry in by_rule if entry.trial is None}
-        ),
+        "trials excluded by rule": sum(e.trial is not None for e in by_rule),
+        "participants excluded by rule": len({e.participant for e in by_rule if e.trial is None}),
     }
-
-
-def _unfinished(found: Findings) -> str:
-    if found.published:
-        return "unknown for a published table"
-    return ", ".join(found.loaded.unfinished) or "none"
 
 
 def _interruptions_line(found: Findings) -> str:
@@ -106,10 +85,9 @@ def _interruptions_line(found: Findings) -> str:
 
 
 def _table(
-    name: str, caption: str, names: Sequence[str], rows: Iterable[Sequence[str]]
+    name: str, caption: str, names: Sequence[str], rows: Sequence[Sequence[object]], missing: str
 ) -> Table | None:
-    """Return a table of texts, or None without rows."""
-    found = list(rows)
-    if not found:
-        return None
-    return Table(name=name, caption=caption, columns=columns(*names, kind="text"), rows=found)
+    """Return a table of texts with `missing` in place of None, or None without rows."""
+    texts = [[missing if cell is None else str(cell) for cell in row] for row in rows]
+    kinds = columns(*names, kind="text")
+    return Table(name=name, caption=caption, columns=kinds, rows=texts) if rows else None

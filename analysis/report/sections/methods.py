@@ -2,12 +2,12 @@
 
 from analysis.loading.exclusions import rules_in_words
 from analysis.loading.missing_scores import unscored
-from analysis.loading.study_data import StudyData
 from analysis.report.blocks import Section
 from analysis.report.findings import Findings
 from analysis.trials.arrays import LAW
 from analysis.trials.contrasts import FORCE_STEP, PLACE_STEP_M
 from analysis.trials.trial_statistics import TrialStatistics
+from device.friction.laws import LAWS
 
 
 def section(found: Findings) -> Section:
@@ -20,11 +20,11 @@ def section(found: Findings) -> Section:
 
 
 def _data(found: Findings) -> str:
-    loaded, study = found.loaded, found.study
-    given = loaded.table.given
-    subjects, conditions = int(given.any(axis=1).sum()), int(given.any(axis=0).sum())
+    study, given = found.study, found.loaded.table.given
+    subjects, conditions = given.any(axis=1).sum(), given.any(axis=0).sum()
     rules = rules_in_words(study.exclusions)
-    settled = "; ".join(rules) if rules else "none"
+    names = [name for unused in unscored(found.loaded.table) for name in unused]
+    without = f"; without scores: {', '.join(names)}" if names else ""
     origin = (
         "The scores are those of a published table."
         if found.published
@@ -40,17 +40,10 @@ def _data(found: Findings) -> str:
     return (
         f"{origin} {subjects} {'subject' if subjects == 1 else 'subjects'} and {conditions} "
         f"{'condition' if conditions == 1 else 'conditions'} had scores and were analysed"
-        f"{_unscored(loaded)}. A subject's score "
-        "for a condition is the mean over the scored trials. A score that was not given is treated "
-        "as missing, not as zero, and the subject is kept. Prespecified exclusion rules: "
-        f"{settled}."
+        f"{without}. A subject's score for a condition is the mean over the scored trials. A score "
+        "that was not given is treated as missing, not as zero, and the subject is kept. "
+        f"Prespecified exclusion rules: {'; '.join(rules) or 'none'}."
     )
-
-
-def _unscored(loaded: StudyData) -> str:
-    subjects, conditions = unscored(loaded.table)
-    names = (*subjects, *conditions)
-    return f"; without scores: {', '.join(names)}" if names else ""
 
 
 def _tests(trials: TrialStatistics) -> str:
@@ -70,6 +63,7 @@ def _tests(trials: TrialStatistics) -> str:
 
 
 def _model(trials: TrialStatistics) -> str:
+    laws = ("zero", "one", "two", "three", "four", "five", "six")[len(LAWS)]
     measured = int(trials.contrasts.measured.sum())
     touches = (
         f"in {measured} of {len(trials.contrasts.measured)} trials, measured force or place "
@@ -80,7 +74,7 @@ def _model(trials: TrialStatistics) -> str:
         else "touches were not measured, so planned or standard values were used"
     )
     return (
-        "Contrasts were predicted trial by trial from the friction model under three laws; "
+        f"Contrasts were predicted trial by trial from the friction model under {laws} laws; "
         f"{touches}. Sensitivities were estimated under the law '{LAW}'. M1 is a linear mixed "
         "model, rating = bias + gain × contrast; M2 maps the same line to ratings through ordered "
         "thresholds common to all subjects and adds a discrepancy per condition; M3 adds the "

@@ -48,11 +48,8 @@ def _signal_line(trials: TrialStatistics) -> str:
 def _ratings_figure(found: Findings) -> Figure:
     data, table = scatter(found), _prediction_table(found)
     if data is None:
-        return Figure(
-            name="model",
-            instead="No rated trial has a prediction, so there is no figure.",
-            table=table,
-        )
+        instead = "No rated trial has a prediction, so there is no figure."
+        return Figure(name="model", instead=instead, table=table)
     return Figure(
         name="model",
         title="Ratings against the model",
@@ -74,11 +71,7 @@ def _prediction_table(found: Findings) -> Table:
         "friction; positive in the expected direction), with the mean score.",
         columns=columns("condition", "mean score", *(score.law for score in physical)),
         rows=[
-            [
-                name,
-                number(mean, 2),
-                *(number(score.predicted.get(name), 4) for score in physical),
-            ]
+            [name, number(mean, 2), *(number(score.predicted.get(name), 4) for score in physical)]
             for name, mean in zip(found.loaded.table.conditions, means, strict=True)
         ],
     )
@@ -150,11 +143,15 @@ def _felt(found: LawLikelihood | NotEstimable) -> list[str]:
 
 
 def _law_json(score: LawScore) -> Json:
+    felt: Json = plain(score.likelihood)
+    if isinstance(score.likelihood, LawLikelihood):
+        gain_p = score.likelihood.gain_p
+        felt |= {"gain_p": or_null(gain_p), **why("gain_p", gain_p)}
     return {
         "law": score.law,
         **_order_json(score.order),
         "predicted": plain(score.predicted),
-        "who_felt_what": _likelihood_json(score.likelihood),
+        "who_felt_what": felt,
     }
 
 
@@ -177,9 +174,3 @@ def _order_json(order: LawOrder | NotEstimable) -> Json:
     if isinstance(order.spearman, NotEstimable):
         known["reason"] = order.spearman.reason
     return {**known, **why("rho_needed", order.rank_needed)}
-
-
-def _likelihood_json(found: LawLikelihood | NotEstimable) -> Json:
-    if isinstance(found, NotEstimable):
-        return {"reason": found.reason}
-    return {**plain(found), "gain_p": or_null(found.gain_p), **why("gain_p", found.gain_p)}

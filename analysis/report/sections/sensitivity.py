@@ -63,17 +63,16 @@ def _limits(found: Findings) -> list[str]:
     rated = [score.order.rated for score in trials.laws if isinstance(score.order, LawOrder)]
     if rated:
         limits.append(_too_few_means(rated[0]))
-    ceiling = _share_at_ceiling(found)
+    scores = found.loaded.scored["score"].dropna()
+    ceiling = (scores >= found.scale.highest).mean() if len(scores) else 0.0
     if ceiling > _CEILING:
         limits.append(
             f"{ceiling:.0%} of the scores are the highest possible. M1 ignores this ceiling and "
             "underestimates the gains; M2 accounts for it."
         )
     if isinstance(trials.m3, NotEstimable):
-        limits.append(
-            f"M3 (change detection and rating in one model) could not be fitted: "
-            f"{trials.m3.reason}."
-        )
+        why = trials.m3.reason
+        limits.append(f"M3 (change detection and rating in one model) could not be fitted: {why}.")
     return limits
 
 
@@ -95,11 +94,6 @@ def _too_few_means(count: int) -> str:
         f"With {count} condition means and no ties, Spearman's rank correlation (the one shown) "
         f"{reached}{products}. Most orders of the conditions are not evidence for or against a law."
     )
-
-
-def _share_at_ceiling(found: Findings) -> float:
-    scores = found.loaded.scored["score"].dropna()
-    return float((scores >= found.scale.highest).mean()) if len(scores) else 0.0
 
 
 def _gains_figure(trials: TrialStatistics) -> Figure:
@@ -176,39 +170,25 @@ def _sensitivity_json(trials: TrialStatistics) -> Json:
     return {
         "sensitivity": _subjects_json(subjects),
         "sensitivity_models": {
-            "M1": _m1_json(m1),
-            "M2": _m2_json(trials.m2),
-            "M3": _m3_json(trials.m3),
+            "M1": _fit_json(m1),
+            "M2": _fit_json(trials.m2),
+            "M3": _fit_json(trials.m3),
         },
     }
 
 
-def _m1_json(fit: LinearSensitivity | NotEstimable) -> Json:
+def _fit_json(
+    fit: LinearSensitivity | OrdinalSensitivity | JointSensitivity | NotEstimable,
+) -> Json:
+    """Return the fit with the subjects' and the population's lines beside its other numbers."""
+    found: Json = plain(fit)
+    if isinstance(fit, JointSensitivity):
+        del found["ratings"]
+        return {**_fit_json(fit.ratings), **found}
     if isinstance(fit, NotEstimable):
-        return {"reason": fit.reason}
-    return {**_lines_json(fit.lines), "residual_sd": fit.residual_sd}
-
-
-def _m2_json(fit: OrdinalSensitivity | NotEstimable) -> Json:
-    if isinstance(fit, NotEstimable):
-        return {"reason": fit.reason}
-    return {
-        **_lines_json(fit.lines),
-        "residual_sd": fit.residual_sd,
-        "categories": list(fit.categories),
-        "thresholds": list(fit.thresholds),
-        "discrepancies": plain(fit.discrepancies),
-    }
-
-
-def _m3_json(fit: JointSensitivity | NotEstimable) -> Json:
-    if isinstance(fit, NotEstimable):
-        return {"reason": fit.reason}
-    return {
-        **_m2_json(fit.ratings),
-        "detection": plain(fit.detection),
-        "reference_contrast": fit.reference_contrast,
-    }
+        return found
+    del found["lines"]
+    return {**_lines_json(fit.lines), **found}
 
 
 def _lines_json(lines: Lines) -> Json:
@@ -222,14 +202,6 @@ def _lines_json(lines: Lines) -> Json:
 
 def _subjects_json(lines: Sequence[SubjectLine]) -> list[Json]:
     return [
-        {
-            "subject": line.subject,
-            "bias": line.bias,
-            "bias_ci": list(line.bias_interval),
-            "gain": line.gain,
-            "gain_ci": list(line.gain_interval),
-            "shrinkage": line.shrinkage,
-            "trials": line.trials,
-        }
+        {name.replace("interval", "ci"): value for name, value in plain(line).items()}
         for line in lines
     ]

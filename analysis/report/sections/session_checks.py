@@ -8,7 +8,7 @@ from analysis.report.drawing import course_figure
 from analysis.report.figure_data import Course, course
 from analysis.report.findings import Findings
 from analysis.report.wording import interval, number, p_value, share
-from analysis.sensitivity.checks import Discrimination, Drift, FTest, Proportion
+from analysis.sensitivity.checks import Discrimination, Drift, FTest
 from analysis.trials.trial_statistics import CatchAnswers
 
 
@@ -35,7 +35,13 @@ def section(found: Findings) -> Section:
                 "order": plain(trials.order),
                 "carry_over": plain(trials.carry_over),
                 "drift": plain(trials.drift),
-                "catch_trials": _catch_json(trials.catch),
+                "catch_trials": {
+                    "overall": _discrimination_json(trials.catch.overall),
+                    "subjects": {
+                        name: _discrimination_json(answers)
+                        for name, answers in trials.catch.subjects.items()
+                    },
+                },
             }
         },
     )
@@ -91,11 +97,7 @@ def _course_table(data: Course) -> Table:
         rows=[
             [str(place), number(mean, 2), number(error, 2), str(count)]
             for place, mean, error, count in zip(
-                data.places.tolist(),
-                data.means.tolist(),
-                data.errors.tolist(),
-                data.counts.tolist(),
-                strict=True,
+                data.places, data.means, data.errors, data.counts, strict=True
             )
         ],
     )
@@ -120,26 +122,9 @@ def _catch_cells(answers: Discrimination | NotEstimable) -> list[str]:
     return [*rates, number(answers.d_prime, 2), number(answers.criterion, 2)]
 
 
-def _catch_json(catch: CatchAnswers) -> Json:
-    """Return hits and false alarms, pooled and by subject."""
-    return {
-        "overall": _discrimination_json(catch.overall),
-        "subjects": {
-            name: _discrimination_json(answers) for name, answers in catch.subjects.items()
-        },
-    }
-
-
 def _discrimination_json(answers: Discrimination | NotEstimable) -> Json:
-    if isinstance(answers, NotEstimable):
-        return {"reason": answers.reason}
-    return {
-        **plain(answers),
-        "hits": _proportion_json(answers.hits),
-        "false_alarms": _proportion_json(answers.false_alarms),
-    }
-
-
-def _proportion_json(found: Proportion) -> Json:
-    ends = found.interval
-    return {**plain(found), "interval": or_null(ends), **why("interval", ends)}
+    found: Json = plain(answers)
+    if isinstance(answers, Discrimination):
+        for name, rate in (("hits", answers.hits), ("false_alarms", answers.false_alarms)):
+            found[name] |= {"interval": or_null(rate.interval), **why("interval", rate.interval)}
+    return found

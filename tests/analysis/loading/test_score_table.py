@@ -44,4 +44,4 @@ def test_a_table_refuses_what_cannot_be_scores(
 
 def test_having_no_answer_needs_a_reason() -> None:
     with pytest.raises(ValueError, match="must not be empty, got ''"):
-        NotEstimable(reason="")
+        NotEstimable("")

@@ -118,9 +118,9 @@ def test_sessions_without_a_test_give_the_reason() -> None:
     assert isinstance(steady, NotEstimable)
     assert "drift cannot be separated" in steady.reason
     first = carry_over(ratings.where(position == 1), previous[position == 1])
-    assert first == NotEstimable(reason="no rated trial follows another")
+    assert first == NotEstimable("no rated trial follows another")
     unrated = replace(ratings, rating=np.full(len(position), np.nan))
-    assert order_effect(unrated, position) == NotEstimable(reason="no trial was rated")
+    assert order_effect(unrated, position) == NotEstimable("no trial was rated")
 
 
 @given(st.integers(1, 30).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))))
@@ -134,7 +134,7 @@ def test_proportions_agree_with_scipy(counts: tuple[int, int]) -> None:
 def test_impossible_counts_are_refused() -> None:
     with pytest.raises(ValueError, match=r"count must lie in \[0, 4\], got 5"):
         proportion(5, 4)
-    assert proportion(0, 0) == NotEstimable(reason="there were no such trials")
+    assert proportion(0, 0) == NotEstimable("there were no such trials")
 
 
 def test_discrimination_from_counts() -> None:
@@ -149,5 +149,5 @@ def test_discrimination_from_counts() -> None:
 
 
 def test_discrimination_needs_both_kinds_of_trial() -> None:
-    assert discrimination((1, 2), (0, 0)) == NotEstimable(reason="there were no catch trials")
-    assert discrimination((0, 0), (0, 3)) == NotEstimable(reason="there were no signal trials")
+    assert discrimination((1, 2), (0, 0)) == NotEstimable("there were no catch trials")
+    assert discrimination((0, 0), (0, 3)) == NotEstimable("there were no signal trials")

@@ -93,7 +93,7 @@ def test_missing_scores_drop_their_own_pair_only() -> None:
 
 def test_zero_differences_have_no_test() -> None:
     assert signed_rank(np.array([0.0, 0.0, np.nan, 1e-12])) == NotEstimable(
-        reason="no difference in any subject (zeros: 3)"
+        "no difference in any subject (zeros: 3)"
     )
 
 
@@ -114,7 +114,7 @@ def test_holm_does_not_count_a_pair_without_scores(
     assert named(tests, "c0", "c1").p_holm == 0.25
     unscored = named(tests, "c0", "c2")
     assert isinstance(unscored.p_holm, NotEstimable)
-    assert unscored.test == NotEstimable(reason="no subject has both scores")
+    assert unscored.test == NotEstimable("no subject has both scores")
 
 
 def test_swapping_two_conditions_keeps_p_and_mirrors_v(published: ScoreTable) -> None:

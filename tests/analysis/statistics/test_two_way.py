@@ -288,8 +288,8 @@ def test_equal_scores_have_effects_of_zero_and_no_correlation(table_of: TableOf)
     scores = np.full((4, 3), 0.1)
     effects = effects_of(table_of(scores))
     assert (effects.residual_sd, effects.subject_sd) == (0.0, 0.0)
-    assert effects.shrinkage == NotEstimable(reason="neither subjects nor residuals vary")
+    assert effects.shrinkage == NotEstimable("neither subjects nor residuals vary")
     assert isinstance(icc_of(scores, table_of).consistency_single, NotEstimable)
     assert gain_heterogeneity(table_of(scores)) == NotEstimable(
-        reason="the conditions do not differ, so slopes cannot be estimated"
+        "the conditions do not differ, so slopes cannot be estimated"
     )

@@ -85,7 +85,7 @@ def test_what_a_rank_correlation_must_reach(pairs: int, needed: float) -> None:
 @pytest.mark.parametrize("pairs", [3, 4])
 def test_no_order_of_four_conditions_is_evidence(pairs: int) -> None:
     assert critical_rank_correlation(pairs) == NotEstimable(
-        reason=f"no order of these {pairs} conditions has p < .05"
+        f"no order of these {pairs} conditions has p < .05"
     )
 
 
@@ -119,9 +119,9 @@ def test_laws_without_an_order_say_why() -> None:
     assert isinstance(flat.spearman, NotEstimable)
     assert "contrasts, or all mean ratings, are equal" in flat.spearman.reason
     few = law_order(("a", "b"), np.array([0.1, 0.2]), np.array([1.0, 2.0]))
-    assert few == NotEstimable(reason="an order needs at least 3 conditions, got 2")
+    assert few == NotEstimable("an order needs at least 3 conditions, got 2")
     assert critical_correlation(2) == NotEstimable(
-        reason="a correlation is tested with at least 3 pairs, got 2"
+        "a correlation is tested with at least 3 pairs, got 2"
     )
     with pytest.raises(ValueError, match="2 conditions need as many values, got 1"):
         law_order(("a", "b"), np.array([0.1]), np.array([1.0, 2.0]))

@@ -3,13 +3,12 @@
 Brain Imaging Data Structure 1.11.1, "Behavioral experiments (with no neural recordings)".
 """
 
-from collections.abc import Mapping
 from typing import Any
 
 import pandas as pd
 
 from analysis.cells import BETWEEN_TOUCHES, Cell, json_text, tsv_cell, tsv_text
-from analysis.export.columns import COLUMNS, Column
+from analysis.export.columns import COLUMNS, Column, known
 from analysis.export.dataset import Dataset, language_of
 from analysis.export.readme import readme
 from analysis.export.trial_table import cells
@@ -52,7 +51,9 @@ def bids_export(data: Dataset) -> dict[str, str]:
 
 def _dataset_description(data: Dataset) -> dict[str, Any]:
     facts = data.facts
-    return _given(
+    bare = facts.doi is not None and facts.doi.startswith("10.")
+    doi = f"doi:{facts.doi}" if bare else facts.doi  # BIDS asks for a URI
+    return known(
         {
             "Name": data.title,
             "BIDSVersion": BIDS_VERSION,
@@ -63,17 +64,11 @@ def _dataset_description(data: Dataset) -> dict[str, Any]:
             "Funding": facts.funding,
             "EthicsApprovals": facts.ethics_approvals,
             "ReferencesAndLinks": facts.references,
-            "DatasetDOI": _doi(facts.doi),
+            "DatasetDOI": doi,
             "GeneratedBy": [{"Name": "touchbeam", "Version": data.touchbeam}],
             "SourceDatasets": [{"Version": f"sha256:{data.source_sha256}"}],
         }
     )
-
-
-def _doi(doi: str | None) -> str | None:
-    """The DOI as the URI that BIDS asks for."""
-    bare = doi is not None and doi.startswith("10.")
-    return f"doi:{doi}" if bare else doi
 
 
 def _participants(data: Dataset) -> str:
@@ -106,7 +101,7 @@ def _sidecar(data: Dataset, trials: pd.DataFrame) -> dict[str, Any]:
         "InstitutionName": facts.institution,
         "InstitutionAddress": facts.institution_address,
     }
-    return {**_given(task), **{column.name: _described(column, data) for column in COLUMNS}}
+    return {**known(task), **{column.name: _described(column, data) for column in COLUMNS}}
 
 
 def _described(column: Column, data: Dataset) -> dict[str, Any]:
@@ -116,23 +111,15 @@ def _described(column: Column, data: Dataset) -> dict[str, Any]:
     a value per touch says both in words.
     """
     if column.per_touch:
-        return {"Description": _in_words(column), "Delimiter": BETWEEN_TOUCHES}
-    levels = data.levels(column)
-    return _given(
+        unit = f" Unit: {column.unit}." if column.unit else ""
+        words = "; ".join(f"{level} ({meaning})" for level, meaning in column.levels.items())
+        levels = f" {words}." if words else ""
+        text = f"{column.description} A value per touch.{unit}{levels}"
+        return {"Description": text, "Delimiter": BETWEEN_TOUCHES}
+    return known(
         {
             "Description": data.meaning(column),
             "Units": column.unit,
-            "Levels": {tsv_cell(level): meaning for level, meaning in levels.items()},
+            "Levels": {tsv_cell(level): text for level, text in data.levels(column).items()},
         }
     )
-
-
-def _in_words(column: Column) -> str:
-    unit = f" Unit: {column.unit}." if column.unit else ""
-    levels = "; ".join(f"{level} ({meaning})" for level, meaning in column.levels.items())
-    return f"{column.description} A value per touch.{unit}" + (f" {levels}." if levels else "")
-
-
-def _given(facts: Mapping[str, Any]) -> dict[str, Any]:
-    """Those of `facts` that are known."""
-    return {name: value for name, value in facts.items() if value}

@@ -4,7 +4,8 @@ Every export has the same columns in the same order, whatever a study holds.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
+from functools import partial
 from typing import Any
 
 from protocol.study.questions import QUESTIONS
@@ -12,23 +13,19 @@ from protocol.study.questions import QUESTIONS
 YES_NO = {"true": "yes", "false": "no"}
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Column:
     """One column. A column `per_touch` lists a value for each touch of the trial."""
 
     name: str
     description: str
+    _: KW_ONLY
     unit: str | None = None
     levels: Mapping[str, str] = field(default_factory=dict)
     per_touch: bool = False
 
 
-def _column(name: str, description: str, **more: Any) -> Column:
-    return Column(name=name, description=description, **more)
-
-
-def _touch(name: str, description: str, **more: Any) -> Column:
-    return Column(name=name, description=description, per_touch=True, **more)
+_touch = partial(Column, per_touch=True)
 
 
 def _answers() -> dict[str, str]:
@@ -42,9 +39,9 @@ def _answers() -> dict[str, str]:
 
 
 _SESSION = (
-    _column("participant", "Pseudonym of the participant."),
-    _column("session", "Number of the participant's session."),
-    _column(
+    Column("participant", "Pseudonym of the participant."),
+    Column("session", "Number of the participant's session."),
+    Column(
         "session_kind",
         "Who gave the answers.",
         levels={
@@ -53,13 +50,13 @@ _SESSION = (
             "published": "scores imported from a published table",
         },
     ),
-    _column("session_completed", "Whether the session came to its end.", levels=YES_NO),
+    Column("session_completed", "Whether the session came to its end.", levels=YES_NO),
 )
 
 _PLAN = (
-    _column("trial_index", "Place of the trial in the session's plan, from 0."),
-    _column("block", "Block of the trial; 0 stands before the first block."),
-    _column(
+    Column("trial_index", "Place of the trial in the session's plan, from 0."),
+    Column("block", "Block of the trial; 0 stands before the first block."),
+    Column(
         "trial_kind",
         "What the trial is for.",
         levels={
@@ -71,60 +68,60 @@ _PLAN = (
             "published": "a score of a published table, of which nothing else is known",
         },
     ),
-    _column("condition", "The parameter that changes."),
-    _column("level", "By what the amplitudes of the condition are multiplied; 0 in a catch trial."),
-    _column("opposite", "Whether the touches come in the opposite order.", levels=YES_NO),
-    _column(
+    Column("condition", "The parameter that changes."),
+    Column("level", "By what the amplitudes of the condition are multiplied; 0 in a catch trial."),
+    Column("opposite", "Whether the touches come in the opposite order.", levels=YES_NO),
+    Column(
         "question",
         "What is asked after the last touch.",
         levels={question: asked.meaning for question, asked in QUESTIONS.items()},
     ),
-    _column("expected", "The answer that agrees with the expectation."),
+    Column("expected", "The answer that agrees with the expectation."),
 )
 
 _ANSWER = (
-    _column("change", "The participant's answer.", levels=_answers()),
-    _column("agrees", "Whether the answer agrees with the expectation.", levels=YES_NO),
-    _column(
+    Column("change", "The participant's answer.", levels=_answers()),
+    Column("agrees", "Whether the answer agrees with the expectation.", levels=YES_NO),
+    Column(
         "score",
         "Strength of the effect from {minimum} (none) to {maximum} (very effective). Missing where "
         "it was not asked for or not given, never 0 instead.",
     ),
-    _column(
+    Column(
         "reaction_time_s",
         "From the question, or the instruction to remember, to the answer.",
         unit="s",
     ),
-    _column("score_reaction_time_s", "From the scale's appearance to the score.", unit="s"),
+    Column("score_reaction_time_s", "From the scale's appearance to the score.", unit="s"),
 )
 
 _COURSE = (
-    _column(
+    Column(
         "excluded",
         "Whether it was taken out of the analysis afterwards.",
         levels={"no": "it counts", "trial": "this trial", "session": "the whole session"},
     ),
-    _column("exclusion_reason", "Why it was taken out."),
-    _column("attempts", "How often the trial was begun; all else is of the last attempt."),
-    _column("aborted", "How many of the attempts were broken off."),
-    _column("abort_reasons", "Why, a line each."),
-    _column("notes", "What the operator noted in or after the trial, a line each."),
-    _column("started_utc", "When the trial began, UTC."),
-    _column("answered_utc", "When the last answer was given, UTC."),
-    _column(
+    Column("exclusion_reason", "Why it was taken out."),
+    Column("attempts", "How often the trial was begun; all else is of the last attempt."),
+    Column("aborted", "How many of the attempts were broken off."),
+    Column("abort_reasons", "Why, a line each."),
+    Column("notes", "What the operator noted in or after the trial, a line each."),
+    Column("started_utc", "When the trial began, UTC."),
+    Column("answered_utc", "When the last answer was given, UTC."),
+    Column(
         "started_monotonic_s",
         "When the trial began by a clock that never runs backwards; it begins anew "
         "when an interrupted session goes on.",
         unit="s",
     ),
-    _column(
+    Column(
         "duration_s", "From the trial's beginning to its last answer, by the same clock.", unit="s"
     ),
 )
 
 
 _TOUCHES = (
-    _column("touches", "How many touches the attempt had."),
+    Column("touches", "How many touches the attempt had."),
     _touch("beam", "The beam that was mounted."),
     _touch(
         "place",
@@ -160,24 +157,29 @@ _TOUCHES = (
 )
 
 _SETTING = (
-    _column("resonance_hz", "Resonance of the rig as measured before the trial.", unit="Hz"),
-    _column(
+    Column("resonance_hz", "Resonance of the rig as measured before the trial.", unit="Hz"),
+    Column(
         "resonance_tip_m_per_v",
         "Amplitude of the beam's tip at the resonance, per volt.",
         unit="m/V",
     ),
-    _column("device", "What the device said it is."),
-    _column("skin_state", "Skin of the participant, as the operator noted it."),
-    _column("room_temperature", "Temperature of the room, as the operator noted it."),
-    _column("humidity", "Humidity of the room, as the operator noted it."),
-    _column("cleaning", "Cleaning of beam and finger, as the operator noted it."),
-    _column("language", "What the participant read."),
-    _column("slot", "Place of the participant in the design, from 0; rehearsals have their own."),
-    _column("seed", "Seed of the session's random choices."),
-    _column(
+    Column("device", "What the device said it is."),
+    Column("skin_state", "Skin of the participant, as the operator noted it."),
+    Column("room_temperature", "Temperature of the room, as the operator noted it."),
+    Column("humidity", "Humidity of the room, as the operator noted it."),
+    Column("cleaning", "Cleaning of beam and finger, as the operator noted it."),
+    Column("language", "What the participant read."),
+    Column("slot", "Place of the participant in the design, from 0; rehearsals have their own."),
+    Column("seed", "Seed of the session's random choices."),
+    Column(
         "study_sha256", "Digest of the study file that was in force when the trial was last begun."
     ),
-    _column("touchbeam_version", "Version of touchbeam that ran the session."),
+    Column("touchbeam_version", "Version of touchbeam that ran the session."),
 )
 
 COLUMNS = (*_SESSION, *_PLAN, *_ANSWER, *_COURSE, *_TOUCHES, *_SETTING)
+
+
+def known(facts: Mapping[str, Any]) -> dict[str, Any]:
+    """Return those of `facts` that are known."""
+    return {name: value for name, value in facts.items() if value}

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
-from itertools import chain
+from itertools import chain, count
 from typing import cast
 
 import pandas as pd
@@ -47,17 +47,11 @@ def labels(names: Iterable[str]) -> dict[str, str]:
     found: dict[str, str] = {}
     taken: set[str] = set()
     for name in sorted(distinct, key=lambda name: label(name) != name):
-        found[name] = _free(label(name) or "s", taken)
+        wanted = label(name) or "s"
+        free = chain([wanted], (f"{wanted}x{number}" for number in count(2)))
+        found[name] = next(each for each in free if each.casefold() not in taken)
         taken.add(found[name].casefold())
     return {name: found[name] for name in distinct}
-
-
-def _free(wanted: str, taken: set[str]) -> str:
-    candidate, number = wanted, 1
-    while candidate.casefold() in taken:
-        number += 1
-        candidate = f"{wanted}x{number}"
-    return candidate
 
 
 UNNAMED_TASK = "touch"
@@ -195,16 +189,12 @@ class Dataset:
                 f"imported from {imported}. No session was run: how the scores were given is not "
                 "known."
             )
+        others = imported and f" Sessions of the kind `published` are imported from {imported}."
         return (
             f"Study {self.study.study.name!r} of a touch device whose friction is changed by "
             f"vibration. In each trial a parameter changes ({conditions}), the "
             "participant touches and says what changed, and scores how strong the effect is, "
-            f"{scale}."
-            + (
-                f" Sessions of the kind `published` are imported from {imported}."
-                if imported
-                else ""
-            )
+            f"{scale}.{others}"
         )
 
     def instructions(self, code: str | None) -> str | None:

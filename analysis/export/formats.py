@@ -5,7 +5,7 @@ from types import MappingProxyType
 
 from analysis.cells import BETWEEN_TOUCHES, csv_text, json_text
 from analysis.export.bids import bids_export
-from analysis.export.columns import COLUMNS, Column
+from analysis.export.columns import COLUMNS, Column, known
 from analysis.export.dataset import Dataset
 from analysis.export.psychds import psychds_export
 from analysis.export.readme import changed
@@ -31,13 +31,14 @@ def trials_csv(data: Dataset) -> str:
 
 
 def _described(column: Column, data: Dataset) -> dict[str, object]:
-    levels = data.levels(column)
-    return {
-        "description": data.meaning(column),
-        **({"unit": column.unit} if column.unit else {}),
-        **({"levels": dict(levels)} if levels else {}),
-        **({"one_per_touch_separated_by": BETWEEN_TOUCHES} if column.per_touch else {}),
-    }
+    return known(
+        {
+            "description": data.meaning(column),
+            "unit": column.unit,
+            "levels": dict(data.levels(column)),
+            "one_per_touch_separated_by": BETWEEN_TOUCHES if column.per_touch else None,
+        }
+    )
 
 
 EXPORTS: Mapping[str, Callable[[Dataset], dict[str, str]]] = MappingProxyType(

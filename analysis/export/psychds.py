@@ -6,7 +6,7 @@ Psych-DS 1.5.0; the terms are those of schema.org.
 from typing import Any
 
 from analysis.cells import csv_cell, csv_text, json_text
-from analysis.export.columns import COLUMNS, Column
+from analysis.export.columns import COLUMNS, Column, known
 from analysis.export.dataset import Dataset
 from analysis.export.readme import readme
 from analysis.export.trial_table import cells
@@ -44,6 +44,11 @@ def _sessions(data: Dataset) -> dict[str, str]:
 
 def _dataset_description(data: Dataset) -> dict[str, Any]:
     facts = data.facts
+    organisation = {
+        "@type": "Organization",
+        "name": facts.institution,
+        "address": facts.institution_address,
+    }
     described = {
         "@context": "https://schema.org/",
         "@type": "Dataset",
@@ -56,33 +61,26 @@ def _dataset_description(data: Dataset) -> dict[str, Any]:
         "citation": list(facts.references),
         "identifier": facts.doi,
         "keywords": list(facts.keywords),
-        "sourceOrganization": _institution(data),
+        "sourceOrganization": known(organisation) if facts.institution is not None else None,
         "creativeWorkStatus": "contains rehearsals" if "rehearsal" in data.kinds else None,
         "isBasedOn": f"study journal, SHA-256 of its events {data.source_sha256}",
         "variableMeasured": [_variable(column, data) for column in COLUMNS],
     }
-    return {name: value for name, value in described.items() if value}
-
-
-def _institution(data: Dataset) -> dict[str, str] | None:
-    facts = data.facts
-    if facts.institution is None:
-        return None
-    address = {"address": facts.institution_address} if facts.institution_address else {}
-    return {"@type": "Organization", "name": facts.institution, **address}
+    return known(described)
 
 
 def _variable(column: Column, data: Dataset) -> dict[str, Any]:
-    levels = data.levels(column)
     terms = [
         {"@type": "DefinedTerm", "name": csv_cell(level), "description": meaning}
-        for level, meaning in levels.items()
+        for level, meaning in data.levels(column).items()
     ]
     listed = " One value per touch, with semicolons between." if column.per_touch else ""
-    return {
-        "@type": "PropertyValue",
-        "name": column.name,
-        "description": data.meaning(column) + listed,
-        **({"unitText": column.unit} if column.unit else {}),
-        **({"valueReference": terms} if terms else {}),
-    }
+    return known(
+        {
+            "@type": "PropertyValue",
+            "name": column.name,
+            "description": data.meaning(column) + listed,
+            "unitText": column.unit,
+            "valueReference": terms,
+        }
+    )

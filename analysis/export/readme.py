@@ -39,7 +39,11 @@ def readme(data: Dataset, tables: str) -> str:
         f"{_line(data.description())}\n",
         f"{tables}\n",
         _PUBLISHED_ROWS if data.published else _ROWS,
-        _counts(data),
+        f"- {len(data.subject_labels)} participants, {len(data.sessions)} sessions, "
+        f"{len(data.trials)} trials\n"
+        f"- excluded: {data.trials_excluded} trials\n"
+        f"- not here: {data.rehearsals_left_out} rehearsals, {data.sessions_withdrawn} sessions "
+        f"that were withdrawn, {data.sessions_without_trials} in which no trial was begun\n",
         *_facts(data),
         f"Written by touchbeam {data.touchbeam} from the study's journal "
         f"(SHA-256 of its events: {data.source_sha256}).\n",
@@ -50,16 +54,6 @@ def readme(data: Dataset, tables: str) -> str:
 def changed(data: Dataset) -> str:
     """Return what a reader of data from a changed journal must know first."""
     return f"**Changed journal.** {_line(changed_journal(data.broken_chains))}\n"
-
-
-def _counts(data: Dataset) -> str:
-    return (
-        f"- {len(data.subject_labels)} participants, {len(data.sessions)} sessions, "
-        f"{len(data.trials)} trials\n"
-        f"- excluded: {data.trials_excluded} trials\n"
-        f"- not here: {data.rehearsals_left_out} rehearsals, {data.sessions_withdrawn} sessions "
-        f"that were withdrawn, {data.sessions_without_trials} in which no trial was begun\n"
-    )
 
 
 def _facts(data: Dataset) -> list[str]:

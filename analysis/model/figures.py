@@ -65,31 +65,18 @@ def _full_coverage() -> tuple[Panel, ...]:
         curves = {law: np.array([mu(law, float(point)) for point in x]) for law in LAWS}
         return _by_law(title, axis, x, curves)
 
+    def by_u(law: str, u: float) -> float:
+        return full_coverage(law, same_direction=u / 2, bodies=int(u))
+
+    def by(name: str) -> Callable[[str, Any], float]:
+        return lambda law, value: full_coverage(law, **{name: value})
+
+    near = np.linspace(0.95, 1.05, 101)
     return (
-        panel(
-            "u, a/u = ½ (Fig 13b)",
-            "u",
-            np.arange(10.0, 41.0),
-            lambda law, u: full_coverage(law, same_direction=u / 2, bodies=int(u)),
-        ),
-        panel(
-            "frequency (Fig 13c)",
-            "frequency over resonance",
-            np.linspace(0.95, 1.05, 101),
-            lambda law, detuning: full_coverage(law, detuning=detuning),
-        ),
-        panel(
-            "voltage (Fig 13d)",
-            "V",
-            np.linspace(0.0, 200.0, 41),
-            lambda law, voltage_v: full_coverage(law, voltage_v=voltage_v),
-        ),
-        panel(
-            "load per body (Fig 13)",
-            "f, N",
-            np.geomspace(0.5, 20.0, 40),
-            lambda law, load_n: full_coverage(law, load_n=load_n),
-        ),
+        panel("u, a/u = ½ (Fig 13b)", "u", np.arange(10.0, 41.0), by_u),
+        panel("frequency (Fig 13c)", "frequency over resonance", near, by("detuning")),
+        panel("voltage (Fig 13d)", "V", np.linspace(0.0, 200.0, 41), by("voltage_v")),
+        panel("load per body (Fig 13)", "f, N", np.geomspace(0.5, 20.0, 40), by("load_n")),
     )
 
 

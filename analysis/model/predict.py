@@ -64,28 +64,17 @@ def _optional(values: FloatArray) -> FloatArray | None:
 def _group_batch(table: SceneTable, rows: NDArray[np.intp]) -> Batch:
     """The scenes of one group as a batch."""
     number = {name: values[rows] for name, values in table.numbers.items()}
+    mode = int(number.pop("mode")[0])
+    driven = {name: number.pop(name) for name in ("voltage_v", "frequency_hz", "damping_ratio")}
     contact = Contact(
         beam=Beam(),
         coverage=cast(Coverage, str(table.words["coverage"][rows[0]])),
         direction=cast(Direction, str(table.words["direction"][rows[0]])),
-        x_m=number["x_m"],
-        contact_m=number["contact_m"],
-        body_count=number["body_count"],
-        body_mass_kg=number["body_mass_kg"],
-        body_height_m=number["body_height_m"],
-        body_load_n=number["body_load_n"],
-        finger_load_n=_optional(number["finger_load_n"]),
-        sliding_speed_m_s=number["sliding_speed_m_s"],
-        friction_coefficient=number["friction_coefficient"],
-        same_direction_fraction=_optional(number["same_direction_fraction"]),
+        finger_load_n=_optional(number.pop("finger_load_n")),
+        same_direction_fraction=_optional(number.pop("same_direction_fraction")),
+        **number,
     )
-    return Batch(
-        contact=contact,
-        mode=int(number["mode"][0]),
-        voltage_v=number["voltage_v"],
-        frequency_hz=number["frequency_hz"],
-        damping_ratio=number["damping_ratio"],
-    )
+    return Batch(contact=contact, mode=mode, **driven)
 
 
 def _groups(table: SceneTable) -> Iterator[NDArray[np.intp]]:

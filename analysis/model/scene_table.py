@@ -3,7 +3,7 @@
 import csv
 import io
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import get_args
 
 import numpy as np
@@ -21,7 +21,7 @@ _SCENE = Scene()
 _LENGTH_M = _SCENE.structure.beam.length_m
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class NumberColumn:
     """A column of numbers: its default (nan: none) and what a value must keep to.
 
@@ -37,82 +37,72 @@ class NumberColumn:
     """What may stand for a number, read as nan."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class WordColumn:
     """A column of words: the default first."""
 
     words: tuple[str, ...]
 
 
-def _finite_above(low: float) -> Callable[[FloatArray], BoolArray]:
-    return lambda values: np.isfinite(values) & (values > low)
-
-
-def _finite_from(low: float) -> Callable[[FloatArray], BoolArray]:
-    return lambda values: np.isfinite(values) & (values >= low)
-
-
 def _between(low: float, high: float) -> Callable[[FloatArray], BoolArray]:
     return lambda values: (values >= low) & (values <= high)
 
 
-def _whole(values: FloatArray) -> BoolArray:
-    return np.asarray(np.isfinite(values) & (values >= 1) & (values == np.floor(values)))
+def _positive(default: float) -> NumberColumn:
+    return NumberColumn(
+        default,
+        "must be a finite number above 0",
+        lambda values: np.isfinite(values) & (values > 0),
+    )
 
 
-_POSITIVE, _NOT_NEGATIVE = (
-    "must be a finite number above 0",
-    "must be a finite number of at least 0",
-)
-_COUNT = "must be a whole number of at least 1"
+def _not_negative(default: float) -> NumberColumn:
+    return NumberColumn(
+        default,
+        "must be a finite number of at least 0",
+        lambda values: np.isfinite(values) & (values >= 0),
+    )
+
+
+def _count(default: float) -> NumberColumn:
+    return NumberColumn(
+        default,
+        "must be a whole number of at least 1",
+        lambda values: np.isfinite(values) & (values >= 1) & (values == np.floor(values)),
+    )
+
+
 _STRUCTURE, _TOUCH = _SCENE.structure, _SCENE.touch
 
 COLUMNS: Mapping[str, NumberColumn | WordColumn] = {
-    "voltage_v": NumberColumn(
-        default=_SCENE.drive.voltage_v, rule=_NOT_NEGATIVE, keeps=_finite_from(0)
-    ),
-    "frequency_hz": NumberColumn(
-        default=np.nan,
+    "voltage_v": _not_negative(_SCENE.drive.voltage_v),
+    "frequency_hz": replace(
+        _positive(np.nan),
         rule="must be `resonance` or a finite number above 0",
-        keeps=_finite_above(0),
         reach=(1e-9, 1e8),  # above, the segmented beam has millions of zones
         word="resonance",
     ),
-    "x_m": NumberColumn(
-        default=_TOUCH.x_m,
-        rule=f"must lie in [0, {_LENGTH_M:g}]",
-        keeps=_between(0.0, _LENGTH_M),
-    ),
-    "contact_m": NumberColumn(default=_TOUCH.contact_m, rule=_POSITIVE, keeps=_finite_above(0)),
-    "direction": WordColumn(words=get_args(Direction)),
-    "coverage": WordColumn(words=get_args(Coverage)),
+    "x_m": NumberColumn(_TOUCH.x_m, f"must lie in [0, {_LENGTH_M:g}]", _between(0.0, _LENGTH_M)),
+    "contact_m": _positive(_TOUCH.contact_m),
+    "direction": WordColumn(get_args(Direction)),
+    "coverage": WordColumn(get_args(Coverage)),
     "same_direction_fraction": NumberColumn(
-        default=np.nan, rule="must lie in [0, 1]", keeps=_between(0.0, 1.0), reach=(0.0, 1.0)
+        np.nan, "must lie in [0, 1]", _between(0.0, 1.0), reach=(0.0, 1.0)
     ),
-    "ratio": WordColumn(words=get_args(Ratio)),
-    "body_count": NumberColumn(default=_STRUCTURE.body_count, rule=_COUNT, keeps=_whole),
-    "body_load_n": NumberColumn(default=_TOUCH.body_load_n, rule=_POSITIVE, keeps=_finite_above(0)),
-    "finger_load_n": NumberColumn(default=np.nan, rule=_POSITIVE, keeps=_finite_above(0)),
-    "body_mass_kg": NumberColumn(
-        default=_STRUCTURE.body_mass_kg, rule=_NOT_NEGATIVE, keeps=_finite_from(0)
-    ),
-    "friction_coefficient": NumberColumn(
-        default=_STRUCTURE.friction_coefficient, rule=_POSITIVE, keeps=_finite_above(0)
-    ),
+    "ratio": WordColumn(get_args(Ratio)),
+    "body_count": _count(_STRUCTURE.body_count),
+    "body_load_n": _positive(_TOUCH.body_load_n),
+    "finger_load_n": _positive(np.nan),
+    "body_mass_kg": _not_negative(_STRUCTURE.body_mass_kg),
+    "friction_coefficient": _positive(_STRUCTURE.friction_coefficient),
     "damping_ratio": NumberColumn(
-        default=_STRUCTURE.beam.damping_ratio,
-        rule="must lie between 0 and 1",
-        keeps=lambda values: (values > 0) & (values < 1),
+        _STRUCTURE.beam.damping_ratio,
+        "must lie between 0 and 1",
+        lambda values: (values > 0) & (values < 1),
     ),
-    "mode": NumberColumn(
-        default=_SCENE.drive.mode, rule=_COUNT, keeps=_whole, reach=(1, HIGHEST_MODE)
-    ),
-    "sliding_speed_m_s": NumberColumn(
-        default=_TOUCH.sliding_speed_m_s, rule=_POSITIVE, keeps=_finite_above(0)
-    ),
-    "body_height_m": NumberColumn(
-        default=_STRUCTURE.body_height_m, rule=_NOT_NEGATIVE, keeps=_finite_from(0)
-    ),
+    "mode": replace(_count(_SCENE.drive.mode), reach=(1, HIGHEST_MODE)),
+    "sliding_speed_m_s": _positive(_TOUCH.sliding_speed_m_s),
+    "body_height_m": _not_negative(_STRUCTURE.body_height_m),
 }
 
 

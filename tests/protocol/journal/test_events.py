@@ -279,7 +279,7 @@ def test_a_stored_event_gives_its_record() -> None:
 ROOT = Path(__file__).parents[3]
 SOURCES = {
     path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8")
-    for package in ("protocol", "device", "runner")
+    for package in ("protocol", "device", "runner", "analysis")
     for path in (ROOT / package).rglob("*.py")
 }
 COMMON_WORDS = {*TRANSITIONS.values(), "note"}

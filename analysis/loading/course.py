@@ -1,0 +1,304 @@
+"""The fold over the events of a session, which adds its rows to the tables."""
+
+from array import array
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, fields
+from functools import lru_cache, singledispatchmethod
+from itertools import chain
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from analysis.loading.records import (
+    AttemptRow,
+    Exclusion,
+    Incident,
+    SessionRow,
+    Table,
+    TouchRow,
+)
+from protocol.journal.events import (
+    Answered,
+    BeamMounted,
+    DeviceArmed,
+    DeviceOff,
+    Event,
+    NoteTaken,
+    Paused,
+    PracticeRenewed,
+    ResonanceMeasured,
+    RigDescribed,
+    ScoresImported,
+    SessionCompleted,
+    SessionExcluded,
+    SessionOpened,
+    SessionResumed,
+    StoredEvent,
+    TouchEnded,
+    TouchStarted,
+    TrialAborted,
+    TrialExcluded,
+    TrialStarted,
+)
+from protocol.journal.records import PlannedTrial, TraceSample
+from protocol.study.touch import Touch
+
+_SESSION_COLUMNS = frozenset(entry.name for entry in fields(SessionRow))
+
+
+@dataclass(kw_only=True)
+class Rows:
+    """The rows of the sessions read so far; `samples` holds three numbers per sample of a trace."""
+
+    sessions: Table[SessionRow] = field(default_factory=lambda: Table(SessionRow))
+    attempts: Table[AttemptRow] = field(default_factory=lambda: Table(AttemptRow))
+    touches: Table[TouchRow] = field(default_factory=lambda: Table(TouchRow))
+    sampled: list[int] = field(default_factory=list)
+    samples: "array[float]" = field(default_factory=lambda: array("d"))
+    incidents: list[Incident] = field(default_factory=list)
+    exclusions: list[Exclusion] = field(default_factory=list)
+    study_texts: dict[str, str] = field(default_factory=dict)
+
+    def traces(self) -> pd.DataFrame:
+        """Return the samples, each with its touch."""
+        values = np.frombuffer(self.samples).reshape(-1, 3)
+        traces = pd.DataFrame(values, columns=list(TraceSample._fields))
+        return traces.assign(touch_id=self.sampled)
+
+
+class Course:
+    """The fold over one session."""
+
+    def __init__(self, rows: Rows) -> None:
+        self._rows = rows
+        self._planned: dict[int, PlannedTrial] = {}
+        self._attempts: dict[int, list[AttemptRow]] = {}
+        self._excluded: dict[int, str] = {}
+        self._early_notes: list[str] = []
+        self._beam: str | None = None
+        self._resonance: ResonanceMeasured | None = None
+        self._study_sha256: str | None = None
+        self._study_text: str | None = None
+
+    @property
+    def _session(self) -> SessionRow:
+        return self._rows.sessions.last
+
+    @property
+    def _attempt(self) -> AttemptRow:
+        """The running attempt, or the last one."""
+        return self._rows.attempts.last
+
+    def read(self, events: Iterable[StoredEvent]) -> None:
+        """Add all events of the session; those without a handler say nothing about trials."""
+        take = self._take  # looking this method up takes longer than most of its work
+        for stored in events:
+            self._stored = stored
+            take(stored.record)
+        # A trial may be excluded before its last attempt.
+        for index, why in self._excluded.items():
+            self._exclude(why, index)
+            for attempt in self._attempts.get(index, []):
+                attempt.exclusion = why
+
+    @singledispatchmethod
+    def _take(self, _: Event) -> None:
+        pass
+
+    @_take.register
+    def _scores_imported(self, event: ScoresImported) -> None:
+        """Add a trial for each condition; its course is unknown."""
+        self._rows.sessions.append(
+            SessionRow(
+                session_kind=event.kind,
+                session_completed=True,
+                imported_from=event.source and f"{event.source} (SHA-256 {event.source_sha256})",
+                **_named_alike(event),
+            )
+        )
+        for index, condition in enumerate(event.conditions):
+            self._rows.attempts.append(
+                AttemptRow(
+                    session_id=self._rows.sessions.last_id,
+                    trial_index=index,
+                    trial_kind=event.kind,
+                    condition=condition,
+                    answered=True,
+                    score=event.scores.get(condition),
+                )
+            )
+
+    @_take.register
+    def _session_opened(self, event: SessionOpened) -> None:
+        self._rows.sessions.append(SessionRow(session_kind=event.kind, **_named_alike(event)))
+        self._under(event)
+
+    @_take.register
+    def _session_resumed(self, event: SessionResumed) -> None:
+        self._under(event)
+        self._incident("resumed")
+
+    def _under(self, event: SessionOpened | SessionResumed) -> None:
+        """Continue with the study and the plan with which the session was opened or resumed."""
+        self._planned |= {trial.index: trial for trial in event.trials}
+        self._study_sha256 = event.study_sha256 or self._study_sha256
+        if event.study_text is not None:
+            # One copy of the text, which most sessions share.
+            self._study_text = self._rows.study_texts.setdefault(event.study_text, event.study_text)
+
+    @_take.register
+    def _practice_renewed(self, _: PracticeRenewed) -> None:
+        self._incident("practised again")
+
+    @_take.register
+    def _device_armed(self, event: DeviceArmed) -> None:
+        self._session.device = event.idn
+
+    @_take.register
+    def _rig_described(self, event: RigDescribed) -> None:
+        self._session.operator_noted = {**self._session.operator_noted, **event.answers}
+        self._incident("rig", "; ".join(f"{name}: {said}" for name, said in event.answers.items()))
+
+    @_take.register
+    def _beam_mounted(self, event: BeamMounted) -> None:
+        self._beam = event.beam
+
+    @_take.register
+    def _resonance_measured(self, event: ResonanceMeasured) -> None:
+        self._resonance = event
+
+    @_take.register
+    def _trial_started(self, event: TrialStarted) -> None:
+        planned, resonance = self._planned[event.index], self._resonance
+        attempts = self._attempts.setdefault(event.index, [])
+        attempt = AttemptRow(
+            session_id=self._rows.sessions.last_id,
+            trial_index=event.index,
+            attempt=len(attempts) + 1,
+            block=planned.block,
+            trial_kind=planned.kind,
+            condition=planned.condition,
+            level=planned.level,
+            opposite=planned.opposite,
+            question=planned.question,
+            expected=planned.expected,
+            notes="\n".join(self._early_notes) or None,
+            started_utc=self._stored.utc,
+            started_monotonic_s=self._stored.monotonic_s,
+            resonance_hz=resonance.frequency_hz if resonance else None,
+            resonance_tip_m_per_v=resonance.tip_m_per_v if resonance else None,
+            study_sha256=self._study_sha256,
+            study_text=self._study_text,
+        )
+        self._early_notes = []
+        attempts.append(attempt)
+        self._rows.attempts.append(attempt)
+
+    @_take.register
+    def _touch_started(self, event: TouchStarted) -> None:
+        touches = self._planned[self._attempt.trial_index].touches
+        planned = _touch(tuple(sorted(touches[event.touch].items())))
+        self._rows.touches.append(
+            TouchRow(
+                attempt_id=self._rows.attempts.last_id,
+                planned=planned,
+                beam=self._beam,
+                place=planned.place,
+                direction=planned.direction,
+                coverage=planned.coverage,
+                press=planned.press,
+                planned_voltage_v=planned.voltage_v,
+                planned_end_voltage_v=planned.end_voltage_v,
+                planned_frequency=planned.frequency,
+                planned_end_frequency=planned.end_frequency,
+                commanded_voltage_v=event.commanded.voltage_v,
+                commanded_frequency_hz=event.commanded.frequency_hz,
+            )
+        )
+
+    @_take.register
+    def _touch_ended(self, event: TouchEnded) -> None:
+        touch = self._rows.touches.last
+        touch.force_n = event.judged.force_n
+        touch.force_ok = event.judged.force_ok
+        touch.place_ok = event.judged.place_ok
+        if event.read_back:
+            start, end = event.read_back[0], event.read_back[-1]
+            touch.start_voltage_v, touch.end_voltage_v = start.voltage_v, end.voltage_v
+            touch.start_frequency_hz, touch.end_frequency_hz = start.frequency_hz, end.frequency_hz
+            touch.start_monitor_v, touch.end_monitor_v = start.monitor_v, end.monitor_v
+        self._rows.sampled += [self._rows.touches.last_id] * len(event.trace)
+        self._rows.samples.extend(chain.from_iterable(event.trace))
+
+    @_take.register
+    def _answered(self, event: Answered) -> None:
+        attempt = self._attempt
+        attempt.answered = True
+        attempt.change, attempt.agrees, attempt.score = event.change, event.agrees, event.score
+        times_s: Sequence[float | None] = (*event.reaction_time_s, None, None)
+        attempt.reaction_time_s, attempt.score_reaction_time_s = times_s[:2]
+        attempt.answered_utc = self._stored.utc
+        began_s = attempt.started_monotonic_s
+        if began_s is not None:
+            attempt.duration_s = round(self._stored.monotonic_s - began_s, 6)
+
+    @_take.register
+    def _trial_aborted(self, event: TrialAborted) -> None:
+        self._attempt.abort_reason = event.why
+        self._incident("trial aborted", event.why, event.index)
+
+    @_take.register
+    def _paused(self, _: Paused) -> None:
+        self._incident("paused")
+
+    @_take.register
+    def _note_taken(self, event: NoteTaken) -> None:
+        """Add a note to the running or the last attempt, or else to the first one to come."""
+        if self._attempts:
+            told = self._attempt.notes
+            self._attempt.notes = event.text if told is None else f"{told}\n{event.text}"
+        else:
+            self._early_notes.append(event.text)
+        self._incident("note", event.text)
+
+    @_take.register
+    def _device_off(self, event: DeviceOff) -> None:
+        if not event.confirmed:
+            self._incident("device off, not confirmed", event.why)
+
+    @_take.register
+    def _session_completed(self, _: SessionCompleted) -> None:
+        self._session.session_completed = True
+
+    @_take.register
+    def _trial_excluded(self, event: TrialExcluded) -> None:
+        self._excluded[event.index] = event.reason
+
+    @_take.register
+    def _session_excluded(self, event: SessionExcluded) -> None:
+        self._session.exclusion = event.reason
+        self._exclude(event.reason)
+
+    def _incident(self, what: str, text: str = "", trial: int | None = None) -> None:
+        who, number = self._session.participant, self._session.session
+        self._rows.incidents.append(
+            Incident(participant=who, session=number, what=what, text=text, trial=trial)
+        )
+
+    def _exclude(self, why: str, trial: int | None = None) -> None:
+        who, number = self._session.participant, self._session.session
+        self._rows.exclusions.append(
+            Exclusion(participant=who, session=number, trial=trial, by="operator", why=why)
+        )
+
+
+def _named_alike(event: ScoresImported | SessionOpened) -> dict[str, Any]:
+    """Return what the event and the row of its session have under the same name."""
+    return {name: value for name, value in vars(event).items() if name in _SESSION_COLUMNS}
+
+
+@lru_cache(maxsize=1024)
+def _touch(planned: tuple[tuple[str, Any], ...]) -> Touch:
+    """Return the planned touch; a study has few different ones, each of which is validated once."""
+    return Touch.model_validate(dict(planned))

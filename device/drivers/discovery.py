@@ -3,22 +3,24 @@
 from functools import cache
 from importlib import import_module
 from pkgutil import iter_modules
+from typing import Any
 
 from device.drivers.driver import Driver
 from device.errors import ForeignDevice
 from protocol.address import AddressError
 
 
+def defined_in(package: str, name: str) -> list[Any]:
+    """Return what the modules of `package` define as `name`; not every one does."""
+    folder = import_module(package).__path__
+    modules = [import_module(f"{package}.{found.name}") for found in iter_modules(folder)]
+    return [getattr(module, name) for module in modules if hasattr(module, name)]
+
+
 @cache
 def drivers() -> dict[str, type[Driver]]:
     """Return the drivers by dialect."""
-    context = import_module("device.drivers")
-    modules = [
-        import_module(f"{context.__name__}.{found.name}")
-        for found in iter_modules(context.__path__)
-    ]
-    found = [module.DRIVER for module in modules if hasattr(module, "DRIVER")]
-    return {driver.dialect: driver for driver in found}
+    return {driver.dialect: driver for driver in defined_in("device.drivers", "DRIVER")}
 
 
 def driver_of(dialect: str) -> type[Driver]:

@@ -4,9 +4,8 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from importlib import import_module
-from pkgutil import iter_modules
 
+from device.drivers.discovery import defined_in
 from device.errors import DeviceError
 from device.link.codec import text
 from device.simulator.control import Control
@@ -67,11 +66,7 @@ class SimulatedDevice:
 @cache
 def dialects() -> dict[str, Model]:
     """Return what models each dialect. A module in `models` that defines `MODELS` is found."""
-    folder = import_module("device.simulator.models")
-    modules = [
-        import_module(f"{folder.__name__}.{found.name}") for found in iter_modules(folder.__path__)
-    ]
-    found = [module.MODELS for module in modules if hasattr(module, "MODELS")]
+    found = defined_in("device.simulator.models", "MODELS")
     return {dialect: model for models in found for dialect, model in models.items()}
 
 

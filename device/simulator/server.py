@@ -195,16 +195,12 @@ class _Ending:
 
 
 def _line(wire: LineKind, place: str) -> Line:
+    if wire == "tcp" and not (place.isdecimal() and int(place) <= 65_535):
+        raise BadInput(f"a port must be a whole number in [0, 65535], got {place!r}")
     try:
-        return PtyLine(Path(place)) if wire == "pty" else TcpLine(_port(place))
+        return PtyLine(Path(place)) if wire == "pty" else TcpLine(int(place))
     except OSError as error:
         raise BadInput(f"{place}: cannot be used ({error.strerror}); name another place") from error
-
-
-def _port(text: str) -> int:
-    if not text.isdecimal() or int(text) > 65_535:
-        raise BadInput(f"a port must be a whole number in [0, 65535], got {text!r}")
-    return int(text)
 
 
 def _door(path: Path) -> ControlDoor:

@@ -72,7 +72,10 @@ class PtyLine:
         return self._master
 
     def receive(self) -> bytes | None:
-        """Return what came. Our own hold on the host's end is given up once the host has spoken."""
+        """Return what came, maybe nothing; None once the host is gone.
+
+        Our own hold on the host's end is given up once the host has spoken.
+        """
         try:
             data = os.read(self._master, _CHUNK)
         except BlockingIOError:
@@ -85,7 +88,7 @@ class PtyLine:
         return data
 
     def send(self, data: bytes) -> None:
-        """Send what the host takes."""
+        """Send what the host takes; the rest is lost."""
         with contextlib.suppress(OSError):
             os.write(self._master, data)
 
@@ -124,7 +127,7 @@ class TcpLine:
         return (self._host or self._listener).fileno()
 
     def receive(self) -> bytes | None:
-        """Return what came; the first call for a host lets it in."""
+        """Return what came, maybe nothing; None once the host is gone. A new host is let in."""
         if self._host is None:
             return self._let_in()
         self._next = self._next or self._accepted()
@@ -142,7 +145,7 @@ class TcpLine:
         return data
 
     def send(self, data: bytes) -> None:
-        """Send what the host takes."""
+        """Send what the host takes; the rest is lost."""
         if self._host is not None:
             with contextlib.suppress(OSError):
                 self._host.sendall(data)

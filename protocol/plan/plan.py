@@ -52,15 +52,10 @@ def catch_places(study: Study, order: list[int], name: Name) -> dict[int, int]:
 
 
 def plan(study: Study, slot: int, session: int = 1) -> Plan:
-    """Return the plan for the participant in `slot`, counted from 0 over the cohort.
+    """Return the plan for a `slot`, counted from 0 over the cohort, and a `session`, from 1.
 
     The study's seed determines the plan: orders (see `protocol.plan.counterbalancing`), levels,
     opposite, catch and practice trials are each drawn from a random stream of their own.
-
-    Args:
-        study: a checked study.
-        slot: the participant's place in the design.
-        session: number of the participant's session, from 1.
 
     Raises:
         ValueError: the design's constraints cannot be met (`protocol.study_file.limits` reports

@@ -4,11 +4,11 @@ Python guarantees the same sequence on every platform and version for `random.ra
 its shuffles. Here SHA-256 defines every draw, so that a seed gives the same plan everywhere.
 """
 
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 from hashlib import sha256
-from itertools import chain, pairwise
+from itertools import accumulate, chain, pairwise
 from math import comb
 from typing import TypeVar
 
@@ -67,12 +67,7 @@ class Stream:
 
     def weighted(self, weights: Sequence[int]) -> int:
         """Return an index, drawn in proportion to the whole numbers `weights`."""
-        drawn = self.below(sum(weights))
-        for index, weight in enumerate(weights):
-            if drawn < weight:
-                return index
-            drawn -= weight
-        raise AssertionError("unreachable: the draw is below the sum")
+        return bisect_right(list(accumulate(weights)), self.below(sum(weights)))
 
 
 def shuffle(kinds: int, repeats: int, max_run: int, stream: Stream) -> list[int]:

@@ -42,32 +42,26 @@ def residual_sd(rating: Rating) -> float:
 def precisions(
     contrasts: Sequence[float], repeats: int, sessions: Iterable[SessionLength], rating: Rating
 ) -> list[Precision]:
-    """Return the precision of each session, assuming the same spread of contrasts.
+    """Return the precision of each of `sessions`, assuming the same spread of contrasts.
 
-    Args:
-        contrasts: predicted contrasts of the scored trials of a session of `repeats` repeats.
-        repeats: repeats of that session.
-        sessions: sessions of other lengths.
-        rating: the scale of the scores.
+    `contrasts` are those predicted for the scored trials of a session of `repeats` repeats.
     """
-    return [
-        _precision(contrasts, session.repeats / repeats, session, rating) for session in sessions
-    ]
+    largest, spread = max(map(abs, contrasts), default=0.0), squared_spread(contrasts)
 
+    def precision(session: SessionLength) -> Precision:
+        share = session.repeats / repeats
+        trials = round(share * len(contrasts))
+        half = half_width(spread * share, trials, residual_sd(rating))
+        return Precision(
+            repeats=session.repeats,
+            trials=trials,
+            duration_s=session.duration_s,
+            whole=session.whole,
+            half_width=half,
+            relative=half * largest / rating.span if half < inf else inf,
+        )
 
-def _precision(
-    contrasts: Sequence[float], share: float, session: SessionLength, rating: Rating
-) -> Precision:
-    trials, largest = round(share * len(contrasts)), max(map(abs, contrasts), default=0.0)
-    half = half_width(squared_spread(contrasts) * share, trials, residual_sd(rating))
-    return Precision(
-        repeats=session.repeats,
-        trials=trials,
-        duration_s=session.duration_s,
-        whole=session.whole,
-        half_width=half,
-        relative=half * largest / rating.span if half < inf else inf,
-    )
+    return [precision(session) for session in sessions]
 
 
 def squared_spread(contrasts: Sequence[float]) -> float:
@@ -81,10 +75,8 @@ def squared_spread(contrasts: Sequence[float]) -> float:
 def half_width(spread: float, trials: int, sd: float = RESIDUAL_SD) -> float:
     """Return half the width of the 95 % interval of a slope, infinite if it is undetermined.
 
-    Args:
-        spread: sum of squared deviations of the contrasts.
-        trials: number of trials with a score.
-        sd: of a score about the line.
+    `spread` is the sum of squared deviations of the contrasts of `trials` trials with a score, and
+    `sd` that of a score about the line.
     """
     if trials < 3 or spread <= 1e-12:
         return inf

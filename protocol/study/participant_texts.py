@@ -45,9 +45,7 @@ def required_codes(study: Study) -> tuple[str, ...]:
 def study_wording(study: Study, code: str) -> Wording:
     """Return all that is read in a language of the study, its own texts before the built-in ones.
 
-    Args:
-        study: whose participants read it.
-        code: one of `study_codes`.
+    The `code` is one of `study_codes`.
     """
     read = language(study, code)
     return Wording(

@@ -14,12 +14,7 @@ from protocol.study_file.toml import key_lines, line_of, toml_document
 
 
 def with_languages(text: str, contents: Mapping[str, str]) -> str:
-    """Return the text of a study together with the files of its own languages.
-
-    Args:
-        text: the study file.
-        contents: what stands in each language's file, by its code.
-    """
+    """Return the text of a study file together with the files of its own languages, by code."""
     if not contents:
         return text
     # A string of JSON is one of TOML, but for one control character.

@@ -16,9 +16,7 @@ from protocol.study_file.units import unit_hint
 def problems(study: Study, further: Iterable[Problem] = ()) -> list[Problem]:
     """Return everything in `study` that breaks a limit, cannot be met or names nothing there is.
 
-    Args:
-        study: that fits the schema.
-        further: what else is wrong with it; wishes are counted only where nothing is.
+    Whether the design can be met is asked only of a study with nothing else (`further`) wrong.
     """
     return [*limit_problems(study), *further] or design_problems(study)
 

@@ -61,11 +61,7 @@ def semantic_problems(
 def recovered(document: dict[str, Any], known: Mapping[str, Names]) -> Study | None:
     """Return the study that is left when what breaks the schema is replaced by something harmless.
 
-    `None` if nothing can be made of the document.
-
-    Args:
-        document: the study file's content.
-        known: the names that it may choose from, by kind.
+    `None` if nothing can be made of the document. `known` are the names to choose from, by kind.
     """
     sound = deepcopy(document)
     for _ in range(_ROUNDS):

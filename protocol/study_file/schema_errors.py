@@ -135,11 +135,7 @@ def _meant(path: Path) -> str | None:
 
 
 def unreadable(problem: Problem) -> Path:
-    """Return the path of what is not known because of `problem`: of a misspelt key, its right one.
-
-    Args:
-        problem: one of `schema_problems`.
-    """
+    """Return the path of what a problem with the schema hides: of a misspelt key, its right one."""
     if problem.rule != _UNKNOWN:
         return problem.path
     return (*problem.path[:-1], _meant(problem.path) or problem.path[-1])

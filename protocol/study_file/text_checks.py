@@ -39,11 +39,7 @@ def text_problems(study: Study) -> Iterator[Problem]:
 def instruction_problem(study: Study, where: str, path: Path, touch: Touch) -> Problem | None:
     """Return what is wrong with the instruction that `touch` names, if a language lacks its text.
 
-    Args:
-        study: whose texts are looked at.
-        where: the touch, in words.
-        path: where the touch stands in the study file.
-        touch: one of the study's.
+    The touch stands at `path` of the study file; `where` says it in words.
     """
     key = touch.instruction
     if key is None:

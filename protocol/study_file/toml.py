@@ -79,10 +79,7 @@ def _extreme(value: Any, path: Path) -> Problem | None:
 
 
 def key_lines(text: str) -> Mapping[Path, int]:
-    r"""Return the line, from 1, on which each key, table and array element of `text` begins.
-
-    Args:
-        text: a TOML document that `tomllib` accepts.
+    r"""Return the line, from 1, on which each key, table and array element of valid TOML begins.
 
     >>> key_lines('[rig]\nlevels = [1,\n 2]')
     {('rig',): 1, ('rig', 'levels'): 2, ('rig', 'levels', 0): 2, ('rig', 'levels', 1): 3}

@@ -49,10 +49,7 @@ _RELATIVE = {
 def unit_hint(path: Path, value: object = None, *, too_large: bool = True) -> str:
     """Return which unit the number at `path` of a study file is in, empty where it has none.
 
-    Args:
-        path: of the number.
-        value: that stands there.
-        too_large: whether it is, or too small.
+    The `value` there is `too_large`, or else too small.
     """
     if path[0] == "beams":
         return METRE.hint(value, too_large=too_large)

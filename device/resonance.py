@@ -81,6 +81,5 @@ def _peak(frequencies_hz: NDArray[np.float64], tips_m: NDArray[np.float64]) -> R
     if curve <= 0 or level <= 0 or abs(vertex_hz) > np.ptp(frequencies_hz):
         raise DeviceError(f"no resonance near {middle_hz:.0f} Hz: the vibration has no clear peak")
     return Resonance(
-        frequency_hz=middle_hz + float(vertex_hz),
-        tip_m_per_v=tip_m / math.sqrt(level),
+        frequency_hz=middle_hz + float(vertex_hz), tip_m_per_v=tip_m / math.sqrt(level)
     )

@@ -110,9 +110,7 @@ class Field:
     def scaled(self, factor: FloatArray) -> "Field":
         """Return the field of a drive multiplied by `factor`."""
         return replace(
-            self,
-            displacement_m=self.displacement_m * factor,
-            rotation=self.rotation * factor,
+            self, displacement_m=self.displacement_m * factor, rotation=self.rotation * factor
         )
 
     def tip_speed_m_s(self, lever_m: FloatArray | float) -> FloatArray:

@@ -129,11 +129,7 @@ def _sums(order: int, length_m: float) -> _Sums:
 
 
 def _settle_narrow(
-    here: Zones,
-    end_m: FloatArray,
-    width_m: FloatArray,
-    right: FloatArray,
-    mean: FloatArray,
+    here: Zones, end_m: FloatArray, width_m: FloatArray, right: FloatArray, mean: FloatArray
 ) -> None:
     """Set parts and means of windows too narrow for a difference; at the clamp all moves left."""
     narrow = np.flatnonzero(width_m < _NARROW * here.length_m / mode_constants(here.order).root)

@@ -5,13 +5,7 @@ from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from device.drivers.generator import (
-    AMPLITUDE_REL_TOL,
-    NO_LIMITS,
-    NO_WATCHDOG,
-    Generator,
-    Status,
-)
+from device.drivers.generator import AMPLITUDE_REL_TOL, NO_LIMITS, NO_WATCHDOG, Generator, Status
 from device.link.codec import impedance, number, number_text, switch
 
 

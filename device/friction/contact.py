@@ -104,9 +104,7 @@ def with_eq15_ratio(state: ContactState, contact: Contact, overlap: Overlap) -> 
     ratio = same_direction_ratio(contact.x_m, contact.contact_m, overlap)
     same_direction, opposing = _directions(contact, ratio, 1.0 - ratio)
     terms = replace(
-        state.terms,
-        same_direction=np.asarray(same_direction),
-        opposing=np.asarray(opposing),
+        state.terms, same_direction=np.asarray(same_direction), opposing=np.asarray(opposing)
     )
     return replace(state, terms=terms)
 

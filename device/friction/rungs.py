@@ -14,14 +14,7 @@ import numpy as np
 
 from device.beam.beam import Beam
 from device.beam.eq15 import Overlap
-from device.beam.fields import (
-    Eq15Pattern,
-    Field,
-    ModePattern,
-    Signal,
-    SinusoidPattern,
-    modal_field,
-)
+from device.beam.fields import Eq15Pattern, Field, ModePattern, Signal, SinusoidPattern, modal_field
 from device.beam.modes import natural_frequency_hz
 from device.beam.windows import Pattern
 from device.errors import OutOfRangeError

@@ -32,17 +32,7 @@ def _many(number: int, one: str, more: str = "") -> str:
 
 
 def _trial_rows(shown: Preview, predict: Predict) -> Iterator[tuple[str, ...]]:
-    yield (
-        "#",
-        "block",
-        "kind",
-        "condition",
-        "peak V",
-        "drive",
-        "pred.",
-        "expected",
-        "finger",
-    )
+    yield ("#", "block", "kind", "condition", "peak V", "drive", "pred.", "expected", "finger")
     for trial in shown.plans[0].trials:
         contrast = predict(trial)
         yield (

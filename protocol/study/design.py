@@ -71,8 +71,7 @@ class Design(Record):
         ),
     ] = "no"
     max_beam_swaps: Annotated[
-        Whole | None,
-        Field(description="per session; trials are grouped further if this needs it"),
+        Whole | None, Field(description="per session; trials are grouped further if this needs it")
     ] = None
     break_every_blocks: Annotated[Whole, Field(description="0: no break")] = 0
     break_s: Annotated[LongPause, Field(description="shortest duration of a break")] = 60.0

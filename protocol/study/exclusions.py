@@ -22,8 +22,7 @@ class Exclusions(Record):
     ] = None
     # Nobody answers within 0.1 s, and 600 s leave out nobody.
     max_reaction_s: Annotated[
-        Positive | None,
-        Field(ge=0.1, le=600, description="a trial answered later is left out"),
+        Positive | None, Field(ge=0.1, le=600, description="a trial answered later is left out")
     ] = None
     min_trials: Annotated[
         Count | None, Field(description="a participant with fewer valid trials is left out")

@@ -63,8 +63,7 @@ class Rig(Record):
         Field(ge=1, le=2_000, description="how fast an amplitude may change, soft start included"),
     ] = 400.0
     max_slew_v_per_us: Annotated[
-        Positive,
-        Field(le=1_000, description="what the amplifier follows: 2 pi f V of the drive"),
+        Positive, Field(le=1_000, description="what the amplifier follows: 2 pi f V of the drive")
     ] = 40.0
     max_drive_s: Annotated[
         Positive, Field(le=600, description="longest time that one touch is driven")
@@ -96,9 +95,7 @@ class Rig(Record):
     max_current_ma: Annotated[
         Positive | None,
         Field(
-            ge=0.1,
-            le=10_000,
-            description="what the amplifier supplies: 2 pi f C V of the drive",
+            ge=0.1, le=10_000, description="what the amplifier supplies: 2 pi f C V of the drive"
         ),
     ] = None
     # An idle stage in a warm room has 30; silicon ends at 150.

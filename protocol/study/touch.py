@@ -65,8 +65,7 @@ class Touch(Record):
     """
 
     place: Annotated[
-        Place,
-        Field(description="slide along `touch.path_m`, or touch `touch.smooth_place_m`"),
+        Place, Field(description="slide along `touch.path_m`, or touch `touch.smooth_place_m`")
     ]
     voltage_v: Annotated[NotNegative, Field(description="amplitude (peak) at the start")]
     ramp_to_v: Annotated[

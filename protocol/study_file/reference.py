@@ -151,11 +151,7 @@ def _list_kind(entry: _Schema) -> str:
 
 
 def _range(entry: _Schema) -> str:
-    words = {
-        "exclusiveMinimum": "above",
-        "minimum": "at least",
-        "maximum": "at most",
-    }
+    words = {"exclusiveMinimum": "above", "minimum": "at least", "maximum": "at most"}
     if "minimum" in entry:
         del words["exclusiveMinimum"]
     parts = [f"{word} {entry[key]:.15g}" for key, word in words.items() if key in entry]

@@ -55,11 +55,7 @@ def _problem(document: Mapping[str, Any], entry: Any) -> Problem:
     where = place(document, path)
     if entry["type"] == "extra_forbidden":
         return Problem(
-            where=where,
-            rule=_UNKNOWN,
-            value=repr(path[-1]),
-            hint=_near_miss(path),
-            path=path,
+            where=where, rule=_UNKNOWN, value=repr(path[-1]), hint=_near_miss(path), path=path
         )
     if entry["type"] == "missing":
         return Problem(where=where, rule="must be given", value="nothing", path=path)

@@ -13,12 +13,7 @@ from device.simulator.models.keysight_settings import (
     Kept,
 )
 from device.simulator.models.power_stage import FrequencySweep, Instrument
-from device.simulator.models.scpi import (
-    Call,
-    Handler,
-    ScpiError,
-    boolean,
-)
+from device.simulator.models.scpi import Call, Handler, ScpiError, boolean
 
 _GENERATORS = {
     "keysight": Model(

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 
 from device.link.codec import number_text
+from device.simulator.models import scpi
 from device.simulator.models.beam_and_finger import SimulatedBeam
 from device.simulator.models.dialect import Dialect, Status, asked
 from device.simulator.models.power_stage import (
@@ -14,17 +15,7 @@ from device.simulator.models.power_stage import (
     FrequencySweep,
     Instrument,
 )
-from device.simulator.models.scpi import (
-    HERTZ,
-    SECONDS,
-    VOLTS,
-    Call,
-    Handler,
-    ScpiError,
-    boolean,
-    quantity,
-    told,
-)
+from device.simulator.models.scpi import Call, Handler, ScpiError
 
 IDN = "touchbeam,BOARD,SIM,1.1"
 BANNER = "touchbeam board 1.1 ready"
@@ -78,38 +69,38 @@ class BoardDialect(Dialect):
         volts = "[SOURce#:]VOLTage"
         return {
             "[SOURce#:]FREQuency[:CW]?": lambda call: number_text(
-                told(call.argument, self._instrument.frequency_hz, *FREQUENCY_RANGE_HZ)
+                scpi.told(call.argument, self._instrument.frequency_hz, *FREQUENCY_RANGE_HZ)
             ),
             "[SOURce#:]FREQuency[:CW]": self._set_frequency,
             f"{volts}[:LEVel][:IMMediate][:AMPLitude]?": lambda call: number_text(
-                told(call.argument, self._instrument.target_v, 0.0, self._instrument.limit_v)
+                scpi.told(call.argument, self._instrument.target_v, 0.0, self._instrument.limit_v)
             ),
             f"{volts}[:LEVel][:IMMediate][:AMPLitude]": self._set_voltage,
             f"{volts}:INSTant?": asked(lambda: number_text(self._instrument.meant_v)),
             **self._quantity(f"{volts}:RAMP", self._instrument, "ramp_v_per_s", ramp),
-            "OUTPut#[:STATe]": lambda call: self._switch(boolean(call.argument)),
+            "OUTPut#[:STATe]": lambda call: self._switch(scpi.boolean(call.argument)),
             "OUTPut#[:STATe]?": asked(lambda: str(int(self._instrument.output))),
         }
 
     def _sweep(self) -> dict[str, Handler]:
         header = "[SOURce#:]FREQuency:SWEep"
-        hertz = (HERTZ, *FREQUENCY_RANGE_HZ)
+        hertz = (scpi.HERTZ, *FREQUENCY_RANGE_HZ)
         return {
             **self._quantity(f"{header}:STARt", self, "sweep_start_hz", hertz),
             **self._quantity(f"{header}:STOP", self, "sweep_stop_hz", hertz),
             **self._quantity(
-                f"{header}:TIME", self, "sweep_time_s", (SECONDS, *SWEEP_TIME_RANGE_S)
+                f"{header}:TIME", self, "sweep_time_s", (scpi.SECONDS, *SWEEP_TIME_RANGE_S)
             ),
-            f"{header}:STATe": lambda call: self._switch_sweep(boolean(call.argument)),
+            f"{header}:STATe": lambda call: self._switch_sweep(scpi.boolean(call.argument)),
             f"{header}:STATe?": asked(lambda: str(int(self._instrument.sweep is not None))),
         }
 
     def _safety(self) -> dict[str, Handler]:
-        watchdog = (SECONDS, *WATCHDOG_RANGE_S)
+        watchdog = (scpi.SECONDS, *WATCHDOG_RANGE_S)
         return {
             "[SOURce#:]VOLTage:LIMit": self._set_limit,
             "[SOURce#:]VOLTage:LIMit?": lambda call: number_text(
-                told(call.argument, self._instrument.limit_v, 0.0, MAX_VOLTAGE_V)
+                scpi.told(call.argument, self._instrument.limit_v, 0.0, MAX_VOLTAGE_V)
             ),
             **self._quantity("SYSTem:WATChdog", self._instrument, "watchdog_s", watchdog),
             "OUTPut#:PROTection:TRIPped?": asked(lambda: str(int(self._instrument.tripped))),
@@ -138,24 +129,26 @@ class BoardDialect(Dialect):
         units, lowest, highest = rule
 
         def put(call: Call) -> None:
-            setattr(owner, name, quantity(call.argument, units, lowest, highest))
+            setattr(owner, name, scpi.quantity(call.argument, units, lowest, highest))
 
         def get(call: Call) -> str:
-            return number_text(told(call.argument, getattr(owner, name) or 0.0, lowest, highest))
+            return number_text(
+                scpi.told(call.argument, getattr(owner, name) or 0.0, lowest, highest)
+            )
 
         return {header: put, f"{header}?": get}
 
     def _set_frequency(self, call: Call) -> None:
-        value = quantity(call.argument, HERTZ, *FREQUENCY_RANGE_HZ)
+        value = scpi.quantity(call.argument, scpi.HERTZ, *FREQUENCY_RANGE_HZ)
         self._instrument.sweep = None
         self._instrument.frequency_hz = self._instrument.set_gain * value
 
     def _set_voltage(self, call: Call) -> None:
-        value = quantity(call.argument, VOLTS, 0.0, self._instrument.limit_v)
+        value = scpi.quantity(call.argument, scpi.VOLTS, 0.0, self._instrument.limit_v)
         self._instrument.target_v = self._instrument.set_gain * value
 
     def _set_limit(self, call: Call) -> None:
-        value = quantity(call.argument, VOLTS, 0.0, MAX_VOLTAGE_V)
+        value = scpi.quantity(call.argument, scpi.VOLTS, 0.0, MAX_VOLTAGE_V)
         if value < self._instrument.target_v:
             raise ScpiError(-221, "Settings conflict; the amplitude exceeds this limit")
         self._instrument.limit_v = value

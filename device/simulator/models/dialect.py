@@ -4,15 +4,8 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from device.simulator.models.scpi import (
-    Call,
-    Handler,
-    Headers,
-    ScpiError,
-    messages,
-    nothing,
-    number,
-)
+from device.simulator.models import scpi
+from device.simulator.models.scpi import Call, Handler, ScpiError
 
 QUEUE_LENGTH = 20
 POWER_ON = 128
@@ -85,11 +78,13 @@ class Dialect:
 
     def __init__(self, status: Status, handlers: dict[str, Handler], channels: int = 1) -> None:
         self.status = status
-        self._headers = Headers({**self._common(), **handlers}, channels)
+        self._headers = scpi.Headers({**self._common(), **handlers}, channels)
 
     def answer(self, line: str) -> str | None:
         """Return what is answered to `line`, None if nothing."""
-        answers = [self._answered(message.header, message.argument) for message in messages(line)]
+        answers = [
+            self._answered(message.header, message.argument) for message in scpi.messages(line)
+        ]
         said = [answer for answer in answers if answer is not None]
         return ";".join(said) if said else None
 
@@ -141,7 +136,7 @@ class Dialect:
         }
 
     def _enable(self, register: str, call: Call) -> None:
-        value = number(call.argument)
+        value = scpi.number(call.argument)
         if not 0 <= value <= 255:
             raise ScpiError(-222, "Data out of range")
         setattr(self.status, register, int(value))
@@ -158,7 +153,7 @@ def asked(action: Callable[[], str | None]) -> Handler:
     """Return a handler that takes no argument."""
 
     def handle(call: Call) -> str | None:
-        nothing(call.argument)
+        scpi.nothing(call.argument)
         return action()
 
     return handle

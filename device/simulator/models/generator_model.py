@@ -5,27 +5,18 @@ The amplifier has the gain `AMPLIFIER_GAIN` and an open (high impedance) input.
 
 from collections.abc import Callable, Mapping, Sequence
 
+from device.simulator.models import scpi
 from device.simulator.models.dialect import Dialect, Status
 from device.simulator.models.keysight_channels import MOST_EMF_VPP, Channel, Channels, Model
 from device.simulator.models.keysight_settings import Kept
 from device.simulator.models.power_stage import Instrument
-from device.simulator.models.scpi import (
-    HERTZ,
-    NO_UNIT,
-    SECONDS,
-    Call,
-    Handler,
-    boolean,
-    choice,
-    given,
-    quantity,
-)
+from device.simulator.models.scpi import Call, Handler
 
 AMPLIFIER_GAIN = 20.0
 PANEL_LOAD_OHM, PANEL_UNIT, PANEL_OFFSET_V = 50.0, "VRMS", 1.0
 DEVIATION_HZ = 2_000.0
 """How far frequency modulation moves the frequency once it is switched on at the panel."""
-_UNITS = {"": NO_UNIT, "S": SECONDS, "HZ": HERTZ, "DEG": {"": 1.0, "DEG": 1.0}}
+_UNITS = {"": scpi.NO_UNIT, "S": scpi.SECONDS, "HZ": scpi.HERTZ, "DEG": {"": 1.0, "DEG": 1.0}}
 _ROOTS = ("OUTPut", "TRIGger", "SYSTem", "DISPlay", "UNIT", "FORM")
 
 
@@ -131,12 +122,12 @@ class GeneratorDialect(Dialect):
 
 def _value(kept: Kept, argument: str) -> float | str:
     if kept.text:
-        return given(argument)
+        return scpi.given(argument)
     if kept.words:
-        return choice(argument, kept.words)
+        return scpi.choice(argument, kept.words)
     if kept.is_switch:
-        return float(boolean(argument))
-    return quantity(argument, _UNITS[kept.unit], kept.lowest, kept.highest)
+        return float(scpi.boolean(argument))
+    return scpi.quantity(argument, _UNITS[kept.unit], kept.lowest, kept.highest)
 
 
 def models(

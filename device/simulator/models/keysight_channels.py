@@ -8,25 +8,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import ClassVar
 
+from device.simulator.models import scpi
 from device.simulator.models.keysight_settings import FUNCTIONS
 from device.simulator.models.power_stage import Instrument
-from device.simulator.models.scpi import (
-    HERTZ,
-    NO_UNIT,
-    VOLTS,
-    Call,
-    Handler,
-    ScpiError,
-    boolean,
-    choice,
-    extremes,
-    given,
-    nothing,
-    number,
-    quantity,
-    split_outside_quotes,
-    told,
-)
+from device.simulator.models.scpi import Call, Handler, ScpiError
 
 SOURCE_OHM = 50.0
 MOST_EMF_VPP = 20.0
@@ -148,7 +133,7 @@ class Channel:
 
 
 SCPI_INFINITY = 9.9e37
-_AMPLITUDES = {**VOLTS, "VPP": 1.0, "MVPP": 1e-3, "VRMS": 1.0, "MVRMS": 1e-3, "DBM": 1.0}
+_AMPLITUDES = {**scpi.VOLTS, "VPP": 1.0, "MVPP": 1e-3, "VRMS": 1.0, "MVRMS": 1e-3, "DBM": 1.0}
 _OHM = {"": 1.0, "OHM": 1.0, "KOHM": 1e3}
 
 
@@ -193,11 +178,11 @@ class Channels:
 
     def told(self, call: Call, kept: float, lowest: float, highest: float) -> str:
         """Return the answer to a query: what is kept, or what `MIN` and `MAX` stand for."""
-        return self._text(told(call.argument, kept, lowest, highest))
+        return self._text(scpi.told(call.argument, kept, lowest, highest))
 
     def word(self, call: Call, word: str) -> str:
         """Return `word` to a query that takes no argument."""
-        nothing(call.argument)
+        scpi.nothing(call.argument)
         return word
 
     def switch_word(self, call: Call, *, on: bool) -> str:
@@ -215,7 +200,9 @@ class Channels:
             ),
             "[SOURce#:]FUNCtion[:SHAPe]": self._set_function,
             "[SOURce#:]FUNCtion[:SHAPe]?": lambda call: self.word(call, self.of(call).function),
-            "OUTPut#[:STATe]": lambda call: self.switch(call.channel, on=boolean(call.argument)),
+            "OUTPut#[:STATe]": lambda call: self.switch(
+                call.channel, on=scpi.boolean(call.argument)
+            ),
             "OUTPut#[:STATe]?": lambda call: self.switch_word(call, on=self.is_on(call.channel)),
             "OUTPut#:LOAD": self._set_load,
             "OUTPut#:LOAD?": lambda call: self.told(call, self._load(call), 1.0, 10_000.0),
@@ -249,7 +236,7 @@ class Channels:
 
         def put(name: str) -> Handler:
             return lambda call: setattr(
-                self.of(call), name, quantity(call.argument, VOLTS, -10.0, 10.0)
+                self.of(call), name, scpi.quantity(call.argument, scpi.VOLTS, -10.0, 10.0)
             )
 
         return {
@@ -257,7 +244,7 @@ class Channels:
             f"{limit}:LOW": put("limit_low_v"),
             f"{limit}:HIGH?": lambda call: self.told(call, self.of(call).limit_high_v, -10, 10),
             f"{limit}:LOW?": lambda call: self.told(call, self.of(call).limit_low_v, -10, 10),
-            state: lambda call: self.of(call).limit(boolean(call.argument)),
+            state: lambda call: self.of(call).limit(scpi.boolean(call.argument)),
             f"{state}?": lambda call: self.switch_word(call, on=self.of(call).limited),
         }
 
@@ -267,13 +254,13 @@ class Channels:
             raise complaint
 
     def _set_frequency(self, call: Call) -> None:
-        value = quantity(call.argument, HERTZ, 1e-6, self._model.most_hz)
+        value = scpi.quantity(call.argument, scpi.HERTZ, 1e-6, self._model.most_hz)
         if self.of(call) is self.all[0]:
             value *= self._instrument.set_gain
         self.of(call).frequency_hz = value
 
     def _set_function(self, call: Call) -> None:
-        self.of(call).function = choice(call.argument, self.functions)
+        self.of(call).function = scpi.choice(call.argument, self.functions)
 
     def is_on(self, channel: int) -> bool:
         """Return whether the output of a channel is on."""
@@ -290,18 +277,18 @@ class Channels:
         return min(self.of(call).load_ohm, SCPI_INFINITY)
 
     def _set_load(self, call: Call) -> None:
-        text = given(call.argument)
+        text = scpi.given(call.argument)
         if text in {"INF", "INFINITY"} or text == f"{SCPI_INFINITY:.1E}":
             self.of(call).load_ohm = OPEN_OHM
             if self.of(call).unit == "DBM":
                 self.of(call).unit = "VPP"
         else:
-            extreme = extremes(text, 1, 1e4)
-            value = number(text, _OHM) if extreme is None else extreme
+            extreme = scpi.extremes(text, 1, 1e4)
+            value = scpi.number(text, _OHM) if extreme is None else extreme
             if value >= SCPI_INFINITY:
                 self.of(call).load_ohm = OPEN_OHM
                 return
-            self.of(call).load_ohm = quantity(str(value), NO_UNIT, 1.0, 10_000.0)
+            self.of(call).load_ohm = scpi.quantity(str(value), scpi.NO_UNIT, 1.0, 10_000.0)
 
     def _amplitude(self, call: Call) -> str:
         channel = self.of(call)
@@ -311,11 +298,11 @@ class Channels:
     def _set_amplitude(self, call: Call, argument: str) -> None:
         channel = self.of(call)
         gain = self._instrument.set_gain if channel is self.all[0] else 1.0
-        extreme = extremes(argument, channel.least_vpp(), channel.most_vpp())
+        extreme = scpi.extremes(argument, channel.least_vpp(), channel.most_vpp())
         if extreme is not None:
             self._clipped(channel.set_vpp(extreme))
             return
-        value = number(argument, _AMPLITUDES)
+        value = scpi.number(argument, _AMPLITUDES)
         unit = next((unit for unit in ("VPP", "VRMS", "DBM") if unit in argument.upper()), None)
         if (unit or channel.unit) == "DBM" and channel.load_ohm == OPEN_OHM:
             raise ScpiError(-221, "Settings conflict; dBm not possible with infinite load")
@@ -324,8 +311,8 @@ class Channels:
     def _set_offset(self, call: Call) -> None:
         channel = self.of(call)
         room_v = channel.most_vpp() / 2
-        extreme = extremes(call.argument, -room_v, room_v)
-        value = number(call.argument, VOLTS) if extreme is None else extreme
+        extreme = scpi.extremes(call.argument, -room_v, room_v)
+        value = scpi.number(call.argument, scpi.VOLTS) if extreme is None else extreme
         self._clipped(channel.set_offset(value))
 
     def _level(self, call: Call, side: int) -> str:
@@ -336,13 +323,13 @@ class Channels:
 
     def _set_level(self, call: Call, *, high: bool) -> None:
         channel = self.of(call)
-        value = number(call.argument, VOLTS)
+        value = scpi.number(call.argument, scpi.VOLTS)
         half_v = channel.shown * channel.emf_vpp / 2
         low_v, high_v = channel.offset_v - half_v, channel.offset_v + half_v
         channel.set_levels(*((low_v, value) if high else (value, high_v)))
 
     def _set_unit(self, call: Call) -> None:
-        unit = choice(call.argument, ("VPP", "VRMS", "DBM"))
+        unit = scpi.choice(call.argument, ("VPP", "VRMS", "DBM"))
         if unit == "DBM" and self.of(call).load_ohm == OPEN_OHM:
             raise ScpiError(-221, "Settings conflict; dBm not possible with infinite load")
         self.of(call).unit = unit
@@ -352,8 +339,8 @@ class Channels:
 
         def apply(call: Call) -> None:
             channel = self.of(call)
-            values = split_outside_quotes(call.argument, ",")
-            channel.function = choice(function, FUNCTIONS)
+            values = scpi.split_outside_quotes(call.argument, ",")
+            channel.function = scpi.choice(function, FUNCTIONS)
             setters: tuple[Callable[[Call], None], ...] = (
                 self._set_frequency,
                 lambda part: self._set_amplitude(part, part.argument),
@@ -367,7 +354,7 @@ class Channels:
         return apply
 
     def _application(self, call: Call) -> str:
-        nothing(call.argument)
+        scpi.nothing(call.argument)
         channel = self.of(call)
         values = (channel.frequency_hz, channel.amplitude, channel.offset_v)
         return f'"{channel.function} {",".join(self._text(value) for value in values)}"'

@@ -6,20 +6,13 @@ Source: Rigol DG800 and DG1000Z Programming Guides. Numbers have seven digits, s
 
 from typing import ClassVar
 
+from device.simulator.models import scpi
 from device.simulator.models.dialect import asked
 from device.simulator.models.generator_model import GeneratorDialect, models
 from device.simulator.models.keysight_channels import Channels, Model
 from device.simulator.models.keysight_settings import Kept
 from device.simulator.models.power_stage import Instrument
-from device.simulator.models.scpi import (
-    NO_UNIT,
-    Call,
-    Handler,
-    choice,
-    nothing,
-    quantity,
-    split_outside_quotes,
-)
+from device.simulator.models.scpi import Call, Handler
 
 _GENERATORS = {
     "rigol": Model(
@@ -87,8 +80,8 @@ class RigolChannels(Channels):
 
         def apply(call: Call) -> None:
             channel = self.of(call)
-            channel.function = choice(function, FUNCTIONS)
-            values = split_outside_quotes(call.argument, ",")
+            channel.function = scpi.choice(function, FUNCTIONS)
+            values = scpi.split_outside_quotes(call.argument, ",")
             setters: tuple[Handler, ...] = (
                 self._set_frequency,
                 lambda part: self._set_amplitude(part, part.argument),
@@ -105,10 +98,10 @@ class RigolChannels(Channels):
         return apply
 
     def _set_phase(self, call: Call) -> None:
-        self.of(call).settings["PHASe"] = quantity(call.argument, NO_UNIT, 0.0, 360.0)
+        self.of(call).settings["PHASe"] = scpi.quantity(call.argument, scpi.NO_UNIT, 0.0, 360.0)
 
     def _application(self, call: Call) -> str:
-        nothing(call.argument)
+        scpi.nothing(call.argument)
         channel = self.of(call)
         phase = float(channel.settings["PHASe"])
         values = (channel.frequency_hz, channel.amplitude, channel.offset_v, phase)

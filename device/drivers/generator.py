@@ -115,7 +115,12 @@ class Generator(Driver):
         The amplitude starts at the smallest one; `carry_on` makes the steps of the ramp. A ramp to
         the same amplitude at the same rate is continued.
         """
-        self._checked(setpoint)
+        setpoint.checked(self.limits)
+        if 0 < setpoint.voltage_v < self._least_v:
+            raise LimitExceeded(
+                f"voltage_v must be 0 or at least the generator's {self._least_v:g}, "
+                f"got {setpoint.voltage_v:g}"
+            )
         if setpoint.voltage_v == 0 and self.driven is None:
             return self.read_back()
         self._set_frequency(setpoint.frequency_hz)
@@ -167,14 +172,6 @@ class Generator(Driver):
         self._ramp = None
         super().off()
 
-    def _checked(self, setpoint: Setpoint) -> None:
-        setpoint.checked(self.limits)
-        if 0 < setpoint.voltage_v < self._least_v:
-            raise LimitExceeded(
-                f"voltage_v must be 0 or at least the generator's {self._least_v:g}, "
-                f"got {setpoint.voltage_v:g}"
-            )
-
     def _set_amplitude(self, voltage_v: float) -> None:
         self._set_vpp(self.limits.amplifier.vpp(voltage_v))
         self._amplitude_v = voltage_v
@@ -186,13 +183,10 @@ class Generator(Driver):
             raise DeviceError(f"the generator's output is {state}, and nobody here switched it")
         if status.fault:
             raise DeviceError(f"the generator's {status.fault}")
-        self._require_amplitude(self.limits.amplifier.amplitude_v(status.vpp))
-        self.require_frequency(status.frequency_hz)
-
-    def _require_amplitude(self, kept_v: float) -> None:
-        """Raise unless the amplitude is that of the last step of the ramp."""
+        kept_v = self.limits.amplifier.amplitude_v(status.vpp)
         step_v = self.limits.amplifier.amplitude_v(self.amplitude_abs_tol_vpp)
         if not math.isclose(self._amplitude_v, kept_v, rel_tol=AMPLITUDE_REL_TOL, abs_tol=step_v):
             raise DeviceError(
                 f"the amplitude was set to {self._amplitude_v:g} V and reads back as {kept_v:g}"
             )
+        self.require_frequency(status.frequency_hz)

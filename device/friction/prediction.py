@@ -136,19 +136,6 @@ def field_prediction(contact: Contact, field: Field, rung: str, choice: LawChoic
     return Prediction(**dict(zip(columns, whole, strict=True)))
 
 
-def _modal_prediction(batch: Batch, rung: str, choice: LawChoice) -> Prediction:
-    """Return the prediction of a one-mode rung, all scenes in one pass."""
-    beam, frequency_hz = batch.beam, batch.frequency_hz
-    resonance_hz = natural_frequency_hz(beam, batch.mode)
-    signal = Signal(
-        voltage_v=batch.voltage_v,
-        frequency_hz=np.where(np.isnan(frequency_hz), resonance_hz, frequency_hz),
-        damping_ratio=batch.damping_ratio,
-    )
-    field = modal_rung_field(rung, beam, batch.mode, signal, choice.overlap)
-    return field_prediction(batch.contact, field, rung, choice)
-
-
 def joined(parts: list[tuple[NDArray[np.intp], Prediction]], size: int) -> Prediction:
     """Return the predictions for parts of a batch, joined in the order of the batch."""
     columns = {entry.name: np.empty(size) for entry in fields(Prediction)}
@@ -184,6 +171,13 @@ def rung_prediction(batch: Batch, rung: str, choice: LawChoice) -> Prediction:
         OutOfRangeError: the rung does not exist, or the mode lies beyond its cut-off.
     """
     check_rung(rung)
-    if rung in MODAL_RUNGS:
-        return _modal_prediction(batch, rung, choice)
-    return _solved_prediction(batch, rung, choice)
+    if rung not in MODAL_RUNGS:
+        return _solved_prediction(batch, rung, choice)
+    resonance_hz = natural_frequency_hz(batch.beam, batch.mode)
+    signal = Signal(
+        voltage_v=batch.voltage_v,
+        frequency_hz=np.where(np.isnan(batch.frequency_hz), resonance_hz, batch.frequency_hz),
+        damping_ratio=batch.damping_ratio,
+    )
+    field = modal_rung_field(rung, batch.beam, batch.mode, signal, choice.overlap)
+    return field_prediction(batch.contact, field, rung, choice)

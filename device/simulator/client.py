@@ -126,19 +126,26 @@ def simulator_process(
         place = str(Path(folder, "port")) if wire == "pty" else "0"
         options = ["--control", str(control), "--seed", str(seed), "--dialect", dialect]
         complaints = Path(folder, "complaints")
-        with complaints.open("wb") as stderr:
-            process = subprocess.Popen(
+        with (
+            complaints.open("wb") as stderr,
+            subprocess.Popen(
                 [*touchbeam, "simulate-device", wire, place, *options, *(["--keep"] * keep)],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 stderr=stderr,
                 text=True,
                 start_new_session=True,  # Ctrl-C is ours to handle: the device must outlive it
-            )
-        try:
-            yield Endpoints(url=_ready_url(process, complaints), control=control)
-        finally:
-            _end(process)
+            ) as process,
+        ):
+            try:
+                yield Endpoints(url=_ready_url(process, complaints), control=control)
+            finally:
+                process.terminate()
+                try:
+                    process.wait(_END_S)
+                except subprocess.TimeoutExpired:
+                    process.kill()
+                    process.wait()
 
 
 def _ready_url(process: "subprocess.Popen[str]", complaints: Path) -> str:
@@ -149,14 +156,3 @@ def _ready_url(process: "subprocess.Popen[str]", complaints: Path) -> str:
         why = said[-1].removeprefix("touchbeam: ") if said else "it said nothing"
         raise DeviceError(f"the simulated device did not start ({why})")
     return url
-
-
-def _end(process: "subprocess.Popen[str]") -> None:
-    process.terminate()
-    try:
-        process.wait(_END_S)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
-    if process.stdout is not None:
-        process.stdout.close()

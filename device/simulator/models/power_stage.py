@@ -103,10 +103,6 @@ class Instrument:
             self.voltage_v = 0.0
         self.output = on
 
-    def hear(self, wall_s: float) -> None:
-        """Take note that a command came."""
-        self.heard_wall_s = wall_s
-
     def silence_left_s(self, wall_s: float) -> float | None:
         """Return how long the host may still be silent; None while nothing depends on it."""
         if not self.output or self.watchdog_s is None or self.watchdog_dead:

@@ -68,13 +68,8 @@ def segmented_motion(beam: Beam, frequency_hz: float, *, patched: bool, shear: b
     """Return the motion under the patches' moment pair ±M0 per volt, solved without modes.
 
     Each of the three segments has four waves, whose weights follow from the joints. They cancel
-    where the beam is almost at rest. The moment jumps at the patches' ends.
-
-    Args:
-        beam: the beam, its damping (moduli E(1 + 2jζ)) and its patches.
-        frequency_hz: frequency of the drive, above 0.
-        patched: whether the patches' stiffness and mass count.
-        shear: Timoshenko's beam (True) or Euler-Bernoulli's.
+    where the beam is almost at rest. The moment jumps at the patches' ends. Moduli are
+    E(1 + 2jζ); for `patched` and `shear` see `timoshenko.segmented_natural_frequency_hz`.
     """
     parts = sections(beam, patched=patched, shear=shear)
     omega = np.array([2 * math.pi * frequency_hz])

@@ -198,13 +198,8 @@ def segmented_natural_frequency_hz(beam: Beam, mode: int, *, patched: bool, shea
     """Return the natural frequency of mode `mode` of the segmented, undamped beam, Hz.
 
     Sign changes of the frequency determinant are counted from below, twelve samples to the
-    spacing of two modes of the bare beam.
-
-    Args:
-        beam: the beam and its patches.
-        mode: its number, from 1.
-        patched: whether the patches' stiffness and mass count.
-        shear: Timoshenko's beam (True) or Euler-Bernoulli's.
+    spacing of two modes of the bare beam. `patched` says whether the patches' stiffness and mass
+    count, and `shear` whether the beam is Timoshenko's or Euler-Bernoulli's.
 
     Raises:
         OutOfRangeError: the mode lies beyond the beam's cut-off, where numbering is ambiguous.

@@ -64,11 +64,7 @@ def mode_window(order: int, length_m: float, end_m: FloatArray, width_m: FloatAr
     Exact sums from the zone edges and the mode's antiderivative split at its nodes; windows
     narrower than half a unit of bξ take a form without cancellation (`_settle_narrow`).
 
-    Args:
-        order: the mode's number.
-        length_m: the beam's length.
-        end_m: right ends, shape (n,), in [0, L].
-        width_m: widths, shape (n,), from `window_width`.
+    `end_m` are the right ends in [0, L] and `width_m` those of `window_width`, each of shape (n,).
     """
     sums = _sums(order, length_m)
     places = np.concatenate([end_m - width_m, end_m])
@@ -159,10 +155,8 @@ def _narrow_right(here: Zones, end_m: FloatArray, width_m: FloatArray) -> FloatA
 def _narrow_mean(here: Zones, end_m: FloatArray, width_m: FloatArray) -> FloatArray:
     """Return the mean of |φ| over [end - width, end] for windows of at most ½ in bξ.
 
-    Args:
-        here: the mode's zones on its beam.
-        end_m: right ends of the windows, shape (n,), in [0, L]; x = 0 gives φ's limit there, 0.
-        width_m: widths, shape (n,), at most `end_m`.
+    `end_m` lie in [0, L], where x = 0 gives φ's limit 0, and `width_m` are at most as large; both
+    are of shape (n,).
     """
     middle = mode_constants(here.order).root * (end_m - width_m / 2) / here.length_m
     clamped = (middle < _CLAMP_REACH) | (here.order == 1)

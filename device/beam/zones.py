@@ -112,9 +112,7 @@ def node_remainders_m(order: int, length_m: float) -> FloatArray:
 def _exact_nodes(order: int, shifts: tuple[float, ...]) -> tuple[Decimal, ...]:
     """Return the interior nodes of mode `order` as fractions of the length, to 30 digits.
 
-    Args:
-        order: the mode's number.
-        shifts: for the k-th node (k = 1 …), bξ - (k + ¼)π in double precision.
+    The k-th of `shifts` (k = 1 …) is bξ - (k + ¼)π in double precision.
     """
     with localcontext(_PRECISION):
         offset = _root_offset(order)

@@ -227,12 +227,9 @@ def _with_printed_ratio(terms: TopTerms, batch: Batch, choice: LawChoice) -> Top
 
 
 def top_rung_range(batch: Batch, choice: LawChoice, *, resonant: bool) -> Range:
-    """Return the range of the top rung's friction coefficient for certified scenes.
+    """Return the range of the top rung's friction coefficient, by a law with extremes at corners.
 
-    Args:
-        batch: certified scenes, all at resonance or all off resonance.
-        choice: the law, whose extremes are at corners.
-        resonant: whether the scenes are driven at resonance.
+    All scenes are certified, and all are `resonant` or none is.
     """
     terms = resonant_terms(batch) if resonant else driven_terms(batch)
     terms = _with_printed_ratio(terms, batch, choice)

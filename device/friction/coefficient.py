@@ -145,12 +145,7 @@ def _cheap_parts(
 
 
 def auto_prediction(batch: Batch, choice: LawChoice, tolerance: float) -> Chosen:
-    """Return predictions within `tolerance` of the top rung, each by the cheapest certified rung.
-
-    Args:
-        batch: the scenes.
-        choice: the law.
-        tolerance: the largest error in μ' against the top rung, above 0.
+    """Return predictions of μ' within `tolerance` of the top rung, by the cheapest certified rungs.
 
     Raises:
         OutOfRangeError: the tolerance is not above 0, or a mode lies beyond the top rung's cut-off.

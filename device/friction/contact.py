@@ -113,12 +113,8 @@ def contact_state(contact: Contact, field: Field, reference_tip_speed_m_s: float
     """Return the terms of a contact in a field.
 
     Inertia per metre is mω²|q|·mean|φ|/π: over the window it is Eq 11's f_p (inner limit T/2; Eq
-    9's over the whole beam) with the body mass m read as kg per metre.
-
-    Args:
-        contact: places, bodies, loads.
-        field: the driven beam.
-        reference_tip_speed_m_s: the tip speed that the field's rung gives in the paper's scene.
+    9's over the whole beam) with the body mass m read as kg per metre. The reference tip speed is
+    that which the field's rung gives in the paper's scene.
     """
     full = contact.coverage == "full"
     pattern = field.pattern

@@ -16,10 +16,7 @@ from device.friction.scenes import Drive, FingerContact, Scene, Structure
 def predicted_contrast(change: Change, law: str = "consistent", rung: str = "mode") -> float:
     """Return the contrast of `change`, positive when the change is the expected one.
 
-    Args:
-        change: the change; `Change` gives the formula of each effect.
-        law: friction law, see `device.friction.laws`.
-        rung: rung of the ladder, see `device.friction.rungs`; drives are relative to its resonance.
+    `Change` gives the formula of each effect. Drives are relative to the resonance of the rung.
 
     >>> from device.friction.changes import CONDITIONS
     >>> round(predicted_contrast(CONDITIONS["pressure"]), 2)

@@ -164,13 +164,9 @@ def check_rung(name: str) -> None:
 
 
 def rung_field(name: str, beam: Beam, drive: Drive, overlap: Overlap = "first") -> Field:
-    """Return the driven beam's motion as the named rung computes it.
+    """Return the driven beam's motion as the rung of that name computes it.
 
-    Args:
-        name: one of `RUNG_NAMES`.
-        beam: the beam.
-        drive: its drive; `resonance` is the rung's own.
-        overlap: which pieces of Eq 15 apply where two overlap, for `eq15`.
+    A drive at `resonance` is at the rung's own; `overlap` is for `eq15`.
 
     Raises:
         OutOfRangeError: the rung does not exist, or the mode lies beyond its cut-off or its sum.

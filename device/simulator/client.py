@@ -111,12 +111,7 @@ def simulator_process(
 ) -> Iterator[Endpoints]:
     """Start `touchbeam simulate-device` and end it, by its process, on the way out.
 
-    Args:
-        touchbeam: the command that starts touchbeam.
-        seed: what the simulator's hidden properties follow from.
-        dialect: what it speaks.
-        wire: `pty` or `tcp`.
-        keep: let it stay when its host is gone.
+    `touchbeam` is the command that starts touchbeam; the others are as in `server.simulate`.
 
     Raises:
         DeviceError: it did not get ready.

@@ -136,16 +136,11 @@ def simulate(
     seed: int,
     say: Callable[[str], None],
 ) -> None:
-    """Serve a simulated device until its host is gone, or until SIGTERM or Ctrl-C.
+    """Serve a simulated device until SIGTERM or Ctrl-C, or, unless `keep`, until its host is gone.
 
-    Args:
-        wire: `pty` or `tcp`.
-        place: the path of the pseudo-terminal's link, or a loopback port (0: any).
-        control: where to make the control socket, if anywhere.
-        dialect: one of `device.simulator.device.dialects`.
-        keep: stay when the host is gone.
-        seed: what the hidden properties of the beam follow from.
-        say: called once with `ready URL`.
+    `place` is the path of the pseudo-terminal's link, or a loopback port (0: any), and `control`
+    that of a socket for hands. The beam's hidden properties follow from `seed`. `say` is called
+    once with `ready URL`.
 
     Raises:
         BadInput: the place is taken or cannot be used.

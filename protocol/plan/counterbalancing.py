@@ -103,13 +103,10 @@ SlotState = Literal["free", "running", "done", "dropped"]
 
 
 def next_slot(states: Sequence[SlotState]) -> int:
-    """Return the slot of the next participant: the first that is neither running nor done.
+    """Return the slot, from 0, of the next participant: the first neither running nor done.
 
     The slot of a participant who dropped out is used again, so that the orders stay balanced over
     the participants who finish. An interrupted session that may be resumed is still `running`.
-
-    Args:
-        states: states of slots 0, 1, 2 and so on.
 
     >>> next_slot(["done", "dropped", "running"])
     1

@@ -35,13 +35,8 @@ def semantic_problems(
 ) -> list[Problem]:
     """Return what breaks the schema, and what else is wrong in the rest of the document.
 
-    Problems that only the harmless values in the place of broken ones cause are dropped.
-
-    Args:
-        document: the study file's content.
-        error: what the schema says of it.
-        further: finds what else is wrong with a study, where more is known than its file says.
-        known: the names that it may choose from, by kind.
+    Problems that only the harmless values in the place of broken ones cause are dropped. `further`
+    finds what else is wrong with a study; `known` are the names to choose from, by kind.
     """
     broken = schema_problems(document, error)
     if len(broken) > MOST_PROBLEMS or (study := recovered(document, known)) is None:

@@ -17,19 +17,15 @@ RESIDUAL_SD = 0.971825
 
 
 @dataclass(frozen=True, kw_only=True)
-class Precision:
-    """The duration of a session of `repeats` repeats, and the precision it gives.
+class Precision(SessionLength):
+    """A session and the precision it gives, from the scores of `trials` trials.
 
-    `whole` says that the study allows it if only `design.repeats` is changed.
     `half_width` is in score points per unit of predicted contrast; `relative` is its share of the
     gain that would use the whole scale, from no contrast to the largest. Both are infinite if the
     trials do not determine a slope.
     """
 
-    repeats: int
     trials: int
-    duration_s: float
-    whole: bool
     half_width: float
     relative: float
 
@@ -53,10 +49,8 @@ def precisions(
         trials = round(share * len(contrasts))
         half = half_width(spread * share, trials, residual_sd(rating))
         return Precision(
-            repeats=session.repeats,
+            **vars(session),
             trials=trials,
-            duration_s=session.duration_s,
-            whole=session.whole,
             half_width=half,
             relative=half * largest / rating.span if half < inf else inf,
         )

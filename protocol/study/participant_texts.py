@@ -99,13 +99,11 @@ def _span(first: int, last: int) -> str:
 
 def worded_as_built(study: Study) -> bool:
     """Return whether the study's participants read nothing but what comes with every study."""
-    rating = study.rating
+    rating, papers = study.rating, PAPERS_SCALE
     if study.texts or study.languages:
         return False
-    ends = (rating.minimum, rating.maximum)
-    return ends == (PAPERS_SCALE.minimum, PAPERS_SCALE.maximum) and all(
-        map(_is_papers, rating.bands)
-    )
+    has_papers_ends = (rating.minimum, rating.maximum) == (papers.minimum, papers.maximum)
+    return has_papers_ends and all(map(_is_papers, rating.bands))
 
 
 def _is_papers(band: Band) -> bool:

@@ -10,6 +10,7 @@ from device.resonance import Resonance
 from protocol.address import SIMULATED
 from protocol.journal.records import Identity, ReadBack
 from protocol.plan.plan import plan
+from protocol.study.questions import ANSWERS
 from protocol.study_file.loading import parsed_study, template
 from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal
@@ -123,8 +124,7 @@ class FakeParticipant:
             case Instruction() | Welcome():
                 return Response(answer="ready", reaction_time_s=0.5)
             case AskChange(question=question):
-                fitting = {"roughness": "smoother", "strength": "stronger", "places": "swapped"}
-                answer = next(iter(self.changes), fitting[question])
+                answer = next(iter(self.changes), ANSWERS[question][0])
                 return Response(answer=answer, reaction_time_s=1.0)
             case AskScore():
                 return Response(answer=self.score, reaction_time_s=2.0)

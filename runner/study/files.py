@@ -1,4 +1,7 @@
-"""Atomic writing of files and folders; pipes and devices are written in place."""
+"""Atomic writing of files and folders; pipes and devices are written in place.
+
+Reports and exports are private: other users of the computer can read neither folders nor files.
+"""
 
 import os
 import re
@@ -7,12 +10,15 @@ import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from errno import ENOTDIR
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from protocol.errors import BadInput
 from protocol.study_file.toml import LONGEST_TEXT
 
+_PRIVATE_FOLDER = 0o700
+_PRIVATE_FILE = 0o600
 _DESCRIPTORS = re.compile(r"/proc/[^/]+/fd|/dev/fd")
 
 
@@ -72,10 +78,15 @@ def is_stream(path: Path) -> bool:
     return path.exists() and not path.is_file()
 
 
-def write_whole(path: Path, data: bytes) -> None:
+def write_whole(path: Path, data: bytes, mode: int = 0o666) -> None:
     """Write `data` to `path`; a failure leaves an existing file unchanged.
 
     Follows links and keeps the permissions of an existing file.
+
+    Args:
+        path: the file.
+        data: its content.
+        mode: permissions of a new file, before the umask.
 
     Raises:
         BadInput: `path` is a folder.
@@ -87,12 +98,12 @@ def write_whole(path: Path, data: bytes) -> None:
         if is_stream(path):
             path.write_bytes(data)
         else:
-            _replace(Path(os.path.realpath(path)), data)
+            _replace(Path(os.path.realpath(path)), data, mode)
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(path)) from error
 
 
-def _replace(place: Path, data: bytes) -> None:
+def _replace(place: Path, data: bytes, mode: int) -> None:
     """Replace the file `place` by one with `data`, atomically."""
     exists = place.exists() or place.is_symlink()
     if exists:
@@ -100,31 +111,35 @@ def _replace(place: Path, data: bytes) -> None:
         os.close(os.open(place, os.O_WRONLY))
     beside = place.with_name(f".touchbeam-{secrets.token_hex(8)}")
     try:
-        with beside.open("xb") as file:
-            if exists:
-                beside.chmod(place.stat().st_mode & 0o7777)
-            file.write(data)
+        _create(beside, data, place.stat().st_mode & 0o7777 if exists else mode)
+        if exists:
+            beside.chmod(place.stat().st_mode & 0o7777)
         beside.replace(place)
     finally:
         beside.unlink(missing_ok=True)
 
 
-def make_folder(place: Path, mode: int = 0o777) -> Path | None:
-    """Create the folder `place` and its missing parents.
+def _create(path: Path, data: bytes, mode: int) -> None:
+    """Create the file `path`, whose permissions are never wider than `mode`."""
+    with open(path, "xb", opener=partial(os.open, mode=mode)) as file:
+        file.write(data)
+
+
+def make_folder(place: Path) -> Path | None:
+    """Create the private folder `place` and its missing parents.
 
     Return the topmost new folder, for `take_away`, or None if `place` exists.
 
     Args:
         place: a real path. With `..` or links in it, `take_away` could remove a folder other than
             the one created.
-        mode: permissions of `place`, before the umask.
 
     Raises:
         OSError: it cannot be created; new parents are removed again.
     """
     missing = [place, *(parent for parent in place.parents if not parent.exists())]
     try:
-        place.mkdir(mode, parents=True)
+        place.mkdir(_PRIVATE_FOLDER, parents=True)
     except FileExistsError:
         return None
     except BaseException:
@@ -147,7 +162,7 @@ def take_away(paths: Iterable[Path]) -> None:
 
 @contextmanager
 def made_folder(folder: Path) -> Iterator[Path]:
-    """Create `folder` if it is missing; yield its real path.
+    """Create the private `folder` if it is missing; yield its real path.
 
     If the body fails, the new folders are removed again.
 
@@ -181,10 +196,11 @@ def write_files(contents: Mapping[str, bytes], folder: Path, replaced: Iterable[
     """
     gone = [name for name in replaced if name not in contents]
     with ExitStack() as stack:
-        for place in dict.fromkeys((folder / name).parent for name in (*contents, *gone)):
+        places = ((folder / name).parent for name in (*contents, *gone))
+        for place in dict.fromkeys((folder, *places)):
             stack.enter_context(made_folder(place))
         for name, data in contents.items():
-            write_whole(folder / name, data)
+            write_whole(folder / name, data, _PRIVATE_FILE)
         for name in gone:
             (folder / name).unlink(missing_ok=True)
 
@@ -215,8 +231,9 @@ def _write(contents: Mapping[str, bytes], place: Path) -> None:
         whole = Path(beside) / "whole"
         for name, data in contents.items():
             path = whole / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(data)
+            for inside in reversed(Path(name).parents):
+                (whole / inside).mkdir(_PRIVATE_FOLDER, exist_ok=True)
+            _create(path, data, _PRIVATE_FILE)
         if place.exists():
             place.rmdir()  # it is empty; Windows cannot rename a folder onto another
         whole.rename(place)

@@ -130,7 +130,7 @@ def new_study(folder: StudyFolder, text: str) -> Iterator[StudyFolder]:
 def _created(place: Path) -> Path | None:
     """Create the folder `place` unless it exists and is empty; return the topmost new folder."""
     try:
-        topmost = make_folder(place, mode=0o700)
+        topmost = make_folder(place)
     except OSError as error:
         raise BadInput(
             f"{place}: cannot be created ({error.strerror}); choose another folder"

@@ -93,7 +93,7 @@ def test_the_page_makes_no_requests_and_logs_no_errors(browser: webdriver.Chrome
         if message["method"] == "Network.requestWillBeSent"
     ]
     assert [url.rpartition("/")[2] for url in asked] == ["report.html"]
-    assert browser.get_log("browser") == []  # type: ignore[no-untyped-call]
+    assert browser.get_log("browser") == [], "its security policy allows all that it needs"  # type: ignore[no-untyped-call]
 
 
 def test_typed_texts_are_escaped(browser: webdriver.Chrome) -> None:
@@ -162,3 +162,25 @@ def test_the_printed_page_is_legible_and_complete(
     assert right <= (210 - 9) * POINTS_PER_MM
     sizes = re.findall(r'yMin="([\d.]+)" xMax="[\d.]+" yMax="([\d.]+)">[a-z]+<', boxes)
     assert min(float(bottom) - float(top) for top, bottom in sizes) >= 6, "points, in height"
+
+
+@pytest.mark.parametrize(
+    "added",
+    [
+        "<script>document.title = 'caught'</script>",
+        "<img src='figures/scores.png'>",
+        "<img src='data:,' onerror=\"document.title = 'caught'\">",
+        "<iframe src='report.json'></iframe>",
+        "<object data='figures/scores.svg'></object>",
+    ],
+)
+def test_the_page_runs_and_loads_nothing_that_is_put_into_it(
+    folder: Path, browser: webdriver.Chrome, added: str
+) -> None:
+    """Each attempt violates its content security policy."""
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    (folder / "changed.html").write_text(page.replace("<body>", f"<body>{added}"), encoding="utf-8")
+    browser.get(f"file://{folder / 'changed.html'}")
+    assert browser.title == f"{TYPED}: report"
+    messages = [entry["message"] for entry in browser.get_log("browser")]  # type: ignore[no-untyped-call]
+    assert [message for message in messages if "Content Security Policy" in message]

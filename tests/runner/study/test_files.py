@@ -5,6 +5,7 @@ import resource
 import stat
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -20,14 +21,43 @@ def everything(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
 
+def assert_private(folder: Path) -> None:
+    places = [folder, *folder.rglob("*")]
+    modes = {str(place): oct(place.stat().st_mode & 0o777) for place in places}
+    assert modes == {str(place): "0o700" if place.is_dir() else "0o600" for place in places}
+
+
+@pytest.fixture(params=[0o000, 0o022, 0o077], ids=oct)
+def umask(request: pytest.FixtureRequest) -> Iterator[None]:
+    before = os.umask(request.param)
+    yield
+    os.umask(before)
+
+
+@pytest.mark.usefixtures("umask")
+def test_new_folders_and_files_are_for_their_owner_alone(tmp_path: Path) -> None:
+    write_files({"figures/a": b"", "page": b""}, tmp_path / "report")
+    write_new_folder({"sub-1/ses-1/beh/a": b"", "b": b""}, tmp_path / "export")
+    for name in ("report", "export"):
+        assert_private(tmp_path / name)
+
+
+def test_a_report_that_its_owner_shares_stays_shared(tmp_path: Path) -> None:
+    write_files({"page": b"old"}, tmp_path / "report")
+    (tmp_path / "report").chmod(0o755)
+    (tmp_path / "report/page").chmod(0o644)
+    write_files({"page": b"new"}, tmp_path / "report")
+    assert (tmp_path / "report").stat().st_mode & 0o777 == 0o755
+    assert (tmp_path / "report/page").stat().st_mode & 0o777 == 0o644
+
+
 @pytest.mark.parametrize("name", ["new", "deep/new", "empty"])
 def test_the_folder_contains_the_files_and_nothing_else(tmp_path: Path, name: str) -> None:
     (tmp_path / "empty").mkdir()
-    mode = (tmp_path / "empty").stat().st_mode
     write_new_folder(CONTENTS, tmp_path / name)
     written = {f"{name}/{path}": data for path, data in CONTENTS.items()}
     assert everything(tmp_path) == written
-    assert (tmp_path / name).stat().st_mode == mode, "as readable as any new folder"
+    assert_private(tmp_path / name)
 
 
 def test_a_folder_that_is_not_empty_is_refused(tmp_path: Path) -> None:
@@ -56,6 +86,7 @@ def test_a_failure_half_way_leaves_nothing_behind(tmp_path: Path) -> None:
 def test_a_full_disk_is_reported_for_the_folder_as_given(tmp_path: Path) -> None:
     place = tmp_path / "deep" / "new"
     program = f"""
+from collections.abc import Iterator
 from pathlib import Path
 from runner.study.files import write_new_folder
 write_new_folder({{"a": bytes(9_999)}}, Path({str(place)!r}))

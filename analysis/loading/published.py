@@ -18,6 +18,8 @@ from protocol.study.questions import PAPERS_SCALE
 NAMES = frozenset({"average", "comprehensive", "mean", "total"})
 LEAST_OTHERS = 3
 LEAST_ROWS = 3
+MOST_SUBJECTS = 100_000
+MOST_CONDITIONS = 100
 _PRINTED = 0.0101
 """How far two means to two decimals may lie apart that were the same before rounding."""
 
@@ -39,24 +41,25 @@ def mean_column(scores: FloatArray) -> int | None:
     """
     if scores.shape[1] <= LEAST_OTHERS:
         return None
-    return next((place for place in range(scores.shape[1]) if _is_mean(scores, place)), None)
+    given = ~np.isnan(scores)
+    values = np.where(given, scores, 0.0)
+    # Arrays of one entry per cell, about the others in its row: their number, mean and range.
+    others = given.sum(axis=1, keepdims=True) - given
+    there = others > 0
+    means = (values.sum(axis=1, keepdims=True) - values) / np.maximum(others, 1)
+    met = np.where(there, given & (np.abs(values - means) <= _PRINTED), ~given)
+    telling = there & (_highest_of_others(scores) > -_highest_of_others(-scores))
+    fractions = (values % 1 > 0).sum(axis=0)
+    proof = (fractions > 0) & (fractions == fractions.sum())
+    found = met.all(axis=0) & there.any(axis=0) & (proof | (telling.sum(axis=0) >= LEAST_ROWS))
+    return int(np.argmax(found)) if found.any() else None
 
 
-def _is_mean(scores: FloatArray, place: int) -> bool:
-    candidate, others = scores[:, place], np.delete(scores, place, axis=1)
-    given = ~np.isnan(others).all(axis=1)
-    if not given.any() or not np.array_equal(given, ~np.isnan(candidate)):
-        return False
-    candidate, others = candidate[given], others[given]
-    if (np.abs(candidate - np.nanmean(others, axis=1)) > _PRINTED).any():
-        return False
-    telling = np.nanmax(others, axis=1) > np.nanmin(others, axis=1)
-    proof = _has_fraction(candidate) and not _has_fraction(others)
-    return proof or int(telling.sum()) >= LEAST_ROWS
-
-
-def _has_fraction(values: FloatArray) -> bool:
-    return any(value % 1 > 0 for value in values.flat)
+def _highest_of_others(scores: FloatArray) -> FloatArray:
+    """Return for each cell the highest of the other scores in its row, -inf if there is none."""
+    known = np.where(np.isnan(scores), -np.inf, scores)
+    second, first = np.partition(known, -2, axis=1)[:, -2:].T[:, :, None]
+    return np.where(known == first, second, first)
 
 
 _KNOWN = {name.casefold(): name for name in CONDITIONS}
@@ -102,13 +105,18 @@ def published_table(text: str, source: str = "scores.csv") -> ScoreTable:
         source: what to call it in messages.
 
     Raises:
-        TableError: no header, a row of another length, a repeated name, a cell that is neither
-            blank nor a score, or a column or row of means; the message gives line, column, value
-            and rule.
+        TableError: no header, too many rows or columns, a row of another length, a repeated name,
+            a cell that is neither blank nor a score, or a column or row of means; the message gives
+            line, column, value and rule.
     """
     (start, first), *rows = _rows(text.removeprefix("\ufeff"), source)
     at_header = f"{source}, line {start}"
     _require_commas(first, at_header)
+    if len(first) > MOST_CONDITIONS + 1:
+        raise TableError(
+            f"{at_header}: must have at most {MOST_CONDITIONS} conditions, got {len(first) - 1}; "
+            "import them in parts"
+        )
     if not rows or len(first) < 2:
         raise TableError(f"{source}: must have a header and at least one row and one condition")
     header = [condition_name(_name(cell, at_header)) for cell in first]
@@ -136,6 +144,7 @@ def _rows(text: str, source: str) -> list[tuple[int, list[str]]]:
         for row in reader:
             if any(row):
                 rows.append((reader.line_num, row))
+                _require_few(len(rows), source)
             line = reader.line_num + 1
     except csv.Error as error:
         if reader.line_num >= line and "end of data" in str(error):
@@ -146,6 +155,14 @@ def _rows(text: str, source: str) -> list[tuple[int, list[str]]]:
     if not rows:
         raise TableError(f"{source}: must have a header and at least one row and one condition")
     return rows
+
+
+def _require_few(rows: int, source: str) -> None:
+    """Refuse more rows than a header and a row per subject, before they fill the memory."""
+    if rows > MOST_SUBJECTS + 1:
+        raise TableError(
+            f"{source}: must have at most {MOST_SUBJECTS} subjects, got more; import them in parts"
+        )
 
 
 def _require_commas(header: Sequence[str], where: str) -> None:

@@ -6,8 +6,9 @@ No other module prints, so nothing reaches a terminal unescaped.
 import errno
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from typing import TypeVar
 
 import typer
 
@@ -89,6 +90,17 @@ def progress(what: str, total: int) -> Iterator[Callable[[], None]]:
     with Progress(console=Console(stderr=True), transient=True, disable=not shown) as bar:
         task = bar.add_task(visible(what), total=total)
         yield lambda: bar.advance(task)
+
+
+_T = TypeVar("_T")
+
+
+def followed(what: str, items: Iterable[_T], total: int) -> Iterator[_T]:
+    """Yield `items`, with a progress bar on a terminal."""
+    with progress(what, total) as step:
+        for item in items:
+            yield item
+            step()
 
 
 WORK_FAILED = 1

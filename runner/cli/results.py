@@ -19,7 +19,15 @@ from runner.cli.options import (
     named_folder,
     study_journal,
 )
-from runner.cli.output import complain, print_csv, print_json, print_json_text, print_table, say
+from runner.cli.output import (
+    complain,
+    followed,
+    print_csv,
+    print_json,
+    print_json_text,
+    print_table,
+    say,
+)
 from runner.people.terminal import at_terminal
 
 if TYPE_CHECKING:
@@ -47,7 +55,8 @@ def import_scores(
 
     content = bytes_of(scores)
     table = published_table(text_of(content, scores), str(scores))
-    import_table(StudyFolder(path=study), table.by_subject(), scores.name, content)
+    rows = followed("subjects", table.by_subject().items(), len(table.subjects))
+    import_table(StudyFolder(path=study), rows, scores.name, content)
     note = unpredicted_note(table.conditions)
     if note:
         say(note)
@@ -102,7 +111,9 @@ def export(
     source = StudyFolder(path=study)
     broken: list[str] = []
     with study_journal(source) as journal:
-        chains = list(readable_chains(journal, broken))
+        chains = list(
+            followed("sessions", readable_chains(journal, broken), len(journal.sessions()))
+        )
     data = dataset(
         chains, source.study(), version("touchbeam"), rehearsals=rehearsals, broken_chains=broken
     )
@@ -210,7 +221,7 @@ def write_report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json:
     broken: list[str] = []
     with study_journal(folder) as journal:
         study = folder.study()
-        chains = readable_chains(journal, broken)
+        chains = followed("sessions", readable_chains(journal, broken), len(journal.sessions()))
         found = load_study_data(chains, rehearsals=rehearsals, rules=study.exclusions)
     title = folder.path.resolve().name
     origin = Origin(

@@ -1,7 +1,7 @@
 """Import of published scores as a study with one completed session per subject."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from hashlib import sha256
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from runner.study.folder import StudyFolder, new_study
 
 def import_table(
     folder: StudyFolder,
-    scores: Mapping[str, Mapping[str, float | None]],
+    scores: Iterable[tuple[str, Mapping[str, float | None]]],
     source: str,
     content: bytes,
 ) -> None:
@@ -24,7 +24,7 @@ def import_table(
 
     Args:
         folder: the new study.
-        scores: condition → score, None for a missing one, by subject.
+        scores: each subject with condition → score, None for a missing one.
         source: name of the file with the scores; also gives the study its name.
         content: the bytes of that file, for its digest.
     """
@@ -35,7 +35,7 @@ def import_table(
         open_journal(folder.journal) as journal,
         journal.alone(),
     ):
-        for subject, given in scores.items():
+        for subject, given in scores:
             log = SessionLog(journal, session_name(subject, 1), clock)
             log.append(
                 ScoresImported(

@@ -5,7 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.loading.published import TableError, mean_column, published_table
+from analysis.loading.published import (
+    MOST_CONDITIONS,
+    MOST_SUBJECTS,
+    TableError,
+    mean_column,
+    published_table,
+)
 from analysis.report.table4_text import table4_csv, table4_lines
 from analysis.statistics.omnibus import Friedman, friedman
 from analysis.statistics.table4 import table4
@@ -170,3 +176,12 @@ def test_the_guard_of_an_exported_name_is_taken_off_again() -> None:
 def test_a_table_that_cannot_be_used_is_refused(text: str, message: str) -> None:
     with pytest.raises(TableError, match=message):
         published_table(text)
+
+
+def test_a_table_beyond_the_limits_is_refused() -> None:
+    wide = [",".join(["subject", *(f"c{number}" for number in range(MOST_CONDITIONS + 1))])]
+    with pytest.raises(TableError, match="line 1: must have at most 100 conditions, got 101; imp"):
+        published_table("\n".join([*wide, "P1" + MOST_CONDITIONS * ",1" + ",2"]))
+    rows = (f"P{number},1,2" for number in range(MOST_SUBJECTS + 1))
+    with pytest.raises(TableError, match="must have at most 100000 subjects, got more; import"):
+        published_table("\n".join(["subject,a,b", *rows]))

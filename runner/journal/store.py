@@ -98,7 +98,7 @@ class JournalError(WorkFailed):
 class Journal:
     """The events of all sessions of one study.
 
-    `salted` tells whether nobody can guess erased payloads from what remains: in schema 2 one can.
+    `salted` is false for schema 2, whose erased payloads can be guessed from their digests.
     """
 
     def __init__(

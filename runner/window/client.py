@@ -2,6 +2,7 @@
 
 import os
 import queue
+import signal
 import subprocess
 import sys
 import tempfile
@@ -80,11 +81,16 @@ class WindowParticipant:
         if "operator" in message:
             self.call_operator()
         elif message.get("of") == self._number:
-            self._answer = Response(
-                answer=message["answer"],
-                reaction_time_s=message["reaction_time_s"],
-                trace=message["trace"],
-            )
+            try:
+                self._answer = Response(
+                    answer=message["answer"],
+                    reaction_time_s=message["reaction_time_s"],
+                    trace=message["trace"],
+                )
+            except KeyError as error:
+                raise WindowGone(
+                    f"the participant's window sent an answer without {error}; {GO_ON}"
+                ) from None
 
     def _watch(self, *, heard: bool) -> None:
         now_s = self.monotonic_s()
@@ -134,11 +140,17 @@ class WindowProcess:
         """Return the messages since the last call.
 
         Raises:
-            WindowGone: the process has ended and all its messages have been returned.
+            WindowGone: the process has ended and all its messages have been returned, or it sent
+                something else than messages.
         """
         messages: list[Mapping[str, Any]] = []
         while not self._messages.empty():
             message = self._messages.get()
+            if message is not None and "garbled" in message:
+                raise WindowGone(
+                    f"the participant's window sent an invalid message ({message['garbled'][:120]})"
+                    f"; {GO_ON}"
+                )
             if message is not None:
                 messages.append(message)
                 continue
@@ -162,12 +174,23 @@ class WindowProcess:
     def _read(self) -> None:
         assert self.process.stdout is not None
         with self.process.stdout as lines:
-            for line in lines:
-                self._messages.put(message_of(line))
+            try:
+                for line in lines:
+                    self._messages.put(message_of(line))
+            except ValueError as error:  # of the text's encoding too
+                self._messages.put({"garbled": str(error)})
         self._messages.put(None)
 
     def _gone(self) -> WindowGone:
-        """Return the error for an ended process, with the last line that its libraries printed."""
+        """Return the error for an ended process: its signal, or what its libraries printed last."""
+        with suppress(subprocess.TimeoutExpired):
+            self.process.wait(_ENDS_WITHIN_S)
+        number = -(self.process.returncode or 0)
+        if number > 0:
+            why = next((found.name for found in signal.Signals if found == number), str(number))
+            return WindowGone(
+                f"the participant's window ended unexpectedly (signal {why}); {GO_ON}"
+            )
         self.complaints.seek(0)
         printed = self.complaints.read().decode(errors="replace").strip().splitlines()
         last = f": {printed[-1].strip()}" if printed else ""

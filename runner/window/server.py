@@ -204,8 +204,11 @@ def _mailbox(source: TextIO) -> Mailbox:
     mailbox: Mailbox = Mailbox()
 
     def read() -> None:
-        for line in source:
-            mailbox.put(message_of(line))
+        try:
+            for line in source:
+                mailbox.put(message_of(line))
+        except ValueError as error:  # of the text's encoding too
+            print(error, file=sys.stderr)  # the session reports the last line
         mailbox.put({"end": True})
 
     threading.Thread(target=read, name="screens", daemon=True).start()

@@ -60,7 +60,11 @@ CASES = [
         complaint="the participant's window does not respond (silent for 2 s)",
         goes_on="console",
     ),
-    Case(name="crashed", harm=crash, complaint="the participant's window ended unexpectedly"),
+    Case(
+        name="crashed",
+        harm=crash,
+        complaint="the participant's window ended unexpectedly (signal SIGKILL); run the same",
+    ),
     Case(name="closed", harm=close, complaint="the participant's window was closed"),
     Case(
         name="display lost",

@@ -1,5 +1,10 @@
 """The session's side of the window: answers, silence, and the end of the process."""
 
+import io
+import subprocess
+import sys
+import tempfile
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -13,7 +18,13 @@ from protocol.study.languages import built_in
 from protocol.study.participant_texts import study_wording
 from protocol.study_file.loading import parsed_study, template
 from runner.screens import AskChange, Instruction, Notice, Response
-from runner.window.client import SILENT_S, WindowGone, WindowParticipant, participant_window
+from runner.window.client import (
+    SILENT_S,
+    WindowGone,
+    WindowParticipant,
+    WindowProcess,
+    participant_window,
+)
 from runner.window.messages import (
     Settings,
     line_of,
@@ -24,6 +35,7 @@ from runner.window.messages import (
     show_message,
 )
 from runner.window.preflight import foreseen
+from runner.window.server import _mailbox
 from runner.window.text_layout import first_font, missing_font
 
 PAPER = parsed_study(template("paper"))
@@ -130,6 +142,68 @@ def test_a_missing_display_gives_one_line_that_names_the_console(
         participant_window(["false"], Settings(wording=study_wording(PAPER, "en"))),
     ):
         raise AssertionError("a window was opened without a display")
+
+
+def last_words(program: str) -> str:
+    """Return what ends a session whose window is this program, within bounded time."""
+    with tempfile.TemporaryFile() as complaints:
+        command = [sys.executable, "-c", f"import os, sys; {program}"]
+        process = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=complaints,
+            text=True,
+            encoding="utf-8",
+        )
+        peer = WindowProcess(process, complaints)
+        participant = WindowParticipant(peer, time.monotonic)
+        begun_s = time.monotonic()
+        try:
+            participant.show(Notice(text="pause"))
+            while time.monotonic() < begun_s + 10:
+                participant.poll()
+                time.sleep(0.01)
+        except WindowGone as error:
+            return str(error)
+        finally:
+            peer.end()
+    raise AssertionError("the session goes on")
+
+
+@pytest.mark.parametrize(
+    "garbage", [b"rubbish\n", b"\xff\xfe\n", b"[1]\n", b'{"answer": 1}{\n', b"\0" * 9 + b"\n"]
+)
+def test_a_window_that_sends_garbage_ends_the_session_in_one_line(garbage: bytes) -> None:
+    said = last_words(f"os.write(1, {garbage!r}); sys.stdin.read()")
+    assert said.startswith("the participant's window sent an invalid message (")
+    assert "\n" not in said
+    assert said.endswith("--ratings console if necessary")
+
+
+def test_an_incomplete_answer_ends_the_session_in_one_line() -> None:
+    line = line_of({"answer": "ready", "of": 1, "trace": None})
+    said = last_words(f"os.write(1, {line.encode()!r}); sys.stdin.read()")
+    assert said.startswith("the participant's window sent an answer without 'reaction_time_s'; run")
+
+
+@pytest.mark.parametrize(
+    ("end", "told"),
+    [
+        ("os.kill(os.getpid(), 9)", " (signal SIGKILL); run"),
+        ("os.abort()", " (signal SIGABRT); run"),
+        ("os._exit(3)", ": Xlib: extension missing; run"),
+    ],
+)
+def test_the_end_of_a_window_is_told_with_its_cause(end: str, told: str) -> None:
+    said = last_words(f"print('Xlib: extension missing', file=sys.stderr, flush=True); {end}")
+    assert said.startswith(f"the participant's window ended unexpectedly{told}")
+
+
+def test_a_window_that_hears_garbage_says_so_and_ends(capsys: pytest.CaptureFixture[str]) -> None:
+    mailbox = _mailbox(io.StringIO("rubbish\n"))
+    assert mailbox.get(timeout=2) == {"end": True}
+    assert capsys.readouterr().err == "a message must be one JSON object, got 'rubbish\\n'\n"
 
 
 @pytest.mark.parametrize("screen", foreseen(PAPER, consent="C-7"), ids=str)

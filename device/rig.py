@@ -100,6 +100,7 @@ class Rig:
                 self.beat()
                 sleep(seconds / pieces)
 
+        self._vibration_m()  # a device that measures none refuses before anything is driven
         try:
             return resonance(self.drive, self._vibration_m, settled, near_hz, self._limits)
         finally:

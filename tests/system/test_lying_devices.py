@@ -6,7 +6,7 @@ import pytest
 
 from device.drivers.driver import NO_TEMPERATURE, Driver
 from device.errors import DeviceError, LinkTimeout, OutputUnknown
-from tests.device.lying import LyingPort, lying, unarmed
+from tests.device.lying import LyingPort, lying, unarmed, watched
 from tests.device.rigs import DRIVE, LIMITS
 
 FREQ = {"board": "FREQ?", "keysight": "SOUR1:FREQ?"}
@@ -212,3 +212,13 @@ def test_nobody_asks_for_a_temperature_that_is_not_limited() -> None:
 def test_a_generator_says_that_nothing_keeps_the_temperature() -> None:
     assert NO_TEMPERATURE in unarmed(COOL, "keysight")[0].arm().remarks
     assert NO_TEMPERATURE not in unarmed(LIMITS, "keysight")[0].arm().remarks
+
+
+@pytest.mark.parametrize("dialect", ["keysight", "rigol", "siglent"])
+def test_a_generator_without_a_calibration_is_refused_before_it_is_driven(dialect: str) -> None:
+    with watched(LIMITS, dialect) as watched_rig:
+        watched_rig.rig.arm()
+        with pytest.raises(DeviceError, match=r"measures no vibration: .* output off, read back"):
+            watched_rig.rig.resonance(24_221, lambda _: None)
+        assert not any(line.endswith(("OUTP ON", "OUTP1 ON")) for line in watched_rig.port.sent)
+        watched_rig.rig.off()

@@ -12,6 +12,7 @@ from analysis.estimates import FloatArray
 from analysis.loading.score_table import ScoreTable
 from device.friction.changes import CONDITIONS
 from protocol.errors import BadInput
+from protocol.pseudonyms import pseudonym
 from protocol.study.fields import LONGEST_NAME, require_printable
 from protocol.study.questions import PAPERS_SCALE
 
@@ -98,7 +99,7 @@ def published_table(text: str, source: str = "scores.csv") -> ScoreTable:
 
     A blank cell is a missing score. Scores lie on `SCALE`. An apostrophe before `=`, `+`, `-` or
     `@` is the guard of an exported name and no part of it. A condition that the friction model
-    knows is called as the model calls it, whatever the case. A subject is a pseudonym with a digit.
+    knows is called as the model calls it, whatever the case. A subject is a pseudonym.
 
     Args:
         text: the file's text, with or without a byte order mark, comma-separated.
@@ -194,13 +195,10 @@ def _subject(cell: str, where: str) -> str:
         raise TableError(f"{where}: a subject must have a name, got {cell!r}")
     if named_as_mean(name):
         raise TableError(f"{where}: the row {name!r} holds no scores of a subject; remove the row")
-    # It becomes the name of a session, which no withdrawal erases.
-    if not any(letter.isdigit() for letter in name):
-        raise TableError(
-            f"{where}: participants must be pseudonyms with a digit, such as P01; names are not "
-            f"kept, got {name!r}; number them"
-        )
-    return name
+    try:
+        return pseudonym(name)  # it becomes the name of a session, which no withdrawal erases
+    except BadInput as error:
+        raise TableError(f"{where}: {error}; number the subjects") from None
 
 
 def _require_no_means(table: ScoreTable, source: str, lines: Sequence[int]) -> None:

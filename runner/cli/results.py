@@ -46,7 +46,7 @@ def import_scores(
     """Create a study from published scores.
 
     SCORES.csv has a column `subject` and one column per condition. Each subject is a pseudonym
-    that contains a digit; a blank cell is a missing score.
+    of letters, digits, - and _ with a digit in it; a blank cell is a missing score.
     """
     from analysis.loading.published import published_table, unpredicted_note
     from runner.study.files import bytes_of, text_of

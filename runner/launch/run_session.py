@@ -10,6 +10,7 @@ from protocol.address import SIMULATED
 from protocol.errors import BadInput
 from protocol.journal.state import SessionState
 from protocol.plan.plan import plan
+from protocol.pseudonyms import pseudonym
 from protocol.study.participant_texts import Wording, lacking, study_codes, study_wording
 from protocol.study.study import Study
 from runner.clock import Clock, Pace, SteppedClock, WallClock
@@ -27,7 +28,7 @@ from runner.session.resume import require_resumable
 from runner.session.session import Session, SessionContext, SessionKind
 from runner.signals import Stopped
 from runner.study.check import validated_study
-from runner.study.folder import StudyFolder, pseudonym
+from runner.study.folder import StudyFolder
 from runner.window.client import WindowParticipant
 from runner.window.preflight import study_window
 
@@ -174,6 +175,8 @@ def _context(request: _Request, say: Say, stack: ExitStack) -> SessionContext:
     # The rig before the journal: if no device answers, no session is opened.
     journal = stack.enter_context(journal_if_used(options.folder.journal))
     new = name not in journal.sessions()
+    if other := _nearly_the_same(journal, options.participant):
+        say(f"warning: {options.participant} is taken for another participant than {other}")
     session = _session(request, journal, clock)
     log = SessionLog(journal, name, clock)
     virtual = options.ratings == "virtual"
@@ -191,6 +194,13 @@ def _context(request: _Request, say: Say, stack: ExitStack) -> SessionContext:
         log=log,
         opened_now=new,
     )
+
+
+def _nearly_the_same(journal: Journal, participant: str) -> str | None:
+    """Return a participant of the study whose pseudonym differs only in capitals, if any."""
+    known = (name.rpartition("/")[0] for name in journal.sessions())
+    alike = (other for other in known if other.casefold() == participant.casefold())
+    return next((other for other in alike if other != participant), None)
 
 
 def _window(request: _Request) -> AbstractContextManager[WindowParticipant | None]:

@@ -14,8 +14,6 @@ from protocol.study_file.language_files import with_languages
 from protocol.study_file.loading import parsed_study
 from runner.study.files import make_folder, short_text, take_away
 
-_PSEUDONYM = re.compile(r"(?=.*[0-9])[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
-
 
 def dialects() -> Iterable[str]:
     """Return the dialects that have a driver."""
@@ -171,17 +169,3 @@ def numbered(path: Path) -> Path:
         number += 1
         candidate = path.with_name(f"{path.name}-{number}")
     return candidate
-
-
-def pseudonym(text: str) -> str:
-    """Return `text` if it is a valid pseudonym.
-
-    Raises:
-        BadInput: it could be a real name or a path.
-    """
-    if not _PSEUDONYM.fullmatch(text):
-        raise BadInput(
-            "a participant must be a pseudonym of letters, digits, - and _ with a digit in it, "
-            f"such as P01 (real names are not stored), got {text!r}"
-        )
-    return text

@@ -129,10 +129,20 @@ def published_table(text: str, source: str = "scores.csv") -> ScoreTable:
         raise TableError(f"{at_header}, column {name}: holds no scores; remove the column")
     subjects, scores = [], []
     for line, row in rows:
-        _require_length(row, header, f"{source}, line {line}")
-        subjects.append(_subject(row[0], f"{source}, line {line}"))
-        scores.append(_scores(row[1:], header[1:], f"{source}, line {line}"))
-    table = _table(subjects, header[1:], scores, source)
+        where = f"{source}, line {line}"
+        if len(row) != len(header):
+            raise TableError(
+                f"{where}: must have {len(header)} cells as the header, got {len(row)}"
+            )
+        subjects.append(_subject(row[0], where))
+        cells = zip(row[1:], header[1:], strict=True)
+        scores.append([_score(cell.strip(), f"{where}, column {name}") for cell, name in cells])
+    try:
+        table = ScoreTable(
+            subjects=tuple(subjects), conditions=tuple(header[1:]), scores=np.array(scores)
+        )
+    except ValueError as error:
+        raise TableError(f"{source}: {error}") from error
     _require_no_means(table, source, [start, *(line for line, _ in rows)])
     return table
 
@@ -203,31 +213,16 @@ def _subject(cell: str, where: str) -> str:
 
 def _require_no_means(table: ScoreTable, source: str, lines: Sequence[int]) -> None:
     """Refuse means under another name."""
-    column, row = mean_column(table.scores), mean_column(table.scores.T)
-    if column is not None:
-        name = table.conditions[column]
+    if (column := mean_column(table.scores)) is not None:
         raise TableError(
-            f"{source}, line {lines[0]}, column {name}: is the mean of all other columns; "
-            "remove the column"
+            f"{source}, line {lines[0]}, column {table.conditions[column]}: is the mean of all "
+            "other columns; remove the column"
         )
-    if row is not None:
-        name = table.subjects[row]
+    if (row := mean_column(table.scores.T)) is not None:
         raise TableError(
-            f"{source}, line {lines[row + 1]}: the row {name!r} is the mean of all others; "
-            "remove the row"
+            f"{source}, line {lines[row + 1]}: the row {table.subjects[row]!r} is the mean of all "
+            "others; remove the row"
         )
-
-
-def _require_length(row: Sequence[str], header: Sequence[str], where: str) -> None:
-    if len(row) != len(header):
-        raise TableError(f"{where}: must have {len(header)} cells as the header, got {len(row)}")
-
-
-def _scores(cells: Sequence[str], names: Sequence[str], where: str) -> list[float]:
-    return [
-        _score(cell.strip(), f"{where}, column {name}")
-        for cell, name in zip(cells, names, strict=True)
-    ]
 
 
 def _score(cell: str, where: str) -> float:
@@ -239,14 +234,3 @@ def _score(cell: str, where: str) -> float:
     if not SCALE[0] <= value <= SCALE[1]:
         raise TableError(f"{where}: a score must lie in [{SCALE[0]:g}, {SCALE[1]:g}], got {cell}")
     return value
-
-
-def _table(
-    subjects: list[str], conditions: list[str], scores: list[list[float]], source: str
-) -> ScoreTable:
-    try:
-        return ScoreTable(
-            subjects=tuple(subjects), conditions=tuple(conditions), scores=np.array(scores)
-        )
-    except ValueError as error:
-        raise TableError(f"{source}: {error}") from error

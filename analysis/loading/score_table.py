@@ -1,6 +1,5 @@
 """The table of scores, subject by condition, that every statistic of the analysis reads."""
 
-import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -60,13 +59,10 @@ class ScoreTable:
 
     def by_subject(self) -> dict[str, dict[str, float | None]]:
         """Return condition → score by subject, None where none was given."""
-        return {
-            subject: {
-                name: None if math.isnan(score) else score
-                for name, score in zip(self.conditions, scores, strict=True)
-            }
-            for subject, scores in zip(self.subjects, self.scores.tolist(), strict=True)
-        }
+        scores = self.scores.astype(object)
+        scores[~self.given] = None
+        rows = [dict(zip(self.conditions, row, strict=True)) for row in scores.tolist()]
+        return dict(zip(self.subjects, rows, strict=True))
 
     @property
     def transposed(self) -> "ScoreTable":

@@ -96,11 +96,14 @@ def load_study_data(
     gone = {out.participant for out in by_rule if out.trial is None}
     subjects = _once(name for name in sessions["participant"] if name not in gone)
     if not subjects:
+        last = by_rule[-1]
         raise NothingToReport(
-            f"the rules of [exclusions] leave nobody: {by_rule[-1].participant} has "
-            f"{by_rule[-1].why}"
+            f"the rules of [exclusions] leave nobody: {last.participant} has {last.why}"
         )
-    table = _score_table(trials, subjects, _once(chain.from_iterable(sessions["conditions"])))
+    conditions = _once(chain.from_iterable(sessions["conditions"]))
+    cells = trials[is_scored(trials)].groupby(["participant", "condition"])["score"].mean()
+    means = cells.unstack().reindex(index=subjects, columns=conditions)
+    table = ScoreTable(subjects=subjects, conditions=conditions, scores=means.to_numpy())
     kept = set(names.itertuples(index=False, name=None))
     trials_left_out = [
         out
@@ -123,23 +126,10 @@ def load_study_data(
             *trials_left_out,
             *by_rule,
         ),
-        incidents=tuple(
-            incident
-            for incident in found.incidents
-            if (incident.participant, incident.session) in kept
-        ),
+        incidents=tuple(it for it in found.incidents if (it.participant, it.session) in kept),
         recording=_recording(sessions),
         empty=empty_cells(table, trials, answered.drop(trials.index)),
     )
-
-
-def _score_table(
-    trials: pd.DataFrame, subjects: tuple[str, ...], conditions: tuple[str, ...]
-) -> ScoreTable:
-    """Return the mean score of each cell, NaN where no score was given."""
-    cells = trials[is_scored(trials)].groupby(["participant", "condition"])["score"].mean()
-    means = cells.unstack().reindex(index=subjects, columns=conditions)
-    return ScoreTable(subjects=subjects, conditions=conditions, scores=means.to_numpy())
 
 
 def _recording(sessions: pd.DataFrame) -> Recording:

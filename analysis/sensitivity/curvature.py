@@ -155,17 +155,16 @@ def curvature_of(
     whole[:, line] = whole[line].T
     whole[thresholds, thresholds] = _threshold_block(trials, slopes)
     whole[line.stop :, line.stop :] = np.diag(to_conditions[:, 0].sum(axis=0))
+    up, down = (
+        _totals(trials.category, slope, trials.categories) for slope in (slopes.up, slopes.down)
+    )
+    by_threshold = _between_thresholds(up, down)[trials.free]
+    by_condition = _totals(trials.condition, pull, trials.conditions)
     coupling = -_condition_block(trials, by_upper, by_lower)
     whole[line.stop :, thresholds] = coupling
     whole[thresholds, line.stop :] = coupling.T
     return Curvature(
-        shared_gradient=np.concatenate(
-            [
-                _threshold_gradient(trials, slopes),
-                own_gradient.sum(axis=0),
-                _totals(trials.condition, pull, trials.conditions),
-            ]
-        ),
+        shared_gradient=np.concatenate([by_threshold, own_gradient.sum(axis=0), by_condition]),
         own_gradient=own_gradient,
         own_precision=own,
         cross=cross,
@@ -218,12 +217,6 @@ def _line_sums(
 def _between_thresholds(by_upper: FloatArray, by_lower: FloatArray) -> FloatArray:
     """Return sums per threshold, the upper edge of one category and the lower of the next."""
     return np.asarray(by_upper[..., :-1] + by_lower[..., 1:])
-
-
-def _threshold_gradient(trials: OrdinalTrials, slopes: _EdgeDerivatives) -> FloatArray:
-    up = _totals(trials.category, slopes.up, trials.categories)
-    down = _totals(trials.category, slopes.down, trials.categories)
-    return _between_thresholds(up, down)[trials.free]
 
 
 def _threshold_block(trials: OrdinalTrials, slopes: _EdgeDerivatives) -> FloatArray:

@@ -131,31 +131,25 @@ def linear_sensitivity(ratings: Ratings) -> LinearSensitivity | NotEstimable:
     x = (trials.contrast - axes.x_mean) / axes.x_sd
     y = (trials.rating - axes.y_mean) / axes.y_sd
     sums = line_sums(trials.subject, len(trials.subjects), x, y)
-    if not _has_residual(trials, sums):
+    own = np.linalg.pinv(sums.gram, rcond=1e-9, hermitian=True) @ sums.products[..., None]
+    explained = (sums.products * own[..., 0]).sum(axis=1)
+    if (sums.squares - explained).sum() <= 1e-9 * len(trials.rating):
         return NotEstimable(
             "each subject's ratings lie exactly on a line, so there is no residual to "
             "separate noise from differences between subjects"
         )
-    posterior = weighted_points(lambda points: _log_posterior(points, sums), START, POINTS)
+
+    def log_posterior(points: FloatArray) -> FloatArray:
+        prior = log_prior_of_spread(points[:, 1:3]).sum(axis=1) - 2 * np.log(np.cosh(points[:, 3]))
+        return np.asarray(line_posterior(sums, *_components(points)).log_likelihood + prior)
+
+    posterior = weighted_points(log_posterior, START, POINTS)
     return _result(ratings, sums, posterior, axes)
-
-
-def _has_residual(trials: Ratings, sums: LineSums) -> bool:
-    """Return whether any subject's ratings depart from the subject's least-squares line."""
-    lines = np.linalg.pinv(sums.gram, rcond=1e-9, hermitian=True) @ sums.products[..., None]
-    explained = (sums.products * lines[..., 0]).sum(axis=1)
-    return bool((sums.squares - explained).sum() > 1e-9 * len(trials.rating))
 
 
 def _components(points: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return σ and T of points (log σ, log τ_bias, log τ_gain, artanh ρ)."""
     return np.exp(points[:, 0]), covariance_matrices(points[:, 1:4])
-
-
-def _log_posterior(points: FloatArray, sums: LineSums) -> FloatArray:
-    residual_sd, between = _components(points)
-    prior = log_prior_of_spread(points[:, 1:3]).sum(axis=1) - 2 * np.log(np.cosh(points[:, 3]))
-    return np.asarray(line_posterior(sums, residual_sd, between).log_likelihood + prior)
 
 
 def _result(

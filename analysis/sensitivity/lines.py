@@ -53,12 +53,8 @@ class Axes:
 
 def axes_about(contrast: FloatArray, rating: FloatArray) -> Axes:
     """Return centre and scale of these contrasts and ratings."""
-    return Axes(
-        x_mean=float(contrast.mean()),
-        x_sd=float(contrast.std()),
-        y_mean=float(rating.mean()),
-        y_sd=float(rating.std()),
-    )
+    x, y = ((float(values.mean()), float(values.std())) for values in (contrast, rating))
+    return Axes(x_mean=x[0], x_sd=x[1], y_mean=y[0], y_sd=y[1])
 
 
 def axes_of(trials: Ratings) -> Axes | NotEstimable:

@@ -32,12 +32,10 @@ class Ratings:
     rating: FloatArray
 
     def __post_init__(self) -> None:
-        trials = len(self.subject)
         for name in ("condition", "contrast", "rating"):
-            if len(getattr(self, name)) != trials:
-                raise ValueError(
-                    f"{name} must have {trials} trials, got {len(getattr(self, name))}"
-                )
+            count, trials = len(getattr(self, name)), len(self.subject)
+            if count != trials:
+                raise ValueError(f"{name} must have {trials} trials, got {count}")
         _check_positions("subject", self.subject, len(self.subjects))
         _check_positions("condition", self.condition, len(self.conditions))
         if not np.isfinite(self.contrast).all():
@@ -54,13 +52,8 @@ class Ratings:
 
     def where(self, chosen: BoolArray) -> "Ratings":
         """Return the chosen trials; subjects and conditions stay the same."""
-        return replace(
-            self,
-            subject=self.subject[chosen],
-            condition=self.condition[chosen],
-            contrast=self.contrast[chosen],
-            rating=self.rating[chosen],
-        )
+        names = ("subject", "condition", "contrast", "rating")
+        return replace(self, **{name: getattr(self, name)[chosen] for name in names})
 
 
 def _check_positions(name: str, positions: IntArray, count: int) -> None:

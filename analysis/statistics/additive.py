@@ -53,17 +53,17 @@ def additive_effects(table: ScoreTable) -> AdditiveEffects | NotEstimable:
     if isinstance(fit, NotEstimable):
         return fit
     subject_variance = max(0.0, fit.row_variance)
-    counts = fit.table.given.sum(axis=1)
+    counts = fit.table.given.sum(axis=1).tolist()
     return AdditiveEffects(
         grand_mean=fit.grand_mean,
-        conditions=_named(fit.table.conditions, fit.columns),
-        subjects=_named(fit.table.subjects, fit.rows),
+        conditions=dict(zip(fit.table.conditions, fit.columns.tolist(), strict=True)),
+        subjects=dict(zip(fit.table.subjects, fit.rows.tolist(), strict=True)),
         residual_sd=float(np.sqrt(fit.residual_variance)),
         residual_df=fit.residual_df,
         subject_sd=float(np.sqrt(subject_variance)),
         shrinkage=_shrinkage(subject_variance, fit.residual_variance, len(fit.columns)),
         subject_shrinkage={
-            name: _shrinkage(subject_variance, fit.residual_variance, int(count))
+            name: _shrinkage(subject_variance, fit.residual_variance, count)
             for name, count in zip(fit.table.subjects, counts, strict=True)
         },
     )
@@ -99,10 +99,6 @@ def gain_heterogeneity(table: ScoreTable) -> GainHeterogeneity | NotEstimable:
         gains={fit.table.subjects[row]: 1.0 + excess for row, excess in slopes.excess.items()},
         tau=float(np.sqrt(max(0.0, (slopes.squares - df[0] * variance) / slopes.information))),
     )
-
-
-def _named(names: tuple[str, ...], values: FloatArray) -> dict[str, float]:
-    return {name: float(value) for name, value in zip(names, values, strict=True)}
 
 
 def _shrinkage(variance: float, residual: float, count: int) -> float | NotEstimable:
@@ -144,9 +140,8 @@ def _slopes(fit: TwoWay) -> _Slopes | NotEstimable:
     own, lengths = own[rows], lengths[rows]
     residuals = np.where(given, fit.residuals, 0.0)[rows]
     products = (own * residuals).sum(axis=1) / lengths
-    turned, sizes, _ = np.linalg.svd(
-        own / lengths[:, None] @ _root_of_inverse(given), full_matrices=False
-    )
+    scaled = own / lengths[:, None] @ _root_of_inverse(given)
+    turned, sizes, _ = np.linalg.svd(scaled, full_matrices=False)
     left = 1 - sizes**2
     absorbed = left < 1e-9
     along = turned.T @ products

@@ -44,7 +44,9 @@ def exact_p(doubled_ranks: IntArray) -> float | NotEstimable:
         if count < len(rows) - 1:
             sums, chances = _add_row(sums, chances, row)
     observed = int((doubled_ranks.sum(axis=0) ** 2).sum())
-    return _upper_tail(sums, chances, rows[-1], observed)
+    constant = (sums**2).sum(axis=1)[:, None] + (rows[-1][0] ** 2).sum()
+    as_unequal = constant + 2 * (sums @ rows[-1].T) >= observed
+    return float((chances * as_unequal.mean(axis=1)).sum())
 
 
 def _add_row(sums: IntArray, chances: FloatArray, row: IntArray) -> tuple[IntArray, FloatArray]:
@@ -55,12 +57,6 @@ def _add_row(sums: IntArray, chances: FloatArray, row: IntArray) -> tuple[IntArr
     _, first, which = np.unique(keys, return_index=True, return_inverse=True)
     weights = np.repeat(chances / len(row), len(row))
     return reached[first], np.bincount(which, weights=weights).astype(np.float64)
-
-
-def _upper_tail(sums: IntArray, chances: FloatArray, row: IntArray, observed: int) -> float:
-    constant = (sums**2).sum(axis=1)[:, None] + (row[0] ** 2).sum()
-    as_unequal = constant + 2 * (sums @ row.T) >= observed
-    return float((chances * as_unequal.mean(axis=1)).sum())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,10 +111,9 @@ def friedman(table: ScoreTable) -> Friedman | NotEstimable:
 
 
 def _refusal(table: ScoreTable) -> NotEstimable | None:
-    if len(table.conditions) < 2:
-        return NotEstimable("Friedman's test needs at least 2 conditions, got 1")
-    if len(table.subjects) < 2:
-        return NotEstimable("Friedman's test needs at least 2 subjects, got 1")
+    for what, names in (("conditions", table.conditions), ("subjects", table.subjects)):
+        if len(names) < 2:
+            return NotEstimable(f"Friedman's test needs at least 2 {what}, got 1")
     if not table.is_complete:
         return NotEstimable(
             f"Friedman's test needs every score, but {table.missing_count} of "

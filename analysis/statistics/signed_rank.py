@@ -92,11 +92,12 @@ def signed_rank(differences: FloatArray) -> SignedRank | NotEstimable:
     ranks = doubled_midranks(np.abs(changed))
     positive, total = int(ranks[changed > 0].sum()), int(ranks.sum())
     exact = len(ranks) <= LARGEST_EXACT
+    deviation = abs(positive - total / 2) / (np.sqrt((ranks**2).sum()) / 2)
     return SignedRank(
         statistic=positive / 2,
         n=len(ranks),
         n_zero=len(scored) - len(ranks),
-        p=_exact_p(ranks, positive) if exact else _normal_p(ranks, positive),
+        p=_exact_p(ranks, positive) if exact else float(2 * ndtr(-deviation)),
         method="exact" if exact else "normal",
         rank_biserial=(2 * positive - total) / total,
     )
@@ -147,8 +148,3 @@ def _exact_p(doubled_ranks: IntArray, positive: int) -> float:
         chances = (chances + raised) / 2
     distance = np.abs(2 * np.arange(total + 1) - total)
     return float(min(1.0, chances[distance >= abs(2 * positive - total)].sum()))
-
-
-def _normal_p(doubled_ranks: IntArray, positive: int) -> float:
-    deviation = abs(positive - doubled_ranks.sum() / 2)
-    return float(2 * ndtr(-deviation / (np.sqrt((doubled_ranks**2).sum()) / 2)))

@@ -58,29 +58,17 @@ def trial_contrasts(study: Study, trials: pd.DataFrame, touches: pd.DataFrame) -
     number_of = {change: number for number, change in enumerate(dict.fromkeys(changes))}
     numbers = [number_of[change] for change in changes]
     measured = touches["attempt_id"][touches["force_n"].notna() | touches["place_m"].notna()]
-    return TrialContrasts(
-        by_law={
-            law: np.array([_contrast(change, law) for change in number_of], float)[numbers]
-            for law in LAWS
-        },
-        measured=trials.index.isin(measured),
-    )
-
-
-def _contrast(change: Change | None, law: str) -> float:
-    return float("nan") if change is None else predicted_contrast(change, law, RUNG)
+    by_law = {}
+    for law in LAWS:
+        found = [np.nan if it is None else predicted_contrast(it, law, RUNG) for it in number_of]
+        by_law[law] = np.array(found, float)[numbers]
+    return TrialContrasts(by_law=by_law, measured=trials.index.isin(measured))
 
 
 _ASKED = ["trial_kind", "condition", "question", "expected", "resonance_hz", "study_text"]
 _FELT = [
-    "attempt_id",
-    "planned",
-    "force_n",
-    "place_m",
-    "start_voltage_v",
-    "start_frequency_hz",
-    "end_voltage_v",
-    "end_frequency_hz",
+    *("attempt_id", "planned", "force_n", "place_m"),
+    *("start_voltage_v", "start_frequency_hz", "end_voltage_v", "end_frequency_hz"),
 ]
 """The columns of trials and of touches that the felt change depends on."""
 

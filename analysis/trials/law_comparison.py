@@ -181,26 +181,20 @@ def law_order(
         return NotEstimable(f"an order needs at least 3 conditions, got {int(scored.sum())}")
     ranks = doubled_midranks(np.stack([predicted[scored], observed[scored]]))
     deviations = ranks - ranks.mean(axis=1, keepdims=True)
-    tied = _by_strength(conditions, predicted)
+    tied, rated = _by_strength(conditions, predicted), int(scored.sum())
     squares = (deviations**2).sum(axis=1)
     if not squares.all():
         flat = NotEstimable("all contrasts, or all mean ratings, are equal")
-        return LawOrder(
-            tied=tied,
-            spearman=flat,
-            p=flat,
-            rank_needed=flat,
-            needed=flat,
-            rated=int(scored.sum()),
-        )
+        missing = dict.fromkeys(("spearman", "p", "rank_needed", "needed"), flat)
+        return LawOrder(tied=tied, rated=rated, **missing)
     p, rank_needed = _over_all_orders(deviations)
     return LawOrder(
         tied=tied,
         spearman=float((deviations[0] @ deviations[1]) / np.sqrt(squares.prod())),
         p=p,
         rank_needed=rank_needed,
-        needed=critical_correlation(int(scored.sum())),
-        rated=int(scored.sum()),
+        needed=critical_correlation(rated),
+        rated=rated,
     )
 
 

@@ -56,12 +56,10 @@ def catch_answers(trials: pd.DataFrame) -> CatchAnswers:
     signal = asked["trial_kind"].eq("trial") & ~asked["expected"].isin(_NO_CHANGE)
     hits = _counted(reported[signal], asked["participant"])
     alarms = _counted(reported[asked["trial_kind"].eq("catch")], asked["participant"])
-    none = (0, 0)
+    people = len(hits.keys() | alarms.keys())
     return CatchAnswers(
-        overall=discrimination(
-            _pooled(hits), _pooled(alarms), people=len(hits.keys() | alarms.keys())
-        ),
-        subjects={who: discrimination(hits.get(who, none), alarms[who]) for who in alarms},
+        overall=discrimination(_pooled(hits), _pooled(alarms), people=people),
+        subjects={who: discrimination(hits.get(who, (0, 0)), alarms[who]) for who in alarms},
     )
 
 
@@ -164,16 +162,13 @@ def _ordinal(scored: ScoredTrials, link: str) -> OrdinalEffects | NotEstimable:
 def _laws(data: StudyData, scored: ScoredTrials) -> tuple[LawScore, ...]:
     likelihoods = law_likelihoods(scored.ratings, scored.contrasts)
     observed = table4(data.table).column_means
-    found = [
-        _law_score(
-            law,
-            data,
-            _mean_by_condition(scored.ratings.condition, values, observed.size),
-            observed,
-            likelihoods[law],
-        )
-        for law, values in scored.contrasts.items()
-    ]
+    found, condition = [], scored.ratings.condition
+    counts = np.bincount(condition, minlength=observed.size)
+    for law, values in scored.contrasts.items():
+        sums = np.bincount(condition, weights=values, minlength=observed.size)
+        means = np.full(observed.size, np.nan)
+        np.divide(sums, counts, out=means, where=counts > 0)
+        found.append(_law_score(law, data, means, observed, likelihoods[law]))
     if not data.table.conditions or not set(_CLAIMED) <= set(data.table.conditions):
         return tuple(found)
     claimed = np.array([_CLAIMED.get(name, 0.0) for name in data.table.conditions])
@@ -198,21 +193,12 @@ def _law_score(
     )
 
 
-def _mean_by_condition(
-    condition: np.typing.NDArray[np.int64], values: FloatArray, count: int
-) -> FloatArray:
-    sums = np.bincount(condition, weights=values, minlength=count)
-    counts = np.bincount(condition, minlength=count)
-    return np.asarray(np.divide(sums, counts, out=np.full(count, np.nan), where=counts > 0))
-
-
 def _signal(trials: pd.DataFrame, contrasts: TrialContrasts) -> SignalAnswers:
     answered = trials["trial_kind"].eq("signal") & trials["agrees"].notna()
     agreed = int(trials["agrees"][answered].sum())
     if not answered.any():
         predicted = {law: predicted_contrast(CONDITIONS["signal"], law, RUNG) for law in LAWS}
     else:
-        predicted = {
-            law: float(np.mean(values[answered])) for law, values in contrasts.by_law.items()
-        }
+        by_law = contrasts.by_law
+        predicted = {law: float(np.mean(values[answered])) for law, values in by_law.items()}
     return SignalAnswers(felt=proportion(agreed, int(answered.sum())), predicted=predicted)

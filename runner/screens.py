@@ -4,7 +4,7 @@ No screen reveals to the participant what the device does.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Literal
 
 from device.errors import UNKNOWN
@@ -48,26 +48,17 @@ class Instruction:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Pacing:
-    """The touch to make now: the finger's path from `start_m` to `end_m` in `duration_s`.
+class Pacing(FingerPath):
+    """The touch to make now: the finger's path, to be followed in `duration_s`."""
 
-    Start and end are equal for a touch that does not slide.
-    """
-
-    start_m: float
-    end_m: float
     duration_s: float
     force_n: float
     direction: str
-    harder: bool = False
-    several: bool = False
 
     @property
     def touch(self) -> FingerPath:
         """The path that the instruction for this touch showed."""
-        return FingerPath(
-            start_m=self.start_m, end_m=self.end_m, harder=self.harder, several=self.several
-        )
+        return FingerPath(**{entry.name: getattr(self, entry.name) for entry in fields(FingerPath)})
 
 
 @dataclass(frozen=True, kw_only=True)

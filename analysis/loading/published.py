@@ -120,13 +120,7 @@ def published_table(text: str, source: str = "scores.csv") -> ScoreTable:
         )
     if not rows or len(first) < 2:
         raise TableError(f"{source}: must have a header and at least one row and one condition")
-    header = [condition_name(_name(cell, at_header)) for cell in first]
-    if header[0].casefold() not in {"subject", "subjects", "participant"}:
-        raise TableError(f"{at_header}: the first column must be 'subject', got {header[0]!r}")
-    if not all(header):
-        raise TableError(f"{at_header}: every condition must have a name, got {header[1:]!r}")
-    for name in filter(named_as_mean, header):
-        raise TableError(f"{at_header}, column {name}: holds no scores; remove the column")
+    header = _header(first, at_header)
     subjects, scores = [], []
     for line, row in rows:
         where = f"{source}, line {line}"
@@ -145,6 +139,17 @@ def published_table(text: str, source: str = "scores.csv") -> ScoreTable:
         raise TableError(f"{source}: {error}") from error
     _require_no_means(table, source, [start, *(line for line, _ in rows)])
     return table
+
+
+def _header(cells: list[str], at_header: str) -> list[str]:
+    header = [condition_name(_name(cell, at_header)) for cell in cells]
+    if header[0].casefold() not in {"subject", "subjects", "participant"}:
+        raise TableError(f"{at_header}: the first column must be 'subject', got {header[0]!r}")
+    if not all(header):
+        raise TableError(f"{at_header}: every condition must have a name, got {header[1:]!r}")
+    for name in filter(named_as_mean, header):
+        raise TableError(f"{at_header}, column {name}: holds no scores; remove the column")
+    return header
 
 
 def _rows(text: str, source: str) -> list[tuple[int, list[str]]]:

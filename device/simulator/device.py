@@ -33,7 +33,7 @@ class SimulatedDevice:
     def answer(self, line: str, wall_s: float) -> str | None:
         """Take one line from the wire; any line keeps the watchdog quiet."""
         self.instrument.watch(wall_s)
-        self.instrument.hear(wall_s)
+        self.instrument.heard_wall_s = wall_s
         self.pass_time()
         answer = self.dialect.answer(line)
         if "error-after-set" in self.broken.active and "?" not in line:

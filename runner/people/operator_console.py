@@ -58,9 +58,8 @@ class LiveDisplay:
         """Redraw the panel."""
         from rich.panel import Panel
 
-        self._live.update(
-            Panel("\n".join(panel_lines(view, question, typed)), title="touchbeam"), refresh=True
-        )
+        text = "\n".join(panel_lines(view, question, typed))
+        self._live.update(Panel(text, title="touchbeam"), refresh=True)
 
 
 def panel_lines(view: OperatorView, question: str, typed: str | None) -> list[str]:

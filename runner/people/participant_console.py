@@ -127,9 +127,7 @@ class ConsoleParticipant:
         if self._screen is None or isinstance(self._screen, Notice | Pacing):
             return None
         line = self.typed.take()
-        if line is None:
-            return None
-        answer = self._parse(line.strip())
+        answer = None if line is None else self._parse(line.strip())
         if answer is None:
             return None
         self._screen = None
@@ -146,10 +144,7 @@ class ConsoleParticipant:
             case Pacing(duration_s=duration_s):
                 return [f"{self._texts['touch.now']} ({duration_s:.2g} s)"]
             case AskChange(question=question):
-                return [
-                    self._texts[f"question.{question}"],
-                    *self._choices(ANSWERS[question]),
-                ]
+                return [self._texts[f"question.{question}"], *self._choices(ANSWERS[question])]
             case AskScore(rating=rating):
                 bands = "   ".join(band_names(rating, self.wording))
                 return [score_text(self.wording, rating), bands]

@@ -14,11 +14,7 @@ FORCE_TOLERANCE = 0.5
 
 def samples_of(read_back: ReadBack) -> list[TraceSample]:
     """Return the finger sample in `read_back`, or an empty list if the rig has no sensors."""
-    t_s, force_n, position_m = (
-        read_back.device_time_s,
-        read_back.force_n,
-        read_back.position_m,
-    )
+    t_s, force_n, position_m = read_back.device_time_s, read_back.force_n, read_back.position_m
     if t_s is None or force_n is None or position_m is None:
         return []
     return [TraceSample(t_s=t_s, force_n=force_n, position_m=position_m)]

@@ -4,12 +4,7 @@ from collections.abc import Callable
 
 from device.errors import OutputUnknown
 from protocol.errors import BadInput
-from protocol.journal.events import (
-    DeviceOff,
-    PracticeRenewed,
-    SessionCompleted,
-    TrialStarted,
-)
+from protocol.journal.events import DeviceOff, PracticeRenewed, SessionCompleted, TrialStarted
 from protocol.plan.trials import Trial
 from runner.journal.session_log import abort_trial, close_interrupted
 from runner.screens import Notice
@@ -41,16 +36,10 @@ def run(context: SessionContext) -> None:
 
 def _run_trials(context: SessionContext) -> None:
     prepare(context)
-    while (trial := _next_trial(context)) is not None:
-        pause_if_wanted(context, trial)
-        _run_trial(context, trial)
-
-
-def _next_trial(context: SessionContext) -> Trial | None:
-    answered = context.log.state.answered
-    return next(
-        (trial for trial in context.session.plan.trials if trial.index not in answered), None
-    )
+    trials = context.session.plan.trials
+    while left := [trial for trial in trials if trial.index not in context.log.state.answered]:
+        pause_if_wanted(context, left[0])
+        _run_trial(context, left[0])
 
 
 def _run_trial(context: SessionContext, trial: Trial) -> None:
@@ -67,20 +56,15 @@ def _run_trial(context: SessionContext, trial: Trial) -> None:
 
 def _resume(context: SessionContext) -> None:
     """Record that the session is resumed, unless it has just been opened."""
-    log = context.log
+    log, session = context.log, context.session
     if context.opened_now:
         return
     close_interrupted(log)
-    log.append(context.session.resumption())
-    _renew_practice(context)
-
-
-def _renew_practice(context: SessionContext) -> None:
-    if context.session.study.session.practise_again != "on resume":
-        return
-    practice = {trial.index for trial in context.session.plan.trials if trial.kind == "practice"}
-    if again := sorted(practice & context.log.state.answered):
-        context.log.append(PracticeRenewed(indices=tuple(again)))
+    log.append(session.resumption())
+    if session.study.session.practise_again == "on resume":
+        practice = {trial.index for trial in session.plan.trials if trial.kind == "practice"}
+        if again := sorted(practice & log.state.answered):
+            log.append(PracticeRenewed(indices=tuple(again)))
 
 
 def run_then_turn_off(part: Callable[[SessionContext], None], context: SessionContext) -> None:

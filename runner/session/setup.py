@@ -11,7 +11,11 @@ from runner.session.watchdog import require_watchdog
 
 
 def prepare(context: SessionContext) -> None:
-    """Arm the device, measure the resonance of the untouched beam, then welcome the participant."""
+    """Arm the device, measure the resonance of the untouched beam, then welcome the participant.
+
+    Raises:
+        BadInput: a touch would exceed a limit at the resonance of the mounted beam.
+    """
     context.participant.show(Notice(text="wait"))
     update_view(context)
     study = context.session.study
@@ -19,11 +23,12 @@ def prepare(context: SessionContext) -> None:
     context.log.append(DeviceArmed(**vars(identity)))
     update_view(context, warning="; ".join(identity.remarks))
     require_watchdog(context, identity.idn)
-    if study.session.operator_asks:
-        asked = study.session.operator_asks
-        context.log.append(
-            RigDescribed(answers={question: _ask_operator(context, question) for question in asked})
-        )
+    answers: dict[str, str] = {}
+    for question in study.session.operator_asks:
+        context.operator.ask(f"{question}?")
+        answers[question] = operator_answer(context)
+    if answers:
+        context.log.append(RigDescribed(answers=answers))
     mount(context, study.touch.beam)
     update_view(
         context,
@@ -33,24 +38,14 @@ def prepare(context: SessionContext) -> None:
     found = context.device.resonance(
         study.rig.nominal_resonance_hz, lambda seconds: tick(context, seconds)
     )
-    context.log.append(
-        ResonanceMeasured(frequency_hz=found.frequency_hz, tip_m_per_v=found.tip_m_per_v)
-    )
-    _require_within_limits(context, found.frequency_hz)
-    context.resonance_hz = found.frequency_hz
+    hz = found.frequency_hz
+    context.log.append(ResonanceMeasured(frequency_hz=hz, tip_m_per_v=found.tip_m_per_v))
+    for problem in problems_at(study, hz):
+        raise BadInput(f"the resonance of this beam is {hz:.0f} Hz: {problem}")
+    context.resonance_hz = hz
     update_view(context)
     context.participant.show(Welcome(consent=context.session.consent))
     response(context)
-
-
-def _require_within_limits(context: SessionContext, resonance_hz: float) -> None:
-    """Check all touches against the limits at the resonance of the mounted beam.
-
-    Raises:
-        BadInput: a touch would exceed a limit.
-    """
-    for problem in problems_at(context.session.study, resonance_hz):
-        raise BadInput(f"the resonance of this beam is {resonance_hz:.0f} Hz: {problem}")
 
 
 def mount(context: SessionContext, beam: str | None) -> None:
@@ -62,8 +57,3 @@ def mount(context: SessionContext, beam: str | None) -> None:
     operator_answer(context)
     context.beam_in_doubt = False
     context.log.append(BeamMounted(beam=beam))
-
-
-def _ask_operator(context: SessionContext, question: str) -> str:
-    context.operator.ask(f"{question}?")
-    return operator_answer(context)

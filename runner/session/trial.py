@@ -34,18 +34,12 @@ def touch(context: SessionContext, number: int, to_make: Touch) -> Compliance:
     mount(context, to_make.beam or study.touch.beam)
     if number > 0:
         wait(context, study.timing.between_touches_s)
-    ready = _instruct(context, to_make)
-    start = _setpoint(context, to_make.voltage_v, to_make.frequency)
-    context.log.append(
-        TouchStarted(
-            touch=number,
-            commanded=start,
-            instruction=InstructionResponse(
-                answer=ready.answer, reaction_time_s=ready.reaction_time_s, trace=ready.trace
-            ),
-        )
-    )
     stimulus = _Stimulus(context, to_make)
+    path = stimulus.pacing.touch
+    context.participant.show(Instruction(text=touch_text(to_make), touch=path))
+    ready = InstructionResponse(**vars(response(context)))
+    start = _setpoint(context, to_make.voltage_v, to_make.frequency)
+    context.log.append(TouchStarted(touch=number, commanded=start, instruction=ready))
     stimulus.deliver(start)
     context.device.off()
     context.participant.show(Notice(text="touch.end"))
@@ -60,13 +54,6 @@ def touch(context: SessionContext, number: int, to_make: Touch) -> Compliance:
     )
     update_view(context, warning=_warning(verdict))
     return verdict
-
-
-def _instruct(context: SessionContext, to_make: Touch) -> Response:
-    """Show how to touch, and return the response when the participant is ready."""
-    path = pacing(to_make, context.session.study.touch).touch
-    context.participant.show(Instruction(text=touch_text(to_make), touch=path))
-    return response(context)
 
 
 class _Stimulus:

@@ -69,10 +69,5 @@ def _mark(place_m: float, harder: bool) -> Page:
     """Return the mark of a place to touch: one tip points at it, two mean to press harder."""
     x = beam_x(place_m)
     place = Outline(points=((x, _BEAM_Y - 17), (x, _BEAM_Y + 17)), edge=ACCENT, width=6)
-    heights = (26.0, 56.0) if harder else (26.0,)
-    return (place, *(_tip(x, height) for height in heights))
-
-
-def _tip(x: float, height: float) -> Outline:
-    points = ((x, height), (x + 17, height + 26), (x - 17, height + 26))
-    return Outline(points=points, fill=ACCENT)
+    tips = [((x, y), (x + 17, y + 26), (x - 17, y + 26)) for y in (26.0, 56.0)[: 1 + harder]]
+    return (place, *(Outline(points=points, fill=ACCENT) for points in tips))

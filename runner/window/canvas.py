@@ -67,21 +67,22 @@ class PsychopyCanvas:
         self._looked_s = 0.0
         self._window.setMouseVisible(True)
         self._handle.push_handlers(
-            on_mouse_press=self._on_press,
-            on_mouse_drag=self._on_drag,
-            on_mouse_release=self._on_release,
+            on_mouse_press=lambda x, y, *_: self._latched(Pressed(**self._on_canvas(x, y))),
+            on_mouse_drag=lambda x, y, *_: self._latched(Dragged(**self._on_canvas(x, y))),
+            on_mouse_release=lambda *_: self._latched(Released()),
             on_key_press=self._on_key,
             on_close=self._on_close,
         )
 
     def look(self) -> dict[str, Any]:
         """Return the properties of the screen; None where the system does not report one."""
+        rate = getattr(self._handle.screen.get_mode(), "rate", None)
         return {
             "screen": self._screen,
             "size_px": [int(side) for side in self._window.size],
             "px_per_unit": self._scale,
             "mm_per_px": self._millimetres_per_pixel(),
-            "refresh_hz": self._refresh_hz(),
+            "refresh_hz": float(rate) if rate and 20 < rate < 1000 else None,
             "font": self._font,
         }
 
@@ -167,17 +168,6 @@ class PsychopyCanvas:
             for number, line in enumerate(lines)
         ]
 
-    def _on_press(self, x: int, y: int, *_: object) -> bool:
-        across, up = self._on_canvas(x, y)
-        return self._latched(Pressed(x=across, y=up))
-
-    def _on_drag(self, x: int, y: int, *_: object) -> bool:
-        across, up = self._on_canvas(x, y)
-        return self._latched(Dragged(x=across, y=up))
-
-    def _on_release(self, *_: object) -> bool:
-        return self._latched(Released())
-
     def _on_key(self, symbol: int, _modifiers: int) -> bool:
         """Latch a key; returning True keeps pyglet from closing the window at Escape."""
         name = _KEYS.get(symbol)
@@ -191,15 +181,10 @@ class PsychopyCanvas:
         self._inputs.append((time.monotonic(), given))
         return True
 
-    def _on_canvas(self, x: float, y: float) -> tuple[float, float]:
+    def _on_canvas(self, x: float, y: float) -> dict[str, float]:
         """Convert a point of the window, with its origin at the bottom left, to the canvas."""
         width, height = self._window.size
-        return (x - width / 2) / self._scale, (y - height / 2) / self._scale
-
-    def _refresh_hz(self) -> float | None:
-        mode = self._handle.screen.get_mode()
-        rate = getattr(mode, "rate", None)
-        return float(rate) if rate and 20 < rate < 1000 else None
+        return {"x": (x - width / 2) / self._scale, "y": (y - height / 2) / self._scale}
 
     def is_there(self) -> bool:
         """Ask the X server whether the window exists: no event reports that it was destroyed."""

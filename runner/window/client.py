@@ -81,12 +81,9 @@ class WindowParticipant:
         if "operator" in message:
             self.call_operator()
         elif message.get("of") == self._number:
+            given = ("answer", "reaction_time_s", "trace")
             try:
-                self._answer = Response(
-                    answer=message["answer"],
-                    reaction_time_s=message["reaction_time_s"],
-                    trace=message["trace"],
-                )
+                self._answer = Response(**{name: message[name] for name in given})
             except KeyError as error:
                 raise WindowGone(
                     f"the participant's window sent an answer without {error}; {GO_ON}"
@@ -221,7 +218,10 @@ def participant_window(
             _await_opening(peer, time.monotonic() + OPENS_WITHIN_S)
             participant = WindowParticipant(peer, monotonic_s)
             yield participant
-            _linger(participant, time.monotonic() + LINGERS_S)
+            until_s = time.monotonic() + LINGERS_S
+            with suppress(WindowGone):  # the session is recorded
+                while participant.poll() is None and time.monotonic() < until_s:
+                    time.sleep(_TICK_S)
         finally:
             peer.end()
 
@@ -241,8 +241,7 @@ def _started(command: Sequence[str], complaints: IO[bytes]) -> WindowProcess:
 
 
 def _require_display() -> None:
-    needed = sys.platform.startswith("linux")
-    if needed and not os.environ.get("DISPLAY"):
+    if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
         raise WorkFailed(
             "the participant's window needs a display (DISPLAY is not set); use --ratings console"
         )
@@ -262,10 +261,3 @@ def _await_opening(peer: WindowProcess, until_s: float) -> None:
         f"the participant's window did not open within {OPENS_WITHIN_S:g} s "
         "(a virtual screen must be 24 bits deep); use --ratings console"
     )
-
-
-def _linger(participant: WindowParticipant, until_s: float) -> None:
-    """Wait until the last page is closed; the session is recorded, so a lost window is ignored."""
-    with suppress(WindowGone):
-        while participant.poll() is None and time.monotonic() < until_s:
-            time.sleep(_TICK_S)

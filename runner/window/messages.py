@@ -61,22 +61,15 @@ def message_of(line: str) -> dict[str, Any]:
 
 def settings_message(settings: Settings) -> dict[str, Any]:
     """Return `settings` as a message."""
-    return {
-        "wording": asdict(settings.wording),
-        "screen": settings.screen,
-        "windowed": settings.windowed,
-        "foreseen": [show_message(0, screen) for screen in settings.foreseen],
-    }
+    foreseen = [show_message(0, screen) for screen in settings.foreseen]
+    return {**vars(settings), "wording": asdict(settings.wording), "foreseen": foreseen}
 
 
 def settings_of(message: Mapping[str, Any]) -> Settings:
     """Return the settings in `message`."""
-    return Settings(
-        wording=Wording(**{**message["wording"], "fonts": tuple(message["wording"]["fonts"])}),
-        screen=message["screen"],
-        windowed=message["windowed"],
-        foreseen=tuple(screen_of(show) for show in message["foreseen"]),
-    )
+    wording = Wording(**{**message["wording"], "fonts": tuple(message["wording"]["fonts"])})
+    foreseen = tuple(screen_of(show) for show in message["foreseen"])
+    return Settings(**{**message, "wording": wording, "foreseen": foreseen})
 
 
 def show_message(number: int, screen: Screen) -> dict[str, Any]:

@@ -5,7 +5,7 @@ device's state in this trial nor the expected answer.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from protocol.study.participant_texts import Wording, score_text
 from protocol.study.questions import ANSWERS
@@ -60,10 +60,7 @@ def targets(screen: Screen) -> tuple[Target, ...]:
         case AskChange(question=question):
             return (*_answers(ANSWERS[question]), Target(name="confirm", box=_BUTTON))
         case AskScore():
-            return (
-                Target(name="scale", box=SCALE_BOX),
-                Target(name="confirm", box=_BUTTON),
-            )
+            return (Target(name="scale", box=SCALE_BOX), Target(name="confirm", box=_BUTTON))
     return ()
 
 
@@ -89,32 +86,27 @@ def _page(screen: Screen, view: PageState, wording: Wording, texts: Mapping[str,
 
 
 def _welcome(screen: Welcome, texts: Mapping[str, str]) -> Page:
-    consent = screen.consent
-    filed = (
-        () if consent is None else (_small(texts["consent"].format(reference=consent), _CONSENT),)
-    )
+    filed = texts["consent"].format(reference=screen.consent)
     return (
         Text(text=texts["welcome"], box=_MIDDLE, size=TITLE_SIZE),
-        *filed,
+        *([] if screen.consent is None else [_small(filed, _CONSENT)]),
         _small(texts["hint.start"], _HINT),
         *_button(texts["button.ready"]),
     )
 
 
 def _instruction(screen: Instruction, texts: Mapping[str, str]) -> Page:
-    button = _button(texts["button.ready"])
-    if screen.touch is None:
-        return (Text(text=texts[screen.text], box=_MIDDLE, size=TITLE_SIZE), *button)
-    title = Text(text=texts[screen.text], box=_TITLE, size=TITLE_SIZE)
-    return (title, *sketch(screen.touch), *button)
+    box, drawn = (_MIDDLE, ()) if screen.touch is None else (_TITLE, sketch(screen.touch))
+    title = Text(text=texts[screen.text], box=box, size=TITLE_SIZE)
+    return (title, *drawn, *_button(texts["button.ready"]))
 
 
 def _pacing(screen: Pacing, view: PageState, texts: Mapping[str, str]) -> Page:
     """Return the page whose mark moves at the sliding speed; it hides how long to hold a place."""
     return (
         Text(text=texts["touch.now"], box=_TITLE, size=TITLE_SIZE),
-        *sketch(screen.touch),
-        *fingers(screen.touch, min(view.passed_s / screen.duration_s, 1.0)),
+        *sketch(screen),
+        *fingers(screen, min(view.passed_s / screen.duration_s, 1.0)),
     )
 
 
@@ -151,15 +143,7 @@ def _score(screen: AskScore, view: PageState, wording: Wording) -> Page:
 def _answers(names: tuple[str, ...]) -> tuple[Target, ...]:
     """Return the targets of the answers from top to bottom."""
     return tuple(
-        Target(
-            name=name,
-            box=Box(
-                x=_ANSWER.x,
-                y=_ANSWER.y - number * _ANSWER_STEP,
-                width=_ANSWER.width,
-                height=_ANSWER.height,
-            ),
-        )
+        Target(name=name, box=replace(_ANSWER, y=_ANSWER.y - number * _ANSWER_STEP))
         for number, name in enumerate(names)
     )
 

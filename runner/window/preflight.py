@@ -131,10 +131,6 @@ def study_window(
         BadInput: a text does not fit its place.
     """
     require_fit(study, wording, consent)
-    settings = Settings(
-        wording=wording,
-        screen=screen,
-        windowed=windowed,
-        foreseen=foreseen(study, consent),
-    )
+    screens = foreseen(study, consent)
+    settings = Settings(wording=wording, screen=screen, windowed=windowed, foreseen=screens)
     return participant_window([*touchbeam, "participant-window"], settings)

@@ -104,11 +104,8 @@ class ShownScreen:
             display: properties of the display, for the journal.
             wording: language of the scale's labels.
         """
-        trace = {
-            **self.pending.trace(),
-            "screens": [*past, self.record()],
-            "display": display,
-        }
+        screens = [*past, self.record()]
+        trace = {**self.pending.trace(), "screens": screens, "display": display}
         if isinstance(self.screen, AskScore):
             trace["scale"] = _scale_look(self.screen, display, wording)
         return {

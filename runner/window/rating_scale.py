@@ -41,13 +41,12 @@ SCALE_BOX = Box(x=0, y=_LINE_Y - 12, width=_SCALE_LENGTH + 2 * _BESIDE, height=9
 def scale(rating: Rating, wording: Wording, chosen: int | None) -> tuple[Element, ...]:
     """Return the scale with its bands; it bears no mark until one is chosen."""
     ends = [score_x(end, rating) for end in (rating.minimum, rating.maximum)]
-    line = Outline(
-        points=((ends[0], _LINE_Y), (ends[1], _LINE_Y)),
-        edge=INK,
-        width=3,
-    )
+    line = Outline(points=((ends[0], _LINE_Y), (ends[1], _LINE_Y)), edge=INK, width=3)
     mark = () if chosen is None else (Dot(x=score_x(chosen, rating), y=_LINE_Y, radius=15.0),)
-    ticks = [_tick(score, rating) for score in marked(rating)]
+    ticks = [
+        Outline(points=((x, _LINE_Y - 10), (x, _LINE_Y + 10)), edge=INK, width=3)
+        for x in (score_x(score, rating) for score in marked(rating))
+    ]
     labels = [_label(score, rating) for score in labelled(rating)]
     bands = [element for band in rating.bands for element in _band(band, rating, wording)]
     return (line, *ticks, *labels, *bands, *mark)
@@ -60,17 +59,14 @@ def marked(rating: Rating) -> list[int]:
     """
     scores = {rating.minimum, rating.maximum}
     if rating.ticks == "all":
+        # The least of 1, 2, 5, 10, 20, … scores that are as far apart as their numbers need.
+        rounds = (first * 10**zeros for zeros in range(4) for first in (1, 2, 5))
+        apart = next(step for step in rounds if step * _step(rating) >= _label_room(rating))
         whole = range(rating.minimum, rating.maximum + 1)
-        scores |= {score for score in whole if score % _round_step(rating) == 0}
+        scores |= {score for score in whole if score % apart == 0}
     elif rating.ticks == "bands":
         scores |= {end for band in rating.bands for end in (band.first, band.last)}
     return sorted(scores)
-
-
-def _round_step(rating: Rating) -> int:
-    """The least of 1, 2, 5, 10, 20, … scores that are as far apart as their numbers need."""
-    rounds: list[int] = [first * 10**zeros for zeros in range(4) for first in (1, 2, 5)]
-    return next(step for step in rounds if step * _step(rating) >= _label_room(rating))
 
 
 def _label_room(rating: Rating) -> float:
@@ -98,11 +94,6 @@ def look(rating: Rating, wording: Wording, px_per_unit: float) -> dict[str, obje
     }
 
 
-def _tick(score: int, rating: Rating) -> Outline:
-    x = score_x(score, rating)
-    return Outline(points=((x, _LINE_Y - 10), (x, _LINE_Y + 10)), edge=INK, width=3)
-
-
 def _label(score: int, rating: Rating) -> Text:
     x, width = score_x(score, rating), _label_room(rating) - 2
     box = Box(x=x, y=_LINE_Y - 34, width=width, height=34)
@@ -115,10 +106,9 @@ def _band(band: Band, rating: Rating, wording: Wording) -> tuple[Element, ...]:
     left = score_x(band.first, rating) - half + gap
     right = score_x(band.last, rating) + half - gap
     box = Box(x=(left + right) / 2, y=_BRACKET_Y - 38, width=right - left, height=62)
-    corners = ((left, _BRACKET_Y + 6), (left, _BRACKET_Y), (right, _BRACKET_Y))
-    bracket = (*corners, (right, _BRACKET_Y + 6))
-    sides = pairwise(bracket)
+    corners = [(left, _BRACKET_Y + 6), (left, _BRACKET_Y), (right, _BRACKET_Y)]
+    bracket = [*corners, (right, _BRACKET_Y + 6)]
     return (
-        *(Outline(points=side, edge=FAINT) for side in sides),
+        *(Outline(points=side, edge=FAINT) for side in pairwise(bracket)),
         Text(text=band_name(band, wording) or "", box=box, size=BAND_SIZE),
     )

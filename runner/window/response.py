@@ -53,9 +53,8 @@ class PendingResponse:
 
     def trace(self) -> dict[str, Any]:
         """Return the history of the choice: its start, every change, and the marker's path."""
-        start = self.changes[0] if self.changes else None
         return {
-            "start": start,
+            "start": self.changes[0] if self.changes else None,
             "changes": self.changes,
             "path": self.path,
             "confirmed_s": round(self.confirmed_s, 4),
@@ -63,15 +62,11 @@ class PendingResponse:
         }
 
     def _confirm(self, t_s: float) -> None:
-        needs_choice = isinstance(self.screen, AskChange | AskScore)
-        answer = self.chosen if needs_choice else self._ready()
+        """Take the choice, or `ready` where a button says so, as the answer."""
+        has_button = any(target.name == "ready" for target in targets(self.screen))
+        answer = "ready" if has_button else self.chosen
         if answer is not None:
             self.answer, self.confirmed_s = answer, t_s
-
-    def _ready(self) -> str | None:
-        """Return the answer to Enter on a screen with a button; None on others."""
-        names = [target.name for target in targets(self.screen)]
-        return "ready" if "ready" in names else None
 
     def _pressed(self, x: float, y: float, t_s: float) -> None:
         name = target_at(self.screen, x, y)

@@ -140,9 +140,8 @@ class WindowServer:
         flipped_s = self.canvas.flip()
         first = not self._standing.frames.shown_s
         self._standing.frames.add(flipped_s)
-        self._due_s = (
-            max(self._due_s, flipped_s - self._interval_s) + self._interval_s * self._share
-        )
+        earliest_s = flipped_s - self._interval_s
+        self._due_s = max(self._due_s, earliest_s) + self._interval_s * self._share
         if first and self._standing.number:
             self.send({"shown": self._standing.number, "at_s": flipped_s})
         if flipped_s - self._alive_s >= ALIVE_EVERY_S:

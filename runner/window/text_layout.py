@@ -60,7 +60,9 @@ def wrapped(text: str, size: float, width: float) -> tuple[str, ...]:
     """
     if text_width(text.rstrip(), size) <= width:
         return (text.strip(),)
-    pieces = [_piece(piece) for piece in _pieces(text)]
+    cuts = [at for at, (left, right) in enumerate(pairwise(text), start=1) if _breaks(left, right)]
+    texts = [text[start:end] for start, end in pairwise([0, *cuts, len(text)])]
+    pieces = [_Piece(part, _thousandths(part), _thousandths(part.rstrip())) for part in texts]
 
     def lines(halves: int) -> tuple[str, ...]:
         return _filled(pieces, (width - halves * size / 2) * 1000 / (size * ROUNDING))
@@ -77,10 +79,6 @@ class _Piece(NamedTuple):
     advance: int
     ink: int
     """Width without trailing space."""
-
-
-def _piece(text: str) -> _Piece:
-    return _Piece(text, _thousandths(text), _thousandths(text.rstrip()))
 
 
 def _filled(pieces: list[_Piece], box: float) -> tuple[str, ...]:
@@ -108,13 +106,8 @@ def _advance(character: str) -> int:
     return _ADVANCES[index] if 0 <= index < len(_ADVANCES) else 1000
 
 
-def _pieces(text: str) -> list[str]:
-    """Return `text` split at every place where a line may end."""
-    cuts = [at for at, (left, right) in enumerate(pairwise(text), start=1) if _breaks(left, right)]
-    return [text[start:end] for start, end in pairwise([0, *cuts, len(text)])]
-
-
 def _breaks(left: str, right: str) -> bool:
+    """Return whether a line may end between two characters."""
     if left == " ":
         return right != " "
     return (_wide(left) or _wide(right)) and right not in _CLOSING and right != " "
@@ -125,13 +118,7 @@ def _wide(character: str) -> bool:
 
 
 def missing_font(code: str, fonts: Sequence[str], package: str | None) -> str:
-    """Return what to say when none of a language's fonts is there.
-
-    Args:
-        code: of the language.
-        fonts: that show it.
-        package: what brings the first one.
-    """
+    """Return what to say when a language has none of its fonts; `package` brings the first."""
     return (
         f"no font for the language {code} (looked for {', '.join(fonts)}); "
         f"install {package or 'one of them'}, or use --ratings console"

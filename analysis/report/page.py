@@ -58,13 +58,11 @@ def _notices(found: Findings) -> list[tuple[str, str]]:
     """Return the warnings at the top of the page, as pairs of heading and text."""
     notices = []
     if found.rehearsals:
-        notices.append(
-            (
-                "Rehearsals.",
-                "These scores come from rehearsals, not from sessions with participants. They are "
-                "not evidence about participants.",
-            )
+        text = (
+            "These scores come from rehearsals, not from sessions with participants. They are not "
+            "evidence about participants."
         )
+        notices.append(("Rehearsals.", text))
     if found.origin.broken_chains:
         notices.append(("Changed journal.", changed_journal(found.origin.broken_chains)))
     return notices

@@ -1,7 +1,6 @@
 """Number formats and sentences shared by the sections of the report."""
 
 import math
-from collections.abc import Sequence
 
 from analysis.estimates import Interval, NotEstimable
 from analysis.sensitivity.checks import Proportion
@@ -65,14 +64,11 @@ def omnibus_line(reading: Reading) -> str:
         return _friedman_line(reading.friedman)
     if isinstance(test, NotEstimable):
         return f"No omnibus test could be computed: {test.reason}."
+    omitted = "; omitted for lack of scores: " + ", ".join(test.left_out) if test.left_out else ""
     return (
         "Skillings–Mack test of equal conditions (in place of Friedman's test, because scores are "
-        f"missing{_omitted(test.left_out)}): T({test.df}) = {test.statistic:.4f}, p = {test.p:.4g}."
+        f"missing{omitted}): T({test.df}) = {test.statistic:.4f}, p = {test.p:.4g}."
     )
-
-
-def _omitted(conditions: Sequence[str]) -> str:
-    return f"; omitted for lack of scores: {', '.join(conditions)}" if conditions else ""
 
 
 def share(found: Proportion) -> str:

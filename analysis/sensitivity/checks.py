@@ -77,9 +77,8 @@ def drift(ratings: Ratings, position: IntArray) -> Drift | NotEstimable:
     spread = np.sqrt(full.squares / full.df) / full.last_norm
     half = float(stdtrit(full.df, 0.975)) * spread
     p = 2 * stdtr(full.df, -abs(slope) / spread) if spread > 0 else 0.0
-    return Drift(
-        points_per_trial=slope, interval=(slope - half, slope + half), df=full.df, p=float(p)
-    )
+    ends = (slope - half, slope + half)
+    return Drift(points_per_trial=slope, interval=ends, df=full.df, p=float(p))
 
 
 def carry_over(ratings: Ratings, previous: IntArray) -> FTest | NotEstimable:
@@ -174,7 +173,11 @@ def _dummies(group: IntArray) -> FloatArray:
 
 def _fit(trials: Ratings, design: FloatArray) -> _Fit:
     """Return the least-squares fit of the design within subjects."""
-    within = _centred_by_subject(trials.subject, np.column_stack([design, trials.rating]))
+    people, person, counts = np.unique(trials.subject, return_inverse=True, return_counts=True)
+    values = np.column_stack([design, trials.rating])
+    sums = np.zeros((len(people), values.shape[1]))
+    np.add.at(sums, person, values)
+    within = values - (sums / counts[:, None])[person]
     columns, y = within[:, :-1], within[:, -1]
     solution, _, rank, _ = np.linalg.lstsq(columns, y, rcond=1e-10)
     others = np.linalg.lstsq(columns[:, :-1], columns[:, -1], rcond=1e-10)[0]
@@ -183,15 +186,7 @@ def _fit(trials: Ratings, design: FloatArray) -> _Fit:
     return _Fit(
         squares=float(residual @ residual),
         rank=int(rank),
-        df=len(y) - int(rank) - len(np.unique(trials.subject)),
+        df=len(y) - int(rank) - len(people),
         last_coefficient=float(solution[-1]),
         last_norm=float(np.sqrt(last @ last)),
     )
-
-
-def _centred_by_subject(subject: IntArray, values: FloatArray) -> FloatArray:
-    people, person, counts = np.unique(subject, return_inverse=True, return_counts=True)
-    sums = np.zeros((len(people), values.shape[1]))
-    np.add.at(sums, person, values)
-    means: FloatArray = sums / counts[:, None]
-    return np.asarray(values - means[person])

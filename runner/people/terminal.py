@@ -59,22 +59,15 @@ def terminal_keys() -> Iterator[Callable[[bool], str]]:
 
 
 def _typed(terminal: int) -> str:
-    _keep_single_keys(terminal)
-    ready, _, _ = select.select([terminal], [], [], 0)
-    return os.read(terminal, 1024).decode("utf-8", "replace") if ready else ""
-
-
-def _keep_single_keys(terminal: int) -> None:
-    """Return the terminal to single keys if it has been switched back to whole lines.
-
-    Shells switch it back when they continue a program that Ctrl-Z had stopped. A program in the
-    background must not change the terminal.
-    """
     import termios
     import tty
 
+    # Shells switch back to whole lines when they continue a program that Ctrl-Z had stopped. A
+    # program in the background must not change the terminal.
     if termios.tcgetattr(terminal)[3] & termios.ICANON and os.tcgetpgrp(terminal) == os.getpgrp():
         tty.setcbreak(terminal)
+    ready, _, _ = select.select([terminal], [], [], 0)
+    return os.read(terminal, 1024).decode("utf-8", "replace") if ready else ""
 
 
 def _windows_keys() -> str:

@@ -6,7 +6,6 @@ from datetime import datetime, timedelta
 from protocol.errors import BadInput
 from protocol.journal.records import PlannedTrial
 from protocol.journal.state import SessionState
-from protocol.plan.trials import Trial
 from protocol.study_file.loading import text_digest
 from runner.journal.amendments import accepted_digests
 from runner.journal.store import Journal, JournalError, session_name
@@ -33,7 +32,11 @@ def require_resumable(
     _require_accepted_study(journal, session)
     if before is None:
         return
-    _require_whole(journal, name)
+    if not chain_is_unbroken(name, journal.chain(name), erased=True):
+        raise JournalError(
+            f"{name}: cannot resume, because its chain of events is broken; run touchbeam verify, "
+            "and choose another participant or --session"
+        )
     if before.name in {"completed", "excluded", "withdrawn"}:
         raise BadInput(f"{name} is already {before.name}; choose another participant or --session")
     assert before.opened is not None, "session-opened is the first event of every session"
@@ -44,15 +47,6 @@ def require_resumable(
         )
     _require_same_trials(name, session, before.opened.trials)
     _require_fresh(name, session, before.last_event_utc, now)
-
-
-def _require_whole(journal: Journal, name: str) -> None:
-    """Resume only from events that have not been changed since they were recorded."""
-    if not chain_is_unbroken(name, journal.chain(name), erased=True):
-        raise JournalError(
-            f"{name}: cannot resume, because its chain of events is broken; run touchbeam verify, "
-            "and choose another participant or --session"
-        )
 
 
 def _require_accepted_study(journal: Journal, session: Session) -> None:
@@ -66,26 +60,27 @@ def _require_accepted_study(journal: Journal, session: Session) -> None:
 
 
 def _require_same_trials(name: str, session: Session, opened: Sequence[PlannedTrial]) -> None:
-    planned = session.plan.trials
-    if [_identity(trial) for trial in planned] != [_identity(trial) for trial in opened]:
+    planned, before = (
+        [(trial.index, trial.kind, trial.condition) for trial in trials]
+        for trials in (session.plan.trials, opened)
+    )
+    if planned != before:
         raise BadInput(
             f"{name} has different trials in the amended study; finish it as --session "
             f"{session.number + 1}"
         )
 
 
-def _identity(trial: Trial | PlannedTrial) -> tuple[object, ...]:
-    return trial.index, trial.kind, trial.condition
-
-
 def _require_fresh(name: str, session: Session, last_event: datetime | None, now: datetime) -> None:
+    if last_event is None:
+        return
     limit_h = session.study.session.resume_within_h
-    if last_event is not None and last_event - now > timedelta(hours=limit_h):
+    if last_event - now > timedelta(hours=limit_h):
         raise BadInput(
             f"{name} was interrupted at {last_event:%Y-%m-%d %H:%M} UTC, which lies in the future; "
             "check this computer's clock"
         )
-    if last_event is not None and now - last_event > timedelta(hours=limit_h):
+    if now - last_event > timedelta(hours=limit_h):
         hours = (now - last_event).total_seconds() / 3600
         raise BadInput(
             f"{name} was interrupted {hours:.0f} h ago and must be resumed within {limit_h:g} h; "

@@ -37,7 +37,7 @@ class Session:
         return SessionResumed(
             study_sha256=text_digest(self.study_text),
             study_text=self.study_text,
-            trials=tuple(_planned(trial) for trial in self.plan.trials),
+            trials=tuple(map(_planned, self.plan.trials)),
             language=self.language,
             consent=self.consent,
             seed=self.seed,

@@ -74,15 +74,10 @@ def _refused(
     lines = [problem.located(source) for problem in problems]
     if not as_json:
         return [], lines, False
+    names = ("where", "rule", "value", "hint", "line")
     found = [
-        {
-            "where": problem.where,
-            "rule": problem.rule,
-            "value": problem.value,
-            "hint": problem.hint,
-            "line": problem.line,
-            **({"file": problem.file} if problem.file else {}),
-        }
+        {name: getattr(problem, name) for name in names}
+        | ({"file": problem.file} if problem.file else {})
         for problem in problems
     ]
     return [_json({"ok": False, "problems": found, "participants": []})], lines, False

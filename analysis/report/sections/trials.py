@@ -38,25 +38,18 @@ def _subject_tables(found: Findings) -> list[Table]:
     own: dict[str, list[Mapping[str, Any]]] = {name: [] for name in table.subjects}
     for record in found.trial_records:
         own[record["subject"]].append(record)
-    header = _columns(found.trials.contrasts.by_law)
-    return [
-        Table(
-            name="",
-            caption=f"Trials of {subject}",
-            columns=header,
-            rows=_rows(row, records, places),
-        )
-        for row, (subject, records) in enumerate(own.items())
-    ]
-
-
-def _columns(laws: Mapping[str, object]) -> list[Column]:
-    return [
+    predicted = (f"predicted, {law}" for law in found.trials.contrasts.by_law)
+    header = [
         *columns("condition", "session", "trial"),
         Column(name="kind", kind="word"),
         Column(name="level"),
         Column(name="answer", kind="word"),
-        *columns("as expected", "score", *(f"predicted, {law}" for law in laws), "touch"),
+        *columns("as expected", "score", *predicted, "touch"),
+    ]
+    tables = [(subject, _rows(row, of, places)) for row, (subject, of) in enumerate(own.items())]
+    return [
+        Table(name="", caption=f"Trials of {subject}", columns=header, rows=rows)
+        for subject, rows in tables
     ]
 
 

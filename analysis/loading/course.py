@@ -10,14 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.loading.records import (
-    AttemptRow,
-    Exclusion,
-    Incident,
-    SessionRow,
-    Table,
-    TouchRow,
-)
+from analysis.loading.records import AttemptRow, Exclusion, Incident, SessionRow, Table, TouchRow
 from protocol.journal.events import (
     Answered,
     BeamMounted,

@@ -11,18 +11,7 @@ from protocol.study.participant_texts import Wording, score_text
 from protocol.study.questions import ANSWERS
 from runner.screens import AskChange, AskScore, Instruction, Notice, Pacing, Screen, Welcome
 from runner.window.beam_sketch import fingers, sketch
-from runner.window.elements import (
-    ACCENT,
-    FAINT,
-    INK,
-    PALE,
-    WHITE,
-    Box,
-    Outline,
-    Page,
-    Target,
-    Text,
-)
+from runner.window.elements import ACCENT, FAINT, INK, PALE, WHITE, Box, Outline, Page, Target, Text
 from runner.window.rating_scale import SCALE_BOX, scale
 
 TITLE_SIZE, ANSWER_SIZE, BUTTON_SIZE, SMALL_SIZE = 30.0, 26.0, 24.0, 19.0

@@ -13,11 +13,7 @@ from analysis.sensitivity.joint_model import JointSensitivity
 from analysis.sensitivity.linear_model import LinearSensitivity
 from analysis.sensitivity.lines import Lines, SubjectLine
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
-from analysis.trials.law_comparison import (
-    LawOrder,
-    critical_correlation,
-    critical_rank_correlation,
-)
+from analysis.trials.law_comparison import LawOrder, critical_correlation, critical_rank_correlation
 from analysis.trials.trial_statistics import TrialStatistics
 
 _CEILING = 0.05

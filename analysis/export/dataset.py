@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
 from itertools import chain, count
-from typing import cast
+from typing import Any, cast
 
 import pandas as pd
 
@@ -55,6 +55,7 @@ def labels(names: Iterable[str]) -> dict[str, str]:
 
 
 UNNAMED_TASK = "touch"
+Chain = Sequence[StoredEvent]
 
 
 class NothingToExport(BadInput):
@@ -205,7 +206,7 @@ class Dataset:
 
 
 def dataset(
-    chains: Iterable[Sequence[StoredEvent]],
+    chains: Iterable[Chain],
     study: Study,
     touchbeam: str,
     *,
@@ -215,17 +216,18 @@ def dataset(
     """Return what is to be exported of the sessions in `chains`.
 
     Args:
-        chains: the events of each session, the study's own chain among them or not.
+        chains: the events of each session, the study's own chain among them or not; read one
+            session at a time.
         study: the study file as it is now.
         touchbeam: the version that exports.
         rehearsals: whether dry runs are wanted too.
-        broken_chains: the sessions whose chain of hashes is broken.
+        broken_chains: the sessions whose chain of hashes is broken; known once `chains` are read.
 
     Raises:
         NothingToExport: there is no trial.
     """
-    read = list(chains)
-    found = load_sessions(read)
+    digest = sha256()
+    found = load_sessions(_digested(chains, digest))
     rehearsal = found.sessions["session_kind"].eq("rehearsal") & (not rehearsals)
     trials = trial_table(found, found.sessions[~rehearsal])
     if trials.empty:
@@ -242,7 +244,7 @@ def dataset(
         rehearsals_left_out=int(rehearsal.sum()),
         sessions_withdrawn=found.withdrawn,
         sessions_without_trials=int((~rehearsal & ~begun).sum()),
-        source_sha256=_digest(read),
+        source_sha256=digest.hexdigest(),
         touchbeam=touchbeam,
         broken_chains=tuple(broken_chains),
     )
@@ -258,10 +260,13 @@ def _counted(number: int, what: str) -> str:
     return f"{number} {what}{'' if number == 1 else 's'}"
 
 
-def _digest(chains: Iterable[Sequence[StoredEvent]]) -> str:
-    events = [
-        [event.tag, event.utc.isoformat(), event.monotonic_s, dict(event.payload)]
-        for chain in chains
-        for event in chain
-    ]
-    return sha256(json.dumps(events, sort_keys=True, allow_nan=False).encode()).hexdigest()
+def _digested(chains: Iterable[Chain], digest: Any) -> Iterator[Chain]:
+    """Yield `chains` one by one; feed the JSON list of all their events to `digest`."""
+    mark = "["
+    for events in chains:
+        for event in events:
+            told = [event.tag, event.utc.isoformat(), event.monotonic_s, dict(event.payload)]
+            digest.update(f"{mark}{json.dumps(told, sort_keys=True, allow_nan=False)}".encode())
+            mark = ", "
+        yield events
+    digest.update(b"]" if mark == ", " else b"[]")

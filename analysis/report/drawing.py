@@ -58,6 +58,8 @@ _STYLE: Any = {
     "text.parse_math": False,
 }
 _WIDTH_IN = 7.2
+_HEIGHT_IN = 3.8
+_LEGEND_ROW_IN = 0.22
 _DOTS_PER_INCH = 150
 _CLOUD_SD = 0.04
 """Standard deviation of the clouds' density kernel, as a share of the scale."""
@@ -100,7 +102,7 @@ def raincloud_figure(data: Raincloud, words: Words) -> Drawing:
             alpha=0.6,
         )
         axes.plot(places, data.means, "D", color=_COLOURS[1], markersize=8, label="mean")
-        axes.set_xticks(places, _labels(data.table.conditions, "condition"))
+        _name_places(axes, _labels(data.table.conditions, "condition"))
         axes.set(ylim=_limits(data.scale), ylabel=f"score, {data.scale}")
         axes.legend(loc="lower left", frameon=False)
 
@@ -132,7 +134,8 @@ def scatter_figure(data: Scatter, words: Words) -> Drawing:
         axes.set_xlabel("predicted contrast, change of log friction")
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
 
-    return _drawing(words, draw)
+    shown = len(np.unique(data.ratings.condition))
+    return _drawing(words, draw, max(_HEIGHT_IN, _LEGEND_ROW_IN * (shown + 2)))
 
 
 def gains_figure(data: Gains, words: Words) -> Drawing:
@@ -157,8 +160,7 @@ def gains_figure(data: Gains, words: Words) -> Drawing:
             axes.axhline(lines.gain, color=_COLOURS[number], linewidth=0.8, linestyle="--")
         names = next(iter(data.models.values())).subjects
         labels = _labels(tuple(names[place].subject for place in data.shown), "subject")
-        crowded = sum(map(len, labels)) > 60
-        axes.set_xticks(places, labels, rotation=90 if crowded else 0)
+        _name_places(axes, labels)
         axes.set_ylabel("gain, points per unit of contrast")
         axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncol=2, frameon=False)
 
@@ -249,9 +251,19 @@ def _labels(names: tuple[str, ...], what: str) -> list[str]:
     ]
 
 
-def _drawing(words: Words, draw: Callable[[Axes], None]) -> Drawing:
+def _name_places(axes: Axes, labels: Sequence[str]) -> None:
+    """Write `labels` below the places 0, 1, …, upright if there is no room side by side."""
+    crowded = sum(map(len, labels)) > 60
+    axes.set_xticks(np.arange(len(labels)), labels, rotation=90 if crowded else 0)
+
+
+def _short(name: str) -> str:
+    return name if len(name) <= 16 else f"{name[:15]}…"
+
+
+def _drawing(words: Words, draw: Callable[[Axes], None], height_in: float = _HEIGHT_IN) -> Drawing:
     with rc_context(_STYLE):
-        figure = Figure(figsize=(_WIDTH_IN, 3.8), layout="constrained")
+        figure = Figure(figsize=(_WIDTH_IN, height_in), layout="constrained")
         draw(figure.add_subplot())
         return Drawing(name=words.name, svg=_svg(figure, words), png=_saved(figure))
 

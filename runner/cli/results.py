@@ -111,12 +111,14 @@ def export(
     source = StudyFolder(path=study)
     broken: list[str] = []
     with study_journal(source) as journal:
-        chains = list(
-            followed("sessions", readable_chains(journal, broken), len(journal.sessions()))
+        chains = followed("sessions", readable_chains(journal, broken), len(journal.sessions()))
+        data = dataset(
+            chains,
+            source.study(),
+            version("touchbeam"),
+            rehearsals=rehearsals,
+            broken_chains=broken,
         )
-    data = dataset(
-        chains, source.study(), version("touchbeam"), rehearsals=rehearsals, broken_chains=broken
-    )
     _warn_of_broken(broken, study)
     texts = EXPORTS[as_format](data)
     write_new_folder({name: text.encode() for name, text in texts.items()}, folder)

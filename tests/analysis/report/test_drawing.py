@@ -5,9 +5,10 @@ import re
 import numpy as np
 import pytest
 
-from analysis.report.drawing import Words, raincloud_figure
-from analysis.report.figure_data import Raincloud
+from analysis.report.drawing import Words, raincloud_figure, scatter_figure
+from analysis.report.figure_data import Raincloud, Scatter
 from analysis.report.findings import Scale
+from analysis.sensitivity.ratings import Ratings
 from tests.analysis.reports import SCORES, imported, made
 
 
@@ -33,3 +34,24 @@ def cloud(highest: float) -> list[float]:
 def test_clouds_have_the_same_shape_on_every_scale() -> None:
     assert len(cloud(10)) > 400
     assert cloud(100) == pytest.approx(cloud(10), abs=0.01)
+
+
+@pytest.mark.parametrize("count", [23, 100])
+def test_many_conditions_have_room(count: int) -> None:
+    """Matplotlib would warn, and a warning is an error here."""
+    names = tuple(f"condition {number}" for number in range(count))
+    scores = np.arange(4 * count).reshape(4, count) % 11
+    table, scale = imported(scores, names=names).table, Scale(0, 10)
+    words = Words(name="scores", title="", description="")
+    means = table.scores.mean(axis=0)
+    raincloud_figure(Raincloud(table=table, scale=scale, lines=table.scores, means=means), words)
+    ratings = Ratings(
+        subjects=table.subjects,
+        conditions=names,
+        subject=np.repeat(np.arange(4), count),
+        condition=np.tile(np.arange(count), 4),
+        contrast=np.linspace(0, 1, 4 * count),
+        rating=table.scores.ravel(),
+    )
+    svg = scatter_figure(Scatter(ratings=ratings, scale=scale, of=4, line=(1.0, 2.0)), words).svg
+    assert len(set(re.findall("<!-- condition [0-9]+ -->", svg))) == count

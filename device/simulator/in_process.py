@@ -20,6 +20,7 @@ from device.simulator.client import Hand
 from device.simulator.device import SimulatedDevice, simulated_device
 from device.simulator.server import Server
 
+DELAY_S = 0.0005
 BUFFER = 4096
 """Most bytes that a line holds of what nobody reads."""
 _MOMENT_S = 1e-6
@@ -32,7 +33,8 @@ class InProcessDevice(Hand):
     Args:
         seed: what the beam's hidden properties follow from.
         dialect: what the device speaks.
-        delay_s: called for each piece of data; returns how long it is on its way.
+        delay_s: called for each piece of data; returns how long it is on its way, above 0 s: a
+            host that asks again and again would wait for ever if no time passed.
         cuts: called with a number of bytes; returns where they are cut into pieces.
     """
 
@@ -40,7 +42,7 @@ class InProcessDevice(Hand):
         self,
         seed: int,
         dialect: str = "board",
-        delay_s: Callable[[], float] = lambda: 0.0,
+        delay_s: Callable[[], float] = lambda: DELAY_S,
         cuts: Callable[[int], Sequence[int]] = lambda _: (),
     ) -> None:
         self._now_s = 0.0
@@ -62,9 +64,12 @@ class InProcessDevice(Hand):
 
     def step_towards(self, end_s: float) -> None:
         """Let time pass until something happens, or until `end_s`."""
-        next_s = min(self._now_s + self._server.idle_s(end_s - self._now_s), self._line.next_s())
-        self._now_s = min(max(next_s, self._now_s + _MOMENT_S), end_s)
-        self.happen()
+        now_s = self._now_s
+        device_s = min(now_s + self._server.idle_s(end_s - now_s), self._line.to_device.next_s())
+        host_s = self._line.to_host.next_s()
+        self._now_s = min(max(min(device_s, host_s), now_s + _MOMENT_S), end_s)
+        if device_s <= self._now_s:
+            self.happen()
 
     def happen(self) -> None:
         """Do what is due now."""
@@ -111,7 +116,8 @@ class InProcessPort:
             self._device.advance(WRITE_TIMEOUT_S)
             raise OSError("Write timeout")
         self._line.to_device.add(data)
-        self._device.happen()
+        if self._line.to_device.has_arrived():
+            self._device.happen()
 
     def close(self) -> None:
         """Close the port; what is on its way to the device arrives."""
@@ -142,10 +148,6 @@ class _Line:
             raise OSError("no such port")
         self.openings += 1
         self.to_host.clear()
-
-    def next_s(self) -> float:
-        """Return when the next data arrive; infinity if none are on their way."""
-        return min(self.to_device.next_s(), self.to_host.next_s())
 
     def fileno(self) -> int:
         raise OSError("an in-process line has no descriptor")
@@ -186,6 +188,8 @@ class _Pieces:
         self.waiting = 0
 
     def add(self, data: bytes) -> None:
+        if not data:
+            return
         for begin, end in pairwise((0, *self._cuts(len(data)), len(data))):
             earliest_s = self._pieces[-1][0] if self._pieces else 0.0
             self._pieces.append((max(self._now_s() + self._delay_s(), earliest_s), data[begin:end]))
@@ -196,7 +200,12 @@ class _Pieces:
         now_s = self._now_s()
         return next((at_s for at_s, _ in self._pieces if at_s > now_s), float("inf"))
 
+    def has_arrived(self) -> bool:
+        return bool(self._pieces) and self._pieces[0][0] <= self._now_s()
+
     def arrived(self) -> bytes:
+        if not self._pieces:
+            return b""
         now_s, data = self._now_s(), b""
         while self._pieces and self._pieces[0][0] <= now_s:
             data += self._pieces.popleft()[1]

@@ -75,7 +75,7 @@ def run_session(options: SessionOptions, say: Say) -> SessionState:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Request:
+class Request:
     """The options, checked against the study and this machine."""
 
     options: SessionOptions
@@ -88,19 +88,21 @@ class _Request:
 
     @property
     def name(self) -> str:
+        """The session in the journal."""
         return session_name(self.options.participant, self.options.number)
 
     @property
     def seed(self) -> int:
+        """The seed of all that is simulated."""
         return self.study.study.seed if self.options.seed is None else self.options.seed
 
 
-def _request(options: SessionOptions) -> _Request:
+def _request(options: SessionOptions) -> Request:
     """Check everything that can be checked before anything is opened or changed."""
     text = options.folder.text()
     study = validated_study(text, str(options.folder.study_file))
     url = options.device or study.rig.device
-    request = _Request(
+    request = Request(
         options=options,
         study=study,
         text=text,
@@ -154,7 +156,7 @@ def _wording(study: Study, code: str) -> Wording:
     return study_wording(study, code)
 
 
-def _context(request: _Request, say: Say, stack: ExitStack) -> SessionContext:
+def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
     """Open everything that the session needs.
 
     `stack` closes it in reverse order: first the device, then the window, which stays open until
@@ -177,13 +179,13 @@ def _context(request: _Request, say: Say, stack: ExitStack) -> SessionContext:
     new = name not in journal.sessions()
     if other := _nearly_the_same(journal, options.participant):
         say(f"warning: {options.participant} is taken for another participant than {other}")
-    session = _session(request, journal, clock)
+    session = opened_session(request, journal, clock)
     log = SessionLog(journal, name, clock)
     virtual = options.ratings == "virtual"
     participant, operator = stack.enter_context(
         participant_and_operator(session, rig, clock, say, window, virtual=virtual)
     )
-    stack.enter_context(_checkpointed(journal))
+    stack.enter_context(checkpointed(journal))
     return SessionContext(
         session=session,
         device=rig.device,
@@ -203,7 +205,7 @@ def _nearly_the_same(journal: Journal, participant: str) -> str | None:
     return next((other for other in alike if other != participant), None)
 
 
-def _window(request: _Request) -> AbstractContextManager[WindowParticipant | None]:
+def _window(request: Request) -> AbstractContextManager[WindowParticipant | None]:
     """Return the participant's window as a context manager, which yields None without a window."""
     options = request.options
     if options.ratings != "window":
@@ -218,7 +220,7 @@ def _window(request: _Request) -> AbstractContextManager[WindowParticipant | Non
     )
 
 
-def _session(request: _Request, journal: Journal, clock: Clock) -> Session:
+def opened_session(request: Request, journal: Journal, clock: Clock) -> Session:
     """Return the session to run, and open it in the journal if it is new.
 
     A slot is taken by opening the session; choosing and opening must therefore not be separated.
@@ -245,7 +247,7 @@ def _session(request: _Request, journal: Journal, clock: Clock) -> Session:
 
 
 @contextmanager
-def _checkpointed(journal: Journal) -> Iterator[None]:
+def checkpointed(journal: Journal) -> Iterator[None]:
     """Checkpoint the journal after the body; an error of the body takes precedence."""
     try:
         yield

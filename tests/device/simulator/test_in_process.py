@@ -16,7 +16,7 @@ def a_rig(seed: int = 1, longest_s: float = 0.003) -> tuple[InProcessDevice, Rig
     stream = random.Random(seed)
     device = InProcessDevice(
         seed,
-        delay_s=lambda: stream.uniform(0, longest_s),
+        delay_s=lambda: stream.uniform(0.0002, longest_s),
         cuts=lambda length: sorted(stream.sample(range(length), min(2, length))),
     )
     rig = in_process_rig(device, LIMITS)

@@ -1,0 +1,349 @@
+"""A day in the laboratory, drawn from one number; `-m tests.system.day.day SEED` repeats it."""
+
+import gc
+import os
+import random
+import shutil
+import sys
+import tempfile
+import threading
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from device.simulator.faults import NAMES
+from runner.cli import journal as commands
+from runner.journal.store import session_name
+from runner.launch.locks import session_lock
+from tests.system.day.invariants import Violation, require
+from tests.system.day.lab import Lab, Outcome
+from tests.system.day.process import Incident, Process, Where, terminated
+from tests.system.day.records import at_the_end
+from tests.system.day.studies import drawn_study
+
+ONCE = tuple(name for name in NAMES if name not in {"modulated", "signal-added"})
+"""The faults of a board; a board has no modulation."""
+MOST_EVENTS = 22
+"""Of a short session: an incident after as many events happens in it."""
+MOST_ATTEMPTS = 9
+Happening = Callable[[Process], None]
+"""Plans what will happen to a process; its name is what happens."""
+SECRET = "a lorry passed"
+_SESSION_THREAD: tuple[Where, ...] = ("clock", "people", "disk")
+
+
+@dataclass
+class Day:
+    """What is done in a day, and what is known of it."""
+
+    lab: Lab
+    stream: random.Random
+    happened: Counter[str] = field(default_factory=Counter)
+    excluded_trials: set[tuple[str, int]] = field(default_factory=set)
+    gone: set[str] = field(default_factory=set)
+    """Sessions that are excluded or withdrawn."""
+    withdrawn: set[str] = field(default_factory=set)
+    """Participants who have withdrawn."""
+    doubtful: set[str] = field(default_factory=set)
+    """Participants for whom a command failed, so that it may have been done or not."""
+    completed: set[str] = field(default_factory=set)
+    running: str = ""
+    unamended: bool = False
+
+    def run(self) -> None:
+        """Run three sessions of two participants, with all that a day must have."""
+        due: list[Happening] = [self.killed, self.broken, self.broken, self.commanded]
+        self.stream.shuffle(due)
+        again = self.stream.choice(("P01", "P02"))
+        for who, which in (("P01", 1), ("P02", 1), (again, 2)):
+            gone = who in self.withdrawn | self.doubtful
+            participant, number = self._another() if gone else (who, which)
+            self._run_to_its_end(participant, number, due)
+            while self.stream.random() < 0.3:
+                self._command()
+        while due:
+            self._run_to_its_end(*self._another(), due)
+
+    def _another(self) -> tuple[str, int]:
+        """Return the first session of somebody new: it is there for what has not happened yet."""
+        known = {name.partition("/")[0] for name in self.lab.watch.planned}
+        return f"P{len(known | {'P01', 'P02'}) + 1:02d}", 1
+
+    def _run_to_its_end(self, participant: str, number: int, due: list[Happening]) -> None:
+        name = session_name(participant, number)
+        for attempt in range(MOST_ATTEMPTS):
+            process = Process()
+            left = due[:2] if attempt < 6 else []
+            for happens in left:
+                happens(process)
+            if attempt < 3 and self.stream.random() < 0.7:
+                self.stream.choice(self._others())(process)
+            clean = not (process.incidents or process.commit_kills or process.checkpoint_kills)
+            clean = clean and not self.lab.watch.faults_s
+            self.running = name
+            outcome = self.lab.session(participant, number, process)
+            self.running = ""
+            self._note(outcome, left, due)
+            if self._over(name, outcome, clean):
+                return
+            if attempt or self.stream.random() < 0.7 or clean:
+                self.lab.repair()
+        require(11, False, f"{name} cannot be finished: {outcome.line}")
+
+    def _note(self, outcome: Outcome, left: list[Happening], due: list[Happening]) -> None:
+        """Take note of what has happened; it is due no longer."""
+        happened = list(outcome.process.happened)
+        if outcome.killed and "killed" not in happened:
+            happened.append("killed")
+        self.happened.update(happened)
+        for happens in left:
+            if happens.__name__ in happened:
+                happened.remove(happens.__name__)
+                due.remove(happens)
+
+    def _over(self, name: str, outcome: Outcome, clean: bool) -> bool:
+        """Return whether there is nothing left to do of the session."""
+        participant = name.partition("/")[0]
+        if outcome.code == 0:
+            self.completed.add(name)
+            return True
+        if outcome.killed:
+            return False
+        if outcome.code == 2:
+            why = name in self.gone or participant in self.doubtful
+            changed = "study.toml has changed" in outcome.line and self.unamended
+            done = "is already completed" in outcome.line
+            require(11, why or changed or done, outcome.line)
+            if changed:
+                self._amended()
+            if done:
+                self.completed.add(name)
+            return not changed
+        require(11, not clean, f"nothing was wrong, but {name} ended with: {outcome.line}")
+        return False
+
+    # What may happen to a process.
+
+    def _others(self) -> tuple[Happening, ...]:
+        return (
+            self.killed, self.broken, self.broken, self.commanded, self.typed, self.typed,
+            self.stopped, self.hung, self.deserted, self.disk_full, self.disk_error, self.locked,
+        )  # fmt: skip
+
+    def killed(self, process: Process) -> None:
+        kind = self.stream.random()
+        if kind < 0.4:
+            moment = self.stream.choice(("before", "during", "after"))
+            process.commit_kills[self.stream.randint(1, MOST_EVENTS)] = moment  # type: ignore[assignment]
+        elif kind < 0.5:
+            process.checkpoint_kills = True
+        else:
+            self._plan(process, "killed", process.die)
+
+    def broken(self, process: Process) -> None:
+        name = self.stream.choice(ONCE)
+        lasting = self.stream.random() < 0.6
+
+        def breaks() -> None:
+            self.lab.watch.fault(name)
+            process.happened.append(name)
+            if not lasting:
+                crossings = self.stream.randint(1, 60)
+                process.incidents.append(
+                    Incident(
+                        what="mended", events=0, crossings=crossings, happen=self.lab.watch.mended
+                    )
+                )
+
+        self._plan(process, "broken", breaks)
+
+    def commanded(self, process: Process) -> None:
+        self._plan(process, "commanded", self._command)
+
+    def typed(self, process: Process) -> None:
+        keys = self.stream.choice(("p", "r", "s", " ", "\x05", "e", f"n{SECRET}\r", "rp", "x"))
+
+        def types() -> None:
+            if self.lab.typist is not None:
+                self.lab.typist.typed.append(keys)
+
+        self._plan(process, "typed", types)
+
+    def stopped(self, process: Process) -> None:
+        self._plan(process, "stopped", terminated, _SESSION_THREAD)
+
+    def hung(self, process: Process) -> None:
+        seconds = self.stream.uniform(0.05, 2.0)
+
+        def hangs() -> None:
+            if self.lab.person is not None:
+                self.lab.person.hangs_s = seconds
+
+        self._plan(process, "hung", hangs)
+
+    def deserted(self, process: Process) -> None:
+        def leaves() -> None:
+            if self.lab.person is not None:
+                self.lab.person.gone = True
+
+        self._plan(process, "deserted", leaves)
+
+    def disk_full(self, process: Process) -> None:
+        self._plan(process, "disk full", lambda: self.lab.disk.fill(self.stream.randint(0, 3)))
+
+    def disk_error(self, process: Process) -> None:
+        def fails() -> None:
+            process.disk_errors = self.stream.choice((1, 2, 1000))
+
+        self._plan(process, "disk error", fails)
+
+    def locked(self, process: Process) -> None:
+        self._plan(process, "locked", lambda: self.lab.disk.lock(self.stream.randint(1, 400)))
+
+    def _plan(
+        self,
+        process: Process,
+        what: str,
+        happen: Callable[[], None],
+        where: tuple[Where, ...] = ("port", "disk", "clock", "people"),
+    ) -> None:
+        searching = self.stream.random() < 0.2
+        events = 0 if searching else self.stream.randint(0, MOST_EVENTS)
+        crossings = self.stream.randint(1, 600 if searching else 40)
+        process.incidents.append(
+            Incident(what=what, events=events, crossings=crossings, happen=happen, where=where)
+        )
+
+    # What another process does meanwhile.
+
+    def _command(self) -> None:
+        known = sorted(self.lab.watch.planned)
+        if not known:
+            return
+        name = self.stream.choice(known)
+        self.stream.choice(
+            (self._look, self._look, self._exclude_trial, self._exclude_trial, self._amend,
+             self._exclude_session, self._withdraw)
+        )(name)  # fmt: skip
+        self.happened["command"] += 1
+
+    def _look(self, _name: str) -> None:
+        look = self.stream.choice((commands.status, commands.verify))
+        outcome = self.lab.command(lambda: look(study=self.lab.folder.path))
+        require(6, outcome.code == 0 or "locked" in outcome.line, outcome.line)
+
+    def _exclude_trial(self, name: str) -> None:
+        participant, number = name.split("/")
+        trial = self.stream.choice(sorted(self.lab.watch.planned[name]))
+        outcome = self.lab.command(
+            lambda: commands.exclude(
+                study=self.lab.folder.path,
+                participant=participant,
+                session=int(number),
+                trial=trial,
+                reason="a slip",
+            )
+        )
+        self._refused_while_running(name, outcome)
+        if outcome.code == 0:
+            require(10, name not in self.gone, f"{name} is gone: {outcome.line}")
+            self.excluded_trials.add((name, trial))
+
+    def _exclude_session(self, name: str) -> None:
+        participant, number = name.split("/")
+        outcome = self.lab.command(
+            lambda: commands.exclude(
+                study=self.lab.folder.path,
+                participant=participant,
+                session=int(number),
+                reason="ill",
+            )
+        )
+        self._refused_while_running(name, outcome)
+        if outcome.code == 0:
+            self.gone.add(name)
+
+    def _withdraw(self, name: str) -> None:
+        participant = name.partition("/")[0]
+        outcome = self.lab.command(
+            lambda: commands.withdraw(study=self.lab.folder.path, participant=participant)
+        )
+        own = {other for other in self.lab.watch.planned if other.startswith(f"{participant}/")}
+        if self.running in own:
+            self._refused_while_running(self.running, outcome)
+        elif outcome.code == 0:
+            self.withdrawn.add(participant)
+            self.gone |= own
+        else:
+            self.doubtful.add(participant)
+
+    def _refused_while_running(self, name: str, outcome: Outcome) -> None:
+        if name == self.running:
+            require(12, outcome.code == 1, f"{name} runs, but: {outcome.line}")
+
+    def _amend(self, _name: str) -> None:
+        self.lab.write(self.lab.text + "# changed\n")
+        self.unamended = True
+        if self.stream.random() < 0.8:
+            self._amended()
+
+    def _amended(self) -> None:
+        outcome = self.lab.command(
+            lambda: commands.amend(study=self.lab.folder.path, reason="a comment")
+        )
+        self.unamended = outcome.code != 0
+
+
+def handles() -> tuple[int, int]:
+    """Return how many threads and open files there are."""
+    return threading.active_count(), len(list(Path("/proc/self/fd").iterdir()))
+
+
+@contextmanager
+def workplace() -> Iterator[Path]:
+    """A folder for a day, in memory where there is such a place."""
+    memory = Path("/dev/shm")
+    place = memory if memory.is_dir() else Path(tempfile.gettempdir())
+    folder = place / f"touchbeam-day-{os.getpid():08d}"  # messages in the journal contain it
+    folder.mkdir(mode=0o700)
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder)
+
+
+def day(seed: int) -> Day:
+    """Run the day that is drawn from `seed`.
+
+    Raises:
+        AssertionError: an invariant does not hold; the message has the command that repeats it.
+    """
+    stream = random.Random(f"day/{seed}")
+    before = handles()
+    try:
+        with workplace() as folder:
+            lab = Lab(folder, drawn_study(stream), stream)
+            with lab.entered():
+                done = Day(lab, stream)
+                done.run()
+                at_the_end(done)
+            for name in lab.watch.planned:
+                with session_lock(name, folder):
+                    pass
+        require(12, handles() == before, f"threads and files {before}, now {handles()}")
+    except Violation as violation:
+        text = f"{violation}\nrepeat it with: .venv/bin/python -m tests.system.day.day {seed}"
+        raise AssertionError(text) from violation
+    except Exception as error:
+        text = f"{error!r}\nrepeat it with: .venv/bin/python -m tests.system.day.day {seed}"
+        raise AssertionError(text) from error
+    return done
+
+
+if __name__ == "__main__":
+    gc.freeze()
+    for given in sys.argv[1:]:
+        finished = day(int(given))
+        print(given, dict(finished.happened))

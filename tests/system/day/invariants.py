@@ -1,0 +1,30 @@
+"""What must hold on every day in the laboratory, and the error that names what does not."""
+
+INVARIANTS = {
+    1: "no acknowledged event is lost",
+    2: "no trial is answered twice, and the journal has the answers that were given",
+    3: "the output is at 0 V within the watchdog of any silence",
+    4: "the output never exceeds what was asked for, nor a limit, and is 0 V between touches",
+    5: "the output is said to be off only when it is off",
+    6: "the journal verifies",
+    7: "plans and their balance are proved",
+    8: "the state moves only along transitions",
+    9: "a resumed session has the plan that was opened, and goes on where it stopped",
+    10: "excluded and withdrawn data are in no report and no export",
+    11: "every session ends with one line that tells the truth, and can be finished",
+    12: "no thread, lock or handle is left over",
+}
+
+
+class Violation(BaseException):
+    """An invariant that does not hold. Nothing that handles errors may handle this one."""
+
+    def __init__(self, number: int, what: str) -> None:
+        super().__init__(f"invariant {number} ({INVARIANTS[number]}): {what}")
+        self.number = number
+
+
+def require(number: int, holds: object, what: str) -> None:
+    """Raise a violation of the invariant `number` unless it holds."""
+    if not holds:
+        raise Violation(number, what)

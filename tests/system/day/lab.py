@@ -1,0 +1,292 @@
+"""The laboratory: a rig, a study on a disk, and the processes that people start in it."""
+
+import io
+import json
+import random
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, redirect_stdout
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import cache
+from pathlib import Path
+from unittest.mock import patch
+
+from device.drivers.discovery import driver_of
+from device.errors import DeviceError
+from device.link.link import Link
+from device.link.port import Port, advice
+from device.rig import Rig
+from device.simulator.in_process import InProcessClock, InProcessDevice
+from device.study_limits import device_limits
+from protocol.study.participant_texts import study_wording
+from protocol.study.study import Study
+from runner.cli.output import complaint
+from runner.clock import Clock
+from runner.journal.session_log import SessionLog
+from runner.journal.store import journal_if_used, session_name
+from runner.launch.locks import session_lock
+from runner.launch.run_session import (
+    Request,
+    SessionOptions,
+    checkpointed,
+    opened_session,
+)
+from runner.people.operator_console import OperatorConsole, PlainDisplay
+from runner.people.virtual_participant import swapping
+from runner.session.loop import run
+from runner.session.session import SessionContext
+from runner.signals import signals_raise
+from runner.study.check import validated_study
+from runner.study.folder import StudyFolder
+from tests.system.day.disk import Disk
+from tests.system.day.invariants import require
+from tests.system.day.people import Person, Typist
+from tests.system.day.process import Dead, Process
+from tests.system.day.watch import Watch
+
+MORNING = datetime(2026, 1, 5, 8, tzinfo=UTC)
+PORT = "COM1"
+SEARCHED_POINTS = 7
+"""Of the search for the resonance, twice; 21 find it more exactly, but take most of a day."""
+LONGEST_S = 3600.0
+"""Of a session; one that takes longer does not end."""
+
+
+@cache
+def checked_study(text: str) -> Study:
+    """Return the study in `text`; checking it takes longer than anything else here."""
+    return validated_study(text, "study.toml")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """How a process ended: its last line and exit code, or that it was killed."""
+
+    line: str
+    code: int | None
+    process: Process
+
+    @property
+    def killed(self) -> bool:
+        """Whether it was killed."""
+        return self.code is None
+
+
+@dataclass
+class LabPort:
+    """A process's end of the line; what is sent just before its death may arrive or not."""
+
+    port: Port
+    process: Process
+
+    def receive(self, timeout_s: float) -> bytes:
+        self.process.crossing("port")
+        return self.port.receive(timeout_s)
+
+    def send(self, data: bytes) -> None:
+        self.process.crossing("port")
+        self.port.send(data)
+        self.process.crossing("port")
+
+    def close(self) -> None:
+        if self.process.alive:
+            self.port.close()
+
+
+@dataclass
+class LabClock:
+    """A process's clock."""
+
+    clock: Clock
+    process: Process
+    ends_s: float
+
+    def utc(self) -> datetime:
+        return self.clock.utc()
+
+    def monotonic_s(self) -> float:
+        return self.clock.monotonic_s()
+
+    def sleep(self, seconds: float) -> None:
+        self.process.crossing("clock")
+        self.clock.sleep(seconds)
+        self.process.crossing("clock")
+        require(11, self.monotonic_s() < self.ends_s, "a session that does not end")
+
+
+class Lab:
+    """One rig, one study, one disk."""
+
+    def __init__(self, folder: Path, text: str, stream: random.Random) -> None:
+        self.stream = stream
+        self.folder = StudyFolder(path=folder)
+        self.write(text)
+        rig = checked_study(text).rig
+        late_s = stream.choice((0.001, 0.003, 0.02))
+        self.device = InProcessDevice(
+            seed=stream.randrange(1000),
+            delay_s=lambda: late_s * stream.uniform(0.2, 1.0),
+            cuts=lambda length: (stream.randrange(length),) if stream.random() < 0.1 else (),
+        )
+        self.watch = Watch(self.device, rig)
+        self.device.on_step = self.watch.look
+        self.disk = Disk(self.folder.journal, stream, self._stored)
+        self.person: Person | None = None
+        self.typist: Typist | None = None
+        self.rig: Rig | None = None
+        self.answers: dict[tuple[str, int], tuple[str | None, int | None]] = {}
+        """The change and the score that each trial was answered with, by session and index."""
+
+    def write(self, text: str) -> None:
+        """Write the study file."""
+        self.text = text
+        self.folder.study_file.write_text(text, encoding="utf-8")
+
+    @contextmanager
+    def entered(self) -> Iterator[None]:
+        """Let every clock and every file in the body be one of this laboratory."""
+        with (
+            self.disk.installed(),
+            patch("runner.clock.WallClock", lambda: _Calendar(self.device)),
+            patch("device.resonance._POINTS", SEARCHED_POINTS),
+        ):
+            yield
+
+    def session(self, participant: str, number: int, process: Process) -> Outcome:
+        """Run `touchbeam run` and return how it ended."""
+        return self._ended(process, lambda: self._run(participant, number, process))
+
+    def command(self, work: Callable[[], None]) -> Outcome:
+        """Run another command, in a process of its own."""
+        process, running = Process(), self.disk.process
+        printed = io.StringIO()
+
+        def printing() -> str:
+            with redirect_stdout(printed):
+                work()
+            return printed.getvalue().strip()
+
+        self.disk.process = process
+        try:
+            return self._told(printing, process)
+        finally:
+            self.disk.process = running
+
+    def repair(self) -> None:
+        """Repair the device, and cut the amplifier for a while."""
+        self.watch.repair()
+        if self.device.inside.instrument.output_v > 0:
+            self.device.reset()
+
+    def _ended(self, process: Process, work: Callable[[], str]) -> Outcome:
+        self.disk.process = process
+        try:
+            outcome = self._told(work, process)
+            self.watch.said(outcome.line, last=True)
+        except Dead:
+            outcome = Outcome(line="", code=None, process=process)
+            if self.disk.open:
+                self.disk.crash()
+        self.disk.unlock()
+        self.disk.process = Process()
+        self.watch.alone(killed=outcome.killed)
+        self.device.advance(2 * self.watch.rig.watchdog_s)
+        self.watch.alone(killed=False)
+        self.disk.checked()
+        require(12, not self.disk.open, "a connection to the journal is open")
+        return outcome
+
+    def _told(self, work: Callable[[], str], process: Process) -> Outcome:
+        try:
+            with signals_raise():
+                line, code = work(), 0
+        except Exception as error:
+            line, code = complaint(error)
+        require(11, not line.startswith("internal error"), line)
+        require(8, "does not allow the event" not in line, line)
+        return Outcome(line=line, code=code, process=process)
+
+    def _run(self, participant: str, number: int, process: Process) -> str:
+        study, name = checked_study(self.text), session_name(participant, number)
+        request = Request(
+            options=SessionOptions(folder=self.folder, participant=participant, number=number),
+            study=study,
+            text=self.text,
+            wording=study_wording(study, "en"),
+            url=PORT,
+            pace="wall",
+            kind="participant",
+        )
+        with ExitStack() as stack:
+            stack.enter_context(session_lock(name, self.folder.path))
+            rig = self.rig = self._opened(study, process)
+            stack.callback(rig.close)
+            clock = LabClock(
+                InProcessClock(MORNING, self.device, rig), process, self.device.now_s() + LONGEST_S
+            )
+            journal = stack.enter_context(journal_if_used(self.folder.journal))
+            new = name not in journal.sessions()
+            session = opened_session(request, journal, clock)
+            log = SessionLog(journal, name, clock)
+            self.person = Person(self.stream, self.device, process, self._hang)
+            self.typist = Typist(self.stream, self.device.now_s, process)
+            operator = OperatorConsole(
+                self.typist,
+                PlainDisplay(lambda line: self._said(line, process)),
+                swapping(self.device, study.beams),
+            )
+            stack.enter_context(checkpointed(journal))
+            context = SessionContext(
+                session=session,
+                device=rig,
+                participant=self.person,
+                operator=operator,
+                clock=clock,
+                log=log,
+                opened_now=new,
+            )
+            self.watch.polled = True
+            run(context)
+            answered = len(log.state.answered)
+            require(11, log.state.name == "completed", f"{name} ended, but is {log.state.name}")
+        return f"{name} is complete: {answered} trials answered, device off (read back)."
+
+    def _opened(self, study: Study, process: Process) -> Rig:
+        process.crossing("port")
+        try:
+            port = LabPort(self.device.port(), process)
+        except OSError as error:
+            raise DeviceError(f"{PORT}: {advice(error)}") from error
+        limits, now_s = device_limits(study.rig), self.device.now_s
+        driver = driver_of(study.rig.dialect)(Link(port, now_s), limits, now_s)
+        return Rig(driver, limits, monotonic=now_s)
+
+    def _stored(self, session: str, tag: str, payload: str) -> None:
+        self.watch.stored(session, tag, payload)
+        if tag == "paused" and self.typist is not None:
+            self.typist.continues_s = self.device.now_s() + self.stream.uniform(0, 1)
+        if tag == "answered" and self.person is not None:
+            answer = json.loads(payload)
+            change, score = answer["change"], answer["score"]
+            said = [str(each) for each in (change, score) if each is not None]
+            given = [text for text, _ in self.person.given]
+            require(2, said == given, f"{session} {answer['index']}: stored {said}, said {given}")
+            self.answers[session, answer["index"]] = (change, score)
+
+    def _said(self, line: str, process: Process) -> None:
+        process.crossing("people")
+        self.watch.said(line)
+
+    def _hang(self, seconds: float) -> None:
+        """Let the session's thread do nothing, while the owner of the port works on."""
+        assert self.rig is not None
+        self.watch.hanging_from_s = self.device.now_s()
+        InProcessClock(MORNING, self.device, self.rig).sleep(seconds)
+        self.watch.hanging_from_s = float("inf")
+
+
+class _Calendar(InProcessClock):
+    """The clock of a process that has no rig."""
+
+    def __init__(self, device: InProcessDevice) -> None:
+        self._start, self._device = MORNING, device

@@ -1,0 +1,158 @@
+"""What the journal must show at the end of a day, read without the code that wrote it."""
+
+import json
+import re
+import sqlite3
+from collections import defaultdict
+from typing import TYPE_CHECKING, Any
+
+from analysis.export.dataset import NothingToExport, dataset
+from analysis.loading.study_data import NothingToReport, load_study_data
+from protocol.plan.plan import plan
+from protocol.proof.cohort import cohort_problems
+from protocol.proof.trial_checks import plan_problems
+from runner.journal.store import read_journal
+from runner.journal.verification import STUDY_CHAIN, readable_chains, verdicts
+from tests.system.day.invariants import require
+from tests.system.day.lab import checked_study
+
+if TYPE_CHECKING:
+    from tests.system.day.day import Day
+
+_LETTERS = {
+    "session-opened": "O", "session-resumed": "R", "practice-renewed": "P", "device-armed": "A",
+    "watchdog-tested": "H",
+    "rig-described": "D", "beam-mounted": "B", "resonance-measured": "M", "trial-started": "T",
+    "touch-started": "S", "touch-ended": "E", "answered": "W", "trial-aborted": "X",
+    "paused": "U", "unpaused": "V", "device-off": "F", "session-completed": "C",
+    "trial-excluded": "x", "session-excluded": "Z", "withdrawn": "G", "note": "",
+}  # fmt: skip
+_TRIAL = "T(?:(?:B?SE)+W|(?:B?SE)*B?S?X)"
+_RUN = f"AH?D?B?(?:M(?:{_TRIAL}|UV)*U?)?F"
+_BROKEN_OFF = f"AH?D?B?(?:M(?:{_TRIAL}|UV)*(?:U|T(?:B?SE)*B?S?)?)?"
+_SESSION = re.compile(
+    f"O(?:{_RUN})?x*(?:RP?(?:{_RUN})?x*)*(?:(?<=F)Cx*|(?<=Fx)Cx*)?(?:Z?G?|(?:RP?)?(?:{_BROKEN_OFF})?G)"
+)
+_ROWS = "SELECT session, tag, payload FROM event ORDER BY rowid"
+
+Rows = dict[str, list[tuple[str, dict[str, Any] | None]]]
+
+
+def at_the_end(day: "Day") -> None:
+    """Require all that must hold of the journal at the end of a day."""
+    if not day.lab.folder.journal.exists():
+        return
+    connection = sqlite3.connect(day.lab.folder.journal)
+    rows: Rows = defaultdict(list)
+    for session, tag, payload in connection.execute(_ROWS):
+        rows[session].append((tag, None if payload is None else json.loads(payload)))
+    connection.close()
+    with read_journal(day.lab.folder.journal) as journal:
+        for verdict in verdicts(journal):
+            done = verdict.participant in day.doubtful
+            require(6, verdict.ok or done, verdict.line())
+        broken: list[str] = []
+        if not day.doubtful:
+            chains = list(readable_chains(journal, broken))
+            _only_what_may_be_seen(day, chains)
+    for name, events in rows.items():
+        if name != STUDY_CHAIN:
+            _along_transitions(name, [tag for tag, _ in events])
+            if events[0][1] is not None:
+                _as_planned(day, name, [(tag, payload or {}) for tag, payload in events])
+    _slots(day, rows)
+
+
+def _along_transitions(name: str, tags: list[str]) -> None:
+    letters = "".join(_LETTERS[tag] for tag in tags)
+    require(8, _SESSION.fullmatch(letters), f"{name}: {letters}")
+
+
+def _as_planned(day: "Day", name: str, events: list[tuple[str, dict[str, Any]]]) -> None:
+    """Each trial once, in the order of the plan, which never changes."""
+    opened = events[0][1]
+    trials = opened["trials"]
+    answered: set[int] = set()
+    kinds = {trial["index"]: trial["kind"] for trial in trials}
+    for tag, payload in events:
+        if tag == "session-resumed":
+            require(9, payload["trials"] == trials, f"{name} was resumed with another plan")
+        elif tag == "practice-renewed":
+            again = {index for index in answered if kinds[index] == "practice"}
+            require(9, set(payload["indices"]) == again, f"{name}: {payload}")
+            answered -= again
+        elif tag == "trial-started":
+            due = min(set(kinds) - answered, default=None)
+            require(9, payload["index"] == due, f"{name} runs trial {payload['index']}, not {due}")
+        elif tag == "answered":
+            require(2, payload["index"] not in answered, f"{name}: {payload['index']} twice")
+            answered.add(payload["index"])
+        elif tag == "session-completed":
+            require(
+                9, answered == set(kinds), f"{name} is complete without {set(kinds) - answered}"
+            )
+    completed = any(tag == "session-completed" for tag, _ in events)
+    require(11, completed == (name in day.completed), f"{name}: completed is {completed}")
+
+
+def _slots(day: "Day", rows: Rows) -> None:
+    study = checked_study(day.lab.text)
+    taken: dict[str, int] = {}
+    for name, events in rows.items():
+        opened = events[0][1]
+        if name == STUDY_CHAIN or opened is None:
+            continue
+        drawn = plan(study, opened["slot"], opened["session"])
+        problems = plan_problems(study, drawn)
+        require(7, not problems, f"{name}: {problems}")
+        recorded = [
+            (trial["index"], trial["kind"], trial["condition"]) for trial in opened["trials"]
+        ]
+        planned = [(trial.index, trial.kind, trial.condition) for trial in drawn.trials]
+        require(7, recorded == planned, f"{name}: the plan of slot {opened['slot']} is another")
+        if name not in day.gone:
+            taken.setdefault(opened["participant"], opened["slot"])
+            same = taken[opened["participant"]] == opened["slot"]
+            require(7, same or day.gone, f"{name} has slot {opened['slot']}")
+    if not (day.gone or day.doubtful):
+        slots = sorted(taken.values())
+        require(7, slots == list(range(len(slots))), f"slots {taken}")
+        problems = cohort_problems(study, [plan(study, slot) for slot in slots])
+        require(7, not problems, str(problems))
+
+
+def _only_what_may_be_seen(day: "Day", chains: list[Any]) -> None:
+    """Report and export have what was answered, without what was taken back."""
+    study = checked_study(day.lab.text)
+    given = {key: answer for key, answer in day.lab.answers.items() if key[0] not in day.gone}
+    try:
+        data = load_study_data(chains, rehearsals=False)
+    except NothingToReport:
+        require(10, not given, "answers were given, but nothing is reported")
+    else:
+        rows = data.trials.to_dict("records")
+        shown = {(f"{row['participant']}/{row['session']}", row["trial_index"]) for row in rows}
+        wanted = given.keys() - day.excluded_trials
+        require(
+            10,
+            shown == wanted,
+            f"reported, but not to be: {shown - wanted}; lacking: {wanted - shown}",
+        )
+    try:
+        table = dataset(chains, study, "today", rehearsals=False).trials
+    except NothingToExport:
+        require(10, not given, "answers were given, but nothing is exported")
+        return
+    for row in table.to_dict("records"):
+        name, index = f"{row['participant']}/{row['session']}", row["trial_index"]
+        require(10, row["participant"] not in day.withdrawn, f"{name} has withdrawn")
+        by_hand = "trial" if (name, index) in day.excluded_trials else "no"
+        mark = "session" if name in day.gone else by_hand
+        require(10, row["excluded"] == mark, f"{name} {index}: {row['excluded']}, not {mark}")
+        shown_answer = _plain(row["change"]), _plain(row["score"])
+        same = shown_answer == given.get((name, index), shown_answer)
+        require(2, same, f"{name} {index}: exported {shown_answer}")
+
+
+def _plain(cell: Any) -> Any:
+    return None if cell is None or cell != cell else cell  # noqa: PLR0124 - NaN

@@ -1,0 +1,80 @@
+"""The studies of the days: small, so that a session takes milliseconds, and not alike."""
+
+import random
+
+_STUDY = """
+[study]
+name = "day"
+seed = {seed}
+[rig]
+device = "COM1"
+max_voltage_v = {max_v}
+max_frequency_hz = {max_hz}
+ramp_v_per_s = {ramp}
+watchdog_s = {watchdog_s}
+[touch]
+beam = "a"
+hold_s = {hold_s}
+sliding_speed_m_s = 0.2
+[beams]
+a = 0.001
+b = 0.0
+[design]
+order = "{order}"
+sessions = 2
+practice_trials = {practice}
+catch_trials = {catch}
+repeats = {repeats}
+break_every_blocks = {breaks}
+break_s = 0.2
+[timing]
+between_touches_s = 0.1
+inter_trial_s = 0.2
+[rating]
+score_when = "{score_when}"
+[session]
+operator_asks = {asks}
+practise_again = "{again}"
+[[opening]]
+kind = "baseline"
+touches = [{{place = "smooth", voltage_v = 0}}]
+[[condition]]
+name = "ramp"
+question = "roughness"
+expected = "smoother"
+touches = [{{place = "smooth", voltage_v = 20, ramp_to_v = {ramp_to_v}}}]
+[[condition]]
+name = "slide"
+question = "strength"
+expected = "stronger"
+touches = [
+    {{place = "path", voltage_v = {low_v}, sweep_to = 1.02}},
+    {{place = "path", direction = "left", voltage_v = {high_v}, frequency = 0.99{beam}}},
+]
+"""
+
+
+def drawn_study(stream: random.Random) -> str:
+    """Return the text of a study; there are few, so that each has to be checked only once."""
+    max_v = stream.choice((120, 150))
+    kind = stream.randrange(4)
+    return _STUDY.format(
+        seed=kind,
+        max_v=max_v,
+        max_hz=(30_000, 25_500)[kind % 2],
+        ramp=(400, 1000)[kind // 2],
+        watchdog_s=(0.5, 0.3)[kind % 2],
+        hold_s=(0.4, 0.6)[kind % 2],
+        order=("williams", "blocks")[kind % 2],
+        practice=(1, 0, 1, 0)[kind],
+        catch=(0, 1, 0, 0)[kind],
+        repeats=(1, 1, 1, 2)[kind],
+        breaks=(0, 0, 1, 1)[kind],
+        score_when=("agrees", "always")[kind % 2],
+        asks=('["skin state"]', "[]")[kind // 2],
+        again=("on resume", "never")[kind // 2],
+        ramp_to_v=max_v,
+        low_v=(40, 60)[kind // 2],
+        high_v=max_v - 10 * kind,
+        beam=(', beam = "b"', "")[kind % 2],
+    )

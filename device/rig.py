@@ -13,7 +13,7 @@ import queue
 import threading
 import time
 from collections.abc import Callable
-from concurrent.futures import Future
+from concurrent.futures import Future, wait
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -117,14 +117,22 @@ class Rig:
         self.beat()
         return self._owned(lambda: self._guarded(lambda: self._drive(setpoint)))
 
-    def watchdog_trips(self) -> bool:
+    def watchdog_trips(self, meanwhile: Callable[[], None] = lambda: None) -> bool:
         """Return whether the device turns its output off when it hears nothing for a while.
 
         Tried with the output on at 0 V, which nobody should touch; it is off afterwards. No other
-        call is made meanwhile, but an emergency stop ends the wait. Raises as `drive`.
+        call is made, but `meanwhile` is called again and again; an error that it raises stops the
+        test. Raises as `drive`.
         """
         self.beat()
-        return self._owned(lambda: self._guarded(self._driver.watchdog_trips))
+        found = self._put(lambda: self._guarded(self._driver.watchdog_trips))
+        try:
+            while not wait([found], RAMP_STEP_S).done:
+                meanwhile()
+        except BaseException:
+            self.emergency_stop()
+            raise
+        return found.result()
 
     def read_back(self) -> ReadBack:
         """Get the drive and the sensors as the device reports them."""
@@ -146,7 +154,7 @@ class Rig:
         """
         self._stopping = True
         self._driver.link.stop()
-        self._put(_Job(work=lambda: None, result=Future()))
+        self._put(lambda: None)
 
     def beat(self) -> None:
         """Say that the session is alive.
@@ -203,14 +211,14 @@ class Rig:
         return self._owned(lambda: self._guarded(self._driver.vibration_m))
 
     def _owned(self, work: Callable[[], _Result]) -> _Result:
-        result: Future[_Result] = Future()
-        self._put(_Job(work=work, result=result))
-        return result.result()
+        return self._put(work).result()
 
-    def _put(self, job: _Job) -> None:
-        self._jobs.put(job)
+    def _put(self, work: Callable[[], _Result]) -> "Future[_Result]":
+        result: Future[_Result] = Future()
+        self._jobs.put(_Job(work=work, result=result))
         if self._owner is None:
             self.step()
+        return result
 
     # What follows is the owner's work.
 

@@ -28,8 +28,11 @@ class Device(Protocol):
         """Whether the device turns its output off by itself when it hears nothing."""
         ...
 
-    def watchdog_trips(self) -> bool:
-        """Return whether it does so, tried with the output on at 0 V; leave the output off."""
+    def watchdog_trips(self, meanwhile: Callable[[], None]) -> bool:
+        """Return whether it does so, tried with the output on at 0 V; leave the output off.
+
+        `meanwhile` is called again and again; an error that it raises stops the test.
+        """
         ...
 
     def resonance(self, near_hz: float, sleep: Callable[[float], None]) -> Resonance:

@@ -1,6 +1,5 @@
 """The test of the device's watchdog: once a day for each device, with nobody at the beam."""
 
-from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import replace
 
 from device.errors import DeviceError
@@ -9,7 +8,7 @@ from protocol.journal.events import WatchdogTested
 from runner.session.operator_view import update_view
 from runner.session.orders import obey
 from runner.session.session import SessionContext
-from runner.session.waiting import TICK_S, operator_answer
+from runner.session.waiting import operator_answer
 from runner.signals import raise_if_stopped
 
 _HANDS_OFF = "The watchdog will be tested; nobody may touch the beam. Press Enter once it is free."
@@ -34,7 +33,12 @@ def require_watchdog(context: SessionContext, idn: str) -> None:
         warning="testing the watchdog: hands off the beam",
         busy="0 V, testing the watchdog",
     )
-    found = replace(tripped, tripped=_trips(context))
+
+    def meanwhile() -> None:
+        raise_if_stopped()
+        obey(context)
+
+    found = replace(tripped, tripped=context.device.watchdog_trips(meanwhile))
     context.log.append(found)
     update_view(context)
     if not found.tripped:
@@ -48,17 +52,3 @@ def _recorded_today(context: SessionContext, found: WatchdogTested) -> bool:
     today = context.clock.utc().astimezone().date()
     tests = context.log.of_all_sessions(WatchdogTested)
     return any(utc.astimezone().date() == today and test == found for utc, test in tests)
-
-
-def _trips(context: SessionContext) -> bool:
-    """Try it while the operator and signals are heard; whatever ends the session ends the test."""
-    with ThreadPoolExecutor(max_workers=1) as thread:
-        test = thread.submit(context.device.watchdog_trips)
-        try:
-            while not wait([test], TICK_S).done:
-                raise_if_stopped()
-                obey(context)
-        except BaseException:
-            context.device.emergency_stop()
-            raise
-    return test.result()

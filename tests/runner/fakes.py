@@ -65,8 +65,9 @@ class FakeDevice:
         self._called("arm")
         return Identity(idn=self.idn, boot=1, device_time_s=0.0)
 
-    def watchdog_trips(self) -> bool:
+    def watchdog_trips(self, meanwhile: Callable[[], None]) -> bool:
         self._called("watchdog_trips")
+        meanwhile()
         return self.trips
 
     def resonance(self, near_hz: float, sleep: Callable[[float], None]) -> Resonance:

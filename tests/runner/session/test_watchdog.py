@@ -1,7 +1,7 @@
 """The test of the watchdog before a session: when it is made, who confirms it, what it decides."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -114,12 +114,15 @@ def test_a_session_does_not_start_on_a_watchdog_that_does_not_trip(study: Study)
 class SlowDevice(FakeDevice):
     """A device whose watchdog takes a while, unless it is stopped."""
 
-    def watchdog_trips(self) -> bool:
+    def watchdog_trips(self, meanwhile: Callable[[], None]) -> bool:
         self.on = True
-        until_s = time.monotonic() + 5
-        while self.on and time.monotonic() < until_s:
-            time.sleep(0.005)
-        return super().watchdog_trips()
+        try:
+            for _ in range(1000):
+                meanwhile()
+        except BaseException:
+            self.emergency_stop()
+            raise
+        return super().watchdog_trips(meanwhile)
 
 
 @pytest.mark.parametrize("order", ["stop", "emergency stop"])

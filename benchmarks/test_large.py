@@ -1,0 +1,104 @@
+"""What large tables and journals cost: time and memory of import and export as they grow."""
+
+import os
+import random
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+from pytest_benchmark.fixture import BenchmarkFixture
+
+from protocol.study_file.loading import parsed_study, template
+from runner.journal.store import open_journal
+from tests.analysis.chains import chain
+from tests.analysis.reports import session_events
+
+TOUCHBEAM = str(Path(sys.executable).with_name("touchbeam"))
+TEXT = template("extended").replace("repeats = 4", "repeats = 8")
+STUDY = parsed_study(TEXT)
+ARRANGEMENTS = 20
+MOST_GB = 2.0
+MOST_RATIO = 2.5
+"""Of the time for twice as much, less the time to start."""
+
+
+def _measured(*arguments: str | Path) -> tuple[float, float]:
+    """Run a command; return its processor time, s, and its peak memory, GB."""
+    process = subprocess.Popen([TOUCHBEAM, *map(str, arguments)], stdout=subprocess.DEVNULL)
+    _, status, used = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    assert process.returncode == 0
+    return used.ru_utime + used.ru_stime, used.ru_maxrss / 1024**2
+
+
+def _table(folder: Path, subjects: int) -> Path:
+    """A table of whole scores of five conditions."""
+    stream = random.Random(1)
+    names = ("frequency", "structure", "voltage", "direction", "pressure")
+    rows = (
+        [f"P{number}", *(str(stream.randint(0, 10)) for _ in names)] for number in range(subjects)
+    )
+    file = folder / f"scores-{subjects}.csv"
+    file.write_text("".join(",".join(row) + "\n" for row in (["subject", *names], *rows)))
+    return file
+
+
+def _study(folder: Path, participants: int) -> Path:
+    """A study in which everybody answered 49 trials."""
+    folder.mkdir()
+    (folder / "study.toml").write_text(TEXT)
+    rng = np.random.default_rng(1)
+    with open_journal(folder / "study.db") as journal, journal.alone():
+        for number in range(participants):
+            name = f"P{number + 1:04d}"
+            for stored in chain(session_events(STUDY, number % ARRANGEMENTS, rng, who=name)):
+                journal.append(f"{name}/1", stored)
+    return folder
+
+
+def _told(
+    benchmark: BenchmarkFixture, start_s: float, took: list[tuple[float, float]]
+) -> tuple[float, float]:
+    """Record the figures of two sizes; return the ratio of the times and the most memory."""
+    (half_s, half_gb), (whole_s, whole_gb) = took
+    ratio = (whole_s - start_s) / (half_s - start_s)
+    benchmark.extra_info["processor time, s"] = [round(half_s, 1), round(whole_s, 1)]
+    benchmark.extra_info["peak memory, GB"] = [round(half_gb, 2), round(whole_gb, 2)]
+    benchmark.extra_info["ratio of times"] = round(ratio, 2)
+    return ratio, whole_gb
+
+
+def test_100_000_rows_are_imported_in_proportion(
+    benchmark: BenchmarkFixture, tmp_path: Path
+) -> None:
+    start_s, _ = _measured("import", _table(tmp_path, 10), tmp_path / "few")
+    tables = [_table(tmp_path, subjects) for subjects in (50_000, 100_000)]
+
+    def imported() -> list[tuple[float, float]]:
+        return [_measured("import", table, tmp_path / table.stem) for table in tables]
+
+    ratio, most_gb = _told(benchmark, start_s, benchmark.pedantic(imported, rounds=1))
+    assert ratio <= MOST_RATIO
+    assert most_gb <= MOST_GB
+
+
+def test_100_000_trials_are_exported_in_proportion(
+    benchmark: BenchmarkFixture, tmp_path: Path
+) -> None:
+    options = ("--format", "csv")
+    few = _study(tmp_path / "few", 2)
+    start_s, _ = _measured("export", few, tmp_path / "few-out", *options)
+    studies = [_study(tmp_path / str(count), count) for count in (1021, 2042)]
+
+    def exported() -> list[tuple[float, float]]:
+        return [
+            _measured("export", study, tmp_path / f"{study.name}-out", *options)
+            for study in studies
+        ]
+
+    ratio, most_gb = _told(benchmark, start_s, benchmark.pedantic(exported, rounds=1))
+    with (tmp_path / "2042-out" / "trials.csv").open() as rows:
+        assert sum(1 for _ in rows) > 100_000
+    assert ratio <= MOST_RATIO
+    assert most_gb <= MOST_GB

@@ -1,11 +1,18 @@
-"""Gradient and curvature of the likelihood of ordered answers."""
+"""Likelihood of ordered answers with its gradient and curvature, at many points at once."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.special import ndtr
 
 from analysis.estimates import BoolArray, FloatArray, IntArray
-from analysis.statistics.ordinal_likelihood import log_density_of, log_interval
+from analysis.statistics.ordinal_likelihood import log_interval
+
+# Below this probability its logarithm is computed in the tail, which costs more.
+SMALLEST = 1e-280
+LOG_ROOT_2_PI = np.log(2 * np.pi) / 2
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,17 +59,86 @@ class OrdinalTrials:
         return np.concatenate([self.thresholds[self.free], np.zeros(2 + self.conditions)])
 
     def edges(self, shared: FloatArray) -> FloatArray:
-        """Return all thresholds at these shared parameters, with an infinite one at either end."""
-        thresholds = self.thresholds.copy()
-        thresholds[self.free] = shared[self.threshold_columns]
-        return np.concatenate([[-np.inf], thresholds, [np.inf]])
+        """Return all thresholds, with an infinite one at either end, of `shared` (points, G)."""
+        edges = np.tile(np.concatenate([[-np.inf], self.thresholds, [np.inf]]), (len(shared), 1))
+        edges[:, 1:-1][:, self.free] = shared[:, self.threshold_columns]
+        return edges
 
-    def location(self, shared: FloatArray, own: FloatArray) -> FloatArray:
-        """Return each trial's place on the latent scale; `own` (subjects, 2) adds to the line."""
-        lines = (own + shared[self.line_columns])[self.subject]
-        discrepancies = shared[self.line_columns.stop :]
-        added = discrepancies[self.condition] if self.conditions else 0.0
-        return np.asarray(lines[:, 0] + lines[:, 1] * self.x + added)
+    def in_order(self, shared: FloatArray) -> BoolArray:
+        """Return at which points the thresholds rise."""
+        return np.asarray((np.diff(self.edges(shared)) > 0).all(axis=1))
+
+    def bounds(
+        self, shared: FloatArray, own: FloatArray, sd: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the trials' lower and upper edges about their place on the latent scale, over σ.
+
+        Parameters:
+            shared: shape (points, G).
+            own: shape (points, subjects, 2), added to the population's line.
+            sd: shape (points,), σ.
+
+        Returns:
+            Two arrays of shape (trials, points).
+        """
+        edges, lines = self.edges(shared).T, (own + shared[:, None, self.line_columns]).T
+        place = lines[0][self.subject] + lines[1][self.subject] * self.x[:, None]
+        if self.conditions:
+            place += shared.T[self.line_columns.stop :][self.condition]
+        return (edges[self.category] - place) / sd, (edges[self.category + 1] - place) / sd
+
+    @cached_property
+    def loadings(self) -> tuple[FloatArray, FloatArray]:
+        """How upper and lower edge of each trial depend on the parameters: (trials, parameters)."""
+        size, trials = len(self.shared_start), np.arange(len(self.x))
+        place = np.zeros((len(trials), size + 2 * self.subjects))
+        for first in (self.line_columns.start, size + 2 * self.subject):
+            place[trials, first], place[trials, first + 1] = 1.0, self.x
+        if self.conditions:
+            place[trials, self.line_columns.stop + self.condition] = 1.0
+        edges = np.zeros((self.categories + 1, place.shape[1]))
+        edges[1:-1][self.free, self.threshold_columns] = np.eye(int(self.free.sum()))
+        return edges[self.category + 1] - place, edges[self.category] - place
+
+    def totals(self, group: IntArray, groups: int, powers: int) -> csr_array:
+        """Return the matrix that sums values of trials, times x^0, x^1, …, in each group."""
+        trials = np.arange(len(self.x))
+        if not groups:
+            return csr_array((0, len(trials)))
+        parts = [self.weight * self.x**power for power in range(powers)]
+        rows = np.concatenate([group * powers + power for power in range(powers)])
+        return csr_array(
+            (np.concatenate(parts), (rows, np.tile(trials, powers))),
+            shape=(groups * powers, len(trials)),
+        )
+
+    @cached_property
+    def by_category(self) -> csr_array:
+        """Sums per category."""
+        return self.totals(self.category, self.categories, 1)
+
+    @cached_property
+    def by_subject(self) -> csr_array:
+        """Sums per subject, times 1, x and x²."""
+        return self.totals(self.subject, self.subjects, 3)
+
+    @cached_property
+    def by_answer(self) -> csr_array:
+        """Sums per subject and category, times 1 and x."""
+        cell = self.subject * self.categories + self.category
+        return self.totals(cell, self.subjects * self.categories, 2)
+
+    @cached_property
+    def by_cell(self) -> csr_array:
+        """Sums per subject and condition, times 1 and x."""
+        cell = self.subject * self.conditions + self.condition
+        return self.totals(cell, self.subjects * self.conditions, 2)
+
+    @cached_property
+    def by_condition(self) -> csr_array:
+        """Sums per condition and category."""
+        cell = self.condition * self.categories + self.category
+        return self.totals(cell, self.conditions * self.categories, 1)
 
 
 def counted(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -75,8 +151,9 @@ def counted(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
 class Curvature:
     """First and negative second derivatives with respect to shared and own parameters.
 
-    `shared_gradient` (G,), `own_gradient` (subjects, 2), `own_precision` (subjects, 2, 2), `cross`
-    (subjects, 2, G), `whole` (G, G).
+    The first axis of each is that of the points: `shared_gradient` (points, G), `own_gradient`
+    (points, subjects, 2), `own_precision` (points, subjects, 2, 2), `cross` (points, subjects, 2,
+    G), `whole` (points, G, G).
     """
 
     shared_gradient: FloatArray
@@ -85,157 +162,159 @@ class Curvature:
     cross: FloatArray
     whole: FloatArray
 
-    @property
+    @cached_property
+    def own_covariance(self) -> FloatArray:
+        """Inverse of `own_precision`."""
+        a, b, d = (self.own_precision[..., i, j] for i, j in ((0, 0), (0, 1), (1, 1)))
+        inverse = np.stack([np.stack([d, -b], axis=-1), np.stack([-b, a], axis=-1)], axis=-2)
+        return np.asarray(inverse / (a * d - b * b)[..., None, None])
+
+    @cached_property
+    def response(self) -> FloatArray:
+        """How far the own parameters move against the shared ones, (points, subjects, 2, G)."""
+        return np.asarray(self.own_covariance @ self.cross)
+
+    @cached_property
     def shared_precision(self) -> FloatArray:
         """Curvature with respect to the shared parameters, the subjects' own eliminated."""
-        solved = np.linalg.solve(self.own_precision, self.cross)
-        return np.asarray(self.whole - np.tensordot(self.cross, solved, axes=([0, 1], [0, 1])))
+        size = self.whole.shape[-1]
+        cross = self.cross.reshape(len(self.cross), -1, size)
+        response = self.response.reshape(cross.shape)
+        return np.asarray(self.whole - np.swapaxes(cross, 1, 2) @ response)
+
+    @cached_property
+    def log_determinant(self) -> FloatArray:
+        """Logarithm of the determinant of the whole curvature, (points,)."""
+        own = self.own_precision
+        blocks = own[..., 0, 0] * own[..., 1, 1] - own[..., 0, 1] ** 2
+        shared: FloatArray = np.linalg.slogdet(self.shared_precision)[1]
+        return np.asarray(np.log(blocks).sum(axis=1) + shared)
 
     def newton_step(self) -> tuple[FloatArray, FloatArray]:
         """Return the step of shared and own parameters to the peak of the parabola."""
-        alone = np.linalg.solve(self.own_precision, self.own_gradient[..., None])
-        pulled = np.tensordot(self.cross, alone[..., 0], axes=([0, 1], [0, 1]))
-        shared = np.linalg.solve(self.shared_precision, self.shared_gradient - pulled)
-        rest = self.own_gradient - self.cross @ shared
-        own = np.linalg.solve(self.own_precision, rest[..., None])[..., 0]
+        pulled = np.einsum("psig,psi->pg", self.response, self.own_gradient)
+        gap = (self.shared_gradient - pulled)[..., None]
+        shared = np.linalg.solve(self.shared_precision, gap)[..., 0]
+        own = (self.own_covariance @ self.own_gradient[..., None])[..., 0]
+        own = own - (self.response @ shared[:, None, :, None])[..., 0]
         return np.asarray(shared, dtype=np.float64), np.asarray(own, dtype=np.float64)
 
     def with_prior(
         self, at: tuple[FloatArray, FloatArray], shared: FloatArray, own: FloatArray
     ) -> "Curvature":
         """Add normal priors about 0 with these precisions, at the given parameters."""
+        diagonal = np.arange(shared.shape[-1])
+        whole = self.whole.copy()
+        whole[:, diagonal, diagonal] += shared
         return replace(
             self,
             shared_gradient=self.shared_gradient - shared * at[0],
             own_gradient=self.own_gradient - at[1] @ own,
-            own_precision=self.own_precision + own,
-            whole=self.whole + np.diag(shared),
+            own_precision=self.own_precision + own[:, None],
+            whole=whole,
         )
+
+    def at(self, points: BoolArray) -> "Curvature":
+        """Return the curvature at some of the points."""
+        return Curvature(**{part.name: getattr(self, part.name)[points] for part in fields(self)})
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _EdgeDerivatives:
-    """Derivatives of each trial's log-likelihood by its upper and lower edge (second: negated)."""
+class EdgeSlopes:
+    """Each trial's log P and the derivatives of it by upper and by lower edge, (trials, points)."""
 
+    lower: FloatArray
+    upper: FloatArray
+    log_p: FloatArray
     up: FloatArray
     down: FloatArray
-    up_up: FloatArray
-    down_down: FloatArray
-    up_down: FloatArray
 
 
-def curvature_of(
-    trials: OrdinalTrials, bounds: tuple[FloatArray, FloatArray], residual_sd: float
-) -> Curvature:
-    """Return the likelihood's derivatives where the trials' lower and upper edges are `bounds`.
+def edge_slopes(lower: FloatArray, upper: FloatArray) -> EdgeSlopes:
+    """Return log(Φ(upper) - Φ(lower)) and its slopes."""
+    mirrored = np.where(lower > 0, -1.0, 1.0)
+    p = mirrored * (ndtr(mirrored * upper) - ndtr(mirrored * lower))
+    far = p < SMALLEST
+    log_p = np.log(np.maximum(p, SMALLEST))
+    if far.any():
+        log_p[far] = log_interval(lower[far], upper[far], "probit")
+    log_scale = -LOG_ROOT_2_PI - log_p
+    return EdgeSlopes(
+        lower=np.where(np.isinf(lower), 0.0, lower),
+        upper=np.where(np.isinf(upper), 0.0, upper),
+        log_p=log_p,
+        up=np.exp(log_scale - upper * upper / 2),
+        down=-np.exp(log_scale - lower * lower / 2),
+    )
+
+
+def curvature_of(trials: OrdinalTrials, slopes: EdgeSlopes, residual_sd: FloatArray) -> Curvature:
+    """Return the likelihood's derivatives with respect to the parameters.
 
     A trial depends on two thresholds, one subject's line and one condition, so the derivatives are
     sums over the cells of those classifications.
     """
-    slopes = _edge_derivatives(*bounds, trials.weight, residual_sd)
-    pull = -(slopes.up + slopes.down)
-    stiff = slopes.up_up + slopes.down_down + 2 * slopes.up_down
-    by_upper, by_lower = slopes.up_up + slopes.up_down, slopes.down_down + slopes.up_down
-
-    weighted = (pull, pull * trials.x)
-    own_gradient = np.stack(
-        [_totals(trials.subject, part, trials.subjects) for part in weighted], axis=-1
-    )
-    own = _own_precision(trials, stiff)
+    up, down = slopes.up / residual_sd, slopes.down / residual_sd
+    up_up = up * (slopes.upper / residual_sd + up)
+    down_down = down * (slopes.lower / residual_sd + down)
+    up_down = up * down
+    by_upper, by_lower = up_up + up_down, down_down + up_down
+    stiff, pull = by_upper + by_lower, -(up + down)
+    points, subjects, free = len(residual_sd), trials.subjects, trials.free
+    sums = (trials.by_subject @ stiff).T.reshape(points, subjects, 3)
+    own = np.stack([sums[..., :2], sums[..., 1:]], axis=-1)
+    pulls = (trials.by_subject @ pull).T.reshape(points, subjects, 3)[..., :2]
+    answers = (points, subjects, trials.categories, 2)
     to_thresholds = -_between_thresholds(
-        _line_sums(trials, by_upper, trials.category, trials.categories),
-        _line_sums(trials, by_lower, trials.category, trials.categories),
-    )[:, :, trials.free]
-    to_conditions = _line_sums(trials, stiff, trials.condition, trials.conditions)
-    cross = np.concatenate([to_thresholds, own, to_conditions], axis=2)
+        (trials.by_answer @ by_upper).T.reshape(answers),
+        (trials.by_answer @ by_lower).T.reshape(answers),
+    )[:, :, free]
+    cells = (trials.by_cell @ stiff).T.reshape(points, subjects, trials.conditions, 2)
+    cross = np.concatenate(
+        [np.swapaxes(to_thresholds, 2, 3), own, np.swapaxes(cells, 2, 3)], axis=3
+    )
+    by_category = trials.by_category
+    gradient = _between_thresholds((by_category @ up).T, (by_category @ down).T)
+    answered = (points, trials.conditions, trials.categories)
+    pulled = (trials.by_condition @ pull).T.reshape(answered).sum(axis=2)
+    coupling = -_between_thresholds(
+        (trials.by_condition @ by_upper).T.reshape(answered)[..., None],
+        (trials.by_condition @ by_lower).T.reshape(answered)[..., None],
+    )[:, :, free, 0]
 
     line, thresholds = trials.line_columns, trials.threshold_columns
-    whole = np.zeros((cross.shape[2], cross.shape[2]))
-    whole[line] = cross.sum(axis=0)
-    whole[:, line] = whole[line].T
-    whole[thresholds, thresholds] = _threshold_block(trials, slopes)
-    whole[line.stop :, line.stop :] = np.diag(to_conditions[:, 0].sum(axis=0))
-    up, down = (
-        _totals(trials.category, slope, trials.categories) for slope in (slopes.up, slopes.down)
-    )
-    by_threshold = _between_thresholds(up, down)[trials.free]
-    by_condition = _totals(trials.condition, pull, trials.conditions)
-    coupling = -_condition_block(trials, by_upper, by_lower)
-    whole[line.stop :, thresholds] = coupling
-    whole[thresholds, line.stop :] = coupling.T
+    rest = np.arange(line.stop, cross.shape[3])
+    whole = np.zeros((points, cross.shape[3], cross.shape[3]))
+    whole[:, line] = cross.sum(axis=1)
+    whole[:, :, line] = np.swapaxes(whole[:, line], 1, 2)
+    block = _threshold_block(*((by_category @ part).T for part in (up_up, down_down, up_down)))
+    whole[:, thresholds, thresholds] = block[:, free][:, :, free]
+    whole[:, rest, rest] = cells[..., 0].sum(axis=1)
+    whole[:, line.stop :, thresholds] = coupling
+    whole[:, thresholds, line.stop :] = np.swapaxes(coupling, 1, 2)
     return Curvature(
-        shared_gradient=np.concatenate([by_threshold, own_gradient.sum(axis=0), by_condition]),
-        own_gradient=own_gradient,
+        shared_gradient=np.concatenate([gradient[:, free], pulls.sum(axis=1), pulled], axis=1),
+        own_gradient=pulls,
         own_precision=own,
         cross=cross,
         whole=whole,
     )
 
 
-def _edge_derivatives(
-    lower: FloatArray, upper: FloatArray, weight: FloatArray, residual_sd: float
-) -> _EdgeDerivatives:
-    log_p = log_interval(lower, upper, "probit")
-    up = np.exp(log_density_of(upper, "probit") - log_p)
-    down = -np.exp(log_density_of(lower, "probit") - log_p)
-    first, second = weight / residual_sd, weight / residual_sd**2
-    return _EdgeDerivatives(
-        up=up * first,
-        down=down * first,
-        up_up=(np.where(np.isinf(upper), 0.0, upper) * up + up**2) * second,
-        down_down=(np.where(np.isinf(lower), 0.0, lower) * down + down**2) * second,
-        up_down=up * down * second,
-    )
-
-
-def _totals(group: IntArray, values: FloatArray, groups: int) -> FloatArray:
-    """Return the sum of the values in each group."""
-    if groups == 0:
-        return np.zeros(0)
-    return np.bincount(group, weights=values, minlength=groups).astype(np.float64)
-
-
-def _own_precision(trials: OrdinalTrials, stiff: FloatArray) -> FloatArray:
-    parts = [
-        _totals(trials.subject, stiff * trials.x**power, trials.subjects) for power in range(3)
-    ]
-    return np.moveaxis(np.array([parts[:2], parts[1:]]), -1, 0)
-
-
-def _line_sums(
-    trials: OrdinalTrials, values: FloatArray, group: IntArray, groups: int
-) -> FloatArray:
-    """Return sums of values times (1, x) per subject and group, shape (subjects, 2, groups)."""
-    cell = trials.subject * groups + group
-    parts = [
-        _totals(cell, part, trials.subjects * groups).reshape(trials.subjects, groups)
-        for part in (values, values * trials.x)
-    ]
-    return np.stack(parts, axis=1)
-
-
 def _between_thresholds(by_upper: FloatArray, by_lower: FloatArray) -> FloatArray:
-    """Return sums per threshold, the upper edge of one category and the lower of the next."""
-    return np.asarray(by_upper[..., :-1] + by_lower[..., 1:])
+    """Return sums per threshold, the upper edge of one category and the lower of the next.
+
+    The axis of the categories is the last of two or the third of four.
+    """
+    if by_upper.ndim == 2:
+        return np.asarray(by_upper[:, :-1] + by_lower[:, 1:])
+    return np.asarray(by_upper[:, :, :-1] + by_lower[:, :, 1:])
 
 
-def _threshold_block(trials: OrdinalTrials, slopes: _EdgeDerivatives) -> FloatArray:
-    up_up = _totals(trials.category, slopes.up_up, trials.categories)
-    down_down = _totals(trials.category, slopes.down_down, trials.categories)
-    neighbours = _totals(trials.category, slopes.up_down, trials.categories)[1:-1]
-    block = np.diag(_between_thresholds(up_up, down_down))
-    block += np.diag(neighbours, 1) + np.diag(neighbours, -1)
-    return np.asarray(block[np.ix_(trials.free, trials.free)])
-
-
-def _condition_block(
-    trials: OrdinalTrials, by_upper: FloatArray, by_lower: FloatArray
-) -> FloatArray:
-    """Return sums per condition and free threshold."""
-    cell = trials.condition * trials.categories + trials.category
-    cells = trials.conditions * trials.categories
-    upper, lower = (
-        _totals(cell, values, cells).reshape(-1, trials.categories)
-        for values in (by_upper, by_lower)
-    )
-    return _between_thresholds(upper, lower)[:, trials.free]
+def _threshold_block(up_up: FloatArray, down_down: FloatArray, up_down: FloatArray) -> FloatArray:
+    size = up_up.shape[1] - 1
+    block = np.zeros((len(up_up), size, size))
+    place, next_to = np.arange(size), np.arange(size - 1)
+    block[:, place, place] = _between_thresholds(up_up, down_down)
+    block[:, next_to, next_to + 1] = block[:, next_to + 1, next_to] = up_down[:, 1:-1]
+    return block

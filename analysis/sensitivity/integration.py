@@ -1,11 +1,10 @@
 """Deterministic integration over a few parameters, such as variance components."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
-from scipy.optimize import minimize
 from scipy.special import gammaincinv, logsumexp, ndtr, ndtri
 
 from analysis.estimates import FloatArray, Interval
@@ -14,12 +13,15 @@ from analysis.estimates import FloatArray, Interval
 LogDensity: TypeAlias = Callable[[FloatArray], FloatArray]
 
 PROPOSAL_DF = 5.0
+PILOT, LEAST_EFFECTIVE = 100, 200.0
 REACH, STEEPNESS = 6.0, 20.0
-GRADIENT_STEP = 1e-3
-CURVATURE_STEP = 0.1
+CURVATURE_STEP = 0.2
+MODE_STEPS, MODE_RISE, LONGEST_STEP = 30, 0.05, 1.0
 # Limits to which the curvature of a direction at the mode is clipped.
 LEAST_CURVATURE, MOST_CURVATURE = 0.1, 1e8
-BISECTIONS = 36
+QUANTILE_STEPS, QUANTILE_TOLERANCE = 60, 1e-9
+# A smaller skewness is taken for this one, for which the distribution still can be computed.
+LEAST_SKEW = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -29,25 +31,50 @@ class WeightedPoints:
     points: FloatArray
     weights: FloatArray
 
+    @property
+    def effective(self) -> float:
+        """Effective sample size: the number of equally weighted points that tell as much."""
+        return float(1 / (self.weights**2).sum())
+
     def mean(self, values: FloatArray) -> FloatArray:
         """Return the posterior mean of values at the points, along the first axis."""
         return np.asarray(np.tensordot(self.weights, values, axes=1), dtype=np.float64)
 
+    def interval_95(self, values: FloatArray) -> Interval:
+        """Return the central 95 % interval of values at the points."""
+        low, high = (weighted_quantile(self.weights, values, p) for p in (0.025, 0.975))
+        return low, high
+
 
 def weighted_points(log_density: LogDensity, start: FloatArray, count: int) -> WeightedPoints:
-    """Return `count` weighted points that represent the density.
+    """Return at least `count` weighted points that represent the density.
 
-    Importance sampling from a t distribution with 5 degrees of freedom about the mode, scaled by
-    the curvature there. The points are those of an additive low-discrepancy sequence instead of
-    random ones, so that the same input gives the same result.
+    Importance sampling from a t distribution with 5 degrees of freedom, first about the mode and
+    scaled by the curvature there, then with the mean and covariance of the points so far, until
+    the effective sample size is at least 200 or four times as many points do not reach it. The
+    points are those of an additive low-discrepancy sequence instead of random ones, so that the
+    same input gives the same result.
     """
     log_density = _within_reach(log_density)
-    mode = _mode(log_density, start)
-    spread = _spread(log_density, mode)
-    points, log_proposal = _t_points(mode, spread, count)
-    log_weights = log_density(points) - log_proposal
-    weights = np.exp(log_weights - logsumexp(log_weights))
+    centre, spread = _mode(log_density, start)
+    for number in (PILOT, count, 2 * count, 4 * count):
+        points, log_proposal = _t_points(centre, spread, number)
+        log_weights = log_density(points) - log_proposal
+        weights = np.exp(log_weights - logsumexp(log_weights))
+        found = WeightedPoints(points=points, weights=weights)
+        if number >= count and found.effective >= LEAST_EFFECTIVE:
+            break
+        centre, spread = _adapted(found, spread)
     return WeightedPoints(points=np.clip(points, -REACH, REACH), weights=weights)
+
+
+def _adapted(found: WeightedPoints, spread: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return mean and spread of the points; few effective ones change the spread little."""
+    mean = found.mean(found.points)
+    away = found.points - mean
+    size, known = len(mean), found.effective
+    covariance = known * (found.weights * away.T) @ away + size * spread @ spread.T
+    return mean, np.asarray(np.linalg.cholesky(covariance / (known + size)), dtype=np.float64)
 
 
 def _within_reach(log_density: LogDensity) -> LogDensity:
@@ -71,26 +98,29 @@ def low_discrepancy(count: int, dimensions: int) -> FloatArray:
     return np.asarray((0.5 + np.arange(1.0, count + 1)[:, None] * steps) % 1.0)
 
 
-def _mode(log_density: LogDensity, start: FloatArray) -> FloatArray:
-    shifts = np.vstack([np.zeros(len(start)), np.eye(len(start)) * GRADIENT_STEP])
+def _mode(log_density: LogDensity, start: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the mode, and a matrix whose columns are uncorrelated steps of one SD there.
 
-    def cost(point: FloatArray) -> tuple[float, FloatArray]:
-        values = log_density(point + shifts)
-        return -float(values[0]), (values[0] - values[1:]) / GRADIENT_STEP
+    Found by Newton's method with differences over steps so long that small errors of the density
+    do not matter; the mode need not be exact, as the points adapt.
+    """
+    mode = start
+    for _ in range(MODE_STEPS):
+        gradient, spread = _parabola(log_density, mode)
+        step = spread @ (spread.T @ gradient)
+        mode = mode + step / max(1.0, float(np.abs(step).max()) / LONGEST_STEP)
+        if gradient @ step < MODE_RISE:
+            break
+    return mode, spread
 
-    found = minimize(
-        cost, start, args=(), jac=True, method="BFGS", options={"gtol": 2e-2, "maxiter": 60}
-    )
-    return np.asarray(found.x, dtype=np.float64)
 
-
-def _spread(log_density: LogDensity, mode: FloatArray) -> FloatArray:
-    """Return a matrix whose columns are uncorrelated steps of one standard deviation."""
-    size = len(mode)
+def _parabola(log_density: LogDensity, centre: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the gradient and the spread of the parabola through values about the centre."""
+    size = len(centre)
     first, second = np.triu_indices(size, 1)
     axes = np.eye(size) * CURVATURE_STEP
     steps = np.vstack([axes, axes[first] + axes[second]])
-    values = log_density(mode + np.vstack([np.zeros(size), steps, -steps]))
+    values = log_density(centre + np.vstack([np.zeros(size), steps, -steps]))
     # Second differences along each axis and each diagonal.
     ahead, behind = np.split(values[1:], 2)
     falls = (2 * values[0] - ahead - behind) / CURVATURE_STEP**2
@@ -98,7 +128,8 @@ def _spread(log_density: LogDensity, mode: FloatArray) -> FloatArray:
     curvature[first, second] = (falls[size:] - falls[first] - falls[second]) / 2
     curvature[second, first] = curvature[first, second]
     eigenvalues, vectors = np.linalg.eigh(curvature)
-    return np.asarray(vectors / np.sqrt(np.clip(eigenvalues, LEAST_CURVATURE, MOST_CURVATURE)))
+    spread = vectors / np.sqrt(np.clip(eigenvalues, LEAST_CURVATURE, MOST_CURVATURE))
+    return (ahead - behind)[:size] / (2 * CURVATURE_STEP), np.asarray(spread)
 
 
 def _t_points(mode: FloatArray, spread: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
@@ -111,29 +142,97 @@ def _t_points(mode: FloatArray, spread: FloatArray, count: int) -> tuple[FloatAr
     return mode + scaled @ spread.T, log_proposal
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Marginals:
+    """Mean, SD and skewness of quantities at each weighted point, shape (points, quantities).
+
+    Without skewness the quantities are normal.
+    """
+
+    means: FloatArray
+    sds: FloatArray
+    skews: FloatArray | None = None
+
+    def plus(self, constant: float) -> "Marginals":
+        """Return the marginals of the quantities plus a constant."""
+        return replace(self, means=self.means + constant)
+
+    def over(self, divisors: FloatArray) -> "Marginals":
+        """Return the marginals of the quantities over a positive number per point."""
+        return replace(self, means=self.means / divisors[:, None], sds=self.sds / divisors[:, None])
+
+    def part(self, quantities: slice) -> "Marginals":
+        """Return the marginals of some of the quantities."""
+        return Marginals(
+            means=self.means[:, quantities],
+            sds=self.sds[:, quantities],
+            skews=None if self.skews is None else self.skews[:, quantities],
+        )
+
+    def interval_95(self, weights: FloatArray) -> list[Interval]:
+        """Return the central 95 % interval of each quantity over all points."""
+        return intervals_95(weights, self.means, self.sds, self.skews)
+
+
 def mixture_quantile(
-    weights: FloatArray, means: FloatArray, sds: FloatArray, probability: float
+    weights: FloatArray,
+    means: FloatArray,
+    sds: FloatArray,
+    probability: float,
+    skews: FloatArray | None = None,
 ) -> FloatArray:
-    """Return the quantile of each mixture of normal distributions, by bisection.
+    """Return the quantile of each mixture of normal or of shifted log-normal distributions.
+
+    It is found by Newton's method, within an interval that shrinks by bisection where that fails.
 
     Parameters:
         weights: shape (points,), sum 1.
-        means, sds: shape (points, quantities).
+        means, sds, skews: shape (points, quantities).
         probability: in (0, 1).
     """
-    low = (means - 9 * sds).min(axis=0)
-    high = (means + 9 * sds).max(axis=0)
-    for _ in range(BISECTIONS):
-        middle = (low + high) / 2
-        below = weights @ ndtr((middle - means) / sds) < probability
-        low, high = np.where(below, middle, low), np.where(below, high, middle)
-    return np.asarray((low + high) / 2)
+    low, high = (means - 9 * sds).min(axis=0), (means + 9 * sds).max(axis=0)
+    centre = weights @ means
+    sd = np.sqrt(weights @ (sds**2 + (means - centre) ** 2))
+    value = np.clip(centre + sd * ndtri(probability), low, high)
+    normal_of = _normal_scores(means, sds, skews)
+    for _ in range(QUANTILE_STEPS):
+        score, slope = normal_of(value)
+        excess = weights @ ndtr(score) - probability
+        if (np.abs(excess) < QUANTILE_TOLERANCE).all():
+            break
+        low, high = np.where(excess < 0, value, low), np.where(excess < 0, high, value)
+        density = weights @ (np.exp(-(score**2) / 2) * slope) / np.sqrt(2 * np.pi)
+        step = value - excess / np.maximum(density, 1e-300)
+        value = np.where((step > low) & (step < high), step, (low + high) / 2)
+    return np.asarray(value)
 
 
-def intervals_95(weights: FloatArray, means: FloatArray, sds: FloatArray) -> list[Interval]:
+def _normal_scores(
+    means: FloatArray, sds: FloatArray, skews: FloatArray | None
+) -> Callable[[FloatArray], tuple[FloatArray, FloatArray]]:
+    """Return the function that maps values to standard normal scores, and their slopes."""
+    if skews is None:
+        return lambda value: ((value - means) / sds, 1 / sds)
+    # A shifted log-normal variable (exp(s y - s²/2) - 1) / k, k² = exp(s²) - 1, has the skewness
+    # k³ + 3k.
+    skewed = np.where(np.abs(skews) < LEAST_SKEW, LEAST_SKEW, skews)
+    k = 2 * np.sinh(np.arcsinh(skewed / 2) / 3)
+    s = np.sign(k) * np.sqrt(np.log1p(k * k))
+    gradient, offset = k / sds, 1 - k * means / sds
+
+    def scores(value: FloatArray) -> tuple[FloatArray, FloatArray]:
+        inside = np.maximum(gradient * value + offset, 1e-300)
+        return np.log(inside) / s + s / 2, gradient / (s * inside)
+
+    return scores
+
+
+def intervals_95(
+    weights: FloatArray, means: FloatArray, sds: FloatArray, skews: FloatArray | None = None
+) -> list[Interval]:
     """Return the central 95 % interval of each mixture."""
-    low = mixture_quantile(weights, means, sds, 0.025)
-    high = mixture_quantile(weights, means, sds, 0.975)
+    low = mixture_quantile(weights, means, sds, 0.025, skews)
+    high = mixture_quantile(weights, means, sds, 0.975, skews)
     return list(zip(low.tolist(), high.tolist(), strict=True))
 
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.estimates import FloatArray, IntArray, Interval, NotEstimable
-from analysis.sensitivity.integration import intervals_95
 from analysis.sensitivity.lines import axes_about
 from analysis.sensitivity.ordinal_model import (
     LatentPosterior,
@@ -124,8 +123,8 @@ def _detection(
     """Return each subject's d′ and criterion; `threshold` is that of the expected change."""
     slope = np.array([0.0, reference / ready.axes.x_sd])
     at_zero = np.array([1.0, -ready.axes.x_mean / ready.axes.x_sd])
-    d_primes, d_intervals = _in_noise_units(ready, posterior, slope, None)
-    criteria, c_intervals = _in_noise_units(ready, posterior, -at_zero, threshold)
+    d_primes, d_intervals = _in_noise_units(posterior, slope, None)
+    criteria, c_intervals = _in_noise_units(posterior, -at_zero, threshold)
     return tuple(
         ChangeDetection(
             subject=name,
@@ -139,18 +138,12 @@ def _detection(
 
 
 def _in_noise_units(
-    ready: PreparedTrials, posterior: LatentPosterior, of_line: FloatArray, threshold: int | None
+    posterior: LatentPosterior, of_line: FloatArray, threshold: int | None
 ) -> tuple[FloatArray, list[Interval]]:
     """Return mean and interval of (threshold + of_line · line) / σ for each subject."""
-    means, sds = [], []
-    for mode, sigma in zip(posterior.modes, posterior.residual_sds, strict=True):
-        of_shared = np.zeros(len(mode.shared))
-        of_shared[ready.trials.line_columns] = of_line
-        if threshold is not None:
-            of_shared[threshold] = 1.0
-        mean, variance = mode.contrast(of_shared, of_line)
-        means.append(mean / sigma)
-        sds.append(np.sqrt(variance) / sigma)
+    combinations = posterior.of_lines(of_line)[:-1]
+    if threshold is not None:
+        combinations[:, threshold] = 1.0
+    found = posterior.marginals(combinations).over(posterior.residual_sds)
     weights = posterior.points.weights
-    centres = np.array(means)
-    return weights @ centres, intervals_95(weights, centres, np.array(sds))
+    return weights @ found.means, found.interval_95(weights)

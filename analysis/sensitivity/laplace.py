@@ -1,57 +1,88 @@
 """Laplace's approximation of ordered answers with partially pooled latent lines."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from analysis.estimates import FloatArray
-from analysis.sensitivity.curvature import Curvature, OrdinalTrials, curvature_of
-from analysis.statistics.ordinal_likelihood import log_interval
+from analysis.estimates import BoolArray, FloatArray, IntArray
+from analysis.sensitivity.curvature import Curvature, OrdinalTrials, curvature_of, edge_slopes
 
 STEPS = 60
-HALVINGS = 30
 # Prior SD of thresholds and population line, in SDs of the ratings. It is so wide that it only
 # keeps them finite if the answers do not overlap.
 WIDE = 10.0
-# Newton's method stops if its step is expected to raise the log posterior by less than this.
-RISE = 1e-6
+# Newton's method makes its last step if that is expected to raise the log posterior by less.
+RISE = 1e-4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Components:
-    """Variance components: σ, covariance between subjects, SD of discrepancies."""
+    """σ (points,), T (points, 2, 2) and the SD of discrepancies (points,)."""
 
-    residual_sd: float
+    residual_sd: FloatArray
     between: FloatArray
-    discrepancy_sd: float
+    discrepancy_sd: FloatArray
+
+    def at(self, points: IntArray) -> "Components":
+        """Return the components at some of the points."""
+        return Components(**{part.name: getattr(self, part.name)[points] for part in fields(self)})
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LatentMode:
-    """The posterior mode of the latent parameters, with the log posterior and curvature there.
+class LatentModes:
+    """At each point the mode of the latent parameters, its log posterior and curvature.
 
-    `shared` (G,): free thresholds, population line, discrepancies; `own` (subjects, 2): each
-    subject's departure from that line.
+    `shared` (points, G): free thresholds, population line, discrepancies; `own` (points, subjects,
+    2): each subject's departure from that line; `value` (points,).
     """
 
     shared: FloatArray
     own: FloatArray
-    value: float
+    value: FloatArray
     curvature: Curvature
 
-    @property
-    def log_evidence(self) -> float:
-        """Log marginal likelihood at these components, up to a constant."""
-        own = np.linalg.slogdet(self.curvature.own_precision)[1].sum()
-        return float(self.value - (own + np.linalg.slogdet(self.curvature.shared_precision)[1]) / 2)
+    def at(self, points: BoolArray) -> "LatentModes":
+        """Return the modes at some of the points."""
+        return LatentModes(
+            shared=self.shared[points],
+            own=self.own[points],
+            value=self.value[points],
+            curvature=self.curvature.at(points),
+        )
 
-    def contrast(self, of_shared: FloatArray, of_own: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return mean and variance of `of_shared · shared + of_own · own` for each subject."""
-        inverse = np.linalg.inv(self.curvature.shared_precision)
-        alone = np.linalg.solve(self.curvature.own_precision, of_own)
-        reach = of_shared - np.einsum("si,sig->sg", alone, self.curvature.cross)
-        variance = alone @ of_own + ((reach @ inverse) * reach).sum(axis=1)
-        return self.own @ of_own + float(of_shared @ self.shared), variance
+    def replaced(self, points: IntArray, others: "LatentModes") -> "LatentModes":
+        """Return these modes, with others at some of the points."""
+        return LatentModes(
+            shared=_with(self.shared, points, others.shared),
+            own=_with(self.own, points, others.own),
+            value=_with(self.value, points, others.value),
+            curvature=Curvature(
+                **{
+                    part.name: _with(
+                        getattr(self.curvature, part.name),
+                        points,
+                        getattr(others.curvature, part.name),
+                    )
+                    for part in fields(Curvature)
+                }
+            ),
+        )
+
+    @property
+    def log_evidence(self) -> FloatArray:
+        """Log marginal likelihood at these components, up to a constant."""
+        return self.value - self.curvature.log_determinant / 2
+
+    @property
+    def parameters(self) -> FloatArray:
+        """Shared parameters, then each subject's own, in one row per point."""
+        return np.concatenate([self.shared, self.own.reshape(len(self.own), -1)], axis=1)
+
+
+def _with(values: FloatArray, points: IntArray, others: FloatArray) -> FloatArray:
+    changed = values.copy()
+    changed[points] = others
+    return changed
 
 
 class LatentField:
@@ -64,72 +95,72 @@ class LatentField:
     def __init__(self, trials: OrdinalTrials) -> None:
         self.trials = trials
 
-    def start(self) -> tuple[FloatArray, FloatArray]:
-        """Return the initial shared and own parameters."""
-        return self.trials.shared_start, np.zeros((self.trials.subjects, 2))
+    def start(self, points: int) -> tuple[FloatArray, FloatArray]:
+        """Return the initial shared and own parameters at each point."""
+        shared = np.tile(self.trials.shared_start, (points, 1))
+        return shared, np.zeros((points, self.trials.subjects, 2))
 
-    def mode(self, components: Components, start: tuple[FloatArray, FloatArray]) -> LatentMode:
-        """Return the mode at the given components by Newton's method from `start`."""
-        shared, own = start
-        value = self.value(shared, own, components)
+    def modes(self, components: Components, start: tuple[FloatArray, FloatArray]) -> LatentModes:
+        """Return the mode at each of the given components by Newton's method from `start`."""
+        current = self.evaluated(*start, components)
+        (shared, own), rise = _newton(current)
+        length = np.ones(len(rise))
         for _ in range(STEPS):
-            found = self.curvature(shared, own, components)
-            step = found.newton_step()
-            rise = found.shared_gradient @ step[0] + (found.own_gradient * step[1]).sum()
-            if rise < RISE:
+            active = np.flatnonzero(rise >= RISE)
+            if not active.size:
                 break
-            shared, own, value = self._advance((shared, own, value), step, components)
-        return LatentMode(shared=shared, own=own, value=value, curvature=found)
+            size = length[active]
+            moved = self.evaluated(
+                current.shared[active] + size[:, None] * shared[active],
+                current.own[active] + size[:, None, None] * own[active],
+                components.at(active),
+            )
+            risen = moved.value > current.value[active]
+            length[active] = np.where(risen, 1.0, size / 2)
+            if not risen.any():
+                continue
+            to, moved = active[risen], moved.at(risen)
+            current = current.replaced(to, moved)
+            (shared[to], own[to]), rise[to] = _newton(moved)
+        return replace(
+            current,
+            shared=current.shared + shared,
+            own=current.own + own,
+            value=current.value + rise / 2,
+        )
 
-    def _advance(
-        self,
-        current: tuple[FloatArray, FloatArray, float],
-        step: tuple[FloatArray, FloatArray],
-        components: Components,
-    ) -> tuple[FloatArray, FloatArray, float]:
-        """Return the parameters after the step, shortened until the posterior rises."""
-        shared, own, value = current
-        length = 1.0
-        for _ in range(HALVINGS):
-            to = shared + length * step[0], own + length * step[1]
-            reached = self.value(*to, components)
-            if reached > value:
-                return *to, reached
-            length /= 2
-        return current
-
-    def _bounds(
-        self, shared: FloatArray, own: FloatArray, components: Components
-    ) -> tuple[FloatArray, FloatArray]:
-        edges = self.trials.edges(shared)
-        location = self.trials.location(shared, own)
-        lower = edges[self.trials.category] - location
-        upper = edges[self.trials.category + 1] - location
-        return lower / components.residual_sd, upper / components.residual_sd
-
-    def value(self, shared: FloatArray, own: FloatArray, components: Components) -> float:
-        """Return the log posterior, -inf if the thresholds are not in order."""
-        if (np.diff(self.trials.edges(shared)) <= 0).any():
-            return -np.inf
-        lower, upper = self._bounds(shared, own, components)
-        likelihood = float(self.trials.weight @ log_interval(lower, upper, "probit"))
-        precision = np.linalg.inv(components.between)
+    def evaluated(self, shared: FloatArray, own: FloatArray, components: Components) -> LatentModes:
+        """Return log posterior, gradient and curvature, -inf if the thresholds are not in order."""
+        # A step that is too long may overflow; it is shortened.
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            slopes = edge_slopes(*self.trials.bounds(shared, own, components.residual_sd))
+            likelihood = curvature_of(self.trials, slopes, components.residual_sd)
+        departures = shared - self.trials.shared_start, own
+        precision = np.asarray(np.linalg.inv(components.between), dtype=np.float64)
         shared_precision = self._shared_prior(components)
-        squares = ((own @ precision) * own).sum()
-        squares += shared_precision @ (shared - self.trials.shared_start) ** 2
-        determinants = len(own) * np.linalg.slogdet(precision)[1] + np.log(shared_precision).sum()
-        return likelihood - float(squares - determinants) / 2
+        squares = np.einsum("psi,pij,psj->p", own, precision, own)
+        squares += (shared_precision * departures[0] ** 2).sum(axis=1)
+        determinants = own.shape[1] * np.linalg.slogdet(precision)[1]
+        determinants += np.log(shared_precision).sum(axis=1)
+        value = self.trials.weight @ slopes.log_p - (squares - determinants) / 2
+        return LatentModes(
+            shared=shared,
+            own=own,
+            value=np.where(self.trials.in_order(shared), value, -np.inf),
+            curvature=likelihood.with_prior(departures, shared_precision, precision),
+        )
 
     def _shared_prior(self, components: Components) -> FloatArray:
         """Return the prior precision of each shared parameter about its initial value."""
-        prior = np.full(len(self.trials.shared_start), WIDE**-2)
-        prior[self.trials.line_columns.stop :] = components.discrepancy_sd**-2
+        shape = len(components.residual_sd), len(self.trials.shared_start)
+        prior = np.full(shape, WIDE**-2)
+        prior[:, self.trials.line_columns.stop :] = components.discrepancy_sd[:, None] ** -2
         return prior
 
-    def curvature(self, shared: FloatArray, own: FloatArray, components: Components) -> Curvature:
-        """Return gradient and curvature of the log posterior, including the prior."""
-        departures = shared - self.trials.shared_start, own
-        precision = np.asarray(np.linalg.inv(components.between), dtype=np.float64)
-        bounds = self._bounds(shared, own, components)
-        likelihood = curvature_of(self.trials, bounds, components.residual_sd)
-        return likelihood.with_prior(departures, self._shared_prior(components), precision)
+
+def _newton(found: LatentModes) -> tuple[tuple[FloatArray, FloatArray], FloatArray]:
+    """Return Newton's step of shared and own parameters, and the rise that it expects."""
+    curvature = found.curvature
+    shared, own = curvature.newton_step()
+    rise = (curvature.shared_gradient * shared).sum(axis=1)
+    return (shared, own), rise + (curvature.own_gradient * own).sum(axis=(1, 2))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.estimates import FloatArray, IntArray, NotEstimable
-from analysis.sensitivity.integration import WeightedPoints, weighted_points
+from analysis.sensitivity.integration import Marginals, WeightedPoints, weighted_points
 from analysis.sensitivity.lines import (
     Axes,
     LineMixture,
@@ -13,11 +13,13 @@ from analysis.sensitivity.lines import (
     axes_of,
     covariance_matrices,
     log_prior_of_spread,
+    spread_of,
     summary,
+    turn_of,
 )
 from analysis.sensitivity.ratings import Ratings
 
-POINTS = 200
+POINTS = 400
 # log σ, log τ_bias, log τ_gain and artanh ρ, in standard deviations of the ratings.
 START = np.array([-0.5, -0.7, -0.7, 0.0])
 
@@ -157,13 +159,20 @@ def _result(
 ) -> LinearSensitivity:
     residual_sd, between = _components(posterior.points)
     known = line_posterior(sums, residual_sd, between)
+    turn = turn_of(axes)
+    covariances = np.concatenate([known.covariances, known.population_covariance[:, None]], axis=1)
+    variances = np.diagonal(turn @ covariances @ turn.T, axis1=-2, axis2=-1)
+    means = np.concatenate([known.means, known.population[:, None]], axis=1) @ turn.T
+    bias, gain = (
+        Marginals(means=means[..., part], sds=np.sqrt(variances[..., part])) for part in (0, 1)
+    )
     mixture = LineMixture(
         weights=posterior.weights,
-        means=np.concatenate([known.means, known.population[:, None]], axis=1),
-        covariances=np.concatenate([known.covariances, known.population_covariance[:, None]], 1),
-        between=between,
+        bias=bias.plus(axes.y_mean),
+        gain=gain,
+        spread=spread_of(between, axes),
     )
     return LinearSensitivity(
-        lines=summary(ratings.subjects, sums.counts, mixture, axes),
+        lines=summary(ratings.subjects, sums.counts, mixture),
         residual_sd=float(posterior.mean(residual_sd)) * axes.y_sd,
     )

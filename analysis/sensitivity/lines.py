@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.estimates import FloatArray, Interval, NotEstimable
-from analysis.sensitivity.integration import intervals_95, weighted_quantile
+from analysis.sensitivity.integration import Marginals, weighted_quantile
 from analysis.sensitivity.ratings import Ratings
 
 
@@ -80,34 +80,43 @@ def covariance_matrices(points: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LineMixture:
-    """Lines in standard units, as a mixture of normal posteriors, one per weighted point.
+    """Posteriors of the lines in rating points, one per weighted point.
 
-    `weights` (points,); `means` (points, subjects + 1, 2) and `covariances` (points, subjects + 1,
-    2, 2) of intercept and slope, the population's line last; `between` (points, 2, 2), the
-    covariance of subjects.
+    `weights` (points,); `bias` and `gain` of each subject and, last, of the population; `spread`
+    (points, 2), the SDs of bias and gain between subjects.
     """
 
     weights: FloatArray
-    means: FloatArray
-    covariances: FloatArray
-    between: FloatArray
+    bias: Marginals
+    gain: Marginals
+    spread: FloatArray
 
 
-def summary(subjects: tuple[str, ...], counts: FloatArray, known: LineMixture, axes: Axes) -> Lines:
-    """Return lines in rating points; `counts` has each subject's number of trials."""
-    # Bias is the line's value at contrast 0; the intercept is its value at the mean contrast.
-    turn = np.array([[1.0, -axes.x_mean / axes.x_sd], [0.0, 1.0]]) * axes.y_sd
-    turn[1] /= axes.x_sd
-    weights = known.weights
-    centres = known.means @ turn.T + np.array([axes.y_mean, 0.0])
-    sds = np.sqrt(np.diagonal(turn @ known.covariances @ turn.T, axis1=-2, axis2=-1))
-    bias, gain = (weights @ centres[..., part] for part in (0, 1))
+def turn_of(axes: Axes) -> FloatArray:
+    """Return the matrix that maps (intercept, slope) in standard units to (bias, gain).
+
+    Bias is the line's value at contrast 0, less the mean rating; the intercept is its value at the
+    mean contrast.
+    """
+    turn = np.array([[1.0, -axes.x_mean / axes.x_sd], [0.0, 1 / axes.x_sd]])
+    return turn * axes.y_sd
+
+
+def spread_of(between: FloatArray, axes: Axes) -> FloatArray:
+    """Return the SDs of bias and gain between subjects, of their covariances in standard units."""
+    turn = turn_of(axes)
+    return np.asarray(np.sqrt(np.diagonal(turn @ between @ turn.T, axis1=-2, axis2=-1)))
+
+
+def summary(subjects: tuple[str, ...], counts: FloatArray, known: LineMixture) -> Lines:
+    """Return the lines of a mixture; `counts` has each subject's number of trials."""
+    weights, spread = known.weights, known.spread
+    bias, gain = (weights @ part.means for part in (known.bias, known.gain))
     bias_intervals, gain_intervals = (
-        intervals_95(weights, centres[..., part], sds[..., part]) for part in (0, 1)
+        part.interval_95(weights) for part in (known.bias, known.gain)
     )
-    spread = np.sqrt(np.diagonal(turn @ known.between @ turn.T, axis1=-2, axis2=-1))
     # The subject's own share of the gain: 1 - posterior variance / variance between subjects.
-    variance_ratio = known.covariances[:, :-1, 1, 1] / known.between[:, 1, 1][:, None]
+    variance_ratio = (known.gain.sds[:, :-1] / spread[:, 1:]) ** 2
     own = weights @ np.clip(1 - variance_ratio, 0.0, 1.0)
     return Lines(
         subjects=tuple(

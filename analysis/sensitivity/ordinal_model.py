@@ -7,8 +7,8 @@ import numpy as np
 
 from analysis.estimates import BoolArray, FloatArray, IntArray, Interval, NotEstimable
 from analysis.sensitivity.curvature import OrdinalTrials, counted
-from analysis.sensitivity.integration import WeightedPoints, intervals_95, weighted_points
-from analysis.sensitivity.laplace import Components, LatentField, LatentMode
+from analysis.sensitivity.integration import Marginals, WeightedPoints, weighted_points
+from analysis.sensitivity.laplace import Components, LatentField, LatentModes
 from analysis.sensitivity.lines import (
     Axes,
     LineMixture,
@@ -16,11 +16,19 @@ from analysis.sensitivity.lines import (
     axes_of,
     covariance_matrices,
     log_prior_of_spread,
+    spread_of,
     summary,
+    turn_of,
 )
+from analysis.sensitivity.marginals import marginals
 from analysis.sensitivity.ratings import Ratings
 
-POINTS = 60
+# A study of few trials leaves the variance components uncertain, so that it needs more points to
+# integrate over them; each costs less.
+FEWEST_POINTS, MOST_POINTS = 400, 4000
+POINTS_BY_TRIALS = 6e7
+# Modes are foreseen by a parabola, up to this distance from the middle of the known ones.
+FARTHEST = 2.5
 # log σ, log τ_bias, log τ_gain, artanh ρ and log τ_discrepancy.
 START = np.array([-0.5, -0.7, -0.7, 0.0, -1.5])
 FEWEST_CONDITIONS = 3
@@ -40,6 +48,7 @@ class OrdinalSensitivity:
 
     `thresholds` lie between the `categories`, from the lowest up; `discrepancies` are the effects
     of conditions beyond their predicted contrasts, empty with fewer than three conditions.
+    `effective_points` is the effective sample size of the integration over variance components.
     """
 
     lines: Lines
@@ -47,6 +56,7 @@ class OrdinalSensitivity:
     categories: tuple[str, ...]
     thresholds: tuple[float, ...]
     discrepancies: Mapping[str, Estimate]
+    effective_points: float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -73,13 +83,28 @@ class PreparedTrials:
 class LatentPosterior:
     """Weighted points (log σ, log τ_bias, log τ_gain, artanh ρ, log τ_δ) and the mode at each."""
 
+    trials: OrdinalTrials
     points: WeightedPoints
-    modes: tuple[LatentMode, ...]
+
+    modes: LatentModes
 
     @property
     def residual_sds(self) -> FloatArray:
         """σ at each point, in standard units of the ratings."""
         return np.asarray(np.exp(self.points.points[:, 0]))
+
+    def marginals(self, combinations: FloatArray) -> Marginals:
+        """Return posteriors of combinations (quantities, parameters) of the latent parameters."""
+        points = self.points
+        return marginals(self.trials, self.modes, points.points, points.weights, combinations)
+
+    def of_lines(self, of_line: FloatArray) -> FloatArray:
+        """Return combinations: of_line · line of each subject and, last, of the population."""
+        subjects, size = self.trials.subjects, len(self.trials.shared_start)
+        rows = np.zeros((subjects + 1, size + 2 * subjects))
+        rows[:, self.trials.line_columns] = of_line
+        rows[:-1, size:] = np.kron(np.eye(subjects), of_line)
+        return rows
 
 
 def ordinal_sensitivity(ratings: Ratings) -> OrdinalSensitivity | NotEstimable:
@@ -90,10 +115,16 @@ def ordinal_sensitivity(ratings: Ratings) -> OrdinalSensitivity | NotEstimable:
     between the two lowest and the two highest ratings given, so that bias and gain are in rating
     points and comparable with M1. δ_c ~ N(0, τ_δ²). Priors are those of M1, half-Cauchy for σ and
     τ_δ, and a very wide normal prior for thresholds and population that only keeps them finite.
-    Given σ, T and τ_δ, the posterior of the rest is approximated as normal about its mode; over
-    these three it is integrated (nested Laplace approximation: Rue, Martino and Chopin, Journal of
-    the Royal Statistical Society B 71, 2009).
+    Given σ, T and τ_δ, the posterior of the rest is approximated about its mode, as normal but for
+    its skewness; over these three it is integrated (nested Laplace approximation: Rue, Martino and
+    Chopin, Journal of the Royal Statistical Society B 71, 2009).
     """
+    ready = prepared_ratings(ratings)
+    return ready if isinstance(ready, NotEstimable) else fitted(ready, latent_posterior(ready))
+
+
+def prepared_ratings(ratings: Ratings) -> PreparedTrials | NotEstimable:
+    """Return the rated trials, each different rating being a category, or why they set no scale."""
     trials = ratings.given
     axes = axes_of(trials)
     if isinstance(axes, NotEstimable):
@@ -107,8 +138,7 @@ def ordinal_sensitivity(ratings: Ratings) -> OrdinalSensitivity | NotEstimable:
     fixed = np.isin(np.arange(len(edges)), [0, len(edges) - 1])
     names = tuple(f"{value:g}" for value in values)
     scale = Scale(categories=names, edges=edges, fixed=fixed)
-    ready = prepared(trials, np.asarray(category), scale, axes)
-    return fitted(ready, latent_posterior(ready))
+    return prepared(trials, np.asarray(category), scale, axes)
 
 
 def prepared(trials: Ratings, category: IntArray, scale: Scale, axes: Axes) -> PreparedTrials:
@@ -138,84 +168,89 @@ def prepared(trials: Ratings, category: IntArray, scale: Scale, axes: Axes) -> P
 def latent_posterior(ready: PreparedTrials) -> LatentPosterior:
     """Return the posterior of prepared trials, discretised in σ, T and τ_δ."""
     field = LatentField(ready.trials)
-    modes = [field.mode(_components(START), field.start())]
+    start = START if ready.trials.conditions else START[:-1]
+    known = start[None], field.modes(_components(start[None]), field.start(1))
 
     def log_posterior(points: FloatArray) -> FloatArray:
-        nonlocal modes
-        latest, found = modes[0], []
-        for point in points:
-            latest = field.mode(_components(point), (latest.shared, latest.own))
-            found.append(latest)
-        modes = found
-        evidence = np.array([mode.log_evidence for mode in found])
-        return np.asarray(evidence + [_log_prior(point) for point in points])
+        nonlocal known
+        modes = field.modes(_components(points), _foreseen(field, known, points))
+        known = points, modes
+        return modes.log_evidence + _log_prior(points)
 
-    start = START if ready.trials.conditions else START[:-1]
-    posterior = weighted_points(log_posterior, start, POINTS)
-    # The last evaluation was at the returned points, so `modes` are their modes.
-    return LatentPosterior(points=posterior, modes=tuple(modes))
+    wanted = int(POINTS_BY_TRIALS / len(ready.trials.x) ** 2)
+    count = min(max(wanted, FEWEST_POINTS), MOST_POINTS)
+    points = weighted_points(log_posterior, start, count)
+    # The last evaluation was at the returned points, so these are their modes.
+    return LatentPosterior(trials=ready.trials, points=points, modes=known[1])
 
 
-def _components(point: FloatArray) -> Components:
+def _foreseen(
+    field: LatentField, known: tuple[FloatArray, LatentModes], points: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return starts for the search of the modes at `points`, linear in those that are known."""
+    centre = known[0].mean(axis=0)
+    design, wanted = (_polynomial(part - centre) for part in (known[0], points))
+    columns = design.shape[1] if len(known[0]) > 2 * design.shape[1] else 1 + points.shape[1]
+    plane = np.linalg.lstsq(design[:, :columns], known[1].parameters, rcond=1e-6)[0]
+    found, size = wanted[:, :columns] @ plane, known[1].shared.shape[1]
+    in_order = field.trials.in_order(found[:, :size])
+    found = np.where(in_order[:, None], found, known[1].parameters.mean(axis=0))
+    return found[:, :size], found[:, size:].reshape(len(points), -1, 2)
+
+
+def _polynomial(away: FloatArray) -> FloatArray:
+    """Return 1, the distances, limited, and their products of two."""
+    near = np.clip(away, -FARTHEST, FARTHEST)
+    one, other = np.triu_indices(near.shape[1])
+    return np.column_stack([np.ones(len(near)), near, near[:, one] * near[:, other]])
+
+
+def _components(points: FloatArray) -> Components:
     return Components(
-        residual_sd=float(np.exp(point[0])),
-        between=covariance_matrices(point[None, 1:4])[0],
-        discrepancy_sd=float(np.exp(point[4])) if len(point) > 4 else 1.0,
+        residual_sd=np.exp(points[:, 0]),
+        between=covariance_matrices(points[:, 1:4]),
+        discrepancy_sd=np.exp(points[:, 4]) if points.shape[1] > 4 else np.ones(len(points)),
     )
 
 
-def _log_prior(point: FloatArray) -> float:
-    spread = log_prior_of_spread(point[1:3]).sum()
-    others = np.delete(point, [1, 2, 3])
-    half_cauchy = (others - np.log1p(np.exp(2 * others))).sum()
-    return float(spread + half_cauchy - 2 * np.log(np.cosh(point[3])))
+def _log_prior(points: FloatArray) -> FloatArray:
+    spread = log_prior_of_spread(points[:, 1:3]).sum(axis=1)
+    others = np.delete(points, [1, 2, 3], axis=1)
+    half_cauchy = (others - np.log1p(np.exp(2 * others))).sum(axis=1)
+    return np.asarray(spread + half_cauchy - 2 * np.log(np.cosh(points[:, 3])))
 
 
 def fitted(ready: PreparedTrials, known: LatentPosterior) -> OrdinalSensitivity:
     """Return lines, thresholds and discrepancies of the posterior, in rating points."""
-    posterior, modes = known.points, known.modes
-    trials, axes = ready.trials, ready.axes
-    lines = [_line_posterior(mode, trials.line_columns) for mode in modes]
+    points, trials, axes = known.points, ready.trials, ready.axes
+    bias, gain = turn_of(axes)
+    lines, first = trials.subjects + 1, len(trials.shared_start) - trials.conditions
+    effects = axes.y_sd * np.eye(trials.conditions, known.modes.parameters.shape[1], first)
+    found = known.marginals(np.vstack([known.of_lines(bias), known.of_lines(gain), effects]))
     mixture = LineMixture(
-        weights=posterior.weights,
-        means=np.array([means for means, _ in lines]),
-        covariances=np.array([covariances for _, covariances in lines]),
-        between=covariance_matrices(posterior.points[:, 1:4]),
+        weights=points.weights,
+        bias=found.part(slice(lines)).plus(axes.y_mean),
+        gain=found.part(slice(lines, 2 * lines)),
+        spread=spread_of(covariance_matrices(points.points[:, 1:4]), axes),
     )
     counts = np.bincount(trials.subject, weights=trials.weight, minlength=trials.subjects)
-    shared = posterior.weights @ np.array([mode.shared for mode in modes])
-    thresholds = axes.y_mean + axes.y_sd * trials.edges(shared)[1:-1]
+    thresholds = trials.edges((points.weights @ known.modes.shared)[None])[0, 1:-1]
     return OrdinalSensitivity(
-        lines=summary(ready.subjects, counts.astype(np.float64), mixture, axes),
-        residual_sd=float(posterior.mean(known.residual_sds)) * axes.y_sd,
+        lines=summary(ready.subjects, counts.astype(np.float64), mixture),
+        residual_sd=float(points.mean(known.residual_sds)) * axes.y_sd,
         categories=ready.categories,
-        thresholds=tuple(thresholds.tolist()),
-        discrepancies=_discrepancies(ready, posterior.weights, modes),
+        thresholds=tuple((axes.y_mean + axes.y_sd * thresholds).tolist()),
+        discrepancies=_discrepancies(ready, points.weights, found.part(slice(2 * lines, None))),
+        effective_points=points.effective,
     )
-
-
-def _line_posterior(mode: LatentMode, columns: slice) -> tuple[FloatArray, FloatArray]:
-    """Return mean and covariance of each subject's line and, last, the population's."""
-    curvature = mode.curvature
-    shared = np.linalg.inv(curvature.shared_precision)
-    pick = np.zeros((2, len(mode.shared)))
-    pick[:, columns] = np.eye(2)
-    reach = pick - np.linalg.solve(curvature.own_precision, curvature.cross)
-    own = np.linalg.inv(curvature.own_precision) + reach @ shared @ np.swapaxes(reach, 1, 2)
-    line = mode.shared[columns]
-    return np.vstack([mode.own + line, line]), np.concatenate([own, (pick @ shared @ pick.T)[None]])
 
 
 def _discrepancies(
-    ready: PreparedTrials, weights: FloatArray, modes: tuple[LatentMode, ...]
+    ready: PreparedTrials, weights: FloatArray, found: Marginals
 ) -> dict[str, Estimate]:
     if not ready.trials.conditions:
         return {}
-    first, unit = ready.trials.line_columns.stop, ready.axes.y_sd
-    means = unit * np.array([mode.shared[first:] for mode in modes])
-    inverses = [np.linalg.inv(mode.curvature.shared_precision) for mode in modes]
-    sds = unit * np.sqrt([np.diag(inverse)[first:] for inverse in inverses])
-    values, intervals = (weights @ means).tolist(), intervals_95(weights, means, sds)
+    values, intervals = (weights @ found.means).tolist(), found.interval_95(weights)
     return {
         name: Estimate(value=value, interval=interval)
         for name, value, interval in zip(ready.conditions, values, intervals, strict=True)

@@ -61,8 +61,14 @@ def a_field() -> LatentField:
 
 
 COMPONENTS = Components(
-    residual_sd=0.7, between=np.array([[0.8, 0.1], [0.1, 0.5]]), discrepancy_sd=0.6
+    residual_sd=np.array([0.7]),
+    between=np.array([[[0.8, 0.1], [0.1, 0.5]]]),
+    discrepancy_sd=np.array([0.6]),
 )
+
+
+def value_of(field: LatentField, shared: FloatArray, own: FloatArray) -> float:
+    return float(field.evaluated(shared[None], own[None], COMPONENTS).value[0])
 
 
 def test_gradient_and_curvature_are_those_of_the_posterior() -> None:
@@ -70,19 +76,20 @@ def test_gradient_and_curvature_are_those_of_the_posterior() -> None:
     rng = np.random.default_rng(2)
     shared = field.trials.shared_start + 0.1 * rng.normal(size=7)
     own = 0.3 * rng.normal(size=(4, 2))
-    found = field.curvature(shared, own, COMPONENTS)
+    found = field.evaluated(shared[None], own[None], COMPONENTS).curvature
     size = len(shared)
     whole = np.zeros((size + 8, size + 8))
-    whole[:size, :size] = found.whole
+    whole[:size, :size] = found.whole[0]
     for number in range(4):
         block = slice(size + 2 * number, size + 2 * number + 2)
-        whole[block, block] = found.own_precision[number]
-        whole[block, :size] = found.cross[number]
-        whole[:size, block] = found.cross[number].T
-    gradient = np.concatenate([found.shared_gradient, found.own_gradient.ravel()])
+        whole[block, block] = found.own_precision[0, number]
+        whole[block, :size] = found.cross[0, number]
+        whole[:size, block] = found.cross[0, number].T
+    gradient = np.concatenate([found.shared_gradient[0], found.own_gradient.ravel()])
 
     def value(step: FloatArray) -> float:
-        return field.value(shared + step[:size], own + step[size:].reshape(4, 2), COMPONENTS)
+        moved = shared + step[:size], own + step[size:].reshape(4, 2)
+        return value_of(field, *moved)
 
     steps = np.eye(size + 8) * 1e-4
     slopes = [(value(step) - value(-step)) / 2e-4 for step in steps]
@@ -96,14 +103,15 @@ def test_gradient_and_curvature_are_those_of_the_posterior() -> None:
 
 def test_newton_ends_at_the_mode() -> None:
     field = a_field()
-    mode = field.mode(COMPONENTS, field.start())
-    gradient = [mode.curvature.shared_gradient, mode.curvature.own_gradient.ravel()]
+    mode = field.modes(COMPONENTS, field.start(1))
+    there = field.evaluated(mode.shared, mode.own, COMPONENTS).curvature
+    gradient = [there.shared_gradient[0], there.own_gradient.ravel()]
     assert np.abs(np.concatenate(gradient)).max() < 1e-2
     rng = np.random.default_rng(1)
     for _ in range(20):
-        shared = mode.shared + 0.05 * rng.normal(size=7)
-        own = mode.own + 0.05 * rng.normal(size=(4, 2))
-        assert field.value(shared, own, COMPONENTS) < mode.value
+        shared = mode.shared[0] + 0.05 * rng.normal(size=7)
+        own = mode.own[0] + 0.05 * rng.normal(size=(4, 2))
+        assert value_of(field, shared, own) < mode.value[0]
 
 
 def test_equal_trials_are_counted_once() -> None:

@@ -25,7 +25,7 @@ from analysis.sensitivity.ratings import Ratings
 
 # A study of few trials leaves the variance components uncertain, so that it needs more points to
 # integrate over them; each costs less.
-FEWEST_POINTS, MOST_POINTS = 400, 4000
+FEWEST_POINTS, MOST_POINTS = 400, 2000
 POINTS_BY_TRIALS = 6e7
 # Modes are foreseen by a parabola, up to this distance from the middle of the known ones.
 FARTHEST = 2.5

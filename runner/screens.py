@@ -9,7 +9,8 @@ from typing import Any, Literal
 
 from device.errors import UNKNOWN
 from protocol.journal.records import ReadBack
-from protocol.study.questions import Question, Rating
+from protocol.study.questions import Question
+from protocol.study.rating import Rating
 from protocol.study.touch import Touch, TouchDefaults, touch_s
 
 Order = Literal["pause", "stop", "repeat", "emergency stop"]

@@ -19,7 +19,7 @@ from protocol.errors import BadInput
 from protocol.journal.events import StoredEvent
 from protocol.study.design import Publication
 from protocol.study.participant_texts import language, study_codes, study_wording
-from protocol.study.questions import PAPERS_SCALE, Rating
+from protocol.study.rating import PAPERS_SCALE, Rating
 from protocol.study.study import Study
 
 _OTHER = re.compile(r"[^0-9A-Za-z]")

@@ -16,7 +16,7 @@ from device.errors import DeviceError
 _ANSWER_TIMEOUT_S = 5.0
 
 
-class Hand(ABC):
+class BeamControl(ABC):
     """Touches the beam, swaps it and lets time pass, as only a hand (or a simulation) can."""
 
     def touch(self, force_n: float, position_m: float, direction: str) -> float:
@@ -64,7 +64,7 @@ class Hand(ABC):
         return dict(answer)
 
 
-class ControlClient(Hand):
+class ControlClient(BeamControl):
     """The hand on a device in another process, through its control socket."""
 
     def __init__(self, socket_path: Path) -> None:

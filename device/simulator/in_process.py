@@ -16,7 +16,7 @@ from device.link.link import Link
 from device.link.port import WRITE_TIMEOUT_S
 from device.resonance import Resonance
 from device.rig import Rig
-from device.simulator.client import Hand
+from device.simulator.client import BeamControl
 from device.simulator.device import SimulatedDevice, simulated_device
 from device.simulator.server import Server
 
@@ -27,7 +27,7 @@ _MOMENT_S = 1e-6
 """The least step of time, so that rounding cannot stop it."""
 
 
-class InProcessDevice(Hand):
+class InProcessDevice(BeamControl):
     """A simulated device and the line to it.
 
     Args:

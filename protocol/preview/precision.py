@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from math import atan, cos, inf, pi, sin, sqrt
 
 from protocol.preview.session_length import SessionLength
-from protocol.study.questions import PAPERS_SCALE, Rating
+from protocol.study.rating import PAPERS_SCALE, Rating
 
 RESIDUAL_SD = 0.971825
 """SD of a score about its row and column effects in the paper's Table 4 (32 df)."""

@@ -6,7 +6,7 @@ from protocol.plan.trials import Trial
 from protocol.preview.precision import Precision, residual_sd
 from protocol.preview.preview import Predict, Preview, levels, precision_by_length
 from protocol.proof.cohort import balance_guaranteed, sequences
-from protocol.study.questions import PAPERS_SCALE
+from protocol.study.rating import PAPERS_SCALE
 
 
 def preview_lines(shown: Preview, predict: Predict) -> Iterator[str]:

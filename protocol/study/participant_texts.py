@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from protocol.errors import Path
 from protocol.study.languages import REFERENCE, Language, built_in, built_in_codes, reference_texts
-from protocol.study.questions import PAPERS_BANDS, PAPERS_SCALE, Band, Rating
+from protocol.study.rating import PAPERS_BANDS, PAPERS_SCALE, Band, Rating
 from protocol.study.study import Study
 from protocol.study.touch import Touch
 

@@ -16,7 +16,8 @@ from protocol.study.participant_texts import (
     study_wording,
     text_path,
 )
-from protocol.study.questions import ANSWERS, Band
+from protocol.study.questions import ANSWERS
+from protocol.study.rating import Band
 from protocol.study.study import Study
 from protocol.study.touch import Touch
 

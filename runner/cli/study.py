@@ -17,7 +17,7 @@ from runner.cli.options import (
 from runner.cli.output import complain, print_json_text, progress, say
 from runner.cli.results import write_report
 from runner.clock import Pace
-from runner.ports import AnswerSource
+from runner.interfaces import AnswerSource
 
 app = typer.Typer()
 

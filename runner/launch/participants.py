@@ -8,12 +8,12 @@ from contextlib import contextmanager
 from device.simulator.client import ControlClient
 from protocol.study.participant_texts import study_wording
 from runner.clock import Clock, SteppedClock
+from runner.interfaces import Operator, Participant
 from runner.launch.device_access import SessionRig
 from runner.people.operator_console import Display, LiveDisplay, OperatorConsole, PlainDisplay
 from runner.people.participant_console import ConsoleParticipant, TypedLines
 from runner.people.terminal import at_terminal, terminal_keys
 from runner.people.virtual_participant import VirtualParticipant, drawn_character, swapping
-from runner.ports import Operator, Participant
 from runner.session.session import Session
 from runner.window.client import WindowParticipant
 

@@ -14,6 +14,7 @@ from protocol.pseudonyms import pseudonym
 from protocol.study.participant_texts import Wording, lacking, study_codes, study_wording
 from protocol.study.study import Study
 from runner.clock import Clock, Pace, SteppedClock, WallClock
+from runner.interfaces import AnswerSource
 from runner.journal.cohort import slot_for, states
 from runner.journal.location import checked_place, mounts_of_this_machine
 from runner.journal.session_log import SessionLog
@@ -22,7 +23,6 @@ from runner.launch.device_access import kept_calibration, session_rig
 from runner.launch.locks import rig_lock, session_lock
 from runner.launch.participants import Say, participant_and_operator
 from runner.people.participant_console import require_typist
-from runner.ports import AnswerSource
 from runner.session.loop import run
 from runner.session.resume import require_resumable
 from runner.session.session import Session, SessionContext, SessionKind

@@ -11,7 +11,8 @@ from typing import TextIO
 
 from protocol.errors import BadInput, WorkFailed
 from protocol.study.participant_texts import Wording, band_names, score_text
-from protocol.study.questions import ANSWERS, Rating
+from protocol.study.questions import ANSWERS
+from protocol.study.rating import Rating
 from runner.people.operator_keys import OPERATOR_MARK
 from runner.people.terminal import at_terminal
 from runner.screens import (

@@ -9,8 +9,9 @@ import random
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from device.simulator.client import Hand
-from protocol.study.questions import ANSWERS, PAPERS_SCALE, QUESTIONS, Question, Rating
+from device.simulator.client import BeamControl
+from protocol.study.questions import ANSWERS, QUESTIONS, Question
+from protocol.study.rating import PAPERS_SCALE, Rating
 from runner.clock import Clock
 from runner.screens import (
     AskChange,
@@ -61,7 +62,7 @@ class VirtualParticipant:
     the end with the beginning, or, if they feel the same, with the remembered beam at rest.
     """
 
-    control: Hand
+    control: BeamControl
     clock: Clock
     character: Character
     random_stream: random.Random
@@ -165,6 +166,6 @@ def _nearest(touch: list[_Felt], position_m: float) -> float:
     return min(touch, key=lambda felt: abs(felt.position_m - position_m)).friction
 
 
-def swapping(control: Hand, body_spacing_m: Mapping[str, float]) -> Callable[[str], None]:
+def swapping(control: BeamControl, body_spacing_m: Mapping[str, float]) -> Callable[[str], None]:
     """Return a function that mounts one of the study's beams, by name, on the simulated device."""
     return lambda beam: control.swap_beam(body_spacing_m[beam])

@@ -12,8 +12,8 @@ from protocol.plan.trials import Plan, Trial
 from protocol.study.study import Study
 from protocol.study_file.loading import text_digest
 from runner.clock import Clock
+from runner.interfaces import Device, Operator, Participant
 from runner.journal.session_log import SessionLog
-from runner.ports import Device, Operator, Participant
 
 SessionKind = Literal["participant", "rehearsal"]
 

@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from protocol.study.participant_texts import Wording
-from protocol.study.questions import Rating
+from protocol.study.rating import Rating
 from runner.screens import (
     AskChange,
     AskScore,

@@ -3,7 +3,7 @@
 from itertools import pairwise
 
 from protocol.study.participant_texts import Wording, band_name
-from protocol.study.questions import Band, Rating
+from protocol.study.rating import Band, Rating
 from runner.window.elements import FAINT, INK, Box, Dot, Element, Outline, Text
 from runner.window.text_layout import text_width
 

@@ -6,7 +6,8 @@ At first nothing is chosen. A choice becomes an answer only when it is confirmed
 from dataclasses import dataclass, field
 from typing import Any
 
-from protocol.study.questions import ANSWERS, Rating
+from protocol.study.questions import ANSWERS
+from protocol.study.rating import Rating
 from runner.screens import AskChange, AskScore, Screen
 from runner.window.elements import Dragged, Input, Key, Pressed, Released
 from runner.window.pages import target_at, targets

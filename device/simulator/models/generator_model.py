@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from device.simulator.models import scpi
 from device.simulator.models.dialect import Dialect, Status
-from device.simulator.models.keysight_channels import MOST_EMF_VPP, Channel, Channels, Model
+from device.simulator.models.generator_channels import MOST_EMF_VPP, Channel, Channels, Model
 from device.simulator.models.keysight_settings import Kept
 from device.simulator.models.power_stage import Instrument
 from device.simulator.models.scpi import Call, Handler

@@ -4,8 +4,8 @@ Source: Agilent 33220A User's Guide and 33500 Series Operating and Service Guide
 """
 
 from device.simulator.models.dialect import asked
+from device.simulator.models.generator_channels import Channels, Model
 from device.simulator.models.generator_model import GeneratorDialect, models
-from device.simulator.models.keysight_channels import Channels, Model
 from device.simulator.models.keysight_settings import (
     DONE_AND_FORGOTTEN,
     SETTINGS,

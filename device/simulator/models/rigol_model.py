@@ -8,8 +8,8 @@ from typing import ClassVar
 
 from device.simulator.models import scpi
 from device.simulator.models.dialect import asked
+from device.simulator.models.generator_channels import Channels, Model
 from device.simulator.models.generator_model import GeneratorDialect, models
-from device.simulator.models.keysight_channels import Channels, Model
 from device.simulator.models.keysight_settings import Kept
 from device.simulator.models.power_stage import Instrument
 from device.simulator.models.scpi import Call, Handler

@@ -17,7 +17,7 @@ from protocol.preview.precision import (
     t_quantile,
 )
 from protocol.preview.session_length import SessionLength, session_lengths
-from protocol.study.questions import PAPERS_SCALE, Rating
+from protocol.study.rating import PAPERS_SCALE, Rating
 from protocol.study.study import Study
 from protocol.study_file.limits import problems
 from protocol.study_file.loading import StudyError, parsed_study, template

@@ -8,14 +8,8 @@ from pydantic import ValidationError
 from protocol.errors import Problem
 from protocol.study.languages import built_in, built_in_codes
 from protocol.study.participant_texts import score_text, study_wording, worded_as_built
-from protocol.study.questions import (
-    PAPERS_SCALE,
-    QUESTIONS,
-    Effect,
-    Question,
-    Rating,
-    checked_answer,
-)
+from protocol.study.questions import QUESTIONS, Effect, Question, checked_answer
+from protocol.study.rating import PAPERS_SCALE, Rating
 from protocol.study_file.loading import StudyError, parsed_study, template
 
 PAPER = template("paper")

@@ -14,7 +14,7 @@ from device.simulator.device import dialects
 from device.simulator.transports import LineKind
 from protocol.study.languages import built_in_codes
 from runner.clock import Pace
-from runner.ports import AnswerSource
+from runner.interfaces import AnswerSource
 from tests.runner.command_line import typed
 
 HEAVY = {

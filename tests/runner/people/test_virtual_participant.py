@@ -6,7 +6,8 @@ from typing import Any
 
 import pytest
 
-from protocol.study.questions import ANSWERS, PAPERS_SCALE, Question, Rating
+from protocol.study.questions import ANSWERS, Question
+from protocol.study.rating import PAPERS_SCALE, Rating
 from runner.people.virtual_participant import Character, VirtualParticipant
 from runner.screens import AskChange, AskScore, Instruction, Notice, Pacing
 from tests.runner.fakes import FakeClock

@@ -14,7 +14,7 @@ from typing import Any
 from PIL import Image, ImageGrab
 
 from protocol.study.participant_texts import Wording, study_wording
-from protocol.study.questions import Rating
+from protocol.study.rating import Rating
 from protocol.study.study import Study
 from protocol.study.touch import Touch
 from protocol.study_file.loading import parsed_study, template

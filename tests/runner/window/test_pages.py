@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from protocol.errors import BadInput
 from protocol.study.languages import built_in_codes
 from protocol.study.participant_texts import Wording, study_wording, touch_text, worded_as_built
-from protocol.study.questions import Band, Rating
+from protocol.study.rating import Band, Rating
 from protocol.study.study import Study
 from protocol.study.touch import Direction, Touch, TouchDefaults
 from protocol.study_file.loading import TEMPLATES, parsed_study, template

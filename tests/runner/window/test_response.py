@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.study.questions import ANSWERS, Question, Rating
+from protocol.study.questions import ANSWERS, Question
+from protocol.study.rating import Rating
 from runner.screens import AskChange, AskScore, Instruction, Notice, Pacing, Screen, Welcome
 from runner.window.elements import Dragged, Input, Key, Pressed, Released
 from runner.window.pages import targets

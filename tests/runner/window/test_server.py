@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from protocol.study.participant_texts import study_wording
-from protocol.study.questions import Rating
+from protocol.study.rating import Rating
 from protocol.study_file.loading import parsed_study, template
 from runner.screens import AskScore, Instruction, Notice, Pacing
 from runner.window.elements import Dot, Input, Key, Page

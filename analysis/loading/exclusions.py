@@ -4,7 +4,7 @@ import pandas as pd
 
 from analysis.loading.records import TEXT, Exclusion
 from analysis.loading.sessions import is_scored
-from protocol.study.exclusions import Exclusions
+from protocol.study.rules import Exclusions
 
 
 def excluded_by_rule(

@@ -14,7 +14,7 @@ from analysis.loading.score_table import ScoreTable
 from analysis.loading.sessions import is_scored, load_sessions
 from protocol.errors import BadInput
 from protocol.journal.events import StoredEvent
-from protocol.study.exclusions import Exclusions
+from protocol.study.rules import Exclusions
 
 Value = TypeVar("Value")
 

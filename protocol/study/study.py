@@ -9,13 +9,12 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from protocol.study.design import Design, Publication
-from protocol.study.exclusions import Exclusions
 from protocol.study.fields import Name, NotNegative, Positive, Record, Whole
 from protocol.study.languages import Code, KnownCode, Language
 from protocol.study.questions import ANSWERS, Question
 from protocol.study.rating import Rating
 from protocol.study.rig_settings import Rig
-from protocol.study.session_rules import SessionRules
+from protocol.study.rules import Exclusions, SessionRules
 from protocol.study.timing import Timing
 from protocol.study.touch import Touch, TouchDefaults
 

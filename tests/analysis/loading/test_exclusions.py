@@ -8,7 +8,7 @@ import pytest
 from analysis.loading.records import Exclusion
 from analysis.loading.study_data import NothingToReport, StudyData, load_study_data
 from protocol.journal.events import Answered, Event
-from protocol.study.exclusions import Exclusions
+from protocol.study.rules import Exclusions
 from tests.analysis.chains import chain
 from tests.analysis.reports import EXTENDED, PAPER, session_events
 

@@ -7,7 +7,7 @@ from analysis.loading.missing_scores import Why, notes
 from analysis.loading.study_data import StudyData, load_study_data
 from analysis.report.report import Report, report, report_html, report_json
 from protocol.journal.events import Event, TrialExcluded
-from protocol.study.exclusions import Exclusions
+from protocol.study.rules import Exclusions
 from tests.analysis.chains import chain, scored_session
 from tests.analysis.reports import ORIGIN, PAPER, made
 

@@ -1,10 +1,35 @@
-"""The rules by which the report leaves out participants and trials."""
+"""The rules of a study: what a session asks and allows, and what the report leaves out."""
 
-from typing import Annotated, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
 from protocol.study.fields import Count, Positive, Record, Share
+from protocol.study.languages import KnownCode
+
+OperatorQuestion = Literal["skin state", "room temperature", "humidity", "cleaning"]
+
+
+class SessionRules(Record):
+    """What a session is read in, what it asks of the operator, and when it may be resumed."""
+
+    languages: Annotated[
+        tuple[KnownCode, ...],
+        Field(min_length=1, description="in which all that participants read must be there"),
+    ] = ("en", "zh")
+    operator_asks: Annotated[
+        tuple[OperatorQuestion, ...],
+        Field(description="what the operator notes before the first trial"),
+    ] = ()
+    consent_required: Annotated[
+        bool, Field(strict=True, description="refuse a session without a reference to the consent")
+    ] = False
+    resume_within_h: Annotated[
+        Positive, Field(le=720, description="an interrupted session older than this is not resumed")
+    ] = 24.0
+    practise_again: Annotated[
+        Literal["never", "on resume"], Field(description="whether a resumed session practises")
+    ] = "never"
 
 
 class Exclusions(Record):

@@ -4,8 +4,13 @@ import shutil
 from collections.abc import Iterator
 
 import pytest
+from hypothesis import settings
 
 from tests.runner.window.person import virtual_display
+
+# No test is timed: a loaded machine says nothing about the program.
+settings.register_profile("untimed", deadline=None)
+settings.load_profile("untimed")
 
 REASON = "takes minutes; run it with `make soak`"
 

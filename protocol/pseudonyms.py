@@ -15,6 +15,8 @@ _PSEUDONYM = re.compile(
 def pseudonym(text: str) -> str:
     """Return `text` if it is a valid pseudonym.
 
+    It is part of the names of files and rows, so that it must be one on every system.
+
     >>> pseudonym("P01")
     'P01'
 

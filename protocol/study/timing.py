@@ -1,4 +1,8 @@
-"""The pauses of a session, and the durations from which its length is estimated."""
+"""The pauses of a session, and the durations from which its length is estimated.
+
+A session waits for as long as a pause says. What is assumed is waited for by nobody: it enters the
+length that `touchbeam check` foresees, the time left that the operator sees, and the limit on it.
+"""
 
 from typing import Annotated
 

@@ -1,9 +1,9 @@
 """Commands for a study's journal: status, verify, exclude, amend, withdraw."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -13,11 +13,13 @@ from runner.cli.options import (
     ReasonOption,
     SessionOption,
     StudyArgument,
+    StudyOrBackupArgument,
     study_journal,
 )
 from runner.cli.output import print_json, say
 
 if TYPE_CHECKING:
+    from runner.journal.verification import SessionVerdict
     from runner.study.old_results import OldResults
 
 app = typer.Typer()
@@ -47,25 +49,43 @@ def status(study: StudyArgument, as_json: JsonOption = False) -> None:
 
 
 @app.command()
-def verify(study: StudyArgument, as_json: JsonOption = False) -> None:
+def verify(study: StudyOrBackupArgument, as_json: JsonOption = False) -> None:
     """Check the integrity of the journal.
 
     Checks the hash chains, the order of events, and that each trial is answered exactly once.
     """
-    from runner.journal.verification import STUDY_CHAIN, verdicts
+    from runner.journal.store import read_journal
+    from runner.journal.verification import verdicts
     from runner.study.folder import StudyFolder
 
-    with study_journal(StudyFolder(path=study)) as journal:
-        found = verdicts(journal)
-    ok = all(verdict.ok for verdict in found)
+    path = study if study.is_file() else StudyFolder(path=study).existing_journal()
+    with read_journal(path, to_verify=True) as journal:
+        found, lacking = verdicts(journal), journal.lacking_triggers
+    result = _verification(lacking, found)
     if as_json:
-        sessions = [v.record() for v in found if v.participant != STUDY_CHAIN]
-        print_json({"ok": ok, "sessions": sessions})
+        print_json(result)
     else:
+        for name in lacking:
+            say(
+                f"FAIL  trigger {name} is missing: events may have been changed or deleted; "
+                "restore the file from a backup"
+            )
         for line in [verdict.line() for verdict in found] or ["The journal contains no sessions."]:
             say(line)
-    if not ok:
+    if not result["ok"]:
         raise typer.Exit(1)
+
+
+def _verification(lacking: Sequence[str], found: "Sequence[SessionVerdict]") -> dict[str, Any]:
+    """Return the result of verifying a journal for programs."""
+    from runner.journal.verification import STUDY_CHAIN
+
+    return {
+        "ok": not lacking and all(verdict.ok for verdict in found),
+        "events": sum(verdict.events for verdict in found),
+        "lacking_triggers": list(lacking),
+        "sessions": [v.record() for v in found if v.participant != STUDY_CHAIN],
+    }
 
 
 @app.command()

@@ -121,6 +121,9 @@ def named_folder(text: str) -> Path:
 
 
 StudyArgument = Annotated[Path, typer.Argument(metavar="STUDY", help="The study's folder.")]
+StudyOrBackupArgument = Annotated[
+    Path, typer.Argument(metavar="STUDY", help="The study's folder, or a backup of its journal.")
+]
 
 
 def address(given: str | None) -> str | None:

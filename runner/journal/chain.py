@@ -8,6 +8,7 @@ begins with a random salt, erased with the payload, so that nobody can find the 
 import hashlib
 import json
 from datetime import UTC, datetime
+from types import NoneType
 from typing import Any, NamedTuple, NoReturn
 
 from protocol.journal.events import StoredEvent
@@ -45,6 +46,9 @@ def _reject_constant(text: str) -> NoReturn:
 
 _STORED = json.JSONDecoder(parse_constant=_reject_constant)
 
+_EVENT_TYPES = {(int, str, str, float, str), (int, str, str, float, NoneType)}
+_HASH_TYPES = {(str, str, bytes), (str, str, NoneType)}
+
 
 def stored_event(row: tuple[Any, ...]) -> StoredEvent:
     """Return the event in a row of number, tag, UTC time, monotonic seconds and payload.
@@ -53,11 +57,12 @@ def stored_event(row: tuple[Any, ...]) -> StoredEvent:
         DamagedError: touchbeam cannot have written the row.
     """
     seq, tag, utc, monotonic_s, body = row
+    if tuple(map(type, row)) not in _EVENT_TYPES:  # a damaged file can hold other types
+        raise DamagedError(f"event {seq!a} is damaged: a column has another type")
     try:
         payload = {} if body is None else _STORED.decode(body)
         when = _with_zone(datetime.fromisoformat(utc))
-        monotonic_s = float(monotonic_s)
-    except (TypeError, ValueError, RecursionError) as error:
+    except (ValueError, OverflowError, RecursionError) as error:
         raise DamagedError(f"event {seq} is damaged: {error}") from error
     if not isinstance(payload, dict):
         raise DamagedError(f"event {seq} is damaged: its payload must be an object")
@@ -69,6 +74,18 @@ def stored_event(row: tuple[Any, ...]) -> StoredEvent:
         payload=payload,
         erased=body is None,
     )
+
+
+def chain_link(row: tuple[Any, ...]) -> ChainLink:
+    """Return the event in a row as for `stored_event`, followed by its digest, hash and salt.
+
+    Raises:
+        DamagedError: touchbeam cannot have written the row.
+    """
+    event = stored_event(row[:5])
+    if tuple(map(type, row[5:])) not in _HASH_TYPES:
+        raise DamagedError(f"event {event.seq} is damaged: its hashes or salt have another type")
+    return ChainLink(event, *row[4:])
 
 
 def payload_text(event: StoredEvent) -> str:

@@ -1,14 +1,14 @@
 """The journal: a study's events in one SQLite file, appended one by one and chained by hashes.
 
-No other module imports sqlite3. `runner.journal.chain` defines the stored form of an event;
-docs/journal.md describes the file.
+`runner.journal.chain` defines the stored form of an event, `runner.journal.database` how the file
+is opened, compared and checkpointed; docs/journal.md describes the file.
 """
 
 import os
 import secrets
 import sqlite3
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple, Self
@@ -22,17 +22,34 @@ from runner.journal.chain import (
     ChainLink,
     DamagedError,
     chain_hash,
+    chain_link,
     event_fields,
     payload_digest,
     payload_text,
     stored_event,
 )
+from runner.journal.database import (
+    SQLITE_ERRORS,
+    LogNotCopiedError,
+    checked_version,
+    close_keeping_log,
+    connected,
+    copied_log,
+    copy_database,
+    is_writable,
+    leave,
+    log_of,
+    transaction,
+)
+from runner.signals import raise_if_stopped
 
 SCHEMA_VERSION = 3
 UNSALTED_VERSION = 2
 """Journals of this schema have no salts; they are read and continued as they are."""
 
 LOCK_WAIT_S = 2.0
+_READER_PATIENCE_S = 0.1
+"""How long a reader waits to merge a log that a killed process has left, s."""
 _ONE_PAGE = 4096
 """Size of a database without tables, bytes."""
 
@@ -62,6 +79,15 @@ _SCHEMA = (
     """CREATE TRIGGER event_is_not_deleted BEFORE DELETE ON event
         BEGIN SELECT RAISE(ABORT, 'the journal is append-only'); END""",
 )
+
+
+_SCHEMAS = {
+    UNSALTED_VERSION: [
+        statement.replace("        salt BLOB,\n", "").replace(" OR NEW.salt IS NOT NULL", "")
+        for statement in _SCHEMA
+    ],
+    SCHEMA_VERSION: _SCHEMA,
+}
 
 _EVENT = "SELECT seq, tag, utc, monotonic_s, payload"
 _SESSIONS = "SELECT session FROM event GROUP BY session ORDER BY min(rowid)"
@@ -105,14 +131,20 @@ class Journal:
         self,
         connection: sqlite3.Connection,
         path: Path,
+        *,
+        salted: bool = True,
         random_bytes: RandomBytes = secrets.token_bytes,
+        lacking_triggers: Sequence[str] = (),
+        patience_s: float = LOCK_WAIT_S,
     ) -> None:
-        self.salted = _version(connection) != UNSALTED_VERSION
-        self._sql = _SALTED if self.salted else _UNSALTED
+        self.salted = salted
+        self.lacking_triggers = tuple(lacking_triggers)
+        self._sql = _SALTED if salted else _UNSALTED
         self._random_bytes = random_bytes
         self._connection = connection
         self._path = path
-        self._places = (str(path), str(_log_of(path)))
+        self._patience_s = patience_s
+        self._places = (str(path), str(log_of(path)))
         self._files = _files_at(self._places)
         self._last_hashes: dict[tuple[str, int], str] = {}
 
@@ -125,13 +157,18 @@ class Journal:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self._connection.close()
+        # An error of the body takes precedence; the log keeps every event.
+        hidden = nullcontext() if error is None else suppress(JournalError)
+        with hidden, self._errors_explained("written"):
+            leave(self._connection, self._path, self._patience_s)
 
     def sessions(self) -> list[str]:
         """Return the names of all chains, oldest first."""
         with self._errors_explained("read"):
-            rows = self._connection.execute(_SESSIONS)
-            return [row[0] for row in rows]
+            names = [name for (name,) in self._connection.execute(_SESSIONS)]
+            if not all(isinstance(name, str) for name in names):
+                raise DamagedError("the name of a session is damaged")
+            return names
 
     def events(self, session: str) -> list[StoredEvent]:
         """Return the events of `session` in order."""
@@ -149,7 +186,7 @@ class Journal:
         """Yield the events of `session` with their hashes."""
         with self._errors_explained("read"):
             for row in self._connection.execute(self._sql.chain, (session,)):
-                yield ChainLink(stored_event(row[:5]), *row[4:])
+                yield chain_link(row)
 
     @contextmanager
     def alone(self) -> Iterator[None]:
@@ -193,15 +230,36 @@ class Journal:
         """
         with self._errors_explained("written"):
             self._connection.execute("VACUUM")  # free pages still hold erased payloads
-        if not self.checkpoint():  # and so does the write-ahead log
+        if not (self.checkpoint() and self._emptied_log()):  # and so does the write-ahead log
             raise JournalError(
                 f"{self._path}: erased, but an old copy remains while another program reads it; "
                 "end that program and repeat the command"
             )
 
     def checkpoint(self) -> bool:
-        """Move the write-ahead log into the main file; return False if a reader prevents it."""
+        """Copy the write-ahead log into the main file; the next event starts the log anew.
+
+        Returns:
+            False if a reader or another process prevents it; the log then goes on growing.
+
+        Raises:
+            JournalError: it failed, or the main file alone lacks events afterwards.
+        """
         self._require_in_place()
+        last = [(session, chained) for (session, _), chained in self._last_hashes.items()]
+        with self._errors_explained("written"):
+            return copied_log(self._connection, self._path, last[0] if last else None)
+
+    def copy_to(self, new: Path) -> None:
+        """Copy the journal as it is now into the empty file `new`.
+
+        Raises:
+            JournalError: it cannot be copied.
+        """
+        with self._errors_explained("copied"):
+            copy_database(self._connection, new)
+
+    def _emptied_log(self) -> bool:
         with self._errors_explained("written"):
             busy, _, _ = self._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
             return not busy
@@ -213,7 +271,7 @@ class Journal:
         """
         if _files_at(self._places) != self._files:
             raise JournalError(
-                f"{self._path}: the journal file or its log {_log_of(self._path).name} was "
+                f"{self._path}: the journal file or its log {log_of(self._path).name} was "
                 "deleted, moved or replaced while in use; restore both before you continue"
             )
 
@@ -233,12 +291,9 @@ class Journal:
     def _errors_explained(self, what: str) -> Iterator[None]:
         try:
             yield
-        except (sqlite3.Error, DamagedError) as error:
+        except (*SQLITE_ERRORS, DamagedError, LogNotCopiedError) as error:
+            raise_if_stopped()  # SQLite takes the exception of a signal for its own interruption
             raise JournalError(f"{self._path}: cannot be {what} ({error})") from error
-
-
-def _log_of(path: Path) -> Path:
-    return path.with_name(f"{path.name}-wal")
 
 
 def _files_at(places: Iterable[str]) -> list[tuple[int, int]]:
@@ -285,36 +340,37 @@ def unused(path: Path) -> bool:
         with read_journal(path) as journal:
             return not journal.sessions()
     except JournalError:
-        log = _log_of(path)
+        log = log_of(path)
         logged = log.stat().st_size if log.exists() else 0
         return logged == 0 and path.stat().st_size <= _ONE_PAGE
 
 
-def read_journal(path: Path) -> Journal:
+def read_journal(path: Path, *, to_verify: bool = False) -> Journal:
     """Return the journal at `path` opened read-only; the file need not be writable.
 
+    With `to_verify`, missing triggers are no error: `lacking_triggers` of the journal names them.
+
     Raises:
-        JournalError: it cannot be read, or has another version's schema.
+        JournalError: it cannot be read, or its schema is not touchbeam's.
     """
-    try:
-        connection = sqlite3.connect(f"{path.absolute().as_uri()}?{_access(path)}", uri=True)
+    lacking: list[str] = []
+    with _opening(path, "read", _access(path)) as connection:
         connection.execute("PRAGMA query_only = ON")
-        try:
-            version = _version(connection)
-            if version not in {0, UNSALTED_VERSION, SCHEMA_VERSION}:
-                raise sqlite3.DatabaseError(_other_schema(version))
-            if version == 0:  # made and never filled: its process was killed
-                _require_empty(connection)
-                connection.close()
-                connection = sqlite3.connect(":memory:")
-                for statement in _SCHEMA:
-                    connection.execute(statement)
-        except sqlite3.Error:
-            connection.close()
-            raise
-    except sqlite3.Error as error:
-        raise JournalError(f"{path}: cannot be read as a journal ({error})") from error
-    return Journal(connection, path)
+        with transaction(connection):
+            version = checked_version(connection, _SCHEMAS, lacking if to_verify else None)
+        if version > 0:
+            return Journal(
+                connection,
+                path,
+                salted=version != UNSALTED_VERSION,
+                lacking_triggers=lacking,
+                patience_s=_READER_PATIENCE_S,
+            )
+    connection.close()  # made and never filled: its process was killed
+    empty = sqlite3.connect(":memory:")
+    for statement in _SCHEMA:
+        empty.execute(statement)
+    return Journal(empty, path)
 
 
 def _access(path: Path) -> str:
@@ -322,54 +378,65 @@ def _access(path: Path) -> str:
 
     In a writable folder SQLite opens it read-write, so that it can remove its log afterwards.
     """
-    if os.access(path, os.W_OK) and os.access(path.parent, os.W_OK):
+    if is_writable(path):
         return "mode=rw"
-    return "mode=ro" if _log_of(path).exists() else "immutable=1"
+    return "mode=ro" if log_of(path).exists() else "immutable=1"
 
 
-def _other_schema(version: int) -> str:
-    return (
-        f"schema must be {UNSALTED_VERSION} or {SCHEMA_VERSION}, got {version}; "
-        "use the version of touchbeam that created the journal"
-    )
+@contextmanager
+def _opening(
+    path: Path, what: str, access: str = "mode=rw", *, create: bool = False
+) -> Iterator[sqlite3.Connection]:
+    """Yield a connection to the journal at `path`, closed again only if the body fails.
+
+    Raises:
+        JournalError: the body has raised an error of SQLite or of the system.
+    """
+    try:
+        if create:  # SQLite itself would make a file that others may read, as the umask has it
+            with suppress(FileExistsError):
+                os.close(os.open(path, os.O_CREAT | os.O_EXCL, 0o600))
+        connection = connected(path, access, LOCK_WAIT_S)
+        try:
+            yield connection
+        except BaseException:
+            close_keeping_log(connection, path)
+            raise
+    except (OSError, *SQLITE_ERRORS) as error:
+        raise_if_stopped()
+        raise JournalError(f"{path}: cannot be {what} as a journal ({error})") from error
 
 
 def open_journal(path: Path, random_bytes: RandomBytes = secrets.token_bytes) -> Journal:
     """Return the journal at `path` opened for writing; create it if missing.
 
-    Events go to the write-ahead log, which is checkpointed at the end of a session, so that a copy
-    of the main file is consistent at any moment.
+    Events go to the write-ahead log. Only `Journal.checkpoint` and the close copy them into the
+    main file, so that a copy of it is consistent at any moment.
 
     Args:
         path: the file.
         random_bytes: the source of the salts, which must be unpredictable.
 
     Raises:
-        JournalError: it cannot be opened, or has another version's schema.
+        JournalError: it cannot be opened, or its schema is not touchbeam's; it is unchanged.
     """
-    if _log_of(path).exists() and not path.exists():
+    if log_of(path).exists() and not path.exists():
         raise JournalError(
-            f"{path}: is missing, but its log {_log_of(path).name} exists and holds the latest "
+            f"{path}: is missing, but its log {log_of(path).name} exists and holds the latest "
             "events; restore the journal beside it"
         )
-    try:
-        # SQLite itself would make a file that others may read, as the umask has it.
-        os.close(os.open(path, os.O_CREAT | os.O_RDWR, 0o600))
-        # Without an isolation level Python begins no transactions: each event is its own.
-        connection = sqlite3.connect(path, timeout=LOCK_WAIT_S, isolation_level=None)
-    except (OSError, sqlite3.Error) as error:
-        raise JournalError(f"{path}: cannot be opened as a journal ({error})") from error
-    try:
+    with _opening(path, "opened", create=True) as connection:
+        with transaction(connection):
+            checked_version(connection, _SCHEMAS)
         _log_ahead(connection)
         # In this order: a stored event outlasts a power cut; what a participant takes back is
-        # overwritten; only `checkpoint` moves events into the file.
+        # overwritten; only `checkpoint` and the close move events into the file.
         for setting in ("synchronous = FULL", "secure_delete = ON", "wal_autocheckpoint = 0"):
             connection.execute(f"PRAGMA {setting}")
-        _ensure_schema(connection)
-    except sqlite3.Error as error:
-        connection.close()
-        raise JournalError(f"{path}: cannot be opened as a journal ({error})") from error
-    return Journal(connection, path, random_bytes)
+        version = _ensured_schema(connection)
+        return Journal(
+            connection, path, salted=version != UNSALTED_VERSION, random_bytes=random_bytes
+        )
 
 
 def _log_ahead(connection: sqlite3.Connection) -> None:
@@ -391,28 +458,15 @@ def _log_ahead(connection: sqlite3.Connection) -> None:
     raise sqlite3.OperationalError("database is locked")
 
 
-def _version(connection: sqlite3.Connection) -> int:
-    version: int = connection.execute("PRAGMA user_version").fetchone()[0]
-    return version
-
-
-def _require_empty(connection: sqlite3.Connection) -> None:
-    if connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
-        raise sqlite3.DatabaseError("it is damaged, or has tables that are not touchbeam's")
-
-
-def _ensure_schema(connection: sqlite3.Connection) -> None:
-    """Create the tables unless they exist."""
-    with connection:
-        connection.execute("BEGIN IMMEDIATE")  # another process may be creating them too
-        version = _version(connection)
+def _ensured_schema(connection: sqlite3.Connection) -> int:
+    """Create the tables unless they exist; return the version of the schema."""
+    with transaction(connection, "IMMEDIATE"):  # another process may be creating them too
+        version = checked_version(connection, _SCHEMAS)
         if version == 0:
-            _require_empty(connection)
             for statement in _SCHEMA:
                 connection.execute(statement)
             connection.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
-        elif version not in {UNSALTED_VERSION, SCHEMA_VERSION}:
-            raise sqlite3.DatabaseError(_other_schema(version))
+    return version or SCHEMA_VERSION
 
 
 def session_name(participant: str, number: int) -> str:

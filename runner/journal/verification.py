@@ -1,10 +1,18 @@
 """Verification of a journal: unbroken chains, permitted events, each trial answered once."""
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
+from itertools import groupby
 from typing import Any
 
-from protocol.journal.events import ScoresImported, SessionOpened, StoredEvent, Withdrawn
+from protocol.journal.events import (
+    ScoresImported,
+    SessionOpened,
+    SessionResumed,
+    StoredEvent,
+    Withdrawn,
+)
 from protocol.journal.state import SessionState, folded
 from protocol.journal.transitions import NotAllowed
 from runner.journal.chain import FIRST_HASH, ChainLink, chain_hash, event_fields, payload_digest
@@ -12,6 +20,10 @@ from runner.journal.store import Journal, JournalError
 
 STUDY_CHAIN = "@study"
 """The chain of decisions on the study as a whole."""
+_IMPOSSIBLE = (
+    NotAllowed, ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError,
+)  # fmt: skip
+"""What reading the payloads of an edited or damaged journal can raise."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,6 +40,7 @@ class SessionVerdict:
     duplicates: int
     missing: int
     chain_ok: bool
+    versions: tuple[str, ...] = ()
     problem: str = ""
 
     @property
@@ -40,6 +53,8 @@ class SessionVerdict:
         """Return one line for people to read."""
         chain = "chain unbroken" if self.chain_ok else "CHAIN BROKEN"
         line = f"{'ok  ' if self.ok else 'FAIL'}  {self._summary()}, {chain}"
+        if len(self.versions) > 1:
+            line += f"; written by several versions of touchbeam: {', '.join(self.versions)}"
         return f"{line}; {self.problem}" if self.problem else line
 
     def _summary(self) -> str:
@@ -72,8 +87,7 @@ def _verdict(journal: Journal, name: str) -> SessionVerdict:
 def session_verdict(name: str, chain: list[ChainLink]) -> SessionVerdict:
     """Return the verdict on the chain of the session `name`."""
     participant, _, number = name.rpartition("/")
-    state, problem = _folded(chain)
-    planned = state.planned
+    state, planned, problem = _folded(chain)
     erased = state.name == "withdrawn"
     return SessionVerdict(
         participant=participant or name,
@@ -86,8 +100,25 @@ def session_verdict(name: str, chain: list[ChainLink]) -> SessionVerdict:
         duplicates=len(state.answered_twice),
         missing=len(planned - state.answered),
         chain_ok=chain_is_unbroken(name, chain, erased=erased),
+        versions=touchbeam_versions(link.event for link in chain),
         problem=problem,
     )
+
+
+def touchbeam_versions(events: Iterable[StoredEvent]) -> tuple[str, ...]:
+    """Return the versions of touchbeam that have opened and resumed a session, in order."""
+    return tuple(version for version, _ in groupby(filter(None, map(_touchbeam_version, events))))
+
+
+def _touchbeam_version(event: StoredEvent) -> str:
+    """Return the version of touchbeam in `event`; '' if it has none or is damaged."""
+    if event.tag in {SessionOpened.TAG, SessionResumed.TAG}:
+        with suppress(*_IMPOSSIBLE):
+            record = event.record
+            assert isinstance(record, SessionOpened | SessionResumed)
+            version = record.versions.get("touchbeam")
+            return version if isinstance(version, str) and version.isprintable() else ""
+    return ""
 
 
 def readable_events(journal: Journal, session: str) -> list[StoredEvent]:
@@ -128,7 +159,7 @@ def _require_readable(session: str, events: list[StoredEvent]) -> None:
         raise JournalError(f"session {session} has no opening event; run touchbeam verify")
     try:
         folded(events)
-    except (NotAllowed, KeyError, TypeError, AttributeError) as error:
+    except _IMPOSSIBLE as error:
         raise JournalError(f"session {session} is damaged; run touchbeam verify") from error
 
 
@@ -161,17 +192,16 @@ def chain_is_unbroken(name: str, chain: Iterable[ChainLink], *, erased: bool) ->
 
 
 def _matches_digest(stored: str, link: ChainLink) -> bool:
-    return (
-        isinstance(link.salt, bytes)  # unless the file is damaged
-        and payload_digest(stored, link.salt) == link.payload_sha256
-    )
+    return link.salt is not None and payload_digest(stored, link.salt) == link.payload_sha256
 
 
-def _folded(chain: list[ChainLink]) -> tuple[SessionState, str]:
+def _folded(chain: list[ChainLink]) -> tuple[SessionState, set[int], str]:
+    """Return the state, the planned trials, and the problem, if there is one."""
     try:
         state = folded(link.event for link in chain)
-    except (NotAllowed, KeyError, TypeError, AttributeError) as error:
-        return SessionState(name="impossible"), str(error)
+        planned = state.planned
+    except _IMPOSSIBLE as error:
+        return SessionState(name="impossible"), set(), str(error)
     if state.name == "withdrawn" and not all(link.event.erased and not link.salt for link in chain):
-        return state, "withdrawn but not erased; run touchbeam withdraw again"
-    return state, ""
+        return state, planned, "withdrawn but not erased; run touchbeam withdraw again"
+    return state, planned, ""

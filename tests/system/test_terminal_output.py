@@ -23,6 +23,7 @@ from runner.journal.store import open_journal
 from runner.people.terminal import visible, visible_json
 from tests.analysis.chains import chain, scored_session
 from tests.runner.command_line import TOUCHBEAM
+from tests.runner.journal.tampering import tampering
 
 ROOT = Path(__file__).parents[2]
 ATTACKS = ("\x1b]0;pwned\x07", "\x1b[2J", "\x9b2J", "\x7f", "\u202e", "\u2066", "\u200f", "\u061c")
@@ -113,14 +114,8 @@ def test_json_on_a_terminal_is_the_same_document_with_escapes(
 
 
 def test_a_broken_chain_is_named_in_escapes(study: Path) -> None:
-    with closing(sqlite3.connect(study / "study.db")) as journal, journal:
-        triggers = journal.execute("SELECT name, sql FROM sqlite_master WHERE type = 'trigger'")
-        kept = triggers.fetchall()
-        for name, _ in kept:
-            journal.execute(f"DROP TRIGGER {name}")
+    with tampering(study / "study.db") as journal:
         journal.execute("UPDATE event SET utc = '2026-01-01T12:00:00+00:00' WHERE seq = 1")
-        for _, statement in kept:
-            journal.execute(statement)
     for command in ("verify", "report"):
         _, written = on_terminal(command, study)
         assert_harmless(written)

@@ -3,10 +3,8 @@
 import json
 import re
 import shutil
-import sqlite3
 import subprocess
 import sys
-from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -15,6 +13,7 @@ from runner.journal.store import open_journal, session_name
 from tests.analysis.export.data_slips import bids_slips, csv_rows, psychds_slips
 from tests.analysis.hostile_study import sessions, study_text
 from tests.runner.command_line import TOUCHBEAM, typed
+from tests.runner.journal.tampering import tampering
 
 VALIDATOR = str(Path(sys.executable).with_name("bids-validator-deno"))
 PUBLISHED = Path(__file__).parents[2] / "data" / "published_scores.csv"
@@ -160,8 +159,7 @@ def test_an_imported_study_is_named_after_its_file(
 def test_a_changed_journal_is_reported_and_exported_with_a_warning(
     study: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with closing(sqlite3.connect(study / "study.db")) as other, other:
-        other.execute("DROP TRIGGER event_is_erased_at_most")
+    with tampering(study / "study.db") as other:
         other.execute(
             "UPDATE event SET payload = json_set(payload, '$.score', 9) "
             "WHERE tag = 'answered' AND session IN ('P-01/1', 'P01/2')"
@@ -205,8 +203,7 @@ def test_many_changed_sessions_give_one_short_line(
     rows = "".join(f"{who},3,4\n" for who in range(12))
     Path("scores.csv").write_text(f"subject,voltage,pressure\n{rows}")
     assert typed("import", "scores.csv", "study") == 0
-    with closing(sqlite3.connect("study/study.db")) as other, other:
-        other.execute("DROP TRIGGER event_is_erased_at_most")
+    with tampering(Path("study/study.db")) as other:
         other.execute("UPDATE event SET utc = '2026-01-01T00:00:00+00:00'")
     assert typed("export", "study", "csv", "--format", "csv") == 0
     assert "9/1 and 2 more; see touchbeam verify study" in capsys.readouterr().err

@@ -19,6 +19,7 @@ from runner.journal.verification import verdicts
 from runner.session.loop import run
 from runner.session.resume import require_resumable
 from tests.runner.fakes import FakeClock, FakeDevice, FakeParticipant, context
+from tests.runner.journal.tampering import tampering
 
 CLOCK = WallClock()
 
@@ -154,7 +155,7 @@ def test_a_withdrawal_can_be_repeated(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("tampering", "problem"),
+    ("change", "problem"),
     [
         ("UPDATE event SET payload = json_set(payload, '$.score', 10) WHERE seq = 30", "chain"),
         ("UPDATE event SET payload = NULL WHERE seq = 30", "chain"),
@@ -165,12 +166,10 @@ def test_a_withdrawal_can_be_repeated(tmp_path: Path) -> None:
         ("DELETE FROM event WHERE seq > 30", "lacks"),
     ],
 )
-def test_verify_finds_changes(tmp_path: Path, tampering: str, problem: str) -> None:
+def test_verify_finds_changes(tmp_path: Path, change: str, problem: str) -> None:
     finished(tmp_path).__exit__(None, None, None)
-    with closing(sqlite3.connect(tmp_path / "study.db")) as other, other:
-        for trigger in ("event_is_erased_at_most", "event_is_not_deleted"):
-            other.execute(f"DROP TRIGGER {trigger}")
-        other.execute(tampering)
+    with tampering(tmp_path / "study.db") as other:
+        other.execute(change)
     with open_journal(tmp_path / "study.db") as journal:
         (verdict,) = verdicts(journal)
     if problem == "chain":
@@ -235,8 +234,7 @@ def test_a_session_with_a_broken_chain_is_not_resumed(tmp_path: Path, column: st
     path = tmp_path / "study.db"
     with open_journal(path) as journal:
         made = context(journal, FakeDevice(), FakeParticipant())
-        with closing(sqlite3.connect(path)) as other, other:
-            other.execute("DROP TRIGGER event_is_erased_at_most")
+        with tampering(path) as other:
             other.execute(f"UPDATE event SET {column} WHERE seq = 0")
         with pytest.raises(JournalError, match="P01/1: cannot resume, because its chain of events"):
             require_resumable(journal, made.session, states(journal)["P01/1"], FakeClock().utc())
@@ -286,9 +284,7 @@ def test_a_damaged_journal_fails_verification_and_is_not_reported(
     tmp_path: Path, damage: str
 ) -> None:
     finished(tmp_path).__exit__(None, None, None)
-    with closing(sqlite3.connect(tmp_path / "study.db")) as other, other:
-        for trigger in ("event_is_erased_at_most", "event_is_not_deleted"):
-            other.execute(f"DROP TRIGGER {trigger}")
+    with tampering(tmp_path / "study.db") as other:
         other.execute(damage)
     with read_journal(tmp_path / "study.db") as journal:
         found = verdicts(journal)

@@ -25,6 +25,7 @@ from runner.journal.chain import SALT_BYTES
 from runner.journal.session_log import SessionLog
 from runner.journal.store import open_journal, read_journal
 from runner.journal.verification import verdicts
+from tests.runner.journal.tampering import tampering
 from tests.runner.journal.unsalted import make_unsalted
 
 OPENED = SessionOpened.from_json(
@@ -153,8 +154,7 @@ def test_a_journal_without_salts_is_continued_without_them(tmp_path: Path) -> No
 def test_a_withdrawal_that_left_salts_is_found(tmp_path: Path) -> None:
     path = tmp_path / "study.db"
     withdrawn(path, make_new)
-    with closing(sqlite3.connect(path)) as file, file:
-        file.execute("DROP TRIGGER event_is_erased_at_most")
+    with tampering(path) as file:
         file.execute("UPDATE event SET salt = zeroblob(16) WHERE session = 'P01/1' AND seq = 0")
     with read_journal(path) as journal:
         assert verdicts(journal)[0].problem.startswith("withdrawn but not erased")

@@ -16,6 +16,7 @@ from protocol.journal.events import StoredEvent
 from runner.journal.chain import FIRST_HASH, chain_hash
 from runner.journal.store import Journal, JournalError, journal_if_used, open_journal, read_journal
 from runner.journal.verification import verdicts
+from tests.runner.journal.tampering import tampering
 
 NOON = datetime(2026, 1, 1, 12, tzinfo=UTC)
 TYPED = "粗糙 \"quoted\" '=cmd()'"
@@ -193,8 +194,7 @@ def test_a_damaged_payload_affects_only_its_session(tmp_path: Path, payload: str
     path = tmp_path / "study.db"
     with filled(path) as journal:
         journal.checkpoint()
-    with closing(sqlite3.connect(path)) as other, other:
-        other.execute("DROP TRIGGER event_is_erased_at_most")
+    with tampering(path) as other:
         other.execute("UPDATE event SET payload = ? WHERE session = 'P01/1' AND seq = 1", [payload])
     with open_journal(path) as journal:
         first, second = verdicts(journal)
@@ -205,8 +205,7 @@ def test_a_damaged_payload_affects_only_its_session(tmp_path: Path, payload: str
 def test_a_time_without_a_zone_is_utc(tmp_path: Path) -> None:
     path = tmp_path / "study.db"
     filled(path).__exit__(None, None, None)
-    with closing(sqlite3.connect(path)) as other, other:
-        other.execute("DROP TRIGGER event_is_erased_at_most")
+    with tampering(path) as other:
         other.execute("UPDATE event SET utc = '2026-01-01T12:00:00' WHERE session = 'P01/1'")
     with open_journal(path) as journal:
         assert journal.events("P01/1")[0].utc == NOON

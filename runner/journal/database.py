@@ -1,0 +1,285 @@
+"""The SQLite file of a journal: hardened connections, the expected schema, and checkpoints.
+
+Before 3.51.3, SQLite can lose committed transactions if one connection commits while another one
+checkpoints (https://sqlite.org/wal.html#walresetbug). No commit therefore runs beside a checkpoint
+here, whatever the version: `copied_log` holds the write lock, and `merge_log` is alone with the
+file. SQLite's own checkpoint at the close of a last connection never runs on a log with events.
+"""
+
+import os
+import shutil
+import sqlite3
+import sys
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager, suppress
+from functools import cache
+from pathlib import Path
+from random import uniform
+
+from runner.signals import raise_if_stopped, stops_deferred
+
+SQLITE_VERSION = sqlite3.sqlite_version
+SQLITE_ERRORS = (sqlite3.Error, UnicodeDecodeError)
+"""What SQLite raises on a damaged file; names in its messages may be damaged, too."""
+_STEPS_BETWEEN_SIGNALS = 10_000
+_MOST_OBJECTS = 100
+_FIXED_BRANCHES = {(3, 44): 6, (3, 50): 7}
+"""Older branches of SQLite to which the fix of the WAL-reset bug was carried back."""
+
+Schemas = Mapping[int, Sequence[str]]
+"""The statements that create each version of the schema."""
+Tips = dict[str, tuple[object, ...]]
+"""Numbers of events and payloads, last number and last hash of each chain."""
+
+
+class LogNotCopiedError(Exception):
+    """After a checkpoint the main file lacks events of the log, which is kept."""
+
+
+def has_wal_reset_bug(version: str) -> bool:
+    """Return whether this version of SQLite can lose transactions when a log is reset."""
+    major, minor, patch = (int(part) for part in version.split(".")[:3])
+    return (major, minor, patch) < (3, 51, 3) and patch < _FIXED_BRANCHES.get((major, minor), 99)
+
+
+def connected(path: Path, access: str = "mode=rw", timeout_s: float = 5.0) -> sqlite3.Connection:
+    """Return a connection to an existing file, whose schema and pages are not trusted.
+
+    Each statement is a transaction of its own. Signals take effect while SQLite is at work.
+    """
+    uri = f"{path.absolute().as_uri()}?{access}"
+    connection = sqlite3.connect(uri, uri=True, timeout=timeout_s, isolation_level=None)
+    # Python runs the handlers of signals between two of its instructions: this is one.
+    connection.set_progress_handler(lambda: 0, _STEPS_BETWEEN_SIGNALS)
+    connection.execute("PRAGMA trusted_schema = OFF")
+    connection.execute("PRAGMA cell_size_check = ON")
+    if sys.version_info >= (3, 12):
+        connection.setconfig(sqlite3.SQLITE_DBCONFIG_DEFENSIVE)
+    return connection
+
+
+def log_of(path: Path) -> Path:
+    """Return the path of the write-ahead log of the file `path`."""
+    return path.with_name(f"{path.name}-wal")
+
+
+def _has_events(log: Path) -> bool:
+    try:
+        return log.stat().st_size > 0
+    except FileNotFoundError:
+        return False
+
+
+def is_writable(path: Path) -> bool:
+    """Return whether the file and its folder, which holds the log, can be written."""
+    return os.access(path, os.W_OK) and os.access(path.parent, os.W_OK)
+
+
+# Schema
+
+
+@contextmanager
+def transaction(connection: sqlite3.Connection, kind: str = "DEFERRED") -> Iterator[None]:
+    """Run the body in one transaction."""
+    connection.execute(f"BEGIN {kind}")
+    with connection:
+        yield
+
+
+def checked_version(
+    connection: sqlite3.Connection, schemas: Schemas, lacking: list[str] | None = None
+) -> int:
+    """Return the version of the schema, after comparing all of it; 0 for a file without tables.
+
+    The body of one transaction, so that all of it is read from the same state.
+
+    Args:
+        connection: to the file.
+        schemas: the versions that this build can use.
+        lacking: if given, missing triggers are no error; their names are added here.
+
+    Raises:
+        sqlite3.DatabaseError: the schema is another one.
+    """
+    version = int(connection.execute("PRAGMA user_version").fetchone()[0])
+    if version not in {0, *schemas}:
+        raise sqlite3.DatabaseError(
+            f"schema must be {' or '.join(map(str, schemas))}, got {version}; "
+            "use the version of touchbeam that created the journal"
+        )
+    found, own = _objects(connection), _expected(tuple(schemas.get(version, ())))
+    if not version and found:
+        raise sqlite3.DatabaseError("it is damaged, or has tables that are not touchbeam's")
+    missing = sorted(own.keys() - found.keys())
+    if lacking is not None and all(kind == "trigger" for kind, _ in missing):
+        lacking += [name for _, name in missing]
+        missing = []
+    changed = [
+        *(
+            f"{kind} {name} is not touchbeam's"
+            for (kind, name), entry in found.items()
+            if entry != own.get((kind, name))
+        ),
+        *(f"{kind} {name} is missing" for kind, name in missing),
+    ]
+    if changed:
+        raise sqlite3.DatabaseError(
+            f"{changed[0]}: the file was changed outside touchbeam; restore it from a backup"
+        )
+    return version
+
+
+def _objects(connection: sqlite3.Connection) -> dict[tuple[str, str], tuple[object, ...]]:
+    """Return table and SQL of each object of the schema by kind and name."""
+    rows = connection.execute(
+        "SELECT type, name, tbl_name, sql FROM sqlite_master LIMIT ?", (_MOST_OBJECTS,)
+    )
+    return {(_plain(kind), _plain(name)): tuple(rest) for kind, name, *rest in rows}
+
+
+def _plain(name: object) -> str:
+    """Return a name without characters that a terminal would obey."""
+    return name if isinstance(name, str) and name.isidentifier() else ascii(name)
+
+
+@cache
+def _expected(statements: tuple[str, ...]) -> dict[tuple[str, str], tuple[object, ...]]:
+    with closing(sqlite3.connect(":memory:")) as own:
+        for statement in statements:
+            own.execute(statement)
+        return _objects(own)
+
+
+# Checkpoints
+
+
+def copied_log(connection: sqlite3.Connection, path: Path, tip: tuple[str, str] | None) -> bool:
+    """Copy the log into the main file while no process can commit, and compare both.
+
+    The next commit may then start the log from its beginning.
+
+    Args:
+        connection: to the journal, outside a transaction.
+        path: of the journal.
+        tip: a chain and its last hash, as written by this process.
+
+    Returns:
+        False if a reader needs a part of the log, or another process holds the write lock.
+
+    Raises:
+        LogNotCopiedError: the main file lacks events; the log is copied to a file beside it.
+    """
+    try:
+        with (
+            transaction(connection, "IMMEDIATE"),
+            closing(connected(path)) as other,
+            stops_deferred(),
+        ):
+            return _passively_copied(other, path, _tips(connection), tip)
+    except sqlite3.OperationalError as error:
+        if not _is_busy(error):
+            raise
+        return False
+
+
+def _is_busy(error: Exception) -> bool:
+    return getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_BUSY
+
+
+def _passively_copied(
+    connection: sqlite3.Connection, path: Path, known: Tips, tip: tuple[str, str] | None = None
+) -> bool:
+    busy, frames, copied = connection.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchone()
+    if busy or frames != copied:
+        return False
+    with closing(connected(path, "immutable=1")) as main_file_alone:
+        found = _tips(main_file_alone)
+    if found != known or (tip is not None and found.get(tip[0], ("",))[-1] != tip[1]):
+        kept = path.with_name(f"{path.name}-wal-kept-{time.time_ns()}")
+        shutil.copyfile(log_of(path), kept)
+        raise LogNotCopiedError(f"it lacks events of its log, which is kept as {kept.name}")
+    return True
+
+
+def _tips(connection: sqlite3.Connection) -> Tips:
+    # SQLite takes `hash` from the row with the largest number.
+    rows = connection.execute(
+        "SELECT session, count(*), count(payload), max(seq), hash FROM event GROUP BY session"
+    )
+    return {name: tuple(tip) for name, *tip in rows}
+
+
+def leave(connection: sqlite3.Connection, path: Path, patience_s: float) -> None:
+    """Close a connection; the last one to leave the file also merges and removes its log.
+
+    Args:
+        connection: to the journal.
+        path: of the journal.
+        patience_s: how long to wait for other connections to leave, s.
+
+    Raises:
+        LogNotCopiedError: the merged file lacks events; the log is kept beside it.
+    """
+    close_keeping_log(connection, path)
+    if not _has_events(log_of(path)) or not is_writable(path):
+        return
+    end_s = time.monotonic() + patience_s
+    with stops_deferred():
+        while not _merged(path) and time.monotonic() < end_s:
+            time.sleep(uniform(0.002, 0.02))  # two that leave at once must not wait in step
+
+
+def close_keeping_log(connection: sqlite3.Connection, path: Path) -> None:
+    """Close a connection without SQLite's own checkpoint of a log with events.
+
+    SQLite checkpoints when the last connection is closed, which a connection that can only read
+    cannot do.
+    """
+    with suppress(*SQLITE_ERRORS, OSError):
+        if _has_events(log_of(path)):
+            with closing(connected(path, "mode=ro")) as last:
+                last.execute("PRAGMA user_version").fetchone()  # takes the lock of a reader
+                connection.close()
+    connection.close()
+
+
+def copy_database(connection: sqlite3.Connection, new: Path) -> None:
+    """Copy the database as it is now, log included, into the file `new`."""
+    with closing(sqlite3.connect(new, isolation_level=None)) as copy, transaction(connection):
+        # A read keeps this state for the transaction, so that commits do not start the copy anew.
+        connection.execute("SELECT 1 FROM sqlite_master").fetchone()
+        connection.backup(copy, pages=1000, progress=lambda *_: raise_if_stopped())
+
+
+def _merged(path: Path) -> bool:
+    """Merge the log into the main file and remove it; return False if others use the file."""
+    alone = connected(path, timeout_s=0)
+    try:
+        # From here to the close no other process can read or write the file. The log's index is
+        # made anew from the log itself, so that every event in it is copied.
+        alone.execute("PRAGMA locking_mode = EXCLUSIVE")
+        merged = _passively_copied(alone, path, _tips(alone))
+    except LogNotCopiedError:
+        _close_without_removing(alone, log_of(path))
+        raise
+    except SQLITE_ERRORS as error:
+        if _is_busy(error):
+            alone.close()
+            return False
+        merged = False  # a full disk, for example: the log stays
+    if not merged:
+        _close_without_removing(alone, log_of(path))
+        return True
+    alone.close()
+    with suppress(*SQLITE_ERRORS), closing(connected(path)) as sweeper:
+        sweeper.execute("PRAGMA user_version").fetchone()  # its close removes the log's index
+    return True
+
+
+def _close_without_removing(connection: sqlite3.Connection, log: Path) -> None:
+    """Close the only connection to a file; SQLite does not find the log that it would remove."""
+    aside = log.with_name(f"{log.name}-aside")
+    log.rename(aside)
+    connection.close()
+    aside.rename(log)

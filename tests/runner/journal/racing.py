@@ -1,0 +1,55 @@
+"""A process that opens, uses and closes a journal at each line on its standard input.
+
+`python -m tests.runner.journal.racing SESSION SEED`: "write FILE" appends events to SESSION,
+checkpointing now and then; "read FILE" opens and reads the journal a few times. It answers each
+line with the number of events that it has written to the file by now.
+"""
+
+import random
+import sys
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+
+from protocol.journal.events import StoredEvent
+from runner.journal.store import open_journal, read_journal
+
+NOON = datetime(2026, 1, 1, 12, tzinfo=UTC)
+
+
+def write(path: Path, session: str, seq: int, draw: random.Random) -> int:
+    with open_journal(path) as journal:
+        for _ in range(draw.randint(1, 3)):
+            payload = {"text": "x" * draw.choice((10, 5_000))}
+            event = StoredEvent(seq=seq, tag="note", utc=NOON, monotonic_s=1.0, payload=payload)
+            journal.append(session, event)
+            seq += 1
+            if draw.random() < 0.4:
+                journal.checkpoint()
+    return seq
+
+
+def read(path: Path, draw: random.Random) -> None:
+    for _ in range(draw.randint(1, 3)):
+        with read_journal(path) as journal:
+            for session in journal.sessions():
+                journal.events(session)
+        time.sleep(draw.uniform(0, 0.004))
+
+
+def main() -> None:
+    session, draw = sys.argv[1], random.Random(int(sys.argv[2]))
+    written: dict[Path, int] = {}
+    for line in sys.stdin:
+        word, name = line.rstrip("\n").split(" ", 1)
+        path = Path(name)
+        before = written.get(path, 0)
+        if word == "write":
+            written[path] = write(path, session, before, draw)
+        else:
+            read(path, draw)
+        print(written.get(path, 0), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,268 @@
+"""Journals from elsewhere: only a file whose schema is exactly touchbeam's is used."""
+
+import json
+import os
+import signal
+import sqlite3
+import threading
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from protocol.journal.events import NoteTaken
+from protocol.study_file.loading import template
+from runner.clock import WallClock
+from runner.journal.database import (
+    LogNotCopiedError,
+    connected,
+    copied_log,
+    has_wal_reset_bug,
+    log_of,
+)
+from runner.journal.session_log import SessionLog
+from runner.journal.store import Journal, JournalError, open_journal, read_journal
+from runner.session.loop import run
+from runner.signals import Stopped, signals_raise
+from tests.runner.command_line import typed
+from tests.runner.fakes import FakeDevice, FakeParticipant, context
+from tests.runner.journal.unsalted import make_unsalted
+
+COMMANDS = (
+    ("status",),
+    ("verify",),
+    ("report",),
+    ("export", "out", "--format", "csv"),
+    ("run", "--participant", "R2", "--ratings", "virtual"),
+    ("exclude", "--participant", "P01", "--reason", "x"),
+    ("amend", "--reason", "x"),
+    ("withdraw", "--participant", "P01"),
+)
+READING = {"status", "verify", "report", "export"}
+STRICT = tuple(command for command in COMMANDS if command[0] != "verify")
+
+
+@pytest.fixture
+def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A study with one finished session."""
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "study"
+    folder.mkdir()
+    (folder / "study.toml").write_text(template("paper"))
+    with open_journal(folder / "study.db") as journal:
+        run(context(journal, FakeDevice(), FakeParticipant()))
+    return folder
+
+
+def changed(path: Path, *statements: str) -> bytes:
+    """Return the bytes of the file after `statements`."""
+    with closing(sqlite3.connect(path)) as other, other:
+        for statement in statements:
+            other.execute(statement)
+    return path.read_bytes()
+
+
+def asked(study: Path, command: tuple[str, ...]) -> int:
+    name, *options = command
+    return typed(name, study, *options)
+
+
+@pytest.mark.parametrize(
+    ("statement", "named"),
+    [
+        ("CREATE VIEW other AS SELECT 1", "view other is not touchbeam's"),
+        ("CREATE TABLE other (x)", "table other is not touchbeam's"),
+        ("CREATE INDEX other ON event (utc)", "index other is not touchbeam's"),
+        (
+            "CREATE TRIGGER other AFTER INSERT ON event WHEN NEW.tag = 'answered' "
+            "BEGIN SELECT 1; END",
+            "trigger other is not touchbeam's",
+        ),
+        ("ALTER TABLE event ADD COLUMN other TEXT", "table event is not touchbeam's"),
+        ('CREATE VIEW "\x1b[2J" AS SELECT 1', r"view '\x1b[2J' is not touchbeam's"),
+    ],
+)
+def test_every_command_refuses_a_foreign_schema_and_changes_nothing(
+    study: Path, capsys: pytest.CaptureFixture[str], statement: str, named: str
+) -> None:
+    path = study / "study.db"
+    before = changed(path, statement)
+    for command in COMMANDS:
+        assert asked(study, command) == 1, command
+        shown = capsys.readouterr()
+        assert shown.out == "", command
+        assert shown.err.count("\n") == 1
+        assert f"study.db: cannot be {'read' if command[0] in READING else 'opened'}" in shown.err
+        assert f"({named}: the file was changed outside touchbeam; restore it" in shown.err
+    assert path.read_bytes() == before
+    assert sorted(file.name for file in study.iterdir()) == ["study.db", "study.toml"]
+
+
+def test_a_view_without_end_in_place_of_the_events_is_refused(
+    study: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = study / "study.db"
+    version = connected(path).execute("PRAGMA user_version").fetchone()[0]
+    path.unlink()
+    endless = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT i FROM n"
+    changed(path, f"CREATE VIEW event AS {endless}", f"PRAGMA user_version = {version}")
+    for command in COMMANDS:
+        assert asked(study, command) == 1, command
+        assert "view event is not touchbeam's" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("statement", "named"),
+    [
+        ("CREATE VIEW other AS SELECT 1", "view other is not touchbeam's"),
+        ("ALTER TABLE event ADD COLUMN salt BLOB", "table event is not touchbeam's"),
+        ("DROP TRIGGER event_is_not_replaced", "trigger event_is_not_replaced is missing"),
+        ("PRAGMA user_version = 3", "table event is not touchbeam's"),
+    ],
+)
+def test_a_journal_without_salts_is_compared_with_its_own_schema(
+    tmp_path: Path, statement: str, named: str
+) -> None:
+    path = tmp_path / "study.db"
+    make_unsalted(path)
+    open_journal(path).__exit__(None, None, None)
+    before = changed(path, statement)
+    for opened in (open_journal, read_journal):
+        with pytest.raises(JournalError, match=named):
+            opened(path)
+    assert path.read_bytes() == before
+
+
+def test_missing_triggers_are_refused_and_verify_reports_them(
+    study: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    changed(study / "study.db", "DROP TRIGGER event_is_not_deleted")
+    for command in STRICT:
+        assert asked(study, command) == 1, command
+        assert "trigger event_is_not_deleted is missing" in capsys.readouterr().err
+    assert typed("verify", study) == 1
+    first, second = capsys.readouterr().out.splitlines()
+    assert first.startswith("FAIL  trigger event_is_not_deleted is missing: events may have been")
+    assert second.startswith("ok    P01/1  completed")
+    assert typed("verify", study, "--json") == 1
+    found = json.loads(capsys.readouterr().out)
+    assert (found["ok"], found["lacking_triggers"]) == (False, ["event_is_not_deleted"])
+    assert found["sessions"][0]["ok"]
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_a_signal_ends_a_read_that_would_never_end(study: Path, name: str) -> None:
+    endless = (
+        "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) "
+        "SELECT count(*), '', '', 0.0, '', '', '', x'' FROM n WHERE ? <> ''"
+    )
+    number = getattr(signal, name)
+    with (
+        signals_raise(),
+        read_journal(study / "study.db") as journal,
+        pytest.MonkeyPatch.context() as patched,
+    ):
+        patched.setattr(journal, "_sql", journal._sql._replace(chain=endless))
+        threading.Timer(0.2, os.kill, (os.getpid(), number)).start()
+        with pytest.raises(Stopped, match=f"stopped by {name}"):
+            journal.events("P01/1")
+
+
+def noted(journal: Journal, text: str) -> None:
+    SessionLog(journal, "P01/1", WallClock()).append(NoteTaken(text=text))
+
+
+def events_in_main_file(path: Path) -> int:
+    with closing(sqlite3.connect(f"{path.as_uri()}?immutable=1", uri=True)) as alone:
+        return int(alone.execute("SELECT count(*) FROM event").fetchone()[0])
+
+
+def test_a_reader_that_leaves_last_merges_the_log(study: Path) -> None:
+    path = study / "study.db"
+    before = events_in_main_file(path)
+    with read_journal(path):
+        with open_journal(path) as journal:
+            noted(journal, "one more")
+        assert log_of(path).exists()
+    assert events_in_main_file(path) == before + 1
+    assert not log_of(path).exists()
+
+
+def test_a_reader_leaves_a_running_session_alone(study: Path) -> None:
+    path = study / "study.db"
+    before = events_in_main_file(path)
+    with open_journal(path) as journal:
+        noted(journal, "one more")
+        with read_journal(path) as reader:
+            assert len(reader.events("P01/1")) == before + 1
+        assert events_in_main_file(path) == before
+        noted(journal, "another")
+    assert events_in_main_file(path) == before + 2
+
+
+def test_the_log_starts_anew_after_a_checkpoint(study: Path) -> None:
+    path = study / "study.db"
+    with open_journal(path) as journal:
+        sizes = set()
+        for _ in range(5):
+            noted(journal, "x" * 20_000)
+            assert journal.checkpoint()
+            sizes.add(log_of(path).stat().st_size)
+    assert max(sizes) < 100_000
+
+
+def test_a_checkpoint_waits_for_no_reader_and_no_writer(study: Path) -> None:
+    path = study / "study.db"
+    with open_journal(path) as journal, closing(sqlite3.connect(path)) as other:
+        other.execute("BEGIN").execute("SELECT count(*) FROM event").fetchone()
+        noted(journal, "one more")
+        assert not journal.checkpoint()
+        other.rollback()
+        assert journal.checkpoint()
+        journal._connection.execute("PRAGMA busy_timeout = 10")
+        other.execute("BEGIN IMMEDIATE")
+        assert not journal.checkpoint()
+
+
+@pytest.mark.parametrize("when", ["checkpoint", "close"])
+def test_a_log_that_the_main_file_lacks_after_a_checkpoint_is_kept(
+    study: Path, monkeypatch: pytest.MonkeyPatch, when: str
+) -> None:
+    path = study / "study.db"
+    journal = open_journal(path)
+    noted(journal, "one more")
+    log = log_of(path).read_bytes()
+    with monkeypatch.context() as patched:
+        patched.setattr("runner.journal.database._tips", differing())
+        with pytest.raises(JournalError, match="lacks events of its log, which is kept as study"):
+            journal.checkpoint() if when == "checkpoint" else journal.__exit__(None, None, None)
+    if when == "checkpoint":
+        journal.__exit__(None, None, None)
+    (kept,) = study.glob("study.db-wal-kept-*")
+    assert kept.read_bytes() == log
+    if when == "close":
+        assert log_of(path).read_bytes() == log
+    with read_journal(path) as again:
+        assert again.events("P01/1")[-1].payload == {"text": "one more"}
+
+
+def differing() -> object:
+    answers = iter([{"P01/1": (1,)}, {"P01/1": (0,)}] * 2)
+    return lambda _: next(answers)
+
+
+def test_the_events_of_this_process_must_be_in_the_main_file(study: Path) -> None:
+    path = study / "study.db"
+    with closing(connected(path)) as connection:
+        connection.execute("UPDATE event SET payload = NULL, salt = NULL WHERE seq = 3")
+        with pytest.raises(LogNotCopiedError, match="lacks events of its log"):
+            copied_log(connection, path, ("P01/1", "another hash"))
+
+
+@pytest.mark.parametrize(
+    ("version", "affected"),
+    [("3.40.1", True), ("3.44.5", True), ("3.44.6", False), ("3.50.7", False), ("3.51.2", True),
+     ("3.51.3", False), ("3.53.0", False), ("4.0.0", False)],
+)  # fmt: skip
+def test_versions_with_the_wal_reset_bug_are_known(version: str, affected: bool) -> None:
+    assert has_wal_reset_bug(version) == affected

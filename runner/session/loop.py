@@ -36,8 +36,11 @@ def run(context: SessionContext) -> None:
 
 def _run_trials(context: SessionContext) -> None:
     prepare(context)
-    trials = context.session.plan.trials
+    trials, block = context.session.plan.trials, None
     while left := [trial for trial in trials if trial.index not in context.log.state.answered]:
+        if block not in {None, left[0].block}:
+            context.log.checkpoint()
+        block = left[0].block
         pause_if_wanted(context, left[0])
         _run_trial(context, left[0])
 

@@ -19,13 +19,14 @@ from runner.journal.cohort import slot_for, states
 from runner.journal.location import checked_place, mounts_of_this_machine
 from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal, JournalError, journal_if_used, session_name
+from runner.journal.verification import touchbeam_versions
 from runner.launch.device_access import kept_calibration, session_rig
 from runner.launch.locks import rig_lock, session_lock
 from runner.launch.participants import Say, participant_and_operator
 from runner.people.participant_console import require_typist
 from runner.session.loop import run
 from runner.session.resume import require_resumable
-from runner.session.session import Session, SessionContext, SessionKind
+from runner.session.session import Session, SessionContext, SessionKind, versions
 from runner.signals import Stopped
 from runner.study.check import validated_study
 from runner.study.folder import StudyFolder
@@ -177,10 +178,13 @@ def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
     # The rig before the journal: if no device answers, no session is opened.
     journal = stack.enter_context(journal_if_used(options.folder.journal))
     new = name not in journal.sessions()
+    earlier = touchbeam_versions(journal.events(name))[-1:]
     if other := _nearly_the_same(journal, options.participant):
         say(f"warning: {options.participant} is taken for another participant than {other}")
     session = opened_session(request, journal, clock)
     log = SessionLog(journal, name, clock)
+    if earlier and earlier[0] != (now := versions()["touchbeam"]):
+        say(f"{name} was last recorded by touchbeam {earlier[0]} and continues with {now}.")
     virtual = options.ratings == "virtual"
     participant, operator = stack.enter_context(
         participant_and_operator(session, rig, clock, say, window, virtual=virtual)

@@ -16,6 +16,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from protocol.study.languages import built_in, built_in_codes
+from runner.journal.database import SQLITE_VERSION, has_wal_reset_bug
 from runner.window.text_layout import first_font, missing_font
 
 PACKAGES = ("protocol", "device", "runner", "analysis")
@@ -48,6 +49,7 @@ def findings() -> list[Finding]:
         *_origins(),
         _python(),
         *(_dependency(name) for name in DEPENDENCIES),
+        _sqlite(),
         _disk(),
         _ports(),
         _screen(),
@@ -86,6 +88,20 @@ def _dependency(name: str) -> Finding:
         return Finding(what=name, ok=True, value=version(name))
     except PackageNotFoundError:
         return Finding(what=name, ok=False, value="missing", hint="run make demo once")
+
+
+def _sqlite() -> Finding:
+    hint = (
+        "older than 3.51.3, which can lose transactions if a process commits during a checkpoint; "
+        "touchbeam lets none commit then, and compares the file with its log before the log is "
+        "reset"
+    )
+    return Finding(
+        what="SQLite",
+        ok=True,
+        value=SQLITE_VERSION,
+        hint=hint if has_wal_reset_bug(SQLITE_VERSION) else "",
+    )
 
 
 def _disk() -> Finding:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from runner.doctor import findings
 from tests.runner.command_line import TOUCHBEAM, assert_matches, everything, typed
 
 RUN = ("run", "study", "--participant", "P01", "--ratings")
@@ -241,6 +242,23 @@ def test_the_doctor_finds_our_own_packages(capsys: pytest.CaptureFixture[str]) -
     found = {entry["what"]: entry for entry in json.loads(capsys.readouterr().out)}
     assert all(found[f"package {name}"]["ok"] for name in ("protocol", "device", "runner"))
     assert found["psychopy"]["value"] == "2026.2.5"
+    assert found["SQLite"]["value"] == sqlite3.sqlite_version
+
+
+@pytest.mark.parametrize(("version", "said"), [("3.51.2", True), ("3.51.3", False)])
+def test_the_doctor_says_what_touchbeam_does_about_an_old_sqlite(
+    monkeypatch: pytest.MonkeyPatch, version: str, said: bool
+) -> None:
+    monkeypatch.setattr("runner.doctor.SQLITE_VERSION", version)
+    (found,) = (finding for finding in findings() if finding.what == "SQLite")
+    assert found.ok
+    assert (
+        found.line().startswith(
+            f"ok    SQLite: {version} (older than 3.51.3, which can lose transactions if a process "
+            "commits during a checkpoint; touchbeam lets none commit then"
+        )
+        == said
+    )
 
 
 def test_the_doctor_reports_a_package_that_shadows_ours() -> None:

@@ -1,8 +1,9 @@
-"""Commands for a study's journal: status, verify, exclude, amend, withdraw."""
+"""Commands for a study's journal: status, verify, backup, exclude, amend, withdraw."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -50,7 +51,7 @@ def status(study: StudyArgument, as_json: JsonOption = False) -> None:
 
 @app.command()
 def verify(study: StudyOrBackupArgument, as_json: JsonOption = False) -> None:
-    """Check the integrity of the journal.
+    """Check the integrity of the journal or of a backup.
 
     Checks the hash chains, the order of events, and that each trial is answered exactly once.
     """
@@ -72,6 +73,29 @@ def verify(study: StudyOrBackupArgument, as_json: JsonOption = False) -> None:
             )
         for line in [verdict.line() for verdict in found] or ["The journal contains no sessions."]:
             say(line)
+    if not result["ok"]:
+        raise typer.Exit(1)
+
+
+@app.command()
+def backup(
+    study: StudyArgument,
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="The new file.")],
+    as_json: JsonOption = False,
+) -> None:
+    """Copy the journal into a new file, even during a session, and verify the copy."""
+    from runner.journal.backup import backed_up
+    from runner.study.folder import StudyFolder
+
+    result = _verification(*backed_up(StudyFolder(path=study).existing_journal(), file))
+    if as_json:
+        print_json({"file": str(file), **result})
+    else:
+        says = "" if result["ok"] else f" with problems: see touchbeam verify {file}"
+        say(
+            f"Written and verified{says}: {file}, {len(result['sessions'])} sessions, "
+            f"{result['events']} events"
+        )
     if not result["ok"]:
         raise typer.Exit(1)
 

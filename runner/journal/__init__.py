@@ -1,5 +1,5 @@
-"""The journal file: appending, reading, verifying and amending a study's events.
+"""The journal file: appending, reading, verifying, backing up and amending a study's events.
 
 Public face: `store.Journal`, `store.open_journal`, `session_log.SessionLog`,
-`verification.verdicts`.
+`verification.verdicts`, `backup.backed_up`.
 """

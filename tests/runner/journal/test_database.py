@@ -33,13 +33,14 @@ COMMANDS = (
     ("verify",),
     ("report",),
     ("export", "out", "--format", "csv"),
+    ("backup", "copy.db"),
     ("run", "--participant", "R2", "--ratings", "virtual"),
     ("exclude", "--participant", "P01", "--reason", "x"),
     ("amend", "--reason", "x"),
     ("withdraw", "--participant", "P01"),
 )
-READING = {"status", "verify", "report", "export"}
-STRICT = tuple(command for command in COMMANDS if command[0] != "verify")
+READING = {"status", "verify", "report", "export", "backup"}
+STRICT = tuple(command for command in COMMANDS if command[0] not in {"verify", "backup"})
 
 
 @pytest.fixture

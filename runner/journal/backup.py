@@ -1,0 +1,62 @@
+"""Backups of a journal: whole, verified copies, made even while a session writes to it."""
+
+import os
+import secrets
+from pathlib import Path
+
+from protocol.errors import BadInput
+from runner.journal.store import read_journal
+from runner.journal.verification import SessionVerdict, verdicts
+
+
+def backed_up(path: Path, file: Path) -> tuple[tuple[str, ...], list[SessionVerdict]]:
+    """Copy the journal at `path` into the new file `file`.
+
+    Events that are appended meanwhile are not in the copy. It is on the disk when this returns; a
+    failure leaves nothing behind.
+
+    Returns:
+        The triggers that the copy lacks, and a verdict on each of its chains.
+
+    Raises:
+        BadInput: `file` exists.
+        JournalError: the journal cannot be read, or the copy cannot be written.
+        OSError: the copy cannot be written; the error names `file`.
+    """
+    _require_new(file)
+    beside = file.with_name(f".touchbeam-{secrets.token_hex(8)}")
+    try:
+        os.close(os.open(beside, os.O_CREAT | os.O_EXCL, 0o600))
+        with read_journal(path, to_verify=True) as journal:
+            journal.copy_to(beside)
+        with read_journal(beside, to_verify=True) as copy:
+            found = copy.lacking_triggers, verdicts(copy)
+        with beside.open("rb+") as written:
+            os.fsync(written.fileno())
+        _take_name(beside, file)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(file)) from error
+    finally:
+        for ending in ("", "-journal", "-wal", "-shm"):
+            beside.with_name(f"{beside.name}{ending}").unlink(missing_ok=True)
+    return found
+
+
+def _require_new(file: Path) -> None:
+    if file.exists() or file.is_symlink():
+        raise BadInput(f"{file}: exists and is not overwritten; choose another name")
+
+
+def _take_name(written: Path, file: Path) -> None:
+    """Rename `written` to `file`, which must not exist, and put the new name on the disk."""
+    try:
+        os.close(os.open(file, os.O_CREAT | os.O_EXCL, 0o600))  # a rename alone would replace it
+    except FileExistsError:
+        _require_new(file)
+    written.replace(file)
+    if hasattr(os, "O_DIRECTORY"):
+        folder = os.open(file.parent, os.O_DIRECTORY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)

@@ -1,0 +1,128 @@
+"""Backups: whole verified copies that replace nothing, also while a session writes."""
+
+import json
+import threading
+from pathlib import Path
+
+import pytest
+
+from protocol.journal.events import NoteTaken
+from protocol.study_file.loading import template
+from runner.clock import WallClock
+from runner.journal.backup import backed_up
+from runner.journal.session_log import SessionLog
+from runner.journal.store import open_journal, read_journal
+from runner.session.loop import run
+from tests.runner.command_line import typed
+from tests.runner.fakes import FakeDevice, FakeParticipant, context
+from tests.runner.journal.tampering import tampering
+from tests.runner.journal.test_store import room_for
+
+
+@pytest.fixture
+def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A study with one finished session."""
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "study"
+    folder.mkdir()
+    (folder / "study.toml").write_text(template("paper"))
+    with open_journal(folder / "study.db") as journal:
+        run(context(journal, FakeDevice(), FakeParticipant()))
+    return folder
+
+
+def test_a_backup_is_a_private_verified_copy(
+    study: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert typed("backup", study, "copy.db") == 0
+    copy = tmp_path / "copy.db"
+    with read_journal(study / "study.db") as journal, read_journal(copy) as again:
+        events = journal.events("P01/1")
+        assert again.events("P01/1") == events
+    said = f"Written and verified: copy.db, 1 sessions, {len(events)} events\n"
+    assert capsys.readouterr() == (said, "")
+    assert copy.stat().st_mode & 0o777 == 0o600
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["copy.db", "study"]
+    assert typed("verify", copy) == 0
+    assert capsys.readouterr().out.startswith("ok    P01/1  completed")
+    assert typed("backup", study, "second.db", "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["ok"], found["file"], found["events"]) == (True, "second.db", len(events))
+    assert found["sessions"][0]["chain_ok"]
+
+
+@pytest.mark.parametrize("what", ["file", "folder", "link to nothing"])
+def test_a_backup_replaces_nothing(
+    study: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], what: str
+) -> None:
+    copy = tmp_path / "copy.db"
+    if what == "file":
+        copy.write_text("precious")
+    elif what == "folder":
+        copy.mkdir()
+    else:
+        copy.symlink_to("elsewhere")
+    assert typed("backup", study, "copy.db") == 2
+    said = "touchbeam: copy.db: exists and is not overwritten; choose another name\n"
+    assert capsys.readouterr() == ("", said)
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["copy.db", "study"]
+    if what == "file":
+        assert copy.read_text() == "precious"
+
+
+def test_a_backup_into_a_missing_folder_names_the_file(
+    study: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert typed("backup", study, "none/copy.db") == 2
+    assert capsys.readouterr().err == "touchbeam: none/copy.db: No such file or directory\n"
+
+
+def test_a_backup_that_does_not_fit_leaves_nothing(
+    study: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with room_for(40_000):
+        assert typed("backup", study, "copy.db") == 1
+    assert "study.db: cannot be copied (" in capsys.readouterr().err
+    assert [file.name for file in tmp_path.iterdir()] == ["study"]
+
+
+def test_a_backup_of_a_changed_journal_is_kept_and_fails(
+    study: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with tampering(study / "study.db") as other:
+        other.execute("UPDATE event SET payload = NULL WHERE seq = 3")
+    assert typed("backup", study, "copy.db") == 1
+    shown = capsys.readouterr().out
+    assert shown.startswith("Written and verified with problems: see touchbeam verify copy.db: ")
+    assert typed("verify", "copy.db") == 1
+
+
+def test_backups_during_a_session_have_every_event_so_far(study: Path, tmp_path: Path) -> None:
+    path = study / "study.db"
+    written = threading.Event()
+    with open_journal(path) as journal:
+        log = SessionLog(journal, "P01/1", WallClock())
+        copier = threading.Thread(target=copies, args=(path, tmp_path, written))
+        copier.start()
+        for number in range(100):
+            log.append(NoteTaken(text=f"{number}" * 1000))
+            if number % 10 == 0:
+                journal.checkpoint()
+        written.set()
+        copier.join()
+        whole = journal.events("P01/1")
+    made = sorted(tmp_path.glob("copy-*.db"))
+    assert made
+    for copy in made:
+        with read_journal(copy) as again:
+            events = again.events("P01/1")
+            assert events == whole[: len(events)]
+
+
+def copies(path: Path, folder: Path, until: threading.Event) -> None:
+    number = 0
+    while not until.is_set():
+        lacking, (verdict,) = backed_up(path, folder / f"copy-{number}.db")
+        assert not lacking
+        assert verdict.chain_ok
+        number += 1

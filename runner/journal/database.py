@@ -50,13 +50,24 @@ def connected(path: Path, access: str = "mode=rw", timeout_s: float = 5.0) -> sq
     """
     uri = f"{path.absolute().as_uri()}?{access}"
     connection = sqlite3.connect(uri, uri=True, timeout=timeout_s, isolation_level=None)
-    # Python runs the handlers of signals between two of its instructions: this is one.
-    connection.set_progress_handler(lambda: 0, _STEPS_BETWEEN_SIGNALS)
-    connection.execute("PRAGMA trusted_schema = OFF")
-    connection.execute("PRAGMA cell_size_check = ON")
-    if sys.version_info >= (3, 12):
-        connection.setconfig(sqlite3.SQLITE_DBCONFIG_DEFENSIVE)
+    with closed_on_error(connection):
+        # Python runs the handlers of signals between two of its instructions: this is one.
+        connection.set_progress_handler(lambda: 0, _STEPS_BETWEEN_SIGNALS)
+        connection.execute("PRAGMA trusted_schema = OFF")
+        connection.execute("PRAGMA cell_size_check = ON")
+        if sys.version_info >= (3, 12):
+            connection.setconfig(sqlite3.SQLITE_DBCONFIG_DEFENSIVE)
     return connection
+
+
+@contextmanager
+def closed_on_error(connection: sqlite3.Connection) -> Iterator[None]:
+    """Close `connection` if the body fails; a stop by a signal is a failure too."""
+    try:
+        yield
+    except BaseException:
+        connection.close()
+        raise
 
 
 def log_of(path: Path) -> Path:
@@ -221,11 +232,11 @@ def leave(connection: sqlite3.Connection, path: Path, patience_s: float) -> None
     Raises:
         LogNotCopiedError: the merged file lacks events; the log is kept beside it.
     """
-    close_keeping_log(connection, path)
-    if not _has_events(log_of(path)) or not is_writable(path):
-        return
-    end_s = time.monotonic() + patience_s
     with stops_deferred():
+        close_keeping_log(connection, path)
+        if not _has_events(log_of(path)) or not is_writable(path):
+            return
+        end_s = time.monotonic() + patience_s
         while not _merged(path) and time.monotonic() < end_s:
             time.sleep(uniform(0.002, 0.02))  # two that leave at once must not wait in step
 
@@ -236,12 +247,11 @@ def close_keeping_log(connection: sqlite3.Connection, path: Path) -> None:
     SQLite checkpoints when the last connection is closed, which a connection that can only read
     cannot do.
     """
-    with suppress(*SQLITE_ERRORS, OSError):
+    with closing(connection), suppress(*SQLITE_ERRORS, OSError):
         if _has_events(log_of(path)):
             with closing(connected(path, "mode=ro")) as last:
                 last.execute("PRAGMA user_version").fetchone()  # takes the lock of a reader
                 connection.close()
-    connection.close()
 
 
 def copy_database(connection: sqlite3.Connection, new: Path) -> None:
@@ -260,14 +270,14 @@ def _merged(path: Path) -> bool:
         # made anew from the log itself, so that every event in it is copied.
         alone.execute("PRAGMA locking_mode = EXCLUSIVE")
         merged = _passively_copied(alone, path, _tips(alone))
-    except LogNotCopiedError:
-        _close_without_removing(alone, log_of(path))
-        raise
     except SQLITE_ERRORS as error:
         if _is_busy(error):
             alone.close()
             return False
         merged = False  # a full disk, for example: the log stays
+    except BaseException:  # not LogNotCopiedError alone: a copy of the log may not be possible
+        _close_without_removing(alone, log_of(path))
+        raise
     if not merged:
         _close_without_removing(alone, log_of(path))
         return True

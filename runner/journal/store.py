@@ -33,6 +33,7 @@ from runner.journal.database import (
     LogNotCopiedError,
     checked_version,
     close_keeping_log,
+    closed_on_error,
     connected,
     copied_log,
     copy_database,
@@ -366,11 +367,12 @@ def read_journal(path: Path, *, to_verify: bool = False) -> Journal:
                 lacking_triggers=lacking,
                 patience_s=_READER_PATIENCE_S,
             )
-    connection.close()  # made and never filled: its process was killed
-    empty = sqlite3.connect(":memory:")
-    for statement in _SCHEMA:
-        empty.execute(statement)
-    return Journal(empty, path)
+        connection.close()  # made and never filled: its process was killed
+        empty = sqlite3.connect(":memory:")
+        with closed_on_error(empty):
+            for statement in _SCHEMA:
+                empty.execute(statement)
+        return Journal(empty, path)
 
 
 def _access(path: Path) -> str:

@@ -4,7 +4,7 @@ import resource
 import sqlite3
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
@@ -310,3 +310,32 @@ def test_a_first_event_counts_only_if_the_file_still_exists_afterwards(tmp_path:
         pytest.raises(JournalError, match="deleted, moved or replaced while in use"),
     ):
         journal.append("P03/1", event(0))
+
+
+@pytest.mark.parametrize("opened", [open_journal, read_journal])
+@pytest.mark.parametrize("error", [KeyboardInterrupt("stopped"), sqlite3.DatabaseError("disk")])
+def test_a_journal_that_could_not_be_opened_leaves_no_connection(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    opened: Callable[[Path], Journal],
+    error: BaseException,
+) -> None:
+    with open_journal(tmp_path / "study.db"):
+        pass
+    closed: list[bool] = []
+
+    class Interrupted(sqlite3.Connection):
+        def execute(self, statement: str, *_: object) -> sqlite3.Cursor:
+            raise error
+
+        def close(self) -> None:
+            closed.append(True)
+            super().close()
+
+    connect = sqlite3.connect
+    monkeypatch.setattr(
+        sqlite3, "connect", lambda *given, **more: connect(*given, **more, factory=Interrupted)
+    )
+    with pytest.raises((KeyboardInterrupt, JournalError), match=r"stopped|disk"):
+        opened(tmp_path / "study.db")
+    assert closed == [True]

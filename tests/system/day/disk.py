@@ -9,10 +9,12 @@ import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
+from runner.journal.database import leave
 from tests.system.day.invariants import require
 from tests.system.day.process import Dead, Incident, Process
 
@@ -34,8 +36,8 @@ class Disk:
     acknowledged: set[Key] = field(default_factory=set)
     in_flight: dict[Key, tuple[str, str]] = field(default_factory=dict)
     """Tag and payload of events that a process was storing when it died."""
-    synced: int = 0
-    """Bytes of the log that are on the disk for certain."""
+    synced: bytes = b""
+    """What is in the log on the disk for certain."""
     process: Process = field(default_factory=Process)
     """Whose connections are opened now."""
     open: list["LabConnection"] = field(default_factory=list)
@@ -56,7 +58,7 @@ class Disk:
             self.acknowledged.add(key)
             self.in_flight.pop(key, None)
             self.on_event(key[0], tag, payload)
-        self.synced = self.log.stat().st_size if self.log.exists() else 0
+        self.synced = self.log.read_bytes() if self.log.exists() else b""
 
     def crash(self, before: dict[Path, bytes] | None = None) -> None:
         """Leave the files as the death of their process leaves them; no connection survives.
@@ -78,10 +80,17 @@ class Disk:
             path.chmod(0o600)
 
     def _torn(self, content: bytes) -> bytes:
-        """Cut off what was not synchronised, anywhere, or leave garbage in its place."""
-        cut = self.stream.randint(min(self.synced, len(content)), len(content))
+        """Undo what was not synchronised, from anywhere, or leave garbage in its place.
+
+        After a checkpoint the log is written from its beginning again, over what it had.
+        """
+        both = zip(self.synced, content, strict=False)
+        kept = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], both))
+        cut = self.stream.randint(kept, len(content))
         lost = len(content) - cut
-        return content[:cut] + self.stream.choice((b"", self.stream.randbytes(lost), bytes(lost)))
+        return content[:cut] + self.stream.choice(
+            (self.synced[cut:], self.stream.randbytes(lost), bytes(lost))
+        )
 
     def _half_checkpointed(
         self, before: dict[Path, bytes], after: dict[Path, bytes]
@@ -146,7 +155,10 @@ class Disk:
             made: LabConnection = _connect(database, **options)
             return made
 
-        with patch.object(sqlite3, "connect", connect):
+        def left(connection: sqlite3.Connection, path: Path, _patience_s: float) -> None:
+            leave(connection, path, patience_s=0.0)  # likewise
+
+        with patch.object(sqlite3, "connect", connect), patch("runner.journal.store.leave", left):
             yield
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, redirect_stdout
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from unittest.mock import patch
 
@@ -23,7 +23,7 @@ from protocol.study.study import Study
 from runner.cli.output import complaint
 from runner.clock import Clock
 from runner.journal.session_log import SessionLog
-from runner.journal.store import journal_if_used, session_name
+from runner.journal.store import journal_if_used, open_journal, session_name
 from runner.launch.locks import session_lock
 from runner.launch.run_session import (
     Request,
@@ -144,10 +144,12 @@ class Lab:
 
     @contextmanager
     def entered(self) -> Iterator[None]:
-        """Let every clock and every file in the body be one of this laboratory."""
+        """Let every clock, file and random number in the body be one of this laboratory."""
+        salts = random.Random(0).randbytes
         with (
             self.disk.installed(),
             patch("runner.clock.WallClock", lambda: _Calendar(self.device)),
+            patch("runner.journal.store.open_journal", partial(open_journal, random_bytes=salts)),
             patch("device.resonance._POINTS", SEARCHED_POINTS),
         ):
             yield

@@ -75,6 +75,11 @@ def log_of(path: Path) -> Path:
     return path.with_name(f"{path.name}-wal")
 
 
+def log_aside(path: Path) -> Path:
+    """Return where the log is for a moment while a connection is closed that would remove it."""
+    return path.with_name(f"{path.name}-wal-aside")
+
+
 def _has_events(log: Path) -> bool:
     try:
         return log.stat().st_size > 0
@@ -276,10 +281,10 @@ def _merged(path: Path) -> bool:
             return False
         merged = False  # a full disk, for example: the log stays
     except BaseException:  # not LogNotCopiedError alone: a copy of the log may not be possible
-        _close_without_removing(alone, log_of(path))
+        _close_without_removing(alone, path)
         raise
     if not merged:
-        _close_without_removing(alone, log_of(path))
+        _close_without_removing(alone, path)
         return True
     alone.close()
     with suppress(*SQLITE_ERRORS), closing(connected(path)) as sweeper:
@@ -287,9 +292,8 @@ def _merged(path: Path) -> bool:
     return True
 
 
-def _close_without_removing(connection: sqlite3.Connection, log: Path) -> None:
+def _close_without_removing(connection: sqlite3.Connection, path: Path) -> None:
     """Close the only connection to a file; SQLite does not find the log that it would remove."""
-    aside = log.with_name(f"{log.name}-aside")
-    log.rename(aside)
+    log_of(path).rename(log_aside(path))
     connection.close()
-    aside.rename(log)
+    log_aside(path).rename(log_of(path))

@@ -39,6 +39,7 @@ from runner.journal.database import (
     copy_database,
     is_writable,
     leave,
+    log_aside,
     log_of,
     transaction,
 )
@@ -392,8 +393,13 @@ def _opening(
     """Yield a connection to the journal at `path`, closed again only if the body fails.
 
     Raises:
-        JournalError: the body has raised an error of SQLite or of the system.
+        JournalError: the body has raised an error of SQLite or of the system, or the log is aside.
     """
+    if (aside := log_aside(path)).exists():  # opened without its log, the journal would lack events
+        raise JournalError(
+            f"{path}: its log is {aside.name}, because a process was killed while it closed the "
+            f"journal; rename it to {log_of(path).name}"
+        )
     try:
         if create:  # SQLite itself would make a file that others may read, as the umask has it
             with suppress(FileExistsError):

@@ -1,6 +1,7 @@
 """The journal: append-only, chained, private, and never half-written."""
 
 import resource
+import shutil
 import sqlite3
 import subprocess
 import sys
@@ -339,3 +340,19 @@ def test_a_journal_that_could_not_be_opened_leaves_no_connection(
     with pytest.raises((KeyboardInterrupt, JournalError), match=r"stopped|disk"):
         opened(tmp_path / "study.db")
     assert closed == [True]
+
+
+@pytest.mark.parametrize("opened", [open_journal, read_journal])
+def test_a_journal_is_not_opened_without_the_log_that_a_killed_process_left_aside(
+    tmp_path: Path, opened: Callable[[Path], Journal]
+) -> None:
+    path, log = tmp_path / "study.db", tmp_path / "study.db-wal"
+    aside = tmp_path / "study.db-wal-aside"
+    with filled(path) as journal:
+        events = journal.events("P01/1")
+        shutil.copy(log, aside)
+    with pytest.raises(JournalError, match=r"wal-aside, .* killed .*; rename it to study.db-wal$"):
+        opened(path)
+    aside.rename(log)
+    with opened(path) as again:
+        assert again.events("P01/1") == events

@@ -12,6 +12,7 @@ from analysis.loading.study_data import StudyData
 from analysis.sensitivity.joint_model import EXPECTED, OPPOSITE, SAME
 from analysis.sensitivity.ratings import Ratings
 from analysis.trials.contrasts import TrialContrasts
+from device.friction.contrasts import LAW
 from protocol.study.questions import ANSWERS, no_change
 from protocol.study.study import Study
 
@@ -30,10 +31,6 @@ class ScoredTrials:
     every: Ratings
     place: IntArray
     previous: IntArray
-
-
-LAW = "consistent"
-"""The law under which sensitivities are estimated: the only one with the right limits."""
 
 
 def scored_trials(data: StudyData, contrasts: TrialContrasts) -> ScoredTrials:

@@ -21,11 +21,11 @@ from protocol.study_file.loading import StudyError, parsed_study
 
 FORCE_STEP = 0.05
 PLACE_STEP_M = 0.0005
-"""Measured force counts in steps of a twentieth of the planned one, and a place in half
-millimetres from it: no finger is steadier, and a sensor's noise makes no new touch."""
+FREQUENCY_DIGITS = 4
+"""Measured force counts in steps of a twentieth of the planned one, a place in half millimetres
+from it, a frequency in ten-thousandths of the resonance: no finger is steadier, a resonance is a
+hundred times as wide, and a sensor's noise makes no new touch and no new solution of the beam."""
 _BEAM_M = Beam().length_m
-RUNG = "mode"
-"""The rung (see `device.friction.rungs`) that predicts changes."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -60,7 +60,7 @@ def trial_contrasts(study: Study, trials: pd.DataFrame, touches: pd.DataFrame) -
     measured = touches["attempt_id"][touches["force_n"].notna() | touches["place_m"].notna()]
     by_law = {}
     for law in LAWS:
-        found = [np.nan if it is None else predicted_contrast(it, law, RUNG) for it in number_of]
+        found = [np.nan if it is None else predicted_contrast(it, law) for it in number_of]
         by_law[law] = np.array(found, float)[numbers]
     return TrialContrasts(by_law=by_law, measured=trials.index.isin(measured))
 
@@ -153,7 +153,7 @@ def _driven(
     """Return the moment with the drive that was read back, if there is one."""
     if not isfinite(voltage_v) or resonance_hz is None:
         return moment
-    frequency = round(frequency_hz / resonance_hz, 6)
+    frequency = round(frequency_hz / resonance_hz, FREQUENCY_DIGITS)
     return replace(moment, voltage_v=round(voltage_v, 3), frequency=frequency)
 
 

@@ -25,7 +25,7 @@ from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensi
 from analysis.statistics.ordinal import OrdinalEffects, ordinal_effects_of_trials
 from analysis.statistics.table4 import table4
 from analysis.trials.arrays import ScoredTrials, detection_trials, scored_trials
-from analysis.trials.contrasts import RUNG, TrialContrasts, trial_contrasts
+from analysis.trials.contrasts import TrialContrasts, trial_contrasts
 from analysis.trials.law_comparison import LawLikelihood, LawOrder, law_likelihoods, law_order
 from device.friction.changes import CONDITIONS
 from device.friction.contrasts import predicted_contrast
@@ -197,7 +197,7 @@ def _signal(trials: pd.DataFrame, contrasts: TrialContrasts) -> SignalAnswers:
     answered = trials["trial_kind"].eq("signal") & trials["agrees"].notna()
     agreed = int(trials["agrees"][answered].sum())
     if not answered.any():
-        predicted = {law: predicted_contrast(CONDITIONS["signal"], law, RUNG) for law in LAWS}
+        predicted = {law: predicted_contrast(CONDITIONS["signal"], law) for law in LAWS}
     else:
         by_law = contrasts.by_law
         predicted = {law: float(np.mean(values[answered])) for law, values in by_law.items()}

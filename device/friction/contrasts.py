@@ -9,18 +9,22 @@ from device.beam.beam import Beam
 from device.beam.modes import FloatArray
 from device.friction.changes import Change, Moment
 from device.friction.coefficient import friction_coefficient
-from device.friction.rungs import rung_resonance_hz
+from device.friction.rungs import TOP_RUNG, rung_resonance_hz
 from device.friction.scenes import Drive, FingerContact, Scene, Structure
 
+LAW, RUNG = "consistent", TOP_RUNG
+"""Under these a contrast is predicted unless others are named. `consistent` alone has the right
+limits, and no rung errs less than the top one, which a few contrasts can afford."""
 
-def predicted_contrast(change: Change, law: str = "consistent", rung: str = "mode") -> float:
+
+def predicted_contrast(change: Change, law: str = LAW, rung: str = RUNG) -> float:
     """Return the contrast of `change`, positive when the change is the expected one.
 
     `Change` gives the formula of each effect. Drives are relative to the resonance of the rung.
 
     >>> from device.friction.changes import CONDITIONS
-    >>> round(predicted_contrast(CONDITIONS["pressure"]), 2)
-    0.04
+    >>> round(predicted_contrast(CONDITIONS["pressure"]), 3)
+    0.065
     """
     before, after = (
         friction_at(moment, change.places_m, law, rung) for moment in (change.before, change.after)
@@ -41,7 +45,7 @@ def _rms(values: FloatArray) -> float:
 
 @lru_cache(maxsize=4096)
 def friction_at(
-    moment: Moment, places_m: tuple[float, ...], law: str = "consistent", rung: str = "mode"
+    moment: Moment, places_m: tuple[float, ...], law: str = LAW, rung: str = RUNG
 ) -> FloatArray:
     """Return the friction coefficient of `moment` at each place (right edge, m), shape (n,)."""
     drive = Drive(voltage_v=moment.voltage_v)

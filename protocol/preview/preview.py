@@ -13,8 +13,17 @@ from protocol.study.study import Study
 from protocol.study.touch import Touch, slew_v_per_us
 from protocol.study_file.limits import max_resonance_hz
 
-Predict = Callable[[Trial], float | None]
-"""The change that a model predicts for a trial, `None` if the trial has no question."""
+
+@dataclass(frozen=True, kw_only=True)
+class Prediction:
+    """A model's predictions: its friction law, its rung, and the contrast of a trial.
+
+    `contrast` is `None` for a trial without a question.
+    """
+
+    law: str
+    rung: str
+    contrast: Callable[[Trial], float | None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,25 +62,25 @@ def preview(study: Study, participants: int) -> Preview:
     )
 
 
-def precision_by_length(shown: Preview, predict: Predict) -> list[Precision]:
+def precision_by_length(shown: Preview, model: Prediction) -> list[Precision]:
     """Return how precisely sessions of this and other lengths estimate one person's sensitivity.
 
     Only the first slot's plan is used: every slot has the same trials in another order.
     """
     main = [trial for trial in shown.plans[0].trials if trial.kind == "trial"]
-    contrasts = [contrast for trial in main if (contrast := predict(trial)) is not None]
+    contrasts = [contrast for trial in main if (contrast := model.contrast(trial)) is not None]
     study = shown.study
     return precisions(contrasts, study.design.repeats, session_lengths(study), study.rating)
 
 
-def preview_record(shown: Preview, predict: Predict) -> dict[str, Any]:
+def preview_record(shown: Preview, model: Prediction) -> dict[str, Any]:
     """Return the preview as plain JSON values; infinite widths become `None`."""
     return {
         "participants": [
             {
                 "id": f"P{each.slot + 1:02d}",
                 "sequence": list(each.sequence),
-                "trials": [_trial_record(shown.study, trial, predict) for trial in each.trials],
+                "trials": [_trial_record(shown.study, trial, model) for trial in each.trials],
                 "duration_s": round(duration_s, 1),
                 "beam_swaps": swaps,
             }
@@ -79,6 +88,8 @@ def preview_record(shown: Preview, predict: Predict) -> dict[str, Any]:
                 shown.plans, shown.durations_s, shown.swaps, strict=True
             )
         ],
+        "contrast_law": model.law,
+        "contrast_rung": model.rung,
         "max_voltage_v": shown.max_voltage_v,
         "max_frequency_hz": shown.max_frequency_hz,
         "max_slew_v_per_us": shown.max_slew_v_per_us,
@@ -91,11 +102,11 @@ def preview_record(shown: Preview, predict: Predict) -> dict[str, Any]:
             "promised": shown.carryover.guaranteed,
             "across_blocks": [list(row) for row in shown.carryover.across_blocks],
         },
-        "minutes_buy": [_precision_record(each) for each in precision_by_length(shown, predict)],
+        "minutes_buy": [_precision_record(each) for each in precision_by_length(shown, model)],
     }
 
 
-def _trial_record(study: Study, trial: Trial, predict: Predict) -> dict[str, Any]:
+def _trial_record(study: Study, trial: Trial, model: Prediction) -> dict[str, Any]:
     return {
         "index": trial.index,
         "block": trial.block,
@@ -107,7 +118,7 @@ def _trial_record(study: Study, trial: Trial, predict: Predict) -> dict[str, Any
         "expected": trial.expected,
         "touches": len(trial.touches),
         "touching_s": round(touches_s(study, trial.touches), 2),
-        "predicted_contrast": predict(trial),
+        "predicted_contrast": model.contrast(trial),
     }
 
 

@@ -4,37 +4,38 @@ from collections.abc import Iterator, Sequence
 
 from protocol.plan.trials import Trial
 from protocol.preview.precision import Precision, residual_sd
-from protocol.preview.preview import Predict, Preview, levels, precision_by_length
+from protocol.preview.preview import Prediction, Preview, levels, precision_by_length
 from protocol.proof.cohort import balance_guaranteed, sequences
 from protocol.study.rating import PAPERS_SCALE
 
 
-def preview_lines(shown: Preview, predict: Predict) -> Iterator[str]:
+def preview_lines(shown: Preview, model: Prediction) -> Iterator[str]:
     """Yield the preview line by line: the first participant's trials, then the cohort."""
     yield f"Plan of the first of {_many(len(shown.plans), 'participant')} (session 1)"
     yield ""
-    yield from _table(_trial_rows(shown, predict))
+    yield from _table(_trial_rows(shown, model))
     yield ""
     yield "Peak V: amplitude. Drive: frequency relative to the resonance. 0.98/1: a change between"
     yield "touches; 0>200: a change during a touch."
-    yield "Pred.: predicted change of ln(friction), positive in the expected direction."
+    yield "Pred.: predicted change of ln(friction), positive in the expected direction;"
+    yield f"friction law {model.law}, rung {model.rung}."
     yield "Finger: what else changes between touches; x1.5: press 1.5 times as hard."
     yield ""
     yield from _session_lines(shown)
     yield ""
     yield from _carryover_lines(shown)
     yield ""
-    yield from _precision_lines(shown, predict)
+    yield from _precision_lines(shown, model)
 
 
 def _many(number: int, one: str, more: str = "") -> str:
     return f"{number} {one if number == 1 else more or one + 's'}"
 
 
-def _trial_rows(shown: Preview, predict: Predict) -> Iterator[tuple[str, ...]]:
+def _trial_rows(shown: Preview, model: Prediction) -> Iterator[tuple[str, ...]]:
     yield ("#", "block", "kind", "condition", "peak V", "drive", "pred.", "expected", "finger")
     for trial in shown.plans[0].trials:
-        contrast = predict(trial)
+        contrast = model.contrast(trial)
         yield (
             str(trial.index),
             str(trial.block) if trial.block else "",
@@ -140,12 +141,12 @@ def _advice(shown: Preview) -> str:
     return "this design cannot balance it"
 
 
-def _precision_lines(shown: Preview, predict: Predict) -> Iterator[str]:
+def _precision_lines(shown: Preview, model: Prediction) -> Iterator[str]:
     yield "Precision by session length: how precisely a session estimates one person's"
     yield "sensitivity, in score points per unit of predicted change. Half-width of the 95 %"
     yield "interval, from that person's scores alone:"
     rows = [("repeats", "trials", "minutes", "points per unit", "of the scale")]
-    options = precision_by_length(shown, predict)
+    options = precision_by_length(shown, model)
     rows += [_precision_row(shown, option) for option in options]
     yield from _table(iter(rows))
     if not all(option.whole for option in options):

@@ -10,7 +10,7 @@ from device.friction.changes import trial_change
 from device.study_limits import reach_problems
 from protocol.errors import Problem
 from protocol.plan.trials import Trial
-from protocol.preview.preview import Predict, preview, preview_record
+from protocol.preview.preview import Prediction, preview, preview_record
 from protocol.preview.text import preview_lines
 from protocol.proof.cohort import cohort_problems
 from protocol.study.participant_texts import worded_as_built
@@ -62,10 +62,10 @@ def checked(
     broken = cohort_problems(study, shown.plans)
     if broken:
         return _refused(source, located(text, broken), as_json=as_json)
-    predict = _prediction(study)
+    model = _prediction(study)
     if as_json:
-        return [_json({"ok": True, "problems": [], **preview_record(shown, predict)})], [], True
-    return list(preview_lines(shown, predict)), [], True
+        return [_json({"ok": True, "problems": [], **preview_record(shown, model)})], [], True
+    return list(preview_lines(shown, model)), [], True
 
 
 def _refused(
@@ -87,19 +87,19 @@ def _json(document: dict[str, Any]) -> str:
     return json.dumps(document, ensure_ascii=False, indent=1, allow_nan=False)
 
 
-def _prediction(study: Study) -> Predict:
-    """Return the friction model's prediction for a trial; loads the model."""
+def _prediction(study: Study) -> Prediction:
+    """Return the friction model's predictions for trials; loads the model."""
     # One thread is enough for a few places; starting a thread pool takes longer than the work.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    from device.friction.contrasts import predicted_contrast
+    from device.friction.contrasts import LAW, RUNG, predicted_contrast
 
     @cache  # the trials of a cohort share few combinations, which alone determine a prediction
     def contrast(question: Question, expected: str | None, touches: tuple[Touch, ...]) -> float:
         return predicted_contrast(trial_change(study, question, expected, touches))
 
-    def predict(trial: Trial) -> float | None:
+    def of_trial(trial: Trial) -> float | None:
         if trial.question is None:
             return None
         return contrast(trial.question, trial.expected, trial.touches)
 
-    return predict
+    return Prediction(law=LAW, rung=RUNG, contrast=of_trial)

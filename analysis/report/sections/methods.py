@@ -4,9 +4,9 @@ from analysis.loading.exclusions import rules_in_words
 from analysis.loading.missing_scores import unscored
 from analysis.report.blocks import Section
 from analysis.report.findings import Findings
-from analysis.trials.arrays import LAW
 from analysis.trials.contrasts import FORCE_STEP, PLACE_STEP_M
 from analysis.trials.trial_statistics import TrialStatistics
+from device.friction.contrasts import LAW, RUNG
 from device.friction.laws import LAWS
 
 
@@ -74,7 +74,8 @@ def _model(trials: TrialStatistics) -> str:
         else "touches were not measured, so planned or standard values were used"
     )
     return (
-        f"Contrasts were predicted trial by trial from the friction model under {laws} laws; "
+        f"Contrasts were predicted trial by trial from the friction model on its rung {RUNG} under "
+        f"{laws} laws; "
         f"{touches}. Sensitivities were estimated under the law '{LAW}'. M1 is a linear mixed "
         "model, rating = bias + gain × contrast; M2 maps the same line to ratings through ordered "
         "thresholds common to all subjects and adds a discrepancy per condition; M3 adds the "

@@ -11,6 +11,7 @@ from analysis.report.findings import Findings
 from analysis.report.wording import number, of_all, p_value, share
 from analysis.trials.law_comparison import LawLikelihood, LawOrder, shared_contrasts
 from analysis.trials.trial_statistics import PAPERS_RANKING, LawScore, TrialStatistics
+from device.friction.contrasts import LAW, RUNG
 
 PREDICTIONS = "predictions"
 """Id of the table of predicted contrasts."""
@@ -30,6 +31,8 @@ def section(found: Findings) -> Section:
         data={
             "laws": [_law_json(score) for score in found.trials.laws],
             "signal": plain(found.trials.signal),
+            "contrast_law": LAW,
+            "contrast_rung": RUNG,
         },
     )
 
@@ -42,7 +45,7 @@ def _signal_line(trials: TrialStatistics) -> str:
         if isinstance(signal.felt, NotEstimable)
         else f"felt as expected by {share(signal.felt)}"
     )
-    return f"First signal (0 → 100 V): {felt}; predicted contrast: {laws}."
+    return f"First signal (0 → 100 V): {felt}; predicted contrast (rung {RUNG}): {laws}."
 
 
 def _ratings_figure(found: Findings) -> Figure:
@@ -67,8 +70,9 @@ def _prediction_table(found: Findings) -> Table:
     physical = [score for score in laws if not isinstance(score.likelihood, NotEstimable)] or laws
     return Table(
         name=PREDICTIONS,
-        caption="Mean predicted contrast of each condition under each friction law (change of log "
-        "friction; positive in the expected direction), with the mean score.",
+        caption="Mean predicted contrast of each condition under each friction law, on the "
+        f"model's rung {RUNG} (change of log friction; positive in the expected direction), with "
+        "the mean score.",
         columns=columns("condition", "mean score", *(score.law for score in physical)),
         rows=[
             [name, number(mean, 2), *(number(score.predicted.get(name), 4) for score in physical)]

@@ -8,8 +8,7 @@ from importlib.metadata import version
 from analysis.loading.study_data import StudyData, changed_journal
 from analysis.report.blocks import Definitions, Section
 from analysis.report.findings import Findings, Origin
-from analysis.trials.arrays import LAW
-from analysis.trials.contrasts import RUNG
+from device.friction.contrasts import LAW, RUNG
 from device.friction.laws import LAWS
 from device.friction.scenes import REFERENCE_SPEED_M_S, REFERENCE_TIP_SPEED_M_S, Scene
 from protocol.study.study import Study

@@ -6,6 +6,7 @@ from typing import Any
 from analysis.report.blocks import Cell, Column, Row, Section, Table, TableGroup, columns
 from analysis.report.findings import Findings
 from analysis.report.wording import MISSING, number
+from device.friction.contrasts import RUNG
 
 
 def section(found: Findings) -> Section:
@@ -14,7 +15,8 @@ def section(found: Findings) -> Section:
         name="trials",
         title="Trials",
         blocks=[
-            "All analysed trials, with the contrast that each friction law predicts for them.",
+            "All analysed trials, with the contrast that each friction law predicts for them "
+            f"(rung {RUNG}).",
             TableGroup(name="trial-tables", tables=_subject_tables(found)),
         ],
         data={"trials": found.trial_records},

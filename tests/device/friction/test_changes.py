@@ -10,6 +10,7 @@ from device.friction.changes import CONDITIONS, trial_change
 from device.friction.coefficient import friction_coefficient
 from device.friction.contrasts import predicted_contrast
 from device.friction.laws import LAWS
+from device.friction.rungs import TOP_RUNG
 from device.friction.scenes import REFERENCE_SPEED_M_S, Drive, Scene
 from device.friction.scenes import FingerContact as Finger
 from protocol.plan.plan import plan
@@ -30,7 +31,7 @@ def contrast(study: Study, trial: Trial) -> float:
 def test_the_signal_is_the_change_from_the_resting_beam() -> None:
     touch = Touch(place="smooth", voltage_v=100)
     driven = friction_coefficient(
-        Scene(drive=Drive(), touch=Finger(finger_load_n=0.5, sliding_speed_m_s=0.04))
+        Scene(drive=Drive(), touch=Finger(finger_load_n=0.5, sliding_speed_m_s=0.04)), rung=TOP_RUNG
     )
     found = predicted_contrast(trial_change(PAPER, "roughness", "smoother", [touch]))
     assert found == pytest.approx(log(0.4 / driven[0]))

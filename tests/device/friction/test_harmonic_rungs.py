@@ -13,7 +13,9 @@ from device.beam.modes import modal_displacement_m, natural_frequency_hz
 from device.beam.motion import modal_motion, segmented_motion
 from device.beam.motion_pattern import motion_summary
 from device.beam.timoshenko import segmented_natural_frequency_hz
+from device.friction.changes import CONDITIONS, Moment
 from device.friction.coefficient import friction_coefficient
+from device.friction.contrasts import predicted_contrast
 from device.friction.rungs import TOP_RUNG, rung_field, rung_resonance_hz
 from device.friction.scenes import Drive, FingerContact, Scene, Structure
 from tests.device.friction import harmonic_reference as reference
@@ -120,6 +122,77 @@ def test_friction_is_right_to_1e_9(point: Point) -> None:
     for law, value in exact.items():
         ours = friction_coefficient(scene, law=law, rung=point.rung)[0]
         assert abs(ours / value - 1) < 1e-9
+
+
+@lru_cache(maxsize=2)
+def _driven_at(frequency: float) -> Driven:
+    """The top rung's motion, driven at a frequency relative to its resonance."""
+    resonance_hz = reference.natural_frequency(
+        patched=True, shear=True, near_hz=rung_resonance_hz(TOP_RUNG, Beam(), 6)
+    )
+    return Driven(Model(patched=True, shear=True, damping=0.005), resonance_hz * frequency)
+
+
+@lru_cache(maxsize=8)
+def _sums(frequency: float, places_m: tuple[float, ...]) -> list[tuple[mp.mpf, mp.mpf]]:
+    """Right-moving length and ∫|W|dx under a finger of 10 mm at each place."""
+    driven = _driven_at(frequency)
+    zones = [(a, b) for a, b in pairwise(driven.edges()) if driven.direction((a + b) / 2) > 0]
+    windows = [(mp.mpf(x) - mp.mpf(0.01), mp.mpf(x)) for x in places_m]
+    # Ends of windows that differ by rounding bound one cell.
+    ends = {round(float(end), 12): end for window in windows for end in window}
+    known = {key: mp.mpf(0) for key in ends}
+    for low, high in pairwise(sorted(ends)):
+        known[high] = known[low] + driven.area(ends[low], ends[high])
+    return [
+        (
+            mp.fsum(max(mp.mpf(0), min(high, b) - max(low, a)) for a, b in zones),
+            known[round(float(high), 12)] - known[round(float(low), 12)],
+        )
+        for low, high in windows
+    ]
+
+
+def _exact_friction(moment: Moment, places_m: tuple[float, ...], law: str) -> list[mp.mpf]:
+    """μ' of a moment of the paper's conditions at each place, in 40 digits."""
+    driven = _driven_at(moment.frequency)
+    lever = mp.mpf(5e-3) / 2 + mp.mpf(1e-3) * moment.has_bodies
+    tip = moment.voltage_v * mp.sqrt(2) * driven.omega * lever * driven.rms_rotation()
+    eta = mp.tanh(mp.log(3) / 2 * tip / _reference_tip_speed(TOP_RUNG))
+    inertia = mp.mpf(0.01) * driven.omega**2 * moment.voltage_v / mp.pi
+    found = []
+    for right_m, area in _sums(moment.frequency, places_m):
+        share = right_m / mp.mpf(0.01)
+        r = share if moment.direction == "right" else 1 - share
+        p = inertia * area / mp.mpf(moment.force_n)
+        bracket = 1 - eta * r
+        if law == "consistent":
+            bracket = 1 + eta * (1 - 2 * r) + mp.tanh(mp.pi * p) / mp.pi
+        found.append(mp.mpf(0.4) * bracket)
+    return found
+
+
+def _rms(values: list[mp.mpf]) -> mp.mpf:
+    return mp.sqrt(mp.fsum(value**2 for value in values) / len(values))
+
+
+@pytest.mark.parametrize("law", ["consistent", "coulomb"])
+@pytest.mark.parametrize("name", CONDITIONS)
+def test_contrasts_of_the_paper_conditions_are_right_to_1e_9(name: str, law: str) -> None:
+    change = CONDITIONS[name]
+    with mp.workdps(40):
+        before, after = (
+            _exact_friction(moment, change.places_m, law)
+            for moment in (change.before, change.after)
+        )
+        ratios = [mp.log(a / b) for a, b in zip(before, after, strict=True)]
+        exact = {
+            "friction": mp.fsum(ratios) / len(ratios),
+            "places": _rms(ratios),
+            "depth": _rms([mp.log(mu / mp.mpf(0.4)) for mu in after])
+            - _rms([mp.log(mu / mp.mpf(0.4)) for mu in before]),
+        }[change.effect]
+    assert abs(predicted_contrast(change, law) - exact) < 1e-9
 
 
 def test_a_sharp_resonance_costs_no_more_than_rounding_its_frequency() -> None:

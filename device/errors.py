@@ -45,13 +45,14 @@ class ForeignOutput(ForeignDevice, OutputUnknown):
 
 
 class OutOfRangeError(BadInput):
-    """A value breaks its rule: `name rule, got value`."""
+    """A value breaks its rule: `name rule, got value`; `row` is its place in an array of values."""
 
-    def __init__(self, name: str, rule: str, value: object) -> None:
+    def __init__(self, name: str, rule: str, value: object, row: int = 0) -> None:
         super().__init__(f"{name} {rule}, got {value}")
         self.name = name
         self.rule = rule
         self.value = value
+        self.row = row
 
 
 def positive(name: str, value: float) -> None:
@@ -75,7 +76,7 @@ def within(name: str, value: float, low: float, high: float) -> None:
 def below(name: str, value: float, low: float, high: float) -> None:
     """Refuse a value outside the open interval (low, high)."""
     if not low < value < high:
-        raise OutOfRangeError(name, f"must lie between {low:g} and {high:g}", value)
+        raise OutOfRangeError(name, f"must lie strictly between {low:g} and {high:g}", value)
 
 
 def whole(name: str, value: float, low: int) -> None:

@@ -113,7 +113,8 @@ def predicted_table(table: SceneTable, options: PredictOptions) -> PredictedTabl
     """The predictions for a table of scenes.
 
     Raises:
-        BadInput: a mode lies beyond the cut-off of the rung it needs; names file and line.
+        BadInput: a mode lies beyond the cut-off of the rung it needs, or a contact is too short
+            for Eq 15 under a repaired law; names file and line.
     """
     count = len(table.lines)
     columns = {name: np.empty(count) for name in OUTPUTS}
@@ -123,7 +124,7 @@ def predicted_table(table: SceneTable, options: PredictOptions) -> PredictedTabl
         try:
             chosen = _predicted(_group_batch(table, rows), options, ratio)
         except OutOfRangeError as error:
-            raise table.complaint(rows[0], error.name, error.rule, error.value) from None
+            raise table.complaint(rows[error.row], error.name, error.rule, error.value) from None
         for name, column in columns.items():
             column[rows] = getattr(chosen.prediction, name)
         rung[rows], bound[rows] = chosen.rung, chosen.error_bound
@@ -136,7 +137,10 @@ def _texts(values: FloatArray, missing: str = "") -> list[str]:
 
 
 def csv_text(predicted: PredictedTable) -> str:
-    """The output table: every input column as used, then the predictions, rung and error bound."""
+    """The output table: every input column as used, the predictions, rung, error bound and note.
+
+    The note names an a/u outside [0, 1], which the printed law takes from Eq 15 as it stands.
+    """
     table = predicted.table
     columns = [
         table.words[name].tolist()
@@ -145,8 +149,10 @@ def csv_text(predicted: PredictedTable) -> str:
         for name, column in COLUMNS.items()
     ]
     columns += [_texts(predicted.predictions[name]) for name in OUTPUTS]
-    columns += [predicted.rung.tolist(), _texts(predicted.error_bound)]
-    header = ",".join((*COLUMNS, *OUTPUTS, "rung", "error_bound"))
+    ratio = predicted.predictions["same_direction_ratio"]
+    notes = np.where((ratio < 0) | (ratio > 1), "a/u outside 0 to 1", "").tolist()
+    columns += [predicted.rung.tolist(), _texts(predicted.error_bound), notes]
+    header = ",".join((*COLUMNS, *OUTPUTS, "rung", "error_bound", "note"))
     return "\n".join([header, *map(",".join, zip(*columns, strict=True))]) + "\n"
 
 

@@ -97,7 +97,7 @@ COLUMNS: Mapping[str, NumberColumn | WordColumn] = {
     "friction_coefficient": _positive(_STRUCTURE.friction_coefficient),
     "damping_ratio": NumberColumn(
         _STRUCTURE.beam.damping_ratio,
-        "must lie between 0 and 1",
+        "must lie strictly between 0 and 1",
         lambda values: (values > 0) & (values < 1),
     ),
     "mode": replace(_count(_SCENE.drive.mode), reach=(1, HIGHEST_MODE)),

@@ -18,6 +18,7 @@ Overlap = Literal["first", "last"]
 WAVELENGTH_M = 0.0348
 REACH_M = 0.1
 _PERIODS = 6
+_ROUNDING = 1e-12
 _PERIOD_START_M = 0.0218
 _PERIOD_END_M = 0.0418
 
@@ -87,7 +88,13 @@ def same_direction_ratio(
     outside = ~((x_m >= 0) & (x_m <= REACH_M))
     if outside.any():
         raise OutOfRangeError("x_m", f"must lie in [0, {REACH_M}] for Eq 15", x_m[outside][0])
-    pieces = _pieces(overlap)
+    ratio = _printed_ratio(_pieces(overlap), x_m, contact_m)
+    # What leaves [0, 1] by rounding alone, as at the end of a piece, is its bound.
+    bounded = np.clip(ratio, 0.0, 1.0)
+    return np.where(np.abs(ratio - bounded) < _ROUNDING, bounded, ratio)
+
+
+def _printed_ratio(pieces: _Pieces, x_m: FloatArray, contact_m: FloatArray | float) -> FloatArray:
     piece = np.searchsorted(pieces.start_m[1:], x_m, side="right")
     rise = pieces.slope.take(piece) * (x_m - pieces.pivot_m.take(piece))
     rise += pieces.quarter.take(piece) * (WAVELENGTH_M / 4)

@@ -10,7 +10,7 @@ from device.beam.beam import Beam
 from device.beam.eq15 import Overlap
 from device.beam.fields import Field, Signal
 from device.beam.modes import FloatArray, natural_frequency_hz
-from device.errors import one_of
+from device.errors import OutOfRangeError, one_of
 from device.friction.contact import Contact, ContactState, contact_state, with_eq15_ratio
 from device.friction.laws import Law, anisotropy, law_by_name
 from device.friction.rungs import (
@@ -112,11 +112,33 @@ class Prediction:
 
 
 def law_state(contact: Contact, field: Field, rung: str, choice: LawChoice) -> ContactState:
-    """Return the contact's state as a law sees it in a field of the named rung."""
+    """Return the contact's state as a law sees it in a field of the named rung.
+
+    Raises:
+        OutOfRangeError: a repaired law would take an a/u of Eq 15 outside [0, 1].
+    """
     state = contact_state(contact, field, reference_tip_speed_m_s(rung))
     if choice.takes_eq15:
         return with_eq15_ratio(state, contact, choice.overlap)
+    if not choice.law.as_printed:
+        _refuse_impossible_ratio(contact, state.terms.same_direction, rung)
     return state
+
+
+def _refuse_impossible_ratio(contact: Contact, ratio: FloatArray, rung: str) -> None:
+    outside = np.flatnonzero((ratio < 0) | (ratio > 1))
+    if not outside.size:
+        return
+    row = int(outside[0])
+    contact_m, x_m = (
+        float(np.broadcast_to(values, ratio.shape)[row])
+        for values in (contact.contact_m, contact.x_m)
+    )
+    rule = (
+        f"must be longer at x_m = {x_m:g} on the rung {rung}, where it makes a/u "
+        f"{float(ratio[row]):.3g}, outside [0, 1]; take a longer contact or another rung"
+    )
+    raise OutOfRangeError("contact_m", rule, contact_m, row)
 
 
 def field_prediction(contact: Contact, field: Field, rung: str, choice: LawChoice) -> Prediction:

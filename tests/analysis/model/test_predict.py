@@ -81,6 +81,7 @@ def test_a_table_without_scenes_gives_a_table_without_predictions() -> None:
             "body_load_n\n-1\n",
             "column body_load_n: must be a finite number above 0, got '-1'",
         ),
+        ("damping_ratio\n1\n", "damping_ratio: must lie strictly between 0 and 1, got '1'"),
         ("voltage_v\nnan\n", "column voltage_v: must be a finite number of at least 0, got 'nan'"),
         ("contact_m\n1_0\n", "column contact_m: must be a finite number above 0, got '1_0'"),
         ("frequency_hz\nfast\n", "must be `resonance` or a finite number above 0, got 'fast'"),
@@ -105,6 +106,44 @@ def test_a_table_without_scenes_gives_a_table_without_predictions() -> None:
 def test_a_bad_cell_is_named(text: str, message: str) -> None:
     with pytest.raises(ValueError, match=re.escape(message)):
         predict("s.csv", text)
+
+
+SHORT = "x_m,contact_m\n0.0218,0.01\n0.0218,0.005\n"
+
+
+@pytest.mark.parametrize("law", ["consistent", "coulomb"])
+def test_a_contact_too_short_for_eq15_is_refused_under_the_repaired_laws(law: str) -> None:
+    message = (
+        "s.csv, line 3, column contact_m: must be longer at x_m = 0.0218 on the rung eq15, where "
+        "it makes a/u 1.74, outside [0, 1]; take a longer contact or another rung, got 0.005"
+    )
+    with pytest.raises(ValueError, match=re.escape(message)):
+        predict("s.csv", SHORT, PredictOptions(law=law, rung="eq15"))
+    assert [row["note"] for row in _rows(predict("s.csv", SHORT, PredictOptions(law=law)))] == [
+        "",
+        "",
+    ]
+
+
+@pytest.mark.parametrize("rung", ["auto", "eq15", "timoshenko-patched"])
+def test_an_impossible_ratio_of_the_printed_law_is_noted(rung: str) -> None:
+    rows = _rows(predict("s.csv", SHORT, PredictOptions(law="printed", rung=rung)))
+    assert [row["note"] for row in rows] == ["", "a/u outside 0 to 1"]
+    assert float(rows[1]["same_direction_ratio"]) == pytest.approx(1.74)
+
+
+def test_eq15_stays_within_0_and_1_for_the_papers_contact() -> None:
+    places = "x_m\n" + "\n".join(f"{k / 1e4:g}" for k in range(1001)) + "\n"
+    for law in LAWS:
+        rows = _rows(predict("s.csv", places, PredictOptions(law=law, rung="eq15")))
+        assert {row["note"] for row in rows} == {""}
+
+
+def test_the_highest_mode_below_the_cut_off_depends_on_the_rung() -> None:
+    for rung in ("auto", "timoshenko-patched"):
+        assert _rows(predict("s.csv", "mode\n27\n", PredictOptions(rung=rung)))
+    with pytest.raises(ValueError, match=r"cut-off at 218 kHz \(26 modes\), got 27"):
+        predict("s.csv", "mode\n27\n", PredictOptions(rung="timoshenko"))
 
 
 def test_an_unknown_rung_is_refused() -> None:
@@ -136,7 +175,8 @@ _SIZES: dict[str, tuple[str, ...]] = {
 @pytest.mark.parametrize("rung", ["auto", "eq15", "mode", "modes:12", "timoshenko-patched"])
 def test_every_value_within_reach_gives_finite_numbers(law: str, rung: str) -> None:
     choice = Random(1)
-    rows = [",".join(choice.choice(sizes) for sizes in _SIZES.values()) for _ in range(200)]
+    of = _SIZES | ({} if rung != "eq15" or law == "printed" else {"contact_m": ("0.01", "1e9")})
+    rows = [",".join(choice.choice(sizes) for sizes in of.values()) for _ in range(200)]
     text = "\n".join([",".join(_SIZES), *rows]) + "\n"
     for row in _rows(predict("s.csv", text, PredictOptions(law=law, rung=rung))):
         assert all(math.isfinite(float(row[name])) for name in OUTPUTS), row

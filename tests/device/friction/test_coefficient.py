@@ -87,7 +87,10 @@ def test_a_place_may_be_in_single_precision() -> None:
         (lambda: Drive(voltage_v=math.inf), "voltage_v must be a finite number of at least 0, got"),
         (lambda: Drive(frequency_hz=0.0), "frequency_hz must be a finite number above 0, got 0.0"),
         (lambda: Drive(mode=0), "mode must be a whole number of at least 1, got 0"),
-        (lambda: Beam(damping_ratio=0.0), "damping_ratio must lie between 0 and 1, got 0.0"),
+        (
+            lambda: Beam(damping_ratio=0.0),
+            "damping_ratio must lie strictly between 0 and 1, got 0.0",
+        ),
         (lambda: Scene(touch=FingerContact(x_m=0.2)), "x_m must lie in [0, 0.1], got 0.2"),
         (
             lambda: Scene(same_direction_fraction=1.5),

@@ -45,17 +45,17 @@ def _trial_rows(shown: Preview, model: Prediction) -> Iterator[tuple[str, ...]]:
             _courses(trial, "frequency"),
             "" if contrast is None else f"{contrast:+.3f}",
             trial.expected or "",
-            _finger(trial),
+            _finger(trial, shown.study.touch.beam),
         )
 
 
-def _finger(trial: Trial) -> str:
+def _finger(trial: Trial, own_beam: str | None) -> str:
     """Return what else changes between touches: the direction, the pressure, the beam."""
     set_by = levels(trial.touches)
-    courses = [set_by["direction"], [f"x{press:g}" for press in set_by["press"]], set_by["beam"]]
-    return "; ".join(
-        "/".join(str(value) for value in course) for course in courses if len(set(course)) > 1
-    )
+    presses = [f"x{press:g}" for press in set_by["press"]]
+    beams = [str(beam or own_beam) for beam in set_by["beam"]]
+    courses = (set_by["direction"], presses, beams)
+    return "; ".join("/".join(course) for course in courses if len(set(course)) > 1)
 
 
 def _courses(trial: Trial, key: str) -> str:

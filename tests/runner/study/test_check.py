@@ -72,6 +72,14 @@ def test_the_cohort_may_be_of_another_size(
     assert {n for row in found["carryover"]["counts"] for n in row} == {0, 2}
 
 
+def test_a_touch_without_its_own_beam_shows_the_studys(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    third = 'voltage_v = 100, beam = "1 mm" }', "voltage_v = 100 }"
+    assert typed("check", study(tmp_path, "paper", third)) == 0
+    assert "no bodies/1.5 mm/1 mm\n" in capsys.readouterr().out
+
+
 def test_longer_sessions_and_a_wider_spread_of_contrasts_improve_precision(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -1,7 +1,9 @@
 """The ladder: measured time of each rung, and its error against the top rung."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
+from statistics import median
 from time import perf_counter
 
 import numpy as np
@@ -24,7 +26,7 @@ from device.friction.scenes import Scene
 POSITIONS = 1000
 MODES_SHOWN = "modes:12"
 RUNGS = (*MODAL_RUNGS, MODES_SHOWN, *SEGMENTED_RUNGS)
-_REPEATS = 15
+_ROUNDS = 15
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,8 +35,10 @@ class LadderRow:
 
     Attributes:
         rung: name.
-        setup_us: time of a set-up of beam and drive, including the search for the resonance.
-        us_per_1000: time of μ' at 1,000 places after the set-up.
+        setup_us: median time of a set-up of beam and drive, with the search for the resonance.
+        setup_us_range: its lowest and highest time.
+        us_per_1000: median time of μ' at 1,000 places after the set-up.
+        us_per_1000_range: its lowest and highest time.
         max_error: largest |μ' - μ' of the top rung| over the places, a model-form error.
         rms_error: root mean square of that error.
         resonance_hz: resonance of mode 6.
@@ -42,31 +46,48 @@ class LadderRow:
 
     rung: str
     setup_us: float
+    setup_us_range: tuple[float, float]
     us_per_1000: float
+    us_per_1000_range: tuple[float, float]
     max_error: float
     rms_error: float
     resonance_hz: float
 
 
-def _quickest_us(work: Callable[[], object], before: Callable[[], object] | None = None) -> float:
-    """Return the shortest time of several runs of `work`, µs."""
-    times = []
-    for _ in range(_REPEATS):
-        if before:
-            before()
-        start = perf_counter()
-        work()
-        times.append(perf_counter() - start)
-    return 1e6 * min(times)
+def _time_us(work: Callable[[], object]) -> float:
+    start = perf_counter()
+    work()
+    return 1e6 * (perf_counter() - start)
 
 
-def _row(rung: str, scene: Scene, places_m: FloatArray, top: FloatArray) -> LadderRow:
+def _round(scene: Scene, places_m: FloatArray) -> dict[str, tuple[float, float]]:
+    """Time every rung once, in turn: its set-up and then its places, µs."""
+    beam, drive = scene.structure.beam, scene.drive
+    times = {}
+    for rung in RUNGS:
+        forget_set_ups()
+        setup_us = _time_us(partial(rung_field, rung, beam, drive))
+        places = partial(friction_coefficient, scene, rung=rung, x_m=places_m)
+        times[rung] = setup_us, _time_us(places)
+    return times
+
+
+def _row(
+    rung: str,
+    scene: Scene,
+    places_m: FloatArray,
+    top: FloatArray,
+    rounds: Sequence[dict[str, tuple[float, float]]],
+) -> LadderRow:
     beam, drive = scene.structure.beam, scene.drive
     error = friction_coefficient(scene, rung=rung, x_m=places_m) - top
+    setups, places = zip(*(times[rung] for times in rounds), strict=True)
     return LadderRow(
         rung=rung,
-        setup_us=_quickest_us(lambda: rung_field(rung, beam, drive), before=forget_set_ups),
-        us_per_1000=_quickest_us(lambda: friction_coefficient(scene, rung=rung, x_m=places_m)),
+        setup_us=median(setups),
+        setup_us_range=(min(setups), max(setups)),
+        us_per_1000=median(places),
+        us_per_1000_range=(min(places), max(places)),
         max_error=float(np.abs(error).max()),
         rms_error=float(np.sqrt(np.mean(error**2))),
         resonance_hz=rung_resonance_hz(rung, beam, drive.mode),
@@ -74,13 +95,19 @@ def _row(rung: str, scene: Scene, places_m: FloatArray, top: FloatArray) -> Ladd
 
 
 def measured_ladder() -> tuple[LadderRow, ...]:
-    """Measure every rung in the paper's scene, from the cheapest model to the best."""
+    """Measure every rung in the paper's scene, from the cheapest model to the best.
+
+    The rungs are timed in turn, in several rounds, so that what else the computer does at one
+    moment cannot make one rung look slower than another.
+    """
     scene, places_m = Scene(), np.linspace(0.0, Beam().length_m, POSITIONS)
     # The reference speeds are cached, so that no rung's set-up includes computing them.
     for rung in RUNGS:
         reference_tip_speed_m_s(rung)
     top = friction_coefficient(scene, rung=TOP_RUNG, x_m=places_m)
-    return tuple(_row(rung, scene, places_m, top) for rung in RUNGS)
+    _round(scene, places_m)  # loads and caches what is not a set-up
+    rounds = [_round(scene, places_m) for _ in range(_ROUNDS)]
+    return tuple(_row(rung, scene, places_m, top, rounds) for rung in RUNGS)
 
 
 def ladder_json(rows: tuple[LadderRow, ...]) -> list[dict[str, object]]:
@@ -89,14 +116,20 @@ def ladder_json(rows: tuple[LadderRow, ...]) -> list[dict[str, object]]:
 
 
 def ladder_lines(rows: tuple[LadderRow, ...]) -> list[list[str]]:
-    """Return a header and a row per rung."""
+    """Return a header and a row per rung; times are medians, with the lowest and highest."""
     header = ["rung", "set-up, µs", "µs per 1,000", "max error", "rms error", "resonance, Hz"]
-    formats = "{}", "{:.0f}", "{:.0f}", "{:.3f}", "{:.4f}", "{:.1f}"
-    lines = [
-        [text.format(value) for text, value in zip(formats, asdict(row).values(), strict=True)]
-        for row in rows
+    return [header, *map(_line, rows)]
+
+
+def _line(row: LadderRow) -> list[str]:
+    times = (row.setup_us, row.setup_us_range), (row.us_per_1000, row.us_per_1000_range)
+    return [
+        row.rung,
+        *(f"{middle:.0f} ({low:.0f} to {high:.0f})" for middle, (low, high) in times),
+        f"{row.max_error:.3f}",
+        f"{row.rms_error:.4f}",
+        f"{row.resonance_hz:.1f}",
     ]
-    return [header, *lines]
 
 
 def ladder_panel(rows: tuple[LadderRow, ...]) -> Panel:

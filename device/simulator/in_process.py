@@ -5,6 +5,7 @@ sockets and no threads, and time passes only while somebody waits: a whole sessi
 the machine allows, and always in the same way.
 """
 
+import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from datetime import datetime, timedelta
@@ -65,8 +66,9 @@ class InProcessDevice(BeamControl):
     def step_towards(self, end_s: float) -> None:
         """Let time pass until something happens, or until `end_s`."""
         now_s = self._now_s
-        device_s = min(now_s + self._server.idle_s(end_s - now_s), self._line.to_device.next_s())
-        host_s = self._line.to_host.next_s()
+        idle_s = self._server.idle_s(end_s - now_s)
+        device_s = min(now_s + idle_s, self._line.to_device.next_s(now_s))
+        host_s = self._line.to_host.next_s(now_s)
         self._now_s = min(max(min(device_s, host_s), now_s + _MOMENT_S), end_s)
         if device_s <= self._now_s:
             self.happen()
@@ -190,15 +192,18 @@ class _Pieces:
     def add(self, data: bytes) -> None:
         if not data:
             return
+        now_s = self._now_s()
         for begin, end in pairwise((0, *self._cuts(len(data)), len(data))):
             earliest_s = self._pieces[-1][0] if self._pieces else 0.0
-            self._pieces.append((max(self._now_s() + self._delay_s(), earliest_s), data[begin:end]))
+            self._pieces.append((max(now_s + self._delay_s(), earliest_s), data[begin:end]))
         self.waiting += len(data)
 
-    def next_s(self) -> float:
+    def next_s(self, now_s: float) -> float:
         """Return when the next piece arrives; those that wait to be read have arrived."""
-        now_s = self._now_s()
-        return next((at_s for at_s, _ in self._pieces if at_s > now_s), float("inf"))
+        for at_s, _ in self._pieces:
+            if at_s > now_s:
+                return at_s
+        return math.inf
 
     def has_arrived(self) -> bool:
         return bool(self._pieces) and self._pieces[0][0] <= self._now_s()

@@ -7,6 +7,7 @@ long and short forms, numeric suffixes).
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 HERTZ = {"": 1.0, "UHZ": 1e-6, "HZ": 1.0, "KHZ": 1e3, "MHZ": 1e6, "MAHZ": 1e6, "GHZ": 1e9}
 VOLTS = {"": 1.0, "UV": 1e-6, "MV": 1e-3, "V": 1.0, "KV": 1e3}
@@ -151,7 +152,8 @@ class Call:
 Handler = Callable[[Call], str | None]
 
 
-def messages(line: str) -> list[Message]:
+@lru_cache(maxsize=1000)
+def messages(line: str) -> tuple[Message, ...]:
     """Return the commands of a compound `line` in order, each with its path from the root.
 
     A header goes on where the one before it stopped, unless it begins with a colon; common
@@ -168,7 +170,7 @@ def messages(line: str) -> list[Message]:
             header = header[1:] if header.startswith(":") else path + header
             path = header[: header.rfind(":") + 1]
         found.append(Message(header=header, argument=argument.strip()))
-    return found
+    return tuple(found)
 
 
 def split_outside_quotes(text: str, separator: str) -> list[str]:

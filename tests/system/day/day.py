@@ -78,7 +78,7 @@ class Day:
             left = due[:2] if attempt < 6 else []
             for happens in left:
                 happens(process)
-            if attempt < 3 and self.stream.random() < 0.7:
+            if self.stream.random() < (0.7, 0.4, 0.2, 0.0)[min(attempt, 3)]:
                 self.stream.choice(self._others())(process)
             clean = not (process.incidents or process.commit_kills or process.checkpoint_kills)
             clean = clean and not self.lab.watch.faults_s

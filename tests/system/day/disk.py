@@ -179,7 +179,9 @@ class LabConnection(sqlite3.Connection):
         self._process.crossing("disk")
         if self._process.disk_errors > 0:
             self._process.disk_errors -= 1
-            raise sqlite3.OperationalError("disk I/O error")
+            error = sqlite3.OperationalError("disk I/O error")
+            error.sqlite_errorcode = sqlite3.SQLITE_IOERR
+            raise error
         if statement.startswith("INSERT INTO event"):
             return self._insert(statement, parameters)
         if "wal_checkpoint" in statement and self._process.checkpoint_kills:

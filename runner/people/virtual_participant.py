@@ -24,26 +24,35 @@ from runner.screens import (
     Welcome,
 )
 
-JUST_NOTICEABLE = 0.01
-"""Change of log friction below which a virtual participant answers that nothing changed."""
+_SLIGHT = 0.01
+"""Change of log friction within a touch below which the touch counts as constant."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Character:
-    """Parameters of a virtual participant: score = bias + gain · felt contrast + noise.
+    """Parameters of a virtual participant: score = bias + gain · |felt contrast| + noise.
 
-    On the paper's scale, whatever the study's.
+    On the paper's scale, whatever the study's. A felt contrast (with noise of SD `felt_noise`)
+    below `criterion` is answered as no change.
     """
 
     bias: float
     gain: float
-    felt_noise: float = 0.02
+    felt_noise: float = 0.01
+    criterion: float = 0.018
     rating_noise: float = 0.8
 
 
 def drawn_character(random_stream: random.Random) -> Character:
-    """Return a character from a population like the nine people of the paper's Table 4."""
-    return Character(bias=random_stream.gauss(6.6, 0.7), gain=random_stream.gauss(5.0, 1.0))
+    """Return a character from a population like the nine people of the paper's Table 4.
+
+    The criteria give false alarms on 5 to 10 % of catch trials.
+    """
+    return Character(
+        bias=random_stream.gauss(6.6, 0.7),
+        gain=random_stream.gauss(5.0, 1.0),
+        criterion=random_stream.uniform(0.0165, 0.0195),
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,7 +126,7 @@ class VirtualParticipant:
         self._touches.clear()
         self._contrast = felt
         more, *less, same = ANSWERS[question]
-        if abs(felt) < JUST_NOTICEABLE:
+        if abs(felt) < self.character.criterion:
             return same
         return more if felt > 0 else (*less, same)[0]
 
@@ -137,13 +146,13 @@ class VirtualParticipant:
         first = self._touches[0]
         if len(self._touches) > 1:
             return first[-1].friction
-        changed = abs(math.log(first[0].friction / first[-1].friction)) > JUST_NOTICEABLE
+        changed = abs(math.log(first[0].friction / first[-1].friction)) > _SLIGHT
         return first[0].friction if changed else resting
 
     def _score(self, rating: Rating) -> int:
-        """Return the score on the paper's scale, as far between the ends of this one."""
+        """Return the score of the size of the change, as far between the ends of this scale."""
         character = self.character
-        score = character.bias + character.gain * self._contrast
+        score = character.bias + character.gain * abs(self._contrast)
         score += self.random_stream.gauss(0, character.rating_noise)
         above = min(max(score, PAPERS_SCALE.minimum), PAPERS_SCALE.maximum) - PAPERS_SCALE.minimum
         return round(rating.minimum + above * (rating.span / PAPERS_SCALE.span))

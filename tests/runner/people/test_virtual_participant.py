@@ -8,11 +8,11 @@ import pytest
 
 from protocol.study.questions import ANSWERS, Question
 from protocol.study.rating import PAPERS_SCALE, Rating
-from runner.people.virtual_participant import Character, VirtualParticipant
+from runner.people.virtual_participant import Character, VirtualParticipant, drawn_character
 from runner.screens import AskChange, AskScore, Instruction, Notice, Pacing
 from tests.runner.fakes import FakeClock
 
-EXACT = Character(bias=2.0, gain=5.0, felt_noise=0.0, rating_noise=0.0)
+EXACT = Character(bias=2.0, gain=5.0, felt_noise=0.0, rating_noise=0.0, criterion=0.01)
 
 
 class FakeHand:
@@ -29,15 +29,20 @@ class FakeHand:
 
 
 def felt(
-    touches: list[Any], question: Question, resting: float = 0.4, scale: Rating = PAPERS_SCALE
+    touches: list[Any],
+    question: Question,
+    resting: float = 0.4,
+    scale: Rating = PAPERS_SCALE,
+    character: Character = EXACT,
+    seed: int = 1,
 ) -> tuple[str, int]:
     """Let a participant feel the resting beam, then `touches`, then ask."""
     control, clock = FakeHand(), FakeClock()
     virtual = VirtualParticipant(
         control=control,  # type: ignore[arg-type]
         clock=clock,
-        character=EXACT,
-        random_stream=random.Random(1),
+        character=character,
+        random_stream=random.Random(seed),
     )
     _touch(virtual, control, clock, lambda _: resting)
     virtual.show(Instruction(text="remember"))
@@ -83,16 +88,37 @@ def _touch(virtual: VirtualParticipant, control: FakeHand, clock: FakeClock, fee
 def test_the_answer_and_the_score_follow_the_felt_friction(
     touches: list[Any], question: Question, answer: str, contrast: float
 ) -> None:
-    assert felt(touches, question) == (answer, round(max(2 + 5 * contrast, 0)))
+    assert felt(touches, question) == (answer, round(2 + 5 * abs(contrast)))
 
 
 def test_a_score_stays_on_the_scale() -> None:
     assert felt([lambda _: 0.01], "roughness")[1] == 10
 
 
-@pytest.mark.parametrize(("friction", "share"), [(0.01, 1.0), (0.4, 0.2), (10.0, 0.0)])
+@pytest.mark.parametrize(("friction", "share"), [(0.01, 1.0), (0.4, 0.2), (10.0, 1.0)])
 def test_a_score_is_as_far_between_the_ends_of_any_scale(friction: float, share: float) -> None:
     for minimum, maximum in ((0, 100), (1, 6), (100, 110)):
         scale = Rating(minimum=minimum, maximum=maximum)
         found = felt([lambda _: friction], "roughness", scale=scale)[1]
         assert found == minimum + share * (maximum - minimum)
+
+
+def test_a_change_in_the_opposite_direction_has_the_same_score() -> None:
+    there, back = (
+        felt([lambda _: first, lambda _: last], "roughness")  # noqa: B023 - called at once
+        for first, last in ((0.4, 0.2), (0.2, 0.4))
+    )
+    assert (there[0], back[0]) == ("smoother", "rougher")
+    assert there[1] == back[1] == round(2 + 5 * math.log(2))
+
+
+def test_false_alarms_are_as_rare_as_those_of_people() -> None:
+    characters = [drawn_character(random.Random(seed)) for seed in range(1000)]
+    rates = [math.erfc(who.criterion / who.felt_noise / math.sqrt(2)) for who in characters]
+    assert min(rates) > 0.05
+    assert max(rates) < 0.1
+    answers = [
+        felt([lambda _: 0.4, lambda _: 0.4], "roughness", character=who, seed=seed)[0]
+        for seed, who in enumerate(characters)
+    ]
+    assert 1 - answers.count("same") / len(answers) == pytest.approx(0.073, abs=0.02)

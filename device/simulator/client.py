@@ -108,6 +108,8 @@ def simulator_process(
     dialect: str = "board",
     wire: str = "pty",
     keep: bool = False,
+    law: str | None = None,
+    rung: str | None = None,
 ) -> Iterator[Endpoints]:
     """Start `touchbeam simulate-device` and end it, by its process, on the way out.
 
@@ -120,6 +122,7 @@ def simulator_process(
         control = Path(folder, "control")
         place = str(Path(folder, "port")) if wire == "pty" else "0"
         options = ["--control", str(control), "--seed", str(seed), "--dialect", dialect]
+        options += [*(("--law", law) if law else ()), *(("--rung", rung) if rung else ())]
         complaints = Path(folder, "complaints")
         with (
             complaints.open("wb") as stderr,

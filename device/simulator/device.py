@@ -10,7 +10,7 @@ from device.errors import DeviceError
 from device.link.codec import text
 from device.simulator.control import Control
 from device.simulator.faults import Broken
-from device.simulator.models.beam_and_finger import SimulatedBeam
+from device.simulator.models.beam_and_finger import LAW, RUNG, SimulatedBeam
 from device.simulator.models.dialect import Dialect
 from device.simulator.models.power_stage import DeviceClock, Instrument
 from device.simulator.models.scpi import ScpiError
@@ -71,10 +71,16 @@ def dialects() -> dict[str, Model]:
 
 
 def simulated_device(
-    seed: int, wall_s: Callable[[], float] = time.monotonic, dialect: str = "board"
+    seed: int,
+    wall_s: Callable[[], float] = time.monotonic,
+    dialect: str = "board",
+    *,
+    law: str = LAW,
+    rung: str = RUNG,
 ) -> SimulatedDevice:
-    """Return a device with a beam whose hidden properties follow from `seed`."""
-    instrument, beam, clock = Instrument(), SimulatedBeam(seed), DeviceClock(wall_s)
+    """Return a device with a beam as in `SimulatedBeam`."""
+    instrument, beam = Instrument(), SimulatedBeam(seed, law, rung)
+    clock = DeviceClock(wall_s)
     spoken = dialects()[dialect](instrument, beam)
     broken = Broken(instrument=instrument, beam=beam, dialect=spoken, wall_s=wall_s)
     return SimulatedDevice(

@@ -19,6 +19,7 @@ from device.resonance import Resonance
 from device.rig import Rig
 from device.simulator.client import BeamControl
 from device.simulator.device import SimulatedDevice, simulated_device
+from device.simulator.models.beam_and_finger import LAW, RUNG
 from device.simulator.server import Server
 
 DELAY_S = 0.0005
@@ -37,6 +38,8 @@ class InProcessDevice(BeamControl):
         delay_s: called for each piece of data; returns how long it is on its way, above 0 s: a
             host that asks again and again would wait for ever if no time passed.
         cuts: called with a number of bytes; returns where they are cut into pieces.
+        law: of the beam's friction.
+        rung: of the beam's friction.
     """
 
     def __init__(
@@ -45,10 +48,14 @@ class InProcessDevice(BeamControl):
         dialect: str = "board",
         delay_s: Callable[[], float] = lambda: DELAY_S,
         cuts: Callable[[int], Sequence[int]] = lambda _: (),
+        law: str = LAW,
+        rung: str = RUNG,
     ) -> None:
         self._now_s = 0.0
         self._line = _Line(self.now_s, delay_s, cuts)
-        self.inside: SimulatedDevice = simulated_device(seed, self.now_s, dialect)
+        self.inside: SimulatedDevice = simulated_device(
+            seed, self.now_s, dialect, law=law, rung=rung
+        )
         self._server = Server(self.inside, self._line, None, self.now_s)
         self.on_step: Callable[[], None] = lambda: None
         """Called after everything that happens; it may look at what is inside."""

@@ -16,7 +16,7 @@ from typing import Any
 
 from device.errors import DeviceError
 from device.link.codec import LineBuffer
-from device.simulator.device import SimulatedDevice, simulated_device
+from device.simulator.device import SimulatedDevice
 from device.simulator.models.scpi import ScpiError
 from device.simulator.transports import ControlDoor, Line, LineKind, PtyLine, TcpLine
 from device.simulator.wire import Wire
@@ -130,17 +130,16 @@ def simulate(
     wire: LineKind,
     place: str,
     control: Path | None,
+    make: Callable[[], SimulatedDevice],
     *,
-    dialect: str,
     keep: bool,
-    seed: int,
     say: Callable[[str], None],
 ) -> None:
     """Serve a simulated device until SIGTERM or Ctrl-C, or, unless `keep`, until its host is gone.
 
-    `place` is the path of the pseudo-terminal's link, or a loopback port (0: any), and `control`
-    that of a socket for hands. The beam's hidden properties follow from `seed`. `say` is called
-    once with `ready URL`.
+    `make` returns the device, `place` is the path of the pseudo-terminal's link, or a loopback
+    port (0: any), and `control` is the path of a socket for hands. `say` is called once with
+    `ready URL`.
 
     Raises:
         BadInput: the place is taken or cannot be used.
@@ -156,7 +155,7 @@ def simulate(
         if control is not None:
             door = _door(control)
             stack.callback(door.close)
-        server = Server(simulated_device(seed, dialect=dialect), line, door)
+        server = Server(make(), line, door)
         say(f"ready {line.url}")
         ending.ends(lambda: server.serve(keep=keep, orphaned=lambda: os.getppid() != parent))
 

@@ -1,12 +1,23 @@
 """Commands for the device and this computer: device, simulate-device, doctor."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from runner.cli.options import Choosing, DialectOption, JsonOption, UrlArgument, Wire
+from runner.cli.options import (
+    Choosing,
+    DialectOption,
+    JsonOption,
+    SimulatedLawOption,
+    SimulatedRungOption,
+    UrlArgument,
+    Wire,
+)
 from runner.cli.output import print_json, say
+
+if TYPE_CHECKING:
+    from device.simulator.device import SimulatedDevice
 
 app = typer.Typer()
 device_commands = typer.Typer(help="List ports, identify the device, find its resonance.")
@@ -99,14 +110,21 @@ def simulate_device(
         bool, typer.Option("--keep", help="Keep running after the host disconnects.")
     ] = False,
     seed: Annotated[int, typer.Option(min=0)] = 0,
+    law: SimulatedLawOption = None,
+    rung: SimulatedRungOption = None,
 ) -> None:
     """Simulate the device in the foreground.
 
     Prints `ready URL` and ends when its host disconnects.
     """
+    from device.simulator.device import simulated_device
+    from device.simulator.models.beam_and_finger import LAW, RUNG
     from device.simulator.server import simulate
 
-    simulate(wire, place, control, dialect=dialect, keep=keep, seed=seed, say=say)
+    def device() -> "SimulatedDevice":
+        return simulated_device(seed, dialect=dialect, law=law or LAW, rung=rung or RUNG)
+
+    simulate(wire, place, control, device, keep=keep, say=say)
 
 
 @app.command()

@@ -102,6 +102,37 @@ DialectOption = Annotated[
     str, typer.Option(parser=_one_of("dialect"), help="The device's command set.")
 ]
 LawOption = Annotated[str, typer.Option(parser=_one_of("law"))]
+SimulatedLawOption = Annotated[
+    str | None,
+    typer.Option(
+        "--law",
+        parser=_one_of("law"),
+        help="Friction of the simulated beam. [default: the report's law]",
+    ),
+]
+
+
+def _rung(name: str) -> str:
+    from device.errors import OutOfRangeError
+    from device.friction.rungs import check_rung
+
+    try:
+        check_rung(name)
+    except OutOfRangeError as error:
+        raise ValueError(str(error)) from error
+    return name
+
+
+SimulatedRungOption = Annotated[
+    str | None,
+    typer.Option(
+        "--rung",
+        parser=_rung,
+        metavar="RUNG",
+        help="Motion of the simulated beam: a rung of `touchbeam ladder`. "
+        "[default: the report's rung]",
+    ),
+]
 OverlapOption = Annotated[
     Overlap,
     typer.Option(

@@ -11,6 +11,8 @@ from runner.cli.options import (
     ConsentOption,
     JsonOption,
     LanguageOption,
+    SimulatedLawOption,
+    SimulatedRungOption,
     StudyArgument,
     address,
 )
@@ -118,6 +120,8 @@ def run(
     ] = False,
     consent: ConsentOption = None,
     seed: Annotated[int | None, typer.Option(min=0, help="[default: the study's]")] = None,
+    law: SimulatedLawOption = None,
+    rung: SimulatedRungOption = None,
 ) -> None:
     """Run or resume a session.
 
@@ -140,6 +144,8 @@ def run(
         windowed=windowed,
         consent=consent,
         seed=seed,
+        law=law,
+        rung=rung,
         touchbeam=touchbeam_command(),
     )
     state = run_session(options, say=say)

@@ -33,6 +33,9 @@ def session_rig(
     touchbeam: Sequence[str],
     seed: int,
     calibration: Resonance | None = None,
+    *,
+    law: str | None = None,
+    rung: str | None = None,
 ) -> Iterator[SessionRig]:
     """Open the device at `url`, or a simulated one for `sim`, and close it after the body.
 
@@ -42,6 +45,8 @@ def session_rig(
         touchbeam: the command that starts touchbeam, for the simulated device.
         seed: seed of the simulated device's hidden properties.
         calibration: the rig's resonance, for a device that cannot measure it.
+        law: of the simulated beam's friction, None for that of the report.
+        rung: likewise.
 
     Raises:
         AddressError: `url` is not the address of a device.
@@ -51,7 +56,7 @@ def session_rig(
         control = None
         if url == SIMULATED:
             endpoints = stack.enter_context(
-                simulator_process(touchbeam, seed, dialect=settings.dialect)
+                simulator_process(touchbeam, seed, dialect=settings.dialect, law=law, rung=rung)
             )
             control = stack.enter_context(ControlClient(endpoints.control))
             url = endpoints.url

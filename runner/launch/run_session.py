@@ -49,6 +49,8 @@ class SessionOptions:
     consent: str | None = None
     seed: int | None = None
     calibration: Resonance | None = None
+    law: str | None = None
+    rung: str | None = None
     screen: int = 0
     windowed: bool = False
     touchbeam: Sequence[str] = ("touchbeam",)
@@ -123,9 +125,11 @@ def _pace(options: SessionOptions, url: str) -> Pace:
     """Return the requested pace, or the default for the kind of ratings.
 
     Raises:
-        BadInput: pace, device and ratings do not go together.
+        BadInput: pace, device, its law or rung, and ratings do not go together.
     """
     simulated = url == SIMULATED
+    if not simulated and (options.law or options.rung):
+        raise BadInput(f"--law and --rung are for --device sim, got {url}")
     if options.ratings == "virtual" and not simulated:
         raise BadInput(f"--ratings virtual needs --device sim, got {url}")
     if options.pace == "stepped" and not (simulated and options.ratings == "virtual"):
@@ -170,7 +174,15 @@ def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
     window = stack.enter_context(_window(request))
     calibration = options.calibration or kept_calibration(options.folder.path)
     rig = stack.enter_context(
-        session_rig(request.url, request.study.rig, options.touchbeam, request.seed, calibration)
+        session_rig(
+            request.url,
+            request.study.rig,
+            options.touchbeam,
+            request.seed,
+            calibration,
+            law=options.law,
+            rung=options.rung,
+        )
     )
     clock: Clock = WallClock()
     if request.pace == "stepped" and rig.control is not None:

@@ -1,19 +1,23 @@
 """The simulated beam under the board: it resonates, and a finger on it feels its friction.
 
-Its resonance, damping and gain are its own: the seed moves them away from the paper's values, so
-that a session has something true to find. Sensor noise depends on channel and device time alone,
-so that looking more often changes nothing.
+Its friction follows a law and a rung of the friction model. Its resonance, damping and gain are its
+own: the seed moves them away from the paper's values, so that a session has something true to find.
+Sensor noise depends on channel and device time alone, so that looking more often changes nothing.
 """
 
 import random
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from device.beam.beam import Beam
-from device.beam.modes import modal_displacement_m
+from device.beam.modes import modal_displacement_m, natural_frequency_hz
 from device.friction.coefficient import friction_coefficient
+from device.friction.laws import law_by_name
+from device.friction.rungs import TOP_RUNG, rung_resonance_hz
 from device.friction.scenes import Direction, Drive, FingerContact, Scene, Structure
 from device.simulator.models.power_stage import Instrument
 
+LAW, RUNG = "consistent", TOP_RUNG
+"""Those of the report, so that it describes the beam unless another one is asked for."""
 MODE = 6
 BODY_HEIGHT_M = 1e-3
 SPREAD = {"resonance": 0.005, "damping": 0.1, "gain": 0.03}
@@ -35,15 +39,22 @@ class Finger:
 
 @dataclass
 class SimulatedBeam:
-    """A beam whose hidden properties follow from `seed`."""
+    """A beam whose hidden properties follow from `seed`, and its friction from a law and a rung.
+
+    Raises:
+        OutOfRangeError: the law or the rung does not exist.
+    """
 
     seed: int
+    law: str = LAW
+    rung: str = RUNG
     finger: Finger | None = None
     body_height_m: float = BODY_HEIGHT_M
     monitor_gain: float = 1.0
     """What the monitor shows of the voltage: 1 unless it is broken."""
     beam: Beam = field(init=False)
     gain: float = field(init=False)
+    _model_hz_per_hz: float = field(init=False)
 
     def __post_init__(self) -> None:
         hidden = random.Random(f"beam/{self.seed}")
@@ -51,6 +62,10 @@ class SimulatedBeam:
             frequency_scale=1 + hidden.gauss(0, SPREAD["resonance"]),
             damping_ratio=Beam().damping_ratio * (1 + hidden.gauss(0, SPREAD["damping"])),
         )
+        law_by_name(self.law)
+        # The rung's own resonance is where the sensor at the tip shows it.
+        resonance_hz = rung_resonance_hz(self.rung, Beam(), MODE)
+        self._model_hz_per_hz = resonance_hz / natural_frequency_hz(self.beam, MODE)
         self.gain = 1 + hidden.gauss(0, SPREAD["gain"])
 
     def touch(self, force_n: float, position_m: float, direction: str) -> None:
@@ -87,7 +102,9 @@ class SimulatedBeam:
             return None
         voltage_v = self.gain * instrument.output_v
         scene = self._scene(self.finger, voltage_v, instrument.frequency_hz)
-        return float(friction_coefficient(scene)[0])
+        # At rest all rungs agree, and the cheapest need not be set up for a frequency.
+        rung = self.rung if voltage_v else "mode"
+        return float(friction_coefficient(scene, law=self.law, rung=rung)[0])
 
     def monitor_v(self, instrument: Instrument) -> float:
         """Return the voltage monitor's reading."""
@@ -110,9 +127,11 @@ class SimulatedBeam:
         return float(tip_m) * (1 + self._noise("vibration", instrument))
 
     def _scene(self, finger: Finger, voltage_v: float, frequency_hz: float) -> Scene:
+        beam = replace(self.beam, frequency_scale=1.0)
+        model_hz = frequency_hz * self._model_hz_per_hz
         return Scene(
-            structure=Structure(beam=self.beam, body_height_m=self.body_height_m),
-            drive=Drive(voltage_v=voltage_v, frequency_hz=frequency_hz, mode=MODE),
+            structure=Structure(beam=beam, body_height_m=self.body_height_m),
+            drive=Drive(voltage_v=voltage_v, frequency_hz=model_hz, mode=MODE),
             touch=FingerContact(x_m=finger.position_m, finger_load_n=finger.force_n),
             direction=finger.direction,
         )

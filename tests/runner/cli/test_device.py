@@ -17,7 +17,7 @@ from protocol.study.rig_settings import Rig as RigSettings
 from protocol.study_file.loading import template
 from runner.launch.device_access import keep_calibration, kept_calibration, session_rig
 from runner.launch.probe import probed, swept
-from tests.device.rigs import TOUCHBEAM
+from tests.device.rigs import DRIVE, TOUCHBEAM, opened
 from tests.runner.command_line import typed
 
 FOUND = Resonance(frequency_hz=24_180.5, tip_m_per_v=2e-8)
@@ -154,3 +154,27 @@ def test_an_address_cannot_write_to_a_file(
         )
     assert Path("thesis.tex").read_text() == "a chapter"
     assert not list(tmp_path.glob("*/study.db"))
+
+
+def test_the_simulated_beam_obeys_the_law_and_the_rung_asked_for(tmp_path: Path) -> None:
+    felt = []
+    for law, rung in (("consistent", "mode"), ("coulomb", "mode"), ("coulomb", None)):
+        with (
+            simulator_process(TOUCHBEAM, seed=1, keep=True, law=law, rung=rung) as simulator,
+            ControlClient(simulator.control) as control,
+            opened(simulator.url) as rig,
+        ):
+            rig.arm()
+            rig.drive(DRIVE)
+            control.advance(1.0)
+            felt.append(control.touch(0.5, 0.0414, "right"))
+    assert len(set(felt)) == 3
+    done = touchbeam("simulate-device", "tcp", "0", "--rung", "highest")
+    assert done.returncode == 2
+    assert "rung must be one of eq15" in done.stderr
+    study = str(tmp_path / "study")
+    assert touchbeam("new", study).returncode == 0
+    person = ("--participant", "P01", "--ratings", "console", "--rehearsal")
+    done = touchbeam("run", study, *person, "--device", "/dev/ttyNONE", "--law", "coulomb")
+    assert done.returncode == 2
+    assert "--law and --rung are for --device sim, got /dev/ttyNONE" in done.stderr

@@ -134,6 +134,7 @@ class Course:
 
     def _under(self, event: SessionOpened | SessionResumed) -> None:
         """Continue with the study and the plan with which the session was opened or resumed."""
+        self._session.virtual = event.virtual or self._session.virtual
         self._planned |= {trial.index: trial for trial in event.trials}
         self._study_sha256 = event.study_sha256 or self._study_sha256
         if event.study_text is not None:

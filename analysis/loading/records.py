@@ -55,6 +55,7 @@ class SessionRow:
     study_sha256: str | None = None
     imported_from: str | None = None
     versions: Mapping[str, str] = field(default_factory=dict)
+    virtual: Any = None  # a `VirtualTruth`
     device: str | None = None
     operator_noted: Mapping[str, str] = field(default_factory=dict)
 

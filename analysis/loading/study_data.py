@@ -1,6 +1,6 @@
 """From the journal's events to the table of scores and the trials behind it."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from typing import TypeVar
@@ -14,6 +14,7 @@ from analysis.loading.score_table import ScoreTable
 from analysis.loading.sessions import is_scored, load_sessions
 from protocol.errors import BadInput
 from protocol.journal.events import StoredEvent
+from protocol.journal.records import VirtualTruth
 from protocol.study.rules import Exclusions
 
 Value = TypeVar("Value")
@@ -41,6 +42,7 @@ class StudyData:
       with `participant` and `session`.
     - `touches`: those of `trials`: `Sessions.touches` with `place_m`.
     - `empty`: why a cell of the table has no score.
+    - `virtual`: true parameters of the virtual participants, by name; of their last sessions.
     """
 
     table: ScoreTable
@@ -56,6 +58,7 @@ class StudyData:
     incidents: tuple[Incident, ...]
     recording: Recording
     empty: EmptyCells
+    virtual: Mapping[str, VirtualTruth]
 
     @property
     def scored(self) -> pd.DataFrame:
@@ -129,6 +132,11 @@ def load_study_data(
         incidents=tuple(it for it in found.incidents if (it.participant, it.session) in kept),
         recording=_recording(sessions),
         empty=empty_cells(table, trials, answered.drop(trials.index)),
+        virtual={
+            name: truth
+            for name, truth in zip(sessions["participant"], sessions["virtual"], strict=True)
+            if isinstance(truth, VirtualTruth) and name in subjects
+        },
     )
 
 

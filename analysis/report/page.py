@@ -13,6 +13,7 @@ from analysis.report.sections import (
     methods,
     predictions,
     provenance,
+    recovery,
     scores,
     sensitivity,
     session_checks,
@@ -26,6 +27,7 @@ SECTIONS: tuple[Callable[[Findings], Section], ...] = (
     effects.section,
     predictions.section,
     sensitivity.section,
+    recovery.section,
     session_checks.section,
     left_out.section,
     methods.section,
@@ -45,7 +47,9 @@ def page_html(found: Findings, sections: Sequence[Section]) -> str:
     environment.globals["zip"] = zip
     source = (files("analysis.report") / "report.html").read_text(encoding="utf-8")
     return environment.from_string(source).render(
-        title=found.title, notices=_notices(found), sections=sections
+        title=found.title,
+        notices=_notices(found),
+        sections=[each for each in sections if each.blocks],
     )
 
 

@@ -19,6 +19,7 @@ from protocol.journal.records import (
     PlannedTrial,
     ReadBack,
     TraceSample,
+    VirtualTruth,
 )
 
 
@@ -52,6 +53,9 @@ class SessionOpened(Event):
     seed: Annotated[
         int | None, Key("of the simulated device and the virtual participant", missing=None)
     ]
+    virtual: Annotated[
+        VirtualTruth | None, Key("the true parameters, if the participant is virtual", missing=None)
+    ] = None
     versions: Annotated[Mapping[str, str], Key("of touchbeam and Python", missing={})]
 
 
@@ -69,6 +73,9 @@ class SessionResumed(Event):
     seed: Annotated[
         int | None, Key("of the simulated device and the virtual participant", missing=None)
     ]
+    virtual: Annotated[
+        VirtualTruth | None, Key("the true parameters, if the participant is virtual", missing=None)
+    ] = None
     versions: Annotated[Mapping[str, str], Key("of touchbeam and Python", missing={})]
 
 

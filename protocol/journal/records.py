@@ -28,6 +28,22 @@ class PlannedTrial(JsonRecord):
 
 
 @dataclass(frozen=True, kw_only=True)
+class VirtualTruth(JsonRecord):
+    """Parameters of a virtual participant and of the simulated beam that it touches.
+
+    score = bias + gain · |felt change of log friction| + noise, on the paper's scale of 0 to 10.
+    """
+
+    bias: Annotated[float, Key("its score of no change")]
+    gain: Annotated[float, Key("score points per unit of felt change")]
+    felt_noise: Annotated[float, Key("SD of the noise of a felt change")]
+    criterion: Annotated[float, Key("a smaller felt change is answered as no change")]
+    rating_noise: Annotated[float, Key("SD of the noise of a score, points")]
+    law: Annotated[str, Key("law of the simulated beam's friction")]
+    rung: Annotated[str, Key("rung of the simulated beam's motion")]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Identity(JsonRecord):
     """The device's identity, boot count and clock, and remarks for the operator."""
 

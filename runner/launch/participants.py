@@ -1,6 +1,5 @@
 """The participant and the operator of a session: at the window, at the terminal, or simulated."""
 
-import random
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -13,7 +12,7 @@ from runner.launch.device_access import SessionRig
 from runner.people.operator_console import Display, LiveDisplay, OperatorConsole, PlainDisplay
 from runner.people.participant_console import ConsoleParticipant, TypedLines
 from runner.people.terminal import at_terminal, terminal_keys
-from runner.people.virtual_participant import VirtualParticipant, drawn_character, swapping
+from runner.people.virtual_participant import VirtualParticipant, drawn_person, swapping
 from runner.session.session import Session
 from runner.window.client import WindowParticipant
 
@@ -61,9 +60,9 @@ def participant_and_operator(
 def _virtual_participant(
     session: Session, control: ControlClient, clock: Clock
 ) -> VirtualParticipant:
-    stream = random.Random(f"virtual/{session.seed}/{session.participant}/{session.number}")
+    character, stream = drawn_person(session.seed, session.participant, session.number)
     return VirtualParticipant(
-        control=control, clock=clock, character=drawn_character(stream), random_stream=stream
+        control=control, clock=clock, character=character, random_stream=stream
     )
 
 

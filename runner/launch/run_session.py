@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from device.resonance import Resonance
 from protocol.address import SIMULATED
 from protocol.errors import BadInput
+from protocol.journal.records import VirtualTruth
 from protocol.journal.state import SessionState
 from protocol.plan.plan import plan
 from protocol.pseudonyms import pseudonym
@@ -24,6 +25,7 @@ from runner.launch.device_access import kept_calibration, session_rig
 from runner.launch.locks import rig_lock, session_lock
 from runner.launch.participants import Say, participant_and_operator
 from runner.people.participant_console import require_typist
+from runner.people.virtual_participant import drawn_person
 from runner.session.loop import run
 from runner.session.resume import require_resumable
 from runner.session.session import Session, SessionContext, SessionKind, versions
@@ -255,11 +257,23 @@ def opened_session(request: Request, journal: Journal, clock: Clock) -> Session:
             language=options.language,
             consent=options.consent,
             seed=request.seed,
+            virtual=_virtual_truth(request),
         )
         require_resumable(journal, session, sessions.get(name), clock.utc())
         if name not in sessions:
             SessionLog(journal, name, clock).append(session.opening())
     return session
+
+
+def _virtual_truth(request: Request) -> VirtualTruth | None:
+    """Return the true parameters of a virtual participant; None for a person."""
+    if request.options.ratings != "virtual":
+        return None
+    from device.simulator.models.beam_and_finger import LAW, RUNG
+
+    options = request.options
+    character, _ = drawn_person(request.seed, options.participant, options.number)
+    return VirtualTruth(**vars(character), law=options.law or LAW, rung=options.rung or RUNG)
 
 
 @contextmanager

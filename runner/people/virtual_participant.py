@@ -55,6 +55,12 @@ def drawn_character(random_stream: random.Random) -> Character:
     )
 
 
+def drawn_person(seed: int, participant: str, session: int) -> tuple[Character, random.Random]:
+    """Return the character of a session's virtual participant, and the stream of its answers."""
+    stream = random.Random(f"virtual/{seed}/{participant}/{session}")
+    return drawn_character(stream), stream
+
+
 @dataclass(frozen=True, kw_only=True)
 class _Felt:
     """Friction coefficient felt at a position."""

@@ -7,7 +7,7 @@ from typing import Literal
 
 from protocol.address import SIMULATED
 from protocol.journal.events import SessionOpened, SessionResumed
-from protocol.journal.records import PlannedTrial
+from protocol.journal.records import PlannedTrial, VirtualTruth
 from protocol.plan.trials import Plan, Trial
 from protocol.study.study import Study
 from protocol.study_file.loading import text_digest
@@ -31,6 +31,7 @@ class Session:
     language: str = "en"
     consent: str | None = None
     seed: int = 1
+    virtual: VirtualTruth | None = None
 
     def resumption(self) -> SessionResumed:
         """Return the event that records the session when it is resumed."""
@@ -41,6 +42,7 @@ class Session:
             language=self.language,
             consent=self.consent,
             seed=self.seed,
+            virtual=self.virtual,
             versions=versions(),
         )
 

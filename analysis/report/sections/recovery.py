@@ -1,0 +1,112 @@
+"""True bias and gain of virtual participants beside what M2 recovers from their ratings."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+from analysis.estimates import Json, NotEstimable, plain
+from analysis.report.blocks import Block, Section, Table, columns
+from analysis.report.findings import Findings, Scale
+from analysis.report.wording import interval, number
+from analysis.sensitivity.lines import SubjectLine
+from analysis.trials.arrays import LAW
+from analysis.trials.contrasts import RUNG
+from protocol.journal.records import VirtualTruth
+from protocol.study.rating import PAPERS_SCALE
+
+_REPORTED = (LAW, RUNG)
+
+
+def section(found: Findings) -> Section:
+    """Return the comparison; it has no content for participants who are not virtual."""
+    virtual, m2 = found.loaded.virtual, found.trials.m2
+    lines = {} if isinstance(m2, NotEstimable) else {it.subject: it for it in m2.lines.subjects}
+    pairs = [
+        (line, _on_scale(truth, found.scale))
+        for name, truth in virtual.items()
+        if (line := lines.get(name))
+    ]
+    simulated = list(dict.fromkeys((truth.law, truth.rung) for truth in virtual.values()))
+    blocks: list[Block] = [_explanation(simulated), _table(pairs)] if pairs else []
+    data = {
+        "simulated": [_model_json(*model) for model in simulated],
+        "reported": _model_json(*_REPORTED),
+        "subjects": [_subject_json(*pair) for pair in pairs],
+    }
+    return Section(
+        name="recovery",
+        title="Recovered against true parameters",
+        blocks=blocks,
+        data={"recovery": data} if virtual else {},
+    )
+
+
+def _on_scale(truth: VirtualTruth, scale: Scale) -> VirtualTruth:
+    """Return the parameters in points of the study's scale; a character has them on the paper's."""
+    points = scale.span / PAPERS_SCALE.span
+    return replace(
+        truth,
+        bias=scale.lowest + points * truth.bias,
+        gain=points * truth.gain,
+        rating_noise=points * truth.rating_noise,
+    )
+
+
+def _explanation(simulated: list[tuple[str, str]]) -> str:
+    """Return on which law and rung beam and report rest, and what follows where they differ."""
+    reported = "the law {} on the rung {}".format(*_REPORTED)
+    others = [model for model in simulated if model != _REPORTED]
+    if not others:
+        return f"The simulated beam and the predicted contrasts follow the same model: {reported}."
+    beams = " and ".join("the law {} on the rung {}".format(*model) for model in others)
+    return (
+        f"The simulated beam followed {beams}, but contrasts are predicted with {reported}. "
+        "Recovered and true parameters therefore differ systematically: a gain is too large where "
+        "the predicted contrasts are too small, and the other way round, and M2 takes what is left "
+        "for discrepancies of conditions."
+    )
+
+
+def _table(pairs: Iterable[tuple[SubjectLine, VirtualTruth]]) -> Table:
+    return Table(
+        name="recovered",
+        caption="Bias and gain that each virtual participant was given, and M2's estimates with "
+        "95 % intervals.",
+        columns=columns(
+            *("subject", "true bias", "bias", "95 %", "true gain", "gain", "95 %", "gain covered")
+        ),
+        rows=[
+            [
+                line.subject,
+                number(truth.bias, 2),
+                number(line.bias, 2),
+                interval(line.bias_interval),
+                number(truth.gain, 2),
+                number(line.gain, 2),
+                interval(line.gain_interval),
+                "yes" if _covers(line, truth) else "no",
+            ]
+            for line, truth in pairs
+        ],
+    )
+
+
+def _covers(line: SubjectLine, truth: VirtualTruth) -> bool:
+    low, high = line.gain_interval
+    return low <= truth.gain <= high
+
+
+def _model_json(law: str, rung: str) -> Json:
+    return {"law": law, "rung": rung}
+
+
+def _subject_json(line: SubjectLine, truth: VirtualTruth) -> Json:
+    true = truth.to_json()
+    return {
+        "subject": line.subject,
+        "true": {name: value for name, value in true.items() if name not in {"law", "rung"}},
+        "bias": line.bias,
+        "bias_ci": plain(line.bias_interval),
+        "gain": line.gain,
+        "gain_ci": plain(line.gain_interval),
+        "gain_covered": _covers(line, truth),
+    }

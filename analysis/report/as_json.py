@@ -1,6 +1,7 @@
 """Tests of conditions as JSON."""
 
 from analysis.estimates import Json, NotEstimable, or_null, plain, why
+from analysis.statistics.monte_carlo import MonteCarlo
 from analysis.statistics.omnibus import SkillingsMack
 from analysis.statistics.signed_rank import PairwiseTest
 from analysis.statistics.summary import Reading
@@ -21,6 +22,7 @@ def friedman_json(reading: Reading) -> Json:
         "p": test.p,
         "p_exact": or_null(test.p_exact),
         **why("p_exact", test.p_exact),
+        **_monte_carlo_json(test.monte_carlo),
     }
 
 
@@ -28,7 +30,22 @@ def skillings_mack_json(test: SkillingsMack | NotEstimable | None) -> Json | Non
     """Return the Skillings–Mack test, or `None` if no score is missing."""
     if isinstance(test, NotEstimable):
         return {**dict.fromkeys(("statistic", "df", "p")), "reason": test.reason}
-    return None if test is None else dict(plain(test))
+    if test is None:
+        return None
+    known: Json = plain(test)
+    del known["monte_carlo"]
+    return {**known, **_monte_carlo_json(test.monte_carlo)}
+
+
+def _monte_carlo_json(found: MonteCarlo | None) -> Json:
+    """Return the p of random shufflings, or nothing if there is an exact one."""
+    if found is None:
+        return {}
+    return {
+        "p_monte_carlo": found.p,
+        "p_monte_carlo_error": found.error,
+        "shuffles": found.shuffles,
+    }
 
 
 def pair_json(pair: PairwiseTest) -> Json:

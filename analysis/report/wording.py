@@ -4,6 +4,7 @@ import math
 
 from analysis.estimates import Interval, NotEstimable
 from analysis.sensitivity.checks import Proportion
+from analysis.statistics.monte_carlo import MonteCarlo
 from analysis.statistics.omnibus import Friedman
 from analysis.statistics.summary import Reading
 
@@ -42,13 +43,20 @@ def interval(ends: Interval, digits: int = 2) -> str:
     return f"[{number(ends[0], digits)},\N{NO-BREAK SPACE}{number(ends[1], digits)}]"
 
 
+def _monte_carlo(found: MonteCarlo) -> str:
+    return (
+        f"permutation p = {p_value(found.p)} ± {found.error:.1g} (Monte Carlo standard error) from "
+        f"{found.shuffles:,} shufflings within subjects"
+    )
+
+
 def _friedman_line(test: Friedman | NotEstimable) -> str:
     """Return Friedman's test in one sentence."""
     if isinstance(test, NotEstimable):
         return f"Friedman's test could not be computed: {test.reason}."
     exact = (
-        f"no exact p: {test.p_exact.reason}"
-        if isinstance(test.p_exact, NotEstimable)
+        _monte_carlo(test.monte_carlo)
+        if test.monte_carlo is not None
         else f"exact permutation p = {test.p_exact:.4g}"
     )
     return (
@@ -67,7 +75,8 @@ def omnibus_line(reading: Reading) -> str:
     omitted = "; omitted for lack of scores: " + ", ".join(test.left_out) if test.left_out else ""
     return (
         "Skillings–Mack test of equal conditions (in place of Friedman's test, because scores are "
-        f"missing{omitted}): T({test.df}) = {test.statistic:.4f}, p = {test.p:.4g}."
+        f"missing{omitted}): T({test.df}) = {test.statistic:.4f}, p = {test.p:.4g}; "
+        f"{_monte_carlo(test.monte_carlo)}."
     )
 
 

@@ -8,6 +8,7 @@ from scipy.special import chdtrc
 
 from analysis.estimates import FloatArray, IntArray, NotEstimable
 from analysis.loading.score_table import ScoreTable
+from analysis.statistics.monte_carlo import MonteCarlo, monte_carlo_p
 from analysis.statistics.signed_rank import doubled_midranks
 from analysis.statistics.two_way import disconnected, without_empty
 
@@ -64,7 +65,8 @@ class Friedman:
     """Friedman's test of one table.
 
     `p` is the chi-square approximation, `p_exact` the permutation p over all rearrangements of
-    each subject's scores (ties kept); `kendall_w` is the agreement of the subjects, 0 to 1,
+    each subject's scores (ties kept), and `monte_carlo` its estimate, None if `p_exact` is known;
+    `kendall_w` is the agreement of the subjects, 0 to 1,
     corrected for ties; `rank_sums` has one rank sum per condition (1 = the lowest score).
     """
 
@@ -72,6 +74,7 @@ class Friedman:
     df: int
     p: float
     p_exact: float | NotEstimable
+    monte_carlo: MonteCarlo | None
     kendall_w: float
     rank_sums: tuple[float, ...]
 
@@ -99,12 +102,17 @@ def friedman(table: ScoreTable) -> Friedman | NotEstimable:
     within = int(((ranks - middle) ** 2).sum())
     if within == 0:
         return NotEstimable("every subject gave all conditions the same score")
-    chi2 = (conditions - 1) * between / within
+    chi2, exact = (conditions - 1) * between / within, exact_p(ranks)
     return Friedman(
         chi2=chi2,
         df=conditions - 1,
         p=float(chdtrc(conditions - 1, chi2)),
-        p_exact=exact_p(ranks),
+        p_exact=exact,
+        monte_carlo=monte_carlo_p(
+            (ranks - middle).astype(np.float64), table.given, lambda sums: (sums**2).sum(axis=1)
+        )
+        if isinstance(exact, NotEstimable)
+        else None,
         kendall_w=chi2 / (subjects * (conditions - 1)),
         rank_sums=tuple(float(total) / 2 for total in ranks.sum(axis=0)),
     )
@@ -126,6 +134,8 @@ def _refusal(table: ScoreTable) -> NotEstimable | None:
 class SkillingsMack:
     """The Skillings-Mack test of equal conditions; p is the chi-square approximation.
 
+    `monte_carlo` has the permutation p, over rearrangements of the scores that each subject gave.
+
     `statistic` is corrected for ties and so equals Friedman's χ² when no score is missing;
     `untied` is the statistic as first published, without that correction. `left_out` has the
     conditions without any score, which the test does not cover.
@@ -134,6 +144,7 @@ class SkillingsMack:
     statistic: float
     df: int
     p: float
+    monte_carlo: MonteCarlo
     untied: float
     left_out: tuple[str, ...] = ()
 
@@ -160,13 +171,18 @@ def skillings_mack(table: ScoreTable) -> SkillingsMack | NotEstimable:
     total = deviations.sum(axis=0)
     if not variances.any():
         return NotEstimable("every subject gave all conditions the same score")
-    tied, rank = _quadratic_form(total, _covariance(scores, variances / counts))
-    untied, _ = _quadratic_form(total, _covariance(scores, np.ones(len(scores))))
+    inverse, rank = _inverse(_covariance(scores, variances / counts))
+    untied, _ = _inverse(_covariance(scores, np.ones(len(scores))))
+    tied = float(total @ inverse @ total)
     return SkillingsMack(
         statistic=tied,
         df=rank,
         p=float(chdtrc(rank, tied)),
-        untied=untied,
+        # Rearranging a subject's scores leaves their covariance as it is.
+        monte_carlo=monte_carlo_p(
+            deviations, ~np.isnan(scores), lambda sums: ((sums @ inverse) * sums).sum(axis=1)
+        ),
+        untied=float(total @ untied @ total),
         left_out=tuple(name for name in table.conditions if name not in kept.conditions),
     )
 
@@ -188,7 +204,7 @@ def _covariance(scores: FloatArray, shares: FloatArray) -> FloatArray:
     return np.diag(together.sum(axis=1)) - together
 
 
-def _quadratic_form(total: FloatArray, covariance: FloatArray) -> tuple[float, int]:
+def _inverse(covariance: FloatArray) -> tuple[FloatArray, int]:
     inverse = np.linalg.pinv(covariance, rtol=1e-10, hermitian=True)
     rank = int(np.linalg.matrix_rank(covariance, tol=1e-10 * covariance.max(), hermitian=True))
-    return float(total @ inverse @ total), rank
+    return np.asarray(inverse, dtype=np.float64), rank

@@ -50,7 +50,8 @@ def _tests(trials: TrialStatistics) -> str:
     unit = "single trials" if trials.has_repeats else "one score per subject and condition"
     return (
         "Conditions were compared with Friedman's test, corrected for ties, with an exact p-value "
-        "over all within-subject permutations of the scores where these could be enumerated (with "
+        "over all within-subject permutations of the scores where these could be enumerated, and "
+        "otherwise a Monte Carlo one over random permutations from a fixed seed (with "
         "the Skillings–Mack test where scores were missing), and pairwise with Wilcoxon "
         "signed-rank tests, exact for up to 200 differences, with zero differences dropped and "
         "p-values corrected by Holm's method. Intraclass correlations and additive effects were "

@@ -13,6 +13,7 @@ from scipy import stats
 
 from analysis.estimates import FloatArray, NotEstimable
 from analysis.loading.score_table import ScoreTable
+from analysis.statistics.monte_carlo import MonteCarlo, monte_carlo_p
 from analysis.statistics.omnibus import Friedman, SkillingsMack, friedman, skillings_mack
 
 SHAPES = st.tuples(st.integers(2, 4), st.integers(2, 4))
@@ -119,13 +120,47 @@ def test_a_large_study_has_only_the_approximation() -> None:
     result = result_of(scores)
     assert isinstance(result.p_exact, NotEstimable)
     assert "with 60 subjects" in result.p_exact.reason
-    assert 0.0 < result.p <= 1.0
+    assert isinstance(result.monte_carlo, MonteCarlo)
+    # Chi-square is accurate here.
+    assert result.monte_carlo.p == pytest.approx(result.p, abs=4 * result.monte_carlo.error)
 
 
 def test_eight_conditions_have_only_the_approximation() -> None:
     result = result_of(np.arange(8.0)[None, :] * np.ones((3, 1)))
     assert isinstance(result.p_exact, NotEstimable)
     assert "at most 7 conditions, got 8" in result.p_exact.reason
+
+
+def test_shufflings_give_the_exact_p_within_their_error(published: ScoreTable) -> None:
+    table = table_from(published.scores[:, [0, 1, 3]])
+    exact = friedman(table)
+    assert isinstance(exact, Friedman)
+    assert isinstance(exact.p_exact, float)
+    assert exact.monte_carlo is None
+    ranks = np.array([stats.rankdata(row) - 2 for row in table.scores])
+    found = monte_carlo_p(ranks, table.given, lambda sums: (sums**2).sum(axis=1))
+    assert found == monte_carlo_p(ranks, table.given, lambda sums: (sums**2).sum(axis=1))
+    assert found.shuffles == 100_000
+    assert found.error == pytest.approx(np.sqrt(found.p * (1 - found.p) / 100_001), rel=1e-12)
+    assert found.p == pytest.approx(exact.p_exact, abs=4 * found.error)
+
+
+def test_a_p_of_shufflings_is_never_zero() -> None:
+    agreed = result_of(np.tile(np.arange(8.0), (30, 1)))
+    assert isinstance(agreed.monte_carlo, MonteCarlo)
+    assert agreed.monte_carlo.p == 1 / (1 + agreed.monte_carlo.shuffles)
+
+
+@pytest.mark.parametrize("shape", [(13, 5), (7, 6)])
+def test_tables_past_enumeration_have_the_p_of_shufflings(shape: tuple[int, int]) -> None:
+    scores = np.random.default_rng(11).integers(3, 11, shape) + np.arange(shape[1]) / 2
+    result = result_of(scores)
+    assert isinstance(result.p_exact, NotEstimable)
+    assert isinstance(result.monte_carlo, MonteCarlo)
+    rng, ranks = np.random.default_rng(5), np.array([stats.rankdata(row) for row in scores])
+    sums = np.array([rng.permuted(ranks, axis=1).sum(axis=0) for _ in range(4000)])
+    own = (sums.var(axis=1) >= ranks.sum(axis=0).var() - 1e-9).mean()
+    assert result.monte_carlo.p == pytest.approx(own, abs=4 * np.sqrt(own * (1 - own) / 4000))
 
 
 TableOf = Callable[[FloatArray], ScoreTable]
@@ -197,6 +232,16 @@ def test_the_covariance_is_that_of_every_shuffling(table_of: TableOf, scores: Fl
     covariance = np.cov(sums.T, ddof=0)
     inverse = np.linalg.pinv(covariance, rtol=1e-9, hermitian=True)
     assert result.statistic == pytest.approx(float(total @ inverse @ total), rel=1e-8, abs=1e-10)
+
+
+def test_shufflings_of_the_scores_given_agree_with_all_of_them(table_of: TableOf) -> None:
+    scores = np.array([[1, 2, 3, 4], [2, 1, np.nan, 3], [1, np.nan, 2, 2], [np.nan, 1, 3, 2.0]])
+    sums = np.array([np.sum(choice, axis=0) for choice in product(*map(shufflings, scores))])
+    inverse = np.linalg.pinv(np.cov(sums.T, ddof=0), rtol=1e-9, hermitian=True)
+    statistics = np.einsum("ij,jk,ik->i", sums, inverse, sums)
+    found = skillings_mack_of(table_of(scores))
+    exact = float((statistics >= found.statistic - 1e-9).mean())
+    assert found.monte_carlo.p == pytest.approx(exact, abs=4 * found.monte_carlo.error)
 
 
 def test_uninformative_rows_change_nothing(table_of: TableOf) -> None:

@@ -15,7 +15,7 @@ _POOLED = NotEstimable(
 
 @dataclass(frozen=True, kw_only=True)
 class Drift:
-    """Change of the rating per trial within subjects, adjusted for condition and subject."""
+    """Mean over subjects of the change of the rating per trial, adjusted for condition."""
 
     points_per_trial: float
     interval: Interval
@@ -57,28 +57,60 @@ class Discrimination:
 
 
 def drift(ratings: Ratings, position: IntArray) -> Drift | NotEstimable:
-    """Return the slope of the rating on the trial's position, or why it is not estimable.
+    """Return the mean of the subjects' slopes on the trial's position, or why it is not estimable.
+
+    Rating = subject + condition + own slope × position by least squares; t tests the mean slope
+    against the spread of the slopes, with a degree of freedom less than there are subjects. People
+    who drift apart, some up and some down, so do not count as a drift of all.
 
     Parameters:
         ratings: the trials.
         position: shape (trials,), place in the session, 1 for a subject's first trial.
     """
     scored = ~np.isnan(ratings.rating)
-    trials, place = ratings.where(scored), position[scored].astype(np.float64)
-    base = _fit(trials, _dummies(trials.condition))
-    full = _fit(trials, np.column_stack([_dummies(trials.condition), place]))
-    if full.rank == base.rank:
+    slopes = _slopes(ratings.where(scored), position[scored].astype(np.float64))
+    if isinstance(slopes, NotEstimable):
+        return slopes
+    df = len(slopes) - 1
+    slope, error = float(slopes.mean()), float(slopes.std(ddof=1) / np.sqrt(len(slopes)))
+    if error <= 1e-12 * max(1.0, abs(slope)):
+        return NotEstimable("the subjects' slopes do not vary, so their mean cannot be tested")
+    half = float(stdtrit(df, 0.975)) * error
+    p = float(2 * stdtr(df, -abs(slope) / error))
+    return Drift(points_per_trial=slope, interval=(slope - half, slope + half), df=df, p=p)
+
+
+def _slopes(trials: Ratings, place: FloatArray) -> FloatArray | NotEstimable:
+    """Return the slope of each subject whose trials differ in position, adjusted for condition."""
+    _, person, counts = np.unique(trials.subject, return_inverse=True, return_counts=True)
+    values = np.column_stack([place, trials.rating, _dummies(trials.condition)])
+    within = values - (_sums(values, person) / counts[:, None])[person]
+    moved = _sums(within[:, 0] ** 2, person)
+    if (moved > 0).sum() < 2:
+        return NotEstimable("fewer than 2 subjects have rated trials at different positions")
+    moving = (moved > 0)[person]
+    within, person = within[moving], np.unique(person[moving], return_inverse=True)[1]
+    steps = within[:, 0]
+    raw = _sums(within[:, 1:] * steps[:, None], person) / moved[moved > 0][:, None]
+    rest = within[:, 1:] - steps[:, None] * raw[person]
+    y, conditions = rest[:, 0], rest[:, 1:]
+    information = conditions.T @ conditions
+    inverse = np.linalg.pinv(information, rtol=1e-10, hermitian=True)
+    # Effects of conditions that nothing determines must not move the slopes.
+    free = np.eye(len(inverse)) - inverse @ information
+    if np.abs(raw[:, 1:] @ free).max() > 1e-8:
         return NotEstimable(
             "subject and condition determine the position, so drift cannot be separated"
         )
-    if full.df < 1:
+    if len(y) - 2 * len(raw) - np.linalg.matrix_rank(information, tol=1e-8, hermitian=True) < 1:
         return NotEstimable("there is no residual to test the drift against")
-    slope = full.last_coefficient
-    spread = np.sqrt(full.squares / full.df) / full.last_norm
-    half = float(stdtrit(full.df, 0.975)) * spread
-    p = 2 * stdtr(full.df, -abs(slope) / spread) if spread > 0 else 0.0
-    ends = (slope - half, slope + half)
-    return Drift(points_per_trial=slope, interval=ends, df=full.df, p=float(p))
+    return np.asarray(raw[:, 0] - raw[:, 1:] @ (inverse @ (conditions.T @ y)))
+
+
+def _sums(values: FloatArray, person: IntArray) -> FloatArray:
+    totals = np.zeros((int(person.max()) + 1, *values.shape[1:]))
+    np.add.at(totals, person, values)
+    return totals
 
 
 def carry_over(ratings: Ratings, previous: IntArray) -> FTest | NotEstimable:
@@ -149,8 +181,6 @@ class _Fit:
     squares: float
     rank: int
     df: int
-    last_coefficient: float
-    last_norm: float
 
 
 def _test_of(trials: Ratings, group: IntArray) -> FTest | NotEstimable:
@@ -175,18 +205,12 @@ def _fit(trials: Ratings, design: FloatArray) -> _Fit:
     """Return the least-squares fit of the design within subjects."""
     people, person, counts = np.unique(trials.subject, return_inverse=True, return_counts=True)
     values = np.column_stack([design, trials.rating])
-    sums = np.zeros((len(people), values.shape[1]))
-    np.add.at(sums, person, values)
-    within = values - (sums / counts[:, None])[person]
+    within = values - (_sums(values, person) / counts[:, None])[person]
     columns, y = within[:, :-1], within[:, -1]
     solution, _, rank, _ = np.linalg.lstsq(columns, y, rcond=1e-10)
-    others = np.linalg.lstsq(columns[:, :-1], columns[:, -1], rcond=1e-10)[0]
     residual = y - columns @ solution
-    last = columns[:, -1] - columns[:, :-1] @ others
     return _Fit(
         squares=float(residual @ residual),
         rank=int(rank),
         df=len(y) - int(rank) - len(people),
-        last_coefficient=float(solution[-1]),
-        last_norm=float(np.sqrt(last @ last)),
     )

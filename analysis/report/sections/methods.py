@@ -59,7 +59,8 @@ def _tests(trials: TrialStatistics) -> str:
         "(Mandel) was tested by the extra sum of squares. The ordinal mixed model (cumulative "
         "link, random intercept per subject, maximum likelihood) was fitted to "
         f"{unit}. Carry-over and order effects were tested by within-subject F tests "
-        "adjusted for condition."
+        "adjusted for condition, drift by a t test of the subjects' slopes on the place in the "
+        "session, adjusted likewise."
     )
 
 

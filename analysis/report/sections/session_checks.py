@@ -57,8 +57,8 @@ def _drift_line(drift: Drift | NotEstimable) -> str:
     if isinstance(drift, NotEstimable):
         return f"Drift: not estimable ({drift.reason})."
     return (
-        f"Drift: {number(drift.points_per_trial)} points per trial, 95 % interval "
-        f"{interval(drift.interval, 3)}, p = {p_value(drift.p)}."
+        f"Drift, mean of the subjects' slopes: {number(drift.points_per_trial)} points per trial, "
+        f"95 % interval {interval(drift.interval, 3)}, t({drift.df}), p = {p_value(drift.p)}."
     )
 
 

@@ -63,18 +63,34 @@ def expected_f(base: tuple[float, int], full: tuple[float, int]) -> float:
     return (base[0] - full[0]) / added / (full[0] / full[1])
 
 
-def test_a_drift_is_found_and_agrees_with_dummy_variables() -> None:
+def test_a_drift_is_found_and_agrees_with_a_dense_regression() -> None:
     ratings, position, _ = a_session(1, per_trial=0.15)
-    result = drift(ratings, position)
+    kept = np.arange(len(position)) % 11 > 0
+    trials = ratings.where(kept)
+    result = drift(replace(ratings, rating=np.where(kept, ratings.rating, np.nan)), position)
     assert isinstance(result, Drift)
     assert result.interval[0] < 0.15 < result.interval[1]
-    base = dummy_fit(ratings.rating, ratings.subject, ratings.condition)
-    full = dummy_fit(
-        ratings.rating, ratings.subject, ratings.condition, more=position.astype(np.float64)
-    )
-    f = expected_f(base, full)
-    assert result.df == full[1]
-    assert result.p == pytest.approx(float(stats.f.sf(f, 1, full[1])), rel=1e-8)
+    people = (trials.subject[:, None] == np.arange(SUBJECTS)).astype(np.float64)
+    conditions = (trials.condition[:, None] == np.arange(1, CONDITIONS)).astype(np.float64)
+    design = np.hstack([people, conditions, people * position[kept][:, None]])
+    slopes = np.linalg.lstsq(design, trials.rating)[0][-SUBJECTS:]
+    expected = stats.ttest_1samp(slopes, 0.0)
+    assert result.df == SUBJECTS - 1
+    assert result.points_per_trial == pytest.approx(slopes.mean(), rel=1e-9)
+    assert result.p == pytest.approx(float(expected.pvalue), rel=1e-8)
+    ends = expected.confidence_interval()
+    assert result.interval == pytest.approx((ends.low, ends.high), rel=1e-8)
+
+
+def test_people_who_drift_apart_are_no_drift_of_all() -> None:
+    values = []
+    for seed in range(200):
+        ratings, position, _ = a_session(seed)
+        own = np.random.default_rng([7, seed]).normal(0, 0.1, SUBJECTS)[ratings.subject]
+        result = drift(replace(ratings, rating=ratings.rating + own * position), position)
+        assert isinstance(result, Drift)
+        values.append(result.p)
+    assert stats.kstest(values, "uniform").pvalue > 0.01
 
 
 def test_p_is_uniform_without_a_drift() -> None:
@@ -116,7 +132,10 @@ def test_sessions_without_a_test_give_the_reason() -> None:
     assert "subject and condition determine the effect" in alike.reason
     steady = drift(ratings, np.ones_like(position))
     assert isinstance(steady, NotEstimable)
-    assert "drift cannot be separated" in steady.reason
+    assert "fewer than 2 subjects have rated trials at different positions" in steady.reason
+    same = drift(fixed.where(position <= 5), position[position <= 5])
+    assert isinstance(same, NotEstimable)
+    assert "drift cannot be separated" in same.reason
     first = carry_over(ratings.where(position == 1), previous[position == 1])
     assert first == NotEstimable("no rated trial follows another")
     unrated = replace(ratings, rating=np.full(len(position), np.nan))

@@ -77,6 +77,8 @@ def ordinal_effects_of_trials(
     packed, value, nodes = _maximum(data, link)
     covariance = _covariance(packed, data, link, nodes)
     fitted = unpacked(packed, data.categories)
+    if isinstance(covariance, NotEstimable):
+        return covariance
     if covariance is None:
         extreme = conditions[int(np.argmax(np.abs(fitted.effects)))]
         return NotEstimable(
@@ -156,8 +158,13 @@ def _start(data: ScoreCounts, link: Link) -> FloatArray:
     ).packed
 
 
-def _covariance(packed: FloatArray, data: ScoreCounts, link: Link, nodes: int) -> FloatArray | None:
-    """Return the inverse observed information, None if the parameters are not at a maximum."""
+def _covariance(
+    packed: FloatArray, data: ScoreCounts, link: Link, nodes: int
+) -> FloatArray | NotEstimable | None:
+    """Return the inverse observed information, None if the parameters are not at a maximum.
+
+    If all but the last parameter, the subjects' standard deviation, have a maximum, say so.
+    """
     slope = np.abs(log_likelihood(packed, data, link, nodes)[1]).max()
     if slope > STEEP or np.abs(packed).max() >= FARTHEST / 2:
         return None
@@ -170,5 +177,10 @@ def _covariance(packed: FloatArray, data: ScoreCounts, link: Link, nodes: int) -
     information = np.array(columns)
     information = (information + information.T) / 2
     if np.linalg.eigvalsh(information)[0] < FLAT:
-        return None
+        if np.linalg.eigvalsh(information[:-1, :-1])[0] < FLAT:
+            return None
+        return NotEstimable(
+            "the scores do not determine the standard deviation between subjects: too few "
+            "subjects have two scores that tell about their level"
+        )
     return np.asarray(np.linalg.inv(information))

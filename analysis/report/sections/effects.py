@@ -88,7 +88,13 @@ def _ordinal_line(trials: TrialStatistics) -> str:
         f"log-likelihood {number(effects.log_likelihood, 4)}"
         for link, effects in trials.ordinal.items()
     ]
-    return f"Ordinal mixed model, {'; '.join(fits)}."
+    narrow = (
+        " Subjects repeated conditions, and the model has no random effect of subject × condition: "
+        "if subjects differ in their effects, the standard errors are too small."
+        if trials.has_repeats
+        else ""
+    )
+    return f"Ordinal mixed model, {'; '.join(fits)}.{narrow}"
 
 
 def _condition_table(found: Findings) -> Table:

@@ -160,6 +160,11 @@ def test_missing_scores_and_a_ceiling_do_not_bias_the_effects() -> None:
         ([[1.0, 1.0], [1.0, 1.0]], "2 to 21 different scores, got 1"),
         ([[1.0, np.nan], [2.0, np.nan]], "no score was given under c1"),
         ([[1.0, 9.0], [2.0, 8.0], [1.0, 8.0], [2.0, 9.0]], "that of c1"),
+        # One score per subject differs, so levels and residuals cannot be told apart.
+        (
+            [[7.0, score] for score in (5.0, 6.0, 7.0, 7.0, 8.0, 9.0, 6.0, 8.0)],
+            "do not determine the standard deviation between subjects",
+        ),
     ],
 )
 def test_tables_without_a_maximum_give_the_reason(

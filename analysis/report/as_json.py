@@ -53,7 +53,18 @@ def pair_json(pair: PairwiseTest) -> Json:
     names = {"a": pair.a, "b": pair.b}
     if isinstance(pair.test, NotEstimable):
         nothing = dict.fromkeys(
-            ("statistic", "n", "n_zero", "p", "method", "rank_biserial", "p_holm")
+            (
+                *("statistic", "n", "n_zero", "p", "method", "p_holm"),
+                *("rank_biserial", "rank_biserial_interval"),
+                *("mean_difference", "mean_difference_interval"),
+            )
         )
         return {**names, **nothing, "reason": pair.test.reason}
-    return {**names, **plain(pair.test), "p_holm": or_null(pair.p_holm)}
+    ends = pair.test.mean_difference_interval
+    return {
+        **names,
+        **plain(pair.test),
+        "mean_difference_interval": or_null(ends),
+        **why("mean_difference_interval", ends),
+        "p_holm": or_null(pair.p_holm),
+    }

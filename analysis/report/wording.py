@@ -43,6 +43,11 @@ def interval(ends: Interval, digits: int = 2) -> str:
     return f"[{number(ends[0], digits)},\N{NO-BREAK SPACE}{number(ends[1], digits)}]"
 
 
+def beside(ends: Interval | NotEstimable, digits: int = 2) -> str:
+    """Return an interval after the number that it belongs to, or nothing if there is none."""
+    return "" if isinstance(ends, NotEstimable) else f" {interval(ends, digits)}"
+
+
 def _monte_carlo(found: MonteCarlo) -> str:
     return (
         f"permutation p = {p_value(found.p)} ± {found.error:.1g} (Monte Carlo standard error) from "
@@ -61,7 +66,8 @@ def _friedman_line(test: Friedman | NotEstimable) -> str:
     )
     return (
         f"Friedman's test of equal conditions: χ²({test.df}) = {test.chi2:.4f}, "
-        f"p = {test.p:.4g} ({exact}); Kendall's W = {test.kendall_w:.3f}, corrected for ties."
+        f"p = {test.p:.4g} ({exact}); Kendall's W = {test.kendall_w:.3f}"
+        f"{beside(test.kendall_w_interval)}, corrected for ties."
     )
 
 

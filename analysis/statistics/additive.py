@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import fdtrc
+from scipy.special import fdtrc, stdtrit
 
-from analysis.estimates import BoolArray, FloatArray, IntArray, NotEstimable
+from analysis.estimates import BoolArray, FloatArray, IntArray, Interval, NotEstimable
 from analysis.loading.score_table import ScoreTable
 from analysis.statistics.two_way import TwoWay, two_way
 
@@ -18,7 +18,8 @@ class AdditiveEffects:
     Effects sum to zero. Subjects and conditions without any score are absent. `subject_sd` is
     the moment estimate of the standard deviation between subjects (0 if they differ less than
     expected by chance). `shrinkage` is the shrinkage factor of a subject with every condition
-    scored; `subject_shrinkage` is that of each subject with the scores the subject gave.
+    scored; `subject_shrinkage` is that of each subject with the scores the subject gave. The
+    95 % intervals are over subjects for conditions, and over residuals for subjects.
     """
 
     grand_mean: float
@@ -29,6 +30,8 @@ class AdditiveEffects:
     subject_sd: float
     shrinkage: float | NotEstimable
     subject_shrinkage: Mapping[str, float | NotEstimable]
+    condition_intervals: Mapping[str, Interval]
+    subject_intervals: Mapping[str, Interval]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,6 +57,7 @@ def additive_effects(table: ScoreTable) -> AdditiveEffects | NotEstimable:
         return fit
     subject_variance = max(0.0, fit.row_variance)
     counts = fit.table.given.sum(axis=1).tolist()
+    condition_halves, subject_halves = _halves(fit)
     return AdditiveEffects(
         grand_mean=fit.grand_mean,
         conditions=dict(zip(fit.table.conditions, fit.columns.tolist(), strict=True)),
@@ -66,6 +70,37 @@ def additive_effects(table: ScoreTable) -> AdditiveEffects | NotEstimable:
             name: _shrinkage(subject_variance, fit.residual_variance, count)
             for name, count in zip(fit.table.subjects, counts, strict=True)
         },
+        condition_intervals=_around(fit.table.conditions, fit.columns, condition_halves),
+        subject_intervals=_around(fit.table.subjects, fit.rows, subject_halves),
+    )
+
+
+def _around(
+    names: tuple[str, ...], effects: FloatArray, halves: FloatArray
+) -> Mapping[str, Interval]:
+    ends = zip((effects - halves).tolist(), (effects + halves).tolist(), strict=True)
+    return dict(zip(names, ends, strict=True))
+
+
+def _halves(fit: TwoWay) -> tuple[FloatArray, FloatArray]:
+    """Return half the widths of the intervals of conditions and of subjects.
+
+    A condition's error is that of the mean of the subjects' own effects, t with a degree of freedom
+    less than there are subjects: subjects may differ in their effects by as much as they like. With
+    scores missing it is the covariance that is robust to dependence within subjects (Liang and
+    Zeger, Biometrika 73, 1986). A subject's error has the variance of the residuals.
+    """
+    root, subjects = _root_of_inverse(fit.table.given), len(fit.rows)
+    inverse = root @ root.T
+    influence = np.where(fit.table.given, fit.residuals, 0.0) @ inverse
+    robust = np.sqrt((influence**2).sum(axis=0) * subjects / (subjects - 1))
+    shares = 1 / fit.table.given.sum(axis=1)
+    own = fit.table.given * shares[:, None]
+    apart = (own - own.mean(axis=0)) @ root
+    factor = shares * (1 - 2 / subjects) + shares.mean() / subjects + (apart**2).sum(axis=1)
+    return (
+        stdtrit(subjects - 1, 0.975) * robust,
+        stdtrit(fit.residual_df, 0.975) * np.sqrt(fit.residual_variance * factor),
     )
 
 

@@ -6,8 +6,9 @@ from itertools import permutations
 import numpy as np
 from scipy.special import chdtrc
 
-from analysis.estimates import FloatArray, IntArray, NotEstimable
+from analysis.estimates import FloatArray, IntArray, Interval, NotEstimable
 from analysis.loading.score_table import ScoreTable
+from analysis.statistics.intervals import concordance_interval
 from analysis.statistics.monte_carlo import MonteCarlo, monte_carlo_p
 from analysis.statistics.signed_rank import doubled_midranks
 from analysis.statistics.two_way import disconnected, without_empty
@@ -76,6 +77,7 @@ class Friedman:
     p_exact: float | NotEstimable
     monte_carlo: MonteCarlo | None
     kendall_w: float
+    kendall_w_interval: Interval | NotEstimable
     rank_sums: tuple[float, ...]
 
 
@@ -114,6 +116,7 @@ def friedman(table: ScoreTable) -> Friedman | NotEstimable:
         if isinstance(exact, NotEstimable)
         else None,
         kendall_w=chi2 / (subjects * (conditions - 1)),
+        kendall_w_interval=concordance_interval((ranks - middle) / 2),
         rank_sums=tuple(float(total) / 2 for total in ranks.sum(axis=0)),
     )
 

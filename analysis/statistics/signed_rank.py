@@ -8,8 +8,9 @@ from typing import Literal
 import numpy as np
 from scipy.special import ndtr
 
-from analysis.estimates import FloatArray, IntArray, NotEstimable
+from analysis.estimates import FloatArray, IntArray, Interval, NotEstimable
 from analysis.loading.score_table import ScoreTable
+from analysis.statistics.intervals import mean_interval, rank_biserial_interval
 
 # Differences such as 7.3 - 7.2 and 5.1 - 5.0 are equal but for rounding error.
 DECIMALS = 9
@@ -44,7 +45,7 @@ class SignedRank:
 
     `statistic` is V, the sum of the ranks of the positive differences; `n` counts the differences
     ranked and `n_zero` those of zero, which are dropped; `rank_biserial` is the effect size, from
-    -1 (all negative) to 1 (all positive).
+    -1 (all negative) to 1 (all positive); `mean_difference` is over all subjects with both scores.
     """
 
     statistic: float
@@ -53,6 +54,9 @@ class SignedRank:
     p: float
     method: Literal["exact", "normal"]
     rank_biserial: float
+    rank_biserial_interval: Interval
+    mean_difference: float
+    mean_difference_interval: Interval | NotEstimable
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,6 +104,9 @@ def signed_rank(differences: FloatArray) -> SignedRank | NotEstimable:
         p=_exact_p(ranks, positive) if exact else float(2 * ndtr(-deviation)),
         method="exact" if exact else "normal",
         rank_biserial=(2 * positive - total) / total,
+        rank_biserial_interval=rank_biserial_interval((2 * positive - total) / total, len(ranks)),
+        mean_difference=float(scored.mean()),
+        mean_difference_interval=mean_interval(scored),
     )
 
 

@@ -1,11 +1,13 @@
 """Least-squares fit of rows and columns to an incomplete table, and intraclass correlations."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from scipy.special import fdtri
 
-from analysis.estimates import BoolArray, FloatArray, NotEstimable
+from analysis.estimates import BoolArray, FloatArray, Interval, NotEstimable
 from analysis.loading.score_table import ScoreTable
 
 
@@ -160,13 +162,14 @@ class IntraclassCorrelation:
     `agreement_single` is ICC(2,1), `consistency_single` ICC(3,1) and `consistency_mean` ICC(3,k)
     of Shrout and Fleiss (Psychological Bulletin 86, 1979). With `target` "subjects" they measure
     how well the score under one condition represents a person; with "conditions", how well one
-    person's score represents a condition.
+    person's score represents a condition. `intervals` has the 95 % interval of each, by its name.
     """
 
     target: Target
     agreement_single: float | NotEstimable
     consistency_single: float | NotEstimable
     consistency_mean: float | NotEstimable
+    intervals: Mapping[str, Interval] | NotEstimable
 
 
 def intraclass_correlation(
@@ -182,12 +185,53 @@ def intraclass_correlation(
     if isinstance(fit, NotEstimable):
         return fit
     targets, residual = fit.row_variance, fit.residual_variance
+    agreement = _ratio(fit, targets, fit.column_variance + residual)
     return IntraclassCorrelation(
         target=target,
-        agreement_single=_ratio(fit, targets, fit.column_variance + residual),
+        agreement_single=agreement,
         consistency_single=_ratio(fit, targets, residual),
         consistency_mean=_ratio(fit, targets, residual / len(fit.columns)),
+        intervals=agreement
+        if isinstance(agreement, NotEstimable)
+        else _icc_intervals(fit, agreement),
     )
+
+
+def _icc_intervals(fit: TwoWay, agreement: float) -> Mapping[str, Interval] | NotEstimable:
+    """Return the F-based intervals (McGraw and Wong, Psychological Methods 1, 1996, table 7).
+
+    With cells missing, the numbers of scores per target and per rater are those of Henderson's
+    method III, as in `TwoWay.row_variance`, and the intervals are approximate.
+    """
+    targets, raters, df = len(fit.rows), len(fit.columns), fit.residual_df
+    given, noise = int(fit.table.given.sum()), fit.residual_variance
+    if noise <= 0:
+        return NotEstimable("there is no residual, so there is no interval")
+    n, k = (given - targets) / (raters - 1), (given - raters) / (targets - 1)
+    rows, columns = fit.row_squares / (targets - 1), fit.column_squares / (raters - 1)
+    f = rows / noise
+    signal = np.array(
+        [f / fdtri(targets - 1, df, 0.975) - 1, f * fdtri(df, targets - 1, 0.975) - 1]
+    )
+    share = k * agreement / (n * (1 - agreement)) if agreement < 1 else 0.0
+    level, rest = share * columns, (1 + share * (n - 1)) * noise
+    v = (level + rest) ** 2 / (level**2 / (raters - 1) + rest**2 / df)
+    below, above = fdtri(targets - 1, v, 0.975), fdtri(v, targets - 1, 0.975)
+    both = k * columns + (k * n - k - n) * noise
+    agree = np.array(
+        [
+            n * (rows - below * noise) / (below * both + n * rows),
+            n * (above * rows - noise) / (both + n * above * rows),
+        ]
+    )
+    found: dict[str, FloatArray] = {
+        "agreement_single": agree,
+        "consistency_single": signal / (signal + k),
+        "consistency_mean": signal / (signal + k / raters),
+    }
+    if not all(np.isfinite(ends).all() and ends[0] <= ends[1] for ends in found.values()):
+        return NotEstimable("too many scores are missing for an interval")
+    return {name: (float(ends[0]), float(ends[1])) for name, ends in found.items()}
 
 
 def _ratio(fit: TwoWay, signal: float, noise: float) -> float | NotEstimable:

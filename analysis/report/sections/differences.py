@@ -5,14 +5,15 @@ from functools import partial
 
 import numpy as np
 
-from analysis.estimates import Json, NotEstimable, why
+from analysis.estimates import Json, NotEstimable, or_null, why
 from analysis.loading.score_table import ScoreTable
 from analysis.report.as_json import friedman_json, pair_json, skillings_mack_json
 from analysis.report.blocks import Figure, Section, Table, columns
 from analysis.report.drawing import raincloud_figure
 from analysis.report.figure_data import raincloud
 from analysis.report.findings import Findings
-from analysis.report.wording import number, of_all, omnibus_line, p_value
+from analysis.report.wording import beside, number, of_all, omnibus_line, p_value
+from analysis.statistics.intervals import COVERAGE, DESIGN
 from analysis.statistics.omnibus import Friedman
 from analysis.statistics.signed_rank import PairwiseTest, SignedRank
 from analysis.statistics.summary import Reading
@@ -28,10 +29,16 @@ def section(found: Findings) -> Section:
             omnibus_line(main),
             _pairs_line(main.pairwise),
             _pairwise_table(main.pairwise) if main.pairwise else None,
+            _coverage_line() if main.pairwise else None,
             _scores_figure(found),
         ],
         data=_tests_json(main),
     )
+
+
+def _coverage_line() -> str:
+    measured = ", ".join(f"{name} {share:.3f}" for name, share in COVERAGE.items())
+    return f"Share of 95 % intervals that covered the truth in simulations ({DESIGN}): {measured}."
 
 
 def _pairs_line(pairs: Sequence[PairwiseTest]) -> str:
@@ -44,12 +51,12 @@ def _pairs_line(pairs: Sequence[PairwiseTest]) -> str:
 
 
 def _pairwise_table(pairs: Sequence[PairwiseTest]) -> Table:
-    numbers = ("V", "n", "zeros", "rank-biserial r", "p", "p (Holm)")
+    numbers = ("mean difference", "V", "n", "zeros", "rank-biserial r", "p", "p (Holm)")
     return Table(
         name="pairwise",
         caption="Two-sided Wilcoxon signed-rank test of each pair of conditions. V is the sum of "
         "the ranks of positive differences; zero differences are dropped and counted; p (Holm) is "
-        "corrected for the number of pairs that could be tested.",
+        "corrected for the number of pairs that could be tested. In brackets: 95 % intervals.",
         columns=columns("pair", *numbers, "method"),
         rows=[[f"{pair.a} − {pair.b}", *_pair_cells(pair)] for pair in pairs],
         unbroken=True,
@@ -59,12 +66,13 @@ def _pairwise_table(pairs: Sequence[PairwiseTest]) -> Table:
 def _pair_cells(pair: PairwiseTest) -> list[str]:
     test = pair.test
     if not isinstance(test, SignedRank):
-        return [*[number(None)] * 6, test.reason]
+        return [*[number(None)] * 7, test.reason]
     return [
+        number(test.mean_difference, 2) + beside(test.mean_difference_interval),
         f"{test.statistic:g}",
         str(test.n),
         str(test.n_zero),
-        number(test.rank_biserial, 2),
+        number(test.rank_biserial, 2) + beside(test.rank_biserial_interval),
         p_value(test.p),
         p_value(pair.p_holm),
         test.method,
@@ -106,12 +114,16 @@ _COMPLETE = NotEstimable("no score is missing, so Friedman's test applies")
 
 def _tests_json(main: Reading) -> Json:
     test = main.friedman
+    w_ends = test.kendall_w_interval if isinstance(test, Friedman) else test
     return {
         "friedman": friedman_json(main),
         "skillings_mack": skillings_mack_json(main.skillings_mack),
         **why("skillings_mack", main.skillings_mack or _COMPLETE),
         "kendall_w": test.kendall_w if isinstance(test, Friedman) else None,
         **why("kendall_w", test),
+        "kendall_w_interval": or_null(w_ends),
+        **why("kendall_w_interval", w_ends),
+        "interval_coverage": {"design": DESIGN, "coverage": dict(COVERAGE)},
         "rank_sums": dict(zip(main.table4.table.conditions, test.rank_sums, strict=True))
         if isinstance(test, Friedman)
         else None,

@@ -5,7 +5,8 @@ from collections.abc import Mapping
 from analysis.estimates import Json, NotEstimable, or_null, plain, why
 from analysis.report.blocks import Section, Table, columns
 from analysis.report.findings import Findings
-from analysis.report.wording import number, p_value
+from analysis.report.wording import beside, number, p_value
+from analysis.statistics.additive import AdditiveEffects
 from analysis.statistics.ordinal import OrdinalEffects
 from analysis.statistics.summary import TableStatistics
 from analysis.statistics.two_way import IntraclassCorrelation
@@ -45,7 +46,8 @@ def _icc_table(table: TableStatistics) -> Table:
     return Table(
         name="icc",
         caption="Intraclass correlations by target (Shrout and Fleiss): (2,1) absolute agreement "
-        "of single scores, (3,1) consistency of single scores, (3,k) consistency of means.",
+        "of single scores, (3,1) consistency of single scores, (3,k) consistency of means. In "
+        "brackets: 95 % intervals.",
         columns=columns("target", *(f"ICC({kind})" for kind in _ICC)),
         rows=[[target, *_icc_cells(icc)] for target, icc in targets.items()],
     )
@@ -58,7 +60,11 @@ _ICC = {"2,1": "agreement_single", "3,1": "consistency_single", "3,k": "consiste
 def _icc_cells(icc: IntraclassCorrelation | NotEstimable) -> list[str]:
     if isinstance(icc, NotEstimable):
         return [f"not estimable: {icc.reason}", number(None), number(None)]
-    return [number(getattr(icc, name)) for name in _ICC.values()]
+    ends = {} if isinstance(icc.intervals, NotEstimable) else icc.intervals
+    return [
+        number(getattr(icc, name)) + (beside(ends[name]) if name in ends else "")
+        for name in _ICC.values()
+    ]
 
 
 def _additive_line(table: TableStatistics) -> str:
@@ -101,18 +107,25 @@ def _condition_table(found: Findings) -> Table:
     """Return each condition's additive effect, and its effects in the ordinal models."""
     conditions, ordinal = found.loaded.table.conditions, found.trials.ordinal
     effects = found.table.additive
-    additive: Mapping[str, float] = {} if isinstance(effects, NotEstimable) else effects.conditions
+    additive = {} if isinstance(effects, NotEstimable) else _with_intervals(effects)
     return Table(
         name="conditions",
-        caption="Effects of conditions: additive, in points relative to the grand mean; and in the "
-        "ordinal mixed model with a random intercept per subject, on its latent scale relative to "
-        f"{conditions[0]}, ± standard error.",
+        caption="Effects of conditions: additive, in points relative to the grand mean, "
+        "with 95 % intervals; and in the ordinal mixed model with a random intercept per subject, "
+        f"on its latent scale relative to {conditions[0]}, ± standard error.",
         columns=columns("condition", "additive", *(f"ordinal, {link}" for link in ordinal)),
         rows=[
-            [name, number(additive.get(name)), *(_effect(e, name) for e in ordinal.values())]
+            [name, additive.get(name, number(None)), *(_effect(e, name) for e in ordinal.values())]
             for name in conditions
         ],
     )
+
+
+def _with_intervals(effects: AdditiveEffects) -> dict[str, str]:
+    return {
+        name: number(effect) + beside(effects.condition_intervals[name])
+        for name, effect in effects.conditions.items()
+    }
 
 
 def _effect(effects: OrdinalEffects | NotEstimable, name: str) -> str:
@@ -131,11 +144,17 @@ def _subject_table(table: TableStatistics) -> Table | None:
     slopes: Mapping[str, float] = {} if isinstance(gains, NotEstimable) else gains.gains
     return Table(
         name="subjects",
-        caption="Each subject's additive effect in points, the shrinkage factor, and the slope of "
-        "the subject's scores on the condition effects (1 on average).",
+        caption="Each subject's additive effect in points with its 95 % interval, the "
+        "shrinkage factor, and the slope of the subject's scores on the condition "
+        "effects (1 on average).",
         columns=columns("subject", "additive", "shrinkage", "slope"),
         rows=[
-            [name, *map(number, (effect, effects.subject_shrinkage[name], slopes.get(name)))]
+            [
+                name,
+                number(effect) + beside(effects.subject_intervals[name]),
+                number(effects.subject_shrinkage[name]),
+                number(slopes.get(name)),
+            ]
             for name, effect in effects.subjects.items()
         ],
     )
@@ -146,7 +165,13 @@ def _icc_json(icc: IntraclassCorrelation | NotEstimable) -> Json:
         return {**dict.fromkeys(_ICC), "reason": icc.reason}
     values = {kind: getattr(icc, name) for kind, name in _ICC.items()}
     missing = [value.reason for value in values.values() if isinstance(value, NotEstimable)]
-    known: Json = {kind: or_null(value) for kind, value in values.items()}
+    ends = icc.intervals
+    known: Json = {kind: or_null(value) for kind, value in values.items()} | {
+        "intervals": None
+        if isinstance(ends, NotEstimable)
+        else {kind: list(ends[name]) for kind, name in _ICC.items()},
+        **why("intervals", ends),
+    }
     return {**known, "reason": missing[0]} if missing else known
 
 

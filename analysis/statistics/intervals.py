@@ -1,0 +1,74 @@
+"""95 % intervals of effect sizes over subjects, and how often they cover the truth."""
+
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+from scipy.special import ndtri, stdtrit
+
+from analysis.estimates import FloatArray, Interval, NotEstimable
+
+# Correlations of 1 have no Fisher transform.
+NEARLY_ONE = 1 - 1e-9
+
+DESIGN: Final = (
+    "9 subjects, 5 conditions, scores in whole points from 0 to 10, subjects' SD 0.7, residual SD "
+    "1, condition means from 6 to 8, 10,000 simulated studies"
+)
+COVERAGE: Final[Mapping[str, float]] = {
+    "Kendall's W": 0.959,
+    "rank-biserial r": 0.965,
+    "mean difference": 0.949,
+    "ICC(2,1)": 0.965,
+    "ICC(3,1)": 0.95,
+    "effects of conditions": 0.948,
+    "effects of subjects": 0.95,
+}
+"""Share of intervals that cover the truth under `DESIGN`, measured by tests/soak."""
+
+
+def mean_interval(values: FloatArray) -> Interval | NotEstimable:
+    """Return the t interval of the mean.
+
+    >>> mean_interval(np.array([1.0]))
+    NotEstimable(reason='an interval needs at least 2 subjects, got 1')
+    """
+    if values.size < 2:
+        return NotEstimable(f"an interval needs at least 2 subjects, got {values.size}")
+    half = stdtrit(values.size - 1, 0.975) * values.std(ddof=1) / np.sqrt(values.size)
+    return float(values.mean() - half), float(values.mean() + half)
+
+
+def rank_biserial_interval(r: float, n: int) -> Interval:
+    """Return the interval of a matched-pairs rank-biserial correlation of n nonzero differences.
+
+    It has the values ρ with (r - ρ)² <= z² (1 - ρ²) v, where v = (4n + 2) / (3n(n + 1)) is the
+    variance of r at ρ = 0 (Kerby, Comprehensive Psychology 3, 2014, for r), as Wilson's interval
+    does for a share. It has a width at r = 1 too.
+    """
+    spread = float(ndtri(0.975)) ** 2 * (4 * n + 2) / (3 * n * (n + 1))
+    half = float(np.sqrt(spread * (1 + spread - r**2)))
+    return max(-1.0, (r - half) / (1 + spread)), min(1.0, (r + half) / (1 + spread))
+
+
+def concordance_interval(ranks: FloatArray) -> Interval | NotEstimable:
+    """Return the interval of Kendall's W, by jackknife over subjects.
+
+    W = (1 + (n - 1) r) / n, where r is the mean rank correlation of two subjects, which does not
+    depend on n. t with n - 1 degrees of freedom applies to the Fisher transform of r.
+
+    Parameters:
+        ranks: shape (subjects, conditions), about their mean.
+    """
+    n = len(ranks)
+    total, own = ranks.sum(axis=0), (ranks**2).sum(axis=1)
+    left = own.sum() - own
+    if n < 3 or not (left > 0).all():
+        return NotEstimable("an interval needs at least 3 subjects whose scores differ")
+    all_r = ((total**2).sum() - own.sum()) / ((n - 1) * own.sum())
+    without = (((total - ranks) ** 2).sum(axis=1) - left) / ((n - 2) * left)
+    middle = np.arctanh(np.clip(all_r, -NEARLY_ONE, NEARLY_ONE))
+    left_out = np.arctanh(np.clip(without, -NEARLY_ONE, NEARLY_ONE))
+    half = stdtrit(n - 1, 0.975) * np.sqrt((n - 1) * left_out.var())
+    low, high = (1 + (n - 1) * np.tanh(np.array([middle - half, middle + half]))) / n
+    return float(max(0.0, low)), float(high)

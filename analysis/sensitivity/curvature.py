@@ -64,10 +64,6 @@ class OrdinalTrials:
         edges[:, 1:-1][:, self.free] = shared[:, self.threshold_columns]
         return edges
 
-    def in_order(self, shared: FloatArray) -> BoolArray:
-        """Return at which points the thresholds rise."""
-        return np.asarray((np.diff(self.edges(shared)) > 0).all(axis=1))
-
     def bounds(
         self, shared: FloatArray, own: FloatArray, sd: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
@@ -99,6 +95,10 @@ class OrdinalTrials:
         edges = np.zeros((self.categories + 1, place.shape[1]))
         edges[1:-1][self.free, self.threshold_columns] = np.eye(int(self.free.sum()))
         return edges[self.category + 1] - place, edges[self.category] - place
+
+    def curvature(self, slopes: "EdgeSlopes", residual_sd: FloatArray) -> "Curvature":
+        """Return the likelihood's derivatives with respect to the parameters."""
+        return curvature_of(self, slopes, residual_sd)
 
     def totals(self, group: IntArray, groups: int, powers: int) -> csr_array:
         """Return the matrix that sums values of trials, times x^0, x^1, …, in each group."""

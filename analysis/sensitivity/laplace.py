@@ -1,11 +1,12 @@
 """Laplace's approximation of ordered answers with partially pooled latent lines."""
 
 from dataclasses import dataclass, fields, replace
+from typing import Protocol
 
 import numpy as np
 
 from analysis.estimates import BoolArray, FloatArray, IntArray
-from analysis.sensitivity.curvature import Curvature, OrdinalTrials, curvature_of, edge_slopes
+from analysis.sensitivity.curvature import Curvature, EdgeSlopes, edge_slopes
 
 STEPS = 60
 # Prior SD of thresholds and population line, in SDs of the ratings. It is so wide that it only
@@ -13,6 +14,54 @@ STEPS = 60
 WIDE = 10.0
 # Newton's method makes its last step if that is expected to raise the log posterior by less.
 RISE = 1e-4
+
+
+class LatentTrials(Protocol):
+    """Trials whose answers are intervals between edges that are linear in the parameters.
+
+    See `OrdinalTrials`. The line's columns follow those of other shared parameters, and the
+    discrepancies of conditions follow the line.
+    """
+
+    @property
+    def subjects(self) -> int:
+        """Their number."""
+        ...
+
+    @property
+    def weight(self) -> FloatArray:
+        """How often each trial occurs."""
+        ...
+
+    @property
+    def x(self) -> FloatArray:
+        """Contrast of each trial."""
+        ...
+
+    @property
+    def shared_start(self) -> FloatArray:
+        """Initial values of the shared parameters."""
+        ...
+
+    @property
+    def line_columns(self) -> slice:
+        """Positions of the population's line among the shared parameters."""
+        ...
+
+    @property
+    def loadings(self) -> tuple[FloatArray, FloatArray]:
+        """How upper and lower edge depend on the parameters, (trials, parameters)."""
+        ...
+
+    def bounds(
+        self, shared: FloatArray, own: FloatArray, sd: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return lower and upper edges about the trials' place over σ, (trials, points)."""
+        ...
+
+    def curvature(self, slopes: EdgeSlopes, residual_sd: FloatArray) -> Curvature:
+        """Return the likelihood's derivatives with respect to the parameters."""
+        ...
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -92,7 +141,7 @@ class LatentField:
     that a Newton step costs one small system per subject and one for the shared parameters.
     """
 
-    def __init__(self, trials: OrdinalTrials) -> None:
+    def __init__(self, trials: LatentTrials) -> None:
         self.trials = trials
 
     def start(self, points: int) -> tuple[FloatArray, FloatArray]:
@@ -129,12 +178,18 @@ class LatentField:
             value=current.value + rise / 2,
         )
 
+    def in_order(self, shared: FloatArray, own: FloatArray) -> BoolArray:
+        """Return at which points each trial's upper edge is above its lower one."""
+        lower, upper = self.trials.bounds(shared, own, np.ones(len(shared)))
+        return np.asarray((upper > lower).all(axis=0))
+
     def evaluated(self, shared: FloatArray, own: FloatArray, components: Components) -> LatentModes:
-        """Return log posterior, gradient and curvature, -inf if the thresholds are not in order."""
+        """Return log posterior, gradient and curvature, -inf if edges are not in order."""
         # A step that is too long may overflow; it is shortened.
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            slopes = edge_slopes(*self.trials.bounds(shared, own, components.residual_sd))
-            likelihood = curvature_of(self.trials, slopes, components.residual_sd)
+            lower, upper = self.trials.bounds(shared, own, components.residual_sd)
+            slopes = edge_slopes(lower, upper)
+            likelihood = self.trials.curvature(slopes, components.residual_sd)
         departures = shared - self.trials.shared_start, own
         precision = np.asarray(np.linalg.inv(components.between), dtype=np.float64)
         shared_precision = self._shared_prior(components)
@@ -146,7 +201,7 @@ class LatentField:
         return LatentModes(
             shared=shared,
             own=own,
-            value=np.where(self.trials.in_order(shared), value, -np.inf),
+            value=np.where((upper > lower).all(axis=0), value, -np.inf),
             curvature=likelihood.with_prior(departures, shared_precision, precision),
         )
 

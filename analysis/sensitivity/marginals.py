@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.estimates import FloatArray
-from analysis.sensitivity.curvature import Curvature, EdgeSlopes, OrdinalTrials, edge_slopes
+from analysis.sensitivity.curvature import Curvature, EdgeSlopes, edge_slopes
 from analysis.sensitivity.integration import Marginals
-from analysis.sensitivity.laplace import LatentModes
+from analysis.sensitivity.laplace import LatentModes, LatentTrials
 
 # Skewness varies little between points, so that it is computed at a few and interpolated.
 FEWEST_SKEW_POINTS, MOST_SKEW_POINTS = 16, 200
@@ -30,10 +30,11 @@ class Skewness:
 
 
 def marginals(
-    trials: OrdinalTrials,
+    trials: LatentTrials,
     modes: LatentModes,
     points: FloatArray,
     weights: FloatArray,
+    residual_sd: FloatArray,
     combinations: FloatArray,
 ) -> Marginals:
     """Return mean, SD and skewness of combinations of the parameters at each point.
@@ -44,15 +45,16 @@ def marginals(
     Parameters:
         trials: whose posterior it is.
         modes: at the points.
-        points: shape (points, dimensions), the first is log σ.
+        points: shape (points, dimensions).
         weights: shape (points,).
+        residual_sd: shape (points,), σ.
         combinations: shape (quantities, parameters).
     """
     sds = standard_deviations(modes.curvature, combinations)
     known = SKEW_EVALUATIONS // len(trials.x)
     known = min(max(known, FEWEST_SKEW_POINTS), MOST_SKEW_POINTS)
     few = np.arange(len(points)) < known
-    found = skewness(trials, modes.at(few), np.exp(points[few, 0]), combinations)
+    found = skewness(trials, modes.at(few), residual_sd[few], combinations)
     everywhere = _interpolated(points, weights, np.concatenate([found.shift, found.skew], axis=1))
     shift, skew = np.split(everywhere, 2, axis=1)
     return Marginals(
@@ -78,7 +80,7 @@ def standard_deviations(curvature: Curvature, combinations: FloatArray) -> Float
 
 
 def skewness(
-    trials: OrdinalTrials, modes: LatentModes, residual_sd: FloatArray, combinations: FloatArray
+    trials: LatentTrials, modes: LatentModes, residual_sd: FloatArray, combinations: FloatArray
 ) -> Skewness:
     """Return shift and skewness of each combination at each point."""
     upper, lower = trials.loadings

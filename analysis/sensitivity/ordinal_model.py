@@ -7,8 +7,9 @@ import numpy as np
 
 from analysis.estimates import BoolArray, FloatArray, IntArray, Interval, NotEstimable
 from analysis.sensitivity.curvature import OrdinalTrials, counted
-from analysis.sensitivity.integration import Marginals, WeightedPoints, weighted_points
-from analysis.sensitivity.laplace import Components, LatentField, LatentModes
+from analysis.sensitivity.integration import Marginals
+from analysis.sensitivity.laplace import Components
+from analysis.sensitivity.latent_posterior import LatentPosterior, integrated
 from analysis.sensitivity.lines import (
     Axes,
     LineMixture,
@@ -20,15 +21,8 @@ from analysis.sensitivity.lines import (
     summary,
     turn_of,
 )
-from analysis.sensitivity.marginals import marginals
 from analysis.sensitivity.ratings import Ratings
 
-# A study of few trials leaves the variance components uncertain, so that it needs more points to
-# integrate over them; each costs less.
-FEWEST_POINTS, MOST_POINTS = 400, 2000
-POINTS_BY_TRIALS = 6e7
-# Modes are foreseen by a parabola, up to this distance from the middle of the known ones.
-FARTHEST = 2.5
 # log σ, log τ_bias, log τ_gain, artanh ρ and log τ_discrepancy.
 START = np.array([-0.5, -0.7, -0.7, 0.0, -1.5])
 FEWEST_CONDITIONS = 3
@@ -44,7 +38,7 @@ class Estimate:
 
 @dataclass(frozen=True, kw_only=True)
 class OrdinalSensitivity:
-    """The fit of M2 (or M3), in rating points.
+    """The fit of M2, in rating points.
 
     `thresholds` lie between the `categories`, from the lowest up; `discrepancies` are the effects
     of conditions beyond their predicted contrasts, empty with fewer than three conditions.
@@ -77,34 +71,6 @@ class PreparedTrials:
     categories: tuple[str, ...]
     axes: Axes
     trials: OrdinalTrials
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class LatentPosterior:
-    """Weighted points (log σ, log τ_bias, log τ_gain, artanh ρ, log τ_δ) and the mode at each."""
-
-    trials: OrdinalTrials
-    points: WeightedPoints
-
-    modes: LatentModes
-
-    @property
-    def residual_sds(self) -> FloatArray:
-        """σ at each point, in standard units of the ratings."""
-        return np.asarray(np.exp(self.points.points[:, 0]))
-
-    def marginals(self, combinations: FloatArray) -> Marginals:
-        """Return posteriors of combinations (quantities, parameters) of the latent parameters."""
-        points = self.points
-        return marginals(self.trials, self.modes, points.points, points.weights, combinations)
-
-    def of_lines(self, of_line: FloatArray) -> FloatArray:
-        """Return combinations: of_line · line of each subject and, last, of the population."""
-        subjects, size = self.trials.subjects, len(self.trials.shared_start)
-        rows = np.zeros((subjects + 1, size + 2 * subjects))
-        rows[:, self.trials.line_columns] = of_line
-        rows[:-1, size:] = np.kron(np.eye(subjects), of_line)
-        return rows
 
 
 def ordinal_sensitivity(ratings: Ratings) -> OrdinalSensitivity | NotEstimable:
@@ -167,42 +133,8 @@ def prepared(trials: Ratings, category: IntArray, scale: Scale, axes: Axes) -> P
 
 def latent_posterior(ready: PreparedTrials) -> LatentPosterior:
     """Return the posterior of prepared trials, discretised in σ, T and τ_δ."""
-    field = LatentField(ready.trials)
     start = START if ready.trials.conditions else START[:-1]
-    known = start[None], field.modes(_components(start[None]), field.start(1))
-
-    def log_posterior(points: FloatArray) -> FloatArray:
-        nonlocal known
-        modes = field.modes(_components(points), _foreseen(field, known, points))
-        known = points, modes
-        return modes.log_evidence + _log_prior(points)
-
-    wanted = int(POINTS_BY_TRIALS / len(ready.trials.x) ** 2)
-    count = min(max(wanted, FEWEST_POINTS), MOST_POINTS)
-    points = weighted_points(log_posterior, start, count)
-    # The last evaluation was at the returned points, so these are their modes.
-    return LatentPosterior(trials=ready.trials, points=points, modes=known[1])
-
-
-def _foreseen(
-    field: LatentField, known: tuple[FloatArray, LatentModes], points: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return starts for the search of the modes at `points`, linear in those that are known."""
-    centre = known[0].mean(axis=0)
-    design, wanted = (_polynomial(part - centre) for part in (known[0], points))
-    columns = design.shape[1] if len(known[0]) > 2 * design.shape[1] else 1 + points.shape[1]
-    plane = np.linalg.lstsq(design[:, :columns], known[1].parameters, rcond=1e-6)[0]
-    found, size = wanted[:, :columns] @ plane, known[1].shared.shape[1]
-    in_order = field.trials.in_order(found[:, :size])
-    found = np.where(in_order[:, None], found, known[1].parameters.mean(axis=0))
-    return found[:, :size], found[:, size:].reshape(len(points), -1, 2)
-
-
-def _polynomial(away: FloatArray) -> FloatArray:
-    """Return 1, the distances, limited, and their products of two."""
-    near = np.clip(away, -FARTHEST, FARTHEST)
-    one, other = np.triu_indices(near.shape[1])
-    return np.column_stack([np.ones(len(near)), near, near[:, one] * near[:, other]])
+    return integrated(ready.trials, start, _components, _log_prior)
 
 
 def _components(points: FloatArray) -> Components:

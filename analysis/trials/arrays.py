@@ -9,11 +9,12 @@ import pandas as pd
 from analysis.estimates import FloatArray, IntArray
 from analysis.loading.sessions import is_scored
 from analysis.loading.study_data import StudyData
-from analysis.sensitivity.joint_model import EXPECTED, OPPOSITE, SAME
+from analysis.sensitivity.noticing import EXPECTED, OPPOSITE, SAME
 from analysis.sensitivity.ratings import Ratings
+from analysis.sensitivity.two_stage_model import AnsweredTrials
 from analysis.trials.contrasts import TrialContrasts
 from device.friction.contrasts import LAW
-from protocol.study.questions import ANSWERS, no_change
+from protocol.study.questions import ANSWERS, CONTRARIES, no_change
 from protocol.study.study import Study
 
 
@@ -67,9 +68,7 @@ def _positions(names: "pd.Series[str]", known: Sequence[str]) -> IntArray:
     return pd.Index(known).get_indexer(pd.Index(names))
 
 
-def detection_trials(
-    data: StudyData, contrasts: TrialContrasts, study: Study
-) -> tuple[Ratings, IntArray]:
+def detection_trials(data: StudyData, contrasts: TrialContrasts, study: Study) -> AnsweredTrials:
     """Return scored and catch trials with what was answered, for change detection.
 
     Contrasts and answers are told relative to what the condition expects, so that a trial in the
@@ -91,4 +90,8 @@ def detection_trials(
     answers = np.select([trials["change"].eq(expected[chosen]), same], [EXPECTED, SAME], OPPOSITE)
     # -0.0 and 0.0 are one contrast.
     signed = contrasts.by_law[LAW][chosen] * np.where(trials["opposite"], -1.0, 1.0) + 0.0
-    return ratings_of(data, trials, signed), answers
+    return AnsweredTrials(
+        ratings=ratings_of(data, trials, signed),
+        answer=answers,
+        two_sided=expected[chosen].isin([*CONTRARIES, *CONTRARIES.values()]).to_numpy(),
+    )

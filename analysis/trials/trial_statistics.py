@@ -19,9 +19,9 @@ from analysis.sensitivity.checks import (
     order_effect,
     proportion,
 )
-from analysis.sensitivity.joint_model import JointSensitivity, joint_sensitivity
 from analysis.sensitivity.linear_model import LinearSensitivity, linear_sensitivity
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensitivity
+from analysis.sensitivity.two_stage_model import TwoStageSensitivity, two_stage_sensitivity
 from analysis.statistics.ordinal import OrdinalEffects, ordinal_effects_of_trials
 from analysis.statistics.table4 import table4
 from analysis.trials.arrays import ScoredTrials, detection_trials, scored_trials
@@ -111,7 +111,7 @@ class TrialStatistics:
     ordinal: Mapping[str, OrdinalEffects | NotEstimable]
     m1: LinearSensitivity | NotEstimable
     m2: OrdinalSensitivity | NotEstimable
-    m3: JointSensitivity | NotEstimable
+    m3: TwoStageSensitivity | NotEstimable
     laws: tuple[LawScore, ...]
     drift: Drift | NotEstimable
     order: FTest | NotEstimable
@@ -138,7 +138,7 @@ def trial_statistics(data: StudyData, study: Study) -> TrialStatistics:
         ordinal={link: _ordinal(scored, link) for link in ("probit", "logit")},
         m1=linear_sensitivity(scored.ratings),
         m2=ordinal_sensitivity(scored.ratings),
-        m3=joint_sensitivity(*detection_trials(data, contrasts, study)),
+        m3=two_stage_sensitivity(detection_trials(data, contrasts, study)),
         laws=_laws(data, scored),
         drift=drift(scored.every, scored.place) if ordered else _UNORDERED,
         order=order_effect(scored.every, scored.place) if ordered else _UNORDERED,

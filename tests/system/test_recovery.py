@@ -12,8 +12,7 @@ import pytest
 from analysis.loading.study_data import load_study_data
 from analysis.report.findings import Origin
 from analysis.report.report import Report, report, report_html, report_json
-from analysis.trials.arrays import LAW
-from analysis.trials.contrasts import RUNG
+from device.friction.contrasts import LAW, RUNG
 from device.simulator.in_process import InProcessClock, InProcessDevice, in_process_rig
 from device.study_limits import device_limits
 from protocol.study.participant_texts import study_wording

@@ -80,7 +80,9 @@ def _model(trials: TrialStatistics) -> str:
         f"{laws} laws; "
         f"{touches}. Sensitivities were estimated under the law '{LAW}'. M1 is a linear mixed "
         "model, rating = bias + gain × contrast; M2 maps the same line to ratings through ordered "
-        "thresholds common to all subjects and adds a discrepancy per condition; M3 adds the "
-        "answers and the catch and opposite trials. Intervals are integrated over the variance "
-        "parameters instead of fixing these at their best-fitting values."
+        "thresholds common to all subjects and adds a discrepancy per condition; M3 first models "
+        "whether a change is noticed, from the answers to all trials, by a probit model with noise "
+        "and criterion of each subject, and then, by M2, how noticed changes are rated. Intervals "
+        "are integrated over the variance parameters instead of fixing these at their best-fitting "
+        "values."
     )

@@ -8,8 +8,7 @@ from analysis.report.blocks import Block, Section, Table, columns
 from analysis.report.findings import Findings, Scale
 from analysis.report.wording import interval, number
 from analysis.sensitivity.lines import SubjectLine
-from analysis.trials.arrays import LAW
-from analysis.trials.contrasts import RUNG
+from device.friction.contrasts import LAW, RUNG
 from protocol.journal.records import VirtualTruth
 from protocol.study.rating import PAPERS_SCALE
 

@@ -9,10 +9,10 @@ from analysis.report.drawing import gains_figure
 from analysis.report.figure_data import Gains, gains
 from analysis.report.findings import Findings
 from analysis.report.wording import interval, number, of_all
-from analysis.sensitivity.joint_model import JointSensitivity
 from analysis.sensitivity.linear_model import LinearSensitivity
 from analysis.sensitivity.lines import Lines, SubjectLine
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
+from analysis.sensitivity.two_stage_model import TwoStageSensitivity
 from analysis.trials.law_comparison import LawOrder, critical_correlation, critical_rank_correlation
 from analysis.trials.trial_statistics import TrialStatistics
 
@@ -68,7 +68,7 @@ def _limits(found: Findings) -> list[str]:
         )
     if isinstance(trials.m3, NotEstimable):
         why = trials.m3.reason
-        limits.append(f"M3 (change detection and rating in one model) could not be fitted: {why}.")
+        limits.append(f"M3 (noticing a change, then rating it) could not be fitted: {why}.")
     return limits
 
 
@@ -138,13 +138,18 @@ def _line_cells(line: SubjectLine | Lines) -> list[str]:
     ]
 
 
-def _detection_table(fit: JointSensitivity) -> Table:
+def _detection_table(fit: TwoStageSensitivity) -> Table:
     """Return each subject's d′ and criterion under M3."""
     return Table(
         name="detection",
-        caption="Change detection (M3: answers and ratings on one ordered scale): d′ at a "
-        f"contrast of {fit.reference_contrast:.3f}, and criterion, with 95 % intervals.",
-        columns=columns("subject", "d′", "95 %", "criterion", "95 %", "gain", "95 %"),
+        caption="Change detection and rating of the changes that were noticed (M3): d′ at a "
+        f"contrast of {fit.reference_contrast:.3f}; the criterion for the expected change, in SDs "
+        "of the noise; the false-alarm rate, the probability that a change in either direction is "
+        "reported without one; gain in rating points; with 95 % intervals.",
+        columns=columns(
+            *("subject", "d′", "95 %", "criterion", "95 %"),
+            *("false alarms", "95 %", "gain", "95 %"),
+        ),
         rows=[
             [
                 entry.subject,
@@ -152,6 +157,8 @@ def _detection_table(fit: JointSensitivity) -> Table:
                 interval(entry.d_prime_interval),
                 number(entry.criterion, 2),
                 interval(entry.criterion_interval),
+                number(entry.false_alarm_rate, 2),
+                interval(entry.false_alarm_rate_interval),
                 number(line.gain, 2),
                 interval(line.gain_interval),
             ]
@@ -174,11 +181,11 @@ def _sensitivity_json(trials: TrialStatistics) -> Json:
 
 
 def _fit_json(
-    fit: LinearSensitivity | OrdinalSensitivity | JointSensitivity | NotEstimable,
+    fit: LinearSensitivity | OrdinalSensitivity | TwoStageSensitivity | NotEstimable,
 ) -> Json:
     """Return the fit with the subjects' and the population's lines beside its other numbers."""
     found: Json = plain(fit)
-    if isinstance(fit, JointSensitivity):
+    if isinstance(fit, TwoStageSensitivity):
         del found["ratings"]
         return {**_fit_json(fit.ratings), **found}
     if isinstance(fit, NotEstimable):

@@ -6,11 +6,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analysis.estimates import NotEstimable
-from analysis.sensitivity.joint_model import JointSensitivity, joint_sensitivity
 from analysis.sensitivity.linear_model import LinearSensitivity, linear_sensitivity
 from analysis.sensitivity.lines import Lines
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensitivity
 from analysis.sensitivity.ratings import Ratings
+from analysis.sensitivity.two_stage_model import (
+    AnsweredTrials,
+    TwoStageSensitivity,
+    two_stage_sensitivity,
+)
 
 
 @st.composite
@@ -55,10 +59,13 @@ def test_the_latent_scale_is_finite_or_not_estimable(ratings: Ratings) -> None:
 
 
 @settings(max_examples=10, deadline=None)
-@given(any_ratings(), st.randoms(use_true_random=False))
-def test_detection_is_finite_or_not_estimable(ratings: Ratings, chance: object) -> None:
-    answer = np.where(np.arange(len(ratings.rating)) % 3 == 0, 0, 1)
-    result = joint_sensitivity(ratings, answer)
+@given(any_ratings(), st.integers(0, 2**32 - 1))
+def test_detection_is_finite_or_not_estimable(ratings: Ratings, chance: int) -> None:
+    rng = np.random.default_rng(chance)
+    answer = rng.integers(-1, 2, len(ratings.rating))
+    two_sided = (answer < 0) | (rng.random(len(answer)) < 0.5)
+    trials = AnsweredTrials(ratings=ratings, answer=answer, two_sided=two_sided)
+    result = two_stage_sensitivity(trials)
     if isinstance(result, NotEstimable):
         return
     assert is_sound(result.ratings.lines)
@@ -78,4 +85,5 @@ def test_some_ratings_have_a_result(repeats: int) -> None:
     assert isinstance(linear_sensitivity(ratings), LinearSensitivity)
     assert isinstance(ordinal_sensitivity(ratings), OrdinalSensitivity)
     answer = np.where(ratings.rating > 2, 1, 0)
-    assert isinstance(joint_sensitivity(ratings, answer), JointSensitivity)
+    trials = AnsweredTrials(ratings=ratings, answer=answer, two_sided=answer == 1)
+    assert isinstance(two_stage_sensitivity(trials), TwoStageSensitivity)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from analysis.estimates import Interval
+from analysis.sensitivity.latent_posterior import LatentPosterior
 from analysis.sensitivity.ordinal_model import (
-    LatentPosterior,
     OrdinalSensitivity,
     PreparedTrials,
     fitted,

@@ -1,0 +1,116 @@
+"""Posterior of latent parameters, integrated over variance components, and draws from it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.estimates import FloatArray
+from analysis.sensitivity.integration import (
+    LogDensity,
+    Marginals,
+    WeightedPoints,
+    weighted_points,
+)
+from analysis.sensitivity.laplace import Components, LatentField, LatentModes, LatentTrials
+from analysis.sensitivity.marginals import marginals
+
+# A study of few trials leaves the variance components uncertain, so that it needs more points to
+# integrate over them; each costs less.
+FEWEST_POINTS, MOST_POINTS = 400, 2000
+POINTS_BY_TRIALS = 6e7
+# Modes are foreseen by a parabola, up to this distance from the middle of the known ones.
+FARTHEST = 2.5
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LatentDraws:
+    """Draws from a posterior: σ (draws,), shared (draws, G) and own (draws, subjects, 2)."""
+
+    residual_sd: FloatArray
+    shared: FloatArray
+    own: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LatentPosterior:
+    """Weighted points, the logarithms of the components, and the mode at each."""
+
+    trials: LatentTrials
+    points: WeightedPoints
+    residual_sds: FloatArray
+    modes: LatentModes
+
+    def marginals(self, combinations: FloatArray) -> Marginals:
+        """Return posteriors of combinations (quantities, parameters) of the latent parameters."""
+        points, weights = self.points.points, self.points.weights
+        return marginals(self.trials, self.modes, points, weights, self.residual_sds, combinations)
+
+    def of_lines(self, of_line: FloatArray) -> FloatArray:
+        """Return combinations: of_line · line of each subject and, last, of the population."""
+        subjects, size = self.trials.subjects, len(self.trials.shared_start)
+        rows = np.zeros((subjects + 1, size + 2 * subjects))
+        rows[:, self.trials.line_columns] = of_line
+        rows[:-1, size:] = np.kron(np.eye(subjects), of_line)
+        return rows
+
+    def draws(self, count: int, rng: np.random.Generator) -> LatentDraws:
+        """Return draws of the normal approximation about the modes."""
+        chosen = np.sort(rng.choice(len(self.residual_sds), size=count, p=self.points.weights))
+        points, of_point = np.unique(chosen, return_inverse=True)
+        modes = self.modes.at(np.isin(np.arange(len(self.residual_sds)), points))
+        root = np.linalg.cholesky(np.linalg.inv(modes.curvature.shared_precision))[of_point]
+        away = (root @ rng.standard_normal((count, root.shape[-1], 1)))[..., 0]
+        own_root = np.linalg.cholesky(modes.curvature.own_covariance)[of_point]
+        own = (own_root @ rng.standard_normal((*own_root.shape[:-1], 1)))[..., 0]
+        follows = (modes.curvature.response[of_point] @ away[:, None, :, None])[..., 0]
+        return LatentDraws(
+            residual_sd=self.residual_sds[chosen],
+            shared=modes.shared[of_point] + away,
+            own=modes.own[of_point] + own - follows,
+        )
+
+
+def integrated(
+    trials: LatentTrials,
+    start: FloatArray,
+    components: Callable[[FloatArray], Components],
+    log_prior: LogDensity,
+) -> LatentPosterior:
+    """Return the posterior of the trials' parameters, integrated from `start` over `components`."""
+    field = LatentField(trials)
+    known = start[None], field.modes(components(start[None]), field.start(1))
+
+    def log_posterior(points: FloatArray) -> FloatArray:
+        nonlocal known
+        modes = field.modes(components(points), _foreseen(field, known, points))
+        known = points, modes
+        return modes.log_evidence + log_prior(points)
+
+    wanted = int(POINTS_BY_TRIALS / len(trials.x) ** 2)
+    count = min(max(wanted, FEWEST_POINTS), MOST_POINTS)
+    points = weighted_points(log_posterior, start, count)
+    # The last evaluation was at the returned points, so these are their modes.
+    sds = components(points.points).residual_sd
+    return LatentPosterior(trials=trials, points=points, residual_sds=sds, modes=known[1])
+
+
+def _foreseen(
+    field: LatentField, known: tuple[FloatArray, LatentModes], points: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return starts for the search of the modes at `points`, linear in those that are known."""
+    centre = known[0].mean(axis=0)
+    design, wanted = (_polynomial(part - centre) for part in (known[0], points))
+    columns = design.shape[1] if len(known[0]) > 2 * design.shape[1] else 1 + points.shape[1]
+    plane = np.linalg.lstsq(design[:, :columns], known[1].parameters, rcond=1e-6)[0]
+    found, size = wanted[:, :columns] @ plane, known[1].shared.shape[1]
+    in_order = field.in_order(found[:, :size], found[:, size:].reshape(len(points), -1, 2))
+    found = np.where(in_order[:, None], found, known[1].parameters.mean(axis=0))
+    return found[:, :size], found[:, size:].reshape(len(points), -1, 2)
+
+
+def _polynomial(away: FloatArray) -> FloatArray:
+    """Return 1, the distances, limited, and their products of two."""
+    near = np.clip(away, -FARTHEST, FARTHEST)
+    one, other = np.triu_indices(near.shape[1])
+    return np.column_stack([np.ones(len(near)), near, near[:, one] * near[:, other]])

@@ -1,0 +1,263 @@
+"""Noticing of changes: a probit model in contrast, with each subject's noise and criterion."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.special import ndtr
+
+from analysis.estimates import BoolArray, FloatArray, IntArray, Interval
+from analysis.sensitivity.curvature import Curvature, EdgeSlopes, counted
+from analysis.sensitivity.laplace import WIDE, Components
+from analysis.sensitivity.latent_posterior import LatentDraws, LatentPosterior, integrated
+from analysis.sensitivity.lines import covariance_matrices, log_prior_of_spread
+from analysis.sensitivity.ratings import Ratings
+
+OPPOSITE, SAME, EXPECTED = -1, 0, 1
+# log τ_criterion, log τ_d′, artanh ρ and log τ_discrepancy, in SDs of the noise.
+START = np.array([-0.7, -0.3, 0.0, -1.5])
+FEWEST_CONDITIONS = 3
+# The lean is one unit of its parameter over WIDE, so that its prior SD is 1.
+LEAN = 1 / WIDE
+RATE_DRAWS = 4000
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NoticingTrials:
+    """Answers, with equal trials listed once; implements `LatentTrials`.
+
+    A subject reports the expected change if lean + d x + sign(x) δ_c + ε > κ, the opposite change
+    if that is below -κ, and none in between; ε ~ N(0, 1). The line is (κ, d), the criterion and the
+    d′ at x = 1. δ_c is zero without a change.
+
+    Parameters:
+        subjects, conditions: their number; with 0 conditions there are no discrepancies.
+        subject, condition, x, answer, weight: shape (trials,); x is relative to the reference.
+        two_sided: shape (trials,), whether the opposite change could be answered.
+    """
+
+    subjects: int
+    conditions: int
+    subject: IntArray
+    condition: IntArray
+    x: FloatArray
+    answer: IntArray
+    two_sided: BoolArray
+    weight: FloatArray
+
+    @property
+    def shared_start(self) -> FloatArray:
+        """Initial lean, criterion, d′ and discrepancies."""
+        return np.concatenate([[0.0, 1.0, 1.0], np.zeros(self.conditions)])
+
+    @property
+    def line_columns(self) -> slice:
+        """Positions of the population's line among the shared parameters; discrepancies follow."""
+        return slice(1, 3)
+
+    @cached_property
+    def signs(self) -> tuple[FloatArray, FloatArray]:
+        """Sign of the criterion at upper and lower edge of each trial; 0 if that is infinite."""
+        upper = np.select([self.answer == EXPECTED, self.answer == SAME], [0.0, 1.0], -1.0)
+        below = np.where(self.two_sided, -1.0, 0.0)
+        lower = np.select([self.answer == EXPECTED, self.answer == SAME], [1.0, below], 0.0)
+        return upper, lower
+
+    def place(self, shared: FloatArray, own: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return criterion and mean latent value of each trial, (trials, points) each."""
+        criterion, slope = (own + shared[:, None, self.line_columns]).T
+        place = LEAN * shared[:, 0] + slope[self.subject] * self.x[:, None]
+        if self.conditions:
+            effect = shared.T[self.line_columns.stop :][self.condition]
+            place = place + np.sign(self.x)[:, None] * effect
+        return criterion[self.subject], place
+
+    def bounds(
+        self, shared: FloatArray, own: FloatArray, sd: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return lower and upper edges about the trials' place, (trials, points), over σ = 1."""
+        criterion, place = self.place(shared, own)
+        upper, lower = (sign[:, None] for sign in self.signs)
+        return (
+            np.where(lower == 0, -np.inf, lower * criterion - place) / sd,
+            np.where(upper == 0, np.inf, upper * criterion - place) / sd,
+        )
+
+    @cached_property
+    def edges(self) -> list[tuple[FloatArray, FloatArray]]:
+        """How upper and lower edge depend on shared (trials, G) and own (trials, 2) parameters."""
+        found = []
+        for sign in self.signs:
+            shared = np.zeros((len(self.x), len(self.shared_start)))
+            shared[:, 0], shared[:, 1], shared[:, 2] = -LEAN, sign, -self.x
+            if self.conditions:
+                trials = np.arange(len(self.x))
+                shared[trials, self.line_columns.stop + self.condition] = -np.sign(self.x)
+            shared[sign == 0] = 0.0
+            found.append((shared, shared[:, self.line_columns]))
+        return found
+
+    @cached_property
+    def loadings(self) -> tuple[FloatArray, FloatArray]:
+        """How upper and lower edge of each trial depend on the parameters: (trials, parameters)."""
+        of_subject = np.eye(self.subjects)[self.subject]
+        upper, lower = (
+            np.hstack([shared, (of_subject[:, :, None] * own[:, None]).reshape(len(own), -1)])
+            for shared, own in self.edges
+        )
+        return upper, lower
+
+    def curvature(self, slopes: EdgeSlopes, residual_sd: FloatArray) -> Curvature:
+        """Return the likelihood's derivatives with respect to the parameters."""
+        up, down = slopes.up / residual_sd, slopes.down / residual_sd
+        upper, lower = slopes.upper / residual_sd, slopes.lower / residual_sd
+        weight = self.weight[:, None]
+        second = tuple(
+            weight * part for part in (up * (upper + up), down * (lower + down), up * down)
+        )
+        up, down = weight * up, weight * down
+        (shared_up, own_up), (shared_down, own_down) = self.edges
+        by_subject = csr_array(
+            (np.ones(len(self.x)), (self.subject, np.arange(len(self.x)))),
+            shape=(self.subjects, len(self.x)),
+        )
+
+        def of_subjects(left: FloatArray, right: FloatArray) -> FloatArray:
+            """Return sums of first derivatives over each subject's trials."""
+            columns = [left[:, [i]] * up + right[:, [i]] * down for i in range(left.shape[1])]
+            return np.stack([np.asarray(by_subject @ column).T for column in columns], axis=-1)
+
+        def crossed(right_up: FloatArray, right_down: FloatArray) -> FloatArray:
+            """Return (points, subjects, 2, columns) of second derivatives."""
+            rows = []
+            for i in range(2):
+                left = own_up[:, [i]] * second[0] + own_down[:, [i]] * second[2]
+                other = own_down[:, [i]] * second[1] + own_up[:, [i]] * second[2]
+                columns = [
+                    np.asarray(
+                        by_subject @ (left * right_up[:, [j]] + other * right_down[:, [j]])
+                    ).T
+                    for j in range(right_up.shape[1])
+                ]
+                rows.append(np.stack(columns, axis=-1))
+            return np.stack(rows, axis=2)
+
+        mixed = _products(shared_up, shared_down) + _products(shared_down, shared_up)
+        outer = (_products(shared_up, shared_up), _products(shared_down, shared_down), mixed)
+        size = shared_up.shape[1]
+        whole = sum(part.T @ pairs for part, pairs in zip(second, outer, strict=True))
+        return Curvature(
+            shared_gradient=up.T @ shared_up + down.T @ shared_down,
+            own_gradient=of_subjects(own_up, own_down),
+            own_precision=crossed(own_up, own_down),
+            cross=crossed(shared_up, shared_down),
+            whole=np.asarray(whole).reshape(-1, size, size),
+        )
+
+
+def _products(left: FloatArray, right: FloatArray) -> FloatArray:
+    """Return the products of each row's values, (trials, columns²)."""
+    return np.asarray(left[:, :, None] * right[:, None, :]).reshape(len(left), -1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChangeDetection:
+    """How well one subject notices changes, with 95 % intervals.
+
+    `d_prime` is the reference contrast over the SD of the noise; `criterion` is the felt contrast,
+    in the same unit, above which the subject reports the expected change. `false_alarm_rate` is the
+    probability that a change in either direction is reported without one.
+    """
+
+    subject: str
+    d_prime: float
+    d_prime_interval: Interval
+    criterion: float
+    criterion_interval: Interval
+    false_alarm_rate: float
+    false_alarm_rate_interval: Interval
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Noticing:
+    """The posterior of the noticing stage; `reference` is the contrast that d′ refers to."""
+
+    trials: NoticingTrials
+    posterior: LatentPosterior
+    subjects: tuple[str, ...]
+    reference: float
+
+    @property
+    def detection(self) -> tuple[ChangeDetection, ...]:
+        """d′, criterion and false-alarm rate of each subject."""
+        posterior, weights = self.posterior, self.posterior.points.weights
+        d_primes = posterior.of_lines(np.array([0.0, 1.0]))[:-1]
+        criteria = posterior.of_lines(np.array([1.0, 0.0]))[:-1]
+        criteria[:, 0] = -LEAN
+        found = posterior.marginals(np.vstack([d_primes, criteria]))
+        means, intervals = weights @ found.means, found.interval_95(weights)
+        rates = _false_alarm_rates(posterior.draws(RATE_DRAWS, np.random.default_rng(0)))
+        low, high = np.quantile(rates, [0.025, 0.975], axis=0)
+        count = len(self.subjects)
+        return tuple(
+            ChangeDetection(
+                subject=name,
+                d_prime=float(means[row]),
+                d_prime_interval=intervals[row],
+                criterion=float(means[count + row]),
+                criterion_interval=intervals[count + row],
+                false_alarm_rate=float(rates[:, row].mean()),
+                false_alarm_rate_interval=(float(low[row]), float(high[row])),
+            )
+            for row, name in enumerate(self.subjects)
+        )
+
+
+def _false_alarm_rates(draws: LatentDraws) -> FloatArray:
+    criterion, lean = draws.own[..., 0] + draws.shared[:, [1]], LEAN * draws.shared[:, [0]]
+    # A criterion below 0, which the normal approximation allows, means that nothing is "same".
+    return np.minimum(np.asarray(ndtr(lean - criterion) + ndtr(-lean - criterion)), 1.0)
+
+
+def noticing(ratings: Ratings, answer: IntArray, two_sided: BoolArray) -> Noticing:
+    """Return the fit of the noticing stage. At least one contrast must be positive.
+
+    Parameters:
+        ratings: all trials, contrasts signed by the condition's expected direction.
+        answer: shape (trials,), 1 the expected change, 0 the same, -1 the opposite change.
+        two_sided: shape (trials,), whether the question offers the opposite change.
+    """
+    reference = float(ratings.contrast[ratings.contrast > 0].mean())
+    columns = (ratings.subject, ratings.condition, ratings.contrast / reference, answer, two_sided)
+    rows, weight = counted(np.stack(columns, axis=-1))
+    used = len(np.unique(ratings.condition[ratings.contrast != 0]))
+    trials = NoticingTrials(
+        subjects=len(ratings.subjects),
+        conditions=len(ratings.conditions) if used >= FEWEST_CONDITIONS else 0,
+        subject=rows[:, 0].astype(np.int64),
+        condition=rows[:, 1].astype(np.int64),
+        x=rows[:, 2],
+        answer=rows[:, 3].astype(np.int64),
+        two_sided=rows[:, 4].astype(np.bool_),
+        weight=weight,
+    )
+    start = START if trials.conditions else START[:-1]
+    posterior = integrated(trials, start, _components, _log_prior)
+    return Noticing(
+        trials=trials, posterior=posterior, subjects=ratings.subjects, reference=reference
+    )
+
+
+def _components(points: FloatArray) -> Components:
+    return Components(
+        residual_sd=np.ones(len(points)),
+        between=covariance_matrices(points[:, :3]),
+        discrepancy_sd=np.exp(points[:, 3]) if points.shape[1] > 3 else np.ones(len(points)),
+    )
+
+
+def _log_prior(points: FloatArray) -> FloatArray:
+    spread = log_prior_of_spread(points[:, :2]).sum(axis=1) - 2 * np.log(np.cosh(points[:, 2]))
+    others = points[:, 3:]
+    return np.asarray(spread + (others - np.log1p(np.exp(2 * others))).sum(axis=1))

@@ -7,6 +7,7 @@ from analysis.loading.study_data import changed_journal
 from analysis.report.blocks import Section
 from analysis.report.findings import Findings
 from analysis.report.sections import (
+    contrasts,
     differences,
     effects,
     left_out,
@@ -28,6 +29,7 @@ SECTIONS: tuple[Callable[[Findings], Section], ...] = (
     predictions.section,
     sensitivity.section,
     recovery.section,
+    contrasts.section,
     session_checks.section,
     left_out.section,
     methods.section,

@@ -51,8 +51,8 @@ _KEYS = (
     *("title", "kinds", "rehearsals", "broken_chains", "unfinished", "left_out", "exclusions"),
     *("incidents", "table4", "friedman", "skillings_mack", "kendall_w", "rank_sums", "pairwise"),
     *("icc", "additive", "gain_heterogeneity", "missing_readings", "ordinal", "sensitivity"),
-    *("sensitivity_models", "recovery", "contrast_law", "contrast_rung", "laws", "checks"),
-    *("signal", "trials", "provenance"),
+    *("sensitivity_models", "sensitivity_at_places", "recovery", "contrast_law", "contrast_rung"),
+    *("contrast_ranges", "laws", "checks", "signal", "trials", "provenance"),
 )
 """Order of the keys of `report.json`, fixed so that two reports can be compared; others follow."""
 

@@ -79,6 +79,8 @@ def standard_deviations(curvature: Curvature, combinations: FloatArray) -> Float
     return np.asarray(np.sqrt(np.maximum(variance, LEAST_VARIANCE)))
 
 
+# A far point's derivatives may overflow; it then has no shift and no skewness.
+@np.errstate(over="ignore", invalid="ignore")
 def skewness(
     trials: LatentTrials, modes: LatentModes, residual_sd: FloatArray, combinations: FloatArray
 ) -> Skewness:

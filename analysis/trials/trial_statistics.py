@@ -21,13 +21,20 @@ from analysis.sensitivity.checks import (
 )
 from analysis.sensitivity.linear_model import LinearSensitivity, linear_sensitivity
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensitivity
+from analysis.sensitivity.ratings import Ratings
 from analysis.sensitivity.two_stage_model import TwoStageSensitivity, two_stage_sensitivity
 from analysis.statistics.ordinal import OrdinalEffects, ordinal_effects_of_trials
 from analysis.statistics.table4 import table4
 from analysis.trials.arrays import ScoredTrials, detection_trials, scored_trials
+from analysis.trials.contrast_ranges import (
+    ContrastRange,
+    at_places,
+    condition_changes,
+    contrast_range,
+)
 from analysis.trials.contrasts import TrialContrasts, trial_contrasts
 from analysis.trials.law_comparison import LawLikelihood, LawOrder, law_likelihoods, law_order
-from device.friction.changes import CONDITIONS
+from device.friction.changes import AT_A_PLACE, CONDITIONS, Change
 from device.friction.contrasts import predicted_contrast
 from device.friction.laws import LAWS
 from protocol.study.questions import ANSWERS, no_change
@@ -104,7 +111,10 @@ class SignalAnswers:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TrialStatistics:
-    """The statistics of single trials; `ordinal` is by link, `laws` in a fixed order."""
+    """The statistics of single trials; `ordinal` is by link, `laws` in a fixed order.
+
+    `place_m2` is M2 of the conditions at a place alone, where there are others too.
+    """
 
     contrasts: TrialContrasts
     scored: ScoredTrials
@@ -112,6 +122,8 @@ class TrialStatistics:
     m1: LinearSensitivity | NotEstimable
     m2: OrdinalSensitivity | NotEstimable
     m3: TwoStageSensitivity | NotEstimable
+    place_m2: OrdinalSensitivity | NotEstimable
+    ranges: tuple[ContrastRange, ...]
     laws: tuple[LawScore, ...]
     drift: Drift | NotEstimable
     order: FTest | NotEstimable
@@ -131,6 +143,7 @@ def trial_statistics(data: StudyData, study: Study) -> TrialStatistics:
     """Return the statistics of the trials that count."""
     contrasts = trial_contrasts(study, data.trials, data.touches)
     scored = scored_trials(data, contrasts)
+    changes = condition_changes(study, data)
     ordered = bool((scored.place > 0).any())
     return TrialStatistics(
         contrasts=contrasts,
@@ -139,6 +152,8 @@ def trial_statistics(data: StudyData, study: Study) -> TrialStatistics:
         m1=linear_sensitivity(scored.ratings),
         m2=ordinal_sensitivity(scored.ratings),
         m3=two_stage_sensitivity(detection_trials(data, contrasts, study)),
+        place_m2=_place_m2(scored.ratings, changes),
+        ranges=tuple(contrast_range(name, change) for name, change in changes.items()),
         laws=_laws(data, scored),
         drift=drift(scored.every, scored.place) if ordered else _UNORDERED,
         order=order_effect(scored.every, scored.place) if ordered else _UNORDERED,
@@ -146,6 +161,12 @@ def trial_statistics(data: StudyData, study: Study) -> TrialStatistics:
         catch=catch_answers(data.trials),
         signal=_signal(data.trials, contrasts),
     )
+
+
+def _place_m2(ratings: Ratings, changes: Mapping[str, Change]) -> OrdinalSensitivity | NotEstimable:
+    if {changes[name].kind for name in changes} == {AT_A_PLACE}:
+        return NotEstimable("all conditions are at a place")
+    return ordinal_sensitivity(at_places(ratings, changes))
 
 
 def _ordinal(scored: ScoredTrials, link: str) -> OrdinalEffects | NotEstimable:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import Literal
 
 from device.friction.scenes import REFERENCE_SPEED_M_S
 from protocol.study.questions import CONTRARIES, QUESTIONS, Effect, Question
@@ -27,6 +28,10 @@ class Moment:
     has_bodies: bool
 
 
+Kind = Literal["at a place", "over a path", "growth of a swing"]
+AT_A_PLACE: Kind = "at a place"
+
+
 @dataclass(frozen=True, kw_only=True)
 class Change:
     """A change from one moment to another, felt at `places_m` (right edges of the finger, m).
@@ -43,6 +48,13 @@ class Change:
     before: Moment
     after: Moment
     places_m: tuple[float, ...]
+
+    @property
+    def kind(self) -> Kind:
+        """The kind of the contrast; contrasts of different kinds need not feel alike."""
+        if self.effect == "depth":
+            return "growth of a swing"
+        return AT_A_PLACE if len(self.places_m) == 1 else "over a path"
 
 
 _PLACES = 143

@@ -12,23 +12,30 @@ from device.friction.coefficient import friction_coefficient
 from device.friction.rungs import TOP_RUNG, rung_resonance_hz
 from device.friction.scenes import Drive, FingerContact, Scene, Structure
 
+DAMPING_RATIO = Beam().damping_ratio
 LAW, RUNG = "consistent", TOP_RUNG
 """Under these a contrast is predicted unless others are named. `consistent` alone has the right
 limits, and no rung errs less than the top one, which a few contrasts can afford."""
 
 
-def predicted_contrast(change: Change, law: str = LAW, rung: str = RUNG) -> float:
+def predicted_contrast(
+    change: Change, law: str = LAW, rung: str = RUNG, damping_ratio: float = DAMPING_RATIO
+) -> float:
     """Return the contrast of `change`, positive when the change is the expected one.
 
     `Change` gives the formula of each effect. Drives are relative to the resonance of the rung.
+    The contrast is NaN where the law gives no friction above 0, as the printed one may.
 
     >>> from device.friction.changes import CONDITIONS
     >>> round(predicted_contrast(CONDITIONS["pressure"]), 3)
     0.065
     """
     before, after = (
-        friction_at(moment, change.places_m, law, rung) for moment in (change.before, change.after)
+        friction_at(moment, change.places_m, law, rung, damping_ratio)
+        for moment in (change.before, change.after)
     )
+    if min(before.min(), after.min()) <= 0:
+        return np.nan
     if change.effect == "places":
         return _rms(np.log(after / before))
     if change.effect == "depth":
@@ -45,15 +52,21 @@ def _rms(values: FloatArray) -> float:
 
 @lru_cache(maxsize=4096)
 def friction_at(
-    moment: Moment, places_m: tuple[float, ...], law: str = LAW, rung: str = RUNG
+    moment: Moment,
+    places_m: tuple[float, ...],
+    law: str = LAW,
+    rung: str = RUNG,
+    damping_ratio: float = DAMPING_RATIO,
 ) -> FloatArray:
     """Return the friction coefficient of `moment` at each place (right edge, m), shape (n,)."""
-    drive = Drive(voltage_v=moment.voltage_v)
+    beam, drive = Beam(damping_ratio=damping_ratio), Drive(voltage_v=moment.voltage_v)
     if moment.frequency != 1:
-        resonance_hz = rung_resonance_hz(rung, Beam(), drive.mode)
+        resonance_hz = rung_resonance_hz(rung, beam, drive.mode)
         drive = replace(drive, frequency_hz=moment.frequency * resonance_hz)
     scene = Scene(
-        structure=Structure() if moment.has_bodies else Structure(body_height_m=0.0),
+        structure=Structure(beam=beam)
+        if moment.has_bodies
+        else Structure(beam=beam, body_height_m=0.0),
         drive=drive,
         touch=FingerContact(
             contact_m=moment.contact_m,

@@ -7,10 +7,11 @@ from functools import cache
 
 from device.drivers.discovery import defined_in
 from device.errors import DeviceError
+from device.friction.contrasts import LAW, RUNG
 from device.link.codec import text
 from device.simulator.control import Control
 from device.simulator.faults import Broken
-from device.simulator.models.beam_and_finger import LAW, RUNG, SimulatedBeam
+from device.simulator.models.beam_and_finger import SimulatedBeam
 from device.simulator.models.dialect import Dialect
 from device.simulator.models.power_stage import DeviceClock, Instrument
 from device.simulator.models.scpi import ScpiError

@@ -13,13 +13,13 @@ from itertools import pairwise
 
 from device.drivers.discovery import driver_of
 from device.drivers.limits import Limits
+from device.friction.contrasts import LAW, RUNG
 from device.link.link import Link
 from device.link.port import WRITE_TIMEOUT_S
 from device.resonance import Resonance
 from device.rig import Rig
 from device.simulator.client import BeamControl
 from device.simulator.device import SimulatedDevice, simulated_device
-from device.simulator.models.beam_and_finger import LAW, RUNG
 from device.simulator.server import Server
 
 DELAY_S = 0.0005

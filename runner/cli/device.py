@@ -117,8 +117,8 @@ def simulate_device(
 
     Prints `ready URL` and ends when its host disconnects.
     """
+    from device.friction.contrasts import LAW, RUNG
     from device.simulator.device import simulated_device
-    from device.simulator.models.beam_and_finger import LAW, RUNG
     from device.simulator.server import simulate
 
     def device() -> "SimulatedDevice":

@@ -269,7 +269,7 @@ def _virtual_truth(request: Request) -> VirtualTruth | None:
     """Return the true parameters of a virtual participant; None for a person."""
     if request.options.ratings != "virtual":
         return None
-    from device.simulator.models.beam_and_finger import LAW, RUNG
+    from device.friction.contrasts import LAW, RUNG
 
     options = request.options
     character, _ = drawn_person(request.seed, options.participant, options.number)

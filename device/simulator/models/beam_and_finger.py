@@ -11,13 +11,12 @@ from dataclasses import dataclass, field, replace
 from device.beam.beam import Beam
 from device.beam.modes import modal_displacement_m, natural_frequency_hz
 from device.friction.coefficient import friction_coefficient
+from device.friction.contrasts import LAW, RUNG
 from device.friction.laws import law_by_name
-from device.friction.rungs import TOP_RUNG, rung_resonance_hz
+from device.friction.rungs import rung_resonance_hz
 from device.friction.scenes import Direction, Drive, FingerContact, Scene, Structure
 from device.simulator.models.power_stage import Instrument
 
-LAW, RUNG = "consistent", TOP_RUNG
-"""Those of the report, so that it describes the beam unless another one is asked for."""
 MODE = 6
 BODY_HEIGHT_M = 1e-3
 SPREAD = {"resonance": 0.005, "damping": 0.1, "gain": 0.03}

@@ -6,9 +6,10 @@ from device.beam.beam import Beam
 from device.beam.modes import natural_frequency_hz
 from device.errors import OutOfRangeError
 from device.friction.coefficient import friction_coefficient
+from device.friction.contrasts import LAW, RUNG
 from device.friction.rungs import TOP_RUNG
 from device.friction.scenes import Drive, FingerContact, Scene, Structure
-from device.simulator.models.beam_and_finger import LAW, MODE, RUNG, SimulatedBeam
+from device.simulator.models.beam_and_finger import MODE, SimulatedBeam
 from device.simulator.models.power_stage import Instrument
 
 SCENES = [("consistent", TOP_RUNG), ("coulomb", TOP_RUNG), ("consistent", "mode")]

@@ -217,3 +217,29 @@ def segmented_natural_frequency_hz(beam: Beam, mode: int, *, patched: bool, shea
         raise OutOfRangeError("mode", f"must lie below the beam's cut-off at {cut_off}", mode)
     first = changes[mode - 1]
     return _refined(parts, float(trial_hz[first]), float(trial_hz[first + 1]))
+
+
+def segmented_natural_frequencies_hz(
+    beam: Beam, most: int, *, patched: bool, shear: bool
+) -> FloatArray:
+    """Return the lowest natural frequencies below the cut-off, at most `most` of them, Hz.
+
+    See `segmented_natural_frequency_hz`; all are refined at once.
+    """
+    parts = sections(beam, patched=patched, shear=shear)
+    steps = np.arange(1, _STEPS_PER_MODE * (most + 1) + 1) * (math.pi / _STEPS_PER_MODE)
+    trial_hz = _host_frequency_hz(parts[0], np.asarray(steps / beam.length_m))
+    trial_hz = trial_hz[trial_hz < parts[0].cut_off_hz]
+    value = _determinant(parts, trial_hz)
+    first = np.flatnonzero((value[1:] > 0) != (value[:-1] > 0))[:most]
+    low, f_low, high, f_high = trial_hz[first], value[first], trial_hz[first + 1], value[first + 1]
+    for _ in range(60):
+        middle = high - f_high * (high - low) / np.where(f_high == f_low, 1.0, f_high - f_low)
+        settled = np.abs(middle - high) <= 4e-16 * middle
+        f_middle = _determinant(parts, middle)
+        crossed = f_middle * f_high < 0
+        low, f_low = np.where(crossed, high, low), np.where(crossed, f_high, f_low / 2)
+        high, f_high = middle, f_middle
+        if settled.all():
+            break
+    return high

@@ -31,11 +31,13 @@ class Window:
         right: the part of the window that moves right, in [0, 1].
         left: the part that moves left; right + left = 1.
         mean: mean magnitude over the window, relative to the displacement: mean |φ| for a mode.
+        doubt_m: the length in it whose direction an error of the motion may turn, where known.
     """
 
     right: FloatArray
     left: FloatArray
     mean: FloatArray
+    doubt_m: FloatArray | float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

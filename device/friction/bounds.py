@@ -2,7 +2,7 @@
 
 The table (`certified_bounds.json`, made by `certify`) covers the paper's beam: at resonance, the
 ranges of the top rung's zone edges, areas, tip speed and inertia over the domain; off resonance,
-upper bounds on its motion at each frequency.
+upper bounds on its motion, and the errors of `timoshenko-modes`, at each frequency.
 """
 
 import json
@@ -20,11 +20,24 @@ from device.beam.beam import Beam
 from device.beam.eq15 import same_direction_ratio
 from device.beam.modes import FloatArray, modal_displacement_m, mode_constants, natural_frequency_hz
 from device.beam.windows import window_width
-from device.friction.contact import same_direction_given
+from device.friction.contact import contact_window, same_direction_given
 from device.friction.laws import ContactTerms
-from device.friction.prediction import Batch, LawChoice
-from device.friction.rungs import TOP_RUNG, reference_tip_speed_m_s
-from device.friction.scenes import REFERENCE_SPEED_M_S
+from device.friction.prediction import (
+    Batch,
+    LawChoice,
+    Prediction,
+    law_state,
+    reduced_field,
+    reduced_frequency_hz,
+    state_prediction,
+)
+from device.friction.rungs import (
+    REDUCED_RUNG,
+    TOP_RUNG,
+    reference_tip_speed_m_s,
+    rung_resonance_hz,
+)
+from device.friction.scenes import REFERENCE_SPEED_M_S, Drive
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,23 +101,37 @@ def _resonance(mode: int) -> _Resonance:
 
 
 def certified(batch: Batch) -> NDArray[np.bool_]:
-    """Return which scenes lie in the table's domain, shape (n,)."""
+    """Return for which scenes the table has the top rung's range, shape (n,)."""
+    known = str(batch.mode) in _table()["modes"]
+    resonant = np.isnan(batch.frequency_hz)
+    driven = _in_domain(batch, batch.frequency_hz)
+    return np.asarray(np.where(resonant, known & _in_domain(batch), driven))
+
+
+def reduced_certified(batch: Batch) -> NDArray[np.bool_]:
+    """Return for which scenes the table has the errors of `timoshenko-modes`, shape (n,)."""
+    plain = _in_domain(batch)
+    return plain & _in_domain(batch, reduced_frequency_hz(batch)) if plain.any() else plain
+
+
+def _in_domain(batch: Batch, frequency_hz: FloatArray | None = None) -> NDArray[np.bool_]:
+    """Return which scenes have the table's beam and damping, and drives within its bins."""
     table, beam = _table(), batch.beam
     plain = replace(beam, damping_ratio=Beam().damping_ratio, frequency_scale=1.0)
     if plain != Beam():
         return np.zeros(batch.size, dtype=np.bool_)
     low, high = table["damping_ratio"]
-    damped = (batch.damping_ratio >= low) & (batch.damping_ratio <= high)
-    resonant = np.isnan(batch.frequency_hz)
-    known = resonant & (str(batch.mode) in table["modes"])
-    bins, count = _bins(batch), len(table["envelope"]["speed_per_v_m"])
-    return np.asarray(damped & np.where(resonant, known, (bins >= 0) & (bins < count)))
+    inside = (batch.damping_ratio >= low) & (batch.damping_ratio <= high)
+    if frequency_hz is not None:
+        bins = _bins(batch, frequency_hz)
+        inside &= (bins >= 0) & (bins < len(table["envelope"]["speed_per_v_m"]))
+    return np.asarray(inside)
 
 
-def _bins(batch: Batch) -> NDArray[np.intp]:
-    """Return the envelope's bin of each drive frequency; 0, which is unused, at resonance."""
+def _bins(batch: Batch, frequency_hz: FloatArray) -> NDArray[np.intp]:
+    """Return the table's bin of each drive frequency; 0, which is unused, at resonance."""
     envelope = _table()["envelope"]
-    scaled = batch.frequency_hz / (batch.beam.frequency_scale * envelope["low_hz"])
+    scaled = frequency_hz / (batch.beam.frequency_scale * envelope["low_hz"])
     steps = np.log(np.where(np.isnan(scaled), 1.0, scaled)) / math.log(envelope["growth"])
     return np.asarray(np.floor(steps), dtype=np.intp)
 
@@ -189,7 +216,11 @@ def resonant_terms(batch: Batch) -> TopTerms:
 
 def driven_terms(batch: Batch) -> TopTerms:
     """Return the ranges for scenes driven at a given frequency: any direction, bounded motion."""
-    envelope, bins, scale = _table()["envelope"], _bins(batch), batch.beam.frequency_scale
+    envelope, bins, scale = (
+        _table()["envelope"],
+        _bins(batch, batch.frequency_hz),
+        batch.beam.frequency_scale,
+    )
     speed = np.array(envelope["speed_per_v_m"])[bins] * batch.voltage_v / scale
     acceleration = np.array(envelope["acceleration_per_v"])[bins] * batch.voltage_v
     inertia = acceleration * batch.contact.body_mass_kg / math.pi
@@ -232,6 +263,11 @@ def top_rung_range(batch: Batch, choice: LawChoice, *, resonant: bool) -> Range:
     All scenes are certified, and all are `resonant` or none is.
     """
     terms = resonant_terms(batch) if resonant else driven_terms(batch)
+    return _law_range(terms, batch, choice)
+
+
+def _law_range(terms: TopTerms, batch: Batch, choice: LawChoice) -> Range:
+    """Return the range of a law's friction coefficient over ranges of its terms."""
     terms = _with_printed_ratio(terms, batch, choice)
     law, speed = choice.law, terms.relative_tip_speed
     ends = (speed.low, speed.high)
@@ -239,3 +275,45 @@ def top_rung_range(batch: Batch, choice: LawChoice, *, resonant: bool) -> Range:
         low=np.minimum(*(law(_corner(terms, end, batch, lowest=True)) for end in ends)),
         high=np.maximum(*(law(_corner(terms, end, batch, lowest=False)) for end in ends)),
     )
+
+
+_ROUNDING_M = 1e-15  # of a running length or area, which a narrow window divides by its width
+
+
+def reduced_prediction(batch: Batch, choice: LawChoice) -> tuple[Prediction, Range]:
+    """Return the prediction of `timoshenko-modes`, and the range in which the top rung's μ' lies.
+
+    All scenes are `reduced_certified`.
+    """
+    table, contact = _table()["modal_sum"], batch.contact
+    bins = _bins(batch, reduced_frequency_hz(batch))
+    direction, area_m, rotation = (
+        np.array(table[name])[bins] for name in ("direction", "area_m", "rotation")
+    )
+    field = reduced_field(batch, direction)
+    full = contact.coverage == "full"
+    window = contact_window(contact, field)
+    covered = batch.beam.length_m if full else window_width(contact.x_m, contact.contact_m)
+    width = np.maximum(covered, 1e-300)
+    state = law_state(contact, field, REDUCED_RUNG, choice, window)
+    slack = (window.doubt_m + _ROUNDING_M) / width
+    right = Range(
+        low=np.maximum(window.right - slack, 0.0), high=np.minimum(window.right + slack, 1.0)
+    )
+    terms = state.terms
+    reference = _bins(batch, np.array([rung_resonance_hz(REDUCED_RUNG, Beam(), Drive().mode)]))
+    speed = rotation + float(np.array(table["rotation"])[reference][0])
+    inertia = (area_m + _ROUNDING_M) / np.maximum(width * window.mean, 1e-300)
+    ranges = TopTerms(
+        same_direction=_same_direction(batch, right),
+        relative_tip_speed=_around(terms.relative_tip_speed, speed),
+        inertial_ratio=_around(terms.inertial_ratio, inertia),
+        printed_inertial_ratio=_around(terms.printed_inertial_ratio, inertia),
+    )
+    prediction = state_prediction(contact, field, state, choice)
+    return prediction, _law_range(ranges, batch, choice)
+
+
+def _around(values: FloatArray, relative: FloatArray) -> Range:
+    """Return the range about values of at least 0 that have a relative error."""
+    return Range(low=np.maximum(values * (1 - relative), 0.0), high=values * (1 + relative))

@@ -4,8 +4,9 @@
 For each mode at resonance, the top rung is solved over the damping ratios of the domain; the table
 contains the ranges of its zone edges, its running area ∫|W|, and its tip speed and inertia relative
 to those of the rung `mode`. For a drive at a given frequency it contains upper bounds on the top
-rung's motion per frequency bin. `tests/device/friction/test_coefficient.py` checks on new random
-scenes that nothing exceeds the bounds.
+rung's motion and on the errors of `timoshenko-modes` per frequency bin.
+`tests/device/friction/test_coefficient.py` and `test_modes_rung.py` check on new random scenes that
+nothing exceeds the bounds.
 """
 
 import json
@@ -13,14 +14,19 @@ import math
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 
 from device.beam.beam import Beam
+from device.beam.modal_pattern import ModalPattern, modal_sum_field
 from device.beam.modes import modal_displacement_m, mode_constants, natural_frequency_hz
-from device.beam.motion import segmented_motion
+from device.beam.motion import direction, segmented_motion
 from device.beam.motion_pattern import MotionSummary, motion_summary
-from device.beam.timoshenko import segmented_natural_frequency_hz
+from device.beam.timoshenko import (
+    segmented_natural_frequencies_hz,
+    segmented_natural_frequency_hz,
+)
 
 DAMPING_RATIOS = np.geomspace(0.002, 0.02, 9)
 MODES = range(1, 21)
@@ -106,6 +112,54 @@ def _envelope() -> dict[str, object]:
     }
 
 
+_BY_BIN, _NEIGHBOURS = 4, 3.0  # drives per bin, and the factor on the worst of a bin's neighbours
+_SUM_DAMPING = (0.002, 0.006, 0.02)
+
+
+def _sum_errors(frequency_hz: float, damping_ratio: float) -> tuple[float, float, float]:
+    """Return the errors of `timoshenko-modes` against the top rung for one drive.
+
+    They are those of the direction -Re(W ψ*) relative to rms|W| rms|ψ|, of ∫|W|dx/rms between two
+    places, m, and of rms|ψ|, relative.
+    """
+    beam = replace(Beam(), damping_ratio=damping_ratio)
+    motion = segmented_motion(beam, frequency_hz, patched=True, shear=True)
+    top = motion_summary(motion)
+    everywhere = np.zeros(1, dtype=np.intp)
+    field = modal_sum_field(beam, everywhere, np.array([frequency_hz]), np.array([damping_ratio]))
+    places, found = cast(ModalPattern, field.pattern).direction()
+    exact = direction(motion.state(places))[0]
+    ends = np.linspace(0.0, beam.length_m, 1500)
+    ours = field.displacement_m[0] * field.pattern.window(ends, ends[-1]).mean
+    area = ends * (ours / top.displacement_m_per_v - top.pattern.window(ends, ends[-1]).mean)
+    return (
+        float(np.abs(found - exact).max() / (top.displacement_m_per_v * top.rotation_per_v)),
+        float(np.ptp(area)),
+        abs(float(field.rotation[0]) / top.rotation_per_v - 1),
+    )
+
+
+def _modal_sum() -> dict[str, object]:
+    """Return the largest errors of `timoshenko-modes` within each bin of drive frequency.
+
+    Those of the two bins beside it count for a bin too.
+    """
+    count = math.ceil(math.log(HIGH_HZ / LOW_HZ) / math.log(BIN_GROWTH))
+    resonances_hz = segmented_natural_frequencies_hz(Beam(), 30, patched=True, shear=True)
+    even_hz = LOW_HZ * BIN_GROWTH ** (np.arange(count * _BY_BIN + 1) / _BY_BIN)
+    drives_hz = np.concatenate([even_hz, resonances_hz[resonances_hz < HIGH_HZ]])
+    errors = np.array(
+        [
+            np.max([_sum_errors(float(hz), damping) for damping in _SUM_DAMPING], axis=0)
+            for hz in drives_hz
+        ]
+    )
+    bins = np.log(drives_hz / LOW_HZ) / math.log(BIN_GROWTH)
+    most = [errors[np.abs(bins - (k + 0.5)) <= 1.5 + 1e-9].max(axis=0) for k in range(count)]
+    names = ("direction", "area_m", "rotation")
+    return dict(zip(names, (_NEIGHBOURS * np.array(most)).T.tolist(), strict=True))
+
+
 def certified_bounds() -> dict[str, object]:
     """Return the whole table."""
     rows = {str(mode): _mode_row(mode) for mode in MODES}
@@ -113,6 +167,7 @@ def certified_bounds() -> dict[str, object]:
         "damping_ratio": [float(DAMPING_RATIOS[0]), float(DAMPING_RATIOS[-1])],
         "modes": {mode: row for mode, row in rows.items() if row is not None},
         "envelope": _envelope(),
+        "modal_sum": _modal_sum(),
     }
 
 

@@ -8,7 +8,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from device.beam.modes import FloatArray
 from device.errors import OutOfRangeError, positive
-from device.friction.bounds import Range, certified, top_rung_range
+from device.friction.bounds import (
+    Range,
+    certified,
+    reduced_certified,
+    reduced_prediction,
+    top_rung_range,
+)
 from device.friction.contact import contact_of
 from device.friction.laws import Law
 from device.friction.prediction import (
@@ -19,7 +25,7 @@ from device.friction.prediction import (
     law_state,
     rung_prediction,
 )
-from device.friction.rungs import MODAL_RUNGS, TOP_RUNG, rung_field
+from device.friction.rungs import MODAL_RUNGS, REDUCED_RUNG, TOP_RUNG, rung_field
 from device.friction.scenes import Scene
 
 
@@ -86,6 +92,10 @@ def friction_coefficient(
 
 
 CANDIDATES = ("far-field", "mode")
+FEWEST_DRIVES = 32
+"""From so many drives on, `timoshenko-modes` with its set-up costs less than the top rung."""
+FINEST_TOLERANCE = 1e-8
+"""Below it `timoshenko-modes`, which is rarely certified to be that near, is not tried."""
 _ROUNDING = 1e-12
 
 
@@ -123,6 +133,11 @@ def error_bounds(batch: Batch, rung: str, choice: LawChoice, mu: FloatArray) -> 
         for which, resonant in _by_drive(batch, choice.law):
             top = top_rung_range(batch.rows(which), choice, resonant=resonant)
             bounds[which] = _bound(top, mu[which])
+    if rung == REDUCED_RUNG and choice.law.extremes_at_corners:
+        which = np.flatnonzero(reduced_certified(batch))
+        if which.size:
+            _, top = reduced_prediction(batch.rows(which), choice)
+            bounds[which] = _bound(top, mu[which])
     return bounds
 
 
@@ -145,6 +160,27 @@ def _cheap_parts(
             top = Range(low=top.low[~within], high=top.high[~within])
 
 
+def _worthwhile(batch: Batch, which: NDArray[np.intp]) -> bool:
+    """Whether scenes have so many different drives that setting up the modes saves time."""
+    damping = batch.damping_ratio[which]
+    drives = np.stack([np.nan_to_num(batch.frequency_hz[which], nan=-1.0), damping])
+    return int(np.unique(drives, axis=1).shape[1]) >= FEWEST_DRIVES
+
+
+def _reduced_part(
+    batch: Batch, which: NDArray[np.intp], choice: LawChoice, tolerance: float
+) -> Iterator[Part]:
+    """Yield the scenes that `timoshenko-modes` covers, if their drives outnumber its set-up."""
+    if not choice.law.extremes_at_corners or tolerance < FINEST_TOLERANCE:
+        return
+    which = which[reduced_certified(batch.rows(which))] if which.size else which
+    if _worthwhile(batch, which):
+        prediction, top = reduced_prediction(batch.rows(which), choice)
+        bound = _bound(top, prediction.mu_effective)
+        good = np.flatnonzero(bound <= tolerance)
+        yield which[good], REDUCED_RUNG, bound[good], prediction.rows(good)
+
+
 def auto_prediction(batch: Batch, choice: LawChoice, tolerance: float) -> Chosen:
     """Return predictions of μ' within `tolerance` of the top rung, by the cheapest certified rungs.
 
@@ -162,6 +198,10 @@ def auto_prediction(batch: Batch, choice: LawChoice, tolerance: float) -> Chosen
             rung[taken], bounds[taken] = name, bound
             parts.append((taken, prediction))
     rest = np.flatnonzero(rung == TOP_RUNG)
+    for taken, name, bound, prediction in _reduced_part(batch, rest, choice, tolerance):
+        rung[taken], bounds[taken] = name, bound
+        parts.append((taken, prediction))
+        rest = np.flatnonzero(rung == TOP_RUNG)
     if rest.size:
         parts.append((rest, rung_prediction(batch.rows(rest), TOP_RUNG, choice)))
     return Chosen(prediction=joined(parts, batch.size), rung=rung, error_bound=bounds)

@@ -11,7 +11,7 @@ from device.beam.beam import Beam
 from device.beam.eq15 import Overlap, same_direction_ratio
 from device.beam.fields import Field
 from device.beam.modes import FloatArray
-from device.beam.windows import window_width
+from device.beam.windows import Window, window_width
 from device.friction.laws import ContactTerms
 from device.friction.scenes import REFERENCE_SPEED_M_S, Coverage, Direction, Scene
 
@@ -109,16 +109,24 @@ def with_eq15_ratio(state: ContactState, contact: Contact, overlap: Overlap) -> 
     return replace(state, terms=terms)
 
 
-def contact_state(contact: Contact, field: Field, reference_tip_speed_m_s: float) -> ContactState:
-    """Return the terms of a contact in a field.
+def contact_window(contact: Contact, field: Field) -> Window:
+    """Return the motion under the finger, or under the hand that covers the whole beam."""
+    if contact.coverage == "full":
+        return field.pattern.whole()
+    return field.pattern.window(contact.x_m, contact.contact_m)
+
+
+def contact_state(
+    contact: Contact, field: Field, reference_tip_speed_m_s: float, window: Window | None = None
+) -> ContactState:
+    """Return the terms of a contact in a field; `window` is the contact's own, if known already.
 
     Inertia per metre is mω²|q|·mean|φ|/π: over the window it is Eq 11's f_p (inner limit T/2; Eq
     9's over the whole beam) with the body mass m read as kg per metre. The reference tip speed is
     that which the field's rung gives in the paper's scene.
     """
+    window = window or contact_window(contact, field)
     full = contact.coverage == "full"
-    pattern = field.pattern
-    window = pattern.whole() if full else pattern.window(contact.x_m, contact.contact_m)
     covered_m = contact.beam.length_m if full else window_width(contact.x_m, contact.contact_m)
     omega = field.angular_frequency_rad_s
     acceleration = omega * omega * field.displacement_m * contact.body_mass_kg / math.pi

@@ -10,15 +10,19 @@ from device.beam.beam import Beam
 from device.beam.eq15 import Overlap
 from device.beam.fields import Field, Signal
 from device.beam.modes import FloatArray, natural_frequency_hz
+from device.beam.windows import Window
 from device.errors import OutOfRangeError, one_of
 from device.friction.contact import Contact, ContactState, contact_state, with_eq15_ratio
 from device.friction.laws import Law, anisotropy, law_by_name
 from device.friction.rungs import (
     MODAL_RUNGS,
+    REDUCED_RUNG,
     check_rung,
     modal_rung_field,
+    modal_sum_field,
     reference_tip_speed_m_s,
     rung_field,
+    rung_resonance_hz,
 )
 from device.friction.scenes import Drive
 
@@ -111,13 +115,17 @@ class Prediction:
         return Prediction(**{name: column[which] for name, column in vars(self).items()})
 
 
-def law_state(contact: Contact, field: Field, rung: str, choice: LawChoice) -> ContactState:
+def law_state(
+    contact: Contact, field: Field, rung: str, choice: LawChoice, window: Window | None = None
+) -> ContactState:
     """Return the contact's state as a law sees it in a field of the named rung.
+
+    `window` is the contact's own, if it is known already.
 
     Raises:
         OutOfRangeError: a repaired law would take an a/u of Eq 15 outside [0, 1].
     """
-    state = contact_state(contact, field, reference_tip_speed_m_s(rung))
+    state = contact_state(contact, field, reference_tip_speed_m_s(rung), window)
     if choice.takes_eq15:
         return with_eq15_ratio(state, contact, choice.overlap)
     if not choice.law.as_printed:
@@ -143,7 +151,14 @@ def _refuse_impossible_ratio(contact: Contact, ratio: FloatArray, rung: str) -> 
 
 def field_prediction(contact: Contact, field: Field, rung: str, choice: LawChoice) -> Prediction:
     """Return the prediction of a law in a field of the named rung."""
-    state, law = law_state(contact, field, rung, choice), choice.law
+    return state_prediction(contact, field, law_state(contact, field, rung, choice), choice)
+
+
+def state_prediction(
+    contact: Contact, field: Field, state: ContactState, choice: LawChoice
+) -> Prediction:
+    """Return the prediction of a law from the state that `law_state` gives in a field."""
+    law = choice.law
     terms = state.terms
     half = np.full(contact.x_m.shape, 0.5)
     columns = {
@@ -186,6 +201,31 @@ def _solved_prediction(batch: Batch, rung: str, choice: LawChoice) -> Prediction
     return joined(parts, batch.size)
 
 
+def reduced_field(batch: Batch, direction_error: FloatArray | float = 0.0) -> Field:
+    """Return the field of `timoshenko-modes` for all scenes at once, each with its own drive.
+
+    `direction_error`, a number or one for each scene, is that of `device.beam.modal_pattern`.
+    """
+    frequency_hz = reduced_frequency_hz(batch)
+    errors = np.broadcast_to(direction_error, frequency_hz.shape)
+    keys = np.stack([frequency_hz, batch.damping_ratio, errors])
+    drives, drive = np.unique(keys, axis=1, return_inverse=True)
+    return modal_sum_field(batch.beam, drive, *drives).scaled(batch.voltage_v)
+
+
+def reduced_frequency_hz(batch: Batch) -> FloatArray:
+    """Return each scene's frequency, with the resonance of `timoshenko-modes` where none is given.
+
+    Raises:
+        OutOfRangeError: the mode lies beyond the beam's cut-off.
+    """
+    resonant = np.isnan(batch.frequency_hz)
+    if not resonant.any():
+        return batch.frequency_hz
+    own_hz = rung_resonance_hz(REDUCED_RUNG, batch.beam, batch.mode)
+    return np.where(resonant, own_hz, batch.frequency_hz)
+
+
 def rung_prediction(batch: Batch, rung: str, choice: LawChoice) -> Prediction:
     """Return the prediction of one named rung for a batch of scenes.
 
@@ -193,6 +233,8 @@ def rung_prediction(batch: Batch, rung: str, choice: LawChoice) -> Prediction:
         OutOfRangeError: the rung does not exist, or the mode lies beyond its cut-off.
     """
     check_rung(rung)
+    if rung == REDUCED_RUNG:
+        return field_prediction(batch.contact, reduced_field(batch), rung, choice)
     if rung not in MODAL_RUNGS:
         return _solved_prediction(batch, rung, choice)
     resonance_hz = natural_frequency_hz(batch.beam, batch.mode)

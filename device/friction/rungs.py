@@ -11,11 +11,12 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from device.beam.beam import Beam
 from device.beam.eq15 import Overlap
 from device.beam.fields import Eq15Pattern, Field, ModePattern, Signal, SinusoidPattern, modal_field
-from device.beam.modes import natural_frequency_hz
+from device.beam.modes import FloatArray, natural_frequency_hz
 from device.beam.windows import Pattern
 from device.errors import OutOfRangeError
 from device.friction.scenes import Drive
@@ -117,21 +118,71 @@ def _modes(count: int) -> Rung:
     return Rung(field_of=field_of)
 
 
+def modal_sum_field(
+    beam: Beam,
+    drive: NDArray[np.intp],
+    frequency_hz: FloatArray,
+    damping_ratio: FloatArray,
+    direction_error: FloatArray | float = 0.0,
+) -> Field:
+    """Return the field per volt of `timoshenko-modes` for many drives at once.
+
+    See `device.beam.modal_pattern.modal_sum_field`.
+
+    Raises:
+        OutOfRangeError: a frequency lies beyond the modes that are summed.
+    """
+    from device.beam import modal_pattern
+    from device.beam.timoshenko_modes import modal_basis
+
+    highest_hz = modal_basis(beam).highest_hz * beam.frequency_scale
+    if frequency_hz.max() > highest_hz:
+        rule = f"must be at most {highest_hz:.0f} on the rung {REDUCED_RUNG}; take {TOP_RUNG}"
+        raise OutOfRangeError("frequency_hz", rule, float(frequency_hz.max()))
+    return modal_pattern.modal_sum_field(
+        beam, drive, frequency_hz, damping_ratio, direction_error=direction_error
+    )
+
+
+def _reduced() -> Rung:
+    """Return the rung that sums modes of the patched Timoshenko beam."""
+    solved = _segmented(patched=True, shear=True)
+
+    def field_of(beam: Beam, drive: Drive, _: Overlap) -> Field:
+        frequency_hz = _frequency_hz(drive) or solved.resonance_hz(beam, drive.mode)
+        all_places = np.zeros(1, dtype=np.intp)
+        damping = np.array([beam.damping_ratio])
+        field = modal_sum_field(beam, all_places, np.array([frequency_hz]), damping)
+        return Field(
+            pattern=field.pattern,
+            frequency_hz=np.asarray(frequency_hz),
+            displacement_m=field.displacement_m[0] * np.asarray(drive.voltage_v),
+            rotation=field.rotation[0] * np.asarray(drive.voltage_v),
+        )
+
+    return Rung(field_of=field_of, resonance_hz=solved.resonance_hz)
+
+
 def forget_set_ups() -> None:
     """Clear all cached set-ups, so that their cost can be measured again."""
     from device.beam.timoshenko import segmented_natural_frequency_hz
+    from device.beam.timoshenko_modes import modal_basis
 
     _summary.cache_clear()
     _modal_summary.cache_clear()
+    modal_basis.cache_clear()
     segmented_natural_frequency_hz.cache_clear()
 
 
 TOP_RUNG = "timoshenko-patched"
+REDUCED_RUNG = "timoshenko-modes"
+"""The top rung's own modes: cheap where many drives differ."""
 MODAL_RUNGS = ("eq15", "far-field", "mode")
 SEGMENTED_RUNGS: Mapping[str, Rung] = MappingProxyType(
     {
         "euler-patched": _segmented(patched=True, shear=False),
         "timoshenko": _segmented(patched=False, shear=True),
+        REDUCED_RUNG: _reduced(),
         TOP_RUNG: _segmented(patched=True, shear=True),
     }
 )

@@ -1,0 +1,326 @@
+"""The pattern of sums of modes for many drives at once, each known at the places of one grid.
+
+Between neighbouring places the direction and the deflection are cubics that agree with values and
+slopes at both. A cell contains at most two zone edges. |W| is summed by the trapezoidal rule with
+its end correction, and exactly along the chord where it is almost a corner.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from device.beam.beam import Beam
+from device.beam.fields import Field
+from device.beam.modes import ComplexArray, FloatArray
+from device.beam.timoshenko_modes import ModalBasis, modal_basis
+from device.beam.windows import Pattern, Window, window_width
+
+Rows = NDArray[np.intp]
+Ends = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+Number = TypeVar("Number", FloatArray, ComplexArray)
+
+_DRIVES_AT_ONCE = 48
+_NEWTON_STEPS = 9
+_CORNER = 2.5  # |W| below so many chords of a cell is summed along chords
+_QUARTERS = np.linspace(0.0, 1.0, 5)
+
+
+def _cubic(
+    ends: tuple[Number, Number, Number, Number],
+) -> tuple[Number, Number, Number, Number]:
+    """Return the weights of 1, τ, τ², τ³ in the cubic of (value, slope) at τ = 0 and at τ = 1."""
+    start, slope, stop, stop_slope = ends
+    rise = stop - start
+    return start, slope, 3 * rise - 2 * slope - stop_slope, slope + stop_slope - 2 * rise
+
+
+def _along(ends: tuple[Number, Number, Number, Number], part: FloatArray) -> Number:
+    """Return the cubic's values at parts of the cells."""
+    c0, c1, c2, c3 = _cubic(ends)
+    value: Number = c0 + part * (c1 + part * (c2 + part * c3))
+    return value
+
+
+def _roots(terms: tuple[FloatArray, ...], low: FloatArray, high: FloatArray) -> FloatArray:
+    """Return roots of cubics between places of opposite sign, by Newton's method in brackets."""
+    c0, c1, c2, c3 = terms
+    rising = c0 + low * (c1 + low * (c2 + low * c3)) <= 0
+    place = (low + high) / 2
+    for _ in range(_NEWTON_STEPS):
+        value = c0 + place * (c1 + place * (c2 + place * c3))
+        slope = c1 + place * (2 * c2 + place * 3 * c3)
+        below = (value <= 0) == rising
+        low, high = np.where(below, place, low), np.where(below, high, place)
+        newton = place - value / np.where(slope == 0, 1.0, slope)
+        place = np.where((newton >= low) & (newton <= high), newton, (low + high) / 2)
+    return place
+
+
+def _chord_area(start: ComplexArray, stop: ComplexArray) -> FloatArray:
+    """Return ∫₀¹|W|dτ of a motion that is linear in τ."""
+    step = stop - start
+    size = np.maximum(np.abs(step), 1e-300)
+    along = (start * np.conj(step)).real / size
+    off = np.maximum(np.abs((start * np.conj(step)).imag) / size, 1e-300)
+    ends = np.stack([along, along + size])
+    before = (ends * np.hypot(off, ends) + off**2 * np.arcsinh(ends / off)) / 2
+    area: FloatArray = (before[1] - before[0]) / size
+    return area
+
+
+def _areas(
+    start: ComplexArray,
+    start_slope: ComplexArray,
+    stop: ComplexArray,
+    stop_slope: ComplexArray,
+    width: FloatArray,
+) -> FloatArray:
+    """Return ∫|W|dx over cells of which the motion and its slope at the ends are known."""
+    sizes = [np.maximum(np.abs(end), 1e-300) for end in (start, stop)]
+    slopes = [
+        (slope * np.conj(end)).real / size
+        for end, slope, size in zip((start, stop), (start_slope, stop_slope), sizes, strict=True)
+    ]
+    area = width / 2 * (sizes[0] + sizes[1]) + width**2 / 12 * (slopes[0] - slopes[1])
+    corner = np.nonzero(np.minimum(*sizes) < _CORNER * np.abs(stop - start))
+    width = np.broadcast_to(width, area.shape)[corner]
+    ends = start[corner], start_slope[corner] * width, stop[corner], stop_slope[corner] * width
+    inner = _along(ends, _QUARTERS[:, None])
+    area[corner] = width * _chord_area(inner[:-1], inner[1:]).mean(axis=0)
+    return np.asarray(area)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Cells:
+    """A stretch of the grid under some drives; arrays of shape (drives, cells or places).
+
+    In each cell the direction turns at `first` and back at `second`, as parts of the cell; both
+    are 1 where it does not turn.
+    """
+
+    places_m: FloatArray
+    widths_m: FloatArray
+    deflection: ComplexArray
+    slope: ComplexArray
+    direction: Ends
+    starts_right: NDArray[np.bool_]
+    first: FloatArray
+    second: FloatArray
+    doubt_m: FloatArray
+
+    def right_m(self, drive: Rows, cell: Rows, part: FloatArray) -> FloatArray:
+        """Return the right-moving length of cells up to a part of each."""
+        first, second = self.first[drive, cell], self.second[drive, cell]
+        turned = np.minimum(np.maximum(part, first), second) - first
+        kept = np.where(self.starts_right[drive, cell], part - turned, turned)
+        return np.asarray(kept * self.widths_m[cell])
+
+    def before(self, drive: Rows, end_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return right-moving length, ∫|W|dx and doubt between the stretch's start and each end."""
+        cell = np.clip(
+            np.searchsorted(self.places_m, end_m, side="right") - 1, 0, self.widths_m.size - 1
+        )
+        width = self.widths_m[cell]
+        part = np.minimum((end_m - self.places_m[cell]) / width, 1.0)
+        turned = self.second - self.first
+        whole = np.where(self.starts_right, 1.0 - turned, turned) * self.widths_m
+        areas = _areas(
+            self.deflection[:, :-1],
+            self.slope[:, :-1],
+            self.deflection[:, 1:],
+            self.slope[:, 1:],
+            self.widths_m,
+        )
+        right = _running(whole)[drive, cell] + self.right_m(drive, cell, part)
+        area = _running(areas)[drive, cell] + self._part_area(drive, cell, part)
+        return right, area, _running(self.doubt_m)[drive, cell]
+
+    def _part_area(self, drive: Rows, cell: Rows, part: FloatArray) -> FloatArray:
+        """Return ∫|W|dx over the beginning of cells."""
+        width = self.widths_m[cell]
+        start, stop = self.deflection[drive, cell], self.deflection[drive, cell + 1]
+        slope, stop_slope = self.slope[drive, cell] * width, self.slope[drive, cell + 1] * width
+        inner = _along((start, slope, stop, stop_slope), part)
+        _, c1, c2, c3 = _cubic((start, slope, stop, stop_slope))
+        inner_slope = (c1 + part * (2 * c2 + part * 3 * c3)) / width
+        return _areas(start, slope / width, inner, inner_slope, part * width)
+
+
+def _running(values: FloatArray) -> FloatArray:
+    """Return sums of the cells before each place."""
+    return np.concatenate([np.zeros((values.shape[0], 1)), np.cumsum(values, axis=1)], axis=1)
+
+
+def _cells(basis: ModalBasis, weights: ComplexArray, error: FloatArray, stretch: slice) -> _Cells:
+    """Return a stretch of the grid under drives whose direction has an error of up to `error`."""
+    count = weights.shape[0]
+    both = np.concatenate([weights.real, weights.imag]) @ basis.terms[:, :, stretch]
+    deflection, slope, rotation, bend = (row[:count] + 1j * row[count:] for row in both)
+    turned = np.conj(rotation)
+    value = -(deflection * turned).real
+    tangent = -(slope * turned + deflection * np.conj(bend)).real
+    places = basis.places_m[stretch]
+    widths = np.diff(places)
+    start, stop = value[:, :-1], value[:, 1:]
+    start_slope, stop_slope = tangent[:, :-1] * widths, tangent[:, 1:] * widths
+    first, second = np.ones(start.shape), np.ones(start.shape)
+    positive = start > 0
+    crossing = (positive != (stop > 0)) & (widths > 1e-12)
+    limit = np.broadcast_to(error[:, None], start.shape)
+    doubt = np.where(np.maximum(np.abs(start), np.abs(stop)) < limit, 1.0, 0.0)
+
+    def terms(which: tuple[Rows, ...]) -> tuple[FloatArray, ...]:
+        ends = start[which], start_slope[which], stop[which], stop_slope[which]
+        return _cubic(ends)
+
+    def shift(
+        cubic: tuple[FloatArray, ...], root: FloatArray, which: tuple[Rows, ...]
+    ) -> FloatArray:
+        steepness = np.abs(cubic[1] + root * (2 * cubic[2] + root * 3 * cubic[3]))
+        return np.asarray(
+            np.minimum(4 * limit[which], 2 * steepness) / np.maximum(steepness, 1e-300)
+        )
+
+    once = np.nonzero(crossing)
+    cubic = terms(once)
+    zero = np.zeros(once[0].size)
+    first[once] = _roots(cubic, zero, zero + 1)
+    doubt[once] += shift(cubic, first[once], once)
+    sign = np.where(positive, 1.0, -1.0)
+    dipping = (sign * start_slope < 0) & (sign * stop_slope > 0) & ~crossing
+    dips = np.nonzero(dipping)
+    c0, c1, c2, c3 = terms(dips)
+    root = np.sqrt(np.maximum(c2 * c2 - 3 * c1 * c3, 0.0))
+    lowest = np.clip(-c1 / (c2 + np.where(c2 >= 0, root, -root) + 1e-300), 0.0, 1.0)
+    bottom = sign[dips] * (c0 + lowest * (c1 + lowest * (c2 + lowest * c3)))
+    doubt[dips] += np.where(np.abs(bottom) < 4 * limit[dips], 2.0, 0.0)
+    deep = bottom < 0
+    twice = (dips[0][deep], dips[1][deep])
+    cubic = terms(twice)
+    zero = np.zeros(twice[0].size)
+    first[twice] = _roots(cubic, zero, lowest[deep])
+    second[twice] = _roots(cubic, lowest[deep], zero + 1)
+    doubt[twice] += shift(cubic, first[twice], twice) + shift(cubic, second[twice], twice)
+    return _Cells(
+        places_m=places,
+        widths_m=widths,
+        deflection=deflection,
+        slope=slope,
+        direction=(start, start_slope, stop, stop_slope),
+        starts_right=positive,
+        first=first,
+        second=second,
+        doubt_m=doubt * widths,
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ModalPattern(Pattern):
+    """Direction and magnitude of sums of modes, |W| relative to its rms.
+
+    Attributes:
+        basis: the sum's terms along the beam.
+        weights: of the terms, shape (drives, terms).
+        rms_m_per_v: of |W| over the beam, for each drive.
+        direction_error: how far each drive's direction -Re(W ψ*) may be wrong.
+        drive: which drive applies to each place, shape (n,); of shape (1,) it applies to all.
+    """
+
+    basis: ModalBasis
+    weights: ComplexArray
+    rms_m_per_v: FloatArray
+    direction_error: FloatArray
+    drive: Rows
+
+    def window(self, x_m: FloatArray, contact_m: FloatArray | float) -> Window:
+        """See `Pattern`."""
+        width_m = window_width(x_m, contact_m)
+        start_m, drive = x_m - width_m, np.broadcast_to(self.drive, x_m.shape)
+        columns = np.empty((3, x_m.size))
+        for rows in self._parts(drive, start_m):
+            columns[:, rows] = self._part(drive[rows], start_m[rows], x_m[rows])
+        width = np.where(width_m > 0, width_m, 1.0)
+        right = np.clip(columns[0] / width, 0.0, 1.0)
+        mean = columns[1] / (width * self.rms_m_per_v[drive])
+        return Window(right=right, left=1.0 - right, mean=mean, doubt_m=columns[2])
+
+    def whole(self) -> Window:
+        """See `Pattern`; of shape (n,) if each place has its own drive."""
+        return self.window(np.full(self.drive.size, self.length_m), self.length_m)
+
+    def direction(self) -> tuple[FloatArray, FloatArray]:
+        """Return places and -Re(W ψ*) there as the first drive's cells have it, shape (n,)."""
+        cells = _cells(self.basis, self.weights[:1], self.direction_error[:1], slice(None))
+        parts = _QUARTERS[:-1, None]
+        places = cells.places_m[:-1] + parts * cells.widths_m
+        values = _along(tuple(row[0] for row in cells.direction), parts)
+        order = np.argsort(places, axis=None)
+        return places.ravel()[order], values.ravel()[order]
+
+    def _parts(self, drive: Rows, start_m: FloatArray) -> Iterator[Rows]:
+        """Yield the places of some drives at a time, of which the windows lie close together."""
+        leftmost = np.full(self.rms_m_per_v.size, math.inf)
+        np.minimum.at(leftmost, drive, start_m)
+        rank = np.empty(leftmost.size, dtype=np.intp)
+        rank[np.argsort(leftmost, kind="stable")] = np.arange(leftmost.size)
+        order = np.argsort(rank[drive], kind="stable")
+        groups = rank[drive][order] // _DRIVES_AT_ONCE
+        yield from np.split(order, np.flatnonzero(np.diff(groups)) + 1)
+
+    def _part(self, drive: Rows, start_m: FloatArray, end_m: FloatArray) -> FloatArray:
+        """Return right-moving length, ∫|W|dx and doubt of some windows, shape (3, n)."""
+        places = self.basis.places_m
+        low = max(int(np.searchsorted(places, start_m.min(), side="right")) - 2, 0)
+        high = int(np.searchsorted(places, end_m.max())) + 2
+        used, local = np.unique(drive, return_inverse=True)
+        cells = _cells(self.basis, self.weights[used], self.direction_error[used], slice(low, high))
+        both = cells.before(np.tile(local, 2), np.concatenate([start_m, end_m]))
+        right, area, _ = (column[end_m.size :] - column[: end_m.size] for column in both)
+        around = _running(cells.doubt_m)
+        cell = np.searchsorted(cells.places_m, [start_m, end_m], side="right") - 1
+        last = np.minimum(cell[1] + 2, cells.widths_m.size)
+        doubt = around[local, last] - around[local, np.maximum(cell[0] - 1, 0)]
+        return np.stack([right, area, doubt])
+
+
+def modal_sum_field(
+    beam: Beam,
+    drive: Rows,
+    frequency_hz: FloatArray,
+    damping_ratio: FloatArray,
+    *,
+    direction_error: FloatArray | float = 0.0,
+) -> Field:
+    """Return the field per volt of the patched Timoshenko beam's modes.
+
+    Args:
+        beam: the beam; its own damping ratio does not count.
+        drive: which of the drives applies to each place, shape (n,), or (1,) for all places.
+        frequency_hz: of the drives, shape (drives,).
+        damping_ratio: of the drives, shape (drives,).
+        direction_error: of -Re(W ψ*), relative to its scale, for each drive.
+    """
+    basis = modal_basis(beam)
+    weights = basis.weights(frequency_hz, damping_ratio, beam.frequency_scale)
+    rms, rotation = (
+        np.sqrt(np.einsum("nk,nk->n", weights @ products, weights.conj()).real)
+        for products in (basis.deflection_products, basis.rotation_products)
+    )
+    pattern = ModalPattern(
+        length_m=beam.length_m,
+        basis=basis,
+        weights=weights,
+        rms_m_per_v=rms,
+        direction_error=direction_error * rms * rotation,
+        drive=drive,
+    )
+    return Field(
+        pattern=pattern,
+        frequency_hz=frequency_hz[drive],
+        displacement_m=rms[drive],
+        rotation=rotation[drive],
+    )

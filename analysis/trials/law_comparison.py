@@ -32,45 +32,122 @@ def shared_contrasts(ratings: Ratings, contrast: FloatArray) -> bool:
     return len(np.unique(own[1:], axis=1).T) == int(np.unique(own[0], return_counts=True)[1].max())
 
 
+@dataclass(frozen=True, kw_only=True)
+class PredictionError:
+    """Root mean square error over conditions of predicted mean ratings, in points.
+
+    `without` is that of the subjects' levels alone, without any law.
+    """
+
+    with_law: float
+    without: float
+
+
 def assignment_p(trials: Ratings, contrast: FloatArray) -> float | NotEstimable:
     """Return the share of all assignments of the contrasts to conditions that explain as much.
 
-    What explains is the largest log-likelihood of M1, as in `law_likelihoods`. Where all subjects
-    rated the same conditions at the same contrasts equally often it has a closed form, and no
-    subject's own contrasts are lost when they change places.
+    Where all subjects rated the same conditions at the same contrasts equally often, what explains
+    is the largest log-likelihood of M1, as in `law_likelihoods`, which has a closed form. Elsewhere
+    (a score is missing, contrasts were measured) it is the sum of squares that a slope common to
+    all subjects explains about each subject's mean; a subject's own mean contrasts change places,
+    and a condition that the subject did not rate has the mean contrast of the others.
 
     Parameters:
         trials: the rated trials.
         contrast: shape (trials,), what the law predicts.
     """
-    cells = _cell_means(trials, contrast)
-    if isinstance(cells, NotEstimable):
-        return cells
-    means, values, repeats = cells
-    assigned = np.array(list(permutations(values)))
-    found = _log_likelihoods(means, assigned, repeats, float((trials.rating**2).sum()))
+    cells = _cells(trials, contrast)
+    conditions = cells.counts.shape[1]
+    if not 3 <= conditions <= MOST_CONDITIONS:
+        return NotEstimable(
+            f"assignments are listed for 3 to {MOST_CONDITIONS} conditions, got {conditions}"
+        )
+    orders = np.array(list(permutations(range(conditions))))
+    repeats = int(cells.counts[0, 0])
+    if cells.alike and (cells.counts == repeats).all():
+        squares = float((trials.rating**2).sum())
+        found = _log_likelihoods(cells.means, cells.contrasts[0][orders], repeats, squares)
+    else:
+        found = np.array([_explained(cells, cells.contrasts[:, order]) for order in orders])
     return float((found >= found[0] - 1e-9 * abs(found[0])).mean())
 
 
-def _cell_means(
-    trials: Ratings, contrast: FloatArray
-) -> tuple[FloatArray, FloatArray, int] | NotEstimable:
-    """Return mean ratings (subjects, conditions), each condition's contrast, ratings per cell."""
-    people, subject = np.unique(trials.subject, return_inverse=True)
-    names, condition = np.unique(trials.condition, return_inverse=True)
-    if not 3 <= len(names) <= MOST_CONDITIONS:
+def prediction_error(trials: Ratings, contrast: FloatArray) -> PredictionError | NotEstimable:
+    """Return how far a law's predictions of the conditions are off, each without its own ratings.
+
+    Without a condition's ratings, each subject's level and a slope common to all are fitted by
+    least squares; with the subjects' contrasts under that condition they predict its mean rating.
+
+    Parameters:
+        trials: the rated trials.
+        contrast: shape (trials,), what the law predicts.
+    """
+    cells = _cells(trials, contrast)
+    conditions = cells.counts.shape[1]
+    if conditions < 3:
         return NotEstimable(
-            f"assignments are listed for 3 to {MOST_CONDITIONS} conditions, got {len(names)}"
+            f"a condition is predicted from at least 2 others, got {conditions - 1}"
         )
-    counts, sums = np.zeros((2, len(people), len(names)))
+    errors = []
+    for place in range(conditions):
+        others = cells.counts * (np.arange(conditions) != place)
+        known = others.any(axis=1)
+        weights, others = cells.counts[known, place], others[known]
+        if not weights.any():
+            return NotEstimable("a condition was rated only by subjects who rated no other")
+        steps, rest = (_centred(v[known], others) for v in (cells.contrasts, cells.means))
+        squares = float((others * steps**2).sum())
+        slope = float((others * steps * rest).sum()) / squares if squares > 0 else 0.0
+        beside = (rest - slope * steps, rest)
+        errors.append([float(np.average(error[:, place], weights=weights)) for error in beside])
+    with_law, without = np.sqrt((np.array(errors) ** 2).mean(axis=0)).tolist()
+    return PredictionError(with_law=with_law, without=without)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Cells:
+    """Ratings per cell, their means, and contrasts, each of shape (subjects, conditions).
+
+    A mean is 0 where there is no rating; a contrast is the condition's mean there. `alike` is
+    whether each condition has the same contrast in all trials.
+    """
+
+    counts: FloatArray
+    means: FloatArray
+    contrasts: FloatArray
+    alike: bool
+
+
+def _cells(trials: Ratings, contrast: FloatArray) -> _Cells:
+    people, subject = np.unique(trials.subject, return_inverse=True)
+    names, first, condition = np.unique(trials.condition, return_index=True, return_inverse=True)
+    counts, sums, totals = np.zeros((3, len(people), len(names)))
     np.add.at(counts, (subject, condition), 1)
     np.add.at(sums, (subject, condition), trials.rating)
-    values = np.array([contrast[condition == place][0] for place in range(len(names))])
-    if not np.array_equal(np.round(contrast, DECIMALS), np.round(values, DECIMALS)[condition]):
-        return NotEstimable("a condition has not the same contrast for everybody")
-    if (counts != counts[0, 0]).any():
-        return NotEstimable("not every subject rated every condition equally often")
-    return sums / counts, values, int(counts[0, 0])
+    np.add.at(totals, (subject, condition), contrast)
+    alike = np.array_equal(
+        np.round(contrast, DECIMALS), np.round(contrast[first], DECIMALS)[condition]
+    )
+    own = totals / np.maximum(counts, 1)
+    average = contrast[first] if alike else own.sum(axis=0) / (counts > 0).sum(axis=0)
+    return _Cells(
+        counts=counts,
+        means=sums / np.maximum(counts, 1),
+        contrasts=np.where((counts == 0) | alike, average, own),
+        alike=alike,
+    )
+
+
+def _centred(values: FloatArray, weights: FloatArray) -> FloatArray:
+    """Return the values about each subject's weighted mean."""
+    return np.asarray(values - np.average(values, axis=1, weights=weights)[:, None])
+
+
+def _explained(cells: _Cells, assigned: FloatArray) -> float:
+    """Return the sum of squares that a common slope on the assigned contrasts explains."""
+    steps = _centred(assigned, cells.counts)
+    squares = float((cells.counts * steps**2).sum())
+    return float((cells.counts * steps * cells.means).sum()) ** 2 / squares if squares else 0.0
 
 
 def _log_likelihoods(
@@ -148,12 +225,14 @@ class LawLikelihood:
     `log_likelihood` is the largest of M1 with the law's contrasts; `gain_over_none` is by how
     much it exceeds that of subjects who differ in level alone, not penalised for the law's three
     parameters more. `gain_p` is the share of all assignments of the contrasts to the conditions
-    that gain as much, see `assignment_p`.
+    that gain as much, see `assignment_p`. Trials of the same condition are not independent, so the
+    log-likelihoods are no evidence for a law; `gain_p` and `prediction_error` count conditions.
     """
 
     log_likelihood: float
     gain_over_none: float
     gain_p: float | NotEstimable
+    prediction_error: PredictionError | NotEstimable
 
 
 def law_order(
@@ -270,6 +349,7 @@ def _law_likelihood(trials: Ratings, contrast: FloatArray) -> LawLikelihood | No
         log_likelihood=float(with_law),
         gain_over_none=float(with_law - without),
         gain_p=assignment_p(trials, contrast),
+        prediction_error=prediction_error(trials, contrast),
     )
 
 

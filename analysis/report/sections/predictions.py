@@ -86,15 +86,14 @@ def _laws_line(trials: TrialStatistics) -> str:
     if not any(isinstance(score.likelihood, LawLikelihood) for score in trials.laws):
         return ""
     cautions = (
-        "The gain in log-likelihood is not penalised for the law's three additional parameters "
-        "(slope, its standard deviation, and its correlation with the level), so it is positive by "
-        "chance alone; if p is large, arbitrary contrasts would fit as well."
+        "Conditions, not trials, are the units that tell laws apart. If p is large, arbitrary "
+        "contrasts would fit as well; a law that predicts no better than none adds nothing."
     )
     scored = trials.scored
     if all(shared_contrasts(scored.ratings, x) for x in scored.contrasts.values()):
         cautions += (
             " Here all subjects have the same contrasts, so a law cannot explain who felt what: "
-            "its gain reflects the condition means and how strongly each subject follows them."
+            "its fit reflects the condition means and how strongly each subject follows them."
         )
     return cautions
 
@@ -104,14 +103,15 @@ def _law_table(laws: Sequence[LawScore]) -> Table:
         name="laws",
         caption="Each friction law compared with the ratings. Order of the conditions: Spearman's "
         "correlation of predicted contrasts with mean scores, p over all orders, and the smallest "
-        "correlation of these ranks, including ties, that has p < .05. Who felt what: maximum "
-        "log-likelihood of M1 with the law's contrasts, its gain over a model in which subjects "
-        "differ only in level, and p of the gain, the share of all assignments of the contrasts to "
-        "the conditions with at least this gain." + _circular(laws),
+        "correlation of these ranks, including ties, that has p < .05. Prediction "
+        "error: root mean square error, in points, of the mean rating of each condition predicted "
+        "from the other conditions, and the same without a law, from the subjects' levels alone. p "
+        "of the fit: share of all assignments of the contrasts to the conditions that fit the "
+        "ratings at least as well." + _circular(laws),
         columns=[
             *columns("law", "Spearman", "p", "smallest for p < .05"),
             Column(name="order, strongest first", kind="ranking"),
-            *columns("log-likelihood", "gain", "p of the gain"),
+            *columns("prediction error", "without a law", "p of the fit"),
         ],
         rows=[[score.law, *_order_cells(score.order), *_felt(score.likelihood)] for score in laws],
     )
@@ -143,14 +143,23 @@ def _felt(found: LawLikelihood | NotEstimable) -> list[str]:
         return [number(None)] * 3
     gain_p = found.gain_p
     p = f"not available: {gain_p.reason}" if isinstance(gain_p, NotEstimable) else p_value(gain_p)
-    return [number(found.log_likelihood, 2), number(found.gain_over_none, 2), p]
+    errors = found.prediction_error
+    if isinstance(errors, NotEstimable):
+        return [number(None), number(None), p]
+    return [number(errors.with_law, 2), number(errors.without, 2), p]
 
 
 def _law_json(score: LawScore) -> Json:
     felt: Json = plain(score.likelihood)
     if isinstance(score.likelihood, LawLikelihood):
         gain_p = score.likelihood.gain_p
-        felt |= {"gain_p": or_null(gain_p), **why("gain_p", gain_p)}
+        errors = score.likelihood.prediction_error
+        felt |= {
+            "gain_p": or_null(gain_p),
+            **why("gain_p", gain_p),
+            "prediction_error": or_null(errors),
+            **why("prediction_error", errors),
+        }
     return {
         "law": score.law,
         **_order_json(score.order),

@@ -9,8 +9,10 @@ from analysis.estimates import FloatArray, NotEstimable
 from analysis.sensitivity.ratings import Ratings
 from analysis.trials.law_comparison import (
     LawLikelihood,
+    PredictionError,
     assignment_p,
     law_likelihoods,
+    prediction_error,
     shared_contrasts,
 )
 
@@ -68,19 +70,71 @@ def test_a_gain_that_any_contrasts_would_give_has_a_large_p() -> None:
     assert sorted(p) == pytest.approx(np.arange(1, 25) / 24)
 
 
-def test_where_contrasts_cannot_change_places_there_is_no_p() -> None:
+def explained(trials: Ratings, contrast: FloatArray) -> float:
+    """Squares that a common slope takes from a regression on subjects, from the trials."""
+    levels = (trials.subject[:, None] == np.arange(7)).astype(np.float64)
+    squares = []
+    for design in (levels, np.column_stack([levels, contrast])):
+        fitted = design @ np.linalg.lstsq(design, trials.rating)[0]
+        squares.append(float(((trials.rating - fitted) ** 2).sum()))
+    return squares[0] - squares[1]
+
+
+def test_with_scores_missing_p_is_over_what_a_common_slope_explains() -> None:
+    trials = a_study(gain=5, gain_sd=2).where(np.arange(28) % 9 > 0)
+    assigned = np.array(list(permutations(CONTRASTS)))
+    found = np.array([explained(trials, x[trials.condition]) for x in assigned])
+    expected = float((found >= found[0] - 1e-9).mean())
+    assert assignment_p(trials, trials.contrast) == pytest.approx(expected, abs=1e-12)
+    assert 1 / 24 <= expected < 1
+
+
+def test_measured_contrasts_change_places_subject_by_subject() -> None:
+    study = a_study(gain=5, gain_sd=2)
+    own = study.contrast + 0.01 * study.subject * (1 + study.condition)
+    table = own.reshape(7, 4)
+    orders = [list(order) for order in permutations(range(4))]
+    found = np.array([explained(study, table[:, order].ravel()) for order in orders])
+    expected = float((found >= found[0] - 1e-9).mean())
+    assert assignment_p(study, own) == pytest.approx(expected, abs=1e-12)
+
+
+def test_p_with_scores_missing_is_uniform_without_an_effect() -> None:
+    low = 0
+    for seed in range(400):
+        trials = a_study(gain=0, gain_sd=0, seed=seed).where(np.arange(28) % 9 > 0)
+        p = assignment_p(trials, trials.contrast)
+        assert isinstance(p, float)
+        low += p <= 0.25
+    assert 70 <= low <= 130
+
+
+def test_each_condition_is_predicted_from_the_others() -> None:
+    trials = a_study(gain=5, gain_sd=2, repeats=2).where(np.arange(56) % 9 > 0)
+    levels = (trials.subject[:, None] == np.arange(7)).astype(np.float64)
+    design, errors = np.column_stack([levels, trials.contrast]), []
+    for condition in range(4):
+        left = trials.condition == condition
+        fits = [np.linalg.lstsq(d[~left], trials.rating[~left])[0] for d in (design, levels)]
+        errors.append(
+            [
+                (trials.rating - d @ b)[left].mean()
+                for d, b in zip((design, levels), fits, strict=True)
+            ]
+        )
+    expected = np.sqrt((np.array(errors) ** 2).mean(axis=0))
+    found = prediction_error(trials, trials.contrast)
+    assert isinstance(found, PredictionError)
+    assert (found.with_law, found.without) == pytest.approx(tuple(expected), rel=1e-9)
+
+
+def test_two_conditions_give_the_reason() -> None:
     study = a_study(gain=2, gain_sd=1)
-    own = study.contrast + 0.01 * study.subject
-    reasons = {
-        "has not the same contrast for everybody": assignment_p(study, own),
-        "every condition equally often": assignment_p(
-            study.where(np.arange(28) > 0), study.contrast[1:]
-        ),
-        "3 to 6 conditions, got 2": assignment_p(
-            study.where(study.condition < 2), study.contrast[study.condition < 2]
-        ),
-    }
-    for reason, found in reasons.items():
+    two = study.where(study.condition < 2)
+    for reason, found in {
+        "3 to 6 conditions, got 2": assignment_p(two, two.contrast),
+        "from at least 2 others, got 1": prediction_error(two, two.contrast),
+    }.items():
         assert isinstance(found, NotEstimable)
         assert reason in found.reason
 

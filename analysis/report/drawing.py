@@ -127,15 +127,14 @@ def scatter_figure(data: Scatter, words: Words) -> Drawing:
                 alpha=0.7,
                 label=labels[place],
             )
-        if data.line is not None:
-            ends = np.array([ratings.contrast.min(), ratings.contrast.max()])
-            axes.plot(ends, data.line[0] + data.line[1] * ends, color="black", label="group (M1)")
+        for (model, curve), dashes in zip(data.curves.items(), _DASHES, strict=False):
+            axes.plot(data.at, curve, color="black", linestyle=dashes, label=f"group, {model}")
         axes.set(ylim=_limits(data.scale), ylabel=f"rating, {data.scale}")
         axes.set_xlabel("predicted contrast, change of log friction")
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
 
     shown = len(np.unique(data.ratings.condition))
-    return _drawing(words, draw, max(_HEIGHT_IN, _LEGEND_ROW_IN * (shown + 2)))
+    return _drawing(words, draw, max(_HEIGHT_IN, _LEGEND_ROW_IN * (shown + 3)))
 
 
 def gains_figure(data: Gains, words: Words) -> Drawing:

@@ -9,12 +9,16 @@ from analysis.loading.score_table import ScoreTable
 from analysis.report.findings import Findings, Scale
 from analysis.sensitivity.linear_model import LinearSensitivity
 from analysis.sensitivity.lines import Lines
+from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.sensitivity.ratings import Ratings
 from analysis.trials.trial_statistics import TrialStatistics
 
 MOST_LINES = 100
 MOST_POINTS = 2_000
 MOST_INTERVALS = 40
+CURVE_POINTS = 101
+HEADLINE, SIMPLE = "M2", "M1 (simple comparison)"
+"""Names of the models in figures and tables."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -29,12 +33,16 @@ class Raincloud:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scatter:
-    """Ratings against predicted contrasts, with the population's line if M1 was fitted."""
+    """Ratings against predicted contrasts, with the group's expected ratings by model.
+
+    `curves` are at the contrasts `at`.
+    """
 
     ratings: Ratings
     scale: Scale
     of: int
-    line: tuple[float, float] | None
+    at: FloatArray
+    curves: dict[str, FloatArray]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,14 +91,19 @@ def scatter(found: Findings) -> Scatter | None:
     if not count:
         return None
     chosen = np.isin(np.arange(count), thinned(count, MOST_POINTS))
-    m1 = found.trials.m1
-    line = (m1.lines.bias, m1.lines.gain) if isinstance(m1, LinearSensitivity) else None
-    return Scatter(ratings=given.where(chosen), scale=found.scale, of=count, line=line)
+    at = np.linspace(given.contrast.min(), given.contrast.max(), CURVE_POINTS)
+    curves, m1, m2 = {}, found.trials.m1, found.trials.m2
+    if isinstance(m2, OrdinalSensitivity):
+        curves[HEADLINE] = m2.expected_ratings(at)
+    if isinstance(m1, LinearSensitivity):
+        curves[SIMPLE] = m1.lines.bias + m1.lines.gain * at
+    ratings = given.where(chosen)
+    return Scatter(ratings=ratings, scale=found.scale, of=count, at=at, curves=curves)
 
 
 def gains(trials: TrialStatistics) -> Gains | None:
-    """Return each model's lines, or None if neither M1 nor M2 was fitted."""
-    fits = {"M1": trials.m1, "M2": trials.m2}
+    """Return each model's lines, the headline first, or None if neither M1 nor M2 was fitted."""
+    fits = {HEADLINE: trials.m2, SIMPLE: trials.m1}
     models = {name: fit.lines for name, fit in fits.items() if not isinstance(fit, NotEstimable)}
     if not models:
         return None

@@ -7,7 +7,7 @@ from typing import TypeAlias
 import numpy as np
 from scipy.special import gammaincinv, logsumexp, ndtr, ndtri
 
-from analysis.estimates import FloatArray, Interval
+from analysis.estimates import FloatArray, Interval, NotEstimable
 
 # Maps points of shape (count, dimensions) to log densities of shape (count,).
 LogDensity: TypeAlias = Callable[[FloatArray], FloatArray]
@@ -35,6 +35,17 @@ class WeightedPoints:
     def effective(self) -> float:
         """Effective sample size: the number of equally weighted points that tell as much."""
         return float(1 / (self.weights**2).sum())
+
+    @property
+    def refusal(self) -> NotEstimable | None:
+        """Why the points do not represent the density, or None if they do."""
+        if self.effective >= LEAST_EFFECTIVE:
+            return None
+        return NotEstimable(
+            "the integration over the differences between people reached "
+            f"{self.effective:.0f} effective points, and intervals need at least "
+            f"{LEAST_EFFECTIVE:.0f}"
+        )
 
     def mean(self, values: FloatArray) -> FloatArray:
         """Return the posterior mean of values at the points, along the first axis."""
@@ -153,8 +164,8 @@ class Marginals:
     sds: FloatArray
     skews: FloatArray | None = None
 
-    def plus(self, constant: float) -> "Marginals":
-        """Return the marginals of the quantities plus a constant."""
+    def plus(self, constant: float | FloatArray) -> "Marginals":
+        """Return the marginals of the quantities plus a constant, or one per point (points, 1)."""
         return replace(self, means=self.means + constant)
 
     def over(self, divisors: FloatArray) -> "Marginals":
@@ -172,6 +183,15 @@ class Marginals:
     def interval_95(self, weights: FloatArray) -> list[Interval]:
         """Return the central 95 % interval of each quantity over all points."""
         return intervals_95(weights, self.means, self.sds, self.skews)
+
+    def quantile(self, weights: FloatArray, probability: float) -> FloatArray:
+        """Return the quantile of each quantity over all points."""
+        return mixture_quantile(weights, self.means, self.sds, probability, self.skews)
+
+    def above_zero(self, weights: FloatArray) -> FloatArray:
+        """Return the probability that each quantity is positive."""
+        score, _ = _normal_scores(self.means, self.sds, self.skews)(np.zeros(1))
+        return np.asarray(weights @ ndtr(-score))
 
 
 def mixture_quantile(

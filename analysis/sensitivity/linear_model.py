@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.estimates import FloatArray, IntArray, NotEstimable
+from analysis.estimates import BoolArray, FloatArray, IntArray, NotEstimable
 from analysis.sensitivity.integration import Marginals, WeightedPoints, weighted_points
 from analysis.sensitivity.lines import (
     Axes,
@@ -20,6 +20,8 @@ from analysis.sensitivity.lines import (
 from analysis.sensitivity.ratings import Ratings
 
 POINTS = 400
+# Variance of a single subject's gain relative to itself, which would be 0.
+SMALLEST = 1e-12
 # log σ, log τ_bias, log τ_gain and artanh ρ, in standard deviations of the ratings.
 START = np.array([-0.5, -0.7, -0.7, 0.0])
 
@@ -45,13 +47,16 @@ class LinePosterior:
     `log_likelihood` (points,) has the population's line integrated out, `profile` (points,) is at
     the best population line. `means` (points, subjects, 2) and `covariances` (points, subjects,
     2, 2) are of each subject's intercept and slope; `population` (points, 2) and
-    `population_covariance` (points, 2, 2) are the population's.
+    `population_covariance` (points, 2, 2) are the population's. Given that line, a subject's own is
+    `kept` @ it + a departure with `own_covariances`, independent between subjects.
     """
 
     log_likelihood: FloatArray
     profile: FloatArray
     means: FloatArray
     covariances: FloatArray
+    kept: FloatArray
+    own_covariances: FloatArray
     population: FloatArray
     population_covariance: FloatArray
 
@@ -103,6 +108,8 @@ def line_posterior(sums: LineSums, residual_sd: FloatArray, between: FloatArray)
         profile=profile,
         means=own + (keep @ population[:, None, :, None])[..., 0],
         covariances=shift + keep @ covariance[:, None] @ np.swapaxes(keep, -1, -2),
+        kept=np.asarray(keep, dtype=np.float64),
+        own_covariances=shift,
         population=population,
         population_covariance=covariance,
     )
@@ -110,10 +117,14 @@ def line_posterior(sums: LineSums, residual_sd: FloatArray, between: FloatArray)
 
 @dataclass(frozen=True, kw_only=True)
 class LinearSensitivity:
-    """The fit of M1: lines and residual standard deviation, in rating points."""
+    """The fit of M1: lines and residual standard deviation, in rating points.
+
+    `effective_points` is the effective sample size of the integration over variance components.
+    """
 
     lines: Lines
     residual_sd: float
+    effective_points: float
 
 
 def linear_sensitivity(ratings: Ratings) -> LinearSensitivity | NotEstimable:
@@ -146,7 +157,7 @@ def linear_sensitivity(ratings: Ratings) -> LinearSensitivity | NotEstimable:
         return np.asarray(line_posterior(sums, *_components(points)).log_likelihood + prior)
 
     posterior = weighted_points(log_posterior, START, POINTS)
-    return _result(ratings, sums, posterior, axes)
+    return posterior.refusal or _result(ratings, sums, posterior, axes)
 
 
 def _components(points: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -170,9 +181,31 @@ def _result(
         weights=posterior.weights,
         bias=bias.plus(axes.y_mean),
         gain=gain,
+        relative=_relative_gains(known, sums.counts > 0, float(turn[1, 1])),
+        own_variance=_departure_variances(known)[..., 1, 1] / between[:, None, 1, 1],
         spread=spread_of(between, axes),
+        residual_sd=residual_sd * axes.y_sd,
+        gain_unit=float(turn[1, 1]),
     )
     return LinearSensitivity(
         lines=summary(ratings.subjects, sums.counts, mixture),
         residual_sd=float(posterior.mean(residual_sd)) * axes.y_sd,
+        effective_points=posterior.effective,
     )
+
+
+def _relative_gains(known: LinePosterior, rated: BoolArray, unit: float) -> Marginals:
+    """Return each subject's gain less the mean gain of the subjects that `rated`."""
+    of_each = np.eye(len(rated)) - rated / rated.sum()
+    kept = np.einsum("sr,prj->psj", of_each, known.kept[:, :, 1])
+    variances = known.own_covariances[..., 1, 1] @ of_each.T**2
+    variances += np.einsum("psi,pij,psj->ps", kept, known.population_covariance, kept)
+    means = known.means[..., 1] @ of_each.T
+    return Marginals(means=unit * means, sds=unit * np.sqrt(np.maximum(variances, SMALLEST)))
+
+
+def _departure_variances(known: LinePosterior) -> FloatArray:
+    """Return the covariances of each subject's departure from the population's line."""
+    lost = np.eye(2) - known.kept
+    spread = lost @ known.population_covariance[:, None] @ np.swapaxes(lost, -1, -2)
+    return np.asarray(known.own_covariances + spread)

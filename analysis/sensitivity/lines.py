@@ -1,5 +1,6 @@
 """Bias and gain of each subject with intervals, the result of every sensitivity model."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,13 +9,18 @@ from analysis.estimates import FloatArray, Interval, NotEstimable
 from analysis.sensitivity.integration import Marginals, weighted_quantile
 from analysis.sensitivity.ratings import Ratings
 
+SMALL_SPREAD = 0.25
+"""A spread of gains that is small, as a share of the gain: skin alone spreads them by as much."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class SubjectLine:
     """One subject's bias (rating at contrast 0) and gain (rating points per unit of contrast).
 
-    `shrinkage` is the share of the gain that comes from the subject's own trials and not from the
-    group, 0 to 1. `trials` is the number of rated trials.
+    `relative_gain` is the gain minus the mean gain of the subjects with trials, NaN for a single
+    one. `jnd` is the contrast that moves a rating by the SD of its noise, infinite where the gain
+    need not be positive. `own_share` is the share of the subject's departure from the group's gain
+    that comes from the subject's own trials, 0 to 1. `trials` is the number of rated trials.
     """
 
     subject: str
@@ -22,13 +28,27 @@ class SubjectLine:
     bias_interval: Interval
     gain: float
     gain_interval: Interval
-    shrinkage: float
+    relative_gain: float
+    relative_gain_interval: Interval
+    jnd: float
+    jnd_interval: Interval
+    own_share: float
     trials: int
+
+    @property
+    def relative_gain_known(self) -> bool:
+        """Whether there are other subjects to compare with."""
+        return not math.isnan(self.relative_gain)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Lines:
-    """Lines of all subjects and of the population, and the SDs between subjects; 95 % intervals."""
+    """Lines of all subjects and of the population, and the SDs between subjects; 95 % intervals.
+
+    The prior of an SD has no mass at 0, so that its interval never includes 0: beside it stand the
+    prior's interval, the value that the SD is below with 95 % probability, and the probability
+    `small_gain_sd` that it is less than `SMALL_SPREAD` of the population's gain.
+    """
 
     subjects: tuple[SubjectLine, ...]
     bias: float
@@ -39,6 +59,11 @@ class Lines:
     bias_sd_interval: Interval
     gain_sd: float
     gain_sd_interval: Interval
+    gain_sd_prior_interval: Interval
+    gain_sd_upper: float
+    small_gain_sd: float
+    jnd: float
+    jnd_interval: Interval
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,14 +107,20 @@ def covariance_matrices(points: FloatArray) -> FloatArray:
 class LineMixture:
     """Posteriors of the lines in rating points, one per weighted point.
 
-    `weights` (points,); `bias` and `gain` of each subject and, last, of the population; `spread`
-    (points, 2), the SDs of bias and gain between subjects.
+    `weights` (points,); `bias` and `gain` of each subject and, last, of the population; `relative`
+    gain of each subject; `own_variance` (points, subjects), that of the departure from the
+    population's gain over the variance between subjects; `spread` (points, 2), the SDs of bias and
+    gain between subjects; `residual_sd` (points,); `gain_unit`, one standard unit of a gain.
     """
 
     weights: FloatArray
     bias: Marginals
     gain: Marginals
+    relative: Marginals
+    own_variance: FloatArray
     spread: FloatArray
+    residual_sd: FloatArray
+    gain_unit: float
 
 
 def turn_of(axes: Axes) -> FloatArray:
@@ -115,9 +146,15 @@ def summary(subjects: tuple[str, ...], counts: FloatArray, known: LineMixture) -
     bias_intervals, gain_intervals = (
         part.interval_95(weights) for part in (known.bias, known.gain)
     )
-    # The subject's own share of the gain: 1 - posterior variance / variance between subjects.
-    variance_ratio = (known.gain.sds[:, :-1] / spread[:, 1:]) ** 2
-    own = weights @ np.clip(1 - variance_ratio, 0.0, 1.0)
+    relative = weights @ known.relative.means
+    relative_intervals = known.relative.interval_95(weights)
+    if (counts > 0).sum() < 2:
+        relative, relative_intervals = np.full(len(relative), np.nan), [(np.nan, np.nan)]
+    jnd = _jnd(known)
+    # A variance that no trial reduces may exceed that between subjects by rounding.
+    own = np.maximum(1 - weights @ known.own_variance, 0.0)
+    small = known.gain.part(slice(-1, None)).plus(-spread[:, 1:] / SMALL_SPREAD)
+    prior = [known.gain_unit * _prior_quantile_of_spread(p) for p in (0.025, 0.975)]
     return Lines(
         subjects=tuple(
             SubjectLine(
@@ -126,7 +163,11 @@ def summary(subjects: tuple[str, ...], counts: FloatArray, known: LineMixture) -
                 bias_interval=bias_intervals[row],
                 gain=float(gain[row]),
                 gain_interval=gain_intervals[row],
-                shrinkage=float(own[row]),
+                relative_gain=float(relative[row]),
+                relative_gain_interval=relative_intervals[row],
+                jnd=jnd[row][1],
+                jnd_interval=(jnd[row][0], jnd[row][2]),
+                own_share=float(own[row]),
                 trials=int(counts[row]),
             )
             for row, name in enumerate(subjects)
@@ -139,7 +180,20 @@ def summary(subjects: tuple[str, ...], counts: FloatArray, known: LineMixture) -
         bias_sd_interval=_interval(weights, spread[:, 0]),
         gain_sd=weighted_quantile(weights, spread[:, 1], 0.5),
         gain_sd_interval=_interval(weights, spread[:, 1]),
+        gain_sd_prior_interval=(prior[0], prior[1]),
+        gain_sd_upper=weighted_quantile(weights, spread[:, 1], 0.95),
+        small_gain_sd=float(small.above_zero(weights)[0]),
+        jnd=jnd[-1][1],
+        jnd_interval=(jnd[-1][0], jnd[-1][2]),
     )
+
+
+def _jnd(known: LineMixture) -> list[list[float]]:
+    """Return lower limit, median and upper limit of each JND, infinite without a positive gain."""
+    in_noise = known.gain.over(known.residual_sd)
+    steepest_first = [in_noise.quantile(known.weights, p) for p in (0.975, 0.5, 0.025)]
+    rows = np.transpose(steepest_first).tolist()
+    return [[1 / gain if gain > 0 else math.inf for gain in row] for row in rows]
 
 
 def log_prior_of_spread(log_sd: FloatArray) -> FloatArray:
@@ -151,6 +205,11 @@ def log_prior_of_spread(log_sd: FloatArray) -> FloatArray:
     it falls off beyond.
     """
     return np.asarray(2 * log_sd - 1.5 * np.log1p(np.exp(2 * log_sd)))
+
+
+def _prior_quantile_of_spread(probability: float) -> float:
+    """Return the quantile of that prior, in standard units: P(s' < s) = 1 - 1 / √(1 + s²)."""
+    return float(np.sqrt((1 - probability) ** -2 - 1))
 
 
 def _interval(weights: FloatArray, values: FloatArray) -> Interval:

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtr
 
 from analysis.estimates import BoolArray, FloatArray, IntArray, Interval, NotEstimable
 from analysis.sensitivity.curvature import OrdinalTrials, counted
@@ -21,6 +22,7 @@ from analysis.sensitivity.lines import (
     summary,
     turn_of,
 )
+from analysis.sensitivity.marginals import standard_deviations
 from analysis.sensitivity.ratings import Ratings
 
 # log σ, log τ_bias, log τ_gain, artanh ρ and log τ_discrepancy.
@@ -51,6 +53,16 @@ class OrdinalSensitivity:
     thresholds: tuple[float, ...]
     discrepancies: Mapping[str, Estimate]
     effective_points: float
+
+    def expected_ratings(self, contrast: FloatArray) -> FloatArray:
+        """Return the mean rating of a subject on the population's line, by contrast.
+
+        The categories must be ratings; discrepancies are 0, all parameters at their estimates.
+        """
+        place = self.lines.bias + self.lines.gain * contrast[:, None]
+        above = ndtr((place - np.array(self.thresholds)) / self.residual_sd)
+        values = np.array(self.categories, dtype=np.float64)
+        return np.asarray(values[0] + above @ np.diff(values))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -86,7 +98,10 @@ def ordinal_sensitivity(ratings: Ratings) -> OrdinalSensitivity | NotEstimable:
     Chopin, Journal of the Royal Statistical Society B 71, 2009).
     """
     ready = prepared_ratings(ratings)
-    return ready if isinstance(ready, NotEstimable) else fitted(ready, latent_posterior(ready))
+    if isinstance(ready, NotEstimable):
+        return ready
+    posterior = latent_posterior(ready)
+    return posterior.points.refusal or fitted(ready, posterior)
 
 
 def prepared_ratings(ratings: Ratings) -> PreparedTrials | NotEstimable:
@@ -156,23 +171,34 @@ def fitted(ready: PreparedTrials, known: LatentPosterior) -> OrdinalSensitivity:
     """Return lines, thresholds and discrepancies of the posterior, in rating points."""
     points, trials, axes = known.points, ready.trials, ready.axes
     bias, gain = turn_of(axes)
+    counts = np.bincount(trials.subject, weights=trials.weight, minlength=trials.subjects)
     lines, first = trials.subjects + 1, len(trials.shared_start) - trials.conditions
     effects = axes.y_sd * np.eye(trials.conditions, known.modes.parameters.shape[1], first)
-    found = known.marginals(np.vstack([known.of_lines(bias), known.of_lines(gain), effects]))
+    slopes, gain_unit = known.of_lines(np.array([0.0, 1.0])), float(gain[1])
+    relative = gain_unit * (slopes[:-1] - slopes[:-1][counts > 0].mean(axis=0))
+    found = known.marginals(
+        np.vstack([known.of_lines(bias), gain_unit * slopes, effects, relative])
+    )
+    own_sds = standard_deviations(known.modes.curvature, slopes[:-1] - slopes[-1])
+    between = covariance_matrices(points.points[:, 1:4])
+    departures = slice(2 * lines, 2 * lines + trials.conditions)
     mixture = LineMixture(
         weights=points.weights,
         bias=found.part(slice(lines)).plus(axes.y_mean),
         gain=found.part(slice(lines, 2 * lines)),
-        spread=spread_of(covariance_matrices(points.points[:, 1:4]), axes),
+        relative=found.part(slice(departures.stop, None)),
+        own_variance=own_sds**2 / between[:, None, 1, 1],
+        spread=spread_of(between, axes),
+        residual_sd=known.residual_sds * axes.y_sd,
+        gain_unit=gain_unit,
     )
-    counts = np.bincount(trials.subject, weights=trials.weight, minlength=trials.subjects)
     thresholds = trials.edges((points.weights @ known.modes.shared)[None])[0, 1:-1]
     return OrdinalSensitivity(
         lines=summary(ready.subjects, counts.astype(np.float64), mixture),
         residual_sd=float(points.mean(known.residual_sds)) * axes.y_sd,
         categories=ready.categories,
         thresholds=tuple((axes.y_mean + axes.y_sd * thresholds).tolist()),
-        discrepancies=_discrepancies(ready, points.weights, found.part(slice(2 * lines, None))),
+        discrepancies=_discrepancies(ready, points.weights, found.part(departures)),
         effective_points=points.effective,
     )
 

@@ -1,6 +1,8 @@
-"""Coverage of 95 % intervals over a thousand studies of each kind."""
+"""Coverage of 95 % intervals over hundreds of studies of each kind."""
 
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import fields
+from itertools import repeat
 from typing import Literal
 
 import numpy as np
@@ -10,6 +12,7 @@ from analysis.estimates import FloatArray
 from analysis.sensitivity.linear_model import LinearSensitivity, linear_sensitivity
 from analysis.sensitivity.lines import Lines
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensitivity
+from tests.analysis.sensitivity.calibration import DESIGNS, POPULATIONS, Measures, measured
 from tests.analysis.sensitivity.simulated_raters import (
     VirtualPopulation,
     VirtualStudy,
@@ -17,6 +20,7 @@ from tests.analysis.sensitivity.simulated_raters import (
 )
 
 STUDIES = 1000
+STUDIES_PER_CELL = 200
 CONTRASTS = np.array([0.10, 0.15, 0.25, 0.35, 0.05])
 EXTENDED = np.outer(CONTRASTS, [0.25, 0.6, 1.2, 2.0])
 ONCE = CONTRASTS[:, None]
@@ -49,7 +53,7 @@ def lines_of(model: Model, study: VirtualStudy) -> Lines:
     return result.lines
 
 
-def measured(task: Task) -> list[float]:
+def coverage_of(task: Task) -> list[float]:
     """Coverage of bias and gain, mean and RMS error of gain, width, own share, tens."""
     model, population, contrast, subjects, seed = task
     study = drawn(population, contrast, subjects, seed)
@@ -63,7 +67,7 @@ def measured(task: Task) -> list[float]:
         float(error.mean()),
         float((error**2).mean()),
         float(np.diff(gain).mean()),
-        float(np.mean([line.shrinkage for line in lines])),
+        float(np.mean([line.own_share for line in lines])),
         float((study.ratings.rating == 10).mean()),
     ]
 
@@ -73,7 +77,7 @@ def over_studies(
 ) -> list[float]:
     tasks: list[Task] = [(model, population, contrast, subjects, s) for s in range(STUDIES)]
     with ProcessPoolExecutor(2) as pool:
-        rows = np.array(list(pool.map(measured, tasks, chunksize=25)))
+        rows = np.array(list(pool.map(coverage_of, tasks, chunksize=25)))
     bias, gain, error, square, width, share, tens = rows.mean(axis=0)
     print(
         f"\n{name}: coverage of bias {bias:.4f}, of gain {gain:.4f}; gain error {error:+.3f} on "
@@ -107,3 +111,31 @@ def test_one_rating_per_cell_covers() -> None:
     once = over_studies("M1, paper's design, open scale", "M1", OPEN, ONCE, 9)
     assert 0.9 < once[1] < 0.99
     assert over_studies("M2, paper's design, ceiling", "M2", CEILING, ONCE, 9)[1] > 0.9
+
+
+def calibration(name: str, design: str) -> dict[str, tuple[float, float]]:
+    """Return the mean of each measure with its Monte Carlo error, that of the mean over studies."""
+    seeds = range(STUDIES_PER_CELL)
+    with ProcessPoolExecutor(2) as pool:
+        studies = pool.map(measured, repeat(name), repeat(design), seeds, chunksize=10)
+        found = [one for one in studies if isinstance(one, Measures)]
+    table = {}
+    for measure in fields(Measures):
+        values = np.array([getattr(one, measure.name) for one in found])
+        table[measure.name] = (float(values.mean()), float(values.std() / np.sqrt(len(values))))
+    shown = ", ".join(f"{key} {mean:.3f} ± {error:.3f}" for key, (mean, error) in table.items())
+    print(f"\n{design}, {name}, {len(found)} studies: {shown}")
+    assert len(found) >= 0.98 * STUDIES_PER_CELL
+    return table
+
+
+@pytest.mark.parametrize("design", DESIGNS)
+@pytest.mark.parametrize("name", POPULATIONS)
+def test_m2_is_calibrated(name: str, design: str) -> None:
+    found = calibration(name, design)
+    for measure in ("bias", "gain", "relative_gain", "group_gain"):
+        coverage, error = found[measure]
+        assert coverage > 0.95 - max(3 * error, 0.03), measure
+    if name == "no gain":
+        share, error = found["group_excludes_0"]
+        assert share <= 0.05 + 2 * max(error, np.sqrt(0.05 * 0.95 / STUDIES_PER_CELL))

@@ -191,11 +191,53 @@ def test_the_page_states_the_threshold_of_the_correlation_shown(folder: Path) ->
 
 def test_every_subject_has_bias_and_gain_within_their_intervals(numbers: Any) -> None:
     assert [line["subject"] for line in numbers["sensitivity"]] == [str(n) for n in range(1, 10)]
-    for line in numbers["sensitivity"]:
-        assert line["gain_ci"][0] < line["gain"] < line["gain_ci"][1]
-        assert line["bias_ci"][0] < line["bias"] < line["bias_ci"][1]
-        assert 0 < line["shrinkage"] < 1
+    for line in (*numbers["sensitivity"], *numbers["sensitivity_simple"]["subjects"]):
+        for name in ("gain", "bias", "relative_gain"):
+            assert line[f"{name}_ci"][0] < line[name] < line[f"{name}_ci"][1]
+        assert 0 < line["own_share"] < 1
     assert "catch" in numbers["sensitivity_models"]["M3"]["reason"]
+
+
+def test_the_headline_is_the_ordinal_model_with_the_simple_one_beside_it(
+    folder: Path, numbers: Any
+) -> None:
+    models = numbers["sensitivity_models"]
+    assert numbers["sensitivity_model"] == "M2"
+    assert numbers["sensitivity"] == models["M2"]["subjects"]
+    assert numbers["sensitivity_simple"]["model"] == "M1"
+    assert numbers["sensitivity_simple"]["subjects"] == models["M1"]["subjects"]
+    assert "Do not use it where scores reach the highest" in numbers["sensitivity_simple"]["note"]
+    assert all(models[name]["effective_points"] >= 200 for name in ("M1", "M2"))
+    group = models["M2"]["population"]
+    assert group["gain_ci"] == pytest.approx([-6.88, 20.58], abs=0.05)
+    assert group["gain_sd_prior_ci"] == pytest.approx([2.27, 399], rel=0.01)
+    assert group["gain_sd"] < group["gain_sd_upper"] < group["gain_sd_ci"][1]
+    assert 0.1 < group["small_gain_sd"]["p"] < 0.2
+    page = unescape((folder / "report" / "report.html").read_text())
+    assert "95 % interval [−6.88,\N{NO-BREAK SPACE}20.58], which includes 0." in page
+    assert "Simple comparison: bias and gain by M1" in page
+
+
+def test_the_jnd_of_the_published_table_has_no_upper_limit(folder: Path, numbers: Any) -> None:
+    """No subject's gain is known to be positive."""
+    assert all(line["gain_ci"][0] <= 0 for line in numbers["sensitivity"])
+    assert [line["jnd_ci"][1] for line in numbers["sensitivity"]] == [None] * 9
+    assert all(0 < line["jnd_ci"][0] < line["jnd"] for line in numbers["sensitivity"])
+    page = unescape((folder / "report" / "report.html").read_text())
+    assert page.count("\N{NO-BREAK SPACE}unbounded]") == 10
+
+
+def test_skin_is_named_wherever_a_gain_stands(folder: Path, numbers: Any) -> None:
+    page = unescape((folder / "report" / "report.html").read_text())
+    short = "Without measured friction, a gain mixes skin with perception."
+    captions = [text.partition("</")[0] for text in page.split("caption>")[1:]]
+    about = ("Sensitivity", "Ratings against the contrast", "Spread of gains", "Simple comparison")
+    with_gains = [text for text in captions if text.startswith(about)]
+    assert len(with_gains) == 5
+    assert all(short in text for text in with_gains)
+    numbers_said = "held the true gain in 60 % of cases only"
+    assert page.count(numbers_said) == 2
+    assert numbers_said in numbers["sensitivity_note"]
 
 
 def test_results_that_a_published_table_cannot_give_have_a_reason(numbers: Any) -> None:

@@ -8,7 +8,7 @@ from analysis.report.blocks import Column, Figure, Section, Table, columns
 from analysis.report.drawing import scatter_figure
 from analysis.report.figure_data import scatter
 from analysis.report.findings import Findings
-from analysis.report.wording import number, of_all, p_value, share
+from analysis.report.wording import SKIN_IN_SHORT, number, of_all, p_value, share
 from analysis.trials.law_comparison import LawLikelihood, LawOrder, shared_contrasts
 from analysis.trials.trial_statistics import PAPERS_RANKING, LawScore, TrialStatistics
 from device.friction.contrasts import LAW, RUNG
@@ -57,8 +57,10 @@ def _ratings_figure(found: Findings) -> Figure:
         name="model",
         title="Ratings against the model",
         caption="Ratings against the contrast that the friction model predicts for each trial. "
-        "Shape and colour mark the condition; equal ratings are offset slightly. The line is the "
-        f"group fit of M1.{of_all(len(data.ratings.rating), data.of, 'ratings')}",
+        "Shape and colour mark the condition; equal ratings are offset slightly. The solid line is "
+        "the mean rating that M2 expects of the group's average subject, without effects of "
+        "conditions beyond their contrasts; the dashed line is that of M1, the simple comparison. "
+        f"{SKIN_IN_SHORT}{of_all(len(data.ratings.rating), data.of, 'ratings')}",
         draw=partial(scatter_figure, data),
         table=table,
     )

@@ -1,16 +1,27 @@
 """Sensitivity of each subject under the models M1, M2 and M3, with the limits of the data."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from functools import partial
 
-from analysis.estimates import Json, NotEstimable, plain
+from analysis.estimates import Json, NotEstimable, plain, why
 from analysis.report.blocks import Figure, Items, Section, Table, columns
 from analysis.report.drawing import gains_figure
-from analysis.report.figure_data import Gains, gains
+from analysis.report.figure_data import HEADLINE, SIMPLE, gains
 from analysis.report.findings import Findings
-from analysis.report.wording import interval, number, of_all
+from analysis.report.wording import (
+    MISSING,
+    SIMPLE_ONLY,
+    SKIN,
+    SKIN_IN_SHORT,
+    UNBOUNDED,
+    interval,
+    number,
+    of_all,
+)
+from analysis.sensitivity.integration import LEAST_EFFECTIVE
 from analysis.sensitivity.linear_model import LinearSensitivity
-from analysis.sensitivity.lines import Lines, SubjectLine
+from analysis.sensitivity.lines import SMALL_SPREAD, Lines, SubjectLine
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.sensitivity.two_stage_model import TwoStageSensitivity
 from analysis.trials.law_comparison import LawOrder, critical_correlation, critical_rank_correlation
@@ -27,16 +38,32 @@ def section(found: Findings) -> Section:
         name="sensitivity",
         title="Sensitivity",
         blocks=[
+            _headline(trials.m2),
+            SKIN,
             Items(heading="Limitations of these data.", lines=_limits(found)),
             *(
                 f"{model} could not be fitted: {fit.reason}."
-                for model, fit in (("M1", trials.m1), ("M2", trials.m2))
+                for model, fit in (("M2", trials.m2), ("M1", trials.m1))
                 if isinstance(fit, NotEstimable)
             ),
             _gains_figure(trials),
+            _fits_table(_fits(trials)),
+            _simple_table(trials.m1),
             None if isinstance(trials.m3, NotEstimable) else _detection_table(trials.m3),
         ],
         data=_sensitivity_json(trials),
+    )
+
+
+def _headline(fit: OrdinalSensitivity | NotEstimable) -> str:
+    """Return the group's gain in a sentence, or an empty text without a fit."""
+    if isinstance(fit, NotEstimable):
+        return ""
+    gain = fit.lines.gain_interval
+    shown = "includes" if gain[0] <= 0 <= gain[1] else "excludes"
+    return (
+        f"By M2, ratings change by {number(fit.lines.gain, 2)} points per unit of predicted "
+        f"contrast in the group, 95 % interval {interval(gain)}, which {shown} 0."
     )
 
 
@@ -47,14 +74,16 @@ def _limits(found: Findings) -> list[str]:
         limits.append(
             "With one rating per subject and condition, differences between subjects in "
             "sensitivity cannot be established: a subject's gain is known only by pooling with the "
-            "others, and the shrinkage factor shows how little of it comes from the subject's own "
-            "trials. The intervals of M1 and M2 then depend largely on the priors."
+            "others, and its own share shows how much of its departure from the group comes from "
+            "the subject's own trials. The intervals of M1 and M2 then depend largely on the "
+            "priors."
         )
     if isinstance(trials.m1, LinearSensitivity):
         limits.append(
             "M1 assumes that conditions differ only in the predicted contrast. It treats all other "
             "differences between conditions as noise of single trials, so its intervals are too "
-            "narrow, above all those of the group; M2 includes a discrepancy for each condition."
+            "narrow, above all those of the group; M2, the headline, includes a discrepancy for "
+            "each condition."
         )
     rated = [score.order.rated for score in trials.laws if isinstance(score.order, LawOrder)]
     if rated:
@@ -99,34 +128,47 @@ def _gains_figure(trials: TrialStatistics) -> Figure:
     return Figure(
         name="sensitivity",
         title="Sensitivity of each subject",
-        caption="Sensitivity of each subject with its 95 % interval, by M1 (circles) and M2 "
-        f"(squares); dashed lines show the group.{of_all(len(data.shown), data.of, 'subjects')}",
+        caption="Sensitivity of each subject with its 95 % interval; dashed lines show the group. "
+        f"{SKIN_IN_SHORT}{of_all(len(data.shown), data.of, 'subjects')}",
         draw=partial(gains_figure, data),
-        table=_gains_table(data),
+        table=_gains_table(*next(iter(data.models.items()))),
     )
 
 
-def _gains_table(data: Gains) -> Table:
-    """Return each subject's bias and gain under each model, with intervals and shrinkage."""
-    models = data.models
-    names = ["subject"]
-    for model in models:
-        names += [f"{model} bias", "95 %", f"{model} gain", "95 %", "shrinkage"]
-    group = [cell for lines in models.values() for cell in (*_line_cells(lines), "")]
-    rows = [["group", *group]]
-    for place, line in enumerate(next(iter(models.values())).subjects):
-        lines = [fit.subjects[place] for fit in models.values()]
-        own = [cell for own in lines for cell in (*_line_cells(own), number(own.shrinkage, 2))]
-        rows.append([line.subject, *own])
+def _gains_table(model: str, lines: Lines) -> Table:
+    """Return each subject's bias, gain, relative gain and JND, with intervals."""
+    names = ("bias", "95 %", "gain", "95 %", "relative gain", "95 %", "JND", "95 %", "own share")
     return Table(
         name="gains",
-        caption="Bias (rating at no contrast) and sensitivity (gain, rating points per unit of "
-        "contrast) of each subject and of the group, with 95 % intervals. The shrinkage factor is "
-        "the share of a gain that comes from the subject's own trials; the rest comes from the "
-        "group.",
-        columns=columns(*names),
-        rows=rows,
+        caption=f"Sensitivity by {model}, with 95 % intervals. Bias: rating at no contrast. Gain: "
+        "rating points per unit of contrast. Relative gain: the subject's gain less the mean gain "
+        "of the subjects, which tells who is more sensitive than whom and is known better than the "
+        "gain itself. JND (just noticeable difference): the contrast that changes a rating by the "
+        "standard deviation of its noise, without an upper limit where the gain may be 0. Own "
+        "share: the share of a subject's departure from the group's gain that comes from the "
+        f"subject's own trials; the rest comes from the group. {SKIN_IN_SHORT}",
+        columns=columns("subject", *names),
+        rows=[
+            ["group", *_line_cells(lines), "", "", *_jnd_cells(lines), ""],
+            *([line.subject, *_subject_cells(line)] for line in lines.subjects),
+        ],
     )
+
+
+def _subject_cells(line: SubjectLine) -> list[str]:
+    relative = interval(line.relative_gain_interval) if line.relative_gain_known else MISSING
+    return [
+        *_line_cells(line),
+        number(line.relative_gain, 2),
+        relative,
+        *_jnd_cells(line),
+        number(line.own_share, 2),
+    ]
+
+
+def _jnd_cells(line: SubjectLine | Lines) -> list[str]:
+    jnd = UNBOUNDED if math.isinf(line.jnd) else number(line.jnd)
+    return [jnd, interval(line.jnd_interval, 3)]
 
 
 def _line_cells(line: SubjectLine | Lines) -> list[str]:
@@ -138,6 +180,63 @@ def _line_cells(line: SubjectLine | Lines) -> list[str]:
     ]
 
 
+def _fits(trials: TrialStatistics) -> dict[str, LinearSensitivity | OrdinalSensitivity]:
+    """Return the fits by model, the headline first."""
+    m3 = trials.m3.ratings if isinstance(trials.m3, TwoStageSensitivity) else trials.m3
+    fits = {HEADLINE: trials.m2, SIMPLE: trials.m1, "M3": m3}
+    return {name: fit for name, fit in fits.items() if not isinstance(fit, NotEstimable)}
+
+
+def _fits_table(fits: Mapping[str, LinearSensitivity | OrdinalSensitivity]) -> Table | None:
+    """Return the spread of gains between subjects under each model, or None without a fit."""
+    if not fits:
+        return None
+    names = ("SD", "95 %", "prior 95 %", "95 % below", "P(small)", "SD of noise")
+    return Table(
+        name="spread",
+        caption="Spread of gains between subjects, in points per unit of contrast: its posterior "
+        "median and 95 % interval, the 95 % interval of its prior, and the value that it is below "
+        "with 95 % probability. The prior excludes 0, so the interval does too and does not show "
+        "that subjects differ. P(small): the probability that the spread is less than "
+        f"{SMALL_SPREAD:.0%} of the group's gain, about as much as differences of skin alone "
+        "produce. Effective points: how well the fit is integrated, at least "
+        f"{LEAST_EFFECTIVE:.0f}. {SKIN_IN_SHORT}",
+        columns=columns("model", *names, "effective points"),
+        rows=[
+            [
+                model,
+                number(fit.lines.gain_sd, 2),
+                interval(fit.lines.gain_sd_interval),
+                interval(fit.lines.gain_sd_prior_interval),
+                number(fit.lines.gain_sd_upper, 2),
+                number(fit.lines.small_gain_sd),
+                number(fit.residual_sd, 2),
+                f"{fit.effective_points:.0f}",
+            ]
+            for model, fit in fits.items()
+        ],
+    )
+
+
+def _simple_table(fit: LinearSensitivity | NotEstimable) -> Table | None:
+    """Return bias and gain under M1, or None if it was not fitted."""
+    if isinstance(fit, NotEstimable):
+        return None
+    return Table(
+        name="simple",
+        caption=f"Simple comparison: bias and gain by M1, with 95 % intervals. {SIMPLE_ONLY} "
+        f"{SKIN_IN_SHORT}",
+        columns=columns("subject", "bias", "95 %", "gain", "95 %", "own share"),
+        rows=[
+            ["group", *_line_cells(fit.lines), ""],
+            *(
+                [line.subject, *_line_cells(line), number(line.own_share, 2)]
+                for line in fit.lines.subjects
+            ),
+        ],
+    )
+
+
 def _detection_table(fit: TwoStageSensitivity) -> Table:
     """Return each subject's d′ and criterion under M3."""
     return Table(
@@ -145,7 +244,8 @@ def _detection_table(fit: TwoStageSensitivity) -> Table:
         caption="Change detection and rating of the changes that were noticed (M3): d′ at a "
         f"contrast of {fit.reference_contrast:.3f}; the criterion for the expected change, in SDs "
         "of the noise; the false-alarm rate, the probability that a change in either direction is "
-        "reported without one; gain in rating points; with 95 % intervals.",
+        "reported without one; gain in rating points; with 95 % intervals. "
+        f"{SKIN_IN_SHORT}",
         columns=columns(
             *("subject", "d′", "95 %", "criterion", "95 %"),
             *("false alarms", "95 %", "gain", "95 %"),
@@ -168,13 +268,21 @@ def _detection_table(fit: TwoStageSensitivity) -> Table:
 
 
 def _sensitivity_json(trials: TrialStatistics) -> Json:
-    m1 = trials.m1
-    subjects = m1.lines.subjects if isinstance(m1, LinearSensitivity) else ()
+    m1, m2 = trials.m1, trials.m2
     return {
-        "sensitivity": _subjects_json(subjects),
+        "sensitivity_model": "M2",
+        "sensitivity_note": SKIN,
+        "sensitivity": [] if isinstance(m2, NotEstimable) else _subjects_json(m2.lines.subjects),
+        **why("sensitivity", m2),
+        "sensitivity_simple": {
+            "model": "M1",
+            "note": SIMPLE_ONLY,
+            "subjects": [] if isinstance(m1, NotEstimable) else _subjects_json(m1.lines.subjects),
+            **({"reason": m1.reason} if isinstance(m1, NotEstimable) else {}),
+        },
         "sensitivity_models": {
             "M1": _fit_json(m1),
-            "M2": _fit_json(trials.m2),
+            "M2": _fit_json(m2),
             "M3": _fit_json(trials.m3),
         },
     }
@@ -195,16 +303,30 @@ def _fit_json(
 
 
 def _lines_json(lines: Lines) -> Json:
-    names = ("bias", "gain", "bias_sd", "gain_sd")
+    population = {name: value for name, value in plain(lines).items() if name != "subjects"}
+    small = {"below_share_of_gain": SMALL_SPREAD, "p": population.pop("small_gain_sd")}
     return {
         "subjects": _subjects_json(lines.subjects),
-        "population": {name: plain(getattr(lines, name)) for name in names}
-        | {f"{name}_ci": plain(getattr(lines, f"{name}_interval")) for name in names},
+        "population": {**_line_json(population), "small_gain_sd": small},
     }
 
 
 def _subjects_json(lines: Sequence[SubjectLine]) -> list[Json]:
     return [
-        {name.replace("interval", "ci"): value for name, value in plain(line).items()}
+        _line_json(plain(line))
+        | (
+            {}
+            if line.relative_gain_known
+            else {"relative_gain_reason": "a single subject has no others to compare with"}
+        )
         for line in lines
     ]
+
+
+def _line_json(line: Json) -> Json:
+    """Return a line with short names of intervals, and `null` in place of an unbounded JND."""
+    found = {name.replace("interval", "ci"): value for name, value in line.items()}
+    low, high = (None if end == math.inf else end for end in found["jnd_ci"])
+    jnd = None if found["jnd"] == math.inf else found["jnd"]
+    reason = {} if high else {"jnd_reason": "unbounded, because the gain may be 0"}
+    return {**found, "jnd": jnd, "jnd_ci": [low, high], **reason}

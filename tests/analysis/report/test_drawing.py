@@ -53,5 +53,7 @@ def test_many_conditions_have_room(count: int) -> None:
         contrast=np.linspace(0, 1, 4 * count),
         rating=table.scores.ravel(),
     )
-    svg = scatter_figure(Scatter(ratings=ratings, scale=scale, of=4, line=(1.0, 2.0)), words).svg
+    at = np.array([0.0, 1.0])
+    data = Scatter(ratings=ratings, scale=scale, of=4, at=at, curves={"M2": at, "M1": 2 * at})
+    svg = scatter_figure(data, words).svg
     assert len(set(re.findall("<!-- condition [0-9]+ -->", svg))) == count

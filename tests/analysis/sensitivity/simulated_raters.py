@@ -13,7 +13,8 @@ class VirtualPopulation:
     """The population of virtual participants; biases, gains and noise in rating points.
 
     A latent value bias + gain · contrast + discrepancy + noise is rounded to `step` and clipped to
-    `scale`, unless this is None. In a share `lapse_rate` of trials the rating is random.
+    `scale`, unless this is None; with `thresholds` its rating is the number of those below it. In a
+    share `lapse_rate` of trials the rating is random.
     """
 
     bias: float = 3.0
@@ -25,6 +26,7 @@ class VirtualPopulation:
     scale: tuple[float, float] | None = (0.0, 10.0)
     step: float = 1.0
     lapse_rate: float = 0.0
+    thresholds: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         if not 0 <= self.lapse_rate <= 1:
@@ -82,6 +84,8 @@ def virtual_study(
 
 
 def _on_scale(latent: FloatArray, population: VirtualPopulation) -> FloatArray:
+    if population.thresholds:
+        return np.searchsorted(population.thresholds, latent).astype(np.float64)
     if population.scale is None:
         return latent
     return np.clip(np.round(latent / population.step) * population.step, *population.scale)

@@ -39,7 +39,8 @@ def is_sound(lines: Lines) -> bool:
     return all(
         np.isfinite([line.bias, line.gain, *line.bias_interval, *line.gain_interval]).all()
         and line.gain_interval[0] <= line.gain <= line.gain_interval[1]
-        and 0 <= line.shrinkage <= 1
+        and 0 <= line.own_share <= 1
+        and 0 < line.jnd_interval[0] <= line.jnd <= line.jnd_interval[1]
         for line in lines.subjects
     )
 

@@ -76,6 +76,15 @@ def test_the_likelihood_is_that_of_a_multivariate_normal() -> None:
         assert known.means[0, number] == pytest.approx(expected, rel=1e-10)
     unseen = between + np.linalg.inv(precision)
     assert known.covariances[0, 3] == pytest.approx(unseen, rel=1e-10)
+    # The joint posterior of two subjects' lines: their covariance comes from the population alone.
+    one, other = (np.where(subject == number, 1.0, 0.0)[:, None] * design for number in (0, 2))
+    projected = inverse - inverse @ design @ np.linalg.solve(precision, design.T @ inverse)
+    shared = np.linalg.inv(precision)
+    lost = [between @ own.T @ inverse @ design @ shared for own in (one, other)]
+    expected = shared - lost[0] - lost[1].T - between @ one.T @ projected @ other @ between
+    kept = known.kept[0]
+    found = kept[0] @ known.population_covariance[0] @ kept[2].T
+    assert found == pytest.approx(expected, rel=1e-9)
 
 
 def test_one_subject_is_ordinary_regression(extended_study: StudyOf) -> None:
@@ -122,7 +131,7 @@ def test_a_subject_with_few_trials_borrows_more(extended_study: StudyOf) -> None
     scored[ratings.subject == 1] = np.nan
     lines = fit(replace(ratings, rating=scored)).lines.subjects
     assert [line.trials for line in lines[:3]] == [4, 0, 20]
-    assert lines[1].shrinkage < 0.05 < lines[0].shrinkage < lines[2].shrinkage < 1
+    assert lines[1].own_share < 0.05 < lines[0].own_share < lines[2].own_share < 1
     assert width(lines[1].gain_interval) > width(lines[2].gain_interval)
 
 
@@ -139,7 +148,7 @@ def test_one_rating_per_cell_is_not_enough() -> None:
         )
         lines = fit(study.ratings).lines.subjects
         widths[repeats] = np.mean([width(line.gain_interval) for line in lines])
-        shares[repeats] = np.mean([line.shrinkage for line in lines])
+        shares[repeats] = np.mean([line.own_share for line in lines])
     assert shares[1] < 0.6
     assert shares[1] < shares[4]
     assert widths[1] > 1.2 * widths[4]

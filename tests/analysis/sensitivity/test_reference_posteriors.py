@@ -50,13 +50,6 @@ def fit(study: str) -> Fit:
     return ready, posterior, fitted(ready, posterior)
 
 
-def relative_gains(ready: PreparedTrials, posterior: LatentPosterior) -> list[Interval]:
-    """Each subject's gain less the mean gain of the subjects."""
-    gains = posterior.of_lines(np.array([0.0, ready.axes.y_sd / ready.axes.x_sd]))[:-1]
-    found = posterior.marginals(gains - gains.mean(axis=0))
-    return found.interval_95(posterior.points.weights)
-
-
 def limits(study: str) -> dict[str, Interval]:
     """The 95 % limits of every quantity that the reference has."""
     ready, posterior, result = fit(study)
@@ -70,11 +63,9 @@ def limits(study: str) -> dict[str, Interval]:
         "group_gain": lines.gain_interval,
         "group_bias": lines.bias_interval,
     }
-    for row, (line, relative) in enumerate(
-        zip(lines.subjects, relative_gains(ready, posterior), strict=True)
-    ):
+    for row, line in enumerate(lines.subjects):
         found |= {f"bias {row}": line.bias_interval, f"gain {row}": line.gain_interval}
-        found[f"relative_gain {row}"] = relative
+        found[f"relative_gain {row}"] = line.relative_gain_interval
     for name, estimate in result.discrepancies.items():
         found[f"discrepancy {name}"] = estimate.interval
     return found

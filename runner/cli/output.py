@@ -95,8 +95,11 @@ def progress(what: str, total: int) -> Iterator[Callable[[], None]]:
 _T = TypeVar("_T")
 
 
-def followed(what: str, items: Iterable[_T], total: int) -> Iterator[_T]:
-    """Yield `items`, with a progress bar on a terminal."""
+def followed(what: str, items: Iterable[_T], total: int, *, alone: bool = False) -> Iterator[_T]:
+    """Yield `items`, with a progress bar on a terminal; without it if a document is to be `alone`."""
+    if alone:
+        yield from items
+        return
     with progress(what, total) as step:
         for item in items:
             yield item

@@ -223,7 +223,8 @@ def write_report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json:
     broken: list[str] = []
     with study_journal(folder) as journal:
         study = folder.study()
-        chains = followed("sessions", readable_chains(journal, broken), len(journal.sessions()))
+        readable, sessions = readable_chains(journal, broken), len(journal.sessions())
+        chains = followed("sessions", readable, sessions, alone=as_json)
         found = load_study_data(chains, rehearsals=rehearsals, rules=study.exclusions)
     title = folder.path.resolve().name
     origin = Origin(

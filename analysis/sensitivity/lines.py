@@ -149,7 +149,8 @@ def summary(subjects: tuple[str, ...], counts: FloatArray, known: LineMixture) -
     relative = weights @ known.relative.means
     relative_intervals = known.relative.interval_95(weights)
     if (counts > 0).sum() < 2:
-        relative, relative_intervals = np.full(len(relative), np.nan), [(np.nan, np.nan)]
+        relative = np.full(len(relative), np.nan)
+        relative_intervals = [(np.nan, np.nan)] * len(relative)
     jnd = _jnd(known)
     # A variance that no trial reduces may exceed that between subjects by rounding.
     own = np.maximum(1 - weights @ known.own_variance, 0.0)

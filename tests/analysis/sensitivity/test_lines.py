@@ -131,3 +131,11 @@ def test_a_fit_with_too_few_effective_points_is_withheld(
     found = fit(ratings)
     assert isinstance(found, NotEstimable)
     assert "effective points, and intervals need at least 1000000000" in found.reason
+
+
+@MODELS
+def test_the_only_subject_with_trials_has_no_relative_gain(fit: Fit) -> None:
+    ratings = drawn("middle", "9x5x4", 3).ratings
+    lines = lines_of(fit, ratings.where(ratings.subject == 0)).subjects
+    assert len(lines) == 9
+    assert not any(line.relative_gain_known for line in lines)

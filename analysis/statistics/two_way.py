@@ -197,6 +197,7 @@ def intraclass_correlation(
     )
 
 
+@np.errstate(divide="ignore", invalid="ignore")  # ends that are not finite are refused below
 def _icc_intervals(fit: TwoWay, agreement: float) -> Mapping[str, Interval] | NotEstimable:
     """Return the F-based intervals (McGraw and Wong, Psychological Methods 1, 1996, table 7).
 
@@ -207,13 +208,15 @@ def _icc_intervals(fit: TwoWay, agreement: float) -> Mapping[str, Interval] | No
     given, noise = int(fit.table.given.sum()), fit.residual_variance
     if noise <= 0:
         return NotEstimable("there is no residual, so there is no interval")
+    if fit.row_squares <= 0:
+        return NotEstimable("the targets do not differ, so there is no interval")
     n, k = (given - targets) / (raters - 1), (given - raters) / (targets - 1)
     rows, columns = fit.row_squares / (targets - 1), fit.column_squares / (raters - 1)
     f = rows / noise
     signal = np.array(
         [f / fdtri(targets - 1, df, 0.975) - 1, f * fdtri(df, targets - 1, 0.975) - 1]
     )
-    share = k * agreement / (n * (1 - agreement)) if agreement < 1 else 0.0
+    share = np.float64(k * agreement / (n * (1 - agreement)) if agreement < 1 else 0.0)
     level, rest = share * columns, (1 + share * (n - 1)) * noise
     v = (level + rest) ** 2 / (level**2 / (raters - 1) + rest**2 / df)
     below, above = fdtri(targets - 1, v, 0.975), fdtri(v, targets - 1, 0.975)
@@ -230,7 +233,7 @@ def _icc_intervals(fit: TwoWay, agreement: float) -> Mapping[str, Interval] | No
         "consistency_mean": signal / (signal + k / raters),
     }
     if not all(np.isfinite(ends).all() and ends[0] <= ends[1] for ends in found.values()):
-        return NotEstimable("too many scores are missing for an interval")
+        return NotEstimable("the mean squares do not determine an interval")
     return {name: (float(ends[0]), float(ends[1])) for name, ends in found.items()}
 
 

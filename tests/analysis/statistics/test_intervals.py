@@ -47,6 +47,13 @@ def test_correlations_without_a_residual_have_no_interval(table_of: TableOf) -> 
     assert found.intervals == NotEstimable("there is no residual, so there is no interval")
 
 
+def test_targets_that_do_not_differ_have_no_interval(table_of: TableOf) -> None:
+    scores = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 0.0], [0.0, 1.0]])
+    found = intraclass_correlation(table_of(scores), target="subjects")
+    assert isinstance(found, IntraclassCorrelation)
+    assert found.intervals == NotEstimable("the targets do not differ, so there is no interval")
+
+
 def test_effects_of_conditions_have_the_t_interval_of_the_subjects_own(
     published: ScoreTable,
 ) -> None:

@@ -173,7 +173,8 @@ def test_the_gain_of_a_law_has_cautions(folder: Path, numbers: Any) -> None:
     assert found["coulomb"]["gain_p"] == pytest.approx(30 / 120)
     page = unescape((folder / "report" / "report.html").read_text())
     for caution in (
-        "not penalised for the law's three additional parameters",
+        "Conditions, not trials, are the units that tell laws apart.",
+        "If p is large, arbitrary contrasts would fit as well;",
         "a law cannot explain who felt what",
         "M1 assumes that conditions differ only in the predicted contrast.",
     ):

@@ -52,8 +52,17 @@ _KEYS = (
     *("incidents", "table4", "friedman", "skillings_mack", "kendall_w", "rank_sums", "pairwise"),
     *("icc", "additive", "gain_heterogeneity", "missing_readings", "ordinal"),
     *("sensitivity_model", "sensitivity_note", "sensitivity", "sensitivity_simple"),
-    *("sensitivity_models", "sensitivity_at_places", "recovery", "contrast_law", "contrast_rung"),
-    *("contrast_ranges", "laws", "checks", "signal", "trials", "provenance"),
+    *("sensitivity_models", "predictive_checks", "sensitivity_at_places", "recovery"),
+    *(
+        "contrast_law",
+        "contrast_rung",
+        "contrast_ranges",
+        "laws",
+        "checks",
+        "signal",
+        "trials",
+        "provenance",
+    ),
 )
 """Order of the keys of `report.json`, fixed so that two reports can be compared; others follow."""
 

@@ -21,8 +21,13 @@ from analysis.sensitivity.checks import (
 )
 from analysis.sensitivity.linear_model import LinearSensitivity, linear_sensitivity
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensitivity
+from analysis.sensitivity.predictive_checks import (
+    PredictiveCheck,
+    checked_ordinal,
+    checked_two_stage,
+)
 from analysis.sensitivity.ratings import Ratings
-from analysis.sensitivity.two_stage_model import TwoStageSensitivity, two_stage_sensitivity
+from analysis.sensitivity.two_stage_model import TwoStageSensitivity
 from analysis.statistics.ordinal import OrdinalEffects, ordinal_effects_of_trials
 from analysis.statistics.table4 import table4
 from analysis.trials.arrays import ScoredTrials, detection_trials, scored_trials
@@ -114,6 +119,7 @@ class TrialStatistics:
     """The statistics of single trials; `ordinal` is by link, `laws` in a fixed order.
 
     `place_m2` is M2 of the conditions at a place alone, where there are others too.
+    `predictive` has the posterior predictive checks by model; a model that fails is not estimable.
     """
 
     contrasts: TrialContrasts
@@ -124,6 +130,7 @@ class TrialStatistics:
     m3: TwoStageSensitivity | NotEstimable
     place_m2: OrdinalSensitivity | NotEstimable
     ranges: tuple[ContrastRange, ...]
+    predictive: Mapping[str, PredictiveCheck | NotEstimable]
     laws: tuple[LawScore, ...]
     drift: Drift | NotEstimable
     order: FTest | NotEstimable
@@ -144,14 +151,17 @@ def trial_statistics(data: StudyData, study: Study) -> TrialStatistics:
     contrasts = trial_contrasts(study, data.trials, data.touches)
     scored = scored_trials(data, contrasts)
     changes = condition_changes(study, data)
+    m2 = checked_ordinal(scored.ratings)
+    m3 = checked_two_stage(detection_trials(data, contrasts, study))
     ordered = bool((scored.place > 0).any())
     return TrialStatistics(
         contrasts=contrasts,
         scored=scored,
         ordinal={link: _ordinal(scored, link) for link in ("probit", "logit")},
         m1=linear_sensitivity(scored.ratings),
-        m2=ordinal_sensitivity(scored.ratings),
-        m3=two_stage_sensitivity(detection_trials(data, contrasts, study)),
+        m2=m2.fit,
+        m3=m3.fit,
+        predictive={"M2": m2.check, "M3": m3.check},
         place_m2=_place_m2(scored.ratings, changes),
         ranges=tuple(contrast_range(name, change) for name, change in changes.items()),
         laws=_laws(data, scored),

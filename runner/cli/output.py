@@ -96,7 +96,7 @@ _T = TypeVar("_T")
 
 
 def followed(what: str, items: Iterable[_T], total: int, *, alone: bool = False) -> Iterator[_T]:
-    """Yield `items`, with a progress bar on a terminal; without it if a document is to be `alone`."""
+    """Yield `items`, with a progress bar on a terminal unless a document is to be `alone`."""
     if alone:
         yield from items
         return

@@ -80,13 +80,13 @@ def _model(trials: TrialStatistics) -> str:
     return (
         f"Contrasts were predicted trial by trial from the friction model on its rung {RUNG} under "
         f"{laws} laws; {touches}. Sensitivities were estimated under the law '{LAW}' by M2, an "
-        "ordinal mixed model: a latent rating, bias + gain × contrast + an effect of the condition + noise, is "
-        "mapped to scores through ordered thresholds common to all subjects. A relative gain is a "
+        "ordinal mixed model: a latent rating, bias + gain × contrast + an effect of the "
+        "condition + noise, is mapped to scores through ordered thresholds common to all subjects. A relative gain is a "
         "subject's gain less the mean gain of the subjects; the just noticeable difference (JND) "
         "is the standard deviation of the noise over the gain. M1, the simple comparison, is a "
         "linear mixed model, rating = bias + gain × contrast; M3 first models whether a change "
         "is noticed, from the answers to all trials, by a probit model with noise and criterion of "
         "each subject, and then, by M2, how noticed changes are rated. Intervals are integrated "
-        "over the variance parameters instead of fixing these at their best-fitting values; a fit with fewer than "
-        f"{LEAST_EFFECTIVE:.0f} effective points of this integration is withheld. {SKIN}"
+        "over the variance parameters instead of fixing these at their best-fitting values; a fit "
+        f"with fewer than {LEAST_EFFECTIVE:.0f} effective points of this integration is withheld. {SKIN}"
     )

@@ -42,7 +42,7 @@ def section(found: Findings) -> Section:
             SKIN,
             Items(heading="Limitations of these data.", lines=_limits(found)),
             *(
-                f"{model} could not be fitted: {fit.reason}."
+                f"{model} has no estimates: {fit.reason}."
                 for model, fit in (("M2", trials.m2), ("M1", trials.m1))
                 if isinstance(fit, NotEstimable)
             ),
@@ -97,7 +97,7 @@ def _limits(found: Findings) -> list[str]:
         )
     if isinstance(trials.m3, NotEstimable):
         why = trials.m3.reason
-        limits.append(f"M3 (noticing a change, then rating it) could not be fitted: {why}.")
+        limits.append(f"M3 (noticing a change, then rating it) has no estimates: {why}.")
     return limits
 
 

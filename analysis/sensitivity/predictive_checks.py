@@ -1,0 +1,250 @@
+"""Posterior predictive checks: does a model produce answers like those that were given?"""
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from scipy.special import ndtr
+
+from analysis.estimates import BoolArray, FloatArray, IntArray, Interval, NotEstimable
+from analysis.sensitivity.latent_posterior import LatentPosterior
+from analysis.sensitivity.noticing import LEAN, Noticing
+from analysis.sensitivity.ordinal_model import (
+    OrdinalSensitivity,
+    PreparedTrials,
+    fitted,
+    latent_posterior,
+    prepared_ratings,
+)
+from analysis.sensitivity.ratings import Ratings
+from analysis.sensitivity.two_stage_model import (
+    AnsweredTrials,
+    TwoStageSensitivity,
+    two_stage_posterior,
+)
+from analysis.statistics.signed_rank import holm
+
+SEED = 1
+MOST_DRAWS, FEWEST_DRAWS, DRAWN_TRIALS = 1000, 200, 10_000_000
+"""Number of replicated studies: as many as DRAWN_TRIALS allows, within limits."""
+LEVEL = 0.05
+"""A model is withheld if one of its statistics has a smaller p after Holm's correction."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PredictiveStatistic:
+    """Distance of the study from the model, and mean and 95 % interval of that of replicates.
+
+    The distance of tables of counts is Σ (n - e)² / (e + ½), e being the count expected at a draw
+    of the parameters; of shares it is |share - expected share|. `observed` is its mean over draws,
+    and `p` the share of draws at which the replicate departs at least as far as the study (Gelman,
+    Meng and Stern, Statistica Sinica 6, 1996). It is conservative.
+    """
+
+    name: str
+    observed: float
+    predicted: float
+    predicted_interval: Interval
+    p: float
+    p_holm: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class PredictiveCheck:
+    """The check of one model by its statistics."""
+
+    statistics: tuple[PredictiveStatistic, ...]
+    draws: int
+
+    @property
+    def refusal(self) -> NotEstimable | None:
+        """Why the model is withheld, or None if the check does not reject it."""
+        failed = [each for each in self.statistics if each.p_holm < LEVEL]
+        if not failed:
+            return None
+        names = ", ".join(f"{each.name} (p = {each.p_holm:.3f})" for each in failed)
+        return NotEstimable(f"its posterior predictive check rejects it: {names}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckedOrdinal:
+    """M2, or why there is none, and its check, also if that rejects the model."""
+
+    fit: OrdinalSensitivity | NotEstimable
+    check: PredictiveCheck | NotEstimable
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckedTwoStage:
+    """M3, or why there is none, and its check, also if that rejects the model."""
+
+    fit: TwoStageSensitivity | NotEstimable
+    check: PredictiveCheck | NotEstimable
+
+
+def checked_ordinal(ratings: Ratings) -> CheckedOrdinal:
+    """Return M2 with its check of scores by condition and by subject."""
+    ready = prepared_ratings(ratings)
+    if isinstance(ready, NotEstimable):
+        return CheckedOrdinal(fit=ready, check=ready)
+    posterior = latent_posterior(ready)
+    if refusal := posterior.points.refusal:
+        return CheckedOrdinal(fit=refusal, check=refusal)
+    compared = _compared_scores(ready, posterior, ratings, np.random.default_rng(SEED))
+    check = _check(compared)
+    return CheckedOrdinal(fit=check.refusal or fitted(ready, posterior), check=check)
+
+
+def checked_two_stage(trials: AnsweredTrials) -> CheckedTwoStage:
+    """Return M3 with its check: answers by condition and by subject, scores as for M2.
+
+    The scores are those of the changes that were noticed in the study.
+    """
+    found = two_stage_posterior(trials)
+    if isinstance(found, NotEstimable):
+        return CheckedTwoStage(fit=found, check=found)
+    if refusal := found.rating.points.refusal:
+        return CheckedTwoStage(fit=refusal, check=refusal)
+    rng = np.random.default_rng(SEED)
+    check = _check(
+        _compared_answers(found.noticing, trials, rng)
+        | _compared_scores(found.ready, found.rating, trials.noticed, rng)
+    )
+    return CheckedTwoStage(fit=check.refusal or found.summary, check=check)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Compared:
+    """How far the study and a replicate depart from what each draw expects, both (draws,)."""
+
+    observed: FloatArray
+    replicated: FloatArray
+
+    @property
+    def p(self) -> float:
+        """Share of draws at which the replicate departs at least as far as the study."""
+        return float(1 + (self.replicated >= self.observed).sum()) / (1 + len(self.observed))
+
+
+def _compared_scores(
+    ready: PreparedTrials, posterior: LatentPosterior, ratings: Ratings, rng: np.random.Generator
+) -> dict[str, _Compared]:
+    trials, known, axes = ratings.given, ready.trials, ready.axes
+    draws = posterior.draws(_draws(len(trials.rating)), rng)
+    lines = draws.own + draws.shared[:, None, known.line_columns]
+    x = (trials.contrast - axes.x_mean) / axes.x_sd
+    place = lines[:, trials.subject, 0] + lines[:, trials.subject, 1] * x
+    if known.conditions:
+        place += draws.shared[:, known.line_columns.stop :][:, trials.condition]
+    # The normal approximation allows thresholds out of order.
+    edges = np.sort(known.edges(draws.shared)[:, 1:-1], axis=1)
+    below = [ndtr((edge[:, None] - place) / draws.residual_sd[:, None]) for edge in edges.T]
+    given = np.unique(trials.rating, return_inverse=True)[1]
+    return _tables("scores", trials, given, below, rng) | {
+        "spread of scores by subject": _spread(trials, given, below, rng),
+        "share of the highest score": _share(given == given.max(), 1 - below[-1], rng),
+    }
+
+
+def _compared_answers(
+    noticed: Noticing, trials: AnsweredTrials, rng: np.random.Generator
+) -> dict[str, _Compared]:
+    known, ratings = noticed.trials, trials.ratings
+    draws = noticed.posterior.draws(_draws(len(trials.answer)), rng)
+    lines = draws.own + draws.shared[:, None, known.line_columns]
+    criterion, slope = np.moveaxis(lines[:, ratings.subject], -1, 0)
+    criterion = np.maximum(criterion, 0.0)
+    sign = np.sign(ratings.contrast)
+    felt = LEAN * draws.shared[:, [0]] + slope * (ratings.contrast / noticed.reference)
+    if known.conditions:
+        felt += sign * draws.shared[:, known.line_columns.stop :][:, ratings.condition]
+    below = [np.where(trials.two_sided, ndtr(-criterion - felt), 0.0), ndtr(criterion - felt)]
+    # Trials with the change, without it and with its opposite count as different conditions.
+    kinds = replace(
+        ratings,
+        condition=3 * ratings.condition + sign.astype(np.int64) + 1,
+        conditions=tuple(f"{name} {kind}" for name in ratings.conditions for kind in "-0+"),
+    )
+    return _tables("answers", kinds, trials.answer + 1, below, rng)
+
+
+def _tables(
+    name: str,
+    trials: Ratings,
+    given: IntArray,
+    below: list[FloatArray],
+    rng: np.random.Generator,
+) -> dict[str, _Compared]:
+    """Return the distances of counts by condition and by subject from those expected.
+
+    `below` has the probability of each category or a lower one, (draws, trials), but for the last.
+    """
+    drawn = _drawn(below, rng)
+    cumulative = [np.zeros(drawn.shape), *below, np.ones(drawn.shape)]
+    found = {}
+    for of, group in (("condition", trials.condition), ("subject", trials.subject)):
+        present, place = np.unique(group, return_inverse=True)
+        member = (place[:, None] == np.arange(len(present))).astype(np.float64)
+        distances = np.zeros((2, len(drawn)))
+        for category, (low, high) in enumerate(pairwise(cumulative)):
+            expected = (high - low) @ member
+            for row, own in enumerate((given[None] == category, drawn == category)):
+                counts = own.astype(np.float64) @ member
+                distances[row] += ((counts - expected) ** 2 / (expected + 0.5)).sum(axis=1)
+        found[f"{name} by {of}"] = _Compared(observed=distances[0], replicated=distances[1])
+    return found
+
+
+def _spread(
+    trials: Ratings, given: IntArray, below: list[FloatArray], rng: np.random.Generator
+) -> _Compared:
+    """Return the distance of each subject's squared residuals, in categories, from expected."""
+    member = (trials.subject[:, None] == np.unique(trials.subject)).astype(np.float64)
+    mean = sum((1 - each for each in below), np.zeros(below[0].shape))
+    square = sum(((2 * k + 1) * (1 - each) for k, each in enumerate(below)), 0 * mean)
+    expected = (square - mean**2) @ member
+    observed, replicated = (
+        ((((scores - mean) ** 2) @ member - expected) ** 2 / (expected + 0.5)).sum(axis=1)
+        for scores in (given, _drawn(below, rng))
+    )
+    return _Compared(observed=observed, replicated=replicated)
+
+
+def _drawn(below: list[FloatArray], rng: np.random.Generator) -> IntArray:
+    """Return a category for each draw and trial."""
+    chance = rng.random(below[0].shape)
+    return sum(((chance > each).astype(np.int64) for each in below), np.zeros(chance.shape, int))
+
+
+def _share(given: BoolArray, probability: FloatArray, rng: np.random.Generator) -> _Compared:
+    """Return how far the share of an answer departs from the one expected."""
+    expected = probability.mean(axis=1)
+    drawn = (rng.random(probability.shape) < probability).mean(axis=1)
+    return _Compared(observed=np.abs(given.mean() - expected), replicated=np.abs(drawn - expected))
+
+
+def _draws(trials: int) -> int:
+    return min(max(DRAWN_TRIALS // trials, FEWEST_DRAWS), MOST_DRAWS)
+
+
+def _check(compared: dict[str, _Compared]) -> PredictiveCheck:
+    p = [each.p for each in compared.values()]
+    return PredictiveCheck(
+        draws=min(len(each.observed) for each in compared.values()),
+        statistics=tuple(
+            PredictiveStatistic(
+                name=name,
+                observed=float(each.observed.mean()),
+                predicted=float(each.replicated.mean()),
+                predicted_interval=_interval(each.replicated),
+                p=each.p,
+                p_holm=adjusted,
+            )
+            for (name, each), adjusted in zip(compared.items(), holm(p), strict=True)
+        ),
+    )
+
+
+def _interval(values: FloatArray) -> Interval:
+    low, high = np.quantile(values, [0.025, 0.975]).tolist()
+    return low, high

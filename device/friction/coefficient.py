@@ -173,7 +173,8 @@ def _reduced_part(
     """Yield the scenes that `timoshenko-modes` covers, if their drives outnumber its set-up."""
     if not choice.law.extremes_at_corners or tolerance < FINEST_TOLERANCE:
         return
-    which = which[reduced_certified(batch.rows(which))] if which.size else which
+    if _worthwhile(batch, which):
+        which = which[reduced_certified(batch.rows(which))]
     if _worthwhile(batch, which):
         prediction, top = reduced_prediction(batch.rows(which), choice)
         bound = _bound(top, prediction.mu_effective)

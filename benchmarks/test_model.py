@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
@@ -13,9 +14,21 @@ from analysis.model.predict import PredictOptions, predict
 from benchmarks.study_scenes import study_scenes
 from device.beam.beam import Beam
 from device.beam.modes import mode_constants
-from device.friction.coefficient import friction_coefficient
-from device.friction.rungs import TOP_RUNG, forget_set_ups, reference_tip_speed_m_s, rung_field
-from device.friction.scenes import Drive, Scene
+from device.friction.coefficient import (
+    Chosen,
+    auto_prediction,
+    friction_coefficient,
+    scene_batch,
+)
+from device.friction.prediction import Batch, LawChoice, rung_prediction
+from device.friction.rungs import (
+    REDUCED_RUNG,
+    TOP_RUNG,
+    forget_set_ups,
+    reference_tip_speed_m_s,
+    rung_field,
+)
+from device.friction.scenes import Drive, FingerContact, Scene
 
 PLACES = np.linspace(0.0, 0.1, 1000)
 
@@ -126,3 +139,59 @@ def test_auto_against_always_the_top_rung(benchmark: BenchmarkFixture, tolerance
     benchmark.extra_info["ratio to the top rung"] = round(ratio, 2)
     benchmark.pedantic(run, args=(auto,), rounds=3)
     assert ratio < 1
+
+
+def _drives(count: int, *, resonant: bool) -> Batch:
+    """Touches of the paper's beam, each with its own damping and, off resonance, frequency."""
+    draw = np.random.default_rng(2)
+    scene = Scene(touch=FingerContact(finger_load_n=0.5))
+    frequency_hz = draw.uniform(1.5e4, 3.0e4, count)
+    return replace(
+        scene_batch(scene, draw.uniform(0.01, 0.1, count)),
+        frequency_hz=np.full(count, np.nan) if resonant else frequency_hz,
+        damping_ratio=draw.uniform(0.003, 0.012, count),
+        voltage_v=draw.uniform(0.0, 200.0, count),
+    )
+
+
+@pytest.mark.parametrize("rung", ["far-field", "mode", REDUCED_RUNG, TOP_RUNG])
+def test_many_drives(benchmark: BenchmarkFixture, rung: str) -> None:
+    batch = _drives(300, resonant=False)
+
+    def work() -> object:
+        if rung == TOP_RUNG:
+            forget_set_ups()
+        return rung_prediction(batch, rung, LawChoice())
+
+    work()
+    sine = _quickest(lambda: np.sin(PLACES), 400)
+    passes = _quickest(work, 2) / sine / batch.size
+    benchmark.extra_info["passes of np.sin per drive"] = round(passes, 3)
+    benchmark.pedantic(work, rounds=1)
+    if rung == REDUCED_RUNG:
+        assert passes <= 60
+
+
+@pytest.mark.parametrize("tolerance", [1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10])
+@pytest.mark.parametrize("resonant", [True, False])
+def test_auto_where_every_drive_differs(
+    benchmark: BenchmarkFixture, tolerance: float, *, resonant: bool
+) -> None:
+    batch = _drives(300, resonant=resonant)
+
+    def top() -> object:
+        forget_set_ups()
+        return rung_prediction(batch, TOP_RUNG, LawChoice())
+
+    def auto() -> Chosen:
+        forget_set_ups()
+        return auto_prediction(batch, LawChoice(), tolerance)
+
+    chosen = auto()
+    ratio = float(np.median([_quickest(auto, 1) / _quickest(top, 1) for _ in range(3)]))
+    names, counts = np.unique(chosen.rung, return_counts=True)
+    shares = dict(zip(names.tolist(), (counts / batch.size).round(3).tolist(), strict=True))
+    benchmark.extra_info["ratio to the top rung"] = round(ratio, 3)
+    benchmark.extra_info["shares"] = shares
+    benchmark.pedantic(auto, rounds=1)
+    assert ratio < (0.5 if 1e-6 <= tolerance <= 1e-2 else 1.1)

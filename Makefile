@@ -6,7 +6,7 @@ PYTHON ?= $(or $(shell command -v python3.11),$(shell command -v python3.12),pyt
 BIN := .venv/bin
 READY := .venv/.ready
 
-.PHONY: demo test check bench pictures soak clean
+.PHONY: demo test check bench pictures soak mutants clean
 .DELETE_ON_ERROR:
 
 demo: $(READY)
@@ -32,6 +32,10 @@ pictures: $(READY)
 
 soak: $(READY)
 	$(BIN)/pytest -m soak -s
+
+# Small errors in the code that guards data and finger: simulated days must find them.
+mutants: $(READY)
+	$(BIN)/python -m tests.system.day.mutants --ordinary
 
 clean:
 	rm -rf .venv .uv dist

@@ -22,9 +22,10 @@ from tests.system.day.lab import Lab, Outcome
 from tests.system.day.process import Incident, Process, Where, terminated
 from tests.system.day.records import at_the_end
 from tests.system.day.studies import drawn_study
+from tests.system.day.watch import HOT, SLACK
 
-ONCE = tuple(name for name in NAMES if name not in {"modulated", "signal-added"})
-"""The faults of a board; a board has no modulation."""
+FAULTS = (*(name for name in NAMES if name not in {"modulated", "signal-added"}), HOT, SLACK)
+"""The faults of a board, which has no modulation."""
 MOST_EVENTS = 22
 """Of a short session: an incident after as many events happens in it."""
 MOST_ATTEMPTS = 9
@@ -56,6 +57,7 @@ class Day:
         """Run three sessions of two participants, with all that a day must have."""
         due: list[Happening] = [self.killed, self.broken, self.broken, self.commanded]
         self.stream.shuffle(due)
+        self.lab.tried()
         again = self.stream.choice(("P01", "P02"))
         for who, which in (("P01", 1), ("P02", 1), (again, 2)):
             gone = who in self.withdrawn | self.doubtful
@@ -113,10 +115,11 @@ class Day:
             return False
         if outcome.code == 2:
             why = name in self.gone or participant in self.doubtful
-            changed = "study.toml has changed" in outcome.line and self.unamended
+            stale = self.unamended or "study changed" in outcome.process.happened
+            changed = "study.toml has changed" in outcome.line and stale
             done = "is already completed" in outcome.line
             require(11, why or changed or done, outcome.line)
-            if changed:
+            if changed and self.unamended:
                 self._amended()
             if done:
                 self.completed.add(name)
@@ -143,7 +146,7 @@ class Day:
             self._plan(process, "killed", process.die)
 
     def broken(self, process: Process) -> None:
-        name = self.stream.choice(ONCE)
+        name = self.stream.choice(FAULTS)
         lasting = self.stream.random() < 0.6
 
         def breaks() -> None:
@@ -161,6 +164,7 @@ class Day:
 
     def commanded(self, process: Process) -> None:
         self._plan(process, "commanded", self._command)
+        process.incidents[-1].events += 1  # before the first event there is nothing to command
 
     def typed(self, process: Process) -> None:
         keys = self.stream.choice(("p", "r", "s", " ", "\x05", "e", f"n{SECRET}\r", "rp", "x"))
@@ -247,6 +251,7 @@ class Day:
             )
         )
         self._refused_while_running(name, outcome)
+        self._may_fail(outcome, name in self.gone or (name, trial) in self.excluded_trials)
         if outcome.code == 0:
             require(10, name not in self.gone, f"{name} is gone: {outcome.line}")
             self.excluded_trials.add((name, trial))
@@ -262,6 +267,7 @@ class Day:
             )
         )
         self._refused_while_running(name, outcome)
+        self._may_fail(outcome, name in self.gone)
         if outcome.code == 0:
             self.gone.add(name)
 
@@ -277,7 +283,14 @@ class Day:
             self.withdrawn.add(participant)
             self.gone |= own
         else:
+            self._may_fail(outcome, False)
             self.doubtful.add(participant)
+
+    def _may_fail(self, outcome: Outcome, done_before: bool) -> None:
+        """A command fails only if there is nothing left to do, or others use the journal."""
+        refused = outcome.code == 2 and done_before
+        disturbed = outcome.code == 1 and self.running
+        require(11, outcome.code == 0 or refused or disturbed, outcome.line)
 
     def _refused_while_running(self, name: str, outcome: Outcome) -> None:
         if name == self.running:
@@ -286,6 +299,7 @@ class Day:
     def _amend(self, _name: str) -> None:
         self.lab.write(self.lab.text + "# changed\n")
         self.unamended = True
+        self.lab.disk.process.happened.append("study changed")  # after that process has read it
         if self.stream.random() < 0.8:
             self._amended()
 
@@ -322,6 +336,7 @@ def day(seed: int) -> Day:
     """
     stream = random.Random(f"day/{seed}")
     before = handles()
+    Violation.found.clear()
     try:
         with workplace() as folder:
             lab = Lab(folder, drawn_study(stream), stream)
@@ -329,16 +344,14 @@ def day(seed: int) -> Day:
                 done = Day(lab, stream)
                 done.run()
                 at_the_end(done)
-            for name in lab.watch.planned:
-                with session_lock(name, folder):
-                    pass
+                for name in lab.watch.planned:
+                    with session_lock(name, folder):
+                        pass
         require(12, handles() == before, f"threads and files {before}, now {handles()}")
-    except Violation as violation:
-        text = f"{violation}\nrepeat it with: .venv/bin/python -m tests.system.day.day {seed}"
-        raise AssertionError(text) from violation
-    except Exception as error:
-        text = f"{error!r}\nrepeat it with: .venv/bin/python -m tests.system.day.day {seed}"
-        raise AssertionError(text) from error
+    except (Violation, Exception) as error:
+        first = (*Violation.found, error)[0]
+        text = f"{first or first!r}\nrepeat it with: {sys.executable} -m {__spec__.name} {seed}"
+        raise AssertionError(text) from first
     return done
 
 

@@ -15,7 +15,7 @@ from typing import Any
 from unittest.mock import patch
 
 from runner.journal.database import leave
-from tests.system.day.invariants import require
+from tests.system.day.invariants import Violation, require
 from tests.system.day.process import Dead, Incident, Process
 
 _PAGE = 4096
@@ -57,7 +57,10 @@ class Disk:
         for key, (tag, payload) in events.items():
             self.acknowledged.add(key)
             self.in_flight.pop(key, None)
-            self.on_event(key[0], tag, payload)
+            try:
+                self.on_event(key[0], tag, payload)
+            except Exception as error:  # or the process would take it for the disk's
+                raise Violation(11, f"{tag} {payload}: {error!r}") from error
         self.synced = self.log.read_bytes() if self.log.exists() else b""
 
     def crash(self, before: dict[Path, bytes] | None = None) -> None:

@@ -1,5 +1,7 @@
 """What must hold on every day in the laboratory, and the error that names what does not."""
 
+from typing import ClassVar
+
 INVARIANTS = {
     1: "no acknowledged event is lost",
     2: "no trial is answered twice, and the journal has the answers that were given",
@@ -9,7 +11,7 @@ INVARIANTS = {
     6: "the journal verifies",
     7: "plans and their balance are proved",
     8: "the state moves only along transitions",
-    9: "a resumed session has the plan that was opened, and goes on where it stopped",
+    9: "a session runs as planned, beams and drives too, and is resumed where it was",
     10: "excluded and withdrawn data are in no report and no export",
     11: "every session ends with one line that tells the truth, and can be finished",
     12: "no thread, lock or handle is left over",
@@ -17,11 +19,16 @@ INVARIANTS = {
 
 
 class Violation(BaseException):
-    """An invariant that does not hold. Nothing that handles errors may handle this one."""
+    """An invariant that does not hold. Nothing that handles errors may handle this one.
+
+    `found` has all of them: an error in the clean-up that one causes cannot hide it.
+    """
+
+    found: ClassVar[list["Violation"]] = []
 
     def __init__(self, number: int, what: str) -> None:
         super().__init__(f"invariant {number} ({INVARIANTS[number]}): {what}")
-        self.number = number
+        self.found.append(self)
 
 
 def require(number: int, holds: object, what: str) -> None:

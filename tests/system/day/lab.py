@@ -2,6 +2,7 @@
 
 import io
 import json
+import math
 import random
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, redirect_stdout
@@ -12,14 +13,17 @@ from pathlib import Path
 from unittest.mock import patch
 
 from device.drivers.discovery import driver_of
+from device.drivers.limits import Setpoint
 from device.errors import DeviceError
 from device.link.link import Link
 from device.link.port import Port, advice
 from device.rig import Rig
 from device.simulator.in_process import InProcessClock, InProcessDevice
 from device.study_limits import device_limits
+from protocol.errors import BadInput
 from protocol.study.participant_texts import study_wording
 from protocol.study.study import Study
+from protocol.study.touch import Touch
 from runner.cli.output import complaint
 from runner.clock import Clock
 from runner.journal.session_log import SessionLog
@@ -121,19 +125,21 @@ class Lab:
         self.stream = stream
         self.folder = StudyFolder(path=folder)
         self.write(text)
-        rig = checked_study(text).rig
         late_s = stream.choice((0.001, 0.003, 0.02))
         self.device = InProcessDevice(
             seed=stream.randrange(1000),
             delay_s=lambda: late_s * stream.uniform(0.2, 1.0),
             cuts=lambda length: (stream.randrange(length),) if stream.random() < 0.1 else (),
         )
-        self.watch = Watch(self.device, rig)
+        self.watch = Watch(self.device, checked_study(text))
+        self.watch.late_s = late_s
         self.device.on_step = self.watch.look
         self.disk = Disk(self.folder.journal, stream, self._stored)
         self.person: Person | None = None
         self.typist: Typist | None = None
         self.rig: Rig | None = None
+        self._unwarned = ""
+        """Of what the operator has to be told."""
         self.answers: dict[tuple[str, int], tuple[str | None, int | None]] = {}
         """The change and the score that each trial was answered with, by session and index."""
 
@@ -151,6 +157,7 @@ class Lab:
             patch("runner.clock.WallClock", lambda: _Calendar(self.device)),
             patch("runner.journal.store.open_journal", partial(open_journal, random_bytes=salts)),
             patch("device.resonance._POINTS", SEARCHED_POINTS),
+            patch("runner.launch.locks.COMMON", self.folder.path),
         ):
             yield
 
@@ -174,6 +181,49 @@ class Lab:
         finally:
             self.disk.process = running
 
+    def tried(self) -> None:
+        """Try the rig as a technician does: what exceeds a limit is refused, and nothing is sent.
+
+        The board's own watchdog is tried too.
+        """
+        rig = self._opened(checked_study(self.text), Process())
+        limits, instrument = self.watch.rig, self.device.inside.instrument
+        rig.arm()
+        for _ in range(4):
+            setpoint, fits = self._setpoint()
+            self.watch.touch = Touch.model_construct(
+                place="smooth", voltage_v=setpoint.voltage_v, frequency=1.0
+            )
+            self.watch.resonance_hz = setpoint.frequency_hz
+            heard_s = instrument.heard_wall_s
+            try:
+                rig.drive(setpoint)
+            except BadInput:
+                require(4, not fits, f"refused: {setpoint}")
+                require(4, instrument.heard_wall_s == heard_s, f"refused, but sent: {setpoint}")
+            else:
+                require(4, fits, f"not refused: {setpoint}, {limits}")
+            rig.off()
+        trips = "watchdog-dead" not in self.device.inside.broken.active
+        require(3, rig.watchdog_trips() == trips, "the trial of the watchdog")
+        rig.drive(Setpoint(voltage_v=0.0, frequency_hz=1.0, ramp_v_per_s=1.0))
+        rig.close()
+        self.watch.touch = None
+
+    def _setpoint(self) -> tuple[Setpoint, bool]:
+        """Return a drive at the edge of the limits, or beyond, and whether it is within them."""
+        rig, choice = self.watch.rig, self.stream.choice
+        most_v = rig.max_voltage_v
+        volts, v_fits = choice(((0.0, True), (most_v, True), (most_v / 2, True),
+                                (most_v * 1.0001, False), (-1.0, False)))  # fmt: skip
+        hertz, f_fits = choice(((1.0, True), (rig.max_frequency_hz, True), (24_000.0, True),
+                                (rig.max_frequency_hz + 1, False), (0.9, False)))  # fmt: skip
+        ramp, r_fits = choice(((0.001, True), (rig.ramp_v_per_s, True), (1.0, True),
+                                (rig.ramp_v_per_s * 1.001, False), (0.0009, False)))  # fmt: skip
+        slew = 2e-6 * math.pi * hertz * volts
+        fits = v_fits and f_fits and r_fits and slew <= rig.max_slew_v_per_us
+        return Setpoint(voltage_v=volts, frequency_hz=hertz, ramp_v_per_s=ramp), fits
+
     def repair(self) -> None:
         """Repair the device, and cut the amplifier for a while."""
         self.watch.repair()
@@ -181,9 +231,11 @@ class Lab:
             self.device.reset()
 
     def _ended(self, process: Process, work: Callable[[], str]) -> Outcome:
-        self.disk.process = process
+        self.disk.process, self._unwarned = process, ""
         try:
             outcome = self._told(work, process)
+            excused = {"disk full", "disk error", "locked", "stopped"}
+            self.watch.polled &= not excused & set(process.happened)
             self.watch.said(outcome.line, last=True)
         except Dead:
             outcome = Outcome(line="", code=None, process=process)
@@ -265,6 +317,9 @@ class Lab:
 
     def _stored(self, session: str, tag: str, payload: str) -> None:
         self.watch.stored(session, tag, payload)
+        require(11, not self._unwarned, f"nobody was told that {self._unwarned}")
+        if tag == "touch-ended" and False in json.loads(payload)["judged"].values():
+            self._unwarned = f"a touch of {session} was not as instructed"
         if tag == "paused" and self.typist is not None:
             self.typist.continues_s = self.device.now_s() + self.stream.uniform(0, 1)
         if tag == "answered" and self.person is not None:
@@ -278,6 +333,8 @@ class Lab:
     def _said(self, line: str, process: Process) -> None:
         process.crossing("people")
         self.watch.said(line)
+        if "did not follow the instruction" in line:
+            self._unwarned = ""
 
     def _hang(self, seconds: float) -> None:
         """Let the session's thread do nothing, while the owner of the port works on."""

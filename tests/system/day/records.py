@@ -6,8 +6,6 @@ import sqlite3
 from collections import defaultdict
 from typing import TYPE_CHECKING, Any
 
-from analysis.export.dataset import NothingToExport, dataset
-from analysis.loading.study_data import NothingToReport, load_study_data
 from protocol.plan.plan import plan
 from protocol.proof.cohort import cohort_problems
 from protocol.proof.trial_checks import plan_problems
@@ -42,6 +40,8 @@ def at_the_end(day: "Day") -> None:
     """Require all that must hold of the journal at the end of a day."""
     if not day.lab.folder.journal.exists():
         return
+    others = day.lab.folder.journal.stat().st_mode & 0o077
+    require(10, not others, f"others can read the journal: {others:o}")
     connection = sqlite3.connect(day.lab.folder.journal)
     rows: Rows = defaultdict(list)
     for session, tag, payload in connection.execute(_ROWS):
@@ -73,6 +73,7 @@ def _as_planned(day: "Day", name: str, events: list[tuple[str, dict[str, Any]]])
     opened = events[0][1]
     trials = opened["trials"]
     answered: set[int] = set()
+    again_on_resume = day.lab.watch.study.session.practise_again == "on resume"
     kinds = {trial["index"]: trial["kind"] for trial in trials}
     for tag, payload in events:
         if tag == "session-resumed":
@@ -81,6 +82,9 @@ def _as_planned(day: "Day", name: str, events: list[tuple[str, dict[str, Any]]])
             again = {index for index in answered if kinds[index] == "practice"}
             require(9, set(payload["indices"]) == again, f"{name}: {payload}")
             answered -= again
+        elif tag == "device-armed" and again_on_resume:
+            done = {index for index in answered if kinds[index] == "practice"}
+            require(9, not done, f"{name}: practice {done} was not renewed")
         elif tag == "trial-started":
             due = min(set(kinds) - answered, default=None)
             require(9, payload["index"] == due, f"{name} runs trial {payload['index']}, not {due}")
@@ -123,6 +127,9 @@ def _slots(day: "Day", rows: Rows) -> None:
 
 def _only_what_may_be_seen(day: "Day", chains: list[Any]) -> None:
     """Report and export have what was answered, without what was taken back."""
+    from analysis.export.dataset import NothingToExport, dataset
+    from analysis.loading.study_data import NothingToReport, load_study_data
+
     study = checked_study(day.lab.text)
     given = {key: answer for key, answer in day.lab.answers.items() if key[0] not in day.gone}
     try:

@@ -11,6 +11,8 @@ device = "COM1"
 max_voltage_v = {max_v}
 max_frequency_hz = {max_hz}
 ramp_v_per_s = {ramp}
+max_slew_v_per_us = {slew}
+{cool}
 watchdog_s = {watchdog_s}
 [touch]
 beam = "a"
@@ -62,6 +64,8 @@ def drawn_study(stream: random.Random) -> str:
         seed=kind,
         max_v=max_v,
         max_hz=(30_000, 25_500)[kind % 2],
+        slew=(26, 24)[kind % 2],
+        cool=("max_temperature_c = 60", "")[kind % 2],
         ramp=(400, 1000)[kind // 2],
         watchdog_s=(0.5, 0.3)[kind % 2],
         hold_s=(0.4, 0.6)[kind % 2],

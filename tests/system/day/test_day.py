@@ -7,7 +7,7 @@ import pytest
 
 from tests.system.day.day import day
 
-SEEDS = 60
+SEEDS = 100
 SOAKED = 5000
 _A_BATCH = 20
 

@@ -9,19 +9,29 @@ from device.resonance import SWEEP_VOLTAGE_V
 from device.simulator.in_process import InProcessDevice
 from protocol.journal.records import PlannedTrial
 from protocol.study.rig_settings import Rig
-from protocol.study.touch import Touch
+from protocol.study.study import Study
+from protocol.study.touch import Touch, touch_s
 from tests.system.day.invariants import require
 from tests.system.day.people import said_of_output
 
+HOT = "hot"
+"""A fault that only a host notices which asks for the temperature: protection does not trip."""
+SLACK = "slack"
+"""A fault in which somebody gives the watchdog more time; a host must look before it drives."""
+SLACK_S = 9.0
 STAYS_ON = {"relay-stuck", "stage-shorted", "panel-on", "off-ignored"}
 """Faults in which the device gives a voltage that nobody asked for."""
-EXCEEDS = {"peak-to-peak", "scale-wrong", "frequency-changed"}
-"""Faults in which it gives more than it was asked for."""
+EXCEEDS = {HOT, "read-back-differs", "peak-to-peak", "scale-wrong", "frequency-changed"}
+"""Faults in which it gives something else than it was asked for, or may."""
+FORGETS = {SLACK, "limits-lost", "panel-changed", "panel-on", "brown-out"}
+"""Faults in which it forgets its limit or its watchdog, or goes on by itself."""
 CUT_OFF = {"vanish", "dead-peer", "deaf"}
 """Faults in which the host does not reach the device: its watchdog must end the output."""
-NO_WATCHDOG = {"watchdog-dead", "relay-stuck", "stage-shorted"}
-NOTICED_S = 3.0
-"""Within this time a session that lives turns off what is wrong, or says that it cannot."""
+NO_WATCHDOG = {SLACK, "watchdog-dead", "relay-stuck", "stage-shorted"}
+NOTICED_S = 0.25
+"""Within this time, and 20 delays of the line, a session that lives turns off what is wrong."""
+TOLD_S = 3.0
+"""Within this time it says that it cannot: it asks several times, and waits for a discharge."""
 OFF_V = 2.1 * MONITOR_ABS_TOL_V
 """Off may be said below this; a broken monitor shows half of it."""
 _TOLERANCE_V = 1e-6
@@ -32,7 +42,7 @@ class Watch:
     """Looks at the output and compares it with what the journal says should be there."""
 
     device: InProcessDevice
-    rig: Rig
+    study: Study
     touch: Touch | None = None
     """What is touched now, according to the journal."""
     searching: bool = False
@@ -42,7 +52,11 @@ class Watch:
     told_unknown: bool = False
     faults_s: dict[str, float] = field(default_factory=dict)
     """When each fault was last switched on, as far as it may still have an effect."""
-    largest_v: float = 0.0
+    late_s: float = 0.0
+    """The longest delay of the line."""
+    _on: bool = False
+    _shown: str = ""
+    """What the operator was last shown of the output."""
     _wrong_from_s: float | None = None
     planned: dict[str, dict[int, PlannedTrial]] = field(default_factory=dict)
     """The trials of each session that was opened."""
@@ -50,10 +64,20 @@ class Watch:
     """Whether a process lives that has armed the device."""
     _trial: PlannedTrial | None = None
 
+    @property
+    def rig(self) -> Rig:
+        """The rig of the study."""
+        return self.study.rig
+
     def fault(self, name: str) -> None:
         """Break the device."""
         self.faults_s[name] = self.device.now_s()
-        self.device.fault(name)
+        if name == HOT:
+            self.device.inside.instrument.hot = True
+        elif name == SLACK:
+            self.device.inside.instrument.watchdog_s = SLACK_S
+        else:
+            self.device.fault(name)
 
     def repair(self) -> None:
         """Switch every fault off; what they have changed in the device stays."""
@@ -63,10 +87,11 @@ class Watch:
 
     def mended(self) -> None:
         """Let the device work again in the middle of a session."""
+        self.device.inside.instrument.hot = False
         self.device.inside.broken.clear()
         self.device.fault("vanish", on=False)
 
-    def stored(self, session: str, tag: str, payload: str) -> None:
+    def stored(self, session: str, tag: str, payload: str) -> None:  # noqa: C901 - a table
         """Take note of an event that is in the journal now."""
         match tag:
             case "session-opened":
@@ -84,10 +109,48 @@ class Watch:
                 assert self._trial is not None
                 touch = self._trial.touches[json.loads(payload)["touch"]]
                 self.touch = Touch.model_construct(**{**_NOTHING, **touch})
-            case "touch-ended" | "trial-aborted" | "device-off":
+                self._require_mounted(self.touch.beam or self.study.touch.beam)
+            case "touch-ended":
+                assert self.touch is not None
+                if not self.faults_s:
+                    self._as_planned(self.touch, json.loads(payload)["read_back"])
+                self.touch = None
+            case "trial-aborted" | "device-off":
                 self.touch, self.searching = None, False
         if tag == "device-off" and json.loads(payload)["confirmed"]:
             self._require_off("the journal", self._newer_than_heard())
+
+    def _require_mounted(self, beam: str | None) -> None:
+        """The model of a beam knows only whether it has bodies."""
+        if beam is not None:
+            bodies = self.study.beams[beam] > 0
+            there = self.device.inside.beam.body_height_m > 0
+            require(9, bodies == there, f"another beam than {beam} is mounted")
+
+    def _as_planned(self, touch: Touch, read_back: list[dict[str, Any]]) -> None:
+        """The drive goes from its beginning to its end, in equal parts of the time.
+
+        A slow line delays the steps of a sweep; a ramp begins before its beginning is answered.
+        """
+        seconds = touch_s(touch, self.study.touch)
+        ends = touch.end_voltage_v, touch.end_frequency
+        wanted = 2 if ends == (touch.voltage_v, touch.frequency) else 3
+        require(9, len(read_back) >= wanted, f"{touch} read back {len(read_back)} times")
+        began_s = read_back[1]["device_time_s"]  # the first one comes before the change begins
+        most_hz = abs(touch.end_frequency - touch.frequency) * self.resonance_hz + 1e-3
+        for place, shown in enumerate(read_back):
+            share = min(max(shown["device_time_s"] - began_s, 0.0) / seconds, 1.0)
+            share = 1.0 if place == len(read_back) - 1 else share
+            volts = touch.voltage_v + share * (touch.end_voltage_v - touch.voltage_v)
+            within_v = 3.0 + 0.4 * abs(touch.end_voltage_v - touch.voltage_v) * (
+                0 < place < len(read_back) - 1
+            )
+            off_v = abs(shown["monitor_v"] - volts)
+            require(9, off_v < within_v, f"{shown['monitor_v']:g} V, planned {volts:g} V")
+            hertz = touch.frequency + share * (touch.end_frequency - touch.frequency)
+            off_hz = abs(shown["frequency_hz"] - hertz * self.resonance_hz)
+            within_hz = most_hz if 0 < place < len(read_back) - 1 else 1e-3
+            require(9, off_hz <= within_hz, f"{shown['frequency_hz']:g} Hz, planned {hertz:g}")
 
     def alone(self, *, killed: bool) -> None:
         """Take note that no process drives the device; one that was killed did not turn it off."""
@@ -99,16 +162,25 @@ class Watch:
         """Take note of a line to the operator; return what it says of the output."""
         said = said_of_output(line)
         if said == "off":
-            excused = self._newer_than_heard() if last else self._new(NOTICED_S)
+            excused = self._newer_than_heard() if last else self._new(TOLD_S)
             self._require_off(line, excused)
+        if last and self.polled:
+            require(11, said in {"off", "unknown"}, f"nothing is said of the output: {line}")
+        if last and said == "unknown" and self.polled:
+            require(5, self._shown == said, f"shown at last: output {self._shown}, but: {line}")
+        self._shown = "" if last else said or self._shown
         self.told_unknown |= said == "unknown"
         return said
 
     def look(self) -> None:
         """Compare what is at the output with what may be there."""
-        instrument, now_s = self.device.inside.instrument, self.device.now_s()
+        instrument = self.device.inside.instrument
+        if not (instrument.output or instrument.left_v):  # as it is most of the time
+            self._on, self._wrong_from_s = False, None
+            return
+        now_s = self.device.now_s()
         output_v, silent_s = instrument.output_v, now_s - instrument.heard_wall_s
-        self.largest_v = max(self.largest_v, output_v)
+        self._require_promises(instrument.output)
         if output_v <= _TOLERANCE_V:
             self._wrong_from_s = None
             return
@@ -120,8 +192,10 @@ class Watch:
             most_s = 1.3 * self.rig.watchdog_s
             require(3, hung_s <= most_s, f"{shown}, the session hangs for {hung_s:.3f} s")
         allowed_v, allowed_hz = self._allowed()
+        least_hz = 0.0 if self.touch is None else self._least_hz(self.touch)
         hertz = instrument.frequency_hz
-        if output_v <= allowed_v + _TOLERANCE_V and hertz <= allowed_hz:
+        cool = not (instrument.hot and self.rig.max_temperature_c)
+        if output_v <= allowed_v + _TOLERANCE_V and least_hz <= hertz <= allowed_hz and cool:
             self._wrong_from_s = None
         elif faults & (STAYS_ON | EXCEEDS):
             self._wrong_for_long(now_s, shown)
@@ -130,6 +204,17 @@ class Watch:
             require(
                 4, cut_off, f"{shown}, {hertz:g} Hz; {allowed_v:g} V, {allowed_hz:g} Hz allowed"
             )
+
+    def _require_promises(self, on: bool) -> None:
+        """When the output goes on, the device has the limit and the watchdog of the study."""
+        asked_s = self.device.now_s() - 0.1 - 20 * self.late_s
+        forgot = any(self.faults_s.get(name, 0.0) > asked_s for name in FORGETS)
+        if on and not self._on and not forgot:
+            instrument = self.device.inside.instrument
+            kept = instrument.limit_v, instrument.watchdog_s
+            wanted = self.rig.max_voltage_v, self.rig.watchdog_s
+            require(4, kept == wanted, f"on with limit and watchdog {kept}, not {wanted}")
+        self._on = on
 
     def _allowed(self) -> tuple[float, float]:
         """Return the largest amplitude and frequency that may be at the output."""
@@ -140,12 +225,17 @@ class Watch:
             return min(SWEEP_VOLTAGE_V, self.rig.max_voltage_v), self.rig.max_frequency_hz
         return 0.0, 0.0
 
+    def _least_hz(self, touch: Touch) -> float:
+        return min(touch.frequency, touch.end_frequency) * self.resonance_hz * (1 - 1e-6)
+
     def _wrong_for_long(self, now_s: float, shown: str) -> None:
         """A device that gives what nobody asked for is noticed soon, while somebody polls it."""
         if self._wrong_from_s is None:
             self._wrong_from_s = now_s
         wrong_s = now_s - self._wrong_from_s
-        noticed = wrong_s <= NOTICED_S or self.told_unknown or not self.polled
+        alone = len(self.faults_s) == 1 and self.faults_s.keys() <= EXCEEDS
+        longest_s = NOTICED_S + 20 * self.late_s if alone else TOLD_S
+        noticed = wrong_s <= longest_s or self.told_unknown or not self.polled
         require(4, noticed, f"{shown}, wrong for {wrong_s:.1f} s")
 
     def _newer_than_heard(self) -> bool:

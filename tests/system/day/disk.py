@@ -123,7 +123,7 @@ class Disk:
         require(1, self.acknowledged <= found, f"lost: {sorted(self.acknowledged - found)}")
         extra = found - self.acknowledged
         require(1, extra <= self.in_flight.keys(), f"from nowhere: {sorted(extra)}")
-        self.committed({key: self.in_flight[key] for key in extra})
+        self.committed({key: event for key, event in self.in_flight.items() if key in extra})
         self.in_flight.clear()
 
     def fill(self, pages: int) -> None:

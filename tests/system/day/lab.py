@@ -245,8 +245,8 @@ class Lab:
         self.disk.process = Process()
         self.watch.alone(killed=outcome.killed)
         self.device.advance(2 * self.watch.rig.watchdog_s)
+        self.disk.checked()  # may find the end of a touch whose process died as it stored it
         self.watch.alone(killed=False)
-        self.disk.checked()
         require(12, not self.disk.open, "a connection to the journal is open")
         return outcome
 

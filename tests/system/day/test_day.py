@@ -1,4 +1,4 @@
-"""Days in the laboratory: hundreds in every run, thousands with `make soak`."""
+"""Days in the laboratory: dozens in every run, thousands with `make soak`."""
 
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
@@ -7,9 +7,9 @@ import pytest
 
 from tests.system.day.day import day
 
-SEEDS = 100
+SEEDS = 80
 SOAKED = 5000
-_A_BATCH = 20
+_A_BATCH = 10
 
 
 @pytest.mark.parametrize("first", range(0, SEEDS, _A_BATCH))

@@ -6,7 +6,7 @@ from typing import Any
 
 from protocol.plan.plan import plan
 from protocol.plan.trials import Plan, Trial, plan_swaps, session_s, touches_s
-from protocol.preview.precision import Precision, precisions
+from protocol.preview.precision import Cohort, Precision, cohort, precisions
 from protocol.preview.session_length import session_lengths
 from protocol.proof.cohort import CarryOver, carry_over
 from protocol.study.study import Study
@@ -63,14 +63,33 @@ def preview(study: Study, participants: int) -> Preview:
 
 
 def precision_by_length(shown: Preview, model: Prediction) -> list[Precision]:
-    """Return how precisely sessions of this and other lengths estimate one person's sensitivity.
+    """Return how precisely sessions of this and other lengths determine each sensitivity."""
+    study = shown.study
+    return precisions(
+        scored_contrasts(shown, model),
+        study.design.repeats,
+        session_lengths(study),
+        study.rating,
+        assumed_cohort(shown),
+    )
+
+
+def assumed_cohort(shown: Preview) -> Cohort:
+    """Return the cohort of a forecast: of the paper's size if the preview is of one participant."""
+    return cohort(len(shown.plans), shown.study.forecast, shown.study.rating)
+
+
+def scored_contrasts(shown: Preview, model: Prediction) -> dict[str, list[float]]:
+    """Return the predicted contrasts of a participant's scored trials by condition.
 
     Only the first slot's plan is used: every slot has the same trials in another order.
     """
-    main = [trial for trial in shown.plans[0].trials if trial.kind == "trial"]
-    contrasts = [contrast for trial in main if (contrast := model.contrast(trial)) is not None]
-    study = shown.study
-    return precisions(contrasts, study.design.repeats, session_lengths(study), study.rating)
+    found: dict[str, list[float]] = {}
+    for trial in shown.plans[0].trials:
+        contrast = model.contrast(trial) if trial.kind == "trial" else None
+        if contrast is not None and trial.condition is not None:
+            found.setdefault(trial.condition, []).append(contrast)
+    return found
 
 
 def preview_record(shown: Preview, model: Prediction) -> dict[str, Any]:
@@ -138,12 +157,16 @@ def _course(start: float, end: float) -> float | list[float]:
 
 
 def _precision_record(precision: Precision) -> dict[str, Any]:
-    known = precision.half_width < float("inf")
     return {
         "repeats": precision.repeats,
         "trials": precision.trials,
         "duration_s": round(precision.duration_s, 1),
         "whole": precision.whole,
-        "half_width": round(precision.half_width, 4) if known else None,
-        "relative_half_width": round(precision.relative, 4) if known else None,
+        "half_width": _finite(precision.half_width),
+        "gain_half_width": _finite(precision.gain_half_width),
+        "relative_half_width": _finite(precision.relative),
     }
+
+
+def _finite(width: float) -> float | None:
+    return round(width, 4) if width < float("inf") else None

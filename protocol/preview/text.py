@@ -1,12 +1,19 @@
 """The preview of a cohort's plans as lines of text, for a terminal of 80 columns or more."""
 
 from collections.abc import Iterator, Sequence
+from math import inf
 
 from protocol.plan.trials import Trial
-from protocol.preview.precision import Precision, residual_sd
-from protocol.preview.preview import Prediction, Preview, levels, precision_by_length
+from protocol.preview.precision import Precision, confounded
+from protocol.preview.preview import (
+    Prediction,
+    Preview,
+    assumed_cohort,
+    levels,
+    precision_by_length,
+    scored_contrasts,
+)
 from protocol.proof.cohort import balance_guaranteed, sequences
-from protocol.study.rating import PAPERS_SCALE
 
 
 def preview_lines(shown: Preview, model: Prediction) -> Iterator[str]:
@@ -142,31 +149,42 @@ def _advice(shown: Preview) -> str:
 
 
 def _precision_lines(shown: Preview, model: Prediction) -> Iterator[str]:
-    yield "Precision by session length: how precisely a session estimates one person's"
-    yield "sensitivity, in score points per unit of predicted change. Half-width of the 95 %"
-    yield "interval, from that person's scores alone:"
-    rows = [("repeats", "trials", "minutes", "points per unit", "of the scale")]
+    people = assumed_cohort(shown)
+    yield "Precision by session length: half-widths of the 95 % intervals that the report gives"
+    yield f"each of {people.participants} participants, in points per unit of predicted change."
+    yield "Relative gain: the participant's sensitivity less the group's mean."
+    rows: list[tuple[str, ...]] = [
+        ("repeats", "trials", "minutes", "relative gain", "of the scale", "gain")
+    ]
     options = precision_by_length(shown, model)
     rows += [_precision_row(shown, option) for option in options]
     yield from _table(iter(rows))
     if not all(option.whole for option in options):
         yield "*: not allowed by the study as it is; levels, catch trials, opposite repeats or"
         yield "max_session_s would have to change with design.repeats."
-    yield "<: this study. Of the scale: the half-width at the largest change predicted here."
-    rating = shown.study.rating
+    yield "<: this study. Of the scale: the relative gain's at the largest change predicted here."
+    yield "Assumed SDs ([forecast], by default those of the paper's Table 4): scores about a"
     yield (
-        f"Scores are assumed to scatter with an SD of {residual_sd(rating):.2f} points, "
-        f"as in the paper's Table 4{'' if rating.span == PAPERS_SCALE.span else ' on this scale'}."
+        f"person's line {people.residual_sd:.2f}, conditions off the line "
+        f"{people.off_the_line_sd:.2f}, gains {people.gain_sd:.2f}."
     )
+    yield "Scores at the ends of the scale make intervals wider."
+    if confounded(scored_contrasts(shown, model)):
+        yield "Each condition has a single predicted change here, so that other effects cannot be"
+        yield "told apart from it, however many repeats: graded levels make gains more certain."
 
 
-def _precision_row(shown: Preview, option: Precision) -> tuple[str, str, str, str, str]:
+def _precision_row(shown: Preview, option: Precision) -> tuple[str, ...]:
     here = " <" if option.repeats == shown.study.design.repeats else " *" * (not option.whole)
-    known = option.half_width < float("inf")
     return (
         f"{option.repeats}{here}",
         str(option.trials),
         f"{option.duration_s / 60:.1f}",
-        f"{option.half_width:.2f}" if known else "not determined",
-        f"{option.relative:.0%}" if known else "",
+        _width(option.half_width),
+        f"{option.relative:.0%}" if option.relative < inf else "",
+        _width(option.gain_half_width),
     )
+
+
+def _width(half: float) -> str:
+    return f"{half:.2f}" if half < inf else "not determined"

@@ -1,10 +1,10 @@
-"""The scale of scores: its ends, its ticks, and the names of its bands."""
+"""The scale of scores: its ends, its ticks and its bands; and the spread expected of scores."""
 
 from typing import Annotated, Literal, Self
 
 from pydantic import ConfigDict, Field, model_validator
 
-from protocol.study.fields import Line, Record, Whole
+from protocol.study.fields import Line, NotNegative, Positive, Record, Whole
 
 Score = Annotated[Whole, Field(le=1_000)]
 """Whole, so that it can be typed and counted."""
@@ -86,3 +86,27 @@ class Rating(Record):
 
 PAPERS_SCALE = Rating()
 """From 0 to 10 (section 5.2)."""
+
+
+class Forecast(Record):
+    """Standard deviations of ratings on the paper's scale of 0 to 10, from its Table 4.
+
+    `residual_sd` is that about each person's own line (27 df); the others are M2's medians.
+    """
+
+    residual_sd: Annotated[
+        Positive,
+        Field(le=10, description="SD of a score about the participant's own line, points"),
+    ] = 1.48
+    off_the_line_sd: Annotated[
+        NotNegative,
+        Field(
+            le=10,
+            description="SD between conditions of what they add for everybody beside the "
+            "predicted contrast, points",
+        ),
+    ] = 1.8
+    gain_sd: Annotated[
+        NotNegative,
+        Field(le=1000, description="SD of gains between people, points per unit of contrast"),
+    ] = 4.1

@@ -12,7 +12,7 @@ from protocol.study.design import Design, Publication
 from protocol.study.fields import Name, NotNegative, Positive, Record, Whole
 from protocol.study.languages import Code, KnownCode, Language
 from protocol.study.questions import ANSWERS, Question
-from protocol.study.rating import Rating
+from protocol.study.rating import Forecast, Rating
 from protocol.study.rig_settings import Rig
 from protocol.study.rules import Exclusions, SessionRules
 from protocol.study.timing import Timing
@@ -109,6 +109,13 @@ class Study(Record):
         Timing, Field(description="Pauses, and assumptions about how long people take.")
     ] = Timing()
     rating: Annotated[Rating, Field(description="When and how the effect is scored.")] = Rating()
+    forecast: Annotated[
+        Forecast,
+        Field(
+            description="What `touchbeam check` assumes about ratings when it forecasts precision, "
+            "on a scale of 0 to 10, whatever the study's."
+        ),
+    ] = Forecast()
     session: Annotated[
         SessionRules, Field(description="How a session is conducted and resumed.")
     ] = SessionRules()

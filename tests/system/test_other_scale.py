@@ -49,9 +49,7 @@ def test_a_study_with_scores_to_100_is_checked_rehearsed_reported_and_exported(
     bought = json.loads(capsys.readouterr().out)["minutes_buy"]
     assert all(0 < row["relative_half_width"] < 1 for row in bought if row["half_width"])
     assert typed("check", "study") == 0
-    assert (
-        "an SD of 9.72 points, as in the paper's Table 4 on this scale" in capsys.readouterr().out
-    )
+    assert "person's line 14.80, conditions off the line 18.00" in capsys.readouterr().out
     for participant in ("R1", "R2", "R3"):
         assert typed(*RUN, participant) == 0
     found = scores(study)

@@ -1,8 +1,8 @@
-"""Precision by session length: Student's t against scipy, laws, and recovery by simulation."""
+"""Precision by session length: Student's t against scipy, and laws of the forecast."""
 
-from math import inf, isinf
+from dataclasses import replace
+from math import inf, sqrt
 
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from scipy.stats import t
@@ -10,14 +10,16 @@ from scipy.stats import t
 from protocol.plan.plan import plan
 from protocol.plan.trials import session_s
 from protocol.preview.precision import (
-    RESIDUAL_SD,
-    half_width,
+    Cohort,
+    cohort,
+    confounded,
     precisions,
+    relative_gain_half_width,
     squared_spread,
     t_quantile,
 )
 from protocol.preview.session_length import SessionLength, session_lengths
-from protocol.study.rating import PAPERS_SCALE, Rating
+from protocol.study.rating import PAPERS_SCALE, Forecast, Rating
 from protocol.study.study import Study
 from protocol.study_file.limits import problems
 from protocol.study_file.loading import StudyError, parsed_study, template
@@ -29,51 +31,77 @@ def test_quantiles_of_t(df: int) -> None:
     assert t_quantile(0.975, df) == pytest.approx(float(t.ppf(0.975, df)), rel=1e-9)
 
 
-def test_twice_the_spread_of_contrasts_equals_four_times_the_repeats() -> None:
-    contrasts = [0.1, 0.2, 0.3, 0.4] * 50
-    wide = [2 * contrast for contrast in contrasts]
-    narrow, spread = (half_width(squared_spread(x), 200) for x in (contrasts * 4, wide))
-    assert narrow == pytest.approx(spread)
+PEOPLE = Cohort(participants=9, residual_sd=1.48, off_the_line_sd=1.8, gain_sd=4.1)
+FOUR = {f"condition {number}": [number / 10] * 5 for number in (1, 2, 3, 4)}
+GRADED = {name: [level * own[0] for level in (0.5, 0.8, 1, 1.2, 1.5)] for name, own in FOUR.items()}
 
 
-def test_the_interval_covers_the_true_gain_at_its_nominal_rate() -> None:
-    rng = np.random.default_rng(1)
-    x = np.linspace(0, 0.6, 20)
-    y = 3 + 5 * x + rng.normal(0, RESIDUAL_SD, (4_000, 20))
-    slopes = (y - y.mean(axis=1, keepdims=True)) @ (x - x.mean()) / squared_spread(list(x))
-    width = half_width(squared_spread(list(x)), 20)
-    by_normal = width / t_quantile(0.975, 18) * 1.959964
-    assert np.mean(np.abs(slopes - 5) < by_normal) == pytest.approx(0.95, abs=0.01)
+def lengths(*repeats: int) -> list[SessionLength]:
+    return [SessionLength(repeats=n, duration_s=100 + 200 * n, whole=True) for n in repeats]
+
+
+def test_without_pooling_twice_the_spread_equals_four_times_the_repeats() -> None:
+    apart = replace(PEOPLE, gain_sd=1e6)
+    wide = {name: [2 * contrast for contrast in own] for name, own in FOUR.items()}
+    repeated, spread = (
+        relative_gain_half_width(contrasts, share, apart)
+        for contrasts, share in ((FOUR, 40.0), (wide, 10.0))
+    )
+    assert repeated == pytest.approx(spread, rel=1e-3)
 
 
 def test_longer_sessions_give_narrower_intervals() -> None:
-    sessions = [
-        SessionLength(repeats=n, duration_s=100 + 200 * n, whole=True) for n in (1, 2, 4, 5, 8, 16)
-    ]
-    found = precisions([0.1, 0.2, 0.3, 0.4] * 5, 4, sessions, PAPERS_SCALE)
+    found = precisions(FOUR, 4, lengths(1, 2, 4, 5, 8, 16), PAPERS_SCALE, PEOPLE)
     assert [b.repeats for b in found] == [1, 2, 4, 5, 8, 16]
     assert [b.duration_s for b in found][2] == 900
-    widths = [b.half_width for b in found]
-    assert widths == sorted(widths, reverse=True)
+    for widths in ([b.half_width for b in found], [b.gain_half_width for b in found]):
+        assert widths == sorted(widths, reverse=True)
     assert found[2].trials == 20
 
 
-def test_equal_contrasts_do_not_determine_a_slope() -> None:
-    found = precisions(
-        [0.3] * 5, 1, [SessionLength(repeats=1, duration_s=60, whole=True)], PAPERS_SCALE
+def test_repeats_do_not_average_out_conditions_off_the_line() -> None:
+    once, often = precisions(FOUR, 1, lengths(1, 16), PAPERS_SCALE, PEOPLE)
+    assert often.half_width < 0.4 * once.half_width
+    floor = t_quantile(0.975, 2) * 1.8 / sqrt(squared_spread([0.1, 0.2, 0.3, 0.4]))
+    assert often.gain_half_width > floor
+
+
+def test_graded_levels_break_the_confounding_of_contrast_and_condition() -> None:
+    plain, graded = (
+        precisions(contrasts, 5, lengths(5), PAPERS_SCALE, PEOPLE)[0]
+        for contrasts in (FOUR, GRADED)
     )
-    assert all(isinf(b.half_width) and b.relative == inf for b in found)
-    assert half_width(1.0, 2) == inf
+    assert graded.gain_half_width < 0.4 * plain.gain_half_width
+    assert confounded(FOUR)
+    assert not confounded(GRADED)
+
+
+def test_equal_contrasts_do_not_determine_a_slope() -> None:
+    equal = {"one": [0.3] * 5, "other": [0.3] * 5}
+    for option in precisions(equal, 1, lengths(1), PAPERS_SCALE, PEOPLE):
+        assert option.half_width == option.gain_half_width == option.relative == inf
+    assert relative_gain_half_width({"one": [0.1, 0.5]}, 1.0, PEOPLE) == inf
+
+
+def test_two_conditions_alone_do_not_determine_gains() -> None:
+    two = {"one": [0.1] * 5, "other": [0.4] * 5}
+    option = precisions(two, 5, lengths(5), PAPERS_SCALE, PEOPLE)[0]
+    assert option.half_width < inf
+    assert option.gain_half_width == inf
 
 
 def test_a_longer_scale_changes_the_points_and_not_their_share_of_it() -> None:
-    sessions = [SessionLength(repeats=4, duration_s=60, whole=True)]
     tens, hundreds = (
-        precisions([0.1, 0.2, 0.3, 0.4] * 5, 4, sessions, Rating(minimum=low, maximum=high))[0]
-        for low, high in ((0, 10), (100, 200))
+        precisions(FOUR, 4, lengths(4), rating, cohort(9, Forecast(), rating))[0]
+        for rating in (PAPERS_SCALE, Rating(minimum=100, maximum=200))
     )
     assert hundreds.half_width == pytest.approx(10 * tens.half_width)
+    assert hundreds.gain_half_width == pytest.approx(10 * tens.gain_half_width)
     assert hundreds.relative == pytest.approx(tens.relative)
+
+
+def test_one_participant_is_forecast_as_one_of_the_papers_nine() -> None:
+    assert cohort(1, Forecast(), PAPERS_SCALE) == cohort(9, Forecast(), PAPERS_SCALE)
 
 
 def test_sessions_the_study_does_not_allow_are_marked() -> None:

@@ -86,7 +86,8 @@ def test_longer_sessions_and_a_wider_spread_of_contrasts_improve_precision(
     typed("check", study(tmp_path, "extended"), "--json")
     bought = {option["repeats"]: option for option in document(capsys)["minutes_buy"]}
     assert bought[4]["trials"] == 20
-    assert bought[4]["relative_half_width"] < 0.2
+    assert bought[4]["relative_half_width"] < 0.25
+    assert bought[4]["gain_half_width"] < 1.1 * bought[4]["half_width"], "thanks to its levels"
     assert bought[1]["half_width"] > bought[4]["half_width"] > bought[16]["half_width"]
     assert bought[1]["duration_s"] < bought[4]["duration_s"] < bought[16]["duration_s"]
 
@@ -97,11 +98,20 @@ def test_precision_by_session_length_is_explained_in_whole_sentences(
     assert typed("check", study(tmp_path)) == 0
     lines = capsys.readouterr().out.splitlines()
     table = next(n for n, line in enumerate(lines) if line.startswith("repeats"))
-    above, below = " ".join(lines[table - 3 : table]), " ".join(lines[-2:])
-    assert above.startswith("Precision by session length: how precisely a session estimates one")
-    assert above.endswith("Half-width of the 95 % interval, from that person's scores alone:")
-    assert below.startswith("<: this study. Of the scale: the half-width at the largest change")
-    assert below.endswith("scatter with an SD of 0.97 points, as in the paper's Table 4.")
+    above, below = " ".join(lines[table - 3 : table]), " ".join(lines[-6:])
+    assert above == (
+        "Precision by session length: half-widths of the 95 % intervals that the report gives each "
+        "of 9 participants, in points per unit of predicted change. Relative gain: the "
+        "participant's sensitivity less the group's mean."
+    )
+    assert below == (
+        "<: this study. Of the scale: the relative gain's at the largest change predicted here. "
+        "Assumed SDs ([forecast], by default those of the paper's Table 4): scores about a "
+        "person's line 1.48, conditions off the line 1.80, gains 4.10. Scores at the ends of the "
+        "scale make intervals wider. Each condition has a single predicted change here, so that "
+        "other effects cannot be told apart from it, however many repeats: graded levels make "
+        "gains more certain."
+    )
     assert "Pred.: predicted change of ln(friction), positive in the expected" in " ".join(lines)
 
 

@@ -139,7 +139,7 @@ class Lab:
         self.typist: Typist | None = None
         self.rig: Rig | None = None
         self._unwarned = ""
-        """Of what the operator has to be told."""
+        """The session whose operator has to be told of a touch before its next event."""
         self.answers: dict[tuple[str, int], tuple[str | None, int | None]] = {}
         """The change and the score that each trial was answered with, by session and index."""
 
@@ -317,9 +317,10 @@ class Lab:
 
     def _stored(self, session: str, tag: str, payload: str) -> None:
         self.watch.stored(session, tag, payload)
-        require(11, not self._unwarned, f"nobody was told that {self._unwarned}")
+        untold = f"nobody was told that a touch of {session} was not as instructed"
+        require(11, session != self._unwarned, untold)
         if tag == "touch-ended" and False in json.loads(payload)["judged"].values():
-            self._unwarned = f"a touch of {session} was not as instructed"
+            self._unwarned = session
         if tag == "paused" and self.typist is not None:
             self.typist.continues_s = self.device.now_s() + self.stream.uniform(0, 1)
         if tag == "answered" and self.person is not None:

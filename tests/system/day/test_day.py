@@ -22,6 +22,10 @@ def test_days_keep_every_invariant(first: int) -> None:
         assert len(done.lab.watch.planned) >= 3
 
 
+def test_a_study_amended_just_before_a_warning_is_not_the_next_event_of_the_session() -> None:
+    day(770)
+
+
 def test_a_day_is_always_the_same() -> None:
     first, second = day(7), day(7)
     assert first.lab.disk.acknowledged == second.lab.disk.acknowledged

@@ -49,7 +49,8 @@ def report(title: str, loaded: StudyData, study: Study, origin: Origin) -> Repor
 
 _KEYS = (
     *("title", "kinds", "rehearsals", "broken_chains", "unfinished", "left_out", "exclusions"),
-    *("incidents", "table4", "friedman", "skillings_mack", "kendall_w", "rank_sums", "pairwise"),
+    *("incidents", "table4", "friedman", "skillings_mack", "kendall_w", "kendall_w_interval"),
+    *("interval_coverage", "rank_sums", "pairwise"),
     *("icc", "additive", "gain_heterogeneity", "missing_readings", "ordinal"),
     *("sensitivity_model", "sensitivity_note", "sensitivity", "sensitivity_simple"),
     *("sensitivity_models", "predictive_checks", "sensitivity_at_places", "recovery"),

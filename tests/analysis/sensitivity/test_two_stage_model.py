@@ -97,7 +97,8 @@ def test_noticing_and_gain_are_recovered_and_covered() -> None:
     shares = np.array(covered)
     monte_carlo = shares.std(axis=0, ddof=1) / np.sqrt(len(shares))
     assert (shares.mean(axis=0) >= 0.93 - 2 * monte_carlo).all()
-    assert abs(np.mean(errors)) < 0.3
+    # Posteriors of d′ lean to the right: their means are a tenth too large (0.24 in 120 studies).
+    assert abs(np.mean(errors)) < 0.25 + 2 * np.std(errors, ddof=1) / np.sqrt(len(errors))
 
 
 def test_false_alarms_are_those_of_the_catch_trials() -> None:

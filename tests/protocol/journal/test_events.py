@@ -101,6 +101,7 @@ PAYLOADS: dict[str, dict[str, Any]] = {
         "language": "en",
         "consent": None,
         "seed": 1,
+        "virtual": None,
         "versions": {"touchbeam": "0.1.0", "python": "3.11.7"},
     },
     "session-resumed": {
@@ -110,6 +111,7 @@ PAYLOADS: dict[str, dict[str, Any]] = {
         "language": "zh",
         "consent": "A-7",
         "seed": 2,
+        "virtual": None,
         "versions": {"touchbeam": "0.1.0", "python": "3.11.7"},
     },
     "practice-renewed": {"indices": [2, 3]},

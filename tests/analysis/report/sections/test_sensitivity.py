@@ -29,7 +29,7 @@ def test_ratings_without_a_latent_scale_leave_the_simple_comparison() -> None:
     assert numbers["sensitivity"] == []
     assert "at least 3 are needed" in numbers["sensitivity_reason"]
     assert len(numbers["sensitivity_simple"]["subjects"]) == 3
-    assert "M2 could not be fitted: two different ratings" in report_html(result)
+    assert "M2 has no estimates: two different ratings" in report_html(result)
 
 
 def test_a_fit_with_too_few_effective_points_is_withheld(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,10 +3,10 @@
 import math
 
 from analysis.estimates import Interval, NotEstimable
-from analysis.sensitivity.checks import Proportion
 from analysis.statistics.monte_carlo import MonteCarlo
 from analysis.statistics.omnibus import Friedman
 from analysis.statistics.summary import Reading
+from analysis.trials.trial_checks import Proportion
 
 MISSING = "–"
 UNBOUNDED = "unbounded"

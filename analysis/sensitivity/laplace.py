@@ -64,6 +64,10 @@ class LatentTrials(Protocol):
         ...
 
 
+NOWHERE = -1e9
+"""The log evidence of a point that the likelihood says nothing about."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Components:
     """σ (points,), T (points, 2, 2) and the SD of discrepancies (points,)."""
@@ -120,7 +124,9 @@ class LatentModes:
     @property
     def log_evidence(self) -> FloatArray:
         """Log marginal likelihood at these components, up to a constant."""
-        return self.value - self.curvature.log_determinant / 2
+        with np.errstate(all="ignore"):  # far out the curvature can be no number
+            found = self.value - self.curvature.log_determinant / 2
+        return np.where(np.isfinite(found), found, NOWHERE)
 
     @property
     def parameters(self) -> FloatArray:

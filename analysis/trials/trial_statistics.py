@@ -8,17 +8,6 @@ import pandas as pd
 
 from analysis.estimates import FloatArray, NotEstimable
 from analysis.loading.study_data import StudyData
-from analysis.sensitivity.checks import (
-    Discrimination,
-    Drift,
-    FTest,
-    Proportion,
-    carry_over,
-    discrimination,
-    drift,
-    order_effect,
-    proportion,
-)
 from analysis.sensitivity.linear_model import LinearSensitivity, linear_sensitivity
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensitivity
 from analysis.sensitivity.predictive_checks import (
@@ -39,6 +28,17 @@ from analysis.trials.contrast_ranges import (
 )
 from analysis.trials.contrasts import TrialContrasts, trial_contrasts
 from analysis.trials.law_comparison import LawLikelihood, LawOrder, law_likelihoods, law_order
+from analysis.trials.trial_checks import (
+    Discrimination,
+    Drift,
+    FTest,
+    Proportion,
+    carry_over,
+    discrimination,
+    drift,
+    order_effect,
+    proportion,
+)
 from device.friction.changes import AT_A_PLACE, CONDITIONS, Change
 from device.friction.contrasts import predicted_contrast
 from device.friction.laws import LAWS

@@ -55,9 +55,9 @@ class Server:
         gone, instrument = False, self._device.instrument
         while keep or not gone or (instrument.output and instrument.watchdog_s is not None):
             self._wait(listening=not gone)
+            gone = self.step() or orphaned()
             if self._door is not None:
                 self._door.serve(self.answer_control)
-            gone = self.step() or orphaned()
 
     def step(self) -> bool:
         """Do what is due now; return whether the host is gone."""

@@ -8,7 +8,7 @@ from analysis.report.drawing import course_figure
 from analysis.report.figure_data import Course, course
 from analysis.report.findings import Findings
 from analysis.report.wording import interval, number, p_value, share
-from analysis.sensitivity.checks import Discrimination, Drift, FTest
+from analysis.trials.trial_checks import Discrimination, Drift, FTest
 from analysis.trials.trial_statistics import CatchAnswers
 
 

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from analysis.estimates import FloatArray, IntArray, NotEstimable
-from analysis.sensitivity.checks import (
+from analysis.sensitivity.ratings import Ratings
+from analysis.trials.trial_checks import (
     Discrimination,
     Drift,
     FTest,
@@ -20,7 +21,6 @@ from analysis.sensitivity.checks import (
     order_effect,
     proportion,
 )
-from analysis.sensitivity.ratings import Ratings
 
 SUBJECTS, TRIALS, CONDITIONS = 10, 15, 5
 

@@ -256,10 +256,6 @@ def _name_places(axes: Axes, labels: Sequence[str]) -> None:
     axes.set_xticks(np.arange(len(labels)), labels, rotation=90 if crowded else 0)
 
 
-def _short(name: str) -> str:
-    return name if len(name) <= 16 else f"{name[:15]}…"
-
-
 def _drawing(words: Words, draw: Callable[[Axes], None], height_in: float = _HEIGHT_IN) -> Drawing:
     with rc_context(_STYLE):
         figure = Figure(figsize=(_WIDTH_IN, height_in), layout="constrained")

@@ -62,9 +62,9 @@ class Generator(Driver):
     on_command = "OUTP ON"
     amplitude_abs_tol_vpp: ClassVar[float] = 0.0
     """The resolution of the amplitude, where it is coarser than `AMPLITUDE_REL_TOL`."""
-    _least_v = 0.0
+    least_v = 0.0
     _ramp: Ramp | None = None
-    _amplitude_v = 0.0
+    amplitude_v = 0.0
 
     @abstractmethod
     def _set_up(self, idn: str) -> float:
@@ -96,8 +96,8 @@ class Generator(Driver):
 
     def _prepared(self, idn: str, errors: tuple[str, ...]) -> Identity:
         self._ramp = None
-        self._least_v = self.limits.amplifier.amplitude_v(self._set_up(idn))
-        self._amplitude_v = self._least_v
+        self.least_v = self.limits.amplifier.amplitude_v(self._set_up(idn))
+        self.amplitude_v = self.least_v
         self.read_back()
         limited = self.limits.max_temperature_c is not None
         return Identity(
@@ -116,23 +116,23 @@ class Generator(Driver):
         the same amplitude at the same rate is continued.
         """
         setpoint.checked(self.limits)
-        if 0 < setpoint.voltage_v < self._least_v:
+        if 0 < setpoint.voltage_v < self.least_v:
             raise LimitExceeded(
-                f"voltage_v must be 0 or at least the generator's {self._least_v:g}, "
+                f"voltage_v must be 0 or at least the generator's {self.least_v:g}, "
                 f"got {setpoint.voltage_v:g}"
             )
         if setpoint.voltage_v == 0 and self.driven is None:
             return self.read_back()
         self._set_frequency(setpoint.frequency_hz)
         if self.driven is None:
-            self._set_amplitude(self._least_v)
+            self._set_amplitude(self.least_v)
             self.read_back()
             self.send(self.on_command)
         self.driven = setpoint
-        to_v, v_per_s = max(setpoint.voltage_v, self._least_v), setpoint.ramp_v_per_s
+        to_v, v_per_s = max(setpoint.voltage_v, self.least_v), setpoint.ramp_v_per_s
         if self._ramp is None or (self._ramp.to_v, self._ramp.v_per_s) != (to_v, v_per_s):
             self._ramp = Ramp(
-                from_v=self._amplitude_v, to_v=to_v, begin_s=self.monotonic(), v_per_s=v_per_s
+                from_v=self.amplitude_v, to_v=to_v, begin_s=self.monotonic(), v_per_s=v_per_s
             )
         return self.read_back()
 
@@ -174,7 +174,7 @@ class Generator(Driver):
 
     def _set_amplitude(self, voltage_v: float) -> None:
         self._set_vpp(self.limits.amplifier.vpp(voltage_v))
-        self._amplitude_v = voltage_v
+        self.amplitude_v = voltage_v
 
     def _require(self, status: Status, *, output: bool) -> None:
         """Raise unless the output, the settings and the drive are as commanded."""
@@ -185,8 +185,8 @@ class Generator(Driver):
             raise DeviceError(f"the generator's {status.fault}")
         kept_v = self.limits.amplifier.amplitude_v(status.vpp)
         step_v = self.limits.amplifier.amplitude_v(self.amplitude_abs_tol_vpp)
-        if not math.isclose(self._amplitude_v, kept_v, rel_tol=AMPLITUDE_REL_TOL, abs_tol=step_v):
+        if not math.isclose(self.amplitude_v, kept_v, rel_tol=AMPLITUDE_REL_TOL, abs_tol=step_v):
             raise DeviceError(
-                f"the amplitude was set to {self._amplitude_v:g} V and reads back as {kept_v:g}"
+                f"the amplitude was set to {self.amplitude_v:g} V and reads back as {kept_v:g}"
             )
         self.require_frequency(status.frequency_hz)

@@ -1,7 +1,4 @@
-"""The command line: the only module that connects runner, analysis, device and protocol.
-
-The commands import heavy modules themselves, so that `touchbeam --help` answers at once.
-"""
+"""The application: all commands, and errors as one line."""
 
 import os
 import sys

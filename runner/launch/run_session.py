@@ -193,7 +193,7 @@ def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
     journal = stack.enter_context(journal_if_used(options.folder.journal))
     new = name not in journal.sessions()
     earlier = touchbeam_versions(journal.events(name))[-1:]
-    if other := _nearly_the_same(journal, options.participant):
+    if other := nearly_the_same(journal, options.participant):
         say(f"warning: {options.participant} is taken for another participant than {other}")
     session = opened_session(request, journal, clock)
     log = SessionLog(journal, name, clock)
@@ -216,7 +216,7 @@ def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
     )
 
 
-def _nearly_the_same(journal: Journal, participant: str) -> str | None:
+def nearly_the_same(journal: Journal, participant: str) -> str | None:
     """Return a participant of the study whose pseudonym differs only in capitals, if any."""
     known = (name.rpartition("/")[0] for name in journal.sessions())
     alike = (other for other in known if other.casefold() == participant.casefold())

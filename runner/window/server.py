@@ -188,7 +188,7 @@ def serve_window() -> None:
         why = f"the participant's window cannot open on {display} ({_first_line(error)})"
         return send({"failed": why})
     try:
-        WindowServer(canvas, settings, _mailbox(sys.stdin), send).run()
+        WindowServer(canvas, settings, mailbox_of(sys.stdin), send).run()
     except Exception as error:
         return send({"broken": _first_line(error)} if canvas.is_there() else {"closed": True})
     return canvas.close()
@@ -198,7 +198,7 @@ def _first_line(error: Exception) -> str:
     return str(error).strip().partition("\n")[0] or type(error).__name__
 
 
-def _mailbox(source: TextIO) -> Mailbox:
+def mailbox_of(source: TextIO) -> Mailbox:
     """Return a mailbox that a thread fills from `source`, so that no frame waits for input."""
     mailbox: Mailbox = Mailbox()
 

@@ -1,4 +1,5 @@
-"""Sections of the report, one module each, with their tables, sentences, figures and data.
+"""Sections of the report, each with its tables, sentences, figures and data.
 
-Public face: `scores.section`, and `section` of every other module.
+Public face: `scores.section`, and `section` of every other module; `model_checks` has two,
+`model_checks.predictive` and `model_checks.recovery`.
 """

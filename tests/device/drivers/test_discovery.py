@@ -172,7 +172,7 @@ def test_0_v_of_a_generator_is_off_and_too_little_is_refused() -> None:
     port.sent.clear()
     still = Setpoint(voltage_v=0, frequency_hz=1000, ramp_v_per_s=100)
     assert generator.drive(still).output is False
-    generator._least_v = 0.02
+    generator.least_v = 0.02
     with pytest.raises(LimitExceeded, match=r"0 or at least the generator's 0.02, got 0.01"):
         generator.drive(Setpoint(voltage_v=0.01, frequency_hz=1000, ramp_v_per_s=100))
     assert not any(b"ON" in line for line in port.sent)
@@ -187,14 +187,14 @@ def test_a_generators_ramp_goes_on_while_its_frequency_is_stepped(
         monkeypatch.setattr(generator, name, lambda *_: None)
     monkeypatch.setattr(generator, "read_back", lambda: replace(ON, frequency_hz=1000.0))
     monkeypatch.setattr(generator, "monotonic", lambda: now_s)
-    generator._least_v = 0.0
+    generator.least_v = 0.0
     for step in range(21):
         now_s = 0.1 * step
         if step % 2:
             generator.carry_on()
         generator.drive(Setpoint(voltage_v=100, frequency_hz=1000 + step, ramp_v_per_s=50))
     generator.carry_on()
-    assert generator._amplitude_v == pytest.approx(100)
+    assert generator.amplitude_v == pytest.approx(100)
 
 
 LEAST_V = {

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from runner.journal.store import open_journal
-from runner.launch.run_session import _nearly_the_same
+from runner.launch.run_session import nearly_the_same
 from tests.runner.fakes import FakeDevice, FakeParticipant, context
 
 
@@ -17,4 +17,4 @@ def test_a_pseudonym_that_differs_only_in_capitals_is_noticed(
 ) -> None:
     with open_journal(tmp_path / "study.db") as journal:
         context(journal, FakeDevice(), FakeParticipant())
-        assert _nearly_the_same(journal, participant) == known
+        assert nearly_the_same(journal, participant) == known

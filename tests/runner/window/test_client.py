@@ -35,7 +35,7 @@ from runner.window.messages import (
     show_message,
 )
 from runner.window.preflight import foreseen
-from runner.window.server import _mailbox
+from runner.window.server import mailbox_of
 from runner.window.text_layout import first_font, missing_font
 
 PAPER = parsed_study(template("paper"))
@@ -201,7 +201,7 @@ def test_the_end_of_a_window_is_told_with_its_cause(end: str, told: str) -> None
 
 
 def test_a_window_that_hears_garbage_says_so_and_ends(capsys: pytest.CaptureFixture[str]) -> None:
-    mailbox = _mailbox(io.StringIO("rubbish\n"))
+    mailbox = mailbox_of(io.StringIO("rubbish\n"))
     assert mailbox.get(timeout=2) == {"end": True}
     assert capsys.readouterr().err == "a message must be one JSON object, got 'rubbish\\n'\n"
 

@@ -14,7 +14,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 
 from protocol.journal.events import StoredEvent
 from protocol.journal.state import folded
-from runner.journal.store import open_journal
+from runner.journal.opening import open_journal
 
 NOON = datetime(2026, 1, 1, 12, tzinfo=UTC)
 PAYLOAD = {"index": 3, "change": "smoother", "agrees": True, "score": 8, "reaction_time_s": [1.2]}

@@ -11,7 +11,7 @@ import numpy as np
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from protocol.study_file.loading import parsed_study, template
-from runner.journal.store import open_journal
+from runner.journal.opening import open_journal
 from tests.analysis.chains import chain
 from tests.analysis.reports import session_events
 

@@ -13,11 +13,13 @@ from protocol.journal.records import LIFTED_N
 
 TRIAL = ["session_id", "trial_index"]
 """The columns that identify a trial."""
+SCORED_KINDS = frozenset({"trial", "published"})
+"""The kinds of trial that count for Table 4."""
 
 
 def is_scored(trials: pd.DataFrame) -> "pd.Series[bool]":
     """Return which of `trials` count for Table 4."""
-    return trials["trial_kind"].isin(["trial", "published"])
+    return trials["trial_kind"].isin(SCORED_KINDS)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

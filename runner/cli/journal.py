@@ -55,7 +55,7 @@ def verify(study: StudyOrBackupArgument, as_json: JsonOption = False) -> None:
 
     Checks the hash chains, the order of events, and that each trial is answered exactly once.
     """
-    from runner.journal.store import read_journal
+    from runner.journal.opening import read_journal
     from runner.journal.verification import verdicts
     from runner.study.folder import StudyFolder
 

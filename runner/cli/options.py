@@ -203,7 +203,7 @@ def study_journal(folder: "StudyFolder", *, to_write: bool = False) -> "Journal"
     Raises:
         BadInput: nothing has been recorded yet.
     """
-    from runner.journal.store import open_journal, read_journal
+    from runner.journal.opening import open_journal, read_journal
 
     path = folder.existing_journal()
     return open_journal(path) if to_write else read_journal(path)

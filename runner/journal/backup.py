@@ -5,7 +5,7 @@ import secrets
 from pathlib import Path
 
 from protocol.errors import BadInput
-from runner.journal.store import read_journal
+from runner.journal.opening import read_journal
 from runner.journal.verification import SessionVerdict, verdicts
 
 

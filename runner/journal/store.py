@@ -1,7 +1,7 @@
 """The journal: a study's events in one SQLite file, appended one by one and chained by hashes.
 
-`runner.journal.chain` defines the stored form of an event, `runner.journal.database` how the file
-is opened, compared and checkpointed; docs/journal.md describes the file.
+`runner.journal.opening` opens it, `runner.journal.chain` defines the stored form of an event, and
+`runner.journal.database` compares and checkpoints the file; docs/journal.md describes it.
 """
 
 import os
@@ -31,65 +31,14 @@ from runner.journal.chain import (
 from runner.journal.database import (
     SQLITE_ERRORS,
     LogNotCopiedError,
-    checked_version,
-    close_keeping_log,
-    closed_on_error,
-    connected,
     copied_log,
     copy_database,
-    is_writable,
     leave,
-    log_aside,
     log_of,
-    transaction,
 )
 from runner.signals import raise_if_stopped
 
-SCHEMA_VERSION = 3
-UNSALTED_VERSION = 2
-"""Journals of this schema have no salts; they are read and continued as they are."""
-
 LOCK_WAIT_S = 2.0
-_READER_PATIENCE_S = 0.1
-"""How long a reader waits to merge a log that a killed process has left, s."""
-_ONE_PAGE = 4096
-"""Size of a database without tables, bytes."""
-
-_SCHEMA = (
-    """CREATE TABLE event (
-        session TEXT NOT NULL,
-        seq INTEGER NOT NULL,
-        tag TEXT NOT NULL,
-        utc TEXT NOT NULL,
-        monotonic_s REAL NOT NULL,
-        payload_sha256 TEXT NOT NULL,
-        hash TEXT NOT NULL,
-        salt BLOB,
-        payload TEXT,
-        PRIMARY KEY (session, seq)
-    ) STRICT""",
-    """CREATE TRIGGER event_is_erased_at_most BEFORE UPDATE ON event
-        WHEN NEW.payload IS NOT NULL OR NEW.salt IS NOT NULL
-        OR (NEW.rowid, NEW.session, NEW.seq, NEW.tag, NEW.utc, NEW.monotonic_s,
-            NEW.payload_sha256, NEW.hash)
-        IS NOT (OLD.rowid, OLD.session, OLD.seq, OLD.tag, OLD.utc, OLD.monotonic_s,
-            OLD.payload_sha256, OLD.hash)
-        BEGIN SELECT RAISE(ABORT, 'the journal is append-only'); END""",
-    """CREATE TRIGGER event_is_not_replaced BEFORE INSERT ON event
-        WHEN EXISTS (SELECT 1 FROM event WHERE session = NEW.session AND seq = NEW.seq)
-        BEGIN SELECT RAISE(ABORT, 'the journal is append-only'); END""",
-    """CREATE TRIGGER event_is_not_deleted BEFORE DELETE ON event
-        BEGIN SELECT RAISE(ABORT, 'the journal is append-only'); END""",
-)
-
-
-_SCHEMAS = {
-    UNSALTED_VERSION: [
-        statement.replace("        salt BLOB,\n", "").replace(" OR NEW.salt IS NOT NULL", "")
-        for statement in _SCHEMA
-    ],
-    SCHEMA_VERSION: _SCHEMA,
-}
 
 _EVENT = "SELECT seq, tag, utc, monotonic_s, payload"
 _SESSIONS = "SELECT session FROM event GROUP BY session ORDER BY min(rowid)"
@@ -309,172 +258,6 @@ def _files_at(places: Iterable[str]) -> list[tuple[int, int]]:
             found = os.stat(place)  # noqa: PTH116 - Path.stat takes twice as long
             files.append((found.st_dev, found.st_ino))
     return files
-
-
-@contextmanager
-def journal_if_used(path: Path) -> Iterator[Journal]:
-    """Yield the journal at `path`; create it if missing, remove it again if nothing was written.
-
-    Another process that has opened it in between gets an error when it appends.
-
-    Raises:
-        JournalError: the journal cannot be opened.
-    """
-    before = path.exists()
-    try:
-        with open_journal(path) as journal:
-            yield journal
-    except BaseException:
-        if not before and path.exists() and unused(path):
-            for name in (f"{path.name}-wal", f"{path.name}-shm", path.name):
-                path.with_name(name).unlink(missing_ok=True)
-        raise
-
-
-def unused(path: Path) -> bool:
-    """Return whether the journal at `path` is missing or has no events.
-
-    If it cannot be read, for example because the disk is full, its size decides.
-    """
-    if not path.exists():
-        return True
-    try:
-        with read_journal(path) as journal:
-            return not journal.sessions()
-    except JournalError:
-        log = log_of(path)
-        logged = log.stat().st_size if log.exists() else 0
-        return logged == 0 and path.stat().st_size <= _ONE_PAGE
-
-
-def read_journal(path: Path, *, to_verify: bool = False) -> Journal:
-    """Return the journal at `path` opened read-only; the file need not be writable.
-
-    With `to_verify`, missing triggers are no error: `lacking_triggers` of the journal names them.
-
-    Raises:
-        JournalError: it cannot be read, or its schema is not touchbeam's.
-    """
-    lacking: list[str] = []
-    with _opening(path, "read", _access(path)) as connection:
-        connection.execute("PRAGMA query_only = ON")
-        with transaction(connection):
-            version = checked_version(connection, _SCHEMAS, lacking if to_verify else None)
-        if version > 0:
-            return Journal(
-                connection,
-                path,
-                salted=version != UNSALTED_VERSION,
-                lacking_triggers=lacking,
-                patience_s=_READER_PATIENCE_S,
-            )
-        connection.close()  # made and never filled: its process was killed
-        empty = sqlite3.connect(":memory:")
-        with closed_on_error(empty):
-            for statement in _SCHEMA:
-                empty.execute(statement)
-        return Journal(empty, path)
-
-
-def _access(path: Path) -> str:
-    """Return SQLite's URI parameter for reading the journal, whose folder may be read-only.
-
-    In a writable folder SQLite opens it read-write, so that it can remove its log afterwards.
-    """
-    if is_writable(path):
-        return "mode=rw"
-    return "mode=ro" if log_of(path).exists() else "immutable=1"
-
-
-@contextmanager
-def _opening(
-    path: Path, what: str, access: str = "mode=rw", *, create: bool = False
-) -> Iterator[sqlite3.Connection]:
-    """Yield a connection to the journal at `path`, closed again only if the body fails.
-
-    Raises:
-        JournalError: the body has raised an error of SQLite or of the system, or the log is aside.
-    """
-    if (aside := log_aside(path)).exists():  # opened without its log, the journal would lack events
-        raise JournalError(
-            f"{path}: its log is {aside.name}, because a process was killed while it closed the "
-            f"journal; rename it to {log_of(path).name}"
-        )
-    try:
-        if create:  # SQLite itself would make a file that others may read, as the umask has it
-            with suppress(FileExistsError):
-                os.close(os.open(path, os.O_CREAT | os.O_EXCL, 0o600))
-        connection = connected(path, access, LOCK_WAIT_S)
-        try:
-            yield connection
-        except BaseException:
-            close_keeping_log(connection, path)
-            raise
-    except (OSError, *SQLITE_ERRORS) as error:
-        raise_if_stopped()
-        raise JournalError(f"{path}: cannot be {what} as a journal ({error})") from error
-
-
-def open_journal(path: Path, random_bytes: RandomBytes = secrets.token_bytes) -> Journal:
-    """Return the journal at `path` opened for writing; create it if missing.
-
-    Events go to the write-ahead log. Only `Journal.checkpoint` and the close copy them into the
-    main file, so that a copy of it is consistent at any moment.
-
-    Args:
-        path: the file.
-        random_bytes: the source of the salts, which must be unpredictable.
-
-    Raises:
-        JournalError: it cannot be opened, or its schema is not touchbeam's; it is unchanged.
-    """
-    if log_of(path).exists() and not path.exists():
-        raise JournalError(
-            f"{path}: is missing, but its log {log_of(path).name} exists and holds the latest "
-            "events; restore the journal beside it"
-        )
-    with _opening(path, "opened", create=True) as connection:
-        with transaction(connection):
-            checked_version(connection, _SCHEMAS)
-        _log_ahead(connection)
-        # In this order: a stored event outlasts a power cut; what a participant takes back is
-        # overwritten; only `checkpoint` and the close move events into the file.
-        for setting in ("synchronous = FULL", "secure_delete = ON", "wal_autocheckpoint = 0"):
-            connection.execute(f"PRAGMA {setting}")
-        version = _ensured_schema(connection)
-        return Journal(
-            connection, path, salted=version != UNSALTED_VERSION, random_bytes=random_bytes
-        )
-
-
-def _log_ahead(connection: sqlite3.Connection) -> None:
-    """Turn the write-ahead log on.
-
-    If two processes do so at once, SQLite refuses one of them without waiting for its timeout. It
-    does wait for BEGIN, which therefore comes before the next attempt.
-    """
-    for _ in range(10):
-        try:
-            connection.execute("PRAGMA journal_mode = WAL")
-        except sqlite3.OperationalError as error:
-            if error.sqlite_errorcode != sqlite3.SQLITE_BUSY:
-                raise
-            connection.execute("BEGIN IMMEDIATE")
-            connection.execute("ROLLBACK")
-        else:
-            return
-    raise sqlite3.OperationalError("database is locked")
-
-
-def _ensured_schema(connection: sqlite3.Connection) -> int:
-    """Create the tables unless they exist; return the version of the schema."""
-    with transaction(connection, "IMMEDIATE"):  # another process may be creating them too
-        version = checked_version(connection, _SCHEMAS)
-        if version == 0:
-            for statement in _SCHEMA:
-                connection.execute(statement)
-            connection.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
-    return version or SCHEMA_VERSION
 
 
 def session_name(participant: str, number: int) -> str:

@@ -11,7 +11,8 @@ from protocol.address import SIMULATED
 from protocol.journal.events import Answered, DeviceOff, Event, StoredEvent, TouchEnded
 from protocol.journal.state import SessionState
 from protocol.plan.trials import Plan
-from runner.journal.store import open_journal, session_name
+from runner.journal.opening import open_journal
+from runner.journal.store import session_name
 from runner.launch.device_access import touchbeam_command
 from runner.launch.run_session import SessionOptions, run_session
 from runner.study.folder import StudyFolder

@@ -18,8 +18,9 @@ from runner.clock import Clock, Pace, SteppedClock, WallClock
 from runner.interfaces import AnswerSource
 from runner.journal.cohort import slot_for, states
 from runner.journal.location import checked_place, mounts_of_this_machine
+from runner.journal.opening import journal_if_used
 from runner.journal.session_log import SessionLog
-from runner.journal.store import Journal, JournalError, journal_if_used, session_name
+from runner.journal.store import Journal, JournalError, session_name
 from runner.journal.verification import touchbeam_versions
 from runner.launch.device_access import kept_calibration, session_rig
 from runner.launch.locks import rig_lock, session_lock

@@ -118,7 +118,7 @@ def new_study(folder: StudyFolder, text: str) -> Iterator[StudyFolder]:
         folder.study_file.write_text(text, encoding="utf-8")
         yield folder
     except BaseException:
-        from runner.journal.store import unused
+        from runner.journal.opening import unused
 
         if unused(folder.journal):
             take_away([topmost] if topmost else place.iterdir())

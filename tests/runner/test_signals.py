@@ -14,7 +14,7 @@ from types import FrameType
 import pytest
 
 from protocol.journal.events import DeviceArmed
-from runner.journal.store import open_journal
+from runner.journal.opening import open_journal
 from runner.session.loop import run_then_turn_off
 from runner.session.session import SessionContext
 from runner.signals import Stopped, raise_if_stopped, signals_raise, stops_allowed, stops_deferred

@@ -11,7 +11,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from protocol.journal.events import NoteTaken, StoredEvent
-from runner.journal.store import Journal, JournalError, open_journal
+from runner.journal.opening import open_journal
+from runner.journal.store import Journal, JournalError
 from runner.journal.verification import verdicts
 from runner.session.loop import run
 from tests.runner.fakes import FakeDevice, FakeParticipant, context

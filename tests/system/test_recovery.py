@@ -18,8 +18,9 @@ from device.study_limits import device_limits
 from protocol.study.participant_texts import study_wording
 from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study, template
+from runner.journal.opening import journal_if_used
 from runner.journal.session_log import SessionLog
-from runner.journal.store import journal_if_used, session_name
+from runner.journal.store import session_name
 from runner.launch.run_session import Request, SessionOptions, opened_session
 from runner.people.operator_console import OperatorConsole, PlainDisplay
 from runner.people.virtual_participant import VirtualParticipant, drawn_person, swapping

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from protocol.journal.events import Event, TouchStarted
+from runner.journal.opening import read_journal
 from runner.journal.session_log import SessionLog
-from runner.journal.store import read_journal
 from runner.study.folder import StudyFolder
 from tests.runner.command_line import TOUCHBEAM, assert_matches, typed
 

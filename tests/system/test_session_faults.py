@@ -19,7 +19,8 @@ from device.study_limits import device_limits
 from protocol.study_file.loading import template
 from runner.cli.output import WORK_FAILED, complaint
 from runner.clock import SteppedClock
-from runner.journal.store import Journal, open_journal
+from runner.journal.opening import open_journal
+from runner.journal.store import Journal
 from runner.journal.verification import verdicts
 from runner.people.operator_console import OperatorConsole, PlainDisplay
 from runner.screens import Instruction, Pacing, Response, Screen

@@ -12,7 +12,7 @@ import pytest
 
 from protocol.journal.events import StoredEvent
 from protocol.study_file.loading import template
-from runner.journal.store import open_journal
+from runner.journal.opening import open_journal
 from runner.journal.verification import verdicts
 from tests.runner.command_line import TOUCHBEAM
 

@@ -19,7 +19,7 @@ import pytest
 from device.simulator.device import simulated_device
 from protocol.journal.events import DeviceArmed, DeviceOff, NoteTaken, SessionOpened
 from protocol.study_file.loading import template
-from runner.journal.store import open_journal
+from runner.journal.opening import open_journal
 from runner.people.terminal import visible, visible_json
 from tests.analysis.chains import chain, scored_session
 from tests.runner.command_line import TOUCHBEAM

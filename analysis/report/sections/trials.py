@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from analysis.loading.sessions import SCORED_KINDS
 from analysis.report.blocks import Cell, Column, Row, Section, Table, TableGroup, columns
 from analysis.report.findings import Findings
 from analysis.report.wording import MISSING, number
@@ -30,7 +31,7 @@ def trials_anchor(row: int, column: int) -> str:
 
 def is_scored(record: Mapping[str, Any]) -> bool:
     """Return whether a trial contributes to Table 4."""
-    return record["kind"] in {"trial", "published"}
+    return record["kind"] in SCORED_KINDS
 
 
 def _subject_tables(found: Findings) -> list[Table]:

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from runner.journal.store import open_journal, session_name
+from runner.journal.opening import open_journal
+from runner.journal.store import session_name
 from tests.analysis.export.data_slips import bids_slips, csv_rows, psychds_slips
 from tests.analysis.hostile_study import sessions, study_text
 from tests.runner.command_line import TOUCHBEAM, typed

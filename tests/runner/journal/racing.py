@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from protocol.journal.events import StoredEvent
-from runner.journal.store import open_journal, read_journal
+from runner.journal.opening import open_journal, read_journal
 
 NOON = datetime(2026, 1, 1, 12, tzinfo=UTC)
 

@@ -13,8 +13,9 @@ from protocol.study_file.loading import template
 from runner.clock import WallClock
 from runner.journal.amendments import amend, exclude_session, exclude_trial, withdraw
 from runner.journal.cohort import session_summaries, slot_for, states
+from runner.journal.opening import open_journal, read_journal
 from runner.journal.session_log import SessionLog
-from runner.journal.store import Journal, JournalError, open_journal, read_journal
+from runner.journal.store import Journal, JournalError
 from runner.journal.verification import verdicts
 from runner.session.loop import run
 from runner.session.resume import require_resumable

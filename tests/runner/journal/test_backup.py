@@ -10,8 +10,8 @@ from protocol.journal.events import NoteTaken
 from protocol.study_file.loading import template
 from runner.clock import WallClock
 from runner.journal.backup import backed_up
+from runner.journal.opening import open_journal, read_journal
 from runner.journal.session_log import SessionLog
-from runner.journal.store import open_journal, read_journal
 from runner.session.loop import run
 from tests.runner.command_line import typed
 from tests.runner.fakes import FakeDevice, FakeParticipant, context

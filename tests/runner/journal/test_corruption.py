@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from protocol.study_file.loading import template
-from runner.journal.store import open_journal
+from runner.journal.opening import open_journal
 from runner.session.loop import run
 from tests.runner.command_line import typed
 from tests.runner.fakes import FakeDevice, FakeParticipant, context

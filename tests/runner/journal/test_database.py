@@ -20,8 +20,9 @@ from runner.journal.database import (
     has_wal_reset_bug,
     log_of,
 )
+from runner.journal.opening import open_journal, read_journal
 from runner.journal.session_log import SessionLog
-from runner.journal.store import Journal, JournalError, open_journal, read_journal
+from runner.journal.store import Journal, JournalError
 from runner.session.loop import run
 from runner.signals import Stopped, signals_raise
 from tests.runner.command_line import typed

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from runner.journal.store import open_journal, read_journal
+from runner.journal.opening import open_journal, read_journal
 from runner.journal.verification import chain_is_unbroken
 
 RACES = 20

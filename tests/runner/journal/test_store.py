@@ -15,7 +15,8 @@ import pytest
 
 from protocol.journal.events import StoredEvent
 from runner.journal.chain import FIRST_HASH, chain_hash
-from runner.journal.store import Journal, JournalError, journal_if_used, open_journal, read_journal
+from runner.journal.opening import journal_if_used, open_journal, read_journal
+from runner.journal.store import Journal, JournalError
 from runner.journal.verification import verdicts
 from tests.runner.journal.tampering import tampering
 
@@ -153,7 +154,7 @@ def test_a_journal_that_has_lost_its_version_is_refused(tmp_path: Path) -> None:
 
 def test_two_processes_may_create_the_journal_at_once(tmp_path: Path) -> None:
     program = (
-        "import sys; from pathlib import Path; from runner.journal.store import open_journal\n"
+        "import sys; from pathlib import Path; from runner.journal.opening import open_journal\n"
         "for n in range(20): open_journal(Path(sys.argv[1], f'{n}.db')).__exit__(None, None, None)"
     )
     both = [

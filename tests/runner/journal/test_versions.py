@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from protocol.study_file.loading import template
-from runner.journal.store import open_journal
+from runner.journal.opening import open_journal
 from runner.journal.verification import verdicts
 from runner.launch.device_access import touchbeam_command
 from runner.launch.run_session import SessionOptions, run_session

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from runner.journal.store import open_journal
+from runner.journal.opening import open_journal
 from runner.launch.run_session import nearly_the_same
 from tests.runner.fakes import FakeDevice, FakeParticipant, context
 

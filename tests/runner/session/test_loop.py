@@ -10,8 +10,9 @@ from protocol.journal.events import DeviceOff, Event, TrialAborted
 from protocol.journal.records import ReadBack
 from protocol.study_file.loading import template
 from runner.cli.output import complaint
+from runner.journal.opening import open_journal
 from runner.journal.session_log import SessionLog
-from runner.journal.store import Journal, JournalError, open_journal
+from runner.journal.store import Journal, JournalError
 from runner.screens import AskScore, Instruction, Note, Order, Pacing, Response
 from runner.session.loop import run
 from runner.session.orders import StoppedByOperator

@@ -10,7 +10,7 @@ import pytest
 from device.errors import DeviceError
 from protocol.address import SIMULATED
 from protocol.journal.events import WatchdogTested
-from runner.journal.store import open_journal
+from runner.journal.opening import open_journal
 from runner.journal.verification import verdicts
 from runner.screens import Note, OperatorView, Order
 from runner.session.loop import run

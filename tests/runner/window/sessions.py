@@ -13,7 +13,8 @@ from typing import Any, Self
 
 from protocol.journal.events import StoredEvent
 from protocol.study_file.loading import template
-from runner.journal.store import open_journal, session_name
+from runner.journal.opening import open_journal
+from runner.journal.store import session_name
 from tests.runner.command_line import TOUCHBEAM
 from tests.runner.window.person import Person
 

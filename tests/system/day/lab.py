@@ -26,8 +26,9 @@ from protocol.study.study import Study
 from protocol.study.touch import Touch
 from runner.cli.output import complaint
 from runner.clock import Clock
+from runner.journal.opening import journal_if_used, open_journal
 from runner.journal.session_log import SessionLog
-from runner.journal.store import journal_if_used, open_journal, session_name
+from runner.journal.store import session_name
 from runner.launch.locks import session_lock
 from runner.launch.run_session import (
     Request,
@@ -155,7 +156,7 @@ class Lab:
         with (
             self.disk.installed(),
             patch("runner.clock.WallClock", lambda: _Calendar(self.device)),
-            patch("runner.journal.store.open_journal", partial(open_journal, random_bytes=salts)),
+            patch("runner.journal.opening.open_journal", partial(open_journal, random_bytes=salts)),
             patch("device.resonance._POINTS", SEARCHED_POINTS),
             patch("runner.launch.locks.COMMON", self.folder.path),
         ):

@@ -1,8 +1,10 @@
 """A day in the laboratory, drawn from one number; `-m tests.system.day.day SEED` repeats it."""
 
 import gc
+import hashlib
 import os
 import random
+import re
 import shutil
 import sys
 import tempfile
@@ -32,6 +34,7 @@ MOST_ATTEMPTS = 9
 Happening = Callable[[Process], None]
 """Plans what will happen to a process; its name is what happens."""
 SECRET = "a lorry passed"
+_IN_USE_BY = re.compile(r"in use by .*? \(process \d+\)")
 _SESSION_THREAD: tuple[Where, ...] = ("clock", "people", "disk")
 
 
@@ -67,6 +70,11 @@ class Day:
                 self._command()
         while due:
             self._run_to_its_end(*self._another(), due)
+
+    def digest(self) -> str:
+        """Return a digest of the record of the day, without the names of folder and process."""
+        record = repr(self.lab.record).replace(str(self.lab.folder.path), "")
+        return hashlib.sha256(_IN_USE_BY.sub("", record).encode()).hexdigest()
 
     def _another(self) -> tuple[str, int]:
         """Return the first session of somebody new: it is there for what has not happened yet."""

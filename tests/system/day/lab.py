@@ -83,13 +83,19 @@ class LabPort:
 
     port: Port
     process: Process
+    seen: Callable[[bytes], None]
+    """Called with all that passes."""
 
     def receive(self, timeout_s: float) -> bytes:
         self.process.crossing("port")
-        return self.port.receive(timeout_s)
+        data = self.port.receive(timeout_s)
+        if data:
+            self.seen(data)
+        return data
 
     def send(self, data: bytes) -> None:
         self.process.crossing("port")
+        self.seen(data)
         self.port.send(data)
         self.process.crossing("port")
 
@@ -143,6 +149,8 @@ class Lab:
         """The session whose operator has to be told of a touch before its next event."""
         self.answers: dict[tuple[str, int], tuple[str | None, int | None]] = {}
         """The change and the score that each trial was answered with, by session and index."""
+        self.record: list[tuple[float, object]] = []
+        """All data on the line, events, lines to people and ends of processes, with their times."""
 
     def write(self, text: str) -> None:
         """Write the study file."""
@@ -244,10 +252,12 @@ class Lab:
                 self.disk.crash()
         self.disk.unlock()
         self.disk.process = Process()
-        self.watch.alone(killed=outcome.killed)
+        self.watch.alone()
+        if not outcome.killed:
+            self.watch.forget(killed=False)
         self.device.advance(2 * self.watch.rig.watchdog_s)
         self.disk.checked()  # may find the end of a touch whose process died as it stored it
-        self.watch.alone(killed=False)
+        self.watch.forget(killed=outcome.killed)
         require(12, not self.disk.open, "a connection to the journal is open")
         return outcome
 
@@ -257,6 +267,7 @@ class Lab:
                 line, code = work(), 0
         except Exception as error:
             line, code = complaint(error)
+        self._record((line, code))
         require(11, not line.startswith("internal error"), line)
         require(8, "does not allow the event" not in line, line)
         return Outcome(line=line, code=code, process=process)
@@ -309,14 +320,18 @@ class Lab:
     def _opened(self, study: Study, process: Process) -> Rig:
         process.crossing("port")
         try:
-            port = LabPort(self.device.port(), process)
+            port = LabPort(self.device.port(), process, self._record)
         except OSError as error:
             raise DeviceError(f"{PORT}: {advice(error)}") from error
         limits, now_s = device_limits(study.rig), self.device.now_s
         driver = driver_of(study.rig.dialect)(Link(port, now_s), limits, now_s)
         return Rig(driver, limits, monotonic=now_s)
 
+    def _record(self, what: object) -> None:
+        self.record.append((self.device.now_s(), what))
+
     def _stored(self, session: str, tag: str, payload: str) -> None:
+        self._record((session, tag, payload))
         self.watch.stored(session, tag, payload)
         untold = f"nobody was told that a touch of {session} was not as instructed"
         require(11, session != self._unwarned, untold)
@@ -334,6 +349,7 @@ class Lab:
 
     def _said(self, line: str, process: Process) -> None:
         process.crossing("people")
+        self._record(line)
         self.watch.said(line)
         if "did not follow the instruction" in line:
             self._unwarned = ""

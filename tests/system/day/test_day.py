@@ -26,10 +26,20 @@ def test_a_study_amended_just_before_a_warning_is_not_the_next_event_of_the_sess
     day(770)
 
 
-def test_a_day_is_always_the_same() -> None:
-    first, second = day(7), day(7)
-    assert first.lab.disk.acknowledged == second.lab.disk.acknowledged
-    assert first.lab.device.now_s() == second.lab.device.now_s()
+def test_a_day_depends_on_its_seed_alone() -> None:
+    seeds = (5, 7, 12, 1283, 1284)
+    forwards = {seed: day(seed).digest() for seed in seeds}
+    assert {seed: day(seed).digest() for seed in reversed(seeds)} == forwards
+
+
+def test_a_day_is_the_same_in_every_process() -> None:
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        assert pool.submit(digest, 1284).result() == digest(1284)
+
+
+def digest(seed: int) -> str:
+    """Return the digest of the record of a day."""
+    return day(seed).digest()
 
 
 def broken(seed: int) -> str:

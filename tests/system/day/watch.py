@@ -27,7 +27,9 @@ FORGETS = {SLACK, "limits-lost", "panel-changed", "panel-on", "brown-out"}
 """Faults in which it forgets its limit or its watchdog, or goes on by itself."""
 CUT_OFF = {"vanish", "dead-peer", "deaf"}
 """Faults in which the host does not reach the device: its watchdog must end the output."""
-NO_WATCHDOG = {SLACK, "watchdog-dead", "relay-stuck", "stage-shorted"}
+DEAD_WATCHDOG = {SLACK, "watchdog-dead"}
+"""Faults in which nothing ends what a process has switched on that is killed."""
+NO_WATCHDOG = {*DEAD_WATCHDOG, "relay-stuck", "stage-shorted"}
 NOTICED_S = 0.25
 """Within this time, and 20 delays of the line, a session that lives turns off what is wrong."""
 TOLD_S = 3.0
@@ -83,6 +85,7 @@ class Watch:
         """Switch every fault off; what they have changed in the device stays."""
         self.mended()
         self.faults_s.clear()
+        self.touch, self.searching = None, False
         self.told_unknown, self._wrong_from_s = False, None
 
     def mended(self) -> None:
@@ -99,7 +102,7 @@ class Watch:
                 trials = [PlannedTrial.from_json(trial) for trial in opened["trials"]]
                 self.planned[session] = {trial.index: trial for trial in trials}
             case "device-armed":
-                self.searching = True
+                self.touch, self.searching = None, True
             case "resonance-measured":
                 self.searching = False
                 self.resonance_hz = json.loads(payload)["frequency_hz"]
@@ -152,11 +155,19 @@ class Watch:
             within_hz = most_hz if 0 < place < len(read_back) - 1 else 1e-3
             require(9, off_hz <= within_hz, f"{shown['frequency_hz']:g} Hz, planned {hertz:g}")
 
-    def alone(self, *, killed: bool) -> None:
+    def alone(self) -> None:
         """Take note that no process drives the device; one that was killed did not turn it off."""
-        if not killed:
-            self.touch, self.searching = None, False
         self.polled, self.hanging_from_s = False, float("inf")
+
+    def forget(self, *, killed: bool) -> None:
+        """Allow no longer what a process drove that has ended.
+
+        A kill and a dead watchdog are two faults: what was on stays on, and stays allowed, until
+        the device is repaired or armed again.
+        """
+        left_on = self.device.inside.instrument.output_v > _TOLERANCE_V
+        if not (killed and left_on and self.faults_s.keys() & DEAD_WATCHDOG):
+            self.touch, self.searching = None, False
 
     def said(self, line: str, *, last: bool = False) -> str:
         """Take note of a line to the operator; return what it says of the output."""

@@ -194,14 +194,13 @@ class Rig:
 
         Returns False once the rig is closed.
         """
-        try:
+        with contextlib.suppress(queue.Empty):
             job = self._jobs.get(timeout=wait_s)
-        except queue.Empty:
-            job = _Job(work=lambda: None, result=Future())
-        if job is None:
-            return False
-        self._stop_if_asked()
-        _settle(job)
+            if job is None:
+                return False
+            self._stop_if_asked()
+            _settle(job)
+            self._beaten_s = self._monotonic()  # a session that waits for a call cannot beat
         self._stop_if_asked()
         with contextlib.suppress(DeviceError):  # it is latched: the next beat raises it
             self._guarded(self._keep_going)
@@ -262,7 +261,6 @@ class Rig:
     def _drive(self, setpoint: Setpoint) -> ReadBack:
         read_back = self._driver.drive(setpoint)
         self._ramping = True
-        self._beaten_s = self._monotonic()
         return read_back
 
     def _off(self) -> None:

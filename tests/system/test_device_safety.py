@@ -10,6 +10,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
@@ -19,6 +20,7 @@ from device.errors import DeviceError, EmergencyStop, OutputUnknown
 from device.link.link import open_link
 from device.rig import FEEDS_PER_WATCHDOG, open_rig
 from device.simulator.client import ControlClient, Endpoints, simulator_process
+from device.simulator.in_process import InProcessClock, InProcessDevice, in_process_rig
 from tests.device.rigs import DRIVE, LIMITS, TOUCHBEAM, driven_on, opened, until
 
 ROOT = Path(__file__).parents[2]
@@ -211,6 +213,19 @@ def test_a_generator_is_turned_off_when_the_session_hangs() -> None:
         assert until(lambda: control.state()["output"] is False, within_s=2), "nobody beats"
         with pytest.raises(DeviceError, match=r"session did not move for .* s; output off, read"):
             driven_on(rig, control)
+
+
+def test_a_session_that_waits_for_a_slow_generator_does_not_hang() -> None:
+    device = InProcessDevice(seed=1, dialect="rigol", delay_s=lambda: 0.02)
+    rig = in_process_rig(device, LIMITS, "rigol")
+    rig.arm()
+    rig.drive(DRIVE)
+    begin_s = device.now_s()
+    assert all(rig.read_back().output for _ in range(3)), "no beat, but calls"
+    assert device.now_s() - begin_s > 2 * LIMITS.watchdog_s
+    InProcessClock(datetime(2026, 1, 5, tzinfo=UTC), device, rig).sleep(2 * LIMITS.watchdog_s)
+    with pytest.raises(DeviceError, match=r"session did not move for .* s; output off, read"):
+        rig.beat()
 
 
 def test_a_stop_by_hand_sends_off_within_100_ms_of_a_blocked_read(

@@ -26,8 +26,18 @@ from tests.system.day.records import at_the_end
 from tests.system.day.studies import drawn_study
 from tests.system.day.watch import HOT, SLACK
 
-FAULTS = (*(name for name in NAMES if name not in {"modulated", "signal-added"}), HOT, SLACK)
-"""The faults of a board, which has no modulation."""
+DEVICES = {
+    "board": 60, "keysight": 8, "keysight-33220A": 6, "rigol": 8, "rigol-DG1062Z": 6, "siglent": 12,
+}  # fmt: skip
+"""The models, and of how many days in a hundred each is the device."""
+_NO_FAULTS_OF_A_BOARD = {"modulated", "signal-added"}
+BOARD_FAULTS = (*(name for name in NAMES if name not in _NO_FAULTS_OF_A_BOARD), HOT, SLACK)
+_NO_FAULTS_OF_A_GENERATOR = {
+    "watchdog-dead", "over-temperature", "monitor-wrong", "scale-wrong", "peak-to-peak",
+    "relay-stuck", "stage-shorted",
+}  # fmt: skip
+"""It has no watchdog, thermometer or monitor: what is wrong behind its output, nothing shows."""
+GENERATOR_FAULTS = tuple(name for name in NAMES if name not in _NO_FAULTS_OF_A_GENERATOR)
 MOST_EVENTS = 22
 """Of a short session: an incident after as many events happens in it."""
 MOST_ATTEMPTS = 9
@@ -154,7 +164,8 @@ class Day:
             self._plan(process, "killed", process.die)
 
     def broken(self, process: Process) -> None:
-        name = self.stream.choice(FAULTS)
+        board = self.lab.watch.is_board
+        name = self.stream.choice(BOARD_FAULTS if board else GENERATOR_FAULTS)
         lasting = self.stream.random() < 0.6
 
         def breaks() -> None:
@@ -343,11 +354,12 @@ def day(seed: int) -> Day:
         AssertionError: an invariant does not hold; the message has the command that repeats it.
     """
     stream = random.Random(f"day/{seed}")
+    (model,) = random.Random(f"device/{seed}").choices([*DEVICES], [*DEVICES.values()])
     before = handles()
     Violation.found.clear()
     try:
         with workplace() as folder:
-            lab = Lab(folder, drawn_study(stream), stream)
+            lab = Lab(folder, drawn_study(stream, model.partition("-")[0]), stream, model)
             with lab.entered():
                 done = Day(lab, stream)
                 done.run()
@@ -367,4 +379,4 @@ if __name__ == "__main__":
     gc.freeze()
     for given in sys.argv[1:]:
         finished = day(int(given))
-        print(given, dict(finished.happened))
+        print(given, finished.lab.model, dict(finished.happened))

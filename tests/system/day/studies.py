@@ -2,12 +2,17 @@
 
 import random
 
+from device.simulator.models.generator_channels import MOST_EMF_VPP
+from device.simulator.models.generator_model import AMPLIFIER_GAIN
+
 _STUDY = """
 [study]
 name = "day"
 seed = {seed}
 [rig]
 device = "COM1"
+dialect = "{dialect}"
+{amplifier}
 max_voltage_v = {max_v}
 max_frequency_hz = {max_hz}
 ramp_v_per_s = {ramp}
@@ -54,14 +59,17 @@ touches = [
     {{place = "path", direction = "left", voltage_v = {high_v}, frequency = 0.99{beam}}},
 ]
 """
+_AMPLIFIER = f"amplifier_gain = {AMPLIFIER_GAIN}\ngenerator_max_vpp = {MOST_EMF_VPP}"
 
 
-def drawn_study(stream: random.Random) -> str:
+def drawn_study(stream: random.Random, dialect: str) -> str:
     """Return the text of a study; there are few, so that each has to be checked only once."""
     max_v = stream.choice((120, 150))
     kind = stream.randrange(4)
     return _STUDY.format(
         seed=kind,
+        dialect=dialect,
+        amplifier="" if dialect == "board" else _AMPLIFIER,
         max_v=max_v,
         max_hz=(30_000, 25_500)[kind % 2],
         slew=(26, 24)[kind % 2],

@@ -6,7 +6,10 @@ from typing import Any
 
 from device.drivers.board import MONITOR_ABS_TOL_V
 from device.resonance import SWEEP_VOLTAGE_V
+from device.rig import RAMP_STEP_S
 from device.simulator.in_process import InProcessDevice
+from device.simulator.models.generator_channels import DEFAULT_LIMIT_V, OPEN_OHM
+from device.simulator.models.generator_model import AMPLIFIER_GAIN, GeneratorDialect
 from protocol.journal.records import PlannedTrial
 from protocol.study.rig_settings import Rig
 from protocol.study.study import Study
@@ -21,7 +24,9 @@ SLACK = "slack"
 SLACK_S = 9.0
 STAYS_ON = {"relay-stuck", "stage-shorted", "panel-on", "off-ignored"}
 """Faults in which the device gives a voltage that nobody asked for."""
-EXCEEDS = {HOT, "read-back-differs", "peak-to-peak", "scale-wrong", "frequency-changed"}
+PANEL = {"panel-changed", "modulated", "signal-added"}
+"""Faults in which a generator gives something else; a board has no such panel."""
+EXCEEDS = {HOT, "read-back-differs", "peak-to-peak", "scale-wrong", "frequency-changed", *PANEL}
 """Faults in which it gives something else than it was asked for, or may."""
 FORGETS = {SLACK, "limits-lost", "panel-changed", "panel-on", "brown-out"}
 """Faults in which it forgets its limit or its watchdog, or goes on by itself."""
@@ -37,6 +42,8 @@ TOLD_S = 3.0
 OFF_V = 2.1 * MONITOR_ABS_TOL_V
 """Off may be said below this; a broken monitor shows half of it."""
 _TOLERANCE_V = 1e-6
+_EXCHANGES = 60
+"""With a generator, each setting is a line of its own: those of a poll, and of a step of a ramp."""
 
 
 @dataclass
@@ -65,6 +72,11 @@ class Watch:
     polled: bool = False
     """Whether a process lives that has armed the device."""
     _trial: PlannedTrial | None = None
+
+    @property
+    def is_board(self) -> bool:
+        """Whether the device has a watchdog, a monitor and sensors; a generator has none."""
+        return self.rig.dialect == "board"
 
     @property
     def rig(self) -> Rig:
@@ -102,7 +114,7 @@ class Watch:
                 trials = [PlannedTrial.from_json(trial) for trial in opened["trials"]]
                 self.planned[session] = {trial.index: trial for trial in trials}
             case "device-armed":
-                self.touch, self.searching = None, True
+                self.touch, self.searching = None, self.is_board
             case "resonance-measured":
                 self.searching = False
                 self.resonance_hz = json.loads(payload)["frequency_hz"]
@@ -139,6 +151,9 @@ class Watch:
         ends = touch.end_voltage_v, touch.end_frequency
         wanted = 2 if ends == (touch.voltage_v, touch.frequency) else 3
         require(9, len(read_back) >= wanted, f"{touch} read back {len(read_back)} times")
+        if not self.is_board:
+            self._between_ends(touch, read_back)
+            return
         began_s = read_back[1]["device_time_s"]  # the first one comes before the change begins
         most_hz = abs(touch.end_frequency - touch.frequency) * self.resonance_hz + 1e-3
         for place, shown in enumerate(read_back):
@@ -155,6 +170,30 @@ class Watch:
             within_hz = most_hz if 0 < place < len(read_back) - 1 else 1e-3
             require(9, off_hz <= within_hz, f"{shown['frequency_hz']:g} Hz, planned {hertz:g}")
 
+    def _between_ends(self, touch: Touch, read_back: list[dict[str, Any]]) -> None:
+        """The drive of a generator, which has no clock, goes from its beginning to its end.
+
+        The program makes its ramps in steps, which are late on a slow line.
+        """
+        if not touch.peak_voltage_v:
+            return  # at 0 V a generator is off, and its frequency is not set
+        lag_v = self.rig.ramp_v_per_s * (RAMP_STEP_S + _EXCHANGES * self.late_s)
+        places = range(len(read_back))
+        for place, shown in zip(places, read_back, strict=True):
+            from_share, to_share = float(place == places[-1]), float(place > 0)
+            volts, hertz = (
+                [begin + share * (end - begin) for share in (from_share, to_share)]
+                for begin, end in (
+                    (touch.voltage_v, touch.end_voltage_v),
+                    (touch.frequency * self.resonance_hz, touch.end_frequency * self.resonance_hz),
+                )
+            )
+            least_v, most_v = min(volts) - lag_v, max(volts) * 1.001
+            fits = least_v <= shown["voltage_v"] <= most_v
+            require(9, fits, f"{shown['voltage_v']:g} V, planned {volts}")
+            fits = min(hertz) * (1 - 1e-6) <= shown["frequency_hz"] <= max(hertz) * (1 + 1e-6)
+            require(9, fits, f"{shown['frequency_hz']:g} Hz, planned {hertz}")
+
     def alone(self) -> None:
         """Take note that no process drives the device; one that was killed did not turn it off."""
         self.polled, self.hanging_from_s = False, float("inf")
@@ -162,11 +201,12 @@ class Watch:
     def forget(self, *, killed: bool) -> None:
         """Allow no longer what a process drove that has ended.
 
-        A kill and a dead watchdog are two faults: what was on stays on, and stays allowed, until
-        the device is repaired or armed again.
+        A kill and a dead watchdog are two faults, and a generator has no watchdog: what was on
+        stays on, and stays allowed, until the device is repaired or armed again.
         """
         left_on = self.device.inside.instrument.output_v > _TOLERANCE_V
-        if not (killed and left_on and self.faults_s.keys() & DEAD_WATCHDOG):
+        guarded = self.is_board and not self.faults_s.keys() & DEAD_WATCHDOG
+        if guarded or not (killed and left_on):
             self.touch, self.searching = None, False
 
     def said(self, line: str, *, last: bool = False) -> str:
@@ -197,10 +237,13 @@ class Watch:
             return
         faults = self.faults_s.keys()
         shown = f"{output_v:g} V at {now_s:.3f} s"
-        if not faults & NO_WATCHDOG:
+        hung_s = now_s - self.hanging_from_s
+        most_s = 1.3 * self.rig.watchdog_s
+        if self.is_board and not faults & NO_WATCHDOG:
             require(3, silent_s <= self.rig.watchdog_s, f"{shown}, silent for {silent_s:.3f} s")
-            hung_s = now_s - self.hanging_from_s
-            most_s = 1.3 * self.rig.watchdog_s
+            require(3, hung_s <= most_s, f"{shown}, the session hangs for {hung_s:.3f} s")
+        if not (self.is_board or faults):
+            most_s += self._poll_s
             require(3, hung_s <= most_s, f"{shown}, the session hangs for {hung_s:.3f} s")
         allowed_v, allowed_hz = self._allowed()
         least_hz = 0.0 if self.touch is None else self._least_hz(self.touch)
@@ -208,7 +251,7 @@ class Watch:
         cool = not (instrument.hot and self.rig.max_temperature_c)
         if output_v <= allowed_v + _TOLERANCE_V and least_hz <= hertz <= allowed_hz and cool:
             self._wrong_from_s = None
-        elif faults & (STAYS_ON | EXCEEDS):
+        elif faults & (STAYS_ON | EXCEEDS) or (faults & CUT_OFF and not self.is_board):
             self._wrong_for_long(now_s, shown)
         else:
             cut_off = faults & CUT_OFF and output_v <= self.rig.max_voltage_v
@@ -218,14 +261,35 @@ class Watch:
 
     def _require_promises(self, on: bool) -> None:
         """When the output goes on, the device has the limit and the watchdog of the study."""
-        asked_s = self.device.now_s() - 0.1 - 20 * self.late_s
+        asked_s = self.device.now_s() - 0.1 - self._poll_s
         forgot = any(self.faults_s.get(name, 0.0) > asked_s for name in FORGETS)
         if on and not self._on and not forgot:
-            instrument = self.device.inside.instrument
-            kept = instrument.limit_v, instrument.watchdog_s
-            wanted = self.rig.max_voltage_v, self.rig.watchdog_s
+            kept, wanted = self._promises()
             require(4, kept == wanted, f"on with limit and watchdog {kept}, not {wanted}")
         self._on = on
+
+    def _promises(self) -> tuple[tuple[float | None, ...], tuple[float | None, ...]]:
+        """Return what the device keeps of its promises, and what it must keep."""
+        inside = self.device.inside
+        if not isinstance(inside.dialect, GeneratorDialect):
+            kept = inside.instrument.limit_v, inside.instrument.watchdog_s
+            return kept, (self.rig.max_voltage_v, self.rig.watchdog_s)
+        first = inside.dialect.channels[0]
+        most_v = self.rig.max_voltage_v / AMPLIFIER_GAIN if first.limited else DEFAULT_LIMIT_V
+        settings = first.load_ohm, first.emf_offset_v, first.limit_low_v, first.limit_high_v
+        return settings, (OPEN_OHM, 0.0, -most_v, most_v)
+
+    def drive_set(self) -> tuple[float, ...]:
+        """Return what changes once a drive is sent; a generator is polled at any time."""
+        instrument = self.device.inside.instrument
+        if self.is_board:
+            return (instrument.heard_wall_s,)
+        return instrument.output, instrument.target_v, instrument.frequency_hz
+
+    @property
+    def _poll_s(self) -> float:
+        """The longest time that the line takes of the exchanges in which all is asked for."""
+        return (20 if self.is_board else _EXCHANGES) * self.late_s
 
     def _allowed(self) -> tuple[float, float]:
         """Return the largest amplitude and frequency that may be at the output."""
@@ -245,7 +309,7 @@ class Watch:
             self._wrong_from_s = now_s
         wrong_s = now_s - self._wrong_from_s
         alone = len(self.faults_s) == 1 and self.faults_s.keys() <= EXCEEDS
-        longest_s = NOTICED_S + 20 * self.late_s if alone else TOLD_S
+        longest_s = NOTICED_S + self._poll_s if alone else TOLD_S
         noticed = wrong_s <= longest_s or self.told_unknown or not self.polled
         require(4, noticed, f"{shown}, wrong for {wrong_s:.1f} s")
 

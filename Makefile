@@ -6,7 +6,7 @@ PYTHON ?= $(or $(shell command -v python3.11),$(shell command -v python3.12),pyt
 BIN := .venv/bin
 READY := .venv/.ready
 
-.PHONY: demo test check bench pictures soak mutants clean
+.PHONY: demo test check bench pictures soak mutants day-mutants clean
 .DELETE_ON_ERROR:
 
 demo: $(READY)
@@ -33,12 +33,17 @@ pictures: $(READY)
 soak: $(READY)
 	$(BIN)/pytest -m soak -s
 
-# Small errors in the code that guards data and finger: simulated days must find them.
+# Small errors in the code that guards data and finger: the tests must find them. It takes hours and
+# goes on where it was stopped; `make mutants ONLY=device/rig.py` tries one module.
 mutants: $(READY)
+	$(BIN)/python -m tests.mutants.run $(ONLY)
+
+# A hundred of them: simulated days must find them, too.
+day-mutants: $(READY)
 	$(BIN)/python -m tests.system.day.mutants --ordinary
 
 clean:
-	rm -rf .venv .uv dist
+	rm -rf .venv .uv .mutants dist
 
 # Compiled here once, so that no command starts slowly where Python may not write beside its modules.
 $(READY): pyproject.toml uv.lock | $(UV)

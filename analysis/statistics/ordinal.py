@@ -4,28 +4,44 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize
-from scipy.special import logit, ndtri
+from scipy.special import chdtrc, chdtri
 
-from analysis.estimates import FloatArray, IntArray, NotEstimable
-from analysis.statistics.ordinal_likelihood import (
-    Link,
-    Parameters,
-    ScoreCounts,
-    log_likelihood,
-    unpacked,
+from analysis.estimates import FloatArray, IntArray, Interval, NotEstimable
+from analysis.statistics.ordinal_likelihood import Link, ScoreCounts, unpacked
+from analysis.statistics.ordinal_maximum import (
+    Maximum,
+    covariance_at,
+    maximum,
+    profile_limit,
+    start_of,
 )
 from analysis.statistics.signed_rank import DECIMALS
 
-FIRST_NODES = 81
-MOST_NODES = 1296
 MOST_CATEGORIES = 21
-# Bound on the parameters, in latent units; an estimate that diverges stops here.
-FARTHEST = 50.0
-# Largest slope of the log-likelihood that counts as a maximum.
-STEEP = 1e-3
-# Least curvature of the log-likelihood: a flatter direction has no maximum within the bounds.
-FLAT = 1e-5
+# Difference of log-likelihoods that is rounding.
+ROUNDING = 1e-6
+# First value of the interaction's SD.
+FIRST_SD = 0.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Interaction:
+    """The same model with a random level of each subject under each condition.
+
+    `sd` is the standard deviation of those levels, 0 if the likelihood is largest there, with the
+    95 % interval of the profile likelihood. `p` tests that it is 0 by the likelihood ratio, which
+    then is 0 or chi-square with one degree of freedom, with equal probability (Self and Liang,
+    Journal of the American Statistical Association 82, 1987).
+    """
+
+    sd: float
+    sd_interval: Interval | NotEstimable
+    likelihood_ratio: float
+    p: float
+    effects: Mapping[str, float]
+    standard_errors: Mapping[str, float]
+    subject_sd: float
+    log_likelihood: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +50,8 @@ class OrdinalEffects:
 
     `effects` are relative to the `reference` condition, which they omit; `thresholds` lie between
     the scores that occur, `categories`. `subject_sd` is the standard deviation of the subjects'
-    levels. Standard errors are from the observed information.
+    levels. Standard errors are from the observed information; where subjects repeated conditions
+    and differ in their effects, those of the `interaction` model are right and these too small.
     """
 
     link: Link
@@ -45,6 +62,7 @@ class OrdinalEffects:
     categories: tuple[float, ...]
     subject_sd: float
     log_likelihood: float
+    interaction: Interaction | NotEstimable
 
 
 def ordinal_effects_of_trials(
@@ -58,7 +76,8 @@ def ordinal_effects_of_trials(
     """Return the maximum-likelihood fit to single trials, or why it is not possible.
 
     P(score <= c_k) = F(θ_k - β_condition - b_subject), b ~ N(0, σ²): the cumulative link model
-    of McCullagh (Journal of the Royal Statistical Society B 42, 1980) with a random level.
+    of McCullagh (Journal of the Royal Statistical Society B 42, 1980) with a random level. Where a
+    subject repeated a condition, a second fit has one of subject × condition beside it.
 
     Parameters:
         scores: shape (trials,), finite; each distinct value is a category.
@@ -74,28 +93,37 @@ def ordinal_effects_of_trials(
     if refusal := _refusal(counts, conditions):
         return refusal
     data = ScoreCounts(counts=counts)
-    packed, value, nodes = _maximum(data, link)
-    covariance = _covariance(packed, data, link, nodes)
-    fitted = unpacked(packed, data.categories)
+    best = maximum(start_of(data, link), data, link)
+    covariance = covariance_at(best, data, link)
     if isinstance(covariance, NotEstimable):
         return covariance
+    fitted = unpacked(best.packed, data)
     if covariance is None:
         extreme = conditions[int(np.argmax(np.abs(fitted.effects)))]
         return NotEstimable(
             "the likelihood has no maximum, because scores do not overlap between "
             f"conditions or subjects; the effect that diverges is that of {extreme}"
         )
-    errors = np.sqrt(np.diag(covariance))[data.categories - 1 : -1]
     return OrdinalEffects(
         link=link,
         reference=conditions[0],
-        effects=dict(zip(conditions[1:], fitted.effects[1:].tolist(), strict=True)),
-        standard_errors=dict(zip(conditions[1:], errors.tolist(), strict=True)),
+        effects=_named(conditions, fitted.effects[1:]),
+        standard_errors=_named(conditions, _standard_errors(covariance, data)),
         thresholds=tuple(fitted.thresholds.tolist()),
         categories=tuple(categories.tolist()),
-        subject_sd=abs(fitted.subject_sd),
-        log_likelihood=value,
+        subject_sd=abs(float(fitted.sds[0])),
+        log_likelihood=best.value,
+        interaction=_interaction(best, covariance, data, link, conditions),
     )
+
+
+def _named(conditions: tuple[str, ...], values: FloatArray) -> dict[str, float]:
+    return dict(zip(conditions[1:], values.tolist(), strict=True))
+
+
+def _standard_errors(covariance: FloatArray, data: ScoreCounts) -> FloatArray:
+    effects = slice(data.categories - 1, data.categories + data.conditions - 2)
+    return np.asarray(np.sqrt(np.diag(covariance))[effects])
 
 
 def _refusal(counts: FloatArray, conditions: tuple[str, ...]) -> NotEstimable | None:
@@ -112,75 +140,65 @@ def _refusal(counts: FloatArray, conditions: tuple[str, ...]) -> NotEstimable | 
     return None
 
 
-def _maximum(data: ScoreCounts, link: Link) -> tuple[FloatArray, float, int]:
-    """Return parameters, log-likelihood and the number of nodes at which it has converged."""
-    packed, value = _climb(_start(data, link), data, link, FIRST_NODES)
-    nodes = FIRST_NODES
-    while nodes < MOST_NODES and np.abs(packed).max() < FARTHEST / 2:
-        finer = log_likelihood(packed, data, link, 2 * nodes)[0]
-        nodes *= 2
-        if abs(finer - value) < 1e-9 * abs(value):
-            break
-        packed, value = _climb(packed, data, link, nodes)
-    return packed, value, nodes
+def _interaction(
+    without: Maximum,
+    covariance: FloatArray,
+    data: ScoreCounts,
+    link: Link,
+    conditions: tuple[str, ...],
+) -> Interaction | NotEstimable:
+    """Return the fit with a random level of each subject under each condition.
 
-
-def _climb(
-    start: FloatArray, data: ScoreCounts, link: Link, nodes: int
-) -> tuple[FloatArray, float]:
-    def cost(packed: FloatArray) -> tuple[float, FloatArray]:
-        value, gradient = log_likelihood(packed, data, link, nodes)
-        return -value, -gradient
-
-    bounds = [(-FARTHEST, FARTHEST)] * len(start)
-    bounds[1 : data.categories - 1] = [(-np.log(FARTHEST) * 4, np.log(FARTHEST))] * (
-        data.categories - 2
-    )
-    found = minimize(
-        cost,
-        start,
-        jac=True,
-        method="L-BFGS-B",
-        bounds=bounds,
-        options={"gtol": 1e-7, "ftol": 1e-15, "maxiter": 1000, "maxcor": 30},
-    )
-    return np.asarray(found.x, dtype=np.float64), -float(found.fun)
-
-
-def _start(data: ScoreCounts, link: Link) -> FloatArray:
-    """Return the initial parameters: no condition effects, and subjects with unit variance."""
-    shares = np.cumsum(data.counts.sum(axis=(0, 1)))[:-1] / data.counts.sum()
-    quantile = ndtri if link == "probit" else logit
-    return Parameters(
-        thresholds=np.asarray(quantile(shares)) * np.sqrt(2.0),
-        effects=np.zeros(data.conditions),
-        subject_sd=1.0,
-    ).packed
-
-
-def _covariance(
-    packed: FloatArray, data: ScoreCounts, link: Link, nodes: int
-) -> FloatArray | NotEstimable | None:
-    """Return the inverse observed information, None if the parameters are not at a maximum.
-
-    If all but the last parameter, the subjects' standard deviation, have a maximum, say so.
+    Parameters:
+        without: the maximum without it.
+        covariance: that of its parameters.
+        data, link: of both.
+        conditions: names.
     """
-    slope = np.abs(log_likelihood(packed, data, link, nodes)[1]).max()
-    if slope > STEEP or np.abs(packed).max() >= FARTHEST / 2:
-        return None
-    step = 1e-5
-    columns = []
-    for direction in np.eye(len(packed)) * step:
-        ahead = log_likelihood(packed + direction, data, link, nodes)[1]
-        behind = log_likelihood(packed - direction, data, link, nodes)[1]
-        columns.append((behind - ahead) / (2 * step))
-    information = np.array(columns)
-    information = (information + information.T) / 2
-    if np.linalg.eigvalsh(information)[0] < FLAT:
-        if np.linalg.eigvalsh(information[:-1, :-1])[0] < FLAT:
-            return None
-        return NotEstimable(
-            "the scores do not determine the standard deviation between subjects: too few "
-            "subjects have two scores that tell about their level"
-        )
-    return np.asarray(np.linalg.inv(information))
+    if data.counts.sum(axis=2).max() < 2:
+        return NotEstimable("no subject scored a condition twice")
+    best = maximum(np.append(without.packed, FIRST_SD), data, link)
+    ratio = 2 * (best.value - without.value)
+    if ratio < ROUNDING:
+        at_0 = np.append(without.packed, 0.0)
+        best = Maximum(packed=at_0, value=without.value, nodes=best.nodes)
+        ratio, spread = 0.0, 0.0
+    else:
+        known = covariance_at(best, data, link)
+        if not isinstance(known, np.ndarray):
+            return NotEstimable(
+                "the scores do not determine the standard deviation between a subject's conditions"
+            )
+        covariance, spread = known, float(np.sqrt(known[-1, -1]))
+    fitted = unpacked(best.packed, data)
+    return Interaction(
+        sd=abs(float(fitted.sds[1])),
+        sd_interval=_interval(best, ratio, spread, data, link),
+        likelihood_ratio=ratio,
+        p=float(chdtrc(1, ratio)) / 2 if ratio else 1.0,
+        effects=_named(conditions, fitted.effects[1:]),
+        standard_errors=_named(conditions, _standard_errors(covariance, data)),
+        subject_sd=abs(float(fitted.sds[0])),
+        log_likelihood=best.value,
+    )
+
+
+def _interval(
+    best: Maximum, ratio: float, spread: float, data: ScoreCounts, link: Link
+) -> Interval | NotEstimable:
+    """Return the 95 % interval of the last SD by the profile likelihood.
+
+    Parameters:
+        best: the maximum.
+        ratio: twice the rise of the log-likelihood from an SD of 0 to the maximum.
+        spread: standard error of the SD, 0 where it is unknown.
+        data, link: of the maximum.
+    """
+    limits = [0.0]
+    for side in (-1.0, 1.0) if ratio > chdtri(1, 0.05) else (1.0,):
+        first = max(abs(best.packed[-1]) + side * (2 * spread or FIRST_SD), 0.0)
+        found = profile_limit(best, side, first, data, link)
+        if found is None:
+            return NotEstimable("the likelihood does not limit the standard deviation")
+        limits.append(found)
+    return limits[-2], limits[-1]

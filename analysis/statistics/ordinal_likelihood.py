@@ -1,4 +1,4 @@
-"""Marginal likelihood of ordered scores with a random level per subject."""
+"""Marginal likelihood of ordered scores with random levels of subjects and of their cells."""
 
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
@@ -10,8 +10,8 @@ from analysis.estimates import FloatArray
 
 Link: TypeAlias = Literal["probit", "logit"]
 
-# Limits of the integral over a subject's level, in standard deviations.
-REACH = 8.0
+# Limits of the integrals over a subject's level and a cell's, in standard deviations.
+REACH, CELL_REACH = 8.0, 6.0
 SMALLEST = 1e-300
 
 
@@ -34,28 +34,32 @@ class ScoreCounts:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Parameters:
-    """Thresholds (categories - 1), condition effects (the first is 0) and the subjects' SD."""
+    """Thresholds (categories - 1), condition effects (the first is 0) and SDs of random levels.
+
+    The SD between subjects comes first. The second one, if there is one, is that between a
+    subject's conditions, the subject × condition interaction.
+    """
 
     thresholds: FloatArray
     effects: FloatArray
-    subject_sd: float
+    sds: FloatArray
 
     @property
     def packed(self) -> FloatArray:
-        """Vector of free parameters: first threshold, log increments, effects but the first, SD."""
+        """Free parameters: first threshold, log increments, effects but the first, SDs."""
         increments = np.log(np.diff(self.thresholds))
-        return np.concatenate(
-            [self.thresholds[:1], increments, self.effects[1:], [self.subject_sd]]
-        )
+        return np.concatenate([self.thresholds[:1], increments, self.effects[1:], self.sds])
 
 
-def unpacked(packed: FloatArray, categories: int) -> Parameters:
+def unpacked(packed: FloatArray, data: ScoreCounts) -> Parameters:
     """Return the parameters of a vector that `Parameters.packed` made."""
-    increments = np.exp(packed[1 : categories - 1])
+    effects = data.categories - 1
+    increments = np.exp(packed[1:effects])
+    sds = effects + data.conditions - 1
     return Parameters(
         thresholds=packed[0] + np.concatenate([[0.0], np.cumsum(increments)]),
-        effects=np.concatenate([[0.0], packed[categories - 1 : -1]]),
-        subject_sd=float(packed[-1]),
+        effects=np.concatenate([[0.0], packed[effects:sds]]),
+        sds=packed[sds:],
     )
 
 
@@ -64,23 +68,35 @@ def log_likelihood(
 ) -> tuple[float, FloatArray]:
     """Return the log-likelihood and its gradient with respect to the packed parameters.
 
-    P(score <= k | subject s, condition j) = F(θ_k - β_j - σ u_s), u_s ~ N(0, 1), F the normal or
-    logistic distribution function. The integral over u_s is computed by the trapezoidal rule on
-    `nodes` evenly spaced points, which converges exponentially for such integrands; the points are
-    the same for all subjects, so that the cost per subject is one matrix product.
+    P(score <= k | subject s, condition j) = F(θ_k - β_j - σ u_s - ω v_sj), u_s and v_sj ~ N(0, 1),
+    F the normal or logistic distribution function, ω = 0 where the parameters have one SD. The
+    integrals over v_sj, and over u_s outside them, are computed by the trapezoidal rule on evenly
+    spaced points, `nodes` and half as many, which converges exponentially for such integrands; the
+    points are the same for all subjects, so that the cost per subject is one matrix product.
     """
-    parameters = unpacked(packed, data.categories)
-    levels = np.linspace(-REACH, REACH, nodes)
-    log_weights = -(levels**2) / 2
-    log_weights -= logsumexp(log_weights)
-    location = parameters.effects[:, None] + parameters.subject_sd * levels
+    parameters = unpacked(packed, data)
+    levels, log_weights = _normal_nodes(REACH, nodes)
+    own, log_own = _normal_nodes(CELL_REACH, nodes // 2 if len(parameters.sds) > 1 else 1)
+    standard = np.stack([np.repeat(levels, len(own)), np.tile(own, nodes)])[: len(parameters.sds)]
+    location = parameters.effects[:, None] + parameters.sds @ standard
     log_p, slopes = _log_probabilities(parameters.thresholds, location, link)
 
-    flat = data.counts.reshape(len(data.counts), -1)
-    by_level = flat @ log_p.reshape(flat.shape[1], nodes) + log_weights
+    counts = np.swapaxes(data.counts, 0, 1)
+    cells = (counts @ log_p).reshape(*counts.shape[:2], nodes, len(own)) + log_own
+    highest = cells.max(axis=3, keepdims=True)
+    known = np.exp(cells - highest)
+    total = known.sum(axis=3, keepdims=True)
+    by_level = (highest + np.log(total)).sum(axis=0)[..., 0] + log_weights
     per_subject = logsumexp(by_level, axis=1, keepdims=True)
-    weights = (flat.T @ np.exp(by_level - per_subject)).reshape(log_p.shape)
-    return float(per_subject.sum()), _gradient(parameters, weights, slopes, levels)
+    known *= np.exp(by_level - per_subject)[:, :, None] / total
+    weights = np.swapaxes(counts, 1, 2) @ known.reshape(*counts.shape[:2], -1)
+    return float(per_subject.sum()), _gradient(parameters, weights, slopes, standard)
+
+
+def _normal_nodes(reach: float, count: int) -> tuple[FloatArray, FloatArray]:
+    """Return points and log weights of an integral over a standard normal variable."""
+    points = np.linspace(-reach, reach, count) if count > 1 else np.zeros(1)
+    return points, np.asarray(-(points**2) / 2 - logsumexp(-(points**2) / 2))
 
 
 def _log_probabilities(
@@ -120,7 +136,7 @@ def _gradient(
     parameters: Parameters,
     weights: FloatArray,
     slopes: tuple[FloatArray, FloatArray],
-    levels: FloatArray,
+    standard: FloatArray,
 ) -> FloatArray:
     upper, lower = weights * slopes[0], weights * slopes[1]
     by_threshold = upper[:, :-1].sum(axis=(0, 2)) + lower[:, 1:].sum(axis=(0, 2))
@@ -133,6 +149,6 @@ def _gradient(
             from_top[:1],
             from_top[1:] * increments,
             by_location.sum(axis=1)[1:],
-            [float((by_location @ levels).sum())],
+            standard @ by_location.sum(axis=0),
         ]
     )

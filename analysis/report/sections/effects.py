@@ -7,7 +7,7 @@ from analysis.report.blocks import Section, Table, columns
 from analysis.report.findings import Findings
 from analysis.report.wording import beside, number, p_value
 from analysis.statistics.additive import AdditiveEffects
-from analysis.statistics.ordinal import OrdinalEffects
+from analysis.statistics.ordinal import Interaction, OrdinalEffects
 from analysis.statistics.summary import TableStatistics
 from analysis.statistics.two_way import IntraclassCorrelation
 from analysis.trials.trial_statistics import TrialStatistics
@@ -94,13 +94,28 @@ def _ordinal_line(trials: TrialStatistics) -> str:
         f"log-likelihood {number(effects.log_likelihood, 4)}"
         for link, effects in trials.ordinal.items()
     ]
-    narrow = (
-        " Subjects repeated conditions, and the model has no random effect of subject × condition: "
-        "if subjects differ in their effects, the standard errors are too small."
-        if trials.has_repeats
-        else ""
-    )
-    return f"Ordinal mixed model, {'; '.join(fits)}.{narrow}"
+    return " ".join([f"Ordinal mixed model, {'; '.join(fits)}.", *_interaction_line(trials)])
+
+
+def _interaction_line(trials: TrialStatistics) -> list[str]:
+    """Say by how much subjects differ in their effects, if they repeated conditions."""
+    if not trials.has_repeats:
+        return []
+    fits = [
+        f"{link}: not estimable ({found.reason})"
+        if isinstance(found, NotEstimable)
+        else f"{link}: standard deviation {number(found.sd)}{beside(found.sd_interval)}, "
+        f"likelihood ratio {number(found.likelihood_ratio)}, p = {p_value(found.p)}"
+        for link, found in (
+            (link, effects.interaction)
+            for link, effects in trials.ordinal.items()
+            if isinstance(effects, OrdinalEffects)
+        )
+    ]
+    return [
+        "With a random intercept of each subject under each condition (subject × condition) "
+        f"beside it, {'; '.join(fits)}."
+    ] * bool(fits)
 
 
 def _condition_table(found: Findings) -> Table:
@@ -111,8 +126,9 @@ def _condition_table(found: Findings) -> Table:
     return Table(
         name="conditions",
         caption="Effects of conditions: additive, in points relative to the grand mean, "
-        "with 95 % intervals; and in the ordinal mixed model with a random intercept per subject, "
-        f"on its latent scale relative to {conditions[0]}, ± standard error.",
+        "with 95 % intervals; and in the ordinal mixed model with a random intercept per subject"
+        f"{', and per subject and condition,' if found.trials.has_repeats else ','} on its latent "
+        f"scale relative to {conditions[0]}, ± standard error.",
         columns=columns("condition", "additive", *(f"ordinal, {link}" for link in ordinal)),
         rows=[
             [name, additive.get(name, number(None)), *(_effect(e, name) for e in ordinal.values())]
@@ -133,7 +149,9 @@ def _effect(effects: OrdinalEffects | NotEstimable, name: str) -> str:
         return number(None)
     if name == effects.reference:
         return "reference"
-    return f"{number(effects.effects[name])} ± {number(effects.standard_errors[name])}"
+    within = effects.interaction
+    best = effects if isinstance(within, NotEstimable) else within
+    return f"{number(best.effects[name])} ± {number(best.standard_errors[name])}"
 
 
 def _subject_table(table: TableStatistics) -> Table | None:
@@ -192,4 +210,10 @@ def _ordinal_json(effects: OrdinalEffects | NotEstimable) -> Json:
     if isinstance(effects, NotEstimable):
         nothing = dict.fromkeys(("subject_sd", "log_likelihood"))
         return {"effects": {}, **nothing, "reason": effects.reason}
-    return dict(plain(effects))
+    found, within = dict(plain(effects)), effects.interaction
+    if isinstance(within, Interaction):
+        found["interaction"] |= {
+            "sd_interval": or_null(within.sd_interval),
+            **why("sd_interval", within.sd_interval),
+        }
+    return found

@@ -60,10 +60,16 @@ def _tests(trials: TrialStatistics) -> str:
         "estimated by least squares, with moment estimates of the variances; equality of slopes "
         "(Mandel) was tested by the extra sum of squares. The ordinal mixed model (cumulative "
         "link, random intercept per subject, maximum likelihood) was fitted to "
-        f"{unit}. Carry-over and order effects were tested by within-subject F tests "
-        "adjusted for condition, drift by a t test of the subjects' slopes on the place in the "
-        "session, adjusted likewise."
+        f"{unit}{_BESIDE if trials.has_repeats else ''}. Carry-over and order effects were tested "
+        "by within-subject F tests adjusted for condition, drift by a t test of the subjects' "
+        "slopes on the place in the session, adjusted likewise."
     )
+
+
+_BESIDE = (
+    ", and again with a random intercept of each subject under each condition, whose standard "
+    "deviation was tested by the likelihood ratio at the boundary"
+)
 
 
 def _model(trials: TrialStatistics) -> str:

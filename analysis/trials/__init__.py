@@ -1,5 +1,5 @@
 """Trials against the friction model: predicted contrasts, catch trials, laws compared.
 
 Public face: `contrasts.trial_contrasts`, `trial_statistics.trial_statistics`,
-`law_comparison.law_order`.
+`law_order.law_order`.
 """

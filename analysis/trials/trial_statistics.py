@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from analysis.estimates import FloatArray, NotEstimable
+from analysis.estimates import FloatArray, Interval, NotEstimable
+from analysis.loading.published import SCALE
 from analysis.loading.study_data import StudyData
 from analysis.sensitivity.linear_model import LinearSensitivity, linear_sensitivity
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensitivity
@@ -27,7 +28,8 @@ from analysis.trials.contrast_ranges import (
     contrast_range,
 )
 from analysis.trials.contrasts import TrialContrasts, trial_contrasts
-from analysis.trials.law_comparison import LawLikelihood, LawOrder, law_likelihoods, law_order
+from analysis.trials.law_likelihood import LawLikelihood, law_likelihoods
+from analysis.trials.law_order import LawOrder, law_order
 from analysis.trials.trial_checks import (
     Discrimination,
     Drift,
@@ -154,6 +156,8 @@ def trial_statistics(data: StudyData, study: Study) -> TrialStatistics:
     m2 = checked_ordinal(scored.ratings)
     m3 = checked_two_stage(detection_trials(data, contrasts, study))
     ordered = bool((scored.place > 0).any())
+    published, rating = data.kinds == ("published",), study.rating
+    scale = SCALE if published else (float(rating.minimum), float(rating.maximum))
     return TrialStatistics(
         contrasts=contrasts,
         scored=scored,
@@ -164,7 +168,7 @@ def trial_statistics(data: StudyData, study: Study) -> TrialStatistics:
         predictive={"M2": m2.check, "M3": m3.check},
         place_m2=_place_m2(scored.ratings, changes),
         ranges=tuple(contrast_range(name, change) for name, change in changes.items()),
-        laws=_laws(data, scored),
+        laws=_laws(data, scored, scale),
         drift=drift(scored.every, scored.place) if ordered else _UNORDERED,
         order=order_effect(scored.every, scored.place) if ordered else _UNORDERED,
         carry_over=carry_over(scored.every, scored.previous) if ordered else _UNORDERED,
@@ -190,8 +194,8 @@ def _ordinal(scored: ScoredTrials, link: str) -> OrdinalEffects | NotEstimable:
     )
 
 
-def _laws(data: StudyData, scored: ScoredTrials) -> tuple[LawScore, ...]:
-    likelihoods = law_likelihoods(scored.ratings, scored.contrasts)
+def _laws(data: StudyData, scored: ScoredTrials, scale: Interval) -> tuple[LawScore, ...]:
+    likelihoods = law_likelihoods(scored.ratings, scored.contrasts, scale)
     observed = table4(data.table).column_means
     found, condition = [], scored.ratings.condition
     counts = np.bincount(condition, minlength=observed.size)

@@ -9,7 +9,8 @@ from analysis.report.drawing import scatter_figure
 from analysis.report.figure_data import scatter
 from analysis.report.findings import Findings
 from analysis.report.wording import SKIN_IN_SHORT, number, of_all, p_value, share
-from analysis.trials.law_comparison import LawLikelihood, LawOrder, shared_contrasts
+from analysis.trials.law_likelihood import LawLikelihood, shared_contrasts
+from analysis.trials.law_order import LawOrder
 from analysis.trials.trial_statistics import PAPERS_RANKING, LawScore, TrialStatistics
 from device.friction.contrasts import LAW, RUNG
 
@@ -107,8 +108,10 @@ def _law_table(laws: Sequence[LawScore]) -> Table:
         "correlation of predicted contrasts with mean scores, p over all orders, and the smallest "
         "correlation of these ranks, including ties, that has p < .05. Prediction "
         "error: root mean square error, in points, of the mean rating of each condition predicted "
-        "from the other conditions, and the same without a law, from the subjects' levels alone. p "
-        "of the fit: share of all assignments of the contrasts to the conditions that fit the "
+        "from the other conditions, and the same without a law, from the subjects' levels alone; a "
+        "prediction outside the scale counts as its end, and conditions whose mean prediction is "
+        "outside are named. p of the fit: share of all assignments of the contrasts to the "
+        "conditions that fit the "
         "ratings at least as well." + _circular(laws),
         columns=[
             *columns("law", "Spearman", "p", "smallest for p < .05"),
@@ -148,7 +151,8 @@ def _felt(found: LawLikelihood | NotEstimable) -> list[str]:
     errors = found.prediction_error
     if isinstance(errors, NotEstimable):
         return [number(None), number(None), p]
-    return [number(errors.with_law, 2), number(errors.without, 2), p]
+    outside = f" ({', '.join(errors.outside_scale)} outside)" if errors.outside_scale else ""
+    return [number(errors.with_law, 2) + outside, number(errors.without, 2), p]
 
 
 def _law_json(score: LawScore) -> Json:

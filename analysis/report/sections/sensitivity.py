@@ -24,7 +24,7 @@ from analysis.sensitivity.linear_model import LinearSensitivity
 from analysis.sensitivity.lines import SMALL_SPREAD, Lines, SubjectLine
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.sensitivity.two_stage_model import TwoStageSensitivity
-from analysis.trials.law_comparison import LawOrder, critical_correlation, critical_rank_correlation
+from analysis.trials.law_order import LawOrder, critical_correlation, critical_rank_correlation
 from analysis.trials.trial_statistics import TrialStatistics
 
 _CEILING = 0.05

@@ -7,16 +7,11 @@ import pytest
 
 from analysis.estimates import FloatArray, NotEstimable
 from analysis.sensitivity.ratings import Ratings
-from analysis.trials.law_comparison import (
-    LawLikelihood,
-    PredictionError,
-    assignment_p,
-    law_likelihoods,
-    prediction_error,
-    shared_contrasts,
-)
+from analysis.trials.law_assignments import PredictionError, assignment_p, prediction_error
+from analysis.trials.law_likelihood import LawLikelihood, law_likelihoods, shared_contrasts
 
 CONTRASTS = np.array([0.10, 0.25, 0.05, 0.40])
+SCALE = (-100.0, 100.0)
 
 
 def a_study(
@@ -40,7 +35,7 @@ def a_study(
 
 
 def gain(ratings: Ratings, contrast: FloatArray) -> float:
-    found = law_likelihoods(ratings, {"law": contrast})["law"]
+    found = law_likelihoods(ratings, {"law": contrast}, SCALE)["law"]
     assert isinstance(found, LawLikelihood)
     return found.gain_over_none
 
@@ -123,9 +118,23 @@ def test_each_condition_is_predicted_from_the_others() -> None:
             ]
         )
     expected = np.sqrt((np.array(errors) ** 2).mean(axis=0))
-    found = prediction_error(trials, trials.contrast)
+    found = prediction_error(trials, trials.contrast, SCALE)
     assert isinstance(found, PredictionError)
     assert (found.with_law, found.without) == pytest.approx(tuple(expected), rel=1e-9)
+    assert found.outside_scale == ()
+
+
+def test_a_prediction_far_beyond_the_scale_counts_as_its_end() -> None:
+    study = a_study(gain=0, gain_sd=0, noise=0.1)
+    far = np.array([0.0, 0.0005, 0.001, 0.6])[study.condition]
+    without_bounds, bounded = (
+        prediction_error(study, far, scale) for scale in ((-1e9, 1e9), (0.0, 10.0))
+    )
+    assert isinstance(without_bounds, PredictionError)
+    assert isinstance(bounded, PredictionError)
+    assert without_bounds.with_law > 10 > bounded.with_law > bounded.without
+    assert bounded.outside_scale == ("z",)
+    assert bounded.without == without_bounds.without
 
 
 def test_two_conditions_give_the_reason() -> None:
@@ -133,7 +142,7 @@ def test_two_conditions_give_the_reason() -> None:
     two = study.where(study.condition < 2)
     for reason, found in {
         "3 to 6 conditions, got 2": assignment_p(two, two.contrast),
-        "from at least 2 others, got 1": prediction_error(two, two.contrast),
+        "from at least 2 others, got 1": prediction_error(two, two.contrast, SCALE),
     }.items():
         assert isinstance(found, NotEstimable)
         assert reason in found.reason

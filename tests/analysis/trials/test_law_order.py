@@ -1,7 +1,5 @@
-"""."""
+"""How laws order the conditions, against the order of the mean ratings."""
 
-from collections.abc import Callable
-from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
@@ -11,34 +9,22 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from analysis.estimates import FloatArray, NotEstimable
-from analysis.sensitivity.ratings import Ratings
-from analysis.trials.law_comparison import (
-    LawLikelihood,
+from analysis.trials.law_order import (
     LawOrder,
     critical_correlation,
     critical_rank_correlation,
-    law_likelihoods,
     law_order,
 )
-from tests.analysis.sensitivity.simulated_raters import VirtualPopulation, VirtualStudy
 
-StudyOf = Callable[..., VirtualStudy]
 CONDITIONS = ("frequency", "structure", "voltage", "direction", "pressure")
 # Column means of the paper's Table 4.
 MEANS = np.array([76.0, 80.0, 87.0, 75.0, 56.0]) / 9
-OPEN = VirtualPopulation(bias=3.0, gain=9.0, gain_sd=3.0, scale=None)
 
 
 def order_of(predicted: FloatArray, observed: FloatArray) -> LawOrder:
     names = tuple(f"c{number}" for number in range(len(predicted)))
     result = law_order(names, predicted, observed)
     assert isinstance(result, LawOrder)
-    return result
-
-
-def likelihood(ratings: Ratings, contrast: FloatArray) -> LawLikelihood:
-    result = law_likelihoods(ratings, {"law": contrast})["law"]
-    assert isinstance(result, LawLikelihood)
     return result
 
 
@@ -125,50 +111,3 @@ def test_laws_without_an_order_say_why() -> None:
     )
     with pytest.raises(ValueError, match="2 conditions need as many values, got 1"):
         law_order(("a", "b"), np.array([0.1]), np.array([1.0, 2.0]))
-
-
-def test_the_law_people_follow_is_the_likeliest(extended_study: StudyOf) -> None:
-    ratings = extended_study(OPEN, seed=1).ratings
-    rng = np.random.default_rng(2)
-    laws = {
-        "true": ratings.contrast,
-        "flawed": ratings.contrast + rng.normal(0.0, 0.05, len(ratings.contrast)),
-        "unrelated": rng.permutation(ratings.contrast),
-        "silent": np.full(len(ratings.contrast), 0.2),
-    }
-    found = law_likelihoods(ratings, laws)
-    assert isinstance(found["silent"], NotEstimable)
-    known = [found[name] for name in ("true", "flawed", "unrelated")]
-    values = [law.log_likelihood for law in known if isinstance(law, LawLikelihood)]
-    assert values == sorted(values, reverse=True)
-    assert len(values) == 3
-    assert isinstance(known[2], LawLikelihood)
-    assert 0 <= known[2].gain_over_none < 6
-
-
-def test_the_likelihood_is_a_maximum(extended_study: StudyOf) -> None:
-    ratings = extended_study(OPEN, seed=3, subjects=6).ratings
-    best = likelihood(ratings, ratings.contrast).log_likelihood
-    design = np.stack([np.ones(len(ratings.rating)), ratings.contrast], axis=1)
-    same = ratings.subject[:, None] == ratings.subject
-    for bias_sd, gain_sd, noise_sd in [(1.0, 3.0, 1.2), (0.8, 2.5, 1.15), (1.2, 3.5, 1.25)]:
-        spread = np.diag([bias_sd**2, gain_sd**2])
-        covariance = same * (design @ spread @ design.T) + noise_sd**2 * np.eye(len(design))
-        inverse = np.linalg.inv(covariance)
-        line = np.linalg.solve(design.T @ inverse @ design, design.T @ inverse @ ratings.rating)
-        value = stats.multivariate_normal(design @ line, covariance).logpdf(ratings.rating)
-        assert best - 12 < value < best + 1e-6
-
-
-def test_units_of_a_law_do_not_matter(extended_study: StudyOf) -> None:
-    ratings = extended_study(OPEN, seed=4, subjects=8).ratings
-    one = likelihood(ratings, ratings.contrast)
-    other = likelihood(replace(ratings), 40 * ratings.contrast - 3)
-    assert other.log_likelihood == pytest.approx(one.log_likelihood, abs=1e-4)
-    assert one.gain_over_none > 10
-
-
-def test_contrasts_must_be_as_many_as_trials(extended_study: StudyOf) -> None:
-    ratings = extended_study(OPEN, seed=1, subjects=2).ratings
-    with pytest.raises(ValueError, match="coulomb needs 40 contrasts, got 3"):
-        law_likelihoods(ratings, {"coulomb": np.zeros(3)})

@@ -1,6 +1,6 @@
 """The state of a session: a fold over its events."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Set
 from dataclasses import dataclass, field
 from datetime import datetime
 
@@ -17,6 +17,7 @@ _FOLDED = frozenset(
         events.BeamMounted,
         events.PracticeRenewed,
         events.TrialStarted,
+        events.TouchStarted,
         events.TrialAborted,
         events.Answered,
         events.TrialExcluded,
@@ -27,18 +28,26 @@ _FOLDED = frozenset(
 
 @dataclass(kw_only=True)
 class SessionState:
-    """The result of the events so far. Only `take` changes it."""
+    """The result of the events so far. Only `take` changes it.
+
+    `touch` is the number of the running trial's last touch, None before its first one.
+    """
 
     name: str = "new"
     opened: Opening | None = None
     trial: int | None = None
+    touch: int | None = None
     beam: str | None = None
-    answered: set[int] = field(default_factory=set)
+    answers: dict[int, str] = field(default_factory=dict)
     answered_twice: list[int] = field(default_factory=list)
     aborted: list[int] = field(default_factory=list)
     excluded: dict[int, str] = field(default_factory=dict)
-    last_answer: str = ""
     last_event_utc: datetime | None = None
+
+    @property
+    def answered(self) -> Set[int]:
+        """Indices of the trials that have been answered."""
+        return self.answers.keys()
 
     @property
     def planned(self) -> set[int]:
@@ -66,9 +75,12 @@ class SessionState:
             case events.BeamMounted():
                 self.beam = event.beam
             case events.PracticeRenewed():
-                self.answered.difference_update(event.indices)
+                again = set(event.indices)
+                self.answers = {n: text for n, text in self.answers.items() if n not in again}
             case events.TrialExcluded():
                 self.excluded[event.index] = event.reason
+            case events.TouchStarted():
+                self.touch = event.touch
             case events.TrialStarted() | events.TrialAborted() | events.Answered():
                 self._take_trial(event)
 
@@ -76,15 +88,15 @@ class SessionState:
         self, event: events.TrialStarted | events.TrialAborted | events.Answered
     ) -> None:
         self.trial = event.index if isinstance(event, events.TrialStarted) else None
+        self.touch = None
         match event:
             case events.TrialAborted():
                 self.aborted.append(event.index)
             case events.Answered():
                 score = [] if event.score is None else [f"score {event.score}"]
-                self.last_answer = ", ".join([event.change or "felt", *score])
-                if event.index in self.answered:
+                if event.index in self.answers:
                     self.answered_twice.append(event.index)
-                self.answered.add(event.index)
+                self.answers[event.index] = ", ".join([event.change or "felt", *score])
 
 
 def folded(chain: Iterable[StoredEvent]) -> SessionState:

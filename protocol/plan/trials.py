@@ -81,11 +81,26 @@ def trial_s(study: Study, trial: Trial) -> float:
 
 def plan_swaps(study: Study, plan: Plan) -> int:
     """Return how often the operator swaps beams, starting with the study's own beam mounted."""
-    touches = [touch for trial in plan.trials for touch in trial.touches]
-    return swap_count((study.touch.beam, *beams_of(touches, study.touch.beam)))
+    return _swaps(study, plan.trials, study.touch.beam)
 
 
 def session_s(study: Study, plan: Plan) -> float:
     """Return the expected duration of a session, s."""
-    swaps_s = plan_swaps(study, plan) * study.timing.beam_swap_s
-    return sum(trial_s(study, trial) for trial in plan.trials) + swaps_s
+    return remaining_s(study, plan.trials, study.touch.beam)
+
+
+def remaining_s(study: Study, trials: Sequence[Trial], mounted: str | None) -> float:
+    """Return how long `trials` are expected to take, breaks and beam swaps included, s.
+
+    Args:
+        study: gives the pauses and the times that people are assumed to take.
+        trials: the trials that are left, in order.
+        mounted: the beam on the rig before the first of them.
+    """
+    swaps_s = _swaps(study, trials, mounted) * study.timing.beam_swap_s
+    return sum(trial_s(study, trial) for trial in trials) + swaps_s
+
+
+def _swaps(study: Study, trials: Sequence[Trial], mounted: str | None) -> int:
+    touches = [touch for trial in trials for touch in trial.touches]
+    return swap_count((mounted, *beams_of(touches, study.touch.beam)))

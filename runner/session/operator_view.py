@@ -1,7 +1,9 @@
 """What the operator sees of a running session."""
 
+from dataclasses import replace
+
 from protocol.journal.records import ReadBack
-from protocol.plan.trials import Trial, trial_s
+from protocol.plan.trials import Trial, remaining_s
 from runner.screens import OperatorView
 from runner.session.session import SessionContext
 
@@ -28,15 +30,27 @@ def update_view(
             next_trial=_label(coming),
             done=len(state.answered),
             total=len(session.plan.trials),
-            left_s=sum(trial_s(session.study, entry) for entry in left),
+            left_s=_left_s(context, left),
             device=device,
             busy=busy,
             watchdog_s=session.study.rig.watchdog_s,
-            last_answer=state.last_answer,
+            last_answer=next(reversed(state.answers.values()), ""),
             warning=warning,
             unknown=unknown,
         )
     )
+
+
+def _left_s(context: SessionContext, left: list[Trial]) -> float:
+    """Return the expected time to the end of the session; touches already made do not count."""
+    state, study = context.log.state, context.session.study
+    ahead = [
+        replace(entry, touches=entry.touches[state.touch or 0 :], break_s=0.0)
+        if entry.index == state.trial
+        else entry
+        for entry in left
+    ]
+    return remaining_s(study, ahead, state.beam or study.touch.beam)
 
 
 def _label(trials: list[Trial]) -> str:

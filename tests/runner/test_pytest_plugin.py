@@ -129,7 +129,7 @@ def test_the_rehearsal_is_a_whole_session(rehearsal: Rehearsal) -> None:
 
 def test_an_incomplete_session_fails(rehearsal: Rehearsal) -> None:
     lost = [event for event in rehearsal.events if event.payload.get("index") != 3]
-    state = replace(rehearsal.state, answered={0, 1, 2, 4, 5, 6})
+    state = replace(rehearsal.state, answers=dict.fromkeys((0, 1, 2, 4, 5, 6), ""))
     with pytest.raises(AssertionError, match=r"got 6 answers to 7 trials; missing \[3\]"):
         replace(rehearsal, events=tuple(lost), state=state).assert_complete()
     on = [event for event in rehearsal.events if event.tag != "device-off"]

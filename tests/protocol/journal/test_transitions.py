@@ -46,7 +46,7 @@ def test_a_trial_is_answered_once() -> None:
         state.take(stored(event))
     assert state.answered == {3}
     assert state.trial is None
-    assert state.last_answer == "felt, score 7"
+    assert state.answers == {3: "felt, score 7"}
 
 
 def test_an_aborted_trial_remains_pending() -> None:

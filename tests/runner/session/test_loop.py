@@ -8,6 +8,7 @@ from device.drivers.limits import Setpoint
 from device.errors import DeviceError, OutputUnknown
 from protocol.journal.events import DeviceOff, Event, TrialAborted
 from protocol.journal.records import ReadBack
+from protocol.plan.trials import session_s
 from protocol.study_file.loading import template
 from runner.cli.output import complaint
 from runner.journal.opening import open_journal
@@ -175,6 +176,19 @@ def test_the_operator_sees_the_result_of_an_order(tmp_path: Path) -> None:
         "pausing before the next trial",
         "pause cancelled",
     ]
+
+
+def test_the_time_left_is_counted_as_check_counts_it(tmp_path: Path) -> None:
+    device = FakeDevice()
+    operator = FakeOperator(device)
+    with open_journal(tmp_path / "study.db") as journal:
+        made = context(journal, device, FakeParticipant(), TEXT, operator)
+        run(made)
+    study, planned = made.session.study, made.session.plan
+    left_s = [view.left_s for view in operator.seen]
+    assert left_s[0] == pytest.approx(session_s(study, planned))
+    assert left_s == sorted(left_s, reverse=True)
+    assert left_s[-1] == 0
 
 
 def test_a_resumed_session_asks_for_its_beam_again(tmp_path: Path) -> None:

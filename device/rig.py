@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from device.drivers.discovery import driver_of
-from device.drivers.driver import Driver
+from device.drivers.driver import Driver, Reading
 from device.drivers.limits import Limits, Setpoint
 from device.errors import DeviceError, EmergencyStop, ForeignDevice, OutputUnknown
 from device.link.link import open_link
@@ -75,6 +75,11 @@ class Rig:
     def has_watchdog(self) -> bool:
         """Whether the device turns its output off by itself when it hears nothing."""
         return self._driver.has_watchdog
+
+    @property
+    def reading(self) -> Reading | None:
+        """The last answers of the device, None before the first; asks it nothing."""
+        return self._driver.reading
 
     def arm(self) -> Identity:
         """Turn the output off, check who answers, set limits and watchdog; forget a fault.

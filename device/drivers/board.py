@@ -127,6 +127,7 @@ class Board(Driver):
             DeviceError: the device says or its monitor shows something else than what is driven.
         """
         read_back, instant_v = self.link.query(_READ_BACK, _read_back)
+        self._heard(read_back, instant_v)
         assert read_back.monitor_v is not None
         if read_back.output != (self.driven is not None):
             self.check()
@@ -140,6 +141,13 @@ class Board(Driver):
         measured = self._measures_temperature
         query = f"{_HEALTH};:MEAS:TEMP?" if measured else _HEALTH
         health = self.link.query(query, lambda reply: _health(reply, with_temperature=measured))
+        drive = ReadBack(
+            output=health.output,
+            voltage_v=health.target_v,
+            frequency_hz=health.frequency_hz,
+            monitor_v=health.monitor_v,
+        )
+        self._heard(drive, health.instant_v)
         if health.boot != self._boot:
             raise DeviceError(
                 f"the device restarted (boot {self._boot}, now {health.boot}): brown-out?"

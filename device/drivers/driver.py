@@ -9,6 +9,7 @@ import re
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from device.drivers.limits import Limits, Setpoint
@@ -22,6 +23,26 @@ MOST_QUEUED_ERRORS = 32
 NO_TEMPERATURE = "this device measures no temperature: nothing keeps rig.max_temperature_c"
 REL_TOL = 1e-6
 """How far what a device keeps may be from what it was told, where nothing else is said."""
+
+_FINGER = ("force_n", "position_m", "finger_s")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reading:
+    """The last answers of a device about its drive, and about the finger if it has sensors.
+
+    `at_s` and `finger_s` are the times of these answers on the driver's clock, s. `amplitude_v` is
+    the amplitude at that moment, which lies below the commanded one during a ramp.
+    """
+
+    at_s: float
+    output: bool
+    amplitude_v: float
+    frequency_hz: float
+    monitor_v: float | None = None
+    force_n: float | None = None
+    position_m: float | None = None
+    finger_s: float | None = None
 
 
 class Driver(ABC):
@@ -48,6 +69,8 @@ class Driver(ABC):
         self.link = link
         self.limits = limits
         self.monotonic = monotonic
+        self.reading: Reading | None = None
+        """What the device said last; nothing is asked for its sake."""
         self.driven: Setpoint | None = None
         """What is on, None while the output is to be off."""
         self.foreign: ForeignOutput | None = None
@@ -104,6 +127,24 @@ class Driver(ABC):
         Raises:
             DeviceError: it does not; the message says what it does instead.
         """
+
+    def _heard(self, said: ReadBack, amplitude_v: float) -> None:
+        """Keep what the device said; an answer without sensors keeps the last finger."""
+        now_s = self.monotonic()
+        new = Reading(
+            at_s=now_s,
+            output=said.output,
+            amplitude_v=amplitude_v,
+            frequency_hz=said.frequency_hz,
+            monitor_v=said.monitor_v,
+            force_n=said.force_n,
+            position_m=said.position_m,
+            finger_s=now_s,
+        )
+        if said.force_n is None and self.reading is not None:
+            finger = {name: getattr(self.reading, name) for name in _FINGER}
+            new = replace(new, **finger)
+        self.reading = new
 
     def carry_on(self) -> bool:
         """Take the next step of a ramp that the device cannot make; False when it is done."""

@@ -156,12 +156,13 @@ class Generator(Driver):
             DeviceError: the output or a setting differs from what was commanded.
         """
         status = self._status()
-        self._require(status, output=self.driven is not None)
-        return ReadBack(
-            output=status.output,
-            voltage_v=self.limits.amplifier.amplitude_v(status.vpp),
-            frequency_hz=status.frequency_hz,
+        amplitude_v = self.limits.amplifier.amplitude_v(status.vpp)
+        said = ReadBack(
+            output=status.output, voltage_v=amplitude_v, frequency_hz=status.frequency_hz
         )
+        self._heard(said, amplitude_v)
+        self._require(status, output=self.driven is not None)
+        return said
 
     def check(self) -> None:
         """Check that the output and all settings are as commanded."""

@@ -11,10 +11,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 
 import pytest
 
+from device.drivers.driver import Reading
 from device.drivers.limits import Limits
 from device.errors import DeviceError, EmergencyStop, OutputUnknown
 from device.link.link import open_link
@@ -98,6 +100,26 @@ def test_a_session_that_hangs_is_ended_by_the_watchdog(
             driven_on(rig, control)
         rig.arm()
         assert rig.drive(DRIVE).output, "armed anew, it drives again"
+
+
+def test_the_last_reading_follows_a_ramp_and_the_end_of_the_output(simulator: Endpoints) -> None:
+    with opened(simulator.url) as rig:
+
+        def last() -> Reading:
+            assert rig.reading is not None
+            rig.beat()
+            return rig.reading
+
+        rig.arm()
+        rig.drive(replace(DRIVE, ramp_v_per_s=100))
+        for least_v in (20, 50, 80):
+            passed = partial(lambda volts: last().amplitude_v > volts, least_v)
+            assert until(passed, within_s=2), "the poll that feeds the watchdog reads it"
+            assert last().monitor_v == pytest.approx(last().amplitude_v, abs=4)
+        finger = (rig.read_back().force_n, last().finger_s)
+        rig.off()
+        assert until(lambda: not last().output, within_s=1)
+        assert (last().force_n, last().finger_s) == finger
 
 
 def test_a_watchdog_is_tried_at_0_v_and_cleared(

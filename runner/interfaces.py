@@ -106,3 +106,7 @@ class Operator(Protocol):
     def notify(self, text: str) -> None:
         """Show the result of an order."""
         ...
+
+    def pausing(self, wanted: bool) -> None:
+        """Show whether the session pauses before the next trial."""
+        ...

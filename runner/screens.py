@@ -11,6 +11,7 @@ from device.errors import UNKNOWN
 from protocol.journal.records import ReadBack
 from protocol.study.questions import Question
 from protocol.study.rating import Rating
+from protocol.study.rig_settings import Rig
 from protocol.study.touch import Touch, TouchDefaults, touch_s
 
 Order = Literal["pause", "stop", "repeat", "emergency stop"]
@@ -92,32 +93,72 @@ class Response:
 
 
 @dataclass(frozen=True, kw_only=True)
+class PlanLine:
+    """A trial of the plan, as the operator sees it; `answer` is None until it is answered."""
+
+    label: str
+    answer: str | None = None
+    running: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Aim:
+    """What the running touch leads to: the drive at its end, and the finger's path and force."""
+
+    voltage_v: float
+    frequency_hz: float
+    path_m: tuple[float, float]
+    force_n: float
+    force_range_n: tuple[float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
 class OperatorView:
     """The session's progress and the device's last read-back.
 
     `device` is None if the output has been read back as off, if it is `unknown`, or while the
     session is idle and the device has not been asked yet. `busy` says what the output is on for
-    while no participant touches the beam.
+    while no participant touches the beam. `aim` is None unless a touch is in progress.
     """
 
     session: str
     kind: str
     state: str
-    trial: str
-    next_trial: str
-    done: int
-    total: int
+    plan: tuple[PlanLine, ...]
     left_s: float
     device: ReadBack | None
-    busy: str
-    watchdog_s: float
-    last_answer: str
-    warning: str
+    rig: Rig
+    busy: str = ""
+    warning: str = ""
+    aim: Aim | None = None
+    identity: str = ""
+    resonance_hz: float = 0.0
+    beam: str | None = None
     unknown: bool = False
+
+    @property
+    def trial(self) -> str:
+        """The running trial, empty between trials."""
+        return next((line.label for line in self.plan if line.running), "")
+
+    @property
+    def next_trial(self) -> str:
+        """The trial after the running one, empty at the end."""
+        ahead = (line for line in self.plan if line.answer is None and not line.running)
+        return next((line.label for line in ahead), "")
+
+    @property
+    def place(self) -> str:
+        """The session, what happens in it, and the running trial, in words."""
+        phase = _PHASES.get(self.state, self.state)
+        return f"{self.session} {phase}" + (f": {self.trial}" if self.trial else "")
 
     def progress(self) -> str:
         """Return the progress in words, such as `3 of 7 trials, about 2 min left`."""
-        return f"{self.done} of {self.total} trials, about {max(self.left_s, 0) / 60:.0f} min left"
+        done = sum(line.answer is not None for line in self.plan)
+        minutes = round(self.left_s / 60)
+        left = f"about {minutes} min left" if minutes else "less than 1 min left"
+        return f"{done} of {len(self.plan)} trials" + (f", {left}" if self.left_s > 0 else "")
 
     def output(self) -> str:
         """Return the state of the output in words."""
@@ -133,6 +174,16 @@ class OperatorView:
         return f"ON {device.voltage_v:.0f} V {device.frequency_hz:.0f} Hz" + (
             "" if device.monitor_v is None else f" (monitor {device.monitor_v:.0f} V)"
         )
+
+
+_PHASES = {
+    "idle": "getting ready",
+    "armed": "between trials",
+    "trial": "in a trial",
+    "touching": "touching",
+    "completed": "complete",
+}
+"""What a state of a session is called in the laboratory."""
 
 
 def pacing(touch: Touch, finger: TouchDefaults) -> Pacing:

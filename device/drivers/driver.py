@@ -207,6 +207,14 @@ class Driver(ABC):
             raise OutputUnknown(str(error)) from error
         if still_on:
             raise OutputUnknown(f"the device was told {self.off_command} and {still_on}")
+        if self.reading is not None:
+            self.reading = replace(
+                self.reading,
+                at_s=self.monotonic(),
+                output=False,
+                amplitude_v=0.0,
+                monitor_v=None,
+            )
 
     def _asked_twice_whether_on(self) -> str:
         """Tell a device that missed its deadline again: one answer out of two is a confirmation."""

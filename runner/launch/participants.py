@@ -1,15 +1,17 @@
 """The participant and the operator of a session: at the window, at the terminal, or simulated."""
 
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from device.drivers.driver import Reading
 from device.simulator.client import ControlClient
 from protocol.study.participant_texts import study_wording
 from runner.clock import Clock, SteppedClock
 from runner.interfaces import Operator, Participant
 from runner.launch.device_access import SessionRig
-from runner.people.operator_console import Display, LiveDisplay, OperatorConsole, PlainDisplay
+from runner.people.operator_console import Display, OperatorConsole, PlainDisplay, line_help
 from runner.people.participant_console import ConsoleParticipant, TypedLines
 from runner.people.terminal import at_terminal, terminal_keys
 from runner.people.virtual_participant import VirtualParticipant, drawn_person, swapping
@@ -18,6 +20,8 @@ from runner.window.client import WindowParticipant
 
 Say = Callable[[str], None]
 """Prints a line."""
+LastReading = Callable[[], Reading | None]
+"""Returns what the device said last, without asking it."""
 
 
 @contextmanager
@@ -40,14 +44,19 @@ def participant_and_operator(
         window: the participant's window, None if there is none.
         virtual: whether the participant is simulated.
     """
+
+    def reading() -> Reading | None:
+        return rig.device.reading
+
     swap = swapping(rig.control, session.study.beams) if rig.control else lambda _: None
     if virtual:
         assert rig.control is not None
         participant = _virtual_participant(session, rig.control, clock)
-        with keys_and_display(say, quiet=isinstance(clock, SteppedClock)) as (typed, display):
+        quiet = isinstance(clock, SteppedClock)
+        with keys_and_display(say, reading, quiet=quiet) as (typed, display):
             yield participant, OperatorConsole(typed, display, swap, alone=True)
     elif window is not None:
-        with operator_at_terminal(say, swap) as operator:
+        with operator_at_terminal(say, reading, swap) as operator:
             window.call_operator = operator.participant_called
             yield window, operator
     else:
@@ -68,31 +77,46 @@ def _virtual_participant(
 
 def _operator_by_lines(lines: TypedLines, say: Say, swap: Callable[[str], None]) -> OperatorConsole:
     """Return an operator who types lines, or whose lines come from a file or a program."""
+    for line in line_help():
+        say(line)
     return OperatorConsole(
         lines.operator_typed, PlainDisplay(say), swap, lines.forget, piped=not lines.at_terminal
     )
 
 
 @contextmanager
-def operator_at_terminal(say: Say, swap: Callable[[str], None]) -> Iterator[OperatorConsole]:
+def operator_at_terminal(
+    say: Say, reading: LastReading, swap: Callable[[str], None]
+) -> Iterator[OperatorConsole]:
     """Yield an operator who has the terminal alone: keys at a terminal, lines from a pipe."""
     if not at_terminal(sys.stdin, sys.stdout):
         yield _operator_by_lines(TypedLines(sys.stdin), say, swap)
         return
-    with keys_and_display(say) as (typed, display):
+    with keys_and_display(say, reading) as (typed, display):
         yield OperatorConsole(typed, display, swap)
 
 
 @contextmanager
 def keys_and_display(
-    say: Say, *, quiet: bool = False
+    say: Say, reading: LastReading, *, quiet: bool = False
 ) -> Iterator[tuple[Callable[[bool], str], Display]]:
-    """Yield the operator's keys and display: a panel at a terminal, plain lines elsewhere.
+    """Yield the operator's keys and display: a screen at a terminal, plain lines elsewhere.
 
-    If `quiet`, display nothing and read no keys.
+    The screen shows the device's last `reading`. If `quiet`, display nothing and read no keys.
     """
     if quiet or not at_terminal(sys.stdin, sys.stdout):
         yield lambda _: "", PlainDisplay((lambda _: None) if quiet else say)
         return
-    with terminal_keys() as typed, LiveDisplay() as display:
-        yield typed, display
+    with terminal_keys() as typed:
+        if os.environ.get("TERM") in {"dumb", "unknown"}:  # it cannot be drawn on
+            yield typed, PlainDisplay(say)
+            return
+        from runner.people.operator_screen import LiveDisplay
+
+        display = LiveDisplay(reading)
+        try:
+            with display:
+                yield typed, display
+        finally:
+            for message in display.messages:  # they stay on the terminal
+                say(message)

@@ -26,6 +26,7 @@ from runner.launch.device_access import kept_calibration, session_rig
 from runner.launch.locks import rig_lock, session_lock
 from runner.launch.participants import Say, participant_and_operator
 from runner.people.participant_console import require_typist
+from runner.people.terminal import said_in_background
 from runner.people.virtual_participant import drawn_person
 from runner.session.loop import run
 from runner.session.resume import require_resumable
@@ -70,6 +71,7 @@ def run_session(options: SessionOptions, say: Say) -> SessionState:
     context: SessionContext | None = None
     try:
         with ExitStack() as stack:
+            say = stack.enter_context(said_in_background(say))
             context = _context(request, say, stack)
             run(context)
             return context.log.state

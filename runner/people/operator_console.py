@@ -1,89 +1,76 @@
-"""The operator's console: session progress, device output and one-key orders.
+"""The operator's console: session progress, messages and one-key orders.
 
-On a terminal it redraws a panel; elsewhere it prints a line whenever something changes.
+At a terminal a display draws it anew several times a second; elsewhere it is lines of text.
 """
 
+import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Protocol
 
-from runner.people.operator_keys import HELP, HELP_LINES, HELP_TYPING, OPERATOR_MARK, OperatorKeys
-from runner.people.terminal import visible
+from runner.people.operator_keys import EMERGENCY, EXPLAINED, OPERATOR_MARK, OperatorKeys
 from runner.screens import Note, OperatorView, Order
 
 
-class Display(Protocol):
-    """The operator's display."""
+@dataclass(frozen=True, kw_only=True)
+class Frame:
+    """What the operator is shown, apart from what the device says at the moment.
 
-    def show(self, view: OperatorView, question: str, typed: str | None) -> None:
-        """Show the session, the question to the operator, and the line typed so far."""
+    `typed` is the line typed so far, None while keys are orders. `messages` are all so far, each
+    with the time of day. `calls` counts the participant's calls since the last answer to one.
+    """
+
+    view: OperatorView
+    question: str = ""
+    typed: str | None = None
+    messages: tuple[tuple[str, str], ...] = ()
+    calls: int = 0
+    pausing: bool = False
+    help: bool = False
+
+
+class Display(Protocol):
+    """The operator's display. No method blocks."""
+
+    def show(self, frame: Frame) -> None:
+        """Show `frame` until the next one."""
         ...
 
 
 @dataclass
 class PlainDisplay:
-    """Plain lines, for a log or a pipe."""
+    """Plain lines, for a log or a pipe, or beside the participant's."""
 
     say: Callable[[str], None]
-    _last: tuple[str, ...] = field(default=("", "", ""), init=False)
+    _last: tuple[str, str] = field(default=("", ""), init=False)
+    _said: int = field(default=0, init=False)
+    _helped: bool = field(default=False, init=False)
 
-    def show(self, view: OperatorView, question: str, typed: str | None) -> None:
+    def show(self, frame: Frame) -> None:
         """Print what has changed."""
-        del typed  # the terminal has echoed it
-        place = f"{view.session} {view.state} {view.trial}".rstrip(" -")
-        line = f"{place}; {view.progress()}; output {view.output()}"
-        current = (line, view.warning and f"warning: {view.warning}", question)
-        for text, before in zip(current, self._last, strict=True):
+        view = frame.view
+        line = f"{view.place}; {view.progress()}; output {view.output()}"
+        for text, before in zip((line, frame.question), self._last, strict=True):
             if text and text != before:
                 self.say(text)
-        self._last = current
+        self._last = (line, frame.question)
+        for _, message in frame.messages[self._said :]:
+            self.say(message)
+        self._said = len(frame.messages)
+        if frame.help != self._helped:
+            self._helped = frame.help
+            for text in line_help():
+                self.say(text)
 
 
-class LiveDisplay:
-    """A panel that stays in place."""
-
-    def __init__(self) -> None:
-        from rich.live import Live
-
-        self._live = Live(auto_refresh=False, transient=False)
-
-    def __enter__(self) -> "LiveDisplay":
-        self._live.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._live.stop()
-
-    def show(self, view: OperatorView, question: str, typed: str | None) -> None:
-        """Redraw the panel."""
-        from rich.panel import Panel
-
-        text = "\n".join(panel_lines(view, question, typed))
-        self._live.update(Panel(text, title="touchbeam"), refresh=True)
-
-
-def panel_lines(view: OperatorView, question: str, typed: str | None) -> list[str]:
-    """Return the lines of the panel, most important first: a low terminal cuts off the last."""
-    from rich import markup
-
-    def escape(text: str) -> str:
-        return markup.escape(visible(text))
-
-    colour = "green" if view.output() == "off" else "red"
-    lines = [f"output: [bold {colour}]{view.output()}[/]"]
-    if question:
-        lines.append(f"[bold]{escape(question)}[/] {escape(typed or '')}")
-    elif typed is not None:
-        lines.append(f"note: {escape(typed)}")
-    if view.warning:
-        lines.append(f"[yellow]warning: {escape(view.warning)}[/]")
+def line_help() -> list[str]:
+    """Return the operator's orders as they are typed in lines."""
+    keys = [(key, long) for key, _, long in EXPLAINED if key != "?"]
     return [
-        *lines,
-        f"[dim]{HELP if typed is None else HELP_TYPING}[/]",
-        f"{escape(view.session)}  {view.kind}  [bold]{view.state}[/]",
-        view.progress(),
-        f"trial: {escape(view.trial)}   next: {escape(view.next_trial)}",
-        f"last answer: {escape(view.last_answer) or '-'}   watchdog {view.watchdog_s:g} s",
+        "For the operator: a line that begins with a colon is an order.",
+        *(f"  :{key}  {long}" for key, long in keys),
+        "  :help  these lines",
+        f"  :e  {EMERGENCY} (also Ctrl-C)",
     ]
 
 
@@ -99,6 +86,7 @@ class OperatorConsole:
         forget: discards input typed before a question, which cannot answer it.
         piped: input comes from a file or a program; any line confirms a beam.
         alone: there is no operator; every question gets an empty answer at once.
+        time_of_day: returns the time at which a message is shown, such as `14:03:22`.
     """
 
     typed: Callable[[bool], str]
@@ -107,9 +95,14 @@ class OperatorConsole:
     forget: Callable[[], None] = lambda: None
     piped: bool = False
     alone: bool = False
+    time_of_day: Callable[[], str] = lambda: time.strftime("%H:%M:%S")
     _keys: OperatorKeys = field(default_factory=OperatorKeys, init=False)
     _view: OperatorView | None = field(default=None, init=False)
     _question: str = field(default="", init=False)
+    _messages: list[tuple[str, str]] = field(default_factory=list, init=False)
+    _calls: int = field(default=0, init=False)
+    _pausing: bool = field(default=False, init=False)
+    _help: bool = field(default=False, init=False)
 
     def ask(self, text: str) -> None:
         """Ask the operator; without an operator the answer is empty and immediate."""
@@ -154,29 +147,61 @@ class OperatorConsole:
         return self._keys.order()
 
     def show(self, view: OperatorView) -> None:
-        """Show `view`."""
+        """Show `view`; its warning stays among the messages."""
         self._view = view
+        if view.warning:
+            self._add(f"warning: {view.warning}")
         self._redraw()
 
+    def pausing(self, wanted: bool) -> None:
+        """Show until further notice whether the session pauses before the next trial."""
+        self._pausing = wanted
+        self.notify("pausing before the next trial" if wanted else "no pause: the session goes on")
+
     def participant_called(self) -> None:
-        """Show until the next view that the participant calls the operator."""
+        """Show that the participant calls, until the operator answers the call."""
+        self._calls += 1
         self.notify("the participant is calling you (Escape)")
 
     def notify(self, text: str) -> None:
-        """Show `text` as a warning until the next view."""
-        if self._view is not None:
-            self._view = replace(self._view, warning=text)
-            self._redraw()
+        """Add `text` to the messages."""
+        self._add(text)
+        self._redraw()
+
+    def _add(self, text: str) -> None:
+        self._messages.append((self.time_of_day(), text))
 
     def _listen(self) -> None:
         characters = self.typed(bool(self._question))
         if characters.startswith(OPERATOR_MARK) and characters.endswith("\n"):
             if not self._keys.feed_order(characters.removeprefix(OPERATOR_MARK)):
-                self.notify(f"{characters.strip()!r} is not an order; use {HELP_LINES}")
+                self.notify(f"{characters.strip()!r} is not an order; :help lists the orders")
         elif characters:
             self._keys.feed(characters)
             self._redraw()
+        while (wish := self._keys.wish()) is not None:
+            self._grant(wish)
+
+    def _grant(self, wish: str) -> None:
+        if wish == "help":
+            self._help = not self._help
+            self._redraw()
+        elif wish == "unknown key":
+            self.notify("that key does nothing here; ? shows the keys")
+        else:
+            calls, self._calls = self._calls, 0
+            self.notify("you answered the participant's call" if calls else "nobody is calling")
 
     def _redraw(self) -> None:
         if self._view is not None:
-            self.display.show(self._view, self._question, self._keys.line)
+            self.display.show(
+                Frame(
+                    view=self._view,
+                    question=self._question,
+                    typed=self._keys.line,
+                    messages=tuple(self._messages),
+                    calls=self._calls,
+                    pausing=self._pausing,
+                    help=self._help,
+                )
+            )

@@ -1,20 +1,32 @@
 """The operator's keys: one per order, and lines for answers and notes. Does no I/O."""
 
+import re
 from collections import deque
+from typing import Literal
 
 from runner.screens import Note, Order
 
+_CTRL_E = "\x05"
 KEYS: dict[str, Order] = {
     "p": "pause",
     "s": "stop",
     "r": "repeat",
     "e": "emergency stop",
     " ": "emergency stop",
+    _CTRL_E: "emergency stop",
 }
-HELP = "p pause/continue   r repeat trial   n note   s stop   space or Ctrl-E EMERGENCY STOP"
-HELP_TYPING = "Enter to finish   Ctrl-C stop   Ctrl-E EMERGENCY STOP"
-HELP_LINES = ":p pause or continue, :r repeat trial, :n note, :s stop, :e EMERGENCY STOP"
-_WORDS = {"pause": "p", "stop": "s", "repeat": "r", "note": "n"}
+EXPLAINED = (
+    ("p", "pause", "pause before the next trial, or continue after a pause"),
+    ("r", "repeat trial", "break the running trial off and repeat it"),
+    ("n", "note", "note for the journal, to be finished with Enter"),
+    ("s", "stop", "stop the session; the same command resumes it later"),
+    ("a", "answer call", "confirm that you have noticed the participant's call"),
+    ("?", "help", "show or hide this help (also h)"),
+)
+"""Each key with its short and its long explanation."""
+EMERGENCY = "EMERGENCY STOP: output off at once"
+TYPING = ("Enter finish", "Ctrl-C stop", "Ctrl-E EMERGENCY STOP")
+_WORDS = {"pause": "p", "stop": "s", "repeat": "r", "note": "n", "help": "?", "h": "?"}
 
 OPERATOR_MARK = ":"
 """First character of an operator's line at a terminal shared with the participant."""
@@ -22,7 +34,10 @@ OPERATOR_MARK = ":"
 _ENTER = "\r\n"
 _BACKSPACE = "\x7f\b"
 _ESCAPE = "\x1b"
-_CTRL_E = "\x05"
+_FUNCTION_KEY = re.compile(r"\x1b(?:\[[0-?]*[ -/]*[@-~]|O.)")
+"""What an arrow or a function key sends: several characters, none of which was typed."""
+Wish = Literal["help", "answer call", "unknown key"]
+_WISHES: dict[str, Wish] = {"?": "help", "h": "help", "a": "answer call"}
 
 
 def _key_of(line: str) -> str | None:
@@ -35,7 +50,7 @@ def _key_of(line: str) -> str | None:
     if _CTRL_E in line or word.startswith("e") or (line.strip(_ENTER) and not word):
         return _CTRL_E
     key = _WORDS.get(word, word)
-    return key if key in KEYS or key == "n" else None
+    return key if key in KEYS or key in _WISHES or key == "n" else None
 
 
 class OperatorKeys:
@@ -48,6 +63,7 @@ class OperatorKeys:
 
     def __init__(self) -> None:
         self._orders: deque[Order | Note] = deque()
+        self._wishes: deque[Wish] = deque()
         self._answers: deque[str] = deque()
         self._line = ""
         self._noting = False
@@ -80,16 +96,24 @@ class OperatorKeys:
         """Process typed characters."""
         if self._confirming and not self._noting:
             characters = self._confirm(characters)
+        characters, function_keys = _FUNCTION_KEY.subn("", characters)
+        self._wishes.extend(["unknown key"] * function_keys)
         for character in characters:
             # A space at the beginning of a line is an emergency stop, as it is outside of lines.
             if character == _CTRL_E or (character == " " and self.line == ""):
                 self._orders.append("emergency stop")
             elif self.line is not None:
                 self._collect(character)
-            elif character == "n":
-                self._noting = True
-            elif character in KEYS:
-                self._orders.append(KEYS[character])
+            else:
+                self._press(character.lower())
+
+    def _press(self, key: str) -> None:
+        if key == "n":
+            self._noting = True
+        elif key in KEYS:
+            self._orders.append(KEYS[key])
+        elif key not in _ENTER:
+            self._wishes.append(_WISHES.get(key, "unknown key"))
 
     def _confirm(self, characters: str) -> str:
         """Find the confirmation in `characters`; return the keys that are orders.
@@ -117,7 +141,7 @@ class OperatorKeys:
         if order[:1] in {"n", "N"}:
             self._note(order[4:] if order[:4].lower() == "note" else order[1:])
         elif (key := _key_of(line)) is not None:
-            self._orders.append("emergency stop" if key == _CTRL_E else KEYS[key])
+            self._press(key)
         else:
             return False
         return True
@@ -128,6 +152,10 @@ class OperatorKeys:
             self._orders.clear()
             return "emergency stop"
         return self._orders.popleft() if self._orders else None
+
+    def wish(self) -> Wish | None:
+        """Return the next key that concerns the console alone, None if there is none."""
+        return self._wishes.popleft() if self._wishes else None
 
     def answer(self) -> str | None:
         """Return the answer, or None before it has been given."""

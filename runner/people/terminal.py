@@ -1,9 +1,11 @@
 """Text that is safe on a terminal, single key presses from one, and detection of terminals."""
 
 import os
+import queue
 import re
 import select
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TextIO
@@ -38,6 +40,38 @@ def visible_json(text: str) -> str:
 
 
 @contextmanager
+def said_in_background(say: Callable[[str], None]) -> Iterator[Callable[[str], None]]:
+    """Yield a `say` that never blocks: a thread prints the lines, all of them before this ends.
+
+    A pipe that is full, or a terminal that takes nothing, must not keep a session from stopping.
+    The function raises what printing an earlier line raised.
+    """
+    lines: queue.SimpleQueue[str | None] = queue.SimpleQueue()
+    failed: list[Exception] = []
+
+    def print_lines() -> None:
+        while (line := lines.get()) is not None:
+            try:
+                say(line)
+            except Exception as error:
+                failed.append(error)
+                return
+
+    def say_later(line: str) -> None:
+        if failed:
+            raise failed[0]
+        lines.put(line)
+
+    thread = threading.Thread(target=print_lines, name="lines", daemon=True)
+    thread.start()
+    try:
+        yield say_later
+    finally:
+        lines.put(None)
+        thread.join()
+
+
+@contextmanager
 def terminal_keys() -> Iterator[Callable[[bool], str]]:
     """Yield a function that returns the characters typed since the last call, without waiting.
 
@@ -47,25 +81,35 @@ def terminal_keys() -> Iterator[Callable[[bool], str]]:
         yield lambda _: _windows_keys()
         return
     import termios
-    import tty
 
     terminal = sys.stdin.fileno()
     before = termios.tcgetattr(terminal)
-    tty.setcbreak(terminal)
+    _take_keys(terminal)
     try:
         yield lambda _: _typed(terminal)
     finally:
-        termios.tcsetattr(terminal, termios.TCSADRAIN, before)
+        # Not TCSADRAIN, which waits for a terminal that takes no output.
+        termios.tcsetattr(terminal, termios.TCSANOW, before)
+
+
+def _take_keys(terminal: int) -> None:
+    """Have each key delivered at once; Ctrl-S is one like the others and stops no output."""
+    import termios
+    import tty
+
+    tty.setcbreak(terminal)
+    settings = termios.tcgetattr(terminal)
+    settings[0] &= ~termios.IXON
+    termios.tcsetattr(terminal, termios.TCSANOW, settings)
 
 
 def _typed(terminal: int) -> str:
     import termios
-    import tty
 
     # Shells switch back to whole lines when they continue a program that Ctrl-Z had stopped. A
     # program in the background must not change the terminal.
     if termios.tcgetattr(terminal)[3] & termios.ICANON and os.tcgetpgrp(terminal) == os.getpgrp():
-        tty.setcbreak(terminal)
+        _take_keys(terminal)
     ready, _, _ = select.select([terminal], [], [], 0)
     return os.read(terminal, 1024).decode("utf-8", "replace") if ready else ""
 

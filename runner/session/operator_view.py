@@ -1,10 +1,12 @@
 """What the operator sees of a running session."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from protocol.journal.records import ReadBack
 from protocol.plan.trials import Trial, remaining_s
-from runner.screens import OperatorView
+from runner.screens import Aim, OperatorView, PlanLine, pacing
+from runner.session.compliance import FORCE_TOLERANCE
 from runner.session.session import SessionContext
 
 
@@ -18,41 +20,66 @@ def update_view(
 ) -> None:
     """Show the operator the session's progress and, while the output is on, its read-back."""
     state, session = context.log.state, context.session
-    left = [entry for entry in session.plan.trials if entry.index not in state.answered]
-    running = [entry for entry in left if entry.index == state.trial]
-    coming = [entry for entry in left if entry.index != state.trial]
+    trials = session.plan.trials
+    running = next((trial for trial in trials if trial.index == state.trial), None)
     context.operator.show(
         OperatorView(
             session=f"{session.participant}/{session.number}",
             kind=session.kind,
             state=state.name,
-            trial=_label(running),
-            next_trial=_label(coming),
-            done=len(state.answered),
-            total=len(session.plan.trials),
-            left_s=_left_s(context, left),
+            plan=tuple(
+                PlanLine(
+                    label=_label(trial),
+                    answer=state.answers.get(trial.index),
+                    running=trial is running,
+                )
+                for trial in trials
+            ),
+            left_s=_left_s(context, [t for t in trials if t.index not in state.answers]),
             device=device,
+            rig=session.study.rig,
             busy=busy,
-            watchdog_s=session.study.rig.watchdog_s,
-            last_answer=next(reversed(state.answers.values()), ""),
             warning=warning,
+            aim=_aim(context, running) if running and state.name == "touching" else None,
+            identity=context.identity,
+            resonance_hz=context.resonance_hz,
+            beam=state.beam,
             unknown=unknown,
         )
     )
 
 
-def _left_s(context: SessionContext, left: list[Trial]) -> float:
+def _aim(context: SessionContext, trial: Trial) -> Aim:
+    study = context.session.study
+    touch = trial.touches[context.log.state.touch or 0]
+    cue = pacing(touch, study.touch)
+    slack_n = FORCE_TOLERANCE * cue.force_n
+    return Aim(
+        voltage_v=touch.end_voltage_v,
+        frequency_hz=touch.end_frequency * context.resonance_hz,
+        path_m=(cue.start_m, cue.end_m),
+        force_n=cue.force_n,
+        force_range_n=(cue.force_n - slack_n, cue.force_n + slack_n),
+    )
+
+
+def _left_s(context: SessionContext, left: Sequence[Trial]) -> float:
     """Return the expected time to the end of the session; touches already made do not count."""
     state, study = context.log.state, context.session.study
     ahead = [
-        replace(entry, touches=entry.touches[state.touch or 0 :], break_s=0.0)
-        if entry.index == state.trial
-        else entry
-        for entry in left
+        replace(trial, touches=trial.touches[state.touch or 0 :], break_s=0.0)
+        if trial.index == state.trial
+        else trial
+        for trial in left
     ]
     return remaining_s(study, ahead, state.beam or study.touch.beam)
 
 
-def _label(trials: list[Trial]) -> str:
-    """Return the operator's label for the first of `trials`."""
-    return (trials[0].condition or trials[0].kind) if trials else "-"
+def _label(trial: Trial) -> str:
+    """Return the operator's label of `trial`, such as `voltage, level 0.5`."""
+    parts = [trial.condition or trial.kind]
+    if trial.condition and trial.kind != "trial":
+        parts.append(trial.kind)
+    elif trial.level != 1:
+        parts.append(f"level {trial.level:g}")
+    return ", ".join([*parts, *["opposite order"] * trial.opposite])

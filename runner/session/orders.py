@@ -25,17 +25,28 @@ def obey(context: SessionContext) -> None:
     match context.operator.order():
         case "emergency stop":
             context.device.emergency_stop()
+            context.operator.notify("emergency stop: off was sent")
             raise StoppedByOperator("emergency stop")
         case "stop":
+            context.operator.notify("stopping; the output goes off")
             raise StoppedByOperator("stopped by the operator")
-        case "repeat" if context.log.state.trial is not None:
-            raise RepeatTrial
         case "repeat":
-            context.operator.notify("there is no running trial to repeat")
+            _repeat(context)
         case "pause":
             context.pause_wanted = not context.pause_wanted
-            context.operator.notify(
-                "pausing before the next trial" if context.pause_wanted else "pause cancelled"
-            )
+            context.operator.pausing(context.pause_wanted)
         case Note(text=text):
             context.log.append(NoteTaken(text=text))
+            context.operator.notify(f"noted: {text}")
+
+
+def _repeat(context: SessionContext) -> None:
+    """Repeat the running trial, unless it has just begun to be repeated."""
+    state = context.log.state
+    if state.trial is None:
+        context.operator.notify("there is no running trial to repeat")
+    elif state.touch is None and state.aborted[-1:] == [state.trial]:
+        context.operator.notify("this trial is being repeated already")
+    else:
+        context.operator.notify("the trial is broken off and will be repeated")
+        raise RepeatTrial

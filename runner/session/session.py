@@ -75,6 +75,7 @@ class SessionContext:
     """A running session with its device, people, clock and log.
 
     `address` is where the device was reached, `sim` for one that is simulated.
+    `identity` is the device's answer to `*IDN?` once it is armed.
     `opened_now` is True for a new session and False for a resumed one. `resonance_hz` is 0 until
     it has been measured. `beam_in_doubt` is True while the operator has been asked to mount a beam
     and has not confirmed it.
@@ -88,6 +89,7 @@ class SessionContext:
     log: SessionLog
     opened_now: bool
     address: str = SIMULATED
+    identity: str = field(default="", init=False)
     resonance_hz: float = field(default=0.0, init=False)
     pause_wanted: bool = field(default=False, init=False)
     beam_in_doubt: bool = field(default=False, init=False)

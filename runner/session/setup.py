@@ -20,6 +20,7 @@ def prepare(context: SessionContext) -> None:
     update_view(context)
     study = context.session.study
     identity = context.device.arm()
+    context.identity = identity.idn
     context.log.append(DeviceArmed(**vars(identity)))
     update_view(context, warning="; ".join(identity.remarks))
     require_watchdog(context, identity.idn)

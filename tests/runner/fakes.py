@@ -174,6 +174,9 @@ class FakeOperator:
     def notify(self, text: str) -> None:
         self.notices.append(text)
 
+    def pausing(self, wanted: bool) -> None:
+        self.notices.append("pausing" if wanted else "not pausing")
+
 
 def context(
     journal: Journal,

@@ -1,14 +1,14 @@
-"""The operator's console: keys, lines, and the panel on wide and narrow terminals."""
+"""The operator's console: keys, orders, questions, messages and plain lines."""
 
-import io
+from collections.abc import Iterable
 
 import pytest
 
 from protocol.journal.records import ReadBack
-from runner.people.operator_console import OperatorConsole, PlainDisplay, panel_lines
+from runner.people.operator_console import Frame, OperatorConsole, PlainDisplay, line_help
 from runner.people.operator_keys import OperatorKeys
-from runner.people.terminal import visible
-from runner.screens import Note, OperatorView
+from runner.screens import Note
+from tests.runner.views import plan, view
 
 ON = ReadBack(
     output=True,
@@ -21,23 +21,11 @@ ON = ReadBack(
 )
 
 
-def view(**changes: object) -> OperatorView:
-    fields: dict[str, object] = {
-        "session": "P01/1",
-        "kind": "rehearsal",
-        "state": "touching",
-        "trial": "voltage",
-        "next_trial": "pressure",
-        "watchdog_s": 0.5,
-        "done": 3,
-        "total": 7,
-        "left_s": 130.0,
-        "device": ON,
-        "busy": "",
-        "last_answer": "smoother, score 8",
-        "warning": "",
-    }
-    return OperatorView(**{**fields, **changes})  # type: ignore[arg-type]
+def console(typed: Iterable[str] = (), said: list[str] | None = None) -> OperatorConsole:
+    """A console of plain lines, whose operator types `typed`, one piece at a time."""
+    pieces = iter(typed)
+    say = (lambda _: None) if said is None else said.append
+    return OperatorConsole(lambda _: next(pieces, ""), PlainDisplay(say))
 
 
 @pytest.mark.parametrize(
@@ -88,47 +76,6 @@ def test_a_line_that_answers_a_question_is_not_an_order() -> None:
     keys.feed("pers\n")
     assert keys.answer() == "pers"
     assert keys.order() is None
-
-
-def test_the_panel_shows_what_the_device_really_does() -> None:
-    text = "\n".join(panel_lines(view(warning="no watchdog"), "", None))
-    assert "ON 200 V 24221 Hz (monitor 200 V)" in text
-    assert "3 of 7 trials, about 2 min left" in text
-    assert "no watchdog" in text
-    assert "next: pressure" in text
-    assert "watchdog 0.5 s" in text
-    assert "output: [bold green]off" in "\n".join(panel_lines(view(device=None), "", None))
-
-
-@pytest.mark.parametrize("changes", [{"state": "idle"}, {"unknown": True}])
-def test_an_output_not_read_back_is_not_shown_as_off(changes: dict[str, object]) -> None:
-    first = panel_lines(view(device=None, **changes), "", None)[0]
-    assert first.startswith("output: [bold red]")
-    assert "off" not in first
-
-
-def test_typed_markup_is_shown_as_text() -> None:
-    lines = panel_lines(view(last_answer="[red]x"), "", "[bold]note")
-    assert "\\[red]x" in lines[-1]
-    assert "\\[bold]note" in lines[1]
-
-
-def test_the_panel_shows_what_a_terminal_would_obey_as_escapes() -> None:
-    texts = ("session", "trial", "next_trial", "last_answer", "warning")
-    lines = panel_lines(view(**dict.fromkeys(texts, "\x1b[2J\n\u202e")), "\x9b", "\x1b")
-    assert [line for line in lines if visible(line) != line] == []
-    assert sum(line.count(r"\x1b[2J\n\u202e") for line in lines) == len(texts)
-
-
-def test_plain_lines_are_printed_only_when_something_changes() -> None:
-    said: list[str] = []
-    console = OperatorConsole(lambda _: "", PlainDisplay(said.append))
-    for _ in range(3):
-        console.show(view())
-    assert said == [
-        "P01/1 touching voltage; 3 of 7 trials, about 2 min left; "
-        "output ON 200 V 24221 Hz (monitor 200 V)"
-    ]
 
 
 def test_a_question_waits_for_enter() -> None:
@@ -205,10 +152,6 @@ def test_a_colon_in_a_note_is_part_of_it() -> None:
     typed = iter(["n", "at 3", ":", "15\n"])
     console = OperatorConsole(lambda _: next(typed), PlainDisplay(lambda _: None))
     assert [console.order() for _ in range(4)] == [None, None, None, Note(text="at 3:15")]
-
-
-def test_the_search_for_the_resonance_is_shown_as_on() -> None:
-    assert view(device=None, busy="10 V at most, searching").output().startswith("ON")
 
 
 @pytest.mark.parametrize("enter", ["\n", "\r"])
@@ -300,34 +243,98 @@ def test_a_question_is_printed_once_whatever_else_is_shown() -> None:
     console.ask("skin state?")
     for _ in range(3):
         console.show(view())
-    console.show(view(done=4))
+    console.show(view(plan=plan(4)))
     assert said.count("skin state?") == 1
     assert len(said) == 3
 
 
+def test_plain_lines_are_printed_only_when_something_changes() -> None:
+    said: list[str] = []
+    operator = console(said=said)
+    for _ in range(3):
+        operator.show(view(device=ON))
+    assert said == [
+        "P01/1 touching: voltage; 3 of 7 trials, about 2 min left; "
+        "output ON 200 V 24221 Hz (monitor 200 V)"
+    ]
+
+
+@pytest.mark.parametrize(("left_s", "said"), [(130, ", about 2 min"), (20, ", less than 1 min")])
+def test_the_time_left_is_never_0_before_the_end(left_s: float, said: str) -> None:
+    assert view(left_s=left_s).progress() == f"3 of 7 trials{said} left"
+    assert view(left_s=0).progress() == "3 of 7 trials"
+
+
+def test_the_search_for_the_resonance_is_shown_as_on() -> None:
+    assert view(busy="10 V at most, searching").output().startswith("ON")
+
+
 def test_an_unknown_order_is_reported() -> None:
     said: list[str] = []
-    typed = iter([":resume\n"])
-    console = OperatorConsole(lambda _: next(typed), PlainDisplay(said.append))
-    console.show(view())
-    assert console.order() is None
-    assert said[-1].startswith("warning: ':resume' is not an order; use :p pause or continue")
+    operator = console([":resume\n"], said)
+    operator.show(view())
+    assert operator.order() is None
+    assert said[-1] == "':resume' is not an order; :help lists the orders"
 
 
-def test_the_panel_explains_the_keys_that_work_while_a_line_is_typed() -> None:
-    typing, mounting = panel_lines(view(), "skin state?", "dr"), panel_lines(view(), "Mount", None)
-    assert "Ctrl-E EMERGENCY STOP" in typing[2]
-    assert "r repeat" not in "".join(typing)
-    assert "r repeat" in mounting[2]
+@pytest.mark.parametrize("key", ["?", "h", ":help\n", ":?\n"])
+def test_help_lists_every_order(key: str) -> None:
+    said: list[str] = []
+    operator = console([key], said)
+    operator.show(view())
+    assert operator.order() is None
+    assert said[1:] == line_help()
+    assert {line.split()[0] for line in said[2:]} == {":p", ":r", ":n", ":s", ":a", ":help", ":e"}
 
 
-def test_a_small_terminal_shows_the_output_and_the_question() -> None:
-    from rich.console import Console
-    from rich.panel import Panel
+@pytest.mark.parametrize("key", ["x", "漢", "\t", "\x13", "\x1b[A", "\x1bOS", "\x1b[15~"])
+def test_a_key_without_a_meaning_says_so_and_is_no_order(key: str) -> None:
+    said: list[str] = []
+    operator = console([key], said)
+    operator.show(view())
+    assert operator.order() is None
+    assert said[1:] == ["that key does nothing here; ? shows the keys"]
 
-    terminal = Console(width=30, height=16, force_terminal=True, file=io.StringIO())
-    lines = panel_lines(view(warning="no watchdog"), "Mount the beam '1 mm', then Enter.", None)
-    shown = terminal.render_lines(Panel("\n".join(lines)))[:15]
-    text = "".join("".join(part.text for part in line) for line in shown)
-    for needed in ("output: ON", "200 V", "Mount the beam", "EMERGENCY"):
-        assert needed in text
+
+@pytest.mark.parametrize(("key", "order"), [("E", "emergency stop"), ("P", "pause")])
+def test_keys_work_with_caps_lock_too(key: str, order: str) -> None:
+    assert console([key]).order() == order
+
+
+def test_a_call_is_counted_until_it_is_answered() -> None:
+    frames: list[Frame] = []
+
+    class Shown:
+        def show(self, frame: Frame) -> None:
+            frames.append(frame)
+
+    keys = iter(["", "a", "a"])
+    operator = OperatorConsole(lambda _: next(keys, ""), Shown(), time_of_day=lambda: "14:03:22")
+    operator.show(view())
+    for _ in range(2):
+        operator.participant_called()
+    operator.show(view(plan=plan(4)))
+    operator.order()
+    assert frames[-1].calls == 2
+    operator.order()
+    assert frames[-1].calls == 0
+    operator.order()
+    assert [text for _, text in frames[-1].messages] == [
+        *["the participant is calling you (Escape)"] * 2,
+        "you answered the participant's call",
+        "nobody is calling",
+    ]
+
+
+def test_a_warning_stays_among_the_messages() -> None:
+    said: list[str] = []
+    operator = console(said=said)
+    operator.show(view(warning="no watchdog"))
+    operator.show(view())
+    operator.pausing(True)
+    operator.pausing(False)
+    assert said[1:] == [
+        "warning: no watchdog",
+        "pausing before the next trial",
+        "no pause: the session goes on",
+    ]

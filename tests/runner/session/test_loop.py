@@ -167,14 +167,16 @@ def test_the_operator_sees_the_result_of_an_order(tmp_path: Path) -> None:
         ("armed", "repeat"),
         ("trial", "pause"),
         ("trial", "pause"),
+        ("trial", Note(text="skin dry")),
     ]
     operator = FakeOperator(device, orders)
     with open_journal(tmp_path / "study.db") as journal:
         run(context(journal, device, FakeParticipant(), TEXT, operator))
     assert operator.notices == [
         "there is no running trial to repeat",
-        "pausing before the next trial",
-        "pause cancelled",
+        "pausing",
+        "not pausing",
+        "noted: skin dry",
     ]
 
 
@@ -264,6 +266,29 @@ def test_a_repeated_trial_is_aborted_and_answered_once(tmp_path: Path) -> None:
         assert log.state.aborted == [0]
         assert tags(journal).count("trial-started") == 8
         assert tags(journal).count("answered") == 7
+
+
+def test_repeating_twice_aborts_once(tmp_path: Path) -> None:
+    """A second press comes before the repeated trial has begun, and means the same."""
+    device = FakeDevice()
+    orders: list[tuple[str, Order | Note]] = [("touching", "repeat"), ("trial", "repeat")]
+    operator = FakeOperator(device, orders)
+
+    class Slow(FakeParticipant):
+        thought_over = 0
+
+        def poll(self) -> Response | None:
+            before, self.thought_over = self.thought_over, len(self.shown)
+            return super().poll() if before == len(self.shown) else None
+
+    with open_journal(tmp_path / "study.db") as journal:
+        made = context(journal, device, Slow(), TEXT, operator)
+        run(made)
+    assert made.log.state.aborted == [0]
+    assert operator.notices == [
+        "the trial is broken off and will be repeated",
+        "this trial is being repeated already",
+    ]
 
 
 def test_a_pause_lasts_until_the_operator_ends_it(tmp_path: Path) -> None:

@@ -1,0 +1,397 @@
+"""The operator's screen: a whole terminal, drawn by a thread of its own.
+
+The session hands over what is to be shown and goes on: neither drawing nor a terminal that does not
+take its output delays a stop.
+"""
+
+import io
+import os
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from rich.cells import cell_len
+from rich.console import Console, Group
+from rich.live import Live
+from rich.text import Text
+
+from device.drivers.driver import Reading
+from device.errors import UNKNOWN
+from runner.people.operator_console import Frame
+from runner.people.operator_keys import EMERGENCY, EXPLAINED, TYPING
+from runner.people.terminal import visible
+from runner.screens import Aim, OperatorView
+
+REDRAW_S = 0.1
+"""Longest time between two drawings; the age of a reading and the clock go on by themselves."""
+REST_S = 0.04
+"""Shortest time between two, so that drawing leaves the processor to the session."""
+ENDS_WITHIN_S = 1.0
+STALE_S = 1.0
+"""A reading that is older is shown as such."""
+LIFTED_N = 0.02
+ECHO_S = 8.0
+"""How long the last message stands in a place of its own; it stays in the log."""
+_BESIDE_A_BAR = 53
+"""Columns for the label, the figure and the remark of a bar."""
+_SHORTEST_BAR, _LONGEST_BAR = 8, 50
+_MEASURE = Console(file=io.StringIO())
+"""Needed by rich to wrap a text; nothing is printed on it."""
+
+
+class LiveDisplay:
+    """The terminal's whole screen.
+
+    Args:
+        reading: returns what the device said last, without asking it.
+    """
+
+    def __init__(self, reading: Callable[[], Reading | None]) -> None:
+        self._reading = reading
+        self._began_s = self._said_s = time.monotonic()
+        self._frame: Frame | None = None
+        self._wake = threading.Event()
+        self._ended = False
+        self._error: Exception | None = None
+        self._thread = threading.Thread(target=self._draw, name="operator's screen", daemon=True)
+
+    def __enter__(self) -> "LiveDisplay":
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Leave the screen; a terminal that does not take it is left to the thread."""
+        self._ended = True
+        self._wake.set()
+        self._thread.join(ENDS_WITHIN_S)
+
+    def show(self, frame: Frame) -> None:
+        """Have `frame` drawn.
+
+        Raises:
+            Exception: what ended the drawing, so that nobody watches a screen that stands still.
+        """
+        if self._error is not None:
+            raise self._error
+        if self._frame is None or len(frame.messages) > len(self._frame.messages):
+            self._said_s = time.monotonic()
+        self._frame = frame
+        self._wake.set()
+
+    @property
+    def messages(self) -> tuple[str, ...]:
+        """All messages so far, each with its time of day."""
+        return tuple(" ".join(entry) for entry in self._frame.messages) if self._frame else ()
+
+    def _draw(self) -> None:
+        # A file of its own: standard output must stay usable while the terminal takes nothing.
+        try:
+            with open(  # noqa: PTH123 - a descriptor, not a path
+                os.dup(sys.stdout.fileno()), "w", encoding="utf-8", errors="replace"
+            ) as file:
+                console = Console(file=file, force_terminal=True)
+                self._draw_on(console)
+        except Exception as error:
+            self._error = error
+
+    def _draw_on(self, console: Console) -> None:
+        calls = 0
+        live = Live(
+            console=console,
+            screen=True,
+            auto_refresh=False,
+            redirect_stdout=False,
+            redirect_stderr=False,
+        )
+        with live:
+            while not self._ended:
+                self._wake.wait(REDRAW_S)
+                self._wake.clear()
+                if (frame := self._frame) is None:
+                    continue
+                if frame.calls > calls:
+                    console.bell()
+                calls = frame.calls
+                live.update(Group(*self._lines(frame, console)), refresh=True)
+                time.sleep(REST_S)
+
+    def _lines(self, frame: Frame, console: Console) -> list[Text]:
+        now_s = time.monotonic()
+        moment = Moment(
+            reading=self._reading(),
+            now_s=now_s,
+            said_s=self._said_s,
+            elapsed_s=now_s - self._began_s,
+            clock=time.strftime("%H:%M:%S"),
+            until=time.strftime("%H:%M", time.localtime(time.time() + frame.view.left_s)),
+        )
+        return screen_lines(frame, moment, console.width, console.height)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Moment:
+    """What changes on the screen by itself: the device's last reading, and the time."""
+
+    reading: Reading | None
+    now_s: float
+    said_s: float
+    """When the last message came."""
+    elapsed_s: float
+    clock: str
+    until: str
+
+    @property
+    def age_s(self) -> float:
+        """The age of the reading, s."""
+        return self.now_s - self.reading.at_s if self.reading else 0.0
+
+
+def screen_lines(frame: Frame, moment: Moment, width: int, height: int) -> list[Text]:
+    """Return exactly `height` lines: each thing has its place, whatever else is shown.
+
+    What matters most stands at the top and at the bottom; a low terminal loses the middle.
+    """
+    top = [_title(frame.view, moment, width), _output(frame.view, moment, width)]
+    bottom = [_alert(frame), *_question(frame, moment, width), *_keys(frame, width)]
+    room = max(height - len(top) - len(bottom), 0)
+    body = [*_bars(frame.view, moment, width), *_facts(frame.view, moment)]
+    if room < len(body) + 2:
+        body = _help_lines() if frame.help else body
+    elif frame.help:
+        body += [_rule("keys", width), *_help_lines()]
+    else:
+        body += _plan_and_log(frame, width, room - len(body))
+    body += [Text()] * (room - len(body))
+    lines = [*top, *body[:room], *bottom][-max(height, 1) :]
+    for line in lines:
+        line.truncate(width, overflow="ellipsis")
+    return lines
+
+
+def _title(view: OperatorView, moment: Moment, width: int) -> Text:
+    what = "DRY RUN: a rehearsal, no participant's data" if view.kind == "rehearsal" else ""
+    left = f" {visible(view.session)}  {what}"
+    right = f"{moment.clock} "
+    space = " " * (width - cell_len(left) - cell_len(right))
+    style = "bold white on magenta" if what else "bold white on blue"
+    return Text(f"{left}{space}{right}", style=style)
+
+
+def _output(view: OperatorView, moment: Moment, width: int) -> Text:
+    state, style = _output_state(view, moment.reading)
+    place = view.place.removeprefix(view.session)
+    left = Text.assemble((f" {state} ", style), visible(place))
+    if moment.reading is None:
+        return left
+    age = Text(f"read {moment.age_s:.1f} s ago ")
+    if moment.age_s > STALE_S:
+        age.stylize("bold red")
+    left.truncate(max(width - len(age) - 1, 0), overflow="ellipsis")
+    return left + Text(" " * (width - left.cell_len - len(age))) + age
+
+
+def _output_state(view: OperatorView, reading: Reading | None) -> tuple[str, str]:
+    if view.unknown:
+        return UNKNOWN.upper(), "bold white on red"
+    if view.busy:
+        return f"OUTPUT ON, {view.busy}", "bold white on red"
+    if reading is None:
+        return "OUTPUT NOT KNOWN YET", "bold red"
+    return ("OUTPUT ON", "bold white on red") if reading.output else ("OUTPUT OFF", "bold green")
+
+
+def _bars(view: OperatorView, moment: Moment, width: int) -> list[Text]:
+    """Return a line each for amplitude, frequency, monitor, force and place."""
+    reading, aim, rig = moment.reading, view.aim, view.rig
+    amplitude_v = frequency_hz = monitor_v = force_n = position_m = None
+    if reading is not None:
+        monitor_v = reading.monitor_v
+        if reading.output:
+            amplitude_v, frequency_hz = reading.amplitude_v, reading.frequency_hz
+        if aim and moment.now_s - (reading.finger_s or 0.0) < STALE_S:
+            force_n, position_m = reading.force_n, reading.position_m
+    if force_n is None or force_n < LIFTED_N:
+        position_m = None
+    middle_hz = view.resonance_hz or rig.nominal_resonance_hz
+    bar = min(max(width - _BESIDE_A_BAR, _SHORTEST_BAR), _LONGEST_BAR)
+    volts, hertz, newtons, millimetres = (
+        Scale(low, high, figure, bar, targets)
+        for low, high, figure, targets in (
+            (0.0, rig.max_voltage_v, "{:.0f} V", [aim.voltage_v] if aim else []),
+            (0.95 * middle_hz, 1.05 * middle_hz, "{:.0f} Hz", [aim.frequency_hz] if aim else []),
+            (0.0, 2 * aim.force_n if aim else 1.0, "{:.2f} N", [aim.force_n] if aim else []),
+            (0.0, 100.0, "{:.0f} mm", [1e3 * end for end in aim.path_m] if aim else []),
+        )
+    )
+    place_mm = None if position_m is None else 1e3 * position_m
+    return [
+        volts.line("amplitude", amplitude_v, f"limit {rig.max_voltage_v:g} V"),
+        hertz.line("frequency", frequency_hz, f"limit {rig.max_frequency_hz / 1e3:g} kHz"),
+        volts.line("monitor", monitor_v, ""),
+        newtons.line("force", force_n, _advice(aim, force_n)),
+        millimetres.line("place", place_mm, ""),
+    ]
+
+
+def _advice(aim: Aim | None, force_n: float | None) -> str:
+    """Return what the participant should do with the force."""
+    if aim is None or force_n is None:
+        return ""
+    low_n, high_n = aim.force_range_n
+    if force_n < LIFTED_N:
+        return "no finger"
+    if force_n < low_n:
+        return "press harder"
+    return "press less" if force_n > high_n else "good"
+
+
+@dataclass(frozen=True)
+class Scale:
+    """The scale of a bar, how its figures are written, its length, and the targets on it."""
+
+    low: float
+    high: float
+    figure: str
+    length: int
+    targets: list[float]
+
+    def line(self, label: str, value: float | None, remark: str) -> Text:
+        """Return the bar of `value` with its figure, its targets, and a remark."""
+        figure = "-" if value is None else self._written(value)
+        aims = " to ".join(dict.fromkeys(map(self._written, self.targets)))
+        remarks = ", ".join(filter(None, [aims and f"target {aims}", remark]))
+        return Text.assemble(
+            f" {label:<10}", self._bar(value), (f" {figure:>9}", "bold"), f"  {remarks}"
+        )
+
+    def _written(self, value: float) -> str:
+        return self.figure.format(value).replace("-0 ", "0 ")
+
+    def _bar(self, value: float | None) -> Text:
+        filled = 0 if value is None else self._cell(value) + (value > self.low)
+        bar = Text("━" * filled, "cyan") + Text("─" * (self.length - filled), "dim")
+        for target in self.targets:
+            at = self._cell(target)
+            bar = bar[:at] + Text("┃", "bold yellow") + bar[at + 1 :]
+        return bar
+
+    def _cell(self, value: float) -> int:
+        share = (value - self.low) / (self.high - self.low)
+        return min(max(int(share * self.length), 0), self.length - 1)
+
+
+def _facts(view: OperatorView, moment: Moment) -> list[Text]:
+    until = f"until {moment.until}" if view.left_s > 0 else ""
+    course = [view.progress(), until, f"{_clock(moment.elapsed_s)} so far"]
+    if view.beam:
+        course.append(f"beam '{visible(view.beam)}'")
+    device = [
+        visible(view.identity),
+        f"resonance {view.resonance_hz:.0f} Hz" if view.resonance_hz else "",
+        f"watchdog {view.rig.watchdog_s:g} s",
+    ]
+    return [Text(" " + "   ".join(filter(None, facts))) for facts in (course, device)]
+
+
+def _clock(seconds: float) -> str:
+    return f"{int(seconds // 60)}:{int(seconds % 60):02d}"
+
+
+def _plan_and_log(frame: Frame, width: int, rows: int) -> list[Text]:
+    """Return a heading and `rows` - 1 lines: the plan on the left, the messages on the right."""
+    left_width = 11 * width // 20
+    plan = _plan(frame.view, rows - 1)
+    log = _log(frame.messages, width - left_width - 2, rows - 1)
+    lines = [_rule("plan", left_width) + Text("┬", "dim") + _rule("log", width - left_width - 1)]
+    for number in range(rows - 1):
+        left = plan[number] if number < len(plan) else Text()
+        left.truncate(left_width, overflow="ellipsis", pad=True)
+        right = log[number] if number < len(log) else Text()
+        lines.append(left + Text("│ ", "dim") + right)
+    return lines
+
+
+def _rule(name: str, width: int) -> Text:
+    return Text(f"─ {name} {'─' * (width - len(name) - 3)}", "dim")
+
+
+def _plan(view: OperatorView, rows: int) -> list[Text]:
+    """Return the trials around the running one, with ticks and answers."""
+    lines: list[Text] = []
+    for number, trial in enumerate(view.plan, start=1):
+        is_next = not view.trial and trial.answer is None and trial.label == view.next_trial
+        mark, style = ("✓", "green") if trial.answer is not None else (" ", "")
+        if trial.running or (is_next and not any(line.style == "bold" for line in lines)):
+            mark, style = "▶", "bold"
+        answer = "" if trial.answer is None else f": {trial.answer}"
+        lines.append(Text(f" {mark} {number:>2} {visible(trial.label + answer)}", style))
+    at = next((number for number, line in enumerate(lines) if line.style == "bold"), len(lines))
+    first = min(max(at - rows // 2, 0), max(len(lines) - rows, 0))
+    return lines[first : first + rows]
+
+
+def _log(messages: Iterable[tuple[str, str]], width: int, rows: int) -> list[Text]:
+    """Return the last messages, wrapped, oldest first."""
+    lines: list[Text] = []
+    for at, message in messages:
+        for number, part in enumerate(_wrapped(visible(message), max(width - 9, 8))):
+            lines.append(Text(f"{at if number == 0 else '':<9}{part}"))
+    return lines[-rows:] if rows > 0 else []
+
+
+def _alert(frame: Frame) -> Text:
+    """Return what stays until it is over: calls, a pause."""
+    alerts = Text(" ")
+    if frame.calls:
+        times = "" if frame.calls == 1 else f" ({frame.calls} times)"
+        alerts.append(f" PARTICIPANT CALLS{times}: press a ", "bold black on yellow")
+        alerts.append(" ")
+    if frame.view.state == "paused":
+        alerts.append(" PAUSED: p continues ", "bold black on cyan")
+    elif frame.pausing:
+        alerts.append(" PAUSE after this trial: p cancels ", "bold black on cyan")
+    return alerts
+
+
+def _question(frame: Frame, moment: Moment, width: int) -> list[Text]:
+    """Return the question, the note being typed or a new message, in at least two lines."""
+    text = frame.question
+    if frame.typed is not None:
+        text = f"{text or 'Note:'} {frame.typed}_"
+    elif not text and frame.messages and moment.now_s < moment.said_s + ECHO_S:
+        text = frame.messages[-1][1]
+    style = "bold" if frame.question or frame.typed is not None else "yellow"
+    lines = [Text(f" {line}", style) for line in _wrapped(visible(text), max(width - 2, 8))]
+    return [*lines, Text(), Text()][: max(len(lines), 2)]
+
+
+def _keys(frame: Frame, width: int) -> list[Text]:
+    if frame.typed is not None:
+        return [Text(), *_legend(TYPING, width)]
+    keys = [f"{key} {short}" for key, short, _ in EXPLAINED]
+    return [*_legend(keys, width), Text(" EMERGENCY STOP: e, space, Ctrl-E", "bold red")]
+
+
+def _legend(keys: Iterable[str], width: int) -> list[Text]:
+    """Return `keys` in lines; none is broken over two."""
+    lines = [""]
+    for key in keys:
+        if lines[-1] and len(lines[-1]) + 3 + len(key) > width - 1:
+            lines.append("")
+        lines[-1] += ("   " if lines[-1] else "") + key
+    return [Text(f" {line}", "dim") for line in lines]
+
+
+def _help_lines() -> list[Text]:
+    keys = [(key, long) for key, _, long in EXPLAINED]
+    return [Text(f" {key:<18}{long}") for key, long in [*keys, ("e, space, Ctrl-E", EMERGENCY)]]
+
+
+def _wrapped(text: str, width: int) -> list[str]:
+    """Return `text` in lines of at most `width` columns, broken between words where possible."""
+    if not text:
+        return []
+    lines = Text(text).wrap(_MEASURE, width)
+    return [line.plain.rstrip() for line in lines]

@@ -1,0 +1,185 @@
+"""The operator's screen: what stands where, on wide, narrow and low terminals."""
+
+import io
+import re
+
+import pytest
+from rich.console import Console, Group
+
+from device.drivers.driver import Reading
+from runner.people.operator_console import Frame
+from runner.people.operator_screen import Moment, screen_lines
+from runner.people.terminal import visible
+from runner.screens import Aim
+from tests.runner.views import plan, view
+
+SIZES = [(80, 24), (120, 40), (60, 20), (30, 16), (10, 3), (200, 60)]
+AIM = Aim(
+    voltage_v=200,
+    frequency_hz=24_068,
+    path_m=(0.010, 0.081),
+    force_n=0.5,
+    force_range_n=(0.25, 0.75),
+)
+ON = Reading(
+    at_s=99.9,
+    output=True,
+    amplitude_v=123.0,
+    frequency_hz=24_068.0,
+    monitor_v=121.0,
+    force_n=0.2,
+    position_m=0.033,
+    finger_s=99.9,
+)
+
+
+def moment(reading: Reading | None = ON, now_s: float = 100.0) -> Moment:
+    return Moment(
+        reading=reading, now_s=now_s, said_s=99.0, elapsed_s=250, clock="14:03:22", until="14:05"
+    )
+
+
+def lines(frame: Frame, now: Moment | None = None, width: int = 80, height: int = 24) -> list[str]:
+    return [line.plain for line in screen_lines(frame, now or moment(), width, height)]
+
+
+def row(found: list[str], label: str) -> str:
+    return next(line for line in found if line.startswith(f" {label}"))
+
+
+def test_the_bars_show_what_was_read_with_targets_and_limits() -> None:
+    found = lines(Frame(view=view(aim=AIM)))
+    assert re.search(r"━+─+┃ +123 V  target 200 V, limit 200 V$", row(found, "amplitude"))
+    assert re.search(r"24068 Hz  target 24068 Hz, limit 40 kHz$", row(found, "frequency"))
+    assert re.search(r" 121 V  target 200 V$", row(found, "monitor"))
+    assert re.search(r" 0.20 N  target 0.50 N, press harder$", row(found, "force"))
+    assert re.search(r" 33 mm  target 10 mm to 81 mm$", row(found, "place"))
+    assert "OUTPUT ON  touching: voltage" in found[1]
+    assert found[1].rstrip().endswith("read 0.1 s ago")
+
+
+@pytest.mark.parametrize(
+    ("force_n", "advice"),
+    [(0.01, "no finger"), (0.1, "press harder"), (0.3, "good"), (0.8, "press less")],
+)
+def test_the_force_comes_with_advice(force_n: float, advice: str) -> None:
+    reading = Reading(**{**vars(ON), "force_n": force_n})
+    assert row(lines(Frame(view=view(aim=AIM)), moment(reading)), "force").endswith(advice)
+
+
+def test_an_old_reading_is_shown_with_its_age() -> None:
+    old = screen_lines(Frame(view=view(aim=AIM)), moment(now_s=103.4), 80, 24)[1]
+    assert old.plain.rstrip().endswith("read 3.5 s ago")
+    assert any("red" in str(span.style) and span.end >= 78 for span in old.spans)
+    finger = row(lines(Frame(view=view(aim=AIM)), moment(now_s=103.4)), "force")
+    assert " -  target 0.50 N" in finger
+
+
+@pytest.mark.parametrize(
+    ("reading", "changes", "shown"),
+    [
+        (None, {"state": "idle"}, "OUTPUT NOT KNOWN YET"),
+        (ON, {"unknown": True}, "OUTPUT STATE UNKNOWN - CUT THE AMPLIFIER"),
+        (ON, {"busy": "10 V at most, searching"}, "OUTPUT ON, 10 V at most, searching"),
+        (Reading(**{**vars(ON), "output": False}), {}, "OUTPUT OFF"),
+    ],
+)
+def test_the_output_is_off_only_if_it_was_read_as_off(
+    reading: Reading | None, changes: dict[str, object], shown: str
+) -> None:
+    output = lines(Frame(view=view(**changes)), moment(reading))[1]
+    assert shown in output
+    assert ("OFF" in output) == (shown == "OUTPUT OFF")
+
+
+@pytest.mark.parametrize(("width", "height"), SIZES)
+def test_the_screen_is_filled_and_nothing_is_too_wide(width: int, height: int) -> None:
+    frame = Frame(view=view(aim=AIM), question="Mount the beam '1 mm', then press Enter.")
+    found = screen_lines(frame, moment(), width, height)
+    assert len(found) == height
+    assert max(line.cell_len for line in found) <= width
+    terminal = Console(file=io.StringIO(), width=width, height=height, force_terminal=True)
+    assert len(terminal.render_lines(Group(*found))) == height
+
+
+@pytest.mark.parametrize(("width", "height"), SIZES[:4])
+def test_nothing_moves_whatever_is_shown(width: int, height: int) -> None:
+    quiet = Frame(view=view())
+    busy = Frame(
+        view=view(aim=AIM, warning="no watchdog"),
+        messages=(("14:03:21", "noted: skin dry"),) * 50,
+        calls=2,
+        pausing=True,
+    )
+    first, second = (lines(frame, None, width, height) for frame in (quiet, busy))
+    for label in ("amplitude", "force", "EMERGENCY STOP"):
+        assert first.index(row(first, label)) == second.index(row(second, label))
+
+
+@pytest.mark.parametrize(("width", "height"), SIZES[:4])
+def test_what_matters_stands_on_every_terminal(width: int, height: int) -> None:
+    frame = Frame(view=view(aim=AIM), question="Mount the beam '1 mm', then press Enter.", calls=1)
+    text = " ".join(" ".join(lines(frame, None, width, height)).split())
+    for needed in ("OUTPUT ON", "123 V", "Mount the beam", "EMERGENCY STOP", "PARTICIPANT CALLS"):
+        assert needed in text
+
+
+def test_a_dry_run_looks_like_one() -> None:
+    title = screen_lines(Frame(view=view(kind="rehearsal")), moment(), 80, 24)[0]
+    session = screen_lines(Frame(view=view()), moment(), 80, 24)[0]
+    assert "DRY RUN: a rehearsal, no participant's data" in title.plain
+    assert "DRY RUN" not in session.plain
+    assert title.style != session.style
+
+
+def test_the_plan_has_ticks_answers_and_the_running_trial() -> None:
+    found = "\n".join(lines(Frame(view=view()), None, 120, 40))
+    assert "✓  3 frequency: smoother, score 8" in found
+    assert "▶  4 voltage" in found
+    assert "   5 pressure" in found
+    for fact in ("touchbeam,BOARD,SIM,1.1", "resonance 24068 Hz", "4:10 so far", "until 14:05"):
+        assert fact in found
+    between = "\n".join(lines(Frame(view=view(plan=plan(7)[:-1]))))
+    assert "▶" not in between
+
+
+def test_the_log_keeps_the_last_messages() -> None:
+    messages = tuple(("14:03:21", f"message {number}") for number in range(50))
+    found = "\n".join(lines(Frame(view=view(), messages=messages)))
+    assert "message 49" in found
+    assert "message 42" in found
+    assert "message 3 " not in found
+
+
+def test_a_pause_stays_in_sight() -> None:
+    assert "PAUSE after this trial: p cancels" in "\n".join(lines(Frame(view=view(), pausing=True)))
+    paused = Frame(view=view(state="paused", plan=plan(7)[:3]), pausing=True)
+    assert "PAUSED: p continues" in "\n".join(lines(paused))
+
+
+@pytest.mark.parametrize(("typed", "question"), [("dr", "What is it?"), ("skin d", "")])
+def test_a_line_being_typed_is_shown_with_the_keys_that_work(typed: str, question: str) -> None:
+    found = "\n".join(lines(Frame(view=view(), typed=typed, question=question)))
+    assert f"{question or 'Note:'} {typed}_" in found
+    assert "Ctrl-E EMERGENCY STOP" in found
+    assert "r repeat" not in found
+
+
+@pytest.mark.parametrize(("width", "height"), SIZES[:3])
+def test_help_explains_every_key(width: int, height: int) -> None:
+    found = "\n".join(lines(Frame(view=view(), help=True), None, width, height))
+    for words in ("pause before the next", "break the running", "note for the", "EMERGENCY STOP"):
+        assert words in found
+
+
+def test_what_a_terminal_would_obey_is_shown_as_escapes() -> None:
+    hostile = "\x1b[2J\n\u202e[red]"
+    frame = Frame(
+        view=view(session=hostile, identity=hostile, beam=hostile, plan=plan(2)),
+        question=hostile,
+        typed=hostile,
+        messages=(("14:03:21", hostile),),
+    )
+    found = lines(frame, None, 120, 40)
+    assert [line for line in found if visible(line) != line] == []
+    assert sum(line.count(r"\x1b[2J\n\u202e[red]") for line in found) == 6

@@ -1,30 +1,35 @@
 """Audit of the paper: every claim with its verdicts, as a table and as JSON."""
 
+from collections import Counter
 from typing import Any
 
 from analysis.claims import (
     eq15_ratio,
     equations,
-    fig12,
     full_coverage,
     hardware,
     human_factors,
+    individuals,
     local_coverage,
+    published_scores,
+    vibration,
 )
 from analysis.claims.claim import Audited, Claim, Verdict, audited
 from device.friction.laws import LAWS
 
 CLAIMS: tuple[Claim, ...] = (
+    *vibration.CLAIMS,
     *equations.CLAIMS,
     *eq15_ratio.CLAIMS,
-    *fig12.CLAIMS,
     *hardware.CLAIMS,
     *full_coverage.CLAIMS,
     *local_coverage.CLAIMS,
     *hardware.SLIDING_CLAIMS,
-    *human_factors.TABLE4_CLAIMS,
+    *published_scores.CLAIMS,
+    *individuals.CLAIMS,
     *human_factors.CLAIMS,
 )
+LAW_FREE = "law-free"
 
 
 def audit() -> tuple[Audited, ...]:
@@ -33,16 +38,58 @@ def audit() -> tuple[Audited, ...]:
 
 
 def claims_json(results: tuple[Audited, ...]) -> list[dict[str, Any]]:
-    """Return the audit as records: id, place, claim, check, expected, laws, computed, remark."""
+    """Return the audit as records.
+
+    Each has id, place, claim, check, expected, sentence, law_free, laws, computed and remark.
+    """
     return [result.record() for result in results]
 
 
+def counts(results: tuple[Audited, ...]) -> dict[str, Counter[Verdict]]:
+    """Return how many claims have each verdict: under each law, and once if none plays a role."""
+    found: dict[str, Counter[Verdict]] = {name: Counter() for name in (LAW_FREE, *LAWS)}
+    for result in results:
+        for name, verdict in _by_column(result).items():
+            found[name][verdict] += 1
+    return found
+
+
+def _by_column(result: Audited) -> dict[str, Verdict]:
+    if result.claim.law_free:
+        return {LAW_FREE: next(iter(result.findings.values())).verdict}
+    return {law: finding.verdict for law, finding in result.findings.items()}
+
+
+def _in_words(result: Audited) -> str:
+    claim = result.claim
+    remark = f" - {claim.remark}" if claim.remark else ""
+    return f"{claim.id} ({claim.place}): {result.sentence}{remark}"
+
+
 def claims_lines(results: tuple[Audited, ...]) -> list[list[str]]:
-    """Return a header, a row per claim with a verdict per law, and a row of totals."""
+    """Return a header, a row per claim, a row per verdict with its counts, and a row of totals.
+
+    A claim that depends on no law has its verdict in the column for those alone.
+    """
+    columns, found = (LAW_FREE, *LAWS), counts(results)
     rows = [
-        [result.claim.id, result.claim.place, *(result.findings[law].verdict for law in LAWS)]
+        [_in_words(result), *(_by_column(result).get(name, "") for name in columns)]
         for result in results
     ]
-    held = [sum(r.findings[law].verdict is Verdict.HOLDS for r in results) for law in LAWS]
-    last = [f"{len(results)} claims", "", *(f"{count} hold" for count in held)]
-    return [["id", "place", *LAWS], *rows, last]
+    totals = [
+        [f"count: {verdict}", *(str(found[name][verdict]) for name in columns)]
+        for verdict in Verdict
+    ]
+    last = [f"{len(results)} claims", *(str(found[name].total()) for name in columns)]
+    return [["claim", *columns], *rows, *totals, last]
+
+
+def summary_line(results: tuple[Audited, ...]) -> str:
+    """Return how many claims hold, those that depend on no law counted once."""
+    free, *by_law = counts(results).items()
+    depending = by_law[0][1].total()
+    held = ", ".join(f"{law} {counter[Verdict.HOLDS]}" for law, counter in by_law)
+    return (
+        f"Hold: {free[1][Verdict.HOLDS]} of {free[1].total()} {free[0]}; "
+        f"of {depending} others {held}"
+    )

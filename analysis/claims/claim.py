@@ -1,7 +1,7 @@
 """A claim of the paper, its check, and the verdict."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from inspect import signature
 from typing import Any
@@ -21,25 +21,48 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """Which parts of a claim are true (None: not decidable), and the computed numbers."""
+    """What is true of a claim (None: not decidable), and the computed numbers.
 
-    parts: tuple[bool | None, ...]
+    Attributes:
+        scope: whether the main statement is true, in each part of its scope.
+        details: whether the rest of what the claim says is true.
+        computed: the numbers by name.
+        evidence: the uncertainty of human data in words, the same under every law.
+    """
+
+    scope: tuple[bool | None, ...]
+    details: tuple[bool | None, ...] = ()
     computed: Mapping[str, Any] = field(default_factory=dict)
+    evidence: str = ""
 
     @property
     def verdict(self) -> Verdict:
-        """Holds if every part is true, fails if no decidable part is, else partly."""
-        decided = [part for part in self.parts if part is not None]
+        """Fails where the main statement is nowhere true, whatever else is; holds if all is true.
+
+        It is partly true if some of its scope is, and not testable if none can be decided.
+        """
+        decided = [part for part in self.scope if part is not None]
         if not decided:
             return Verdict.NOT_TESTABLE
-        if all(decided) and len(decided) == len(self.parts):
+        if all((*self.scope, *self.details)):
             return Verdict.HOLDS
         return Verdict.PARTLY if any(decided) else Verdict.FAILS
 
 
-def finding(*parts: Any, **computed: Any) -> Finding:
-    """Return the finding with these parts of the claim, and these numbers by name."""
-    return Finding(parts=parts, computed=computed)
+def finding(main: Any, *details: Any, **computed: Any) -> Finding:
+    """Return the finding on a main statement, as a whole or by parts of its scope, and details."""
+    scope = tuple(main) if isinstance(main, Iterable) else (main,)
+    return Finding(scope=scope, details=details, computed=computed)
+
+
+def human_finding(evidence: str, main: Any, /, *details: Any, **computed: Any) -> Finding:
+    """Return the same with the uncertainty of the human data behind it, in words."""
+    return replace(finding(main, *details, **computed), evidence=evidence)
+
+
+def near(target: float, tolerance: float, **values: float) -> Finding:
+    """Return whether each of the values lies within `tolerance` of the target."""
+    return finding([abs(value - target) < tolerance for value in values.values()], **values)
 
 
 Check = Callable[..., Finding]
@@ -56,7 +79,7 @@ class Claim:
         check: what is computed, and the criterion.
         expected: the value or relation that the paper gives.
         find: the check itself; it takes the name of a law unless it depends on none.
-        remark: a note on the result.
+        remark: a note on the result: what it assumes, and how the verdict moves without.
     """
 
     id: str
@@ -68,7 +91,7 @@ class Claim:
     remark: str = ""
 
     @property
-    def lawless(self) -> bool:
+    def law_free(self) -> bool:
         """Whether the check is independent of the friction law."""
         return not signature(self.find).parameters
 
@@ -94,6 +117,12 @@ class Audited:
     claim: Claim
     findings: Mapping[str, Finding]
 
+    @property
+    def sentence(self) -> str:
+        """The claim, with the uncertainty of the human data behind it."""
+        evidence = next(iter(self.findings.values())).evidence
+        return f"{self.claim.claim} [{evidence}]" if evidence else self.claim.claim
+
     def record(self) -> dict[str, Any]:
         """Return the claim as a JSON record, an interface of `touchbeam claims --json`."""
         claim, findings = self.claim, self.findings
@@ -102,14 +131,16 @@ class Audited:
             **{
                 name: getattr(claim, name) for name in ("id", "place", "claim", "check", "expected")
             },
+            "sentence": self.sentence,
+            "law_free": claim.law_free,
             "laws": {law: finding.verdict.value for law, finding in findings.items()},
-            "computed": plain(next(iter(numbers.values())) if claim.lawless else numbers),
+            "computed": plain(next(iter(numbers.values())) if claim.law_free else numbers),
             "remark": claim.remark,
         }
 
 
 def audited(claim: Claim) -> Audited:
     """Check a claim under every law, or once if its check is independent of the law."""
-    if claim.lawless:
+    if claim.law_free:
         return Audited(claim=claim, findings=dict.fromkeys(LAWS, claim.find()))
     return Audited(claim=claim, findings={law: claim.find(law) for law in LAWS})

@@ -109,4 +109,4 @@ def spread(values: Sequence[float]) -> float:
 
 def from_02_to_06(low: float, high: float) -> Finding:
     """Return whether these extremes of μ' are about 0.2 and 0.6, as in Figs 8 and 12."""
-    return finding(abs(low - 0.2) < 0.02, abs(high - 0.6) < 0.02, lowest=low, highest=high)
+    return finding([abs(low - 0.2) < 0.02, abs(high - 0.6) < 0.02], lowest=low, highest=high)

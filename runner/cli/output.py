@@ -16,6 +16,7 @@ from protocol.errors import BadInput, WorkFailed
 from runner.people.terminal import at_terminal, visible, visible_json
 
 WIDE = 10_000
+_SHORT_WORD = 8
 
 
 def say(line: str) -> None:
@@ -57,8 +58,12 @@ def warnings_in_lines() -> Iterator[None]:
         yield
 
 
-def print_table(title: str, lines: Sequence[Sequence[str]]) -> None:
-    """Print `lines`: a header, rows, and a last row as the footer."""
+def print_table(title: str, lines: Sequence[Sequence[str]], *, of_sentences: bool = False) -> None:
+    """Print `lines`: a header, rows, and a last row as the footer.
+
+    Sentences in the first column get a line between them and all the width that short words in
+    the other columns leave.
+    """
     from rich import box
     from rich.console import Console
     from rich.markup import escape
@@ -69,10 +74,20 @@ def print_table(title: str, lines: Sequence[Sequence[str]]) -> None:
 
     header, *rows, last = lines
     table = Table(
-        title=shown(title), box=box.SIMPLE_HEAD, show_footer=True, title_justify="left", padding=0
+        title=shown(title),
+        box=box.SIMPLE_HEAD,
+        show_footer=True,
+        title_justify="left",
+        padding=0,
+        leading=int(of_sentences),
     )
     for place, (name, foot) in enumerate(zip(header, last, strict=True)):
-        table.add_column(shown(name), shown(foot), justify="right" if place else "left")
+        table.add_column(
+            shown(name),
+            shown(foot),
+            justify="right" if place else "left",
+            max_width=max(len(name), _SHORT_WORD) if place and of_sentences else None,
+        )
     for row in rows:
         table.add_row(*(shown(cell) for cell in row))
     # A pipe has no width. Where TERM is dumb, rich uses the given width only if a height is given.

@@ -194,15 +194,16 @@ def ladder(
 def claims(as_json: JsonOption = False) -> None:
     """Check the paper's claims.
 
-    Recomputes each claim under every friction law.
+    Recomputes each claim under every friction law, or once if no law plays a role.
     """
-    from analysis.claims.audit import audit, claims_json, claims_lines
+    from analysis.claims.audit import audit, claims_json, claims_lines, summary_line
 
     results = audit()
     if as_json:
         print_json(claims_json(results))
         return
-    print_table("Claims", claims_lines(results))
+    print_table("Claims", claims_lines(results), of_sentences=True)
+    say(summary_line(results))
 
 
 def write_report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json: bool) -> None:

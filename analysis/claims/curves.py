@@ -10,10 +10,14 @@ import numpy as np
 from analysis.claims.claim import Finding, finding
 from device.beam.beam import Beam
 from device.beam.modes import FloatArray, natural_frequency_hz
+from device.beam.zones import zones
+from device.friction.changes import PATH_M
 from device.friction.coefficient import friction_coefficient
 from device.friction.scenes import Drive, FingerContact, Scene, Structure
 
-PATCH_START_M = 0.081
+BEAM = Beam()
+ZONES = zones(6, BEAM.length_m)
+PATCH_START_M = BEAM.patches.start_m
 PLACES_M = np.linspace(0.0, 0.1, 2001)
 OPERATING_M = 0.0231  # Eq 15 is periodic from here on; the first rise lies before
 MU = 0.4
@@ -28,14 +32,24 @@ def local_scene(*, voltage_v: float = 100.0, mode: int = 6, detuning: float = 1.
 def _drive(voltage_v: float, mode: int, detuning: float) -> Drive:
     if detuning == 1.0:
         return Drive(voltage_v=voltage_v, mode=mode)
-    frequency_hz = detuning * natural_frequency_hz(Beam(), mode)
+    frequency_hz = detuning * natural_frequency_hz(BEAM, mode)
     return Drive(voltage_v=voltage_v, frequency_hz=frequency_hz, mode=mode)
 
 
 @lru_cache(maxsize=256)
-def local_curve(law: str, scene: Scene) -> FloatArray:
+def local_curve(law: str, scene: Scene, rung: str = "mode") -> FloatArray:
     """Return μ' at `PLACES_M`."""
-    return friction_coefficient(scene, law=law, x_m=PLACES_M)
+    return friction_coefficient(scene, law=law, rung=rung, x_m=PLACES_M)
+
+
+def along_path(law: str, scene: Scene, rung: str = "mode") -> FloatArray:
+    """Return μ' along the path of the paper's conditions."""
+    return friction_coefficient(scene, law=law, rung=rung, x_m=np.linspace(*PATH_M, 711))
+
+
+def mu(law: str, scene: Scene, rung: str = "mode") -> float:
+    """Return μ' of a scene at its own place."""
+    return float(friction_coefficient(scene, law=law, rung=rung)[0])
 
 
 def operating(curve: FloatArray) -> FloatArray:
@@ -68,13 +82,7 @@ def full_coverage(
         coverage="full",
         same_direction_fraction=same_direction / bodies,
     )
-    return float(friction_coefficient(scene, law=law)[0])
-
-
-def mu_at_ratio(law: str, ratio: float) -> float:
-    """Return μ' in the paper's scene under full coverage with this a/u."""
-    scene = Scene(coverage="full", same_direction_fraction=ratio)
-    return float(friction_coefficient(scene, law=law)[0])
+    return mu(law, scene)
 
 
 def leftward(scene: Scene) -> Scene:

@@ -6,27 +6,26 @@ from typing import get_args
 import numpy as np
 
 from analysis.claims.claim import Claims, Finding, finding, near
-from analysis.claims.curves import CONTACT_M, OPERATING_M, PATCH_START_M
-from device.beam.beam import Beam
+from analysis.claims.curves import BEAM, CONTACT_M, OPERATING_M, PATCH_START_M, ZONES
 from device.beam.eq15 import WAVELENGTH_M, Overlap, same_direction_ratio
 from device.beam.modes import FloatArray, mode_constants, natural_frequency_hz
 from device.beam.timoshenko import sections, waves
 from device.beam.windows import mode_window
-from device.beam.zones import zones
 
-_LENGTH_M = Beam().length_m
 _FINE_M = np.linspace(0.0, 0.1, 100_001)
 _PERIODIC_M = _FINE_M[_FINE_M >= OPERATING_M]
+_POSITIONS_M = _II, _III, _IV, _V, _VI, _VII = 0.0131, 0.0218, OPERATING_M, 0.0318, 0.0331, 0.0418
+"""Positions II to VII of Fig 10, the breakpoints of Eq 15 for γ = 0."""
 CLAIMS = Claims()
 
 
 def _mode_wavelength_m() -> float:
-    return 2 * math.pi * _LENGTH_M / mode_constants(6).root
+    return 2 * math.pi * BEAM.length_m / mode_constants(6).root
 
 
 def _wavelength_at(frequency_hz: float, *, shear: bool) -> float:
     """Return the length of the travelling wave in the bare beam at a frequency."""
-    part = sections(Beam(), patched=False, shear=shear)[0]
+    part = sections(BEAM, patched=False, shear=shear)[0]
     wave = waves(part, np.array([2 * math.pi * frequency_hz]), 0.0)
     return float(2 * math.pi / abs(wave.exponent[0, 0].imag))
 
@@ -43,7 +42,7 @@ def _lambda() -> Finding:
         "mode_6_m": _mode_wavelength_m(),
         "euler_at_24221_hz_m": _wavelength_at(24221.0, shear=False),
         "timoshenko_at_24221_hz_m": _wavelength_at(24221.0, shear=True),
-        "timoshenko_at_24105_hz_m": _wavelength_at(natural_frequency_hz(Beam(), 6), shear=True),
+        "timoshenko_at_24105_hz_m": _wavelength_at(natural_frequency_hz(BEAM, 6), shear=True),
     }
     close = any(abs(value / WAVELENGTH_M - 1) < 0.005 for value in found.values())
     return finding(close, printed_m=WAVELENGTH_M, **found)
@@ -58,15 +57,15 @@ def _lambda() -> Finding:
 )
 def _first_rise() -> Finding:
     return near(
-        0.0131,
+        _II,
         1e-4,
         three_eighths_lambda_m=3 * WAVELENGTH_M / 8,
-        first_antinode_of_mode_6_m=zones(6, _LENGTH_M).antinodes_m[0],
+        first_antinode_of_mode_6_m=ZONES.antinodes_m[0],
     )
 
 
 def _mode_ratio(places_m: FloatArray) -> FloatArray:
-    return mode_window(6, _LENGTH_M, places_m, np.minimum(places_m, CONTACT_M)).right
+    return mode_window(6, BEAM.length_m, places_m, np.minimum(places_m, CONTACT_M)).right
 
 
 @CLAIMS.add(
@@ -130,11 +129,10 @@ def _eq14_minimum() -> Finding:
     expected="no jump",
 )
 def _eq15_continuous() -> Finding:
-    step = 1e-9
-    breaks = np.array([0.0131, 0.0218, 0.0231, 0.0318, 0.0331, 0.0418])
-    ends = same_direction_ratio(np.array([*(breaks - step), *(breaks + step)]), CONTACT_M)
-    jumps = np.abs(ends[6:] - ends[:6])
-    return finding((jumps < 1e-3).all(), breakpoints_m=breaks, jumps=jumps)
+    step = 1e-9 * np.array([[-1], [1]])
+    before, after = same_direction_ratio(np.array(_POSITIONS_M) + step, CONTACT_M)
+    jumps = np.abs(after - before)
+    return finding((jumps < 1e-3).all(), breakpoints_m=_POSITIONS_M, jumps=jumps)
 
 
 @CLAIMS.add(
@@ -145,7 +143,7 @@ def _eq15_continuous() -> Finding:
     remark="pieces that span more than the period overlap",
 )
 def _eq15_period() -> Finding:
-    span = 0.0418 - 0.0218
+    span = _VII - _III
     half_wave = WAVELENGTH_M / 2
     return finding(abs(span - half_wave) < 1e-4, span_of_pieces_m=span, half_wavelength_m=half_wave)
 
@@ -159,14 +157,13 @@ def _eq15_period() -> Finding:
 def _eq15_breakpoints() -> Finding:
     # The pieces should be ramps of λ/4 and plateaus of l_s - λ/4.
     quarter, plateau = WAVELENGTH_M / 4, CONTACT_M - WAVELENGTH_M / 4
-    start = 0.0218
     right = {
-        "end_of_maximum_m": start + plateau,
-        "end_of_fall_m": start + plateau + quarter - plateau,
-        "end_of_minimum_m": start + 2 * plateau + quarter - plateau,
-        "end_of_rise_m": start + WAVELENGTH_M / 2,
+        "end_of_maximum_m": _III + plateau,
+        "end_of_fall_m": _III + quarter,
+        "end_of_minimum_m": _III + quarter + plateau,
+        "end_of_rise_m": _III + 2 * quarter,
     }
-    printed = (0.0231, 0.0318, 0.0331, 0.0418)
+    printed = _POSITIONS_M[2:]
     close = (abs(a - b) < 1.5e-4 for a, b in zip(right.values(), printed, strict=True))
     return finding(close, **right, printed_m=printed)
 
@@ -178,13 +175,13 @@ def _eq15_breakpoints() -> Finding:
     expected="the same places",
 )
 def _eq15_stages_in_words() -> Finding:
-    fall, rise = 0.0131 + WAVELENGTH_M / 2, 0.0331 + WAVELENGTH_M / 2
+    fall, rise = _II + WAVELENGTH_M / 2, _VI + WAVELENGTH_M / 2
     return finding(
-        [abs(fall - 0.0231) < 1e-4, abs(rise - 0.0331) < 1e-4],
+        [abs(fall - _IV) < 1e-4, abs(rise - _VI) < 1e-4],
         fall_begins_by_text_m=fall,
-        fall_begins_by_eq15_m=0.0231,
+        fall_begins_by_eq15_m=_IV,
         rise_begins_by_text_m=rise,
-        rise_begins_by_eq15_m=0.0331,
+        rise_begins_by_eq15_m=_VI,
     )
 
 
@@ -195,7 +192,7 @@ def _eq15_stages_in_words() -> Finding:
     expected="all covered, all used",
 )
 def _eq15_gamma() -> Finding:
-    last_start = 0.0218 + WAVELENGTH_M / 2 * np.arange(6)
+    last_start = _III + WAVELENGTH_M / 2 * np.arange(6)
     used = {"gamma_that_begin_within_0.1_m": (last_start <= 0.1).sum(), "gamma_named": 6}
     covered = np.isfinite(same_direction_ratio(_FINE_M, CONTACT_M)).all()
     return finding(covered, len(set(used.values())) == 1, **used)
@@ -226,7 +223,7 @@ def _fig11_range() -> Finding:
     expected="1.3 mm against 8.7 mm",
 )
 def _fig11_plateaus() -> Finding:
-    plateau, ramp = 0.0231 - 0.0218, 0.0318 - 0.0231
+    plateau, ramp = _IV - _III, _V - _IV
     ratio = _mode_ratio(_FINE_M)
     level = float(np.mean(np.abs(np.diff(ratio)) < 1e-9))
     return finding(

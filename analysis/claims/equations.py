@@ -6,15 +6,13 @@ from collections.abc import Callable
 import numpy as np
 
 from analysis.claims.claim import Claims, Finding, finding, near
-from analysis.claims.curves import MU, PLACES_M, falling, local_curve, local_scene
-from device.beam.beam import Beam
+from analysis.claims.curves import BEAM, MU, PLACES_M, falling, local_curve, local_scene
 from device.beam.modes import FloatArray, modal_displacement_m, mode_shape, natural_frequency_hz
 from device.friction.contact import ContactState, contact_of, contact_state
 from device.friction.laws import LAWS, ContactTerms, anisotropy
 from device.friction.rungs import reference_tip_speed_m_s, rung_field
 from device.friction.scenes import Drive, FingerContact, Scene
 
-_BEAM = Beam()
 _EXACT = 1e-9
 CLAIMS = Claims()
 
@@ -93,17 +91,17 @@ def _eq6_natural_chi() -> Finding:
 
 def _state(scene: Scene, x_m: FloatArray) -> ContactState:
     """Return the terms of the contact in a scene with its finger moved to these places."""
-    field = rung_field("mode", _BEAM, scene.drive)
+    field = rung_field("mode", BEAM, scene.drive)
     return contact_state(contact_of(scene, x_m), field, reference_tip_speed_m_s("mode"))
 
 
 def _inertial_loads() -> dict[str, float]:
     """Return f_p by Eq 8, as sum and as average over 20 bodies, and by Eq 9 read literally."""
-    natural_hz = natural_frequency_hz(_BEAM, 6)
+    natural_hz = natural_frequency_hz(BEAM, 6)
     omega = 2 * math.pi * natural_hz
-    peak = 0.01 * omega**2 * float(modal_displacement_m(_BEAM, 6, 100.0, natural_hz)) / math.pi
+    peak = 0.01 * omega**2 * float(modal_displacement_m(BEAM, 6, 100.0, natural_hz)) / math.pi
     bodies, at_ends = (np.abs(mode_shape(6, (np.arange(20) + part) / 20)) for part in (0.5, 1.0))
-    state = _state(Scene(coverage="full"), np.array([_BEAM.length_m]))
+    state = _state(Scene(coverage="full"), np.array([BEAM.length_m]))
     return {
         "eq8_sum_n": float(peak * bodies.sum()),
         "eq8_sum_with_bodies_at_spacing_ends_n": float(peak * at_ends.sum()),
@@ -143,8 +141,8 @@ def _rectified_s(limit_s: float, period_s: float) -> float:
     "the claim holds",
 )
 def _eq11_inner_limit() -> Finding:
-    period_s = 1 / natural_frequency_hz(_BEAM, 6)
-    limits_s = {"l_half": _BEAM.length_m / 2, "t_half": period_s / 2}
+    period_s = 1 / natural_frequency_hz(BEAM, 6)
+    limits_s = {"l_half": BEAM.length_m / 2, "t_half": period_s / 2}
     integrals_s = {name: _rectified_s(limit_s, period_s) for name, limit_s in limits_s.items()}
     ratio = integrals_s["l_half"] / integrals_s["t_half"]
     return finding(abs(ratio - 1) < 0.01, integrals_s=integrals_s, ratio=ratio)
@@ -173,7 +171,7 @@ def _etas(law: str) -> dict[str, float]:
     found = {}
     for voltage_v in (50.0, 100.0, 200.0):
         scene = Scene(drive=Drive(voltage_v=voltage_v))
-        speed = _state(scene, np.array([_BEAM.length_m])).terms.relative_tip_speed
+        speed = _state(scene, np.array([BEAM.length_m])).terms.relative_tip_speed
         eta = 0.5 if LAWS[law].as_printed else float(anisotropy(speed))
         found[f"eta_at_{voltage_v:.0f}_v"] = eta
     return found

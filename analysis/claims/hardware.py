@@ -6,18 +6,22 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.claims.claim import Claims, Finding, finding
-from analysis.claims.curves import PATCH_START_M, PLACES_M, swing, trough_places_m
+from analysis.claims.curves import (
+    BEAM,
+    PATCH_START_M,
+    ZONES,
+    along_path,
+    local_curve,
+    swing,
+    trough_places_m,
+)
 from device.beam.beam import Beam, Patches
-from device.beam.modes import FloatArray, modal_force_n_per_v
-from device.beam.zones import zones
-from device.friction.changes import PATH_M
-from device.friction.coefficient import friction_coefficient
+from device.beam.modes import modal_force_n_per_v
 from device.friction.rungs import RUNG_NAMES, TOP_RUNG, rung_field, rung_resonance_hz
 from device.friction.scenes import Drive, FingerContact, Scene, Structure
 
 _RUNGS = ("mode", "euler-patched", "timoshenko", TOP_RUNG)
 _FREQUENCY_HZ = 24221.0
-_BEAM = Beam()
 CLAIMS = Claims()
 
 
@@ -32,7 +36,7 @@ CLAIMS = Claims()
 def _drive_near_natural_frequency() -> Finding:
     found = {}
     for rung in _RUNGS:
-        resonances = np.array([rung_resonance_hz(rung, _BEAM, mode) for mode in range(4, 9)])
+        resonances = np.array([rung_resonance_hz(rung, BEAM, mode) for mode in range(4, 9)])
         found[rung] = float(resonances[np.argmin(np.abs(resonances - _FREQUENCY_HZ))])
     return _within_the_bandwidth(_FREQUENCY_HZ, found)
 
@@ -41,14 +45,14 @@ def _within_the_bandwidth(frequency_hz: float, resonances_hz: Mapping[str, float
     """Return near which rungs' resonances a drive is; half the bandwidth is the damping ratio."""
     needed = {rung: abs(frequency_hz / value - 1) for rung, value in resonances_hz.items()}
     return finding(
-        (ratio <= _BEAM.damping_ratio for ratio in needed.values()),
+        (ratio <= BEAM.damping_ratio for ratio in needed.values()),
         **{f"{rung}_hz": value for rung, value in resonances_hz.items()},
         damping_ratio_needed=needed,
     )
 
 
 def _patch_at(centre_m: float) -> Beam:
-    return replace(_BEAM, patches=replace(Patches(), centre_m=centre_m))
+    return replace(BEAM, patches=replace(Patches(), centre_m=centre_m))
 
 
 @CLAIMS.add(
@@ -58,7 +62,7 @@ def _patch_at(centre_m: float) -> Beam:
     expected="24,221 Hz",
 )
 def _drive_from_patch_position() -> Finding:
-    places = [float(place) for place in zones(6, 0.1).antinodes_m if 5e-3 <= place <= 95e-3]
+    places = [float(place) for place in ZONES.antinodes_m if 5e-3 <= place <= 95e-3]
     found = {
         rung: [rung_resonance_hz(rung, _patch_at(place), 6) for place in places]
         for rung in ("euler-patched", TOP_RUNG)
@@ -77,7 +81,7 @@ def _drive_from_patch_position() -> Finding:
     "peak; a claim on where they drive most would hold to within 1 mm",
 )
 def _patch_on_peak() -> Finding:
-    peak = float(zones(6, 0.1).antinodes_m[-1])
+    peak = float(ZONES.antinodes_m[-1])
     places = np.linspace(peak - 6e-3, peak + 6e-3, 121)
     forces = np.array([abs(modal_force_n_per_v(_patch_at(float(p)), 6)) for p in places])
     best = float(places[np.argmax(forces)])
@@ -92,13 +96,13 @@ def _patch_on_peak() -> Finding:
     remark="read as 0.01 kg per metre of beam, as the repaired laws do, the claim holds",
 )
 def _body_mass() -> Finding:
-    bodies_kg, beam_kg = 20 * 0.01, _BEAM.mass_kg
+    bodies_kg, beam_kg = 20 * 0.01, BEAM.mass_kg
     return finding(
         bodies_kg < beam_kg,
         bodies_kg=bodies_kg,
         beam_kg=beam_kg,
         ratio=bodies_kg / beam_kg,
-        bodies_kg_if_per_metre=0.01 * _BEAM.length_m,
+        bodies_kg_if_per_metre=0.01 * BEAM.length_m,
     )
 
 
@@ -123,11 +127,11 @@ def _body_load() -> Finding:
 
 def _bent_by(load_n: float) -> tuple[float, float]:
     """Return the cantilever's tip deflection and stress at the clamp under an even load."""
-    load_n_per_m = load_n / _BEAM.length_m
-    rigidity = _BEAM.youngs_modulus_pa * _BEAM.second_moment_m4
-    deflection_m = load_n_per_m * _BEAM.length_m**4 / (8 * rigidity)
-    moment = load_n_per_m * _BEAM.length_m**2 / 2
-    stress_pa = moment * _BEAM.thickness_m / 2 / _BEAM.second_moment_m4
+    load_n_per_m = load_n / BEAM.length_m
+    rigidity = BEAM.youngs_modulus_pa * BEAM.second_moment_m4
+    deflection_m = load_n_per_m * BEAM.length_m**4 / (8 * rigidity)
+    moment = load_n_per_m * BEAM.length_m**2 / 2
+    stress_pa = moment * BEAM.thickness_m / 2 / BEAM.second_moment_m4
     return deflection_m, stress_pa
 
 
@@ -145,8 +149,8 @@ _BRASS = {"young_gpa": (97.0, 120.0), "density_kg_m3": (8400.0, 8750.0)}
 )
 def _mu_of_copper() -> Finding:
     table1 = {
-        "young_gpa": _BEAM.youngs_modulus_pa / 1e9,
-        "density_kg_m3": _BEAM.density_kg_m3,
+        "young_gpa": BEAM.youngs_modulus_pa / 1e9,
+        "density_kg_m3": BEAM.density_kg_m3,
     }
     fits = {
         name: [low <= table1[key] <= high for key, (low, high) in ranges.items()]
@@ -162,7 +166,7 @@ def _mu_of_copper() -> Finding:
     expected="much smaller than a zone",
 )
 def _bodies_dense() -> Finding:
-    spacing_m, zone_m = _BEAM.length_m / 20, float(np.diff(zones(6, 0.1).edges_m).mean())
+    spacing_m, zone_m = BEAM.length_m / 20, float(np.diff(ZONES.edges_m).mean())
     return finding(spacing_m < 0.1 * zone_m, spacing_m=spacing_m, zone_m=zone_m)
 
 
@@ -173,7 +177,7 @@ def _bodies_dense() -> Finding:
     expected="less",
 )
 def _single_finger_is_local() -> Finding:
-    half_wave_m = 2 * float(np.diff(zones(6, 0.1).edges_m)[2:-2].mean())
+    half_wave_m = 2 * float(np.diff(ZONES.edges_m)[2:-2].mean())
     return finding(half_wave_m > 0.01, contact_m=0.01, half_wave_m=half_wave_m)
 
 
@@ -189,7 +193,7 @@ SLIDING_CLAIMS = Claims()
 )
 def _sliding_drive_near_resonance() -> Finding:
     rungs = [name for name in RUNG_NAMES if name != "modes:N"]
-    resonances = {name: rung_resonance_hz(name, _BEAM, 6) for name in rungs}
+    resonances = {name: rung_resonance_hz(name, BEAM, 6) for name in rungs}
     return _within_the_bandwidth(23200.0, resonances)
 
 
@@ -202,7 +206,7 @@ def _sliding_drive_near_resonance() -> Finding:
 )
 def _sliding_same_drive() -> Finding:
     apart = abs(23200.0 / 24221.0 - 1)
-    bandwidth = 2 * _BEAM.damping_ratio
+    bandwidth = 2 * BEAM.damping_ratio
     return finding(apart < bandwidth, apart=apart, half_power_bandwidth=bandwidth)
 
 
@@ -231,8 +235,8 @@ def _sliding_same_load() -> Finding:
 def _sliding_matches_theory(law: str) -> Finding:
     # If theory hardly varies at the experiment's drive and load, no varying curve can match it;
     # otherwise only the measured curve could decide.
-    own, paper = _sliding_swings(law, _BEAM)
-    more, resonant = _sliding_swings(law, replace(_BEAM, damping_ratio=0.03))
+    own, paper = _sliding_swings(law, BEAM)
+    more, resonant = _sliding_swings(law, replace(BEAM, damping_ratio=0.03))
     swings = {"swing_at_23200_hz_0.56_n": own, "swing_in_fig12": paper}
     return finding(
         None if own > 0.5 * paper else False,
@@ -245,16 +249,12 @@ def _sliding_matches_theory(law: str) -> Finding:
 def _sliding_swings(law: str, beam: Beam) -> tuple[float, float]:
     """Return the swing of μ' along the path in the experiment and in Fig 12."""
     paper = Scene(structure=Structure(beam=beam))
-    return swing(_along_the_path(law, _slid(paper))), swing(_along_the_path(law, paper))
+    return swing(along_path(law, _slid(paper))), swing(along_path(law, paper))
 
 
 def _slid(paper: Scene) -> Scene:
     drive, touch = Drive(frequency_hz=23200.0), FingerContact(finger_load_n=0.56)
     return replace(paper, drive=drive, touch=touch)
-
-
-def _along_the_path(law: str, scene: Scene) -> FloatArray:
-    return friction_coefficient(scene, law=law, x_m=np.linspace(*PATH_M, 711))
 
 
 @SLIDING_CLAIMS.add(
@@ -265,7 +265,7 @@ def _along_the_path(law: str, scene: Scene) -> FloatArray:
     remark="not testable where theory has them: the measured curve is a figure without values",
 )
 def _sliding_errors_at_peaks(law: str) -> Finding:
-    curve = friction_coefficient(_slid(Scene()), law=law, x_m=PLACES_M)
+    curve = local_curve(law, _slid(Scene()))
     troughs, peaks = (trough_places_m(sign * curve) for sign in (1, -1))
     left = troughs[troughs < PATCH_START_M]
     between = peaks[(peaks > left.min(initial=np.inf)) & (peaks < left.max(initial=0.0))]
@@ -283,6 +283,6 @@ def _sliding_errors_at_peaks(law: str) -> Finding:
     "bodies' height of 1 mm; the claim fails for a finger faster than 56 mm/s",
 )
 def _bodies_outrun_the_finger() -> Finding:
-    tip_m_s = rung_field("mode", _BEAM, Drive()).tip_speed_m_s(3.5e-3)
+    tip_m_s = rung_field("mode", BEAM, Drive()).tip_speed_m_s(3.5e-3)
     finger_m_s = FingerContact().sliding_speed_m_s
     return finding(tip_m_s > finger_m_s, tip_speed_m_s=tip_m_s, finger_m_s=finger_m_s)

@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from analysis.claims.claim import Claims, Finding, human_finding
-from analysis.claims.curves import MU
+from analysis.claims.curves import MU, along_path, mu
 from analysis.claims.published_scores import (
     ALPHA,
     PUBLISHED,
@@ -18,7 +18,6 @@ from analysis.claims.published_scores import (
     short,
 )
 from device.friction import changes
-from device.friction.coefficient import friction_coefficient
 from device.friction.contrasts import predicted_contrast
 from device.friction.rungs import TOP_RUNG
 from device.friction.scenes import Drive, FingerContact, Scene
@@ -39,9 +38,8 @@ REFERENCE_SCENE = Scene(touch=FingerContact(finger_load_n=0.5))
     "assumed",
 )
 def _all_nine_smoother(law: str) -> Finding:
-    path = np.linspace(*changes.PATH_M, 711)
-    curve = friction_coefficient(REFERENCE_SCENE, law=law, rung=TOP_RUNG, x_m=path)
-    place = float(friction_coefficient(REFERENCE_SCENE, law=law, rung=TOP_RUNG)[0])
+    curve = along_path(law, REFERENCE_SCENE, TOP_RUNG)
+    place = mu(law, REFERENCE_SCENE, TOP_RUNG)
     mean, rougher = curve.mean(), np.mean(curve > MU * (1 + 1e-9))
     share = interval_of_all(len(SCORES))
     return human_finding(
@@ -244,13 +242,13 @@ def _voltage_strengthens(law: str) -> Finding:
 def _voltage_felt_at_every_step(law: str) -> Finding:
     voltages = (0.0, 50.0, 100.0, 200.0)
     scenes = [replace(REFERENCE_SCENE, drive=Drive(voltage_v=v)) for v in voltages]
-    values = [float(friction_coefficient(s, law=law, rung=TOP_RUNG)[0]) for s in scenes]
+    values = [mu(law, scene, TOP_RUNG) for scene in scenes]
     steps = np.diff(values)
     return human_finding(
         PUBLISHED.mean_in_words("voltage"),
         steps < -0.01,
         mu_at_0_50_100_200_v=values,
-        mu_at_50_v_on_rung_mode=float(friction_coefficient(scenes[1], law=law)[0]),
+        mu_at_50_v_on_rung_mode=mu(law, scenes[1]),
         mean_score_interval=PUBLISHED.mean_interval("voltage"),
     )
 

@@ -8,27 +8,28 @@ import numpy as np
 
 from analysis.claims.claim import Claims, Finding, finding
 from analysis.claims.curves import (
+    BEAM,
     CONTACT_M,
     MU,
     PATCH_START_M,
     PLACES_M,
+    ZONES,
     centre,
     falling,
     from_02_to_06,
+    full_coverage,
     leftward,
     local_curve,
     local_scene,
-    mu_at_ratio,
+    mu,
     operating,
     rising,
     spread,
     swing,
     trough_places_m,
 )
-from device.beam.beam import Beam
 from device.beam.eq15 import WAVELENGTH_M
 from device.beam.modes import FloatArray
-from device.beam.zones import zones
 from device.friction.coefficient import friction_coefficient
 from device.friction.prediction import LawChoice
 from device.friction.rungs import TOP_RUNG
@@ -36,11 +37,6 @@ from device.friction.scenes import Drive, FingerContact, Scene
 
 _TROUGHS_M = np.array([0.0137, 0.0275, 0.0422])
 CLAIMS = Claims()
-
-
-def _curve(law: str, rung: str = "mode") -> FloatArray:
-    choice = LawChoice(name=law, overlap="first")
-    return friction_coefficient(Scene(), law=choice, rung=rung, x_m=PLACES_M)
 
 
 @CLAIMS.add(
@@ -52,7 +48,7 @@ def _curve(law: str, rung: str = "mode") -> FloatArray:
     "misses both ends and fails",
 )
 def _fig12_range(law: str) -> Finding:
-    curve, top = operating(_curve(law)), operating(_curve(law, TOP_RUNG))
+    curve, top = (operating(local_curve(law, Scene(), rung)) for rung in ("mode", TOP_RUNG))
     found = from_02_to_06(float(curve.min()), float(curve.max()))
     extremes = {"lowest_on_top_rung": top.min(), "highest_on_top_rung": top.max()}
     return replace(found, computed={**found.computed, **extremes})
@@ -67,7 +63,9 @@ def _fig12_range(law: str) -> Finding:
 def _fig12_range_repaired(law: str) -> Finding:
     """Check the range with Eq 15's λ but without its breakpoints."""
     largest = WAVELENGTH_M / (4 * CONTACT_M)
-    return from_02_to_06(mu_at_ratio(law, largest), mu_at_ratio(law, 1 - largest))
+    return from_02_to_06(
+        *(full_coverage(law, same_direction=20 * ratio) for ratio in (largest, 1 - largest))
+    )
 
 
 @CLAIMS.add(
@@ -77,23 +75,22 @@ def _fig12_range_repaired(law: str) -> Finding:
     expected="0.4",
 )
 def _fig12_centre(law: str) -> Finding:
-    middle = centre(operating(_curve(law)))
+    middle = centre(operating(local_curve(law, Scene())))
     return finding(abs(middle - MU) < 0.02, centre=middle)
 
 
 def _left_troughs(law: str, sheet_start_m: float = PATCH_START_M) -> FloatArray:
-    found = trough_places_m(_curve(law))
+    found = trough_places_m(local_curve(law, Scene()))
     return found[found < sheet_start_m]
 
 
 def _with_sheets_at_each_peak(law: str) -> dict[str, FloatArray]:
     """Return the troughs left of the sheets by the peak of mode 6, in mm, on which they are."""
-    beam = Beam()
-    peaks_m = zones(6, beam.length_m).antinodes_m
-    starts_m = peaks_m - beam.patches.length_m / 2
     return {
-        f"troughs_m_with_sheets_at_{1e3 * peak_m:.0f}_mm": _left_troughs(law, start_m)
-        for peak_m, start_m in zip(peaks_m, starts_m, strict=True)
+        f"troughs_m_with_sheets_at_{1e3 * peak_m:.0f}_mm": _left_troughs(
+            law, peak_m - BEAM.patches.length_m / 2
+        )
+        for peak_m in ZONES.antinodes_m
     }
 
 
@@ -233,7 +230,7 @@ def _local_effects(law: str) -> dict[str, float]:
 
 
 def _over(law: str, scenes: list[Scene]) -> float:
-    return spread([float(friction_coefficient(scene, law=law)[0]) for scene in scenes])
+    return spread([mu(law, scene) for scene in scenes])
 
 
 @CLAIMS.add(

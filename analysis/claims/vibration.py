@@ -6,23 +6,22 @@ import numpy as np
 
 from analysis.claims.claim import Claims, Finding, finding
 from analysis.claims.curves import (
+    BEAM,
     MU,
+    ZONES,
+    full_coverage,
     leftward,
     local_curve,
     local_scene,
-    mu_at_ratio,
     trough_places_m,
 )
-from device.beam.beam import Beam
 from device.beam.modes import FloatArray, modal_displacement_m, mode_shape, natural_frequency_hz
 from device.beam.motion_pattern import MotionPattern
-from device.beam.zones import zones
 from device.friction.coefficient import friction_coefficient
 from device.friction.prediction import LawChoice
 from device.friction.rungs import TOP_RUNG, rung_field, rung_resonance_hz
 from device.friction.scenes import Drive, FingerContact, Scene
 
-_BEAM = Beam()
 CLAIMS = Claims()
 
 
@@ -33,7 +32,7 @@ CLAIMS = Claims()
     expected="all five peaks",
 )
 def _eq1_right_of_peak() -> Finding:
-    antinodes = zones(6, _BEAM.length_m).antinodes_m / _BEAM.length_m
+    antinodes = ZONES.antinodes_m / BEAM.length_m
     step = 1e-3
     after = mode_shape(6, antinodes + step) ** 2 - mode_shape(6, antinodes + 2 * step) ** 2
     before = mode_shape(6, antinodes - step) ** 2 - mode_shape(6, antinodes - 2 * step) ** 2
@@ -49,9 +48,8 @@ def _eq1_right_of_peak() -> Finding:
     remark="φφ' changes sign at nodes as well: half of the edges are not at peaks",
 )
 def _direction_changes_at_peaks() -> Finding:
-    here = zones(6, _BEAM.length_m)
-    inner = here.edges_m[1:-1]
-    antinodes = set(here.antinodes_m.tolist())
+    inner = ZONES.edges_m[1:-1]
+    antinodes = set(ZONES.antinodes_m.tolist())
     shared = sum(edge in antinodes for edge in inner.tolist())
     found = {"zone_edges": inner.size, "antinodes": len(antinodes), "edges_at_them": shared}
     return finding(shared == len(antinodes), shared == inner.size, **found)
@@ -66,7 +64,7 @@ def _direction_changes_at_peaks() -> Finding:
 )
 def _right_of_peak_smoother(law: str) -> Finding:
     touch = FingerContact(contact_m=2e-3)
-    peaks = zones(6, _BEAM.length_m).antinodes_m[:-1]
+    peaks = ZONES.antinodes_m[:-1]
     places = np.concatenate([peaks + 3e-3, peaks - 1e-3])
     gaps = []
     for scene in (Scene(touch=touch), leftward(Scene(touch=touch))):
@@ -83,7 +81,7 @@ def _right_of_peak_smoother(law: str) -> Finding:
     expected="below 0.4 and above 0.4",
 )
 def _helping_lowers_opposing_raises(law: str) -> Finding:
-    helped, opposed = mu_at_ratio(law, 1.0), mu_at_ratio(law, 0.0)
+    helped, opposed = (full_coverage(law, same_direction=a) for a in (20.0, 0.0))
     return finding([helped < MU, opposed > MU], all_helping=helped, all_opposing=opposed)
 
 
@@ -94,9 +92,9 @@ def _helping_lowers_opposing_raises(law: str) -> Finding:
     expected="one maximum, at the natural frequency",
 )
 def _acceleration_near_resonance() -> Finding:
-    natural_hz = natural_frequency_hz(_BEAM, 6)
+    natural_hz = natural_frequency_hz(BEAM, 6)
     frequencies = natural_hz * np.array([0.9, 0.95, 0.98, 1.0, 1.02, 1.05, 1.1])
-    displacement = modal_displacement_m(_BEAM, 6, 100.0, frequencies)
+    displacement = modal_displacement_m(BEAM, 6, 100.0, frequencies)
     acceleration = (2 * math.pi * frequencies) ** 2 * displacement
     rises = np.diff(acceleration) > 0
     return finding(
@@ -108,7 +106,7 @@ def _acceleration_near_resonance() -> Finding:
 
 def _top_rung_edges_m(drive: Drive) -> FloatArray:
     """Return the zone edges of the beam that the top rung computes for a drive."""
-    pattern = rung_field(TOP_RUNG, _BEAM, drive).pattern
+    pattern = rung_field(TOP_RUNG, BEAM, drive).pattern
     assert isinstance(pattern, MotionPattern)
     return pattern.edges_m
 
@@ -126,7 +124,7 @@ def _zones_of_modes() -> dict[int, int]:
     "its zones only shift",
 )
 def _frequency_changes_mode() -> Finding:
-    resonance_hz = rung_resonance_hz(TOP_RUNG, _BEAM, 6)
+    resonance_hz = rung_resonance_hz(TOP_RUNG, BEAM, 6)
     ratios = (0.9, 0.98, 1.0, 1.02, 1.1)
     edges_m = {
         ratio: _top_rung_edges_m(Drive(frequency_hz=ratio * resonance_hz)) for ratio in ratios

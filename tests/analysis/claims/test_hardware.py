@@ -1,7 +1,5 @@
 """Claims about the device: what is not testable, and what damping and load decide."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -56,7 +54,7 @@ def test_the_beam_of_table_1_is_not_of_copper(
     verdict: str,
 ) -> None:
     beam = Beam(youngs_modulus_pa=young_gpa * 1e9, density_kg_m3=density_kg_m3)
-    monkeypatch.setattr(hardware, "_BEAM", beam)
+    monkeypatch.setattr(hardware, "BEAM", beam)
     assert find("mu-of-copper").verdict == verdict
     if verdict == "fails":
         assert find("mu-of-copper").computed["in_range_of_brass"] == [True, True]
@@ -79,10 +77,7 @@ def test_errors_at_troughs_and_peaks_need_a_theory_that_has_them(
         assert found.computed["troughs_m"].size == 4
         assert found.computed["peaks_m"].size == 3
 
-    def level(*_: Any, x_m: Any, **__: Any) -> Any:
-        return np.full(len(x_m), 0.4)
-
-    monkeypatch.setattr(hardware, "friction_coefficient", level)
+    monkeypatch.setattr(hardware, "local_curve", lambda *_: np.full(2001, 0.4))
     assert find("sliding-errors-at-peaks", "consistent").verdict == "fails"
 
 

@@ -1,7 +1,6 @@
 """Claims about perception: verdicts that move with the people's scores and with the law."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -99,10 +98,8 @@ def test_smoother_at_the_smooth_place_is_not_smoother_along_the_path(find: Find)
 def test_the_verdict_on_smoothness_takes_both_places(
     find: Find, monkeypatch: pytest.MonkeyPatch, place: float, path: float, verdict: str
 ) -> None:
-    def fake(*_: Any, x_m: Any = None, **__: Any) -> Any:
-        return np.array([place]) if x_m is None else np.full(len(x_m), path)
-
-    monkeypatch.setattr(human_factors, "friction_coefficient", fake)
+    monkeypatch.setattr(human_factors, "mu", lambda *_: place)
+    monkeypatch.setattr(human_factors, "along_path", lambda *_: np.full(711, path))
     assert find("all-nine-smoother", "consistent").verdict == verdict
 
 
@@ -113,11 +110,9 @@ def test_the_verdict_on_smoothness_takes_both_places(
 def test_each_step_of_voltage_must_be_felt(
     find: Find, monkeypatch: pytest.MonkeyPatch, steps: tuple[float, ...], verdict: str
 ) -> None:
-    mu = dict(zip((0.0, 50.0, 100.0, 200.0), (0.4, *steps), strict=True))
+    by_voltage = dict(zip((0.0, 50.0, 100.0, 200.0), (0.4, *steps), strict=True))
     monkeypatch.setattr(
-        human_factors,
-        "friction_coefficient",
-        lambda scene, **_: np.array([mu[scene.drive.voltage_v]]),
+        human_factors, "mu", lambda _, scene, *__: by_voltage[scene.drive.voltage_v]
     )
     assert find("voltage-felt-at-every-step", "consistent").verdict == verdict
 

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.special import chdtri, fdtrc, fdtri, stdtrit
 
 from analysis.claims.claim import Claims, Finding, human_finding
-from analysis.claims.published_scores import ALPHA, PUBLISHED, SCORES, short
+from analysis.claims.published_scores import ALPHA, PUBLISHED, SCORES, about_subjects, short
 from analysis.estimates import FloatArray, Interval
 from analysis.sensitivity.lines import SMALL_SPREAD
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensitivity
@@ -162,13 +162,8 @@ def _receptor_sensitivity_differs(law: str) -> Finding:
 def _table4_third_subject() -> Finding:
     third = SCORES[2]
     elsewhere = np.isin(third[:4], (7, 8)).all()
-    return human_finding(
-        PUBLISHED.subject_in_words(2),
-        PUBLISHED.subject_means.argmin() == 2,
-        third[4] == 4,
-        elsewhere,
-        scores=third,
-    )
+    lowest = PUBLISHED.subject_means.argmin() == 2
+    return about_subjects([2], lowest, third[4] == 4, elsewhere, scores=third)
 
 
 def prediction_interval(others: FloatArray) -> Interval:

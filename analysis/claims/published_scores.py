@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -122,12 +123,6 @@ class HumanScores:
         """Return a condition's mean score with its interval in words."""
         return f"mean score {self.means[condition]:.2f}, {in_words(self.mean_interval(condition))}"
 
-    def subject_in_words(self, row: int) -> str:
-        """Return how far a subject is from the mean of all in words."""
-        name = self.table.subjects[row]
-        effect, interval = self.effects.subjects[name], self.effects.subject_intervals[name]
-        return f"subject {name}: {effect:+.2f} from the mean of all, {in_words(interval)}"
-
 
 SCORES = np.array(
     [
@@ -152,10 +147,23 @@ PUBLISHED = HumanScores(
     )
 )
 _LOWEST, _HIGHEST = PUBLISHED.subject_means.min(), PUBLISHED.subject_means.max()
-_LOWEST_SUBJECT = PUBLISHED.subject_in_words(int(PUBLISHED.subject_means.argmin()))
-_HIGHEST_SUBJECT = PUBLISHED.subject_in_words(int(PUBLISHED.subject_means.argmax()))
+_LOWEST_ROW = int(PUBLISHED.subject_means.argmin())
+_HIGHEST_ROW = int(PUBLISHED.subject_means.argmax())
 _GRAND = f"mean of all {SCORES.mean():.2f}, {in_words(PUBLISHED.grand_mean_interval)}"
 CLAIMS = Claims()
+
+
+def about_subjects(rows: Iterable[int], main: Any, *details: Any, **computed: Any) -> Finding:
+    """Return a finding on single subjects, with how far each is from the mean of all."""
+    found = PUBLISHED.effects
+    names = [PUBLISHED.table.subjects[row] for row in rows]
+    intervals = {name: found.subject_intervals[name] for name in names}
+    words = [
+        f"subject {name} {found.subjects[name]:+.2f} from the mean of all, {in_words(interval)}"
+        for name, interval in intervals.items()
+    ]
+    computed["intervals_from_mean_of_all"] = intervals
+    return human_finding("; ".join(words), main, *details, **computed)
 
 
 def _as_printed(values: Iterable[float], printed: list[float], digits: int) -> BoolArray:
@@ -205,7 +213,7 @@ def _table4_comprehensive() -> Finding:
     expected="7.2",
 )
 def _table4_lowest() -> Finding:
-    return human_finding(_LOWEST_SUBJECT, abs(_LOWEST - 7.2) < 0.05, lowest=_LOWEST)
+    return about_subjects([_LOWEST_ROW], abs(_LOWEST - 7.2) < 0.05, lowest=_LOWEST)
 
 
 @CLAIMS.add(
@@ -215,7 +223,7 @@ def _table4_lowest() -> Finding:
     expected="9.6",
 )
 def _table4_highest() -> Finding:
-    return human_finding(_HIGHEST_SUBJECT, abs(_HIGHEST - 9.6) < 0.05, highest=_HIGHEST)
+    return about_subjects([_HIGHEST_ROW], abs(_HIGHEST - 9.6) < 0.05, highest=_HIGHEST)
 
 
 @CLAIMS.add(
@@ -225,8 +233,8 @@ def _table4_highest() -> Finding:
     expected="7 and 10",
 )
 def _table4_range() -> Finding:
-    return human_finding(
-        f"{_LOWEST_SUBJECT}; {_HIGHEST_SUBJECT}",
+    return about_subjects(
+        [_LOWEST_ROW, _HIGHEST_ROW],
         [abs(_LOWEST - 7) < 0.05, abs(_HIGHEST - 10) < 0.05],
         lowest=_LOWEST,
         highest=_HIGHEST,

@@ -146,6 +146,8 @@ def test_human_claims_have_their_uncertainty_in_the_sentence(
         assert len(words) == 1  # the people are the same under every law
         assert bool(words.pop()) is (result.claim.id in human)
         if result.claim.id in human:
+            numbers = json.dumps(result.record()["computed"])
+            assert "_interval" in numbers or '"interval' in numbers or '"p_holm"' in numbers
             assert any(sign in result.sentence for sign in ("Holm p", "95 %", "p = "))
 
 

@@ -24,6 +24,8 @@ EXPLAINED = (
     ("?", "help", "show or hide this help (also h)"),
 )
 """Each key with its short and its long explanation."""
+ORDERS = {"e", "help", *(key for key, _, _ in EXPLAINED)}
+"""What an operator may type in lines."""
 EMERGENCY = "EMERGENCY STOP: output off at once"
 TYPING = ("Enter finish", "Ctrl-C stop", "Ctrl-E EMERGENCY STOP")
 _WORDS = {"pause": "p", "stop": "s", "repeat": "r", "note": "n", "help": "?", "h": "?"}

@@ -13,7 +13,7 @@ from protocol.errors import BadInput, WorkFailed
 from protocol.study.participant_texts import Wording, band_names, score_text
 from protocol.study.questions import ANSWERS
 from protocol.study.rating import Rating
-from runner.people.operator_keys import OPERATOR_MARK
+from runner.people.operator_keys import OPERATOR_MARK, ORDERS
 from runner.people.terminal import at_terminal
 from runner.screens import (
     AskChange,
@@ -164,17 +164,22 @@ class ConsoleParticipant:
             words = {str(number), answer, self._texts[f"answer.{answer}"].strip()}
             if line.casefold() in {word.casefold() for word in words}:
                 return answer
-        self.say(f"? {line!r}")
-        for choice in self._choices(answers):
-            self.say(choice)
+        self._ask_again(line, self._choices(answers))
         return None
 
     def _parse_score(self, line: str, rating: Rating) -> str | None:
         try:
             return str(rating.checked_score(int(line)))
         except ValueError:
-            self.say(f"? {line!r}: {score_text(self.wording, rating)}")
+            self._ask_again(line, [f"  {rating.minimum} … {rating.maximum}"])
             return None
+
+    def _ask_again(self, line: str, possible: list[str]) -> None:
+        self.say(f"{line!r}: {self._texts['console.again']}")
+        for text in possible:
+            self.say(text)
+        if line.lower() in ORDERS:
+            self.say(f"(For the operator: an order begins with a colon, such as :{line.lower()})")
 
     def _choices(self, answers: tuple[str, ...]) -> list[str]:
         return [

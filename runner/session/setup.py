@@ -2,12 +2,21 @@
 
 from protocol.errors import BadInput
 from protocol.journal.events import BeamMounted, DeviceArmed, ResonanceMeasured, RigDescribed
+from protocol.study.rules import OperatorQuestion
 from protocol.study_file.limits import problems_at
 from runner.screens import Notice, Welcome
 from runner.session.operator_view import update_view
 from runner.session.session import SessionContext
 from runner.session.waiting import operator_answer, response, tick
 from runner.session.watchdog import require_watchdog
+
+_QUESTIONS: dict[OperatorQuestion, str] = {
+    "skin state": "What is the state of the skin (dry, normal, moist)?",
+    "room temperature": "What is the room temperature, in °C?",
+    "humidity": "What is the relative humidity of the air, in %?",
+    "cleaning": "How and when was the beam cleaned?",
+}
+"""How the operator is asked what the study wants to know."""
 
 
 def prepare(context: SessionContext) -> None:
@@ -26,7 +35,7 @@ def prepare(context: SessionContext) -> None:
     require_watchdog(context, identity.idn)
     answers: dict[str, str] = {}
     for question in study.session.operator_asks:
-        context.operator.ask(f"{question}?")
+        context.operator.ask(_QUESTIONS[question])
         answers[question] = operator_answer(context)
     if answers:
         context.log.append(RigDescribed(answers=answers))

@@ -68,17 +68,24 @@ def test_chinese_answers_are_accepted() -> None:
 def test_an_invalid_answer_is_asked_for_again() -> None:
     terminal = Terminal("4\nyes\n2\n")
     assert terminal.answer(AskChange(question="roughness")).answer == "rougher"
-    assert "? '4'" in terminal.said
-    assert "? 'yes'" in terminal.said
+    again = "This is not one of the possible answers. Please type one of these:"
+    choices = ["  1  smoother", "  2  rougher", "  3  same"]
+    assert terminal.said[-8:] == [f"'4': {again}", *choices, f"'yes': {again}", *choices]
+
+
+def test_an_order_without_its_colon_is_explained() -> None:
+    terminal = Terminal("p\n2\n")
+    terminal.answer(AskChange(question="roughness"))
+    hint = "(For the operator: an order begins with a colon, such as :p)"
+    assert terminal.said[-1] == hint
 
 
 def test_a_score_outside_the_scale_is_asked_for_again() -> None:
     terminal = Terminal("11\nx\n-1\n7\n")
     assert terminal.answer(AskScore(rating=Rating())).answer == "7"
-    assert [line for line in terminal.said if line.startswith("?")] == [
-        "? '11': How strong is the change? 0 to 10",
-        "? 'x': How strong is the change? 0 to 10",
-        "? '-1': How strong is the change? 0 to 10",
+    again = "This is not one of the possible answers. Please type one of these:"
+    assert terminal.said[-6:] == [
+        line for typed in ("11", "x", "-1") for line in (f"'{typed}': {again}", "  0 … 10")
     ]
 
 
@@ -86,7 +93,7 @@ def test_a_score_lies_on_the_studys_scale() -> None:
     terminal = Terminal("101\n55\n")
     assert terminal.answer(AskScore(rating=Rating(minimum=0, maximum=100))).answer == "55"
     assert terminal.said[0] == "How strong is the change? 0 to 100"
-    assert terminal.said[-1] == "? '101': How strong is the change? 0 to 100"
+    assert terminal.said[-1] == "  0 … 100"
 
 
 def test_the_reaction_time_starts_at_the_question() -> None:

@@ -268,6 +268,17 @@ def test_a_repeated_trial_is_aborted_and_answered_once(tmp_path: Path) -> None:
         assert tags(journal).count("answered") == 7
 
 
+def test_the_operator_is_asked_in_sentences(tmp_path: Path) -> None:
+    device = FakeDevice()
+    operator = FakeOperator(device)
+    asks = '[session]\noperator_asks = ["skin state", "room temperature", "humidity", "cleaning"]'
+    with open_journal(tmp_path / "study.db") as journal:
+        run(context(journal, device, FakeParticipant(), f"{TEXT}\n{asks}", operator))
+        (described,) = [e.payload for e in journal.events("P01/1") if e.tag == "rig-described"]
+    assert [text[0].isupper() and text[-1] == "?" for text in operator.asked] == [True] * 4
+    assert set(described["answers"]) == {"skin state", "room temperature", "humidity", "cleaning"}
+
+
 def test_repeating_twice_aborts_once(tmp_path: Path) -> None:
     """A second press comes before the repeated trial has begun, and means the same."""
     device = FakeDevice()

@@ -118,7 +118,8 @@ class OperatorView:
 
     `device` is None if the output has been read back as off, if it is `unknown`, or while the
     session is idle and the device has not been asked yet. `busy` says what the output is on for
-    while no participant touches the beam. `aim` is None unless a touch is in progress.
+    while no participant touches the beam. `aim` is None unless a touch is in progress. While the
+    operator is `blind`, labels and answers say nothing, and figures of the drive are not shown.
     """
 
     session: str
@@ -135,6 +136,7 @@ class OperatorView:
     resonance_hz: float = 0.0
     beam: str | None = None
     unknown: bool = False
+    blind: bool = False
 
     @property
     def trial(self) -> str:
@@ -170,6 +172,8 @@ class OperatorView:
             return "not known yet"
         if self.device is None or not self.device.output:
             return "off"
+        if self.blind:
+            return "ON, as commanded"
         device = self.device
         return f"ON {device.voltage_v:.0f} V {device.frequency_hz:.0f} Hz" + (
             "" if device.monitor_v is None else f" (monitor {device.monitor_v:.0f} V)"

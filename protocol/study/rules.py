@@ -21,6 +21,14 @@ class SessionRules(Record):
         tuple[OperatorQuestion, ...],
         Field(description="what the operator notes before the first trial"),
     ] = ()
+    blind_operator: Annotated[
+        bool,
+        Field(
+            strict=True,
+            description="hide conditions, levels, drives and answers from the operator until the "
+            "session ends; whether the output is on, alarms and limits stay",
+        ),
+    ] = False
     consent_required: Annotated[
         bool, Field(strict=True, description="refuse a session without a reference to the consent")
     ] = False

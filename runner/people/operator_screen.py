@@ -226,10 +226,18 @@ def _bars(view: OperatorView, moment: Moment, width: int) -> list[Text]:
         )
     )
     place_mm = None if position_m is None else 1e3 * position_m
+    limits = (f"limit {rig.max_voltage_v:g} V", f"limit {rig.max_frequency_hz / 1e3:g} kHz", "")
+    drive = [
+        volts.line("amplitude", amplitude_v, limits[0]),
+        hertz.line("frequency", frequency_hz, limits[1]),
+        volts.line("monitor", monitor_v, limits[2]),
+    ]
+    if view.blind:  # the driver refuses what is not as commanded
+        said = "-" if amplitude_v is None else "as commanded"
+        named = zip(("amplitude", "frequency", "monitor"), limits, strict=True)
+        drive = [Text(f" {name:<10}{said:<16}{limit}") for name, limit in named]
     return [
-        volts.line("amplitude", amplitude_v, f"limit {rig.max_voltage_v:g} V"),
-        hertz.line("frequency", frequency_hz, f"limit {rig.max_frequency_hz / 1e3:g} kHz"),
-        volts.line("monitor", monitor_v, ""),
+        *drive,
         newtons.line("force", force_n, _advice(aim, force_n)),
         millimetres.line("place", place_mm, ""),
     ]

@@ -21,6 +21,7 @@ def update_view(
     """Show the operator the session's progress and, while the output is on, its read-back."""
     state, session = context.log.state, context.session
     trials = session.plan.trials
+    blind = session.study.session.blind_operator and state.name != "completed"
     running = next((trial for trial in trials if trial.index == state.trial), None)
     context.operator.show(
         OperatorView(
@@ -29,11 +30,11 @@ def update_view(
             state=state.name,
             plan=tuple(
                 PlanLine(
-                    label=_label(trial),
-                    answer=state.answers.get(trial.index),
+                    label=f"trial {number}" if blind else _label(trial),
+                    answer=_answer(context, trial, blind=blind),
                     running=trial is running,
                 )
-                for trial in trials
+                for number, trial in enumerate(trials, start=1)
             ),
             left_s=_left_s(context, [t for t in trials if t.index not in state.answers]),
             device=device,
@@ -45,6 +46,7 @@ def update_view(
             resonance_hz=context.resonance_hz,
             beam=state.beam,
             unknown=unknown,
+            blind=blind,
         )
     )
 
@@ -73,6 +75,11 @@ def _left_s(context: SessionContext, left: Sequence[Trial]) -> float:
         for trial in left
     ]
     return remaining_s(study, ahead, state.beam or study.touch.beam)
+
+
+def _answer(context: SessionContext, trial: Trial, *, blind: bool) -> str | None:
+    answer = context.log.state.answers.get(trial.index)
+    return "answered" if blind and answer is not None else answer
 
 
 def _label(trial: Trial) -> str:

@@ -58,6 +58,16 @@ def test_the_bars_show_what_was_read_with_targets_and_limits() -> None:
     assert found[1].rstrip().endswith("read 0.1 s ago")
 
 
+def test_a_blind_operator_sees_that_the_output_is_on_and_no_figure_of_the_drive() -> None:
+    found = lines(Frame(view=view(aim=AIM, blind=True)))
+    assert "OUTPUT ON" in found[1]
+    for label, limit in (("amplitude", "limit 200 V"), ("frequency", "limit 40 kHz")):
+        assert re.search(rf"as commanded +{limit}$", row(found, label))
+    assert row(found, "monitor").split() == ["monitor", "as", "commanded"]
+    assert "0.20 N  target 0.50 N, press harder" in row(found, "force")
+    assert not re.search("123|121|target 200", "\n".join(found))
+
+
 @pytest.mark.parametrize(
     ("force_n", "advice"),
     [(0.01, "no finger"), (0.1, "press harder"), (0.3, "good"), (0.8, "press less")],

@@ -279,6 +279,23 @@ def test_the_operator_is_asked_in_sentences(tmp_path: Path) -> None:
     assert set(described["answers"]) == {"skin state", "room temperature", "humidity", "cleaning"}
 
 
+def test_a_blind_operator_learns_conditions_and_answers_at_the_end(tmp_path: Path) -> None:
+    device = FakeDevice()
+    operator = FakeOperator(device)
+    text = f"{TEXT}\n[session]\nblind_operator = true"
+    with open_journal(tmp_path / "study.db") as journal:
+        run(context(journal, device, FakeParticipant(), text, operator))
+    *during, last = operator.seen
+    for view in during:
+        labels = [line.label for line in view.plan]
+        assert labels == [f"trial {number}" for number in range(1, 8)]
+        assert {line.answer for line in view.plan} <= {None, "answered"}
+        assert view.output() in {"not known yet", "off", "ON, as commanded"} or view.busy
+    assert any(view.output() == "ON, as commanded" for view in during)
+    assert last.plan[0].label == "baseline"
+    assert "score 7" in str(last.plan)
+
+
 def test_repeating_twice_aborts_once(tmp_path: Path) -> None:
     """A second press comes before the repeated trial has begun, and means the same."""
     device = FakeDevice()

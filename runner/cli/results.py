@@ -95,6 +95,9 @@ def export(
     rehearsals: Annotated[
         bool, typer.Option("--rehearsals", help="Include rehearsals, marked as such.")
     ] = False,
+    participant: Annotated[
+        str | None, typer.Option(help="Export the data of this participant alone.")
+    ] = None,
 ) -> None:
     """Export the data, one row per trial.
 
@@ -111,7 +114,9 @@ def export(
     source = StudyFolder(path=study)
     broken: list[str] = []
     with study_journal(source) as journal:
-        chains = followed("sessions", readable_chains(journal, broken), len(journal.sessions()))
+        _require_known(participant, journal.sessions())
+        mine = readable_chains(journal, broken, participant)
+        chains = followed("sessions", mine, len(journal.sessions()))
         data = dataset(
             chains,
             source.study(),
@@ -123,6 +128,15 @@ def export(
     texts = EXPORTS[as_format](data)
     write_new_folder({name: text.encode() for name, text in texts.items()}, folder)
     say(f"Written: {folder}, {data.summary()}")
+
+
+def _require_known(participant: str | None, sessions: Sequence[str]) -> None:
+    """Refuse a participant who has no session."""
+    known = sorted({name.rpartition("/")[0] for name in sessions} - {""})
+    if participant is not None and participant not in known:
+        near = [name for name in known if name.casefold() == participant.casefold()]
+        hint = f"did you mean {near[0]}?" if near else "touchbeam status lists the participants"
+        raise BadInput(f"{participant} has no session in this study; {hint}")
 
 
 @app.command(cls=Choosing)

@@ -132,13 +132,19 @@ def readable_events(journal: Journal, session: str) -> list[StoredEvent]:
     return events
 
 
-def readable_chains(journal: Journal, broken: list[str]) -> Iterator[list[StoredEvent]]:
+def readable_chains(
+    journal: Journal, broken: list[str], participant: str | None = None
+) -> Iterator[list[StoredEvent]]:
     """Yield the events of each chain of `journal`; append the names of broken chains to `broken`.
+
+    With `participant`, only that person's chains are read.
 
     Raises:
         JournalError: a session is damaged or has lost payloads.
     """
     for name in journal.sessions():
+        if participant not in {None, name.rpartition("/")[0]}:
+            continue
         chain = list(journal.chain(name))
         events = [link.event for link in chain]
         _require_readable(name, events)

@@ -122,6 +122,37 @@ def test_withdrawn_participants_are_left_out(study: Path) -> None:
     assert {row["participant"] for row in rows} == {"P-01", "p_01", "D01", "E01"}
 
 
+@pytest.mark.parametrize("form", ["csv", "bids", "psychds"])
+def test_one_participant_gets_their_own_data_and_nothing_of_others(study: Path, form: str) -> None:
+    assert typed("export", study, "all", "--format", "csv") == 0
+    assert typed("export", study, "mine", "--format", form, "--participant", "P01") == 0
+    texts = contents(Path("mine"))
+    everybody = csv_rows(contents(Path("all"))["trials.csv"])
+    mine = [row for row in everybody if row["participant"] == "P01"]
+    others = {row["participant"] for row in everybody} - {"P01"}
+    assert mine
+    assert others
+    tables = [text for name, text in texts.items() if name.endswith((".csv", "_beh.tsv"))]
+    assert sum(len(text.splitlines()) - 1 for text in tables) == len(mine)
+    for other in others:
+        assert not any(re.search(rf"(?<![\w-]){other}(?![\w-])", text) for text in texts.values())
+    if form == "csv":
+        assert csv_rows(texts["trials.csv"]) == mine
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [("P77", "touchbeam status lists the participants"), ("p01", "did you mean P01?")],
+)
+def test_a_participant_without_a_session_is_not_exported(
+    study: Path, capsys: pytest.CaptureFixture[str], name: str, hint: str
+) -> None:
+    assert typed("export", study, "mine", "--format", "csv", "--participant", name) == 2
+    expected = f"touchbeam: {name} has no session in this study; {hint}\n"
+    assert capsys.readouterr().err == expected
+    assert not Path("mine").exists()
+
+
 def test_a_published_table_is_exported_unchanged(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

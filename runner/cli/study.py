@@ -149,7 +149,8 @@ def run(
         touchbeam=touchbeam_command(),
     )
     state = run_session(options, say=say)
+    dry_run = state.opened is not None and state.opened.kind == "rehearsal"
     say(
         f"{participant}/{session} is complete: {len(state.answered)} trials answered, "
-        "device off (read back)."
+        f"device off (read back){'; this was a rehearsal' * dry_run}."
     )

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from device.resonance import Resonance
 from protocol.address import SIMULATED
-from protocol.errors import BadInput
+from protocol.errors import BadInput, WorkFailed
 from protocol.journal.records import VirtualTruth
 from protocol.journal.state import SessionState
 from protocol.plan.plan import plan
@@ -75,10 +75,13 @@ def run_session(options: SessionOptions, say: Say) -> SessionState:
             context = _context(request, say, stack)
             run(context)
             return context.log.state
-    except Stopped as stop:
+    except (WorkFailed, BadInput) as error:
         # Note that the session was already complete when it was stopped: nothing is left to resume.
-        if context is not None and context.log.state.name == "completed":
-            stop.add_note("output off, read back; the session is complete")
+        completed = context is not None and context.log.state.name == "completed"
+        if isinstance(error, Stopped) and completed:
+            error.add_note("output off, read back; the session is complete")
+        if request.kind == "rehearsal":
+            error.add_note("this run is a rehearsal")
         raise
 
 

@@ -11,6 +11,8 @@ from typing import Protocol
 from runner.people.operator_keys import EMERGENCY, EXPLAINED, OPERATOR_MARK, OperatorKeys
 from runner.screens import Note, OperatorView, Order
 
+DRY_RUN = "DRY RUN: a rehearsal, no participant's data"
+
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:
@@ -49,6 +51,8 @@ class PlainDisplay:
     def show(self, frame: Frame) -> None:
         """Print what has changed."""
         view = frame.view
+        if view.kind == "rehearsal" and not any(self._last):
+            self.say(DRY_RUN)
         line = f"{view.place}; {view.progress()}; output {view.output()}"
         for text, before in zip((line, frame.question), self._last, strict=True):
             if text and text != before:

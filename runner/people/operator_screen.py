@@ -19,7 +19,7 @@ from rich.text import Text
 
 from device.drivers.driver import Reading
 from device.errors import UNKNOWN
-from runner.people.operator_console import Frame
+from runner.people.operator_console import DRY_RUN, Frame
 from runner.people.operator_keys import EMERGENCY, EXPLAINED, TYPING
 from runner.people.terminal import visible
 from runner.screens import Aim, OperatorView
@@ -171,7 +171,7 @@ def screen_lines(frame: Frame, moment: Moment, width: int, height: int) -> list[
 
 
 def _title(view: OperatorView, moment: Moment, width: int) -> Text:
-    what = "DRY RUN: a rehearsal, no participant's data" if view.kind == "rehearsal" else ""
+    what = DRY_RUN if view.kind == "rehearsal" else ""
     left = f" {visible(view.session)}  {what}"
     right = f"{moment.clock} "
     space = " " * (width - cell_len(left) - cell_len(right))

@@ -26,7 +26,9 @@ def test_a_completed_session_is_not_run_again(capsys: pytest.CaptureFixture[str]
     assert typed("new", "study") == 0
     arguments = ("run", "study", "--participant", "P01", "--ratings", "virtual")
     assert typed(*arguments) == 0
-    assert "7 trials answered, device off (read back)" in capsys.readouterr().out
+    assert capsys.readouterr().out.splitlines()[-1] == (
+        "P01/1 is complete: 7 trials answered, device off (read back); this was a rehearsal."
+    )
     assert typed(*arguments) == 2
     assert "P01/1 is already completed" in capsys.readouterr().err
     assert typed("report", "study") == 2
@@ -70,7 +72,7 @@ def test_a_signal_turns_the_device_off_and_the_session_resumes_later(number: int
     _, said = process.communicate(timeout=20)
     assert process.returncode == 1
     assert said.strip() == f"touchbeam: stopped by {signal.Signals(number).name}; " + (
-        "output off, read back; run the same command again to resume"
+        "output off, read back; run the same command again to resume; this run is a rehearsal"
     )
     assert recorded()[-2:] == ["trial-aborted", "device-off"]
     assert subprocess.run(command, check=True, capture_output=True, text=True).stderr == ""
@@ -154,7 +156,8 @@ def test_a_signal_after_the_last_answer_finds_the_session_complete(
     monkeypatch.setattr(SessionLog, "append", append_and_signal)
     assert typed(*RUN, "virtual") == 1
     assert capsys.readouterr().err == (
-        "touchbeam: stopped by SIGTERM; output off, read back; the session is complete\n"
+        "touchbeam: stopped by SIGTERM; output off, read back; the session is complete; "
+        "this run is a rehearsal\n"
     )
     assert recorded()[-2:] == ["device-off", "session-completed"]
     assert typed("verify", "study") == 0

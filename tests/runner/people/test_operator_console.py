@@ -338,3 +338,12 @@ def test_a_warning_stays_among_the_messages() -> None:
         "pausing before the next trial",
         "no pause: the session goes on",
     ]
+
+
+def test_a_dry_run_says_so_first() -> None:
+    said: list[str] = []
+    operator = console(said=said)
+    for _ in range(2):
+        operator.show(view(kind="rehearsal"))
+    assert said[0] == "DRY RUN: a rehearsal, no participant's data"
+    assert len(said) == 2

@@ -154,6 +154,7 @@ _TOUCHES = (
     _touch("force_n", "Median force of the finger.", unit="N"),
     _touch("force_ok", "Whether the force was the one asked for.", levels=YES_NO),
     _touch("place_ok", "Whether the finger was, or moved, where it should.", levels=YES_NO),
+    _touch("speed_ok", "Whether the finger slid as fast as it should.", levels=YES_NO),
 )
 
 _SETTING = (

@@ -31,6 +31,7 @@ from protocol.journal.events import (
     TouchEnded,
     TouchStarted,
     TrialAborted,
+    TrialDeferred,
     TrialExcluded,
     TrialStarted,
 )
@@ -217,6 +218,7 @@ class Course:
         touch.force_n = event.judged.force_n
         touch.force_ok = event.judged.force_ok
         touch.place_ok = event.judged.place_ok
+        touch.speed_ok = event.judged.speed_ok
         if event.read_back:
             start, end = event.read_back[0], event.read_back[-1]
             touch.start_voltage_v, touch.end_voltage_v = start.voltage_v, end.voltage_v
@@ -241,6 +243,12 @@ class Course:
     def _trial_aborted(self, event: TrialAborted) -> None:
         self._attempt.abort_reason = event.why
         self._incident("trial aborted", event.why, event.index)
+
+    @_take.register
+    def _trial_deferred(self, event: TrialDeferred) -> None:
+        why = f"not as instructed: {', '.join(event.missed)}"
+        self._attempt.abort_reason = why
+        self._incident("trial repeated", why, event.index)
 
     @_take.register
     def _paused(self, _: Paused) -> None:

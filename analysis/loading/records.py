@@ -110,7 +110,8 @@ class TouchRow:
     - `planned`: the complete plan of the touch.
     - `beam`: the mounted one.
     - `start_*`, `end_*`: as read back; missing if the touch was cut short.
-    - `force_n` (median), `force_ok`, `place_ok`: missing also on a rig without sensors.
+    - `force_n` (median), `force_ok`, `place_ok`: missing also on a rig without sensors; `speed_ok`
+      where speed is not judged, too.
     """
 
     attempt_id: int
@@ -135,6 +136,7 @@ class TouchRow:
     force_n: float | None = None
     force_ok: bool | None = None
     place_ok: bool | None = None
+    speed_ok: bool | None = None
 
 
 class Table(Generic[Row]):

@@ -9,7 +9,7 @@ import pandas as pd
 
 from analysis.loading.exclusions import excluded_by_rule
 from analysis.loading.missing_scores import EmptyCells, empty_cells
-from analysis.loading.records import Exclusion, Incident
+from analysis.loading.records import Exclusion, Incident, values
 from analysis.loading.score_table import ScoreTable
 from analysis.loading.sessions import is_scored, load_sessions
 from protocol.errors import BadInput
@@ -34,6 +34,19 @@ class Recording:
     sources: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True, kw_only=True)
+class SessionOrder:
+    """The numbers of a session's trials in the order in which they were answered.
+
+    `slot` is its place in the counterbalanced order, `conditions` those of the trials.
+    """
+
+    session: int
+    slot: int
+    trials: tuple[int, ...]
+    conditions: tuple[str | None, ...]
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StudyData:
     """The scores and trials of a study, their kinds, and what was left out and why.
@@ -42,6 +55,7 @@ class StudyData:
       with `participant` and `session`.
     - `touches`: those of `trials`: `Sessions.touches` with `place_m`.
     - `empty`: why a cell of the table has no score.
+    - `orders`: of the sessions that count, excluded trials among them; none of published scores.
     - `virtual`: true parameters of the virtual participants, by name; of their last sessions.
     """
 
@@ -58,6 +72,7 @@ class StudyData:
     incidents: tuple[Incident, ...]
     recording: Recording
     empty: EmptyCells
+    orders: tuple[SessionOrder, ...]
     virtual: Mapping[str, VirtualTruth]
 
     @property
@@ -132,11 +147,26 @@ def load_study_data(
         incidents=tuple(it for it in found.incidents if (it.participant, it.session) in kept),
         recording=_recording(sessions),
         empty=empty_cells(table, trials, answered.drop(trials.index)),
+        orders=_orders(found.answered, sessions),
         virtual={
             name: truth
             for name, truth in zip(sessions["participant"], sessions["virtual"], strict=True)
             if isinstance(truth, VirtualTruth) and name in subjects
         },
+    )
+
+
+def _orders(answered: pd.DataFrame, sessions: pd.DataFrame) -> tuple[SessionOrder, ...]:
+    counting = sessions[["session", "slot"]].dropna()
+    known = answered.join(counting, on="session_id", how="inner")
+    return tuple(
+        SessionOrder(
+            session=int(rows["session"].iloc[0]),
+            slot=int(rows["slot"].iloc[0]),
+            trials=tuple(rows["trial_index"].tolist()),
+            conditions=tuple(values(rows["condition"])),
+        )
+        for _, rows in known.groupby("session_id")
     )
 
 

@@ -30,6 +30,7 @@ from analysis.trials.contrast_ranges import (
 from analysis.trials.contrasts import TrialContrasts, trial_contrasts
 from analysis.trials.law_likelihood import LawLikelihood, law_likelihoods
 from analysis.trials.law_order import LawOrder, law_order
+from analysis.trials.order_as_run import OrderAsRun, order_as_run
 from analysis.trials.trial_checks import (
     Discrimination,
     Drift,
@@ -137,6 +138,7 @@ class TrialStatistics:
     drift: Drift | NotEstimable
     order: FTest | NotEstimable
     carry_over: FTest | NotEstimable
+    as_run: OrderAsRun | NotEstimable
     catch: CatchAnswers
     signal: SignalAnswers
 
@@ -172,6 +174,7 @@ def trial_statistics(data: StudyData, study: Study) -> TrialStatistics:
         drift=drift(scored.every, scored.place) if ordered else _UNORDERED,
         order=order_effect(scored.every, scored.place) if ordered else _UNORDERED,
         carry_over=carry_over(scored.every, scored.previous) if ordered else _UNORDERED,
+        as_run=order_as_run(data, study),
         catch=catch_answers(data.trials),
         signal=_signal(data.trials, contrasts),
     )

@@ -81,7 +81,7 @@ class SessionResumed(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class PracticeRenewed(Event):
-    """Practice is repeated after an interruption, if the study requires it."""
+    """Practice is repeated, after an interruption or too few touches as instructed."""
 
     TAG: ClassVar = "practice-renewed"
 
@@ -214,6 +214,19 @@ class TrialAborted(Event):
 
     index: Annotated[int, Key("number of the trial")]
     why: Annotated[str, Key("why", missing="")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrialDeferred(Event):
+    """A touch was not as instructed: the trial ended before its question and comes again."""
+
+    TAG: ClassVar = "trial-deferred"
+
+    index: Annotated[int, Key("number of the trial")]
+    missed: Annotated[
+        tuple[str, ...], Key("what was not as instructed: `force`, `place`, `speed`", missing=())
+    ]
+    after: Annotated[int, Key("number of the trial after which it comes; its own one: at once")]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -98,6 +98,20 @@ class Compliance(JsonRecord):
     force_n: Annotated[float | None, Key("median force of the finger, N", missing=None)]
     force_ok: Annotated[bool | None, Key("whether the force was as instructed", missing=None)]
     place_ok: Annotated[bool | None, Key("whether the finger was where it should be", missing=None)]
+    speed_ok: Annotated[
+        bool | None, Key("whether it slid as fast as instructed, if judged", missing=None)
+    ] = None
+
+    @property
+    def judged(self) -> bool:
+        """Whether the rig detected a finger."""
+        return self.force_ok is not None or self.place_ok is not None
+
+    @property
+    def missed(self) -> tuple[str, ...]:
+        """What was not as instructed, of `force`, `place` and `speed`."""
+        judged = {"force": self.force_ok, "place": self.place_ok, "speed": self.speed_ok}
+        return tuple(name for name, ok in judged.items() if ok is False)
 
 
 NOT_JUDGED = Compliance(force_n=None, force_ok=None, place_ok=None)

@@ -19,6 +19,7 @@ _FOLDED = frozenset(
         events.TrialStarted,
         events.TouchStarted,
         events.TrialAborted,
+        events.TrialDeferred,
         events.Answered,
         events.TrialExcluded,
     )
@@ -41,6 +42,11 @@ class SessionState:
     answers: dict[int, str] = field(default_factory=dict)
     answered_twice: list[int] = field(default_factory=list)
     aborted: list[int] = field(default_factory=list)
+    deferred: list[tuple[int, int]] = field(default_factory=list)
+    """Trials that come again, each with the one after which it does."""
+    practised: list[bool] = field(default_factory=list)
+    """Whether each judged touch of answered practice trials was as instructed."""
+    practice_rounds: int = 1
     excluded: dict[int, str] = field(default_factory=dict)
     last_event_utc: datetime | None = None
 
@@ -77,22 +83,33 @@ class SessionState:
             case events.PracticeRenewed():
                 again = set(event.indices)
                 self.answers = {n: text for n, text in self.answers.items() if n not in again}
+                self.practice_rounds += 1
             case events.TrialExcluded():
                 self.excluded[event.index] = event.reason
             case events.TouchStarted():
                 self.touch = event.touch
-            case events.TrialStarted() | events.TrialAborted() | events.Answered():
+            case (
+                events.TrialStarted()
+                | events.TrialAborted()
+                | events.TrialDeferred()
+                | events.Answered()
+            ):
                 self._take_trial(event)
 
     def _take_trial(
-        self, event: events.TrialStarted | events.TrialAborted | events.Answered
+        self,
+        event: events.TrialStarted | events.TrialAborted | events.TrialDeferred | events.Answered,
     ) -> None:
         self.trial = event.index if isinstance(event, events.TrialStarted) else None
         self.touch = None
         match event:
             case events.TrialAborted():
                 self.aborted.append(event.index)
+            case events.TrialDeferred():
+                self.deferred.append((event.index, event.after))
             case events.Answered():
+                if event.kind == "practice":
+                    self.practised += [not made.missed for made in event.judged if made.judged]
                 score = [] if event.score is None else [f"score {event.score}"]
                 if event.index in self.answers:
                     self.answered_twice.append(event.index)

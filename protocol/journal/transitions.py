@@ -33,6 +33,8 @@ _TABLE: dict[tuple[str, type[Event]], str] = {
     ("trial", events.Answered): "armed",
     ("trial", events.TrialAborted): "armed",
     ("touching", events.TrialAborted): "armed",
+    ("trial", events.TrialDeferred): "armed",
+    ("armed", events.PracticeRenewed): "armed",
     ("idle", events.TrialExcluded): "idle",
     ("completed", events.TrialExcluded): "completed",
     ("idle", events.SessionExcluded): "excluded",

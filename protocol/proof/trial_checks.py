@@ -179,28 +179,34 @@ def _blocks(study: Study, plan: Plan) -> Violations:
 
 
 def _runs(study: Study, plan: Plan) -> Violations:
-    longest = study.design.max_alike_in_row
-    for name, run in groupby(plan.sequence):
+    yield from order_violations(study, plan.trials)
+
+
+def order_violations(study: Study, trials: Sequence[Trial]) -> Violations:
+    """Yield (rule, value) where conditions or catch trials follow each other too closely."""
+    longest, apart = study.design.max_alike_in_row, study.design.catch_apart
+    for name, run in groupby(trial.condition for trial in trials if trial.kind == "trial"):
         if (length := len(list(run))) > longest:
             yield f"a condition must not come more than {longest} x in a row", f"{length} of {name}"
+    catches = [place for place, trial in enumerate(trials) if trial.kind == "catch"]
+    for place, later in pairwise(catches):
+        if later - place - 1 < apart:
+            yield (
+                f"at least {apart} other trials must separate catch trials",
+                f"trials {trials[place].index} and {trials[later].index}",
+            )
+    for place in catches:
+        before, trial = trials[place - 1], trials[place]
+        if before.kind == "practice" or before.block != trial.block:
+            yield "a catch trial must not open a block", f"trial {trial.index}"
+        if _beam_set(study, before.touches) != _beam_set(study, trial.touches):
+            yield "a catch trial must need only the mounted beam", f"trial {trial.index}"
 
 
 def _catches(study: Study, plan: Plan) -> Violations:
     catches = _kinds(plan, "catch")
     if len(catches) != study.design.catch_trials:
         yield f"there must be {study.design.catch_trials} catch trials", str(len(catches))
-    for before, after in pairwise(catches):
-        if after.index - before.index - 1 < study.design.catch_apart:
-            yield (
-                f"at least {study.design.catch_apart} other trials must separate catch trials",
-                f"trials {before.index} and {after.index}",
-            )
-    for trial in catches:
-        before = plan.trials[trial.index - 1]
-        if before.kind == "practice" or before.block != trial.block:
-            yield "a catch trial must not open a block", f"trial {trial.index}"
-        if _beam_set(study, before.touches) != _beam_set(study, trial.touches):
-            yield "a catch trial must need only the mounted beam", f"trial {trial.index}"
 
 
 def _breaks(study: Study, plan: Plan) -> Violations:

@@ -1,10 +1,10 @@
-"""The rules of a study: what a session asks and allows, and what the report leaves out."""
+"""The rules of a study: what a session asks, allows and repeats, and what the report leaves out."""
 
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from protocol.study.fields import Count, Positive, Record, Share
+from protocol.study.fields import Count, Positive, Record, Share, Whole
 from protocol.study.languages import KnownCode
 
 OperatorQuestion = Literal["skin state", "room temperature", "humidity", "cleaning"]
@@ -38,6 +38,61 @@ class SessionRules(Record):
     practise_again: Annotated[
         Literal["never", "on resume"], Field(description="whether a resumed session practises")
     ] = "never"
+
+
+class TouchRules(Record):
+    """When a touch was made as instructed, and what follows if it was not.
+
+    Force and position must be measured: on a rig without sensors no touch is judged.
+    """
+
+    force_within: Annotated[
+        Positive,
+        Field(le=10, description="of the median force, relative to the instructed one"),
+    ] = 0.5  # people do not press evenly
+    place_within_m: Annotated[
+        Positive, Field(le=0.1, description="of the finger from the place that is touched")
+    ] = 0.005  # half the length of a finger's contact
+    path_within: Annotated[
+        Positive, Field(le=10, description="of the way slid, relative to the path")
+    ] = 0.5
+    speed_within: Annotated[
+        Positive | None,
+        Field(le=10, description="of the median speed of a slide; not judged without this"),
+    ] = None
+    retries: Annotated[
+        Whole,
+        Field(
+            le=20,
+            description="how often a trial comes again, later in its block, if one of its touches "
+            "was not as instructed; the last attempt counts however it was made",
+        ),
+    ] = 0
+    feedback: Annotated[
+        Literal["never", "practice", "always"],
+        Field(description="in which trials participants see their own force and movement"),
+    ] = "never"
+    practise_until: Annotated[
+        Whole,
+        Field(
+            le=100,
+            description="practice is repeated until so many of the last `practise_of` touches were "
+            "as instructed; 0: it comes once",
+        ),
+    ] = 0
+    practise_of: Annotated[Count, Field(le=100, description="see `practise_until`")] = 1
+    practice_rounds: Annotated[
+        Count, Field(le=20, description="most often that practice comes, the first time included")
+    ] = 3
+
+    @model_validator(mode="after")
+    def _enough_touches_are_looked_at(self) -> Self:
+        if self.practise_until > self.practise_of:
+            raise ValueError(
+                f"practise_until must be at most practise_of = {self.practise_of}, "
+                f"got {self.practise_until}"
+            )
+        return self
 
 
 class Exclusions(Record):

@@ -14,7 +14,7 @@ from protocol.study.languages import Code, KnownCode, Language
 from protocol.study.questions import ANSWERS, Question
 from protocol.study.rating import Forecast, Rating
 from protocol.study.rig_settings import Rig
-from protocol.study.rules import Exclusions, SessionRules
+from protocol.study.rules import Exclusions, SessionRules, TouchRules
 from protocol.study.timing import Timing
 from protocol.study.touch import Touch, TouchDefaults
 
@@ -119,6 +119,13 @@ class Study(Record):
     session: Annotated[
         SessionRules, Field(description="How a session is conducted and resumed.")
     ] = SessionRules()
+    as_instructed: Annotated[
+        TouchRules,
+        Field(
+            description="When a touch was made as instructed, and what follows if it was not. A "
+            "rig without sensors of force and position judges no touch."
+        ),
+    ] = TouchRules()
     exclusions: Annotated[
         Exclusions, Field(description="Rules, settled beforehand, on who and what is left out.")
     ] = Exclusions()

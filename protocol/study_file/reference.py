@@ -42,6 +42,21 @@ _DESIGN = """\
 """
 
 
+_AS_INSTRUCTED = """\
+### A trial that comes again
+
+A touch is judged at its end, before the question. If it was not as instructed and `retries` are
+left, the trial ends there, the participant reads why, and the trial comes again with all its
+touches, at the same level. It comes later in its block, each place being equally likely where no
+further beam swap is needed and no rule on runs and catch trials is broken; it comes at once where
+there is no such place, and before the first block. The last attempt counts however it was made.
+Attempts that did not count are in the journal and in the exported table of touches.
+
+Carry-over is then no longer balanced exactly. The report counts which condition was answered after
+which, and proves the rules of the plan for the order as run.
+"""
+
+
 _LANGUAGES = """\
 A code is one of BCP 47, such as `fr` or `pt-BR`. Every key must be there, and every text must have
 the fields in braces that the built-in one has; a touch may name further keys as its `instruction`.
@@ -69,6 +84,8 @@ def _sections(schema: _Schema) -> Iterator[str]:
             yield _table(record)
         if name == "design":
             yield _DESIGN
+        if name == "as_instructed":
+            yield _AS_INSTRUCTED
         if name == "rating":
             yield f"### A band, in `bands`\n\n{_table(records['Band'])}"
         if name == "texts":

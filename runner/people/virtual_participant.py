@@ -74,18 +74,21 @@ class VirtualParticipant:
     """A participant who answers at once.
 
     It compares the last touch of a trial with the first. If there is only one touch, it compares
-    the end with the beginning, or, if they feel the same, with the remembered beam at rest.
+    the end with the beginning, or, if they feel the same, with the remembered beam at rest. A
+    touch for which `slips` returns True is pressed twice as hard as instructed.
     """
 
     control: BeamControl
     clock: Clock
     character: Character
     random_stream: random.Random
+    slips: Callable[[], bool] = lambda: False
     _screen: Screen | None = field(default=None, init=False)
     _pacing_from_s: float = field(default=0.0, init=False)
     _touches: list[list[_Felt]] = field(default_factory=list, init=False)
     _resting: float | None = field(default=None, init=False)
     _contrast: float = field(default=0.0, init=False)
+    _presses: float = field(default=1.0, init=False)
 
     def show(self, screen: Screen) -> None:
         """Receive `screen`; a pacing cue puts the finger on the beam."""
@@ -93,9 +96,12 @@ class VirtualParticipant:
         if isinstance(screen, Pacing):
             self._pacing_from_s = self.clock.monotonic_s()
             self._touches.append([])
+            self._presses = 2.0 if self.slips() else 1.0
             self._feel(screen)
         elif isinstance(screen, Notice) and screen.text == "touch.end":
             self.control.lift()
+        elif isinstance(screen, Notice) and screen.text.startswith("again."):
+            self._touches.clear()
 
     def poll(self) -> Response | None:
         """Return the answer to the current screen; while touching, move the finger."""
@@ -123,7 +129,8 @@ class VirtualParticipant:
         passed_s = self.clock.monotonic_s() - self._pacing_from_s
         fraction = min(passed_s / pacing.duration_s, 1.0)
         position_m = pacing.start_m + fraction * (pacing.end_m - pacing.start_m)
-        friction = self.control.touch(pacing.force_n, position_m, pacing.direction)
+        force_n = pacing.force_n * self._presses
+        friction = self.control.touch(force_n, position_m, pacing.direction)
         self._touches[-1].append(_Felt(position_m=position_m, friction=friction))
 
     def _change(self, question: Question) -> str:

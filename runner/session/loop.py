@@ -5,11 +5,13 @@ from collections.abc import Callable
 from device.errors import OutputUnknown
 from protocol.errors import BadInput
 from protocol.journal.events import DeviceOff, PracticeRenewed, SessionCompleted, TrialStarted
+from protocol.journal.records import Compliance
 from protocol.plan.trials import Trial
 from runner.journal.session_log import abort_trial, close_interrupted
 from runner.screens import Notice
 from runner.session.operator_view import update_view
 from runner.session.orders import RepeatTrial
+from runner.session.retries import deferred, renew_practice
 from runner.session.session import SessionContext
 from runner.session.setup import prepare
 from runner.session.trial import ask, touch
@@ -36,8 +38,8 @@ def run(context: SessionContext) -> None:
 
 def _run_trials(context: SessionContext) -> None:
     prepare(context)
-    trials, block = context.session.plan.trials, None
-    while left := [trial for trial in trials if trial.index not in context.log.state.answered]:
+    block = None
+    while left := context.pending:
         if block not in {None, left[0].block}:
             context.log.checkpoint()
         block = left[0].block
@@ -46,15 +48,21 @@ def _run_trials(context: SessionContext) -> None:
 
 
 def _run_trial(context: SessionContext, trial: Trial) -> None:
-    """Run one trial; if the operator asks to repeat it, it remains pending."""
+    """Run one trial; if it must be repeated, it remains pending."""
     context.log.append(TrialStarted(index=trial.index, kind=trial.kind))
     update_view(context)
     try:
-        done = [touch(context, number, to_make) for number, to_make in enumerate(trial.touches)]
+        done: list[Compliance] = []
+        for number, to_make in enumerate(trial.touches):
+            done.append(touch(context, number, to_make))
+            if deferred(context, trial, done[-1]):
+                return
         context.log.append(ask(context, trial, done))
     except RepeatTrial:
         context.device.off()
         abort_trial(context.log, "repeated at the operator's request")
+    if trial.kind == "practice":
+        renew_practice(context)
 
 
 def _resume(context: SessionContext) -> None:

@@ -6,7 +6,6 @@ from dataclasses import replace
 from protocol.journal.records import ReadBack
 from protocol.plan.trials import Trial, remaining_s
 from runner.screens import Aim, OperatorView, PlanLine, pacing
-from runner.session.compliance import FORCE_TOLERANCE
 from runner.session.session import SessionContext
 
 
@@ -20,7 +19,7 @@ def update_view(
 ) -> None:
     """Show the operator the session's progress and, while the output is on, its read-back."""
     state, session = context.log.state, context.session
-    trials = session.plan.trials
+    trials = context.order
     blind = session.study.session.blind_operator and state.name != "completed"
     running = next((trial for trial in trials if trial.index == state.trial), None)
     context.operator.show(
@@ -55,7 +54,7 @@ def _aim(context: SessionContext, trial: Trial) -> Aim:
     study = context.session.study
     touch = trial.touches[context.log.state.touch or 0]
     cue = pacing(touch, study.touch)
-    slack_n = FORCE_TOLERANCE * cue.force_n
+    slack_n = study.as_instructed.force_within * cue.force_n
     return Aim(
         voltage_v=touch.end_voltage_v,
         frequency_hz=touch.end_frequency * context.resonance_hz,

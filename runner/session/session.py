@@ -8,6 +8,7 @@ from typing import Literal
 from protocol.address import SIMULATED
 from protocol.journal.events import SessionOpened, SessionResumed
 from protocol.journal.records import PlannedTrial, VirtualTruth
+from protocol.plan.retries import running_order
 from protocol.plan.trials import Plan, Trial
 from protocol.study.study import Study
 from protocol.study_file.loading import text_digest
@@ -93,3 +94,13 @@ class SessionContext:
     resonance_hz: float = field(default=0.0, init=False)
     pause_wanted: bool = field(default=False, init=False)
     beam_in_doubt: bool = field(default=False, init=False)
+
+    @property
+    def order(self) -> list[Trial]:
+        """All trials in the order in which they are run; those that come again have moved."""
+        return running_order(self.session.plan.trials, self.log.state.deferred)
+
+    @property
+    def pending(self) -> list[Trial]:
+        """The trials without an answer, in order."""
+        return [trial for trial in self.order if trial.index not in self.log.state.answered]

@@ -43,7 +43,8 @@ def touch(context: SessionContext, number: int, to_make: Touch) -> Compliance:
     stimulus.deliver(start)
     context.device.off()
     context.participant.show(Notice(text="touch.end"))
-    verdict = judged(stimulus.pacing, stimulus.samples)
+    rules = context.session.study.as_instructed
+    verdict = judged(stimulus.pacing, stimulus.samples, rules)
     context.log.append(
         TouchEnded(
             touch=number,
@@ -135,8 +136,7 @@ def _setpoint(context: SessionContext, voltage_v: float, frequency: float) -> Se
 
 
 def _warning(verdict: Compliance) -> str:
-    judged_parts = {"force": verdict.force_ok, "place": verdict.place_ok}
-    missed = [name for name, is_ok in judged_parts.items() if is_ok is False]
+    missed = verdict.missed
     return f"the touch did not follow the instruction: {' and '.join(missed)}" if missed else ""
 
 

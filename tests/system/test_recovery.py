@@ -1,5 +1,6 @@
 """Dry runs recover what their virtual participants were given: M2 against the journalled truth."""
 
+from collections.abc import Callable
 from contextlib import ExitStack
 from datetime import UTC, datetime
 from pathlib import Path
@@ -33,7 +34,14 @@ STUDY = template("extended")
 
 
 def rehearsed(
-    folder: Path, text: str, people: int, seed: int, law: str = LAW, rung: str = RUNG
+    folder: Path,
+    text: str,
+    people: int,
+    seed: int,
+    law: str = LAW,
+    rung: str = RUNG,
+    *,
+    slips: Callable[[], bool] = lambda: False,
 ) -> Report:
     """The report on sessions of virtual participants, in this process and on simulated time."""
     study = parsed_study(text)
@@ -52,13 +60,15 @@ def rehearsed(
                 law=law,
                 rung=rung,
             )
-            _run(study, text, options, journal)
+            _run(study, text, options, journal, slips)
         chains = [journal.events(name) for name in journal.sessions()]
     found = load_study_data(chains, rehearsals=True)
     return report("rehearsals", found, study, Origin(command="report", study_sha256="0"))
 
 
-def _run(study: Study, text: str, options: SessionOptions, journal: Any) -> None:
+def _run(
+    study: Study, text: str, options: SessionOptions, journal: Any, slips: Callable[[], bool]
+) -> None:
     name = session_name(options.participant, options.number)
     request = Request(
         options=options,
@@ -81,7 +91,11 @@ def _run(study: Study, text: str, options: SessionOptions, journal: Any) -> None
             session=session,
             device=rig,
             participant=VirtualParticipant(
-                control=device, clock=clock, character=character, random_stream=stream
+                control=device,
+                clock=clock,
+                character=character,
+                random_stream=stream,
+                slips=slips,
             ),
             operator=OperatorConsole(
                 lambda _: "",

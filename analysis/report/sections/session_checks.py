@@ -8,6 +8,7 @@ from analysis.report.drawing import course_figure
 from analysis.report.figure_data import Course, course
 from analysis.report.findings import Findings
 from analysis.report.wording import interval, number, p_value, share
+from analysis.trials.order_as_run import OrderAsRun
 from analysis.trials.trial_checks import Discrimination, Drift, FTest
 from analysis.trials.trial_statistics import CatchAnswers
 
@@ -23,10 +24,12 @@ def section(found: Findings) -> Section:
                 lines=[
                     _f_line("Place in the session", trials.order),
                     _f_line("Carry-over from the previous trial", trials.carry_over),
+                    *_order_lines(trials.as_run),
                     _drift_line(trials.drift),
                     _catch_line(trials.catch.overall),
                 ]
             ),
+            _follower_table(found),
             _course_figure(found),
             _catch_table(trials.catch) if trials.catch.subjects else None,
         ],
@@ -34,6 +37,7 @@ def section(found: Findings) -> Section:
             "checks": {
                 "order": plain(trials.order),
                 "carry_over": plain(trials.carry_over),
+                "as_run": _as_run_json(trials.as_run),
                 "drift": plain(trials.drift),
                 "catch_trials": {
                     "overall": _discrimination_json(trials.catch.overall),
@@ -51,6 +55,49 @@ def _f_line(name: str, test: FTest | NotEstimable) -> str:
     if isinstance(test, NotEstimable):
         return f"{name}: not estimable ({test.reason})."
     return f"{name}: F({test.df[0]}, {test.df[1]}) = {test.f:.3f}, p = {p_value(test.p)}."
+
+
+def _order_lines(order: OrderAsRun | NotEstimable) -> list[str]:
+    if isinstance(order, NotEstimable):
+        return [f"Order as run: not known ({order.reason})."]
+    kept = "keeps every rule of the plan"
+    if order.problems:
+        kept = f"breaks rules of the plan ({'; '.join(order.problems)})"
+    return [
+        f"Attempts that were repeated because a touch was not as instructed: "
+        f"{order.attempts_repeated}. The order in which the trials were answered {kept}."
+    ]
+
+
+def _follower_table(found: Findings) -> Table | None:
+    """Return how often each condition was felt directly after each other one."""
+    order, names = found.trials.as_run, found.study.conditions
+    if isinstance(order, NotEstimable):
+        return None
+    counts = order.carry_over.counts
+    return Table(
+        name="followers",
+        caption="How often each condition (column) was answered directly after another (row), "
+        "within a block; catch trials between them are ignored.",
+        columns=columns("after", *names),
+        rows=[[name, *map(str, row)] for name, row in zip(names, counts, strict=True)],
+    )
+
+
+def _as_run_json(order: OrderAsRun | NotEstimable) -> Json:
+    if isinstance(order, NotEstimable):
+        return dict(plain(order))
+    felt = order.carry_over
+    return {
+        "attempts_repeated": order.attempts_repeated,
+        "problems": list(order.problems),
+        "carry_over": {
+            "counts": [list(row) for row in felt.counts],
+            "across_blocks": [list(row) for row in felt.across_blocks],
+            "balanced": felt.balanced,
+            "imbalance": felt.imbalance,
+        },
+    }
 
 
 def _drift_line(drift: Drift | NotEstimable) -> str:

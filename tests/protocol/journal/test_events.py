@@ -151,7 +151,7 @@ PAYLOADS: dict[str, dict[str, Any]] = {
             }
         ],
         "trace": [[6.25, 0.5, 0.0415]],
-        "judged": {"force_n": 0.5, "force_ok": True, "place_ok": None},
+        "judged": {"force_n": 0.5, "force_ok": True, "place_ok": None, "speed_ok": None},
     },
     "answered": {
         "index": 4,
@@ -164,9 +164,10 @@ PAYLOADS: dict[str, dict[str, Any]] = {
         "opposite": False,
         "reaction_time_s": [1.767, 2.0],
         "traces": [None, {"start": None, "changes": [[0.5, "7", "pointer"]]}],
-        "judged": [{"force_n": 0.5, "force_ok": True, "place_ok": True}],
+        "judged": [{"force_n": 0.5, "force_ok": True, "place_ok": True, "speed_ok": False}],
     },
     "trial-aborted": {"index": 4, "why": "repeated at the operator's wish"},
+    "trial-deferred": {"index": 4, "missed": ["force", "speed"], "after": 6},
     "paused": {},
     "unpaused": {},
     "note": {"text": "the phone rang"},

@@ -22,10 +22,11 @@ _LETTERS = {
     "watchdog-tested": "H",
     "rig-described": "D", "beam-mounted": "B", "resonance-measured": "M", "trial-started": "T",
     "touch-started": "S", "touch-ended": "E", "answered": "W", "trial-aborted": "X",
+    "trial-deferred": "Y",
     "paused": "U", "unpaused": "V", "device-off": "F", "session-completed": "C",
     "trial-excluded": "x", "session-excluded": "Z", "withdrawn": "G", "note": "",
 }  # fmt: skip
-_TRIAL = "T(?:(?:B?SE)+W|(?:B?SE)*B?S?X)"
+_TRIAL = "T(?:(?:B?SE)+[WY]|(?:B?SE)*B?S?X)"
 _RUN = f"AH?D?B?(?:M(?:{_TRIAL}|UV)*U?)?F"
 _BROKEN_OFF = f"AH?D?B?(?:M(?:{_TRIAL}|UV)*(?:U|T(?:B?SE)*B?S?)?)?"
 _SESSION = re.compile(
@@ -69,12 +70,13 @@ def _along_transitions(name: str, tags: list[str]) -> None:
 
 
 def _as_planned(day: "Day", name: str, events: list[tuple[str, dict[str, Any]]]) -> None:
-    """Each trial once, in the order of the plan, which never changes."""
+    """Each trial once, in the order of the plan, in which only deferred trials move."""
     opened = events[0][1]
     trials = opened["trials"]
     answered: set[int] = set()
     again_on_resume = day.lab.watch.study.session.practise_again == "on resume"
     kinds = {trial["index"]: trial["kind"] for trial in trials}
+    order = list(kinds)
     for tag, payload in events:
         if tag == "session-resumed":
             require(9, payload["trials"] == trials, f"{name} was resumed with another plan")
@@ -86,17 +88,31 @@ def _as_planned(day: "Day", name: str, events: list[tuple[str, dict[str, Any]]])
             done = {index for index in answered if kinds[index] == "practice"}
             require(9, not done, f"{name}: practice {done} was not renewed")
         elif tag == "trial-started":
-            due = min(set(kinds) - answered, default=None)
+            due = next((index for index in order if index not in answered), None)
             require(9, payload["index"] == due, f"{name} runs trial {payload['index']}, not {due}")
+        elif tag == "trial-deferred":
+            require(
+                9, _comes_again(order, opened["trials"], payload, answered), f"{name}: {payload}"
+            )
         elif tag == "answered":
             require(2, payload["index"] not in answered, f"{name}: {payload['index']} twice")
             answered.add(payload["index"])
-        elif tag == "session-completed":
-            require(
-                9, answered == set(kinds), f"{name} is complete without {set(kinds) - answered}"
-            )
     completed = any(tag == "session-completed" for tag, _ in events)
+    left = set(kinds) - answered
+    require(9, not (completed and left), f"{name} is complete without {left}")
     require(11, completed == (name in day.completed), f"{name}: completed is {completed}")
+
+
+def _comes_again(
+    order: list[int], trials: list[dict[str, Any]], payload: dict[str, Any], answered: set[int]
+) -> bool:
+    """Move a deferred trial in `order`; return whether it may come where the event says."""
+    index, after = payload["index"], payload["after"]
+    if after != index:
+        order.remove(index)
+        order.insert(order.index(after) + 1, index)
+    in_block = trials[index]["block"] == trials[after]["block"]
+    return in_block and trials[index]["kind"] != "practice" and after not in answered
 
 
 def _slots(day: "Day", rows: Rows) -> None:

@@ -34,6 +34,8 @@ catch_trials = {catch}
 repeats = {repeats}
 break_every_blocks = {breaks}
 break_s = 0.2
+[as_instructed]
+retries = {retries}
 [timing]
 between_touches_s = 0.1
 inter_trial_s = 0.2
@@ -82,6 +84,7 @@ def drawn_study(stream: random.Random, dialect: str) -> str:
         catch=(0, 1, 0, 0)[kind],
         repeats=(1, 1, 1, 2)[kind],
         breaks=(0, 0, 1, 1)[kind],
+        retries=(0, 1, 2, 1)[kind],
         score_when=("agrees", "always")[kind % 2],
         asks=('["skin state"]', "[]")[kind // 2],
         again=("on resume", "never")[kind // 2],

@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from device.drivers.driver import NO_TEMPERATURE, Driver
@@ -106,13 +106,20 @@ class Board(Driver):
         return True
 
     def drive(self, setpoint: Setpoint) -> ReadBack:
-        """Set `setpoint`, switch the output on, and return what the device says of it."""
+        """Set `setpoint`, switch the output on, and return what the device says of it.
+
+        An amplitude that stays is not set again, so that the steps of a sweep are short.
+        """
         setpoint.checked(self.limits)
         if self.driven is None:
             self._keeps_its_promises()
-        self.set_number("VOLT:RAMP", setpoint.ramp_v_per_s)
+        driven = self.driven
+        moves = driven is None or replace(setpoint, frequency_hz=driven.frequency_hz) != driven
+        if moves:
+            self.set_number("VOLT:RAMP", setpoint.ramp_v_per_s)
         self.set_number("FREQ", setpoint.frequency_hz)
-        self.set_number("VOLT", setpoint.voltage_v)
+        if moves:
+            self.set_number("VOLT", setpoint.voltage_v)
         if self.driven is None:
             self._most_v = 0.0
             self.send("OUTP ON")

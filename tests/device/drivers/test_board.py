@@ -2,7 +2,9 @@
 
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
+from unittest.mock import patch
 
 import pytest
 
@@ -11,6 +13,7 @@ from device.drivers.limits import Limits, Setpoint
 from device.errors import DeviceError, ForeignOutput, OutputUnknown
 from device.link.link import Link, open_link
 from device.simulator.client import ControlClient, Endpoints, simulator_process
+from device.simulator.in_process import InProcessDevice
 from protocol.address import AddressError
 from tests.device.scripted import ScriptedPort, ticking
 
@@ -59,6 +62,20 @@ def test_a_drive_is_read_back_and_off_is_off(board: Board, control: ControlClien
     assert control.state()["output"] is True
     board.off()
     assert control.state()["output"] is False
+
+
+def test_a_step_of_a_sweep_sets_the_frequency_alone() -> None:
+    device = InProcessDevice(seed=1)
+    port = device.port()
+    board = Board(Link(port, device.now_s), LIMITS, device.now_s)
+    board.arm()
+    board.drive(setpoint(100))
+    with patch.object(port, "send", wraps=port.send) as send:
+        read_back = board.drive(replace(setpoint(100), frequency_hz=24_000.0))
+    sent = [call.args[0] for call in send.call_args_list]
+    assert [data for data in sent if b"?" not in data] == [b"FREQ 24000\n"]
+    assert (read_back.voltage_v, read_back.frequency_hz) == (100, 24_000)
+    assert board.drive(setpoint(90)).voltage_v == 90
 
 
 @pytest.mark.parametrize(

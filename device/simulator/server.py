@@ -94,7 +94,7 @@ class Server:
         if not self._there or "deaf" in self._device.broken.active:
             return False
         received = self._line.receive()
-        for line in self._lines(self._wire.heard(received or b"")):
+        for line in self._lines(self._wire.heard(received)) if received else ():
             answer = self._device.answer_bytes(line, self._wall_s())
             if answer is not None:
                 self._wire.reply(line.decode("ascii", "replace"), answer)

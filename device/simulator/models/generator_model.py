@@ -57,7 +57,7 @@ class GeneratorDialect(Dialect):
 
     def follow(self) -> None:
         """Put on the beam what channel 1 gives: at once, for a generator has no slew."""
-        first, instrument = self.channels[0], self._instrument
+        first, instrument = self._channels.all[0], self._instrument
         emf_vpp = min(first.emf_vpp + self._added_emf_vpp(), MOST_EMF_VPP)
         instrument.target_v = AMPLIFIER_GAIN * emf_vpp / 2 if self._sounding() else 0.0
         if instrument.sweep is None:

@@ -27,7 +27,7 @@ from tests.system.day.studies import drawn_study
 from tests.system.day.watch import HOT, SLACK
 
 DEVICES = {
-    "board": 60, "keysight": 8, "keysight-33220A": 6, "rigol": 8, "rigol-DG1062Z": 6, "siglent": 12,
+    "board": 70, "keysight": 6, "keysight-33220A": 5, "rigol": 6, "rigol-DG1062Z": 5, "siglent": 8,
 }  # fmt: skip
 """The models, and of how many days in a hundred each is the device."""
 _NO_FAULTS_OF_A_BOARD = {"modulated", "signal-added"}
@@ -354,7 +354,7 @@ def day(seed: int) -> Day:
         AssertionError: an invariant does not hold; the message has the command that repeats it.
     """
     stream = random.Random(f"day/{seed}")
-    (model,) = random.Random(f"device/{seed}").choices([*DEVICES], [*DEVICES.values()])
+    (model,) = random.Random(f"rig/{seed}").choices([*DEVICES], [*DEVICES.values()])
     before = handles()
     Violation.found.clear()
     try:

@@ -53,7 +53,7 @@ from tests.system.day.watch import Watch
 
 MORNING = datetime(2026, 1, 5, 8, tzinfo=UTC)
 PORT = "COM1"
-SEARCHED_POINTS = 7
+SEARCHED_POINTS = 5
 """Of the search for the resonance, twice; 21 find it more exactly, but take most of a day."""
 DRIPS_S = 120.0
 """How long a device that was mended may still drip what it was asked before."""

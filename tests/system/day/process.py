@@ -46,7 +46,7 @@ class Process:
         """Deal with the world outside; whatever is due happens first."""
         if not self.alive:
             raise Dead
-        if self._busy:
+        if self._busy or not self.incidents:
             return
         for incident in list(self.incidents):
             if self.stored >= incident.events and where in incident.where:

@@ -1,11 +1,18 @@
 """Days in the laboratory: dozens in every run, thousands with `make soak`."""
 
+import random
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
+from pathlib import Path
 
 import pytest
 
+from protocol.study.touch import Touch
+from runner.journal.verification import STUDY_CHAIN
 from tests.system.day.day import day
+from tests.system.day.invariants import Violation
+from tests.system.day.lab import Lab
+from tests.system.day.studies import drawn_study
 
 SEEDS = 80
 SOAKED = 5000
@@ -22,8 +29,18 @@ def test_days_keep_every_invariant(first: int) -> None:
         assert len(done.lab.watch.planned) >= 3
 
 
-def test_a_study_amended_just_before_a_warning_is_not_the_next_event_of_the_session() -> None:
-    day(770)
+def test_the_next_event_of_a_session_comes_after_the_warning_about_its_touch(
+    tmp_path: Path,
+) -> None:
+    stream = random.Random(0)
+    lab = Lab(tmp_path, drawn_study(stream, "board"), stream, "board")
+    lab.watch.touch = Touch(place="smooth", voltage_v=0)
+    lab.watch.fault("banner")  # or the touch would be compared with its plan
+    stored = lab.disk.on_event
+    stored("P01/1", "touch-ended", '{"judged": {"force_ok": false, "place_ok": true}}')
+    stored(STUDY_CHAIN, "amended", "{}")  # by another process
+    with pytest.raises(Violation, match="nobody was told that a touch of P01/1"):
+        stored("P01/1", "paused", "{}")
 
 
 def test_a_day_depends_on_its_seed_alone() -> None:

@@ -35,7 +35,7 @@ CUT_OFF = {"vanish", "dead-peer", "deaf"}
 DEAD_WATCHDOG = {SLACK, "watchdog-dead"}
 """Faults in which nothing ends what a process has switched on that is killed."""
 NO_WATCHDOG = {*DEAD_WATCHDOG, "relay-stuck", "stage-shorted"}
-NOTICED_S = 0.25
+NOTICED_S = 0.35
 """Within this time, and 20 delays of the line, a session that lives turns off what is wrong."""
 TOLD_S = 3.0
 """Within this time it says that it cannot: it asks several times, and waits for a discharge."""
@@ -229,43 +229,48 @@ class Watch:
         if not (instrument.output or instrument.left_v):  # as it is most of the time
             self._on, self._wrong_from_s = False, None
             return
-        now_s = self.device.now_s()
-        output_v, silent_s = instrument.output_v, now_s - instrument.heard_wall_s
         self._require_promises(instrument.output)
+        output_v, hertz = instrument.output_v, instrument.frequency_hz
         if output_v <= _TOLERANCE_V:
             self._wrong_from_s = None
             return
-        faults = self.faults_s.keys()
-        shown = f"{output_v:g} V at {now_s:.3f} s"
-        hung_s = now_s - self.hanging_from_s
-        most_s = 1.3 * self.rig.watchdog_s
-        if self.is_board and not faults & NO_WATCHDOG:
-            require(3, silent_s <= self.rig.watchdog_s, f"{shown}, silent for {silent_s:.3f} s")
-            require(3, hung_s <= most_s, f"{shown}, the session hangs for {hung_s:.3f} s")
-        if not (self.is_board or faults):
-            most_s += self._poll_s
-            require(3, hung_s <= most_s, f"{shown}, the session hangs for {hung_s:.3f} s")
+        if self._outlasts():
+            require(3, False, f"{self._output()}, silent or hanging for too long")
         allowed_v, allowed_hz = self._allowed()
         least_hz = 0.0 if self.touch is None else self._least_hz(self.touch)
-        hertz = instrument.frequency_hz
+        faults = self.faults_s.keys()
         cool = not (instrument.hot and self.rig.max_temperature_c)
         if output_v <= allowed_v + _TOLERANCE_V and least_hz <= hertz <= allowed_hz and cool:
             self._wrong_from_s = None
         elif faults & (STAYS_ON | EXCEEDS) or (faults & CUT_OFF and not self.is_board):
-            self._wrong_for_long(now_s, shown)
+            self._wrong_for_long()
         else:
             cut_off = faults & CUT_OFF and output_v <= self.rig.max_voltage_v
-            require(
-                4, cut_off, f"{shown}, {hertz:g} Hz; {allowed_v:g} V, {allowed_hz:g} Hz allowed"
-            )
+            require(4, cut_off, f"{self._output()}; {allowed_v:g} V, {allowed_hz:g} Hz allowed")
+
+    def _outlasts(self) -> bool:
+        """Whether the output is on though the device hears nothing, or the session hangs."""
+        now_s, within_s = self.device.now_s(), self.rig.watchdog_s
+        silent_s = now_s - self.device.inside.instrument.heard_wall_s
+        hung_s = now_s - self.hanging_from_s
+        if self.is_board:
+            guarded = not self.faults_s.keys() & NO_WATCHDOG
+            return guarded and (silent_s > within_s or hung_s > 1.3 * within_s)
+        return not self.faults_s and hung_s > 1.3 * within_s + self._poll_s
+
+    def _output(self) -> str:
+        instrument = self.device.inside.instrument
+        volts, hertz = instrument.output_v, instrument.frequency_hz
+        return f"{volts:g} V, {hertz:g} Hz at {self.device.now_s():.3f} s"
 
     def _require_promises(self, on: bool) -> None:
         """When the output goes on, the device has the limit and the watchdog of the study."""
-        asked_s = self.device.now_s() - 0.1 - self._poll_s
-        forgot = any(self.faults_s.get(name, 0.0) > asked_s for name in FORGETS)
-        if on and not self._on and not forgot:
+        if on and not self._on:
+            asked_s = self.device.now_s() - 0.1 - self._poll_s
+            forgot = any(self.faults_s.get(name, 0.0) > asked_s for name in FORGETS)
             kept, wanted = self._promises()
-            require(4, kept == wanted, f"on with limit and watchdog {kept}, not {wanted}")
+            holds = forgot or kept == wanted
+            require(4, holds, f"on with limit and watchdog {kept}, not {wanted}")
         self._on = on
 
     def _promises(self) -> tuple[tuple[float | None, ...], tuple[float | None, ...]]:
@@ -303,15 +308,16 @@ class Watch:
     def _least_hz(self, touch: Touch) -> float:
         return min(touch.frequency, touch.end_frequency) * self.resonance_hz * (1 - 1e-6)
 
-    def _wrong_for_long(self, now_s: float, shown: str) -> None:
+    def _wrong_for_long(self) -> None:
         """A device that gives what nobody asked for is noticed soon, while somebody polls it."""
+        now_s = self.device.now_s()
         if self._wrong_from_s is None:
             self._wrong_from_s = now_s
         wrong_s = now_s - self._wrong_from_s
         alone = len(self.faults_s) == 1 and self.faults_s.keys() <= EXCEEDS
         longest_s = NOTICED_S + self._poll_s if alone else TOLD_S
         noticed = wrong_s <= longest_s or self.told_unknown or not self.polled
-        require(4, noticed, f"{shown}, wrong for {wrong_s:.1f} s")
+        require(4, noticed, f"{self._output()}, wrong for {wrong_s:.1f} s")
 
     def _newer_than_heard(self) -> bool:
         """Whether a fault came after the device was last heard."""

@@ -153,7 +153,7 @@ def test_the_parts_of_a_session_add_up() -> None:
 
 
 def test_swaps_of_beams_are_counted_from_the_one_that_is_mounted_at_first() -> None:
-    document = small_document(2, beams=2, order="fixed", repeats=1)
+    document = small_document(3, beams=2, order="fixed", repeats=1)
     study = Study.model_validate(document)
     orders = plan(study, 0)
     for allowed, exceeded in ((1, set()), (0, {"at most 0 beam swaps are allowed"})):

@@ -18,11 +18,11 @@ from device.errors import (
     OutputUnknown,
 )
 from device.resonance import Resonance
-from device.rig import FEEDS_PER_WATCHDOG, RAMP_STEP_S, Rig
+from device.rig import FEEDS_PER_WATCHDOG, RAMP_STEP_S, Rig, open_rig
 from protocol.journal.records import Identity, ReadBack
 from tests.device.lying import SteppedClock
 
-LIMITS = Limits(max_voltage_v=120, max_frequency_hz=40_000, ramp_v_per_s=400, watchdog_s=1.0)
+LIMITS = Limits(max_voltage_v=120, max_frequency_hz=40_000, ramp_v_per_s=400, watchdog_s=0.5)
 DRIVE = Setpoint(voltage_v=100, frequency_hz=24_000, ramp_v_per_s=400)
 FEED_S = LIMITS.watchdog_s / 5
 SHOWN = ReadBack(output=True, voltage_v=100, frequency_hz=24_000)
@@ -210,7 +210,7 @@ def test_a_device_without_a_watchdog_is_turned_off_once_the_session_is_silent(
         assert unwatched.after(FEED_S, beats=False) == []
     assert unwatched.after(0.3 * FEED_S, beats=False) == []
     assert unwatched.after(FEED_S, beats=False) == ["send_off", "confirm_off"]
-    message = r"^the session did not move for 1\.1 s; output off, read back$"
+    message = r"^the session did not move for 0\.5 s; output off, read back$"
     with pytest.raises(DeviceError, match=message):
         unwatched.rig.beat()
 
@@ -227,10 +227,10 @@ def test_a_session_that_is_silent_for_its_watchdogs_time_and_no_longer_goes_on()
 
 
 def test_a_drive_moves_the_session(unwatched: Bench) -> None:
-    unwatched.clock.advance(0.9)
+    unwatched.clock.advance(0.9 * LIMITS.watchdog_s)
     unwatched.rig.drive(DRIVE)
     unwatched.calls()
-    assert unwatched.after(0.9, beats=False) == []
+    assert unwatched.after(0.9 * LIMITS.watchdog_s, beats=False) == []
 
 
 def test_a_device_with_a_watchdog_is_left_to_it(driven: Bench) -> None:
@@ -317,6 +317,12 @@ def test_a_fault_turns_off_once_and_latches(bench: Bench, call: str) -> None:
     assert bench.rig.read_back() is SHOWN
 
 
+def test_arming_listens_again_after_a_stop(bench: Bench) -> None:
+    bench.driver.link.stopped = True
+    bench.rig.arm()
+    assert not bench.driver.link.stopped
+
+
 def test_a_rig_that_cannot_be_armed_is_not_armed(bench: Bench) -> None:
     bench.driver.does["arm"] = raising(DeviceError("wrong"))
     with pytest.raises(DeviceError, match=r"^wrong; output off, read back$"):
@@ -340,6 +346,7 @@ def test_another_device_is_told_nothing(bench: Bench) -> None:
     with pytest.raises(ForeignDevice, match=r"^a kettle$"):
         bench.rig.arm()
     assert bench.calls() == ["arm"]
+    assert bench.rig.idle_s() is None
     with pytest.raises(ForeignDevice, match=r"^a kettle$"):
         bench.rig.beat()
 
@@ -500,6 +507,20 @@ def test_a_thread_owns_the_port_until_the_rig_is_closed() -> None:
     assert threading.active_count() == before
 
 
+def test_a_rig_that_is_opened_has_a_thread_that_owns_its_port(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    driver = RecordedDriver()
+    monkeypatch.setattr("device.rig.open_link", lambda url: url)
+    monkeypatch.setattr("device.rig.driver_of", lambda dialect: lambda *_: driver)
+    before = threading.active_count()
+    rig = open_rig("somewhere", LIMITS, "board")
+    assert threading.active_count() == before + 1
+    assert rig.arm() is IDENTITY
+    rig.close()
+    assert driver.calls == ["arm", "close"]
+
+
 def test_a_step_without_a_call_does_not_wait(driven: Bench) -> None:
     waiting = threading.Thread(target=driven.rig.step, daemon=True)
     waiting.start()
@@ -590,9 +611,16 @@ def test_the_resonance_is_searched_for_in_waits_of_at_most_a_feed(bench: Bench) 
 
 
 def test_a_long_wait_of_the_search_is_cut_into_pieces_of_a_feed(bench: Bench) -> None:
-    """At 10 V below what is asked, the wait for the ramp is longer than a feed."""
+    """80 V below what is asked, the wait for the ramp is longer than the watchdog."""
     waits: list[float] = []
+    beats: set[int] = set()
+
+    def sleep(seconds: float) -> None:
+        waits.append(seconds)
+        beats.add(bench.rig._beats)
+
     bench.driver.shown = replace(SHOWN, voltage_v=-70.0)
     with pytest.raises(DeviceError, match="no resonance"):
-        bench.rig.resonance(24_000, waits.append)
-    assert waits[:3] == pytest.approx([0.5 / 3] * 3)
+        bench.rig.resonance(24_000, sleep)
+    assert waits == pytest.approx([FEED_S] * 21 * 5)
+    assert len(beats) == len(waits), "each wait comes after a beat of its own"

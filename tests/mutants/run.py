@@ -10,25 +10,17 @@ import hashlib
 import json
 import os
 import random
-import signal
 import sys
 import time
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 
-# What takes long to load and has nothing of ours: each mutant's process starts with it.
-import hypothesis  # noqa: F401
-import numpy as np  # noqa: F401
-import pydantic  # noqa: F401
-import pytest
-import scipy.optimize
-import scipy.stats  # noqa: F401
-
 from tests.mutants import hook, survivors
+from tests.mutants.forks import KEPT, OUTPUT, exit_code
 from tests.mutants.mutation import ROOT, Mutant, mutants
 from tests.mutants.selections import SELECTIONS
 
-KEPT = ROOT / ".mutants"
 SEED = 2026
 LEAST_S = 30.0
 """Tests that take longer than this, and than five times what they take without an error, hang."""
@@ -37,39 +29,24 @@ _FOUND, _SURVIVES = "found", "survives"
 
 def passes(selection: Sequence[str], mutant: str = "", within_s: float = 600.0) -> bool:
     """Return whether the tests pass with `mutant`, or with none, in a process of their own."""
-    if (process := os.fork()) == 0:
-        _test(selection, mutant)
-    end_s = time.monotonic() + within_s
-    while time.monotonic() < end_s:
-        done, status = os.waitpid(process, os.WNOHANG)
-        if done:
-            break
-        time.sleep(0.01)
-    _end(process)
-    if not done:
-        _, status = os.waitpid(process, 0)
-    return status == 0
+    return exit_code(lambda: _test(selection, mutant), within_s) == 0
 
 
-def _test(selection: Sequence[str], mutant: str) -> None:
-    os.setsid()
-    with (KEPT / "output.txt").open("w") as output:
-        os.dup2(output.fileno(), 1)
-        os.dup2(output.fileno(), 2)
+def _test(selection: Sequence[str], mutant: str) -> int:
+    import pytest
+
+    class First:
+        """Comes before pytest's own way to import modules, which takes what a plugin is part of."""
+
+        def pytest_configure(self) -> None:
+            if mutant:
+                hook.install(mutant)
+
     os.environ["HYPOTHESIS_STORAGE_DIRECTORY"] = str(KEPT / "hypothesis")
     os.environ.update(hook.environment(mutant) if mutant else {})
-    if mutant:
-        hook.install(mutant)
     loaded = "ignore:Module already imported"
-    os._exit(pytest.main(["-x", "-q", "-p", "no:cacheprovider", "-W", loaded, *selection]))
-
-
-def _end(process: int) -> None:
-    """End what the tests may have left behind: everything in their process group."""
-    try:
-        os.killpg(process, signal.SIGKILL)
-    except ProcessLookupError:
-        return
+    options = ["-x", "-q", "-p", "no:cacheprovider", "-W", loaded]
+    return pytest.main([*options, *selection], plugins=[First()])
 
 
 class Results:
@@ -114,6 +91,17 @@ def _digest(files: Sequence[Path]) -> str:
     return digest.hexdigest()[:16]
 
 
+def found_by_tests(mutant: Mutant, results: Results) -> bool:
+    """Return whether the tests find `mutant`; what is known of it already is in `results`."""
+    how = results.of(mutant)
+    if how is None:
+        passed = passes(SELECTIONS[mutant.path], mutant.name, _limit_s(mutant.path))
+        how = _SURVIVES if passed else _FOUND
+        results.add(mutant, how)
+        print("" if how == _FOUND else f"{mutant}\n    survives\n", end="", flush=True)
+    return how == _FOUND
+
+
 def run(path: str, sample: int | None) -> None:
     """Try every mutant of a module, or a sample, and write its survivors."""
     every = mutants(path)
@@ -121,22 +109,17 @@ def run(path: str, sample: int | None) -> None:
     if sample is not None and sample < len(every):
         drawn = random.Random(f"{SEED} {path}").sample(every, sample)
     results = Results(path)
-    left = [mutant for mutant in drawn if results.of(mutant) is None]
-    limit_s = _limit_s(path) if left else 0.0
-    for mutant in left:
-        passed = passes(SELECTIONS[path], mutant.name, limit_s)
-        results.add(mutant, _SURVIVES if passed else _FOUND)
-        if passed:
-            print(f"{mutant}\n    survives", flush=True)
-    lives = [mutant.title for mutant in drawn if results.of(mutant) == _SURVIVES]
+    lives = [mutant.title for mutant in drawn if not found_by_tests(mutant, results)]
     survivors.record(path, lives, tried=len(drawn), of=len(every))
     print(f"{path}: {len(drawn) - len(lives)} of {len(drawn)} found", flush=True)
 
 
+@cache
 def _limit_s(path: str) -> float:
+    """Return how long the tests of a module may take; they must pass without any change."""
     began_s = time.monotonic()
     if not passes(SELECTIONS[path]):
-        sys.exit(f"{path}: its tests fail without any change; see {KEPT / 'output.txt'}")
+        sys.exit(f"{path}: its tests fail without any change; see {OUTPUT}")
     return max(LEAST_S, 5 * (time.monotonic() - began_s))
 
 
@@ -146,7 +129,6 @@ def main() -> None:
     parser.add_argument("paths", nargs="*", metavar="MODULE", help="such as device/rig.py")
     parser.add_argument("--sample", type=int, help="try as many of each module, drawn by a seed")
     options = parser.parse_args()
-    KEPT.mkdir(exist_ok=True)
     for path in options.paths or SELECTIONS:
         run(path, options.sample)
     if unexplained := survivors.unexplained():

@@ -3,20 +3,28 @@
 from collections.abc import Mapping
 
 _LIMITS = "tests/device/drivers/test_limits.py"
-_DRIVERS = (_LIMITS, "tests/device/drivers", "tests/system/test_lies.py")
-_BOARD = ("tests/system/test_lying_devices.py",)
-_JOURNAL = (
-    "tests/runner/journal/test_store.py", "tests/runner/journal/test_amendments.py",
-    "tests/runner/journal/test_database.py", "tests/runner/journal/test_backup.py",
-    "tests/runner/journal/test_guessing.py", "tests/runner/journal/test_location.py",
-    "tests/runner/journal/test_versions.py", "tests/runner/journal/test_corruption.py",
-    "tests/system/test_results_on_disk.py",
+_DRIVERS = (
+    _LIMITS, "tests/system/test_lying_devices.py", "tests/device/drivers/test_board.py",
+    "tests/system/test_lies.py", "tests/device/drivers/test_discovery.py",
 )  # fmt: skip
+_STORE = "tests/runner/journal/test_store.py"
+_AMENDED = "tests/runner/journal/test_amendments.py"
+_JOURNAL: Mapping[str, tuple[str, ...]] = {
+    "amendments": (_AMENDED, "tests/runner/journal/test_guessing.py", "tests/runner/cli"),
+    "backup": ("tests/runner/journal/test_backup.py",),
+    "chain": (_STORE, _AMENDED, "tests/runner/journal/test_corruption.py"),
+    "cohort": (_AMENDED, "tests/runner/launch", "tests/system/test_run.py"),
+    "database": (_STORE, "tests/runner/journal/test_database.py"),
+    "location": ("tests/runner/journal/test_location.py", "tests/runner/journal/test_database.py"),
+    "session_log": ("tests/runner/session", "tests/runner/test_signals.py"),
+    "store": (_STORE, _AMENDED, "tests/runner/journal/test_database.py"),
+    "verification": (_STORE, _AMENDED, "tests/runner/journal/test_corruption.py"),
+}
 _STUDY_FILE = (
     "tests/protocol/study_file/test_limits.py", "tests/protocol/study_file/test_loading.py",
     "tests/protocol/study_file/test_consistency.py", "tests/protocol/plan/test_feasibility.py",
 )  # fmt: skip
-_SESSION = ("tests/runner/session", "tests/system/test_recovery.py", "tests/runner/test_signals.py")
+_SESSION = ("tests/runner/session",)
 
 SELECTIONS: Mapping[str, tuple[str, ...]] = {
     "device/drivers/limits.py": (_LIMITS,),
@@ -31,20 +39,14 @@ SELECTIONS: Mapping[str, tuple[str, ...]] = {
     "runner/session/trial.py": _SESSION,
     "runner/session/waiting.py": _SESSION,
     "protocol/journal/transitions.py": ("tests/protocol/journal", *_SESSION),
-    "protocol/journal/state.py": ("tests/protocol/journal", *_SESSION, *_JOURNAL),
+    "protocol/journal/state.py": ("tests/protocol/journal", *_SESSION),
     **{
-        f"device/drivers/{name}.py": (*_DRIVERS, *_BOARD)
+        f"device/drivers/{name}.py": _DRIVERS
         for name in (
             "board", "discovery", "driver", "generator", "keysight", "rigol", "scpi_generator",
             "siglent",
         )
     },
-    **{
-        f"runner/journal/{name}.py": _JOURNAL
-        for name in (
-            "amendments", "backup", "chain", "cohort", "database", "location", "session_log",
-            "store", "verification",
-        )
-    },
+    **{f"runner/journal/{name}.py": selection for name, selection in _JOURNAL.items()},
 }  # fmt: skip
 """The modules that guard finger and data."""

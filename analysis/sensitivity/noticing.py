@@ -166,8 +166,9 @@ class ChangeDetection:
     """How well one subject notices changes, with 95 % intervals.
 
     `d_prime` is the reference contrast over the SD of the noise; `criterion` is the felt contrast,
-    in the same unit, above which the subject reports the expected change. `false_alarm_rate` is the
-    probability that a change in either direction is reported without one.
+    in the same unit, above which the subject reports the expected change. Both are posterior
+    medians, because their posteriors are skewed to the right. `false_alarm_rate` is the probability
+    that a change in either direction is reported without one.
     """
 
     subject: str
@@ -196,16 +197,16 @@ class Noticing:
         criteria = posterior.of_lines(np.array([1.0, 0.0]))[:-1]
         criteria[:, 0] = -LEAN
         found = posterior.marginals(np.vstack([d_primes, criteria]))
-        means, intervals = weights @ found.means, found.interval_95(weights)
+        medians, intervals = found.quantile(weights, 0.5), found.interval_95(weights)
         rates = _false_alarm_rates(posterior.draws(RATE_DRAWS, np.random.default_rng(0)))
         low, high = np.quantile(rates, [0.025, 0.975], axis=0)
         count = len(self.subjects)
         return tuple(
             ChangeDetection(
                 subject=name,
-                d_prime=float(means[row]),
+                d_prime=float(medians[row]),
                 d_prime_interval=intervals[row],
-                criterion=float(means[count + row]),
+                criterion=float(medians[count + row]),
                 criterion_interval=intervals[count + row],
                 false_alarm_rate=float(rates[:, row].mean()),
                 false_alarm_rate_interval=(float(low[row]), float(high[row])),

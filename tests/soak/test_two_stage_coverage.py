@@ -1,6 +1,10 @@
-"""Coverage of M3's 95 % intervals, and how often the predictive checks reject true models."""
+"""Coverage of M3's 95 % intervals, and how often the predictive checks reject true models.
+
+One cell: `pytest -m soak -s tests/soak/test_two_stage_coverage.py -k "ceiling and 9x5x4"`.
+"""
 
 from concurrent.futures import ProcessPoolExecutor
+from itertools import repeat
 
 import numpy as np
 import pytest
@@ -14,14 +18,22 @@ from analysis.sensitivity.two_stage_model import TwoStageSensitivity, two_stage_
 from tests.analysis.sensitivity.noticing_people import NoticingPeople, noticing_study
 from tests.analysis.sensitivity.people_of_other_kinds import own_people
 
-STUDIES = 120
+STUDIES = 200
 CEILING = NoticingPeople(bias=6.0)
+SPREADS = ("noise_spread", "criterion_spread", "bias_sd", "gain_sd")
+PEOPLE = {"middle": 4.5, "ceiling": 6.0, "no differences": 4.5}
+# Subjects, and repeats of each condition, one of them in the opposite order.
+DESIGNS = {"9x5x2": (9, 2), "9x5x4": (9, 4), "20x5x8": (20, 8)}
 
 pytestmark = pytest.mark.soak
 
 
-def covered(seed: int) -> list[float]:
-    study = noticing_study(CEILING, np.random.default_rng([30, seed]))
+def covered(name: str, design: str, seed: int) -> list[float]:
+    """The share of subjects whose gain, d′ and criterion are covered, and d′ over the true one."""
+    subjects, repeats = DESIGNS[design]
+    spread = {} if name != "no differences" else dict.fromkeys(SPREADS, 0.0)
+    people = NoticingPeople(subjects=subjects, bias=PEOPLE[name], **spread)
+    study = noticing_study(people, np.random.default_rng([30, seed]), repeats=repeats)
     found = two_stage_sensitivity(study.trials)
     assert isinstance(found, TwoStageSensitivity)
     pairs = [
@@ -29,7 +41,9 @@ def covered(seed: int) -> list[float]:
         (np.array([entry.d_prime_interval for entry in found.detection]), study.d_prime),
         (np.array([entry.criterion_interval for entry in found.detection]), study.criterion),
     ]
-    return [float(((ends[:, 0] <= true) & (true <= ends[:, 1])).mean()) for ends, true in pairs]
+    shares = [float(((ends[:, 0] <= true) & (true <= ends[:, 1])).mean()) for ends, true in pairs]
+    d_prime = np.mean([entry.d_prime for entry in found.detection])
+    return [*shares, float(d_prime / study.d_prime.mean())]
 
 
 def rejected(seed: int) -> list[bool]:
@@ -40,12 +54,16 @@ def rejected(seed: int) -> list[bool]:
     return [isinstance(check, PredictiveCheck) and check.refusal is not None for check in checks]
 
 
-def test_people_who_notice_and_then_rate_are_covered() -> None:
+@pytest.mark.parametrize("design", DESIGNS)
+@pytest.mark.parametrize("name", PEOPLE)
+def test_people_who_notice_and_then_rate_are_covered(name: str, design: str) -> None:
     with ProcessPoolExecutor(2) as pool:
-        shares = np.array(list(pool.map(covered, range(STUDIES))))
+        rows = pool.map(covered, repeat(name), repeat(design), range(STUDIES), chunksize=10)
+        shares = np.array(list(rows))
     mean, error = shares.mean(axis=0), shares.std(axis=0, ddof=1) / np.sqrt(STUDIES)
-    print(f"\nM3, coverage of gain, d', criterion: {mean.round(3)}, each ± {error.round(3)}")
-    assert (mean >= 0.93 - 2 * error).all()
+    print(f"\nM3, {design}, {name}: coverage of gain, d', criterion {mean[:3].round(3)}, ", end="")
+    print(f"d' over the true one {mean[3]:.3f}, each ± {error.round(3)}")
+    assert (mean[:3] >= 0.93 - 2 * error[:3]).all()
 
 
 def test_true_models_are_seldom_rejected() -> None:

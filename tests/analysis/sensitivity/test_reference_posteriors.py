@@ -21,10 +21,11 @@ from analysis.sensitivity.ratings import Ratings
 
 REFERENCE = Path(__file__).parent / "reference"
 STUDIES = ("table_4", "middle_9x5x1", "ceiling_9x5x4", "off_the_line_20x5x8")
-# Largest departure of a limit, in widths of the reference's interval. The report does not show the
-# SD of discrepancies: five conditions leave its upper limit in a tail so long that both
-# computations estimate it with an error of some percent.
-LARGEST, LARGEST_OF_DISCREPANCY_SD = 0.05, 0.07
+# Largest departure of a limit, in widths of the reference's interval.
+LARGEST = 0.05
+# Points that integrate the long upper tail of the SD of discrepancies, which only five conditions
+# tell about: with 2,000, its limit has an error of 1 to 5 % of the width. No report shows it.
+FINE = 10_000
 Fit = tuple[PreparedTrials, LatentPosterior, OrdinalSensitivity]
 
 
@@ -36,6 +37,12 @@ def reference(study: str) -> dict[str, Any]:
 
 @cache
 def fit(study: str) -> Fit:
+    ready = prepared(study)
+    posterior = latent_posterior(ready)
+    return ready, posterior, fitted(ready, posterior)
+
+
+def prepared(study: str) -> PreparedTrials:
     columns = {name: np.array(values) for name, values in reference(study)["data"].items()}
     subjects, conditions = columns["subject"].max() + 1, columns["condition"].max() + 1
     ready = prepared_ratings(
@@ -46,8 +53,7 @@ def fit(study: str) -> Fit:
         )
     )
     assert isinstance(ready, PreparedTrials)
-    posterior = latent_posterior(ready)
-    return ready, posterior, fitted(ready, posterior)
+    return ready
 
 
 def limits(study: str) -> dict[str, Interval]:
@@ -57,7 +63,6 @@ def limits(study: str) -> dict[str, Interval]:
     lines = result.lines
     found = {
         "residual_sd": points.interval_95(ready.axes.y_sd * np.exp(points.points[:, 0])),
-        "discrepancy_sd": points.interval_95(ready.axes.y_sd * np.exp(points.points[:, 4])),
         "gain_sd": lines.gain_sd_interval,
         "bias_sd": lines.bias_sd_interval,
         "group_gain": lines.gain_interval,
@@ -73,21 +78,31 @@ def limits(study: str) -> dict[str, Interval]:
 
 def departures(study: str) -> dict[str, float]:
     """The larger departure of the two limits from the reference, in widths of its interval."""
-    found = limits(study)
-    kept = reference(study)["posterior"]
-    assert set(found) == set(kept)
-    return {
-        name: max(abs(found[name][0] - row["low"]), abs(found[name][1] - row["high"]))
-        / (row["high"] - row["low"])
-        for name, row in kept.items()
-    }
+    found, kept = limits(study), reference(study)["posterior"]
+    assert {*found, "discrepancy_sd"} == set(kept)
+    return {name: departure(ends, kept[name]) for name, ends in found.items()}
+
+
+def departure(found: Interval, kept: dict[str, float]) -> float:
+    low, high = kept["low"], kept["high"]
+    return max(abs(found[0] - low), abs(found[1] - high)) / (high - low)
 
 
 @pytest.mark.parametrize("study", STUDIES)
 def test_limits_are_those_of_the_full_posterior(study: str) -> None:
-    found = departures(study)
-    assert found.pop("discrepancy_sd") < LARGEST_OF_DISCREPANCY_SD
-    assert {name: share for name, share in found.items() if share > LARGEST} == {}
+    assert {name: share for name, share in departures(study).items() if share > LARGEST} == {}
+
+
+@pytest.mark.parametrize("study", STUDIES)
+def test_the_sd_of_discrepancies_is_that_of_the_full_posterior(
+    study: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("analysis.sensitivity.latent_posterior.FEWEST_POINTS", FINE)
+    monkeypatch.setattr("analysis.sensitivity.latent_posterior.MOST_POINTS", FINE)
+    ready = prepared(study)
+    points = latent_posterior(ready).points
+    found = points.interval_95(ready.axes.y_sd * np.exp(points.points[:, 4]))
+    assert departure(found, reference(study)["posterior"]["discrepancy_sd"]) < LARGEST
 
 
 @pytest.mark.parametrize("study", STUDIES)

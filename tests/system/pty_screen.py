@@ -1,5 +1,6 @@
 """A program on a terminal of its own, and what stands on that terminal's screen."""
 
+import codecs
 import fcntl
 import os
 import pty
@@ -73,7 +74,9 @@ class OnTerminal:
     process: "subprocess.Popen[bytes]"
     keyboard: int
     screen: Screen
-    reads: bool = True
+
+    def __post_init__(self) -> None:
+        self._text = codecs.getincrementaldecoder("utf-8")("replace")
 
     def type(self, keys: str) -> None:
         """Press keys."""
@@ -88,7 +91,7 @@ class OnTerminal:
             written = os.read(self.keyboard, 65536)
         except OSError:
             return False
-        self.screen.feed(written.decode(errors="replace"))
+        self.screen.feed(self._text.decode(written))
         return bool(written)
 
     def watch(self, until: Callable[[str], bool], within_s: float = 60.0) -> str:

@@ -63,7 +63,7 @@ def participant_and_operator(
         lines = TypedLines(sys.stdin)
         wording = study_wording(session.study, session.language)
         console_participant = ConsoleParticipant(lines, say, wording)
-        yield console_participant, _operator_by_lines(lines, say, swap)
+        yield console_participant, _operator_by_lines(lines, PlainDisplay(say, shared=True), swap)
 
 
 def _virtual_participant(
@@ -75,12 +75,14 @@ def _virtual_participant(
     )
 
 
-def _operator_by_lines(lines: TypedLines, say: Say, swap: Callable[[str], None]) -> OperatorConsole:
+def _operator_by_lines(
+    lines: TypedLines, display: PlainDisplay, swap: Callable[[str], None]
+) -> OperatorConsole:
     """Return an operator who types lines, or whose lines come from a file or a program."""
     for line in line_help():
-        say(line)
+        display.say(line)
     return OperatorConsole(
-        lines.operator_typed, PlainDisplay(say), swap, lines.forget, piped=not lines.at_terminal
+        lines.operator_typed, display, swap, lines.forget, piped=not lines.at_terminal
     )
 
 
@@ -90,7 +92,7 @@ def operator_at_terminal(
 ) -> Iterator[OperatorConsole]:
     """Yield an operator who has the terminal alone: keys at a terminal, lines from a pipe."""
     if not at_terminal(sys.stdin, sys.stdout):
-        yield _operator_by_lines(TypedLines(sys.stdin), say, swap)
+        yield _operator_by_lines(TypedLines(sys.stdin), PlainDisplay(say), swap)
         return
     with keys_and_display(say, reading) as (typed, display):
         yield OperatorConsole(typed, display, swap)

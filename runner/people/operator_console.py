@@ -5,7 +5,7 @@ At a terminal a display draws it anew several times a second; elsewhere it is li
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from runner.people.operator_keys import EMERGENCY, EXPLAINED, OPERATOR_MARK, OperatorKeys
@@ -41,16 +41,20 @@ class Display(Protocol):
 
 @dataclass
 class PlainDisplay:
-    """Plain lines, for a log or a pipe, or beside the participant's."""
+    """Plain lines, for a log or a pipe.
+
+    If it is `shared` with the participant, they do not tell what the device does in a trial.
+    """
 
     say: Callable[[str], None]
+    shared: bool = False
     _last: tuple[str, str] = field(default=("", ""), init=False)
     _said: int = field(default=0, init=False)
     _helped: bool = field(default=False, init=False)
 
     def show(self, frame: Frame) -> None:
         """Print what has changed."""
-        view = frame.view
+        view = _without_stimulus(frame.view) if self.shared else frame.view
         if view.kind == "rehearsal" and not any(self._last):
             self.say(DRY_RUN)
         line = f"{view.place}; {view.progress()}; output {view.output()}"
@@ -65,6 +69,13 @@ class PlainDisplay:
             self._helped = frame.help
             for text in line_help():
                 self.say(text)
+
+
+def _without_stimulus(view: OperatorView) -> OperatorView:
+    """Return what may stand before the eyes of the participant."""
+    numbered = enumerate(view.plan, start=1)
+    plan = tuple(replace(line, label=f"trial {number}") for number, line in numbered)
+    return replace(view, plan=plan, blind=True)
 
 
 def line_help() -> list[str]:

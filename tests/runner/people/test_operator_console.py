@@ -259,6 +259,14 @@ def test_plain_lines_are_printed_only_when_something_changes() -> None:
     ]
 
 
+def test_a_terminal_shared_with_the_participant_does_not_tell_the_stimulus() -> None:
+    said: list[str] = []
+    PlainDisplay(said.append, shared=True).show(Frame(view=view(device=ON)))
+    assert said == [
+        "P01/1 touching: trial 4; 3 of 7 trials, about 2 min left; output ON, as commanded"
+    ]
+
+
 @pytest.mark.parametrize(("left_s", "said"), [(130, ", about 2 min"), (20, ", less than 1 min")])
 def test_the_time_left_is_never_0_before_the_end(left_s: float, said: str) -> None:
     assert view(left_s=left_s).progress() == f"3 of 7 trials{said} left"

@@ -1,14 +1,17 @@
 """The operator's screen: what stands where, on wide, narrow and low terminals."""
 
 import io
+import os
 import re
+import sys
+from pathlib import Path
 
 import pytest
 from rich.console import Console, Group
 
 from device.drivers.driver import Reading
 from runner.people.operator_console import Frame
-from runner.people.operator_screen import Moment, screen_lines
+from runner.people.operator_screen import LiveDisplay, Moment, screen_lines
 from runner.people.terminal import visible
 from runner.screens import Aim
 from tests.runner.views import plan, view
@@ -193,3 +196,37 @@ def test_what_a_terminal_would_obey_is_shown_as_escapes() -> None:
     found = lines(frame, None, 120, 40)
     assert [line for line in found if visible(line) != line] == []
     assert sum(line.count(r"\x1b[2J\n\u202e[red]") for line in found) == 6
+
+
+def test_a_call_rings(monkeypatch: pytest.MonkeyPatch) -> None:
+    reading, writing = os.pipe()
+    with os.fdopen(reading, "rb", buffering=0) as terminal, os.fdopen(writing, "wb") as output:
+        monkeypatch.setattr(sys, "stdout", output)
+        with LiveDisplay(lambda: None) as display:
+            display.show(Frame(view=view()))
+            written = b""
+            while b"EMERGENCY STOP" not in written:
+                written += terminal.read(65536)
+            assert b"\x07" not in written
+            display.show(Frame(view=view(), calls=1))
+            while b"PARTICIPANT CALLS" not in written:
+                written += terminal.read(65536)
+            assert written.count(b"\x07") == 1
+
+
+def test_what_ends_the_drawing_ends_the_session(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody must watch a screen that stands still."""
+    frame = Frame(view=view())
+
+    def broken() -> Reading:
+        raise OSError("the terminal is gone")
+
+    def watched() -> None:
+        with LiveDisplay(broken) as display:
+            while True:
+                display.show(frame)
+
+    with Path(os.devnull).open("wb") as output:
+        monkeypatch.setattr(sys, "stdout", output)
+        with pytest.raises(OSError, match="the terminal is gone"):
+            watched()

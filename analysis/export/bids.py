@@ -72,7 +72,7 @@ def _dataset_description(data: Dataset) -> dict[str, Any]:
 
 
 def _participants(data: Dataset) -> str:
-    kinds = data.sessions.groupby("participant", sort=False)["session_kind"].agg(list)
+    kinds = data.sessions.groupby("subject", sort=False)["session_kind"].agg(list)
     lines: list[list[Cell]] = [
         [f"sub-{name}", who, len(kinds[who]), tuple(dict.fromkeys(kinds[who]))]
         for who, name in data.subject_labels.items()

@@ -102,6 +102,7 @@ _COURSE = (
         levels={"no": "it counts", "trial": "this trial", "session": "the whole session"},
     ),
     Column("exclusion_reason", "Why it was taken out."),
+    Column("inclusion_reason", "Why an exclusion of it was taken back, if one was."),
     Column("attempts", "How often the trial was begun; all else is of the last attempt."),
     Column("aborted", "How many of the attempts were broken off."),
     Column("abort_reasons", "Why, a line each."),

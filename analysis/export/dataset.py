@@ -129,8 +129,8 @@ class Dataset:
 
     @cached_property
     def subject_labels(self) -> dict[str, str]:
-        """The label of each participant, by pseudonym."""
-        return labels(self.sessions["participant"])
+        """The label of each participant, by pseudonym; a rehearsal of that name is apart."""
+        return labels(self.sessions["subject"])
 
     @property
     def trials_excluded(self) -> int:
@@ -139,8 +139,10 @@ class Dataset:
 
     def by_session(self) -> Iterator[tuple[tuple[str, int], pd.DataFrame]]:
         """Yield participant and number of each session, and its trials."""
-        for name, trials in self.trials.groupby(["participant", "session"], sort=False):
-            yield cast("tuple[str, int]", name), trials
+        keys = ["participant", "session", "session_kind"]
+        subjects = self.sessions.set_index(keys)["subject"].to_dict()
+        for name, trials in self.trials.groupby(keys, sort=False):
+            yield (subjects[name], cast("tuple[str, int, str]", name)[1]), trials
 
     def summary(self) -> str:
         """Return in one line what is here and what is not."""
@@ -232,7 +234,7 @@ def dataset(
     trials = trial_table(found, found.sessions[~rehearsal])
     if trials.empty:
         raise NothingToExport(
-            "nothing but rehearsals here; name them with --rehearsals"
+            "nothing but rehearsals here; add --rehearsals to include them"
             if rehearsal.any()
             else "no trials here: nobody has begun one, or all have withdrawn"
         )

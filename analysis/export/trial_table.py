@@ -18,6 +18,8 @@ _NOTED = {
     "cleaning": "cleaning",
 }
 """The operator's question behind each column."""
+_SESSION_NAMES = {"exclusion": "session_exclusion", "inclusion": "session_inclusion"}
+"""The columns of sessions that have the names of columns of trials."""
 
 
 def trial_table(found: Sessions, sessions: pd.DataFrame) -> pd.DataFrame:
@@ -25,7 +27,7 @@ def trial_table(found: Sessions, sessions: pd.DataFrame) -> pd.DataFrame:
 
     Values of a plan or an attempt are missing for a published score.
     """
-    of_session = sessions.rename(columns={"exclusion": "session_exclusion"})
+    of_session = sessions.rename(columns=_SESSION_NAMES)
     trials = found.trials.join(of_session.drop(columns="study_sha256"), "session_id", "inner")
     planned = trials["attempts"].notna()
     excluded = [trials["session_exclusion"].notna(), trials["exclusion"].notna()]
@@ -36,6 +38,7 @@ def trial_table(found: Sessions, sessions: pd.DataFrame) -> pd.DataFrame:
         score=_scores(trials["score"], whole=planned),
         excluded=np.select(excluded, ["session", "trial"], "no"),
         exclusion_reason=trials["session_exclusion"].fillna(trials["exclusion"]),
+        inclusion_reason=trials["session_inclusion"].fillna(trials["inclusion"]),
         started_utc=_utc(trials["started_utc"]),
         answered_utc=_utc(trials["answered_utc"]),
         touchbeam_version=[versions.get("touchbeam") for versions in trials["versions"]],

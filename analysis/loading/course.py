@@ -10,7 +10,15 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.loading.records import AttemptRow, Exclusion, Incident, SessionRow, Table, TouchRow
+from analysis.loading.records import (
+    REHEARSED,
+    AttemptRow,
+    Exclusion,
+    Incident,
+    SessionRow,
+    Table,
+    TouchRow,
+)
 from protocol.journal.events import (
     Answered,
     BeamMounted,
@@ -25,6 +33,7 @@ from protocol.journal.events import (
     ScoresImported,
     SessionCompleted,
     SessionExcluded,
+    SessionIncluded,
     SessionOpened,
     SessionResumed,
     StoredEvent,
@@ -33,6 +42,7 @@ from protocol.journal.events import (
     TrialAborted,
     TrialDeferred,
     TrialExcluded,
+    TrialIncluded,
     TrialStarted,
 )
 from protocol.journal.records import PlannedTrial, TraceSample
@@ -69,6 +79,7 @@ class Course:
         self._planned: dict[int, PlannedTrial] = {}
         self._attempts: dict[int, list[AttemptRow]] = {}
         self._excluded: dict[int, str] = {}
+        self._included: dict[int, str] = {}
         self._early_notes: list[str] = []
         self._beam: str | None = None
         self._resonance: ResonanceMeasured | None = None
@@ -90,11 +101,16 @@ class Course:
         for stored in events:
             self._stored = stored
             take(stored.record)
+        if self._session.exclusion is not None:
+            self._exclude(self._session.exclusion)
         # A trial may be excluded before its last attempt.
         for index, why in self._excluded.items():
             self._exclude(why, index)
             for attempt in self._attempts.get(index, []):
                 attempt.exclusion = why
+        for index, why in self._included.items():
+            for attempt in self._attempts.get(index, []):
+                attempt.inclusion = why
 
     @singledispatchmethod
     def _take(self, _: Event) -> None:
@@ -276,20 +292,41 @@ class Course:
     @_take.register
     def _trial_excluded(self, event: TrialExcluded) -> None:
         self._excluded[event.index] = event.reason
+        self._included.pop(event.index, None)
+
+    @_take.register
+    def _trial_included(self, event: TrialIncluded) -> None:
+        excluded = self._excluded.pop(event.index)
+        self._included[event.index] = event.reason
+        self._included_again(excluded, event.reason, event.index)
 
     @_take.register
     def _session_excluded(self, event: SessionExcluded) -> None:
-        self._session.exclusion = event.reason
-        self._exclude(event.reason)
+        self._session.exclusion, self._session.inclusion = event.reason, None
+
+    @_take.register
+    def _session_included(self, event: SessionIncluded) -> None:
+        self._included_again(self._session.exclusion or "", event.reason)
+        self._session.exclusion, self._session.inclusion = None, event.reason
+
+    def _included_again(self, excluded: str, included: str, trial: int | None = None) -> None:
+        self._incident("excluded", excluded, trial)
+        self._incident("included again", included, trial)
+
+    @property
+    def _who(self) -> str:
+        """The participant, marked in a rehearsal: `load_sessions` takes needless marks off."""
+        mark = REHEARSED if self._session.session_kind == "rehearsal" else ""
+        return f"{self._session.participant}{mark}"
 
     def _incident(self, what: str, text: str = "", trial: int | None = None) -> None:
-        who, number = self._session.participant, self._session.session
+        who, number = self._who, self._session.session
         self._rows.incidents.append(
             Incident(participant=who, session=number, what=what, text=text, trial=trial)
         )
 
     def _exclude(self, why: str, trial: int | None = None) -> None:
-        who, number = self._session.participant, self._session.session
+        who, number = self._who, self._session.session
         self._rows.exclusions.append(
             Exclusion(participant=who, session=number, trial=trial, by="operator", why=why)
         )

@@ -17,6 +17,9 @@ from protocol.study.touch import Touch
 
 Row = TypeVar("Row")
 
+REHEARSED = " (rehearsal)"
+"""Follows the name of a rehearsal's participant where the session of that name is there, too."""
+
 TEXT = pd.StringDtype("python", na_value=np.nan)
 """The type of text columns. (The pyarrow storage refuses text that is not valid Unicode.)"""
 
@@ -39,8 +42,9 @@ class SessionRow:
     """A session, or a subject of a published table.
 
     `session_kind` is participant, rehearsal or published; `exclusion` is the operator's reason for
-    excluding the whole session, `study_sha256` the digest of the study file at its beginning, and
-    `imported_from` the file of a published table, with its digest.
+    excluding the whole session, `inclusion` the one for taking an exclusion back, `study_sha256`
+    the digest of the study file at its beginning, and `imported_from` the file of a published
+    table, with its digest.
     """
 
     participant: str
@@ -49,6 +53,7 @@ class SessionRow:
     conditions: tuple[str, ...]
     session_completed: bool = False
     exclusion: str | None = None
+    inclusion: str | None = None
     language: str | None = None
     slot: int | None = None
     seed: Any = None  # an integer of any size
@@ -69,7 +74,8 @@ class AttemptRow:
     - `attempt`: counts from 1; missing for a published score, as are plan and course.
     - `score`: missing where it was not asked for or not given.
     - `notes`: the operator's, from the attempt's beginning until the next one, one per line.
-    - `exclusion`: the operator's reason for excluding the trial.
+    - `exclusion`, `inclusion`: the operator's reasons for excluding the trial and for taking that
+      back.
     - `study_sha256`, `study_text`: the study file in force.
     """
 
@@ -92,6 +98,7 @@ class AttemptRow:
     abort_reason: str | None = None
     notes: str | None = None
     exclusion: str | None = None
+    inclusion: str | None = None
     started_utc: datetime | None = None
     answered_utc: datetime | None = None
     started_monotonic_s: float | None = None

@@ -1,15 +1,18 @@
 """The sessions of a journal as tables: sessions, attempts, touches and traces."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TypeVar
 
 import pandas as pd
 
 from analysis.loading.course import Course, Rows
-from analysis.loading.records import Exclusion, Incident
+from analysis.loading.records import REHEARSED, Exclusion, Incident
 from protocol.journal.events import StoredEvent, StudyAmended, Withdrawn
 from protocol.journal.records import LIFTED_N
+
+_Told = TypeVar("_Told", Incident, Exclusion)
 
 TRIAL = ["session_id", "trial_index"]
 """The columns that identify a trial."""
@@ -26,7 +29,8 @@ def is_scored(trials: pd.DataFrame) -> "pd.Series[bool]":
 class Sessions:
     """All sessions of a journal as tables; `analysis.loading.records` describes their columns.
 
-    - `sessions`: a `SessionRow` per session, with the index `session_id`.
+    - `sessions`: a `SessionRow` per session, with the index `session_id`, and `subject`: what
+      tells the participant from a rehearsal of the same name.
     - `attempts`: an `AttemptRow` per attempt at a trial and per score of a published table, session
       by session, in the order of their beginnings, with the index `attempt_id`.
     - `touches`: a `TouchRow` per touch, with the index `touch_id`.
@@ -119,12 +123,23 @@ def load_sessions(chains: Iterable[Sequence[StoredEvent]]) -> Sessions:
         Course(rows).read(events)
         rows.attempts.pack()
         rows.touches.pack()
+    sessions = rows.sessions.frame()
+    rehearsed = sessions["session_kind"].eq("rehearsal")
+    names = sessions["participant"]
+    apart = set(names[rehearsed]) & set(names[~rehearsed])
+
+    def told(entry: _Told) -> _Told:
+        plain = entry.participant.removesuffix(REHEARSED)
+        return entry if plain in apart else replace(entry, participant=plain)
+
     return Sessions(
-        sessions=rows.sessions.frame(),
+        sessions=sessions.assign(
+            subject=names.where(~(rehearsed & names.isin(apart)), names + REHEARSED)
+        ),
         attempts=rows.attempts.frame(),
         touches=rows.touches.frame(),
         traces=rows.traces(),
-        incidents=tuple(rows.incidents),
-        exclusions=tuple(rows.exclusions),
+        incidents=tuple(map(told, rows.incidents)),
+        exclusions=tuple(map(told, rows.exclusions)),
         withdrawn=withdrawn,
     )

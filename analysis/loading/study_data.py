@@ -102,10 +102,11 @@ def load_study_data(
     sessions = found.sessions[~excluded if rehearsals else ~(excluded | rehearsal)]
     if sessions.empty:
         raise NothingToReport(
-            "nothing but rehearsals here; name them with --rehearsals"
+            "nothing but rehearsals here; add --rehearsals to include them"
             if rehearsal.any()
             else "no sessions here"
         )
+    sessions = sessions.assign(participant=sessions["subject"])
     names = sessions[["participant", "session"]]
     answered = found.answered.join(names, on="session_id", how="inner")
     trials, by_rule = excluded_by_rule(

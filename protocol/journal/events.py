@@ -280,10 +280,29 @@ class TrialExcluded(Event):
 
 
 @dataclass(frozen=True, kw_only=True)
+class TrialIncluded(Event):
+    """A trial's exclusion is taken back."""
+
+    TAG: ClassVar = "trial-included"
+
+    index: Annotated[int, Key("number of the trial")]
+    reason: Annotated[str, Key("why", missing="")]
+
+
+@dataclass(frozen=True, kw_only=True)
 class SessionExcluded(Event):
     """The whole session is excluded from the analysis."""
 
     TAG: ClassVar = "session-excluded"
+
+    reason: Annotated[str, Key("why", missing="")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SessionIncluded(Event):
+    """The session's exclusion is taken back."""
+
+    TAG: ClassVar = "session-included"
 
     reason: Annotated[str, Key("why", missing="")]
 

@@ -6,7 +6,7 @@ from datetime import datetime
 
 from protocol.journal import events
 from protocol.journal.events import Event, Opening, StoredEvent
-from protocol.journal.transitions import next_state
+from protocol.journal.transitions import EXCLUDED, next_state
 
 _FOLDED = frozenset(
     kind.TAG
@@ -22,6 +22,7 @@ _FOLDED = frozenset(
         events.TrialDeferred,
         events.Answered,
         events.TrialExcluded,
+        events.TrialIncluded,
     )
 )
 """The other events change only the name of the state, so that long traces need not be parsed."""
@@ -60,6 +61,16 @@ class SessionState:
         """Indices of the planned trials; empty for published scores or after a withdrawal."""
         return set() if self.opened is None else {trial.index for trial in self.opened.trials}
 
+    @property
+    def is_excluded(self) -> bool:
+        """Whether the whole session is excluded."""
+        return self.name in EXCLUDED
+
+    @property
+    def shown_name(self) -> str:
+        """The name of the state for people and programs: one for all excluded sessions."""
+        return EXCLUDED[0] if self.is_excluded else self.name
+
     def take(self, event: StoredEvent) -> None:
         """Apply one more event.
 
@@ -84,10 +95,10 @@ class SessionState:
                 again = set(event.indices)
                 self.answers = {n: text for n, text in self.answers.items() if n not in again}
                 self.practice_rounds += 1
-            case events.TrialExcluded():
-                self.excluded[event.index] = event.reason
             case events.TouchStarted():
                 self.touch = event.touch
+            case events.TrialExcluded() | events.TrialIncluded():
+                self._take_judgement(event)
             case (
                 events.TrialStarted()
                 | events.TrialAborted()
@@ -95,6 +106,11 @@ class SessionState:
                 | events.Answered()
             ):
                 self._take_trial(event)
+
+    def _take_judgement(self, event: events.TrialExcluded | events.TrialIncluded) -> None:
+        self.excluded.pop(event.index, None)
+        if isinstance(event, events.TrialExcluded):
+            self.excluded[event.index] = event.reason
 
     def _take_trial(
         self,

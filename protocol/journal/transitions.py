@@ -7,6 +7,8 @@ from protocol.errors import WorkFailed
 from protocol.journal import events
 from protocol.journal.events import Event
 
+EXCLUDED = ("excluded", "dropped")
+"""A session excluded after its completion or before it, which it is again once included."""
 _LIVING = ("idle", "armed", "paused", "trial", "touching", "completed")
 
 _TABLE: dict[tuple[str, type[Event]], str] = {
@@ -37,10 +39,14 @@ _TABLE: dict[tuple[str, type[Event]], str] = {
     ("armed", events.PracticeRenewed): "armed",
     ("idle", events.TrialExcluded): "idle",
     ("completed", events.TrialExcluded): "completed",
-    ("idle", events.SessionExcluded): "excluded",
+    ("idle", events.TrialIncluded): "idle",
+    ("completed", events.TrialIncluded): "completed",
+    ("idle", events.SessionExcluded): "dropped",
     ("completed", events.SessionExcluded): "excluded",
+    ("dropped", events.SessionIncluded): "idle",
+    ("excluded", events.SessionIncluded): "completed",
     **{(state, events.NoteTaken): state for state in _LIVING},
-    **{(state, events.Withdrawn): "withdrawn" for state in (*_LIVING, "excluded")},
+    **{(state, events.Withdrawn): "withdrawn" for state in (*_LIVING, *EXCLUDED)},
 }
 TRANSITIONS: dict[tuple[str, str], str] = {
     (state, event.TAG): after for (state, event), after in _TABLE.items()

@@ -1,7 +1,7 @@
-"""Commands for a study's journal: status, verify, backup, exclude, amend, withdraw."""
+"""Commands for a study's journal: status, verify, backup, exclude, include, amend, withdraw."""
 
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,16 +10,19 @@ import typer
 
 from runner.cli.options import (
     JsonOption,
+    OfRehearsalOption,
     ParticipantOption,
     ReasonOption,
     SessionOption,
     StudyArgument,
     StudyOrBackupArgument,
+    TrialOption,
     study_journal,
 )
-from runner.cli.output import print_json, say
+from runner.cli.output import print_json, require_confirmation, say
 
 if TYPE_CHECKING:
+    from runner.journal.store import Journal
     from runner.journal.verification import SessionVerdict
     from runner.study.old_results import OldResults
 
@@ -102,7 +105,7 @@ def backup(
 
 def _verification(lacking: Sequence[str], found: "Sequence[SessionVerdict]") -> dict[str, Any]:
     """Return the result of verifying a journal for programs."""
-    from runner.journal.verification import STUDY_CHAIN
+    from runner.journal.names import STUDY_CHAIN
 
     return {
         "ok": not lacking and all(verdict.ok for verdict in found),
@@ -118,30 +121,68 @@ def exclude(
     participant: ParticipantOption,
     reason: ReasonOption,
     session: SessionOption = 1,
-    trial: Annotated[
-        int | None, typer.Option(min=0, help="The trial's index. [default: the whole session]")
-    ] = None,
+    trial: TrialOption = None,
+    rehearsal: OfRehearsalOption = False,
 ) -> None:
     """Exclude a trial or a session.
 
-    Reports omit and count it. An unfinished session frees its slot of the design.
+    Reports omit and count it. An unfinished session frees its slot of the design. `touchbeam
+    include` takes it back.
     """
     from runner.clock import WallClock
     from runner.journal.amendments import exclude_session, exclude_trial
-    from runner.journal.store import session_name
+
+    with _decided(study, participant, session, rehearsal=rehearsal) as (journal, chain, name):
+        if trial is None:
+            exclude_session(journal, WallClock(), chain, reason)
+        else:
+            exclude_trial(journal, WallClock(), chain, trial, reason)
+    say(f"{_place(name, trial)} is excluded: {reason}")
+
+
+@app.command()
+def include(
+    study: StudyArgument,
+    participant: ParticipantOption,
+    reason: ReasonOption,
+    session: SessionOption = 1,
+    trial: TrialOption = None,
+    rehearsal: OfRehearsalOption = False,
+) -> None:
+    """Take the exclusion of a trial or a session back.
+
+    The journal keeps both decisions, and reports name them.
+    """
+    from runner.clock import WallClock
+    from runner.journal.amendments import include_session, include_trial
+
+    with _decided(study, participant, session, rehearsal=rehearsal) as (journal, chain, name):
+        if trial is None:
+            include_session(journal, WallClock(), chain, reason)
+        else:
+            include_trial(journal, WallClock(), chain, trial, reason)
+    say(f"{_place(name, trial)} is included again: {reason}")
+
+
+@contextmanager
+def _decided(
+    study: Path, participant: str, number: int, *, rehearsal: bool
+) -> "Iterator[tuple[Journal, str, str]]":
+    """Yield the journal, a chain that no process is adding to, and what people call its session."""
+    from runner.journal.names import existing_chain, session_name, spoken_name
     from runner.launch.locks import session_lock
     from runner.study.folder import StudyFolder
 
-    name = session_name(participant, session)
     with (
         study_journal(StudyFolder(path=study), to_write=True) as journal,
-        session_lock(name, study),
+        session_lock(session_name(participant, number), study),
     ):
-        if trial is None:
-            exclude_session(journal, WallClock(), name, reason)
-        else:
-            exclude_trial(journal, WallClock(), name, trial, reason)
-    say(f"{name}{'' if trial is None else f', trial {trial}'} is excluded: {reason}")
+        chain = existing_chain(journal, participant, number, rehearsal=rehearsal)
+        yield journal, chain, spoken_name(journal, chain)
+
+
+def _place(name: str, trial: int | None) -> str:
+    return name if trial is None else f"{name}, trial {trial}"
 
 
 @app.command()
@@ -162,37 +203,60 @@ def amend(study: StudyArgument, reason: ReasonOption) -> None:
 
 @app.command()
 def withdraw(
-    study: StudyArgument, participant: ParticipantOption, as_json: JsonOption = False
+    study: StudyArgument,
+    participant: ParticipantOption,
+    rehearsal: OfRehearsalOption = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Erase without asking.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Erase a participant's data.
 
-    This cannot be undone. The journal keeps the number and times of the events, not their content.
+    Shows what will be erased and asks first. This cannot be undone. The journal keeps the number
+    and times of the events, not their content.
     """
     from runner.clock import WallClock
-    from runner.journal.amendments import sessions_of
+    from runner.journal.amendments import sessions_of, unerased
     from runner.journal.amendments import withdraw as erase
+    from runner.journal.names import chains_of, parsed_name, spoken_name
+    from runner.launch.confirmation import refused
     from runner.launch.locks import session_lock
     from runner.study.folder import StudyFolder
     from runner.study.old_results import old_results
 
     folder = StudyFolder(path=study)
     with study_journal(folder, to_write=True) as journal, ExitStack() as stack:
-        for name in sessions_of(journal, participant):
+        chains = sessions_of(journal, participant, rehearsal=rehearsal)
+        for name in dict.fromkeys(parsed_name(chain).plain for chain in chains):
             stack.enter_context(session_lock(name, study))
-        sessions = erase(journal, WallClock(), participant)
+        names = {chain: spoken_name(journal, chain) for chain in chains}
+        left = unerased(journal, chains)
+        if left and not yes:
+            told = "; ".join(f"{names[chain]}, {what}" for chain, what in left.items())
+            ask = refused if as_json else require_confirmation
+            ask(f"this erases for good: {told}", "add --yes to erase without a question")
+        erase(journal, WallClock(), participant, rehearsal=rehearsal)
+        kept = [] if rehearsal else chains_of(journal, participant, rehearsal=True)
+        kept = [chain for chain in kept if chain not in chains]
     old = old_results(study, participant)
     if as_json:
-        print_json({"sessions": sessions, "salted": journal.salted, **asdict(old)})
+        print_json({"sessions": chains, "salted": journal.salted, **asdict(old)})
         return
-    for line in _withdrawn(sessions, participant, old, salted=journal.salted):
+    if not left:
+        say(f"Nothing was left to erase: already withdrawn: {', '.join(names.values())}.")
+    for line in _withdrawn(
+        [names[chain] for chain in left], participant, old, salted=journal.salted
+    ):
         say(line)
+    if kept:
+        say(f"{participant} was a rehearsal, too, which stays; --rehearsal erases it.")
 
 
 def _withdrawn(
-    sessions: list[str], participant: str, old: "OldResults", *, salted: bool
+    names: list[str], participant: str, old: "OldResults", *, salted: bool
 ) -> Iterator[str]:
     """Yield what a withdrawal did and what it could not do, line by line."""
-    yield f"Erased: {', '.join(sessions)}."
+    if names:
+        yield f"Erased: {', '.join(names)}."
     if not salted:
         yield (
             "Digests without salt remain in this journal, which an earlier version made: a short "

@@ -173,6 +173,12 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON documen
 
 ParticipantOption = Annotated[str, typer.Option(help="The pseudonym.")]
 SessionOption = Annotated[int, typer.Option(min=1)]
+TrialOption = Annotated[
+    int | None, typer.Option(min=0, help="The trial's index. [default: the whole session]")
+]
+OfRehearsalOption = Annotated[
+    bool, typer.Option("--rehearsal", help="The rehearsal of that name, not the session.")
+]
 
 
 def _reason(given: str) -> str | None:

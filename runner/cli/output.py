@@ -29,6 +29,20 @@ def complain(line: str) -> None:
     typer.echo(visible(line), err=True)
 
 
+def require_confirmation(fact: str, option: str) -> None:
+    """Ask on the terminal whether `fact` is meant.
+
+    Raises:
+        BadInput: it is not, or there is no terminal to ask at; the message gives `option`.
+    """
+    if not at_terminal(sys.stdin, sys.stderr):
+        raise BadInput(f"{fact}; {option}")
+    complain(f"touchbeam: {fact}.")
+    typer.echo("Go on? [y/N] ", nl=False, err=True)
+    if sys.stdin.readline().strip().lower() not in {"y", "yes"}:
+        raise BadInput(f"nothing was done; {option}")
+
+
 def print_json(document: object) -> None:
     """Print `document` as the only JSON document of a command."""
     import json

@@ -16,7 +16,13 @@ from runner.cli.options import (
     StudyArgument,
     address,
 )
-from runner.cli.output import complain, print_json_text, progress, say
+from runner.cli.output import (
+    complain,
+    print_json_text,
+    progress,
+    require_confirmation,
+    say,
+)
 from runner.cli.results import write_report
 from runner.clock import Pace
 from runner.interfaces import AnswerSource
@@ -119,13 +125,20 @@ def run(
         bool, typer.Option("--windowed", help="Use a small window instead of the full screen.")
     ] = False,
     consent: ConsentOption = None,
+    extra: Annotated[
+        bool, typer.Option("--extra", help="Allow a session beyond those that the study plans.")
+    ] = False,
+    new_name: Annotated[
+        bool, typer.Option("--new", help="The participant is new, though a name is nearly alike.")
+    ] = False,
     seed: Annotated[int | None, typer.Option(min=0, help="[default: the study's]")] = None,
     law: SimulatedLawOption = None,
     rung: SimulatedRungOption = None,
 ) -> None:
     """Run or resume a session.
 
-    An interrupted session resumes at the trial in which it stopped.
+    An interrupted session resumes at the trial in which it stopped. With a simulated device or
+    virtual ratings it is a rehearsal, which leaves the participant's name free.
     """
     from runner.launch.device_access import touchbeam_command
     from runner.launch.run_session import SessionOptions, run_session
@@ -143,12 +156,14 @@ def run(
         screen=screen,
         windowed=windowed,
         consent=consent,
+        extra=extra,
+        new_name=new_name,
         seed=seed,
         law=law,
         rung=rung,
         touchbeam=touchbeam_command(),
     )
-    state = run_session(options, say=say)
+    state = run_session(options, say=say, confirm=require_confirmation)
     dry_run = state.opened is not None and state.opened.kind == "rehearsal"
     say(
         f"{participant}/{session} is complete: {len(state.answered)} trials answered, "

@@ -4,21 +4,26 @@ To exclude from a session or withdraw it, the caller must hold the session's loc
 process is running it.
 """
 
+from collections.abc import Iterable
+
 from protocol.errors import BadInput
 from protocol.journal.events import (
     Event,
     SessionExcluded,
+    SessionIncluded,
     SessionOpened,
     StudyAmended,
     TrialExcluded,
+    TrialIncluded,
     Withdrawn,
 )
+from protocol.journal.state import folded
 from protocol.journal.transitions import NotAllowed
 from protocol.study_file.loading import text_digest
 from runner.clock import Clock
+from runner.journal.names import STUDY_CHAIN, chains_of
 from runner.journal.session_log import SessionLog, close_interrupted
 from runner.journal.store import Journal
-from runner.journal.verification import STUDY_CHAIN
 
 
 def accepted_digests(journal: Journal) -> list[str]:
@@ -49,6 +54,19 @@ def exclude_trial(journal: Journal, clock: Clock, session: str, index: int, reas
     _append(log, session, TrialExcluded(index=index, reason=reason))
 
 
+def include_trial(journal: Journal, clock: Clock, session: str, index: int, reason: str) -> None:
+    """Take the exclusion of a trial back.
+
+    Raises:
+        BadInput: the trial is not excluded by itself.
+    """
+    log = _log(journal, clock, session)
+    if index not in log.state.excluded:
+        known = ", ".join(map(str, log.state.excluded)) or "none"
+        raise BadInput(f"trial {index} of {session} is not excluded; excluded trials: {known}")
+    _append(log, session, TrialIncluded(index=index, reason=reason))
+
+
 def exclude_session(journal: Journal, clock: Clock, session: str, reason: str) -> None:
     """Exclude a session from the analysis; an unfinished one frees its slot.
 
@@ -58,6 +76,20 @@ def exclude_session(journal: Journal, clock: Clock, session: str, reason: str) -
     log = _log(journal, clock, session)
     close_interrupted(log)
     _append(log, session, SessionExcluded(reason=reason))
+
+
+def include_session(journal: Journal, clock: Clock, session: str, reason: str) -> None:
+    """Take the exclusion of a session back; it is then what it was before.
+
+    Raises:
+        BadInput: there is no such session, or it is not excluded.
+    """
+    log = _log(journal, clock, session)
+    if not log.state.is_excluded:
+        trials = ", ".join(map(str, log.state.excluded))
+        hint = f"; its excluded trials are {trials}: name one with --trial" if trials else ""
+        raise BadInput(f"{session} is {log.state.name}, not excluded{hint}")
+    _append(log, session, SessionIncluded(reason=reason))
 
 
 def amend(journal: Journal, clock: Clock, study_text: str, reason: str) -> None:
@@ -74,17 +106,17 @@ def amend(journal: Journal, clock: Clock, study_text: str, reason: str) -> None:
     log.append(StudyAmended(study_sha256=digest, reason=reason))
 
 
-def withdraw(journal: Journal, clock: Clock, participant: str) -> list[str]:
-    """Erase the data of `participant` in all sessions; return the names of the sessions.
+def withdraw(
+    journal: Journal, clock: Clock, participant: str, *, rehearsal: bool = False
+) -> list[str]:
+    """Erase the data of `participant` in `sessions_of`; return the names of these sessions.
 
     The events remain without their payloads, and their chains still verify.
 
     Raises:
         BadInput: `participant` has no session.
     """
-    sessions = sessions_of(journal, participant)
-    if not sessions:
-        raise BadInput(f"{participant or 'a participant without a name'} has no sessions here")
+    sessions = sessions_of(journal, participant, rehearsal=rehearsal)
     with journal.alone():
         for session in sessions:
             log = SessionLog(journal, session, clock)
@@ -95,10 +127,32 @@ def withdraw(journal: Journal, clock: Clock, participant: str) -> list[str]:
     return sessions
 
 
-def sessions_of(journal: Journal, participant: str) -> list[str]:
-    """Return the names of the sessions of `participant`, without the study's own chain."""
-    names = [name for name in journal.sessions() if name != STUDY_CHAIN]
-    return [name for name in names if name.rpartition("/")[0] == participant]
+def unerased(journal: Journal, sessions: Iterable[str]) -> dict[str, str]:
+    """Return which of `sessions` still hold data, and how much, in words."""
+    found = {}
+    for session in sessions:
+        events = journal.events(session)
+        if all(event.erased for event in events):
+            continue
+        done, planned = len((state := folded(events)).answered), len(state.planned)
+        found[session] = f"{done} of {planned} trials answered" if planned else "imported scores"
+    return found
+
+
+def sessions_of(journal: Journal, participant: str, *, rehearsal: bool) -> list[str]:
+    """Return the names of the sessions of `participant`, or else of the rehearsals of that name.
+
+    With `rehearsal`, return those of the rehearsals only.
+
+    Raises:
+        BadInput: there are none.
+    """
+    sessions = [] if rehearsal else chains_of(journal, participant, rehearsal=False)
+    sessions = sessions or chains_of(journal, participant, rehearsal=True)
+    if not sessions:
+        what = "rehearsals" if rehearsal else "sessions"
+        raise BadInput(f"{participant or 'a participant without a name'} has no {what} here")
+    return sessions
 
 
 def _log(journal: Journal, clock: Clock, session: str) -> SessionLog:
@@ -108,11 +162,12 @@ def _log(journal: Journal, clock: Clock, session: str) -> SessionLog:
     return SessionLog(journal, session, clock)
 
 
-def _append(log: SessionLog, session: str, exclusion: Event) -> None:
+def _append(log: SessionLog, session: str, decision: Event) -> None:
     try:
-        log.append(exclusion)
+        log.append(decision)
     except NotAllowed:
-        raise BadInput(f"{session} is {log.state.name}; it cannot be excluded now") from None
+        what = decision.TAG.rpartition("-")[2]
+        raise BadInput(f"{session} is {log.state.shown_name}; it cannot be {what} now") from None
 
 
 def _span(indices: set[int]) -> str:

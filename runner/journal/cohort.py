@@ -5,12 +5,14 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from protocol.journal.state import SessionState, folded
+from protocol.journal.transitions import EXCLUDED
 from protocol.plan.counterbalancing import SlotState, next_slot
+from runner.journal.names import STUDY_CHAIN, parsed_name
 from runner.journal.store import Journal
-from runner.journal.verification import STUDY_CHAIN, readable_events
+from runner.journal.verification import readable_events
 
 _FINISHED = {"completed"}
-_GONE = {"excluded", "withdrawn"}
+_GONE = {*EXCLUDED, "withdrawn"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,13 +75,12 @@ def _finished_before_exclusion(state: SessionState) -> bool:
 
 
 def _summary(name: str, state: SessionState) -> SessionSummary:
-    participant, _, number = name.rpartition("/")
-    opened = state.opened
+    named, opened = parsed_name(name), state.opened
     return SessionSummary(
-        participant=participant,
-        session=int(number) if number.isdecimal() else 0,
-        kind="unknown" if opened is None else opened.kind,
-        state=state.name,
+        participant=named.participant,
+        session=named.number,
+        kind=named.kind or ("unknown" if opened is None else opened.kind),
+        state=state.shown_name,
         slot=None if opened is None else opened.slot,
         answered=len(state.answered),
         planned=len(state.planned),

@@ -258,8 +258,3 @@ def _files_at(places: Iterable[str]) -> list[tuple[int, int]]:
             found = os.stat(place)  # noqa: PTH116 - Path.stat takes twice as long
             files.append((found.st_dev, found.st_ino))
     return files
-
-
-def session_name(participant: str, number: int) -> str:
-    """Return the name of a session in the journal."""
-    return f"{participant}/{number}"

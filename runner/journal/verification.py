@@ -16,10 +16,9 @@ from protocol.journal.events import (
 from protocol.journal.state import SessionState, folded
 from protocol.journal.transitions import NotAllowed
 from runner.journal.chain import FIRST_HASH, ChainLink, chain_hash, event_fields, payload_digest
+from runner.journal.names import REHEARSAL, STUDY_CHAIN, parsed_name
 from runner.journal.store import Journal, JournalError
 
-STUDY_CHAIN = "@study"
-"""The chain of decisions on the study as a whole."""
 _IMPOSSIBLE = (
     NotAllowed, ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError,
 )  # fmt: skip
@@ -32,6 +31,7 @@ class SessionVerdict:
 
     participant: str
     session: int
+    kind: str
     state: str
     events: int
     trials_planned: int
@@ -60,8 +60,9 @@ class SessionVerdict:
     def _summary(self) -> str:
         if self.participant == STUDY_CHAIN:
             return f"the study itself  {self.state}  {self.events} events"
+        rehearsed = f" ({REHEARSAL})" if self.kind == REHEARSAL else ""
         return (
-            f"{self.participant}/{self.session}  {self.state}  "
+            f"{self.participant}/{self.session}{rehearsed}  {self.state}  "
             f"{self.trials_answered} of {self.trials_planned} trials answered, "
             f"{self.trials_aborted} aborted, {self.duplicates} answered twice"
         )
@@ -86,13 +87,14 @@ def _verdict(journal: Journal, name: str) -> SessionVerdict:
 
 def session_verdict(name: str, chain: list[ChainLink]) -> SessionVerdict:
     """Return the verdict on the chain of the session `name`."""
-    participant, _, number = name.rpartition("/")
+    named = parsed_name(name)
     state, planned, problem = _folded(chain)
     erased = state.name == "withdrawn"
     return SessionVerdict(
-        participant=participant or name,
-        session=int(number) if participant and number.isdecimal() else 0,
-        state=state.name,
+        participant=named.participant,
+        session=named.number,
+        kind=named.kind or ("unknown" if state.opened is None else state.opened.kind),
+        state=state.shown_name,
         events=len(chain),
         trials_planned=len(planned),
         trials_answered=len(state.answered),

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from device.drivers.driver import Reading
-from device.simulator.client import ControlClient
 from protocol.study.participant_texts import study_wording
 from runner.clock import Clock, SteppedClock
 from runner.interfaces import Operator, Participant
@@ -14,7 +13,8 @@ from runner.launch.device_access import SessionRig
 from runner.people.operator_console import Display, OperatorConsole, PlainDisplay, line_help
 from runner.people.participant_console import ConsoleParticipant, TypedLines
 from runner.people.terminal import at_terminal, terminal_keys
-from runner.people.virtual_participant import VirtualParticipant, drawn_person, swapping
+from runner.people.untouched_beam import UntouchedBeam
+from runner.people.virtual_participant import Finger, VirtualParticipant, drawn_person, swapping
 from runner.session.session import Session
 from runner.window.client import WindowParticipant
 
@@ -31,8 +31,7 @@ def participant_and_operator(
     clock: Clock,
     say: Say,
     window: WindowParticipant | None,
-    *,
-    virtual: bool,
+    finger: Finger | None,
 ) -> Iterator[tuple[Participant, Operator]]:
     """Yield the participant and the operator of `session`; restore the terminal afterwards.
 
@@ -42,19 +41,20 @@ def participant_and_operator(
         clock: the session's clock.
         say: prints a line.
         window: the participant's window, None if there is none.
-        virtual: whether the participant is simulated.
+        finger: what a virtual participant feels with; None if the participant is a person.
     """
 
     def reading() -> Reading | None:
         return rig.device.reading
 
-    swap = swapping(rig.control, session.study.beams) if rig.control else lambda _: None
-    if virtual:
-        assert rig.control is not None
-        participant = _virtual_participant(session, rig.control, clock)
+    swap = _swap(session, rig, finger)
+    if finger is not None:
+        participant = _virtual_participant(session, finger, clock)
+        # At a real device somebody mounts the beams, unless nobody is there to ask.
+        alone = rig.control is not None or not at_terminal(sys.stdin, sys.stdout)
         quiet = isinstance(clock, SteppedClock)
         with keys_and_display(say, reading, quiet=quiet) as (typed, display):
-            yield participant, OperatorConsole(typed, display, swap, alone=True)
+            yield participant, OperatorConsole(typed, display, swap, alone=alone)
     elif window is not None:
         with operator_at_terminal(say, reading, swap) as operator:
             window.call_operator = operator.participant_called
@@ -66,12 +66,17 @@ def participant_and_operator(
         yield console_participant, _operator_by_lines(lines, PlainDisplay(say, shared=True), swap)
 
 
-def _virtual_participant(
-    session: Session, control: ControlClient, clock: Clock
-) -> VirtualParticipant:
+def _swap(session: Session, rig: SessionRig, finger: Finger | None) -> Callable[[str], None]:
+    """Return what else happens when the operator is asked to mount a beam."""
+    if rig.control is not None:
+        return swapping(rig.control, session.study.beams)
+    return finger.mount if isinstance(finger, UntouchedBeam) else lambda _: None
+
+
+def _virtual_participant(session: Session, finger: Finger, clock: Clock) -> VirtualParticipant:
     character, stream = drawn_person(session.seed, session.participant, session.number)
     return VirtualParticipant(
-        control=control, clock=clock, character=character, random_stream=stream
+        control=finger, clock=clock, character=character, random_stream=stream
     )
 
 

@@ -11,8 +11,8 @@ from protocol.address import SIMULATED
 from protocol.journal.events import Answered, DeviceOff, Event, StoredEvent, TouchEnded
 from protocol.journal.state import SessionState
 from protocol.plan.trials import Plan
+from runner.journal.names import chain_name
 from runner.journal.opening import open_journal
-from runner.journal.store import session_name
 from runner.launch.device_access import touchbeam_command
 from runner.launch.run_session import SessionOptions, run_session
 from runner.study.folder import StudyFolder
@@ -93,7 +93,8 @@ def rehearse(
         )
         state = run_session(options, say=lambda _: None)
         with open_journal(folder.journal) as journal:
-            events = tuple(journal.events(session_name("P01", 1)))
+            chain = chain_name(journal, "P01", 1, rehearsal=True)
+            events = tuple(journal.events(chain))
     return Rehearsal(plan=plan, events=events, state=state)
 
 

@@ -1,7 +1,7 @@
 """A session from options to end: opens locks, window, rig, journal and people, in this order."""
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 
@@ -18,16 +18,19 @@ from runner.clock import Clock, Pace, SteppedClock, WallClock
 from runner.interfaces import AnswerSource
 from runner.journal.cohort import slot_for, states
 from runner.journal.location import checked_place, mounts_of_this_machine
-from runner.journal.opening import journal_if_used
+from runner.journal.names import chain_name, chains_of, session_name
+from runner.journal.opening import journal_if_used, read_journal
 from runner.journal.session_log import SessionLog
-from runner.journal.store import Journal, JournalError, session_name
+from runner.journal.store import Journal, JournalError
 from runner.journal.verification import touchbeam_versions
-from runner.launch.device_access import kept_calibration, session_rig
+from runner.launch.confirmation import Confirm, nearly_the_same, refused
+from runner.launch.device_access import SessionRig, kept_calibration, session_rig
 from runner.launch.locks import rig_lock, session_lock
 from runner.launch.participants import Say, participant_and_operator
 from runner.people.participant_console import require_typist
 from runner.people.terminal import said_in_background
-from runner.people.virtual_participant import drawn_person
+from runner.people.untouched_beam import UntouchedBeam
+from runner.people.virtual_participant import Finger, drawn_person
 from runner.session.loop import run
 from runner.session.resume import require_resumable
 from runner.session.session import Session, SessionContext, SessionKind, versions
@@ -57,10 +60,12 @@ class SessionOptions:
     rung: str | None = None
     screen: int = 0
     windowed: bool = False
+    extra: bool = False
+    new_name: bool = False
     touchbeam: Sequence[str] = ("touchbeam",)
 
 
-def run_session(options: SessionOptions, say: Say) -> SessionState:
+def run_session(options: SessionOptions, say: Say, confirm: Confirm = refused) -> SessionState:
     """Run or resume the session given by `options`; return its final state.
 
     Raises:
@@ -68,6 +73,7 @@ def run_session(options: SessionOptions, say: Say) -> SessionState:
         DeviceError, JournalError, ParticipantGone, RigInUse: the work failed; it can be resumed.
     """
     request = _request(options)
+    _require_meant(request, confirm)
     context: SessionContext | None = None
     try:
         with ExitStack() as stack:
@@ -99,8 +105,18 @@ class Request:
 
     @property
     def name(self) -> str:
-        """The session in the journal."""
+        """What people call the session."""
         return session_name(self.options.participant, self.options.number)
+
+    @property
+    def rehearsal(self) -> bool:
+        """Whether the session is a rehearsal."""
+        return self.kind == "rehearsal"
+
+    def chain(self, journal: Journal) -> str:
+        """Return the name of the session in `journal`."""
+        options = self.options
+        return chain_name(journal, options.participant, options.number, rehearsal=self.rehearsal)
 
     @property
     def seed(self) -> int:
@@ -138,13 +154,12 @@ def _pace(options: SessionOptions, url: str) -> Pace:
     simulated = url == SIMULATED
     if not simulated and (options.law or options.rung):
         raise BadInput(f"--law and --rung are for --device sim, got {url}")
-    if options.ratings == "virtual" and not simulated:
-        raise BadInput(f"--ratings virtual needs --device sim, got {url}")
-    if options.pace == "stepped" and not (simulated and options.ratings == "virtual"):
+    unattended = simulated and options.ratings == "virtual"
+    if options.pace == "stepped" and not unattended:
         raise BadInput(
             "--pace stepped needs --device sim and --ratings virtual (people answer in real time)"
         )
-    return options.pace or ("stepped" if options.ratings == "virtual" else "wall")
+    return options.pace or ("stepped" if unattended else "wall")
 
 
 def _kind(options: SessionOptions, study: Study, url: str) -> SessionKind:
@@ -158,6 +173,44 @@ def _kind(options: SessionOptions, study: Study, url: str) -> SessionKind:
     if study.session.consent_required and not options.consent:
         raise BadInput("this study requires a consent: give its reference with --consent REF")
     return "participant"
+
+
+def _require_meant(request: Request, confirm: Confirm) -> None:
+    """Have the operator confirm what is more often a slip than meant.
+
+    Raises:
+        BadInput: it is not confirmed, or a session is requested that the study does not plan.
+    """
+    options, planned = request.options, request.study.design.sessions
+    if options.number > planned and not options.extra:
+        raise BadInput(
+            f"--session {options.number}: the study plans {planned} for each participant; add "
+            "--extra for another one"
+        )
+    person = options.consent is not None or options.ratings != "virtual"
+    if person and request.rehearsal and not options.rehearsal:
+        why = "the device is simulated" if request.url == SIMULATED else "the ratings are virtual"
+        confirm(
+            f"{why}: {request.name} will be a rehearsal, which no report counts",
+            "add --rehearsal if that is meant; otherwise give the device with --device",
+        )
+    if not options.new_name and (other := _resembling(request)):
+        confirm(
+            f"{options.participant} resembles {other}, who has a session here, and is taken for "
+            "somebody else",
+            f"give --participant {other} if that is meant, else add --new",
+        )
+
+
+def _resembling(request: Request) -> str | None:
+    """Return another participant whose pseudonym is nearly the same, if there is one."""
+    path = request.options.folder.journal
+    with suppress(JournalError):  # the session's own attempt to open the journal will tell
+        if path.exists():
+            with read_journal(path) as journal:
+                participant = request.options.participant
+                return nearly_the_same(journal, participant, rehearsal=request.rehearsal)
+    return None
 
 
 def _wording(study: Study, code: str) -> Wording:
@@ -176,6 +229,7 @@ def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
     the participant has read the last page; the locks are released after both.
     """
     options, name = request.options, request.name
+    # Also of the rehearsal of that name: nobody runs both at once.
     stack.enter_context(session_lock(name, options.folder.path))
     stack.enter_context(rig_lock(request.url))
     # The window before the rig: without a window to instruct the participant nothing is driven.
@@ -197,20 +251,21 @@ def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
         clock = SteppedClock(clock.utc(), rig.control.advance)
     # The rig before the journal: if no device answers, no session is opened.
     journal = stack.enter_context(journal_if_used(options.folder.journal))
-    new = name not in journal.sessions()
-    earlier = touchbeam_versions(journal.events(name))[-1:]
-    if other := nearly_the_same(journal, options.participant):
-        say(f"warning: {options.participant} is taken for another participant than {other}")
+    chain = request.chain(journal)
+    new = chain not in journal.sessions()
+    earlier = touchbeam_versions(journal.events(chain))[-1:]
     session = opened_session(request, journal, clock)
-    log = SessionLog(journal, name, clock)
+    log = SessionLog(journal, chain, clock)
+    if new and not request.rehearsal and chains_of(journal, options.participant, rehearsal=True):
+        say(f"{options.participant} was a rehearsal before; this is the session itself.")
     if earlier and earlier[0] != (now := versions()["touchbeam"]):
         say(f"{name} was last recorded by touchbeam {earlier[0]} and continues with {now}.")
-    virtual = options.ratings == "virtual"
+    finger = _finger(request, rig, say, lambda: context.resonance_hz)
     participant, operator = stack.enter_context(
-        participant_and_operator(session, rig, clock, say, window, virtual=virtual)
+        participant_and_operator(session, rig, clock, say, window, finger)
     )
     stack.enter_context(checkpointed(journal))
-    return SessionContext(
+    context = SessionContext(
         session=session,
         device=rig.device,
         address=request.url,
@@ -220,13 +275,19 @@ def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
         log=log,
         opened_now=new,
     )
+    return context
 
 
-def nearly_the_same(journal: Journal, participant: str) -> str | None:
-    """Return a participant of the study whose pseudonym differs only in capitals, if any."""
-    known = (name.rpartition("/")[0] for name in journal.sessions())
-    alike = (other for other in known if other.casefold() == participant.casefold())
-    return next((other for other in alike if other != participant), None)
+def _finger(
+    request: Request, rig: SessionRig, say: Say, resonance_hz: Callable[[], float]
+) -> Finger | None:
+    """Return what a virtual participant feels with; None for a person."""
+    if request.options.ratings != "virtual":
+        return None
+    if rig.control is not None:
+        return rig.control
+    say(f"DRY RUN on {request.url}: the device is driven. Nobody may touch the beam.")
+    return UntouchedBeam(request.study, lambda: rig.device.reading, resonance_hz)
 
 
 def _window(request: Request) -> AbstractContextManager[WindowParticipant | None]:
@@ -249,9 +310,9 @@ def opened_session(request: Request, journal: Journal, clock: Clock) -> Session:
 
     A slot is taken by opening the session; choosing and opening must therefore not be separated.
     """
-    options, name = request.options, request.name
+    options = request.options
     with journal.alone():
-        sessions = states(journal)
+        sessions, chain = states(journal), request.chain(journal)
         slot = slot_for(sessions, options.participant, request.kind)
         session = Session(
             participant=options.participant,
@@ -265,9 +326,9 @@ def opened_session(request: Request, journal: Journal, clock: Clock) -> Session:
             seed=request.seed,
             virtual=_virtual_truth(request),
         )
-        require_resumable(journal, session, sessions.get(name), clock.utc())
-        if name not in sessions:
-            SessionLog(journal, name, clock).append(session.opening())
+        require_resumable(journal, session, sessions.get(chain), clock.utc())
+        if chain not in sessions:
+            SessionLog(journal, chain, clock).append(session.opening())
     return session
 
 

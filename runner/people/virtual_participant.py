@@ -1,13 +1,14 @@
-"""A virtual participant, who touches the simulated beam, feels its friction, answers and rates.
+"""A virtual participant, who touches a beam, feels its friction, answers and rates.
 
-It feels the friction that the simulated device really produces, through a control connection; it
-knows neither the plan nor the drive.
+It feels the friction that the simulated device really produces, through a control connection, or on
+a real device a predicted one (`untouched_beam`). It knows neither the plan nor the drive.
 """
 
 import math
 import random
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Protocol
 
 from device.simulator.client import BeamControl
 from protocol.study.questions import ANSWERS, QUESTIONS, Question
@@ -61,6 +62,18 @@ def drawn_person(seed: int, participant: str, session: int) -> tuple[Character, 
     return drawn_character(stream), stream
 
 
+class Finger(Protocol):
+    """A finger on the beam."""
+
+    def touch(self, force_n: float, position_m: float, direction: str) -> float:
+        """Put it down, moving in `direction`; return the friction coefficient it feels."""
+        ...
+
+    def lift(self) -> None:
+        """Take it off the beam."""
+        ...
+
+
 @dataclass(frozen=True, kw_only=True)
 class _Felt:
     """Friction coefficient felt at a position."""
@@ -78,7 +91,7 @@ class VirtualParticipant:
     touch for which `slips` returns True is pressed twice as hard as instructed.
     """
 
-    control: BeamControl
+    control: Finger
     clock: Clock
     character: Character
     random_stream: random.Random

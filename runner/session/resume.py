@@ -8,7 +8,8 @@ from protocol.journal.records import PlannedTrial
 from protocol.journal.state import SessionState
 from protocol.study_file.loading import text_digest
 from runner.journal.amendments import accepted_digests
-from runner.journal.store import Journal, JournalError, session_name
+from runner.journal.names import chain_name, session_name
+from runner.journal.store import Journal, JournalError
 from runner.journal.verification import chain_is_unbroken
 from runner.session.session import Session
 
@@ -29,24 +30,31 @@ def require_resumable(
         JournalError: the recorded events of the session have been changed.
     """
     name = session_name(session.participant, session.number)
+    rehearsal = session.kind == "rehearsal"
+    chain = chain_name(journal, session.participant, session.number, rehearsal=rehearsal)
     _require_accepted_study(journal, session)
     if before is None:
         return
-    if not chain_is_unbroken(name, journal.chain(name), erased=True):
+    if not chain_is_unbroken(chain, journal.chain(chain), erased=True):
         raise JournalError(
             f"{name}: cannot resume, because its chain of events is broken; run touchbeam verify, "
             "and choose another participant or --session"
         )
-    if before.name in {"completed", "excluded", "withdrawn"}:
-        raise BadInput(f"{name} is already {before.name}; choose another participant or --session")
+    if before.is_excluded or before.name in {"completed", "withdrawn"}:
+        raise BadInput(f"{name} is already {before.shown_name}; {_instead(session)}")
     assert before.opened is not None, "session-opened is the first event of every session"
-    if before.opened.kind != session.kind:
-        raise BadInput(
-            f"{name} began as a {before.opened.kind} session and cannot resume as a "
-            f"{session.kind} session"
-        )
     _require_same_trials(name, session, before.opened.trials)
     _require_fresh(name, session, before.last_event_utc, now)
+
+
+def _instead(session: Session) -> str:
+    """Return what to do if the session is over."""
+    if session.kind == "rehearsal":
+        return (
+            f"it was a rehearsal, so that {session.participant} can still have the session itself; "
+            "rehearse as another participant"
+        )
+    return "choose another participant or --session"
 
 
 def _require_accepted_study(journal: Journal, session: Session) -> None:

@@ -9,9 +9,9 @@ from protocol.journal.events import ScoresImported
 from protocol.study.fields import LONGEST_NAME, printable
 from protocol.study_file.loading import template
 from runner.clock import WallClock
+from runner.journal.names import session_name
 from runner.journal.opening import open_journal
 from runner.journal.session_log import SessionLog
-from runner.journal.store import session_name
 from runner.study.folder import StudyFolder, new_study
 
 

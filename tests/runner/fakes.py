@@ -12,6 +12,7 @@ from protocol.journal.records import Identity, ReadBack
 from protocol.plan.plan import plan
 from protocol.study.questions import ANSWERS
 from protocol.study_file.loading import parsed_study, template
+from runner.journal.names import chain_name
 from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal
 from runner.screens import (
@@ -46,13 +47,14 @@ class FakeClock:
 
 @dataclass
 class FakeDevice:
-    """Records its calls; the call named in `fails` fails."""
+    """Records its calls; the call named in `fails` fails. One that is `deaf` stays at 0 V."""
 
     fails: str = ""
     on: bool = False
     has_watchdog: bool = False
     trips: bool = True
     idn: str = "fake"
+    deaf: bool = False
     calls: list[str] = field(default_factory=list)
     driven: list[Setpoint] = field(default_factory=list)
 
@@ -84,7 +86,7 @@ class FakeDevice:
         last = self.driven[-1]
         return ReadBack(
             output=self.on,
-            voltage_v=last.voltage_v,
+            voltage_v=0.0 if self.deaf else last.voltage_v,
             frequency_hz=last.frequency_hz,
             monitor_v=last.voltage_v,
             force_n=0.5,
@@ -190,7 +192,7 @@ def context(
 ) -> SessionContext:
     """Return the context of session P01/1 of the study `text`; open it in `journal` if new."""
     clock = FakeClock()
-    log = SessionLog(journal, "P01/1", clock)
+    log = SessionLog(journal, chain_name(journal, "P01", 1, rehearsal=kind == "rehearsal"), clock)
     if log.state.opened:
         clock.passed_s = 3600.0
     study = parsed_study(text)

@@ -21,7 +21,6 @@ from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study, template
 from runner.journal.opening import journal_if_used
 from runner.journal.session_log import SessionLog
-from runner.journal.store import session_name
 from runner.launch.run_session import Request, SessionOptions, opened_session
 from runner.people.operator_console import OperatorConsole, PlainDisplay
 from runner.people.virtual_participant import VirtualParticipant, drawn_person, swapping
@@ -69,7 +68,6 @@ def rehearsed(
 def _run(
     study: Study, text: str, options: SessionOptions, journal: Any, slips: Callable[[], bool]
 ) -> None:
-    name = session_name(options.participant, options.number)
     request = Request(
         options=options,
         study=study,
@@ -104,7 +102,7 @@ def _run(
                 alone=True,
             ),
             clock=clock,
-            log=SessionLog(journal, name, clock),
+            log=SessionLog(journal, request.chain(journal), clock),
             opened_now=True,
         )
         run(context)

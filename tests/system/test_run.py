@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from device.simulator.client import ControlClient, simulator_process
 from protocol.journal.events import Event, TouchStarted
 from runner.journal.opening import read_journal
 from runner.journal.session_log import SessionLog
@@ -30,9 +31,30 @@ def test_a_completed_session_is_not_run_again(capsys: pytest.CaptureFixture[str]
         "P01/1 is complete: 7 trials answered, device off (read back); this was a rehearsal."
     )
     assert typed(*arguments) == 2
-    assert "P01/1 is already completed" in capsys.readouterr().err
+    assert "P01/1 is already completed; it was a rehearsal" in capsys.readouterr().err
     assert typed("report", "study") == 2
-    assert "nothing but rehearsals here; name them with --rehearsals" in capsys.readouterr().err
+    assert (
+        "nothing but rehearsals here; add --rehearsals to include them" in capsys.readouterr().err
+    )
+
+
+def test_a_dry_run_on_a_real_device_is_a_rehearsal_with_the_same_watchdog(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    typed("new", "study")
+    with (
+        simulator_process((TOUCHBEAM,), seed=1, wire="tcp", keep=True) as simulator,
+        ControlClient(simulator.control) as control,
+    ):
+        control.fault("watchdog-dead")
+        capsys.readouterr()
+        assert typed(*RUN, "virtual", "--device", simulator.url) == 1
+        assert control.state()["output"] is False
+    shown = capsys.readouterr()
+    assert f"DRY RUN on {simulator.url}: the device is driven. Nobody may touch" in shown.out
+    assert "watchdog did not trip" in shown.err
+    with read_journal(Path("study/study.db")) as journal:
+        assert journal.sessions() == ["P01/1 (rehearsal)"]
 
 
 def test_a_session_of_a_changed_study_is_not_resumed(capsys: pytest.CaptureFixture[str]) -> None:
@@ -95,7 +117,7 @@ def test_the_journal_records_the_study_that_was_run(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(StudyFolder, "text", text_then_save)
     assert typed(*RUN, "virtual") == 0
     with read_journal(Path("study/study.db")) as journal:
-        opened, *events = journal.events("P01/1")
+        opened, *events = journal.events("P01/1 (rehearsal)")
     commanded = [e.payload["commanded"] for e in events if e.tag == "touch-started"]
     assert opened.payload["study_text"] == first
     assert {drive["voltage_v"] for drive in commanded} == {0, 100}

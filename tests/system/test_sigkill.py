@@ -83,4 +83,4 @@ def recorded(folder: Path) -> list[StoredEvent]:
     if not (folder / "study.db").exists():
         return []
     with open_journal(folder / "study.db") as journal:
-        return journal.events("P01/1")
+        return journal.events("P01/1 (rehearsal)")

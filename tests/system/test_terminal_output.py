@@ -211,7 +211,7 @@ def test_a_device_cannot_write_to_the_terminal(
 def test_a_console_session_shows_typed_characters_as_escapes(tmp_path: Path) -> None:
     """The terminal itself echoes them as `^[`."""
     (tmp_path / "study.toml").write_text(template("paper"))
-    of = ("--participant", "P01", "--ratings", "console")
+    of = ("--participant", "P01", "--ratings", "console", "--rehearsal")
     code, written = on_terminal("run", tmp_path, *of, typed=f":{HOSTILE[2:8]}\n:e\n")
     assert code == 1
     assert_harmless(written)

@@ -80,7 +80,7 @@ def test_a_participant_reads_the_third_language(
     lines.write_text("\n" * 3, encoding="utf-8")
     with lines.open(encoding="utf-8") as typist:
         monkeypatch.setattr("sys.stdin", typist)
-        assert typed(*RUN, "console") == 1
+        assert typed(*RUN, "console", "--rehearsal") == 1
     assert "Touchez. (2 s)" in capsys.readouterr().out
 
 

@@ -53,7 +53,7 @@ def test_the_last_attempt_counts_however_it_was_made(tmp_path: Path) -> None:
     text = template("paper") + RETRIES.replace("20", "1")
     rehearsed(tmp_path, text, 1, seed=1, slips=lambda: True)
     with read_journal(tmp_path / "study.db") as journal:
-        events = [event.record for event in journal.events("P001/1")]
+        events = [event.record for event in journal.events(journal.sessions()[0])]
     answered = [record for record in events if isinstance(record, Answered)]
     assert [record.index for record in events if isinstance(record, TrialDeferred)] != []
     assert sum(isinstance(record, TrialDeferred) for record in events) == len(answered) == 7
@@ -63,7 +63,7 @@ def test_the_last_attempt_counts_however_it_was_made(tmp_path: Path) -> None:
 def test_without_retries_the_first_attempt_counts(tmp_path: Path) -> None:
     rehearsed(tmp_path, template("paper"), 1, seed=1, slips=lambda: True)
     with read_journal(tmp_path / "study.db") as journal:
-        tags = [event.tag for event in journal.events("P001/1")]
+        tags = [event.tag for event in journal.events(journal.sessions()[0])]
     assert "trial-deferred" not in tags
     assert tags.count("answered") == 7
 
@@ -74,8 +74,8 @@ def test_practice_is_repeated_until_enough_touches_are_as_instructed(tmp_path: P
     rehearsed(tmp_path, text, 1, seed=1, slips=lambda: next(wrong, False))
     with read_journal(tmp_path / "study.db") as journal:
         assert verdicts(journal)[0].ok
-        state = folded(journal.events("P001/1"))
-        tags = [event.tag for event in journal.events("P001/1")]
+        state = folded(journal.events(journal.sessions()[0]))
+        tags = [event.tag for event in journal.events(journal.sessions()[0])]
     assert tags.count("practice-renewed") == state.practice_rounds - 1 >= 1
     assert sum(state.practised[-4:]) >= 3
 
@@ -84,5 +84,5 @@ def test_practice_ends_after_its_rounds(tmp_path: Path) -> None:
     text = template("extended") + "\n[as_instructed]\npractise_until = 3\npractise_of = 4\n"
     rehearsed(tmp_path, text, 1, seed=1, slips=lambda: True)
     with read_journal(tmp_path / "study.db") as journal:
-        state = folded(journal.events("P001/1"))
+        state = folded(journal.events(journal.sessions()[0]))
     assert (state.practice_rounds, state.name) == (3, "completed")

@@ -5,8 +5,10 @@ from collections.abc import Sequence
 import pytest
 
 from analysis.export.dataset import Dataset, NothingToExport, dataset
-from protocol.journal.events import StoredEvent
+from analysis.loading.records import values
+from protocol.journal.events import StoredEvent, TrialExcluded, TrialIncluded
 from protocol.study_file.loading import parsed_study
+from tests.analysis.chains import chain, scored_session
 from tests.analysis.hostile_study import sessions, study_text
 
 TEXT = study_text()
@@ -59,3 +61,24 @@ def test_what_was_taken_out_is_marked() -> None:
     trials = exported([*events("P01"), *events("E01")]).trials
     assert trials["excluded"].tolist() == ["no"] * 3 + ["trial"] + ["no"] * 10 + ["session"] * 7
     assert trials["exclusion_reason"].iloc[-1] == "fell asleep"
+
+
+def test_a_rehearsal_has_files_of_its_own_and_the_name_it_had() -> None:
+    kinds = ("participant", "rehearsal")
+    both = [scored_session("P01", [("voltage", 9)], ["voltage"], kind=kind) for kind in kinds]
+    data = exported([chain(events) for events in both], rehearsals=True)
+    assert [name for name, _ in data.by_session()] == [("P01", 1), ("P01 (rehearsal)", 1)]
+    assert data.subject_labels == {"P01": "P01", "P01 (rehearsal)": "P01rehearsal"}
+    told = data.trials[["participant", "session_kind"]].itertuples(index=False, name=None)
+    assert list(told) == [("P01", kind) for kind in kinds]
+
+
+def test_why_an_exclusion_was_taken_back_is_there() -> None:
+    session = scored_session("P01", [("voltage", 9), ("voltage", 8)], ["voltage"])
+    for index in (0, 1):
+        session.append(TrialExcluded(index=index, reason="a noise"))
+    session.append(TrialIncluded(index=1, reason="next door"))
+    trials = exported([chain(session)]).trials
+    assert trials["excluded"].tolist() == ["trial", "no"]
+    assert values(trials["exclusion_reason"]) == ["a noise", None]
+    assert values(trials["inclusion_reason"]) == [None, "next door"]

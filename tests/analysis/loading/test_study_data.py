@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 from analysis.loading.study_data import NothingToReport, StudyData, load_study_data
-from protocol.journal.events import Event, SessionExcluded, StudyAmended, TrialExcluded, Withdrawn
+from protocol.journal.events import (
+    Event,
+    SessionExcluded,
+    SessionIncluded,
+    StudyAmended,
+    TrialExcluded,
+    TrialIncluded,
+    Withdrawn,
+)
 from tests.analysis.chains import chain, published_chain, scored_session
 
 CONDITIONS = ("voltage", "pressure")
@@ -47,6 +55,35 @@ def test_rehearsals_are_left_out_unless_asked_for() -> None:
     assert (without.table.subjects, without.rehearsals_left_out) == (("P01",), 1)
     everything = loaded(*sessions, rehearsals=True)
     assert (everything.table.subjects, everything.rehearsals_left_out) == (("P01", "P02"), 0)
+
+
+def test_a_rehearsal_stays_apart_from_the_session_of_that_name() -> None:
+    rehearsal = session("P01", {"voltage": 1}, "rehearsal")
+    excluded = [*session("P02", {"voltage": 2}, "rehearsal"), SessionExcluded(reason="noise")]
+    sessions = [rehearsal, session("P01", {"voltage": 9}), excluded, session("P02", {})]
+    found = loaded(*sessions, rehearsals=True)
+    assert found.table.subjects == ("P01 (rehearsal)", "P01", "P02")
+    assert found.table.scores[:2, 0].tolist() == [1, 9]
+    assert [out.participant for out in found.left_out] == ["P02 (rehearsal)"]
+    assert loaded(*sessions).table.subjects == ("P01", "P02")
+
+
+def test_what_is_included_again_counts_and_is_told() -> None:
+    events = [
+        *session("P01", {"voltage": 9, "pressure": 5}),
+        TrialExcluded(index=1, reason="a noise"),
+        TrialIncluded(index=1, reason="it was next door"),
+        SessionExcluded(reason="ill"),
+        SessionIncluded(reason="that was P02"),
+    ]
+    found = loaded(events)
+    assert (found.table.scores.tolist(), found.left_out) == ([[9, 5]], ())
+    assert [(entry.trial, entry.what, entry.text) for entry in found.incidents] == [
+        (1, "excluded", "a noise"),
+        (1, "included again", "it was next door"),
+        (None, "excluded", "ill"),
+        (None, "included again", "that was P02"),
+    ]
 
 
 def test_nothing_but_rehearsals_names_the_option() -> None:

@@ -174,7 +174,9 @@ PAYLOADS: dict[str, dict[str, Any]] = {
     "device-off": {"confirmed": True, "why": "end of session"},
     "session-completed": {},
     "trial-excluded": {"index": 4, "reason": "noise"},
+    "trial-included": {"index": 4, "reason": "noise"},
     "session-excluded": {"reason": "fell asleep"},
+    "session-included": {"reason": "fell asleep"},
     "withdrawn": {},
     "study-amended": {"study_sha256": "1" * 64, "reason": "shorter ramp"},
     "scores-imported": {

@@ -92,7 +92,7 @@ def test_the_journal_commands_work_on_a_rehearsal(capsys: pytest.CaptureFixture[
     capsys.readouterr()
     assert typed("report", "study", "--rehearsals", "--json") == 0
     assert json.loads(capsys.readouterr().out)["left_out"]["trials excluded"] == 1
-    assert typed("withdraw", "study", *of) == 0
+    assert typed("withdraw", "study", *of, "--yes") == 0
     assert typed("verify", "study") == 0
     assert "withdrawn" in capsys.readouterr().out
 
@@ -103,11 +103,14 @@ def test_the_journal_commands_work_on_a_rehearsal(capsys: pytest.CaptureFixture[
         (("run", "nowhere", "--participant", "P01", "--ratings", "virtual"), 2, "no study here"),
         ((*RUN, "console", "--device", "/dev/ttyNOPE"), 1, "/dev/ttyNOPE: no such port"),
         ((*RUN, "console", "--device", "frob://x"), 2, "frob://x: not the address of a device"),
+        ((*RUN, "virtual", "--device", "/dev/ttyNOPE"), 1, "/dev/ttyNOPE: no such port"),
         (
-            (*RUN, "virtual", "--device", "/dev/ttyNOPE"),
+            (*RUN, "console"),
             2,
-            "--ratings virtual needs --device sim, got /dev/ttyNOPE",
+            "the device is simulated: P01/1 will be a rehearsal, .*; add --rehearsal",
         ),
+        ((*RUN, "virtual", "--consent", "C-1"), 2, "P01/1 will be a rehearsal.* add --rehearsal"),
+        ((*RUN, "virtual", "--session", "2"), 2, "--session 2: the study plans 1 .* add --extra"),
         ((*RUN, "console", "--pace", "stepped"), 2, "--pace stepped needs"),
         (("run", "study", "--participant", "../P01", "--ratings", "virtual"), 2, "got '../P01'"),
         (("run", "study", "--participant", "Anna", "--ratings", "virtual"), 2, "got 'Anna'"),

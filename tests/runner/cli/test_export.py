@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from runner.journal.names import session_name
 from runner.journal.opening import open_journal
-from runner.journal.store import session_name
 from tests.analysis.export.data_slips import bids_slips, csv_rows, psychds_slips
 from tests.analysis.hostile_study import sessions, study_text
 from tests.runner.command_line import TOUCHBEAM, typed
@@ -99,7 +99,7 @@ def test_rehearsals_alone_are_exported_only_on_request(
 ) -> None:
     assert typed("export", demo, tmp_path / "csv", "--format", "csv") == 2
     shown = capsys.readouterr()
-    assert shown.err == "touchbeam: nothing but rehearsals here; name them with --rehearsals\n"
+    assert shown.err == "touchbeam: nothing but rehearsals here; add --rehearsals to include them\n"
     assert list(tmp_path.iterdir()) == []
 
 
@@ -116,7 +116,7 @@ def test_the_journal_gives_the_same_bytes_each_time(
 
 
 def test_withdrawn_participants_are_left_out(study: Path) -> None:
-    assert typed("withdraw", study, "--participant", "P01") == 0
+    assert typed("withdraw", study, "--participant", "P01", "--yes") == 0
     assert typed("export", study, "csv", "--format", "csv") == 0
     rows = csv_rows(contents(Path("csv"))["trials.csv"])
     assert {row["participant"] for row in rows} == {"P-01", "p_01", "D01", "E01"}

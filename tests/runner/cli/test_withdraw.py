@@ -32,7 +32,7 @@ def test_reports_and_exports_made_before_are_named(capsys: pytest.CaptureFixture
     assert typed("import", str(PUBLISHED), "study") == 0
     make_results("before")
     capsys.readouterr()
-    assert typed("withdraw", "study", "--participant", "3") == 0
+    assert typed("withdraw", "study", "--participant", "3", "--yes") == 0
     old = ("before/bids", "before/csv", "before/psychds", "before/report")
     assert capsys.readouterr().out.splitlines() == [
         "Erased: 3/1.",
@@ -59,7 +59,7 @@ def test_a_withdrawal_from_a_journal_without_salts_says_what_can_be_guessed(
     with open_journal(Path("study/study.db")) as journal:
         given = {"participant": "P01", "conditions": ["voltage"], "scores": {"voltage": 8}}
         SessionLog(journal, "P01/1", WallClock()).append(ScoresImported.from_json(given))
-    assert typed("withdraw", "study", "--participant", "P01") == 0
+    assert typed("withdraw", "study", "--participant", "P01", "--yes") == 0
     assert capsys.readouterr().out.splitlines() == [
         "Erased: P01/1.",
         "Digests without salt remain in this journal, which an earlier version made: a short "
@@ -69,3 +69,22 @@ def test_a_withdrawal_from_a_journal_without_salts_says_what_can_be_guessed(
     assert typed("withdraw", "study", "--participant", "P01", "--json") == 0
     assert not json.loads(capsys.readouterr().out)["salted"]
     assert typed("verify", "study") == 0
+
+
+def test_a_withdrawal_is_confirmed_and_happens_once(capsys: pytest.CaptureFixture[str]) -> None:
+    assert typed("import", str(PUBLISHED), "study") == 0
+    capsys.readouterr()
+    before = Path("study/study.db").read_bytes()
+    for asked in ((), ("--json",)):
+        assert typed("withdraw", "study", "--participant", "3", *asked) == 2
+        shown = capsys.readouterr()
+        assert shown.out == ""
+        assert shown.err == (
+            "touchbeam: this erases for good: 3/1, imported scores; "
+            "add --yes to erase without a question\n"
+        )
+    assert Path("study/study.db").read_bytes() == before
+    assert typed("withdraw", "study", "--participant", "3", "--yes") == 0
+    assert "Erased: 3/1." in capsys.readouterr().out
+    assert typed("withdraw", "study", "--participant", "3") == 0
+    assert "Nothing was left to erase: already withdrawn: 3/1." in capsys.readouterr().out

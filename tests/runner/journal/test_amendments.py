@@ -11,7 +11,14 @@ from protocol.errors import BadInput
 from protocol.journal.events import NoteTaken, Withdrawn, event_of
 from protocol.study_file.loading import template
 from runner.clock import WallClock
-from runner.journal.amendments import amend, exclude_session, exclude_trial, withdraw
+from runner.journal.amendments import (
+    amend,
+    exclude_session,
+    exclude_trial,
+    include_session,
+    include_trial,
+    withdraw,
+)
 from runner.journal.cohort import session_summaries, slot_for, states
 from runner.journal.opening import open_journal, read_journal
 from runner.journal.session_log import SessionLog
@@ -241,14 +248,69 @@ def test_a_session_with_a_broken_chain_is_not_resumed(tmp_path: Path, column: st
             require_resumable(journal, made.session, states(journal)["P01/1"], FakeClock().utc())
 
 
-def test_a_participants_session_cannot_become_a_rehearsal(tmp_path: Path) -> None:
+def test_a_rehearsed_name_is_free_for_the_session_itself(tmp_path: Path) -> None:
     with open_journal(tmp_path / "study.db") as journal:
-        context(journal, FakeDevice(), FakeParticipant())
-        other = context(journal, FakeDevice(), FakeParticipant(), kind="rehearsal")
-        with pytest.raises(
-            BadInput, match="began as a participant session and cannot resume as a rehearsal"
-        ):
-            require_resumable(journal, other.session, states(journal)["P01/1"], FakeClock().utc())
+        run(context(journal, FakeDevice(), FakeParticipant(), kind="rehearsal"))
+        session = context(journal, FakeDevice(), FakeParticipant())
+        assert session.opened_now
+        run(session)
+        assert [(each.participant, each.kind, each.state) for each in verdicts(journal)] == [
+            ("P01", "rehearsal", "completed"),
+            ("P01", "participant", "completed"),
+        ]
+        assert all(verdict.ok for verdict in verdicts(journal))
+        assert verdicts(journal)[0].line().startswith("ok    P01/1 (rehearsal)  completed")
+        rehearsed = context(journal, FakeDevice(), FakeParticipant(), kind="rehearsal").session
+        state = states(journal)["P01/1 (rehearsal)"]
+        with pytest.raises(BadInput, match=r"P01/1 is already completed; it was a rehearsal, so"):
+            require_resumable(journal, rehearsed, state, FakeClock().utc())
+
+
+def test_a_session_and_the_rehearsal_of_that_name_are_judged_apart(tmp_path: Path) -> None:
+    with finished(tmp_path) as journal:
+        run(context(journal, FakeDevice(), FakeParticipant(), kind="rehearsal"))
+        exclude_session(journal, CLOCK, "P01/1 (rehearsal)", "a dry run")
+        assert [each.state for each in verdicts(journal)] == ["completed", "excluded"]
+        assert withdraw(journal, CLOCK, "P01") == ["P01/1"]
+        assert [each.state for each in verdicts(journal)] == ["withdrawn", "excluded"]
+        assert withdraw(journal, CLOCK, "P01", rehearsal=True) == ["P01/1 (rehearsal)"]
+        assert [each.kind for each in verdicts(journal)] == ["unknown", "rehearsal"]
+        with pytest.raises(BadInput, match="P02 has no rehearsals here"):
+            withdraw(journal, CLOCK, "P02", rehearsal=True)
+
+
+def test_a_trial_can_be_included_again(tmp_path: Path) -> None:
+    with finished(tmp_path) as journal:
+        exclude_trial(journal, CLOCK, "P01/1", 3, "noise")
+        include_trial(journal, CLOCK, "P01/1", 3, "the noise was elsewhere")
+        assert states(journal)["P01/1"].excluded == {}
+        with pytest.raises(BadInput, match="3 of P01/1 is not excluded; excluded trials: none"):
+            include_trial(journal, CLOCK, "P01/1", 3, "again")
+        exclude_trial(journal, CLOCK, "P01/1", 3, "noise after all")
+        assert states(journal)["P01/1"].excluded == {3: "noise after all"}
+        reasons = [e.payload["reason"] for e in journal.events("P01/1") if "reason" in e.payload]
+        assert reasons == ["noise", "the noise was elsewhere", "noise after all"]
+        with pytest.raises(BadInput, match=r"not excluded; its excluded trials are 3: name one"):
+            include_session(journal, CLOCK, "P01/1", "x")
+        assert verdicts(journal)[0].ok
+
+
+def test_an_included_session_is_what_it_was_before(tmp_path: Path) -> None:
+    with finished(tmp_path) as journal:
+        exclude_session(journal, CLOCK, "P01/1", "ill")
+        include_session(journal, CLOCK, "P01/1", "it was somebody else")
+        assert states(journal)["P01/1"].name == "completed"
+        assert verdicts(journal)[0].ok
+    (tmp_path / "unfinished").mkdir()
+    with open_journal(tmp_path / "unfinished" / "study.db") as journal:
+        made = context(journal, FakeDevice(), FakeParticipant())
+        exclude_session(journal, CLOCK, "P01/1", "did not come back")
+        state = states(journal)["P01/1"]
+        with pytest.raises(BadInput, match="P01/1 is already excluded"):
+            require_resumable(journal, made.session, state, FakeClock().utc())
+        include_session(journal, CLOCK, "P01/1", "came back")
+        run(context(journal, FakeDevice(), FakeParticipant()))
+        assert (verdicts(journal)[0].state, verdicts(journal)[0].ok) == ("completed", True)
 
 
 def test_the_verdict_has_the_fields_that_other_programs_rely_on(tmp_path: Path) -> None:

@@ -39,7 +39,7 @@ def felt(
     """Let a participant feel the resting beam, then `touches`, then ask."""
     control, clock = FakeHand(), FakeClock()
     virtual = VirtualParticipant(
-        control=control,  # type: ignore[arg-type]
+        control=control,
         clock=clock,
         character=character,
         random_stream=random.Random(seed),

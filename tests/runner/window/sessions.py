@@ -13,8 +13,8 @@ from typing import Any, Self
 
 from protocol.journal.events import StoredEvent
 from protocol.study_file.loading import template
+from runner.journal.names import chain_name
 from runner.journal.opening import open_journal
-from runner.journal.store import session_name
 from tests.runner.command_line import TOUCHBEAM
 from tests.runner.window.person import Person
 
@@ -71,7 +71,7 @@ class Seat:
         """Start the session; somebody serves the rig whenever the terminal asks for it."""
         arguments = [TOUCHBEAM, "run", str(self.folder), "--participant", self.participant]
         process = subprocess.Popen(
-            [*arguments, "--ratings", ratings, *options],
+            [*arguments, "--ratings", ratings, "--rehearsal", *options],
             env=self.environment,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -83,7 +83,7 @@ class Seat:
     def events(self) -> list[StoredEvent]:
         """Return the session's events from the journal."""
         with open_journal(self.folder / "study.db") as journal:
-            return journal.events(session_name(self.participant, 1))
+            return journal.events(chain_name(journal, self.participant, 1, rehearsal=True))
 
     def payloads(self, tag: str) -> list[Mapping[str, Any]]:
         """Return the payloads of one kind of event."""

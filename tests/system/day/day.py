@@ -17,7 +17,7 @@ from pathlib import Path
 
 from device.simulator.faults import NAMES
 from runner.cli import journal as commands
-from runner.journal.store import session_name
+from runner.journal.names import session_name
 from runner.launch.locks import session_lock
 from tests.system.day.invariants import Violation, require
 from tests.system.day.lab import Lab, Outcome
@@ -293,7 +293,7 @@ class Day:
     def _withdraw(self, name: str) -> None:
         participant = name.partition("/")[0]
         outcome = self.lab.command(
-            lambda: commands.withdraw(study=self.lab.folder.path, participant=participant)
+            lambda: commands.withdraw(study=self.lab.folder.path, participant=participant, yes=True)
         )
         own = {other for other in self.lab.watch.planned if other.startswith(f"{participant}/")}
         if self.running in own:

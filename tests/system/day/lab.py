@@ -27,9 +27,9 @@ from protocol.study.study import Study
 from protocol.study.touch import Touch
 from runner.cli.output import complaint
 from runner.clock import Clock
+from runner.journal.names import session_name
 from runner.journal.opening import journal_if_used, open_journal
 from runner.journal.session_log import SessionLog
-from runner.journal.store import session_name
 from runner.launch.device_access import keep_calibration, kept_calibration
 from runner.launch.locks import session_lock
 from runner.launch.run_session import (

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 from protocol.plan.plan import plan
 from protocol.proof.cohort import cohort_problems
 from protocol.proof.trial_checks import plan_problems
+from runner.journal.names import STUDY_CHAIN
 from runner.journal.opening import read_journal
-from runner.journal.verification import STUDY_CHAIN, readable_chains, verdicts
+from runner.journal.verification import readable_chains, verdicts
 from tests.system.day.invariants import require
 from tests.system.day.lab import checked_study
 

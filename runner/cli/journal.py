@@ -31,25 +31,44 @@ app = typer.Typer()
 
 @app.command()
 def status(study: StudyArgument, as_json: JsonOption = False) -> None:
-    """Show the progress of each session and the next free slot."""
-    from runner.journal.cohort import session_summaries, slot_for, states
+    """Show the progress of each session and what to do next."""
+    from runner.clock import WallClock
+    from runner.journal.cohort import session_summaries, states
+    from runner.journal.names import parsed_name
+    from runner.launch.locks import held_sessions
     from runner.study.folder import StudyFolder
+    from runner.study.progress import Progress
 
-    with study_journal(StudyFolder(path=study)) as journal:
+    folder = StudyFolder(path=study)
+    with study_journal(folder) as journal:
         sessions = states(journal)
-    lines = session_summaries(sessions)
-    free = slot_for(sessions, "", "participant")
-    if as_json:
-        records = [line.record() for line in lines]
-        print_json({"sessions": records, "next_slot": free})
+    found = Progress(
+        folder=study,
+        study=folder.study_if_valid(),
+        sessions=sessions,
+        running=held_sessions([parsed_name(chain).plain for chain in sessions], study),
+        now=WallClock().utc(),
+    )
+    if not as_json:
+        for line in found.lines():
+            say(line)
         return
-    for line in lines:
-        say(
-            f"{line.participant}/{line.session}  {line.kind}  {line.state}  "
-            f"{line.answered} of {line.planned} trials"
-            + (f", {line.excluded_trials} excluded" if line.excluded_trials else "")
-        )
-    say(f"The next participant gets slot {free} of the design.")
+    print_json(
+        {
+            "sessions": [
+                {**summary.record(), "resume_before_utc": until and until.isoformat()}
+                for summary, until in zip(
+                    session_summaries(sessions),
+                    map(found.resume_before, sessions.values()),
+                    strict=True,
+                )
+            ],
+            "next_slot": found.next_slot,
+            "next_participant": found.next_participant,
+            "done": found.done,
+            "planned": found.planned,
+        }
+    )
 
 
 @app.command()

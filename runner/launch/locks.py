@@ -10,7 +10,7 @@ import shlex
 import socket
 import stat
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from ipaddress import ip_address
 from pathlib import Path
@@ -56,9 +56,7 @@ def rig_lock(url: str, common: Path = COMMON) -> Iterator[None]:
 @contextmanager
 def _lock(what: str, identity: str, common: Path) -> Iterator[None]:
     """Lock `what`, identified by `identity`; the system releases the lock if the process dies."""
-    folder = _folder(common)
-    # Session names and rig addresses may contain any character; file names may not.
-    name = hashlib.sha256(identity.encode()).hexdigest()[:24]
+    folder, name = _folder(common), _file_name(identity)
     lock, holder_file = FileLock(folder / f"{name}.lock"), folder / f"{name}.process"
     try:
         lock.acquire(timeout=0)
@@ -82,10 +80,43 @@ def session_lock(session: str, study: Path) -> Iterator[None]:
         RigInUse: another process holds the session.
         UnsafeFolder: other users can open the folder of the locks.
     """
-    place = study.stat()
-    identity = f"session {session} of {place.st_dev}:{place.st_ino} {_boot()}"
-    with _lock(f"session {session} of {study.resolve()}", identity, COMMON):
+    with _lock(f"session {session} of {study.resolve()}", _identity(session, study), COMMON):
         yield
+
+
+def _identity(session: str, study: Path) -> str:
+    place = study.stat()
+    return f"session {session} of {place.st_dev}:{place.st_ino} {_boot()}"
+
+
+def _file_name(identity: str) -> str:
+    """Return the name of a lock's files: what it locks may contain any character."""
+    return hashlib.sha256(identity.encode()).hexdigest()[:24]
+
+
+def held_sessions(sessions: Iterable[str], study: Path) -> set[str]:
+    """Return which of `sessions` of the study in the folder `study` a process is running.
+
+    Looks only at who holds the locks, so that a session that starts now is not turned away.
+    """
+    try:
+        folder = _folder(COMMON)
+    except UnsafeFolder:  # nobody could run a session, either
+        return set()
+    places = {name: folder / f"{_file_name(_identity(name, study))}.process" for name in sessions}
+    return {name for name, place in places.items() if _is_held(place)}
+
+
+def _is_held(holder_file: Path) -> bool:
+    """Return whether the process that wrote `holder_file` is still alive."""
+    import psutil
+
+    try:
+        wrote_s = holder_file.lstat().st_mtime
+        with open(holder_file, encoding="ascii", opener=_open_no_link) as file:
+            return bool(psutil.Process(int(file.read(20))).create_time() <= wrote_s + 1)
+    except (OSError, ValueError, psutil.Error):
+        return False
 
 
 def _boot() -> str:

@@ -89,6 +89,13 @@ class StudyFolder:
         """
         return parsed_study(self.text(), str(self.study_file), dialects=dialects)
 
+    def study_if_valid(self) -> Study | None:
+        """Return the checked study, None if it is missing or has problems."""
+        try:
+            return self.study()
+        except BadInput:
+            return None
+
     def existing_journal(self) -> Path:
         """Return the path of the journal.
 

@@ -1,0 +1,144 @@
+"""The progress of a study: what became of each session, and what to do next, in words."""
+
+import re
+import shlex
+from collections.abc import Iterator, Mapping, Sequence, Set
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from pathlib import Path
+
+from protocol.journal.events import SessionOpened
+from protocol.journal.state import SessionState
+from protocol.study.study import Study
+from runner.journal.cohort import session_summaries, slot_for
+from runner.journal.names import REHEARSAL, parsed_name, session_name
+
+_OVER = ("completed", "excluded", "withdrawn")
+_RESUME_WITHIN_H = 24.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Progress:
+    """The sessions of a study, as they are at `now`.
+
+    `study` is None if its file cannot be read; `running` holds what people call the sessions that
+    a process is running.
+    """
+
+    folder: Path
+    study: Study | None
+    sessions: Mapping[str, SessionState]
+    running: Set[str]
+    now: datetime
+
+    @property
+    def next_slot(self) -> int:
+        """The slot of the design that the next participant gets."""
+        return slot_for(self.sessions, "", "participant")
+
+    @property
+    def participants(self) -> list[str]:
+        """Everybody who has a session here, in the order of the first one."""
+        known = (s for s in session_summaries(self.sessions) if s.kind != REHEARSAL)
+        return list(dict.fromkeys(summary.participant for summary in known))
+
+    @property
+    def next_participant(self) -> str:
+        """A pseudonym for the next participant: the last one's with the next number."""
+        return _following(self.participants)
+
+    @property
+    def planned(self) -> int | None:
+        """The number of participants that the study plans."""
+        return None if self.study is None else self.study.design.participants
+
+    @property
+    def done(self) -> int:
+        """The number of participants with a completed session that counts."""
+        summaries = session_summaries(self.sessions)
+        whole = (s for s in summaries if s.kind != REHEARSAL and s.state == "completed")
+        return len({summary.participant for summary in whole})
+
+    def resume_before(self, state: SessionState) -> datetime | None:
+        """Return until when an unfinished session may be resumed."""
+        if state.shown_name in _OVER or state.last_event_utc is None:
+            return None
+        rules = self.study.session if self.study is not None else None
+        hours = _RESUME_WITHIN_H if rules is None else rules.resume_within_h
+        return state.last_event_utc + timedelta(hours=hours)
+
+    def lines(self) -> Iterator[str]:
+        """Yield what became of each session, then what to do next."""
+        for chain, summary in zip(self.sessions, session_summaries(self.sessions), strict=True):
+            state = self.sessions[chain]
+            name = session_name(summary.participant, summary.session)
+            excluded = f", {summary.excluded_trials} excluded" if summary.excluded_trials else ""
+            yield (
+                f"{name}  {summary.kind}  {self._state(chain, state)}  "
+                f"{summary.answered} of {summary.planned} trials{excluded}"
+                f"{self._advice(chain, state)}"
+            )
+        yield self._cohort()
+
+    def _state(self, chain: str, state: SessionState) -> str:
+        if state.shown_name in _OVER:
+            return state.shown_name
+        return "running" if parsed_name(chain).plain in self.running else "interrupted"
+
+    def _advice(self, chain: str, state: SessionState) -> str:
+        """Return what to do about an interrupted session."""
+        until = self.resume_before(state)
+        if until is None or parsed_name(chain).plain in self.running:
+            return ""
+        named = parsed_name(chain)
+        who = ["--participant", named.participant]
+        who += ["--session", str(named.number)] if named.number != 1 else []
+        if until < self.now:
+            mark = ["--rehearsal"] if state.opened and state.opened.kind == REHEARSAL else []
+            command = self._command("exclude", *who, *mark, "--reason", "not resumed in time")
+            return f"; too old to be resumed: {command}"
+        return (
+            f"; go on before {until.astimezone():%A %H:%M} with: "
+            f"{self._command('run', *who, *_options(state))}"
+        )
+
+    def _cohort(self) -> str:
+        of = "" if self.planned is None else f" of {self.planned}"
+        done = (
+            f"Done: {self.done}{of} participant{'' if (self.planned or self.done) == 1 else 's'}."
+        )
+        if self.planned is not None and self.done >= self.planned:
+            return f"{done} Next: {self._command('report')}"
+        command = self._command("run", "--participant", self.next_participant)
+        return (
+            f"{done} The next participant gets slot {self.next_slot} of the design, "
+            f"for example: {command}"
+        )
+
+    def _command(self, name: str, *options: str) -> str:
+        return shlex.join(["touchbeam", name, str(self.folder), *options])
+
+
+def _options(state: SessionState) -> list[str]:
+    """Return the options with which a session was opened, as far as the journal has them."""
+    opened = state.opened
+    if not isinstance(opened, SessionOpened):
+        return []
+    virtual = ["--ratings", "virtual"] if opened.virtual else []
+    rehearsal = ["--rehearsal"] if opened.kind == REHEARSAL and not opened.virtual else []
+    language = ["--language", opened.language] if opened.language not in {None, "en"} else []
+    consent = ["--consent", opened.consent] if opened.consent else []
+    return [*virtual, *rehearsal, *[str(word) for word in language], *consent]
+
+
+def _following(participants: Sequence[str]) -> str:
+    """Return the pseudonym after those of `participants`, P01 if there are none.
+
+    >>> _following(["P09", "P02"])
+    'P10'
+    """
+    counted = [found for name in participants if (found := re.fullmatch(r"(.*?)(\d+)", name))]
+    if not counted:
+        return "P01"
+    last = max(counted, key=lambda found: int(found[2]))
+    return f"{last[1]}{int(last[2]) + 1:0{len(last[2])}d}"

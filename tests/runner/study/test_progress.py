@@ -1,0 +1,82 @@
+"""What `touchbeam status` says about each session, and what to do next."""
+
+from collections.abc import Sequence
+from datetime import timedelta
+from pathlib import Path
+
+import pytest
+
+from protocol.journal.events import Event, SessionCompleted, SessionExcluded
+from protocol.journal.state import folded
+from protocol.study_file.loading import parsed_study, template
+from runner.study.progress import Progress
+from tests.analysis.chains import BEGAN, chain, opened
+
+STUDY = parsed_study(template("paper"))
+
+
+def progress(
+    *sessions: tuple[str, Sequence[Event]], hours: float = 1.0, running: str = ""
+) -> Progress:
+    return Progress(
+        folder=Path("my study"),
+        study=STUDY,
+        sessions={name: folded(chain(events)) for name, events in sessions},
+        running={running},
+        now=BEGAN + timedelta(hours=hours),
+    )
+
+
+def begun(who: str, kind: str = "participant", slot: int = 0) -> list[Event]:
+    return [opened(who, ["voltage"], kind=kind, slot=slot)]
+
+
+def test_an_interrupted_session_says_until_when_and_how_to_go_on() -> None:
+    session, cohort = progress(("P02/1", begun("P02"))).lines()
+    until = (BEGAN + timedelta(hours=24)).astimezone()
+    assert session == (
+        f"P02/1  participant  interrupted  0 of 0 trials; go on before {until:%A %H:%M} with: "
+        "touchbeam run 'my study' --participant P02"
+    )
+    assert cohort == (
+        "Done: 0 of 9 participants. The next participant gets slot 1 of the design, for example: "
+        "touchbeam run 'my study' --participant P03"
+    )
+
+
+def test_a_stale_session_is_to_be_excluded() -> None:
+    session, _ = progress(("P02/2", begun("P02")), hours=25).lines()
+    assert session.endswith(
+        "; too old to be resumed: touchbeam exclude 'my study' --participant P02 --session 2 "
+        "--reason 'not resumed in time'"
+    )
+
+
+def test_a_running_session_needs_no_advice() -> None:
+    session, _ = progress(("P02/1", begun("P02")), running="P02/1").lines()
+    assert session == "P02/1  participant  running  0 of 0 trials"
+
+
+def test_a_rehearsal_takes_no_name_and_is_resumed_as_one() -> None:
+    session, cohort = progress(("P01/1 (rehearsal)", begun("P01", "rehearsal"))).lines()
+    assert session.endswith("touchbeam run 'my study' --participant P01 --rehearsal")
+    assert cohort.endswith("gets slot 0 of the design, for example: touchbeam run 'my study' "
+                           "--participant P01")  # fmt: skip
+
+
+def test_a_finished_study_is_to_be_reported() -> None:
+    done = [
+        (f"P{n}/1", [*begun(f"P{n}"), SessionExcluded(reason="x")]) for n in range(1)
+    ] + [(f"P{n}/1", [*begun(f"P{n}"), SessionCompleted()]) for n in range(1, 10)]  # fmt: skip
+    found = progress(*done)
+    assert (found.done, found.planned, found.next_participant) == (9, 9, "P10")
+    assert list(found.lines())[-1] == "Done: 9 of 9 participants. Next: touchbeam report 'my study'"
+
+
+@pytest.mark.parametrize(
+    ("names", "following"),
+    [((), "P01"), (("P09",), "P10"), (("7", "12"), "13"), (("lab-3a", "lab-04"), "lab-05")],
+)
+def test_the_next_participant_has_the_next_number(names: Sequence[str], following: str) -> None:
+    sessions = [(f"{name}/1", begun(name)) for name in names]
+    assert progress(*sessions).next_participant == following

@@ -41,17 +41,26 @@ def number(value: float | NotEstimable | None, digits: int = 3) -> str:
 
 
 def p_value(p: float | NotEstimable | None) -> str:
-    """Return a p-value to three significant digits.
+    """Return a p-value as journals print it; `report.json` has all its digits.
 
-    >>> p_value(0.00390625), p_value(2.71e-5)
-    ('.00391', '2.71e-05')
+    >>> p_value(0.00390625), p_value(2.71e-5), p_value(1.0)
+    ('.004', '< .001', '> .999')
     """
     if p is None or isinstance(p, NotEstimable):
         return MISSING
-    if p >= 0.9995:
-        return "1"
-    text = f"{p:.3g}"
-    return text if "e" in text else text.removeprefix("0")
+    if not 0.001 <= p < 0.9995:
+        return "< .001" if p < 0.001 else "> .999"
+    return f"{p:.3f}".removeprefix("0")
+
+
+def p_equals(p: float | NotEstimable | None) -> str:
+    """Return the same in a sentence.
+
+    >>> p_equals(0.00390625), p_equals(2.71e-5)
+    ('p = .004', 'p < .001')
+    """
+    text = p_value(p)
+    return f"p {text}" if text[0] in "<>" else f"p = {text}"
 
 
 def interval(ends: Interval, digits: int = 2) -> str:
@@ -67,7 +76,7 @@ def beside(ends: Interval | NotEstimable, digits: int = 2) -> str:
 
 def _monte_carlo(found: MonteCarlo) -> str:
     return (
-        f"permutation p = {p_value(found.p)} ± {found.error:.1g} (Monte Carlo standard error) from "
+        f"permutation {p_equals(found.p)} (Monte Carlo standard error {found.error:.1g}) from "
         f"{found.shuffles:,} shufflings within subjects"
     )
 
@@ -79,11 +88,11 @@ def _friedman_line(test: Friedman | NotEstimable) -> str:
     exact = (
         _monte_carlo(test.monte_carlo)
         if test.monte_carlo is not None
-        else f"exact permutation p = {test.p_exact:.4g}"
+        else f"exact permutation {p_equals(test.p_exact)}"
     )
     return (
-        f"Friedman's test of equal conditions: χ²({test.df}) = {test.chi2:.4f}, "
-        f"p = {test.p:.4g} ({exact}); Kendall's W = {test.kendall_w:.3f}"
+        f"Friedman's test of equal conditions: χ²({test.df}) = {test.chi2:.2f}, "
+        f"{p_equals(test.p)} ({exact}); Kendall's W = {test.kendall_w:.3f}"
         f"{beside(test.kendall_w_interval)}, corrected for ties."
     )
 
@@ -98,7 +107,7 @@ def omnibus_line(reading: Reading) -> str:
     omitted = "; omitted for lack of scores: " + ", ".join(test.left_out) if test.left_out else ""
     return (
         "Skillings–Mack test of equal conditions (in place of Friedman's test, because scores are "
-        f"missing{omitted}): T({test.df}) = {test.statistic:.4f}, p = {test.p:.4g}; "
+        f"missing{omitted}): T({test.df}) = {test.statistic:.2f}, {p_equals(test.p)}; "
         f"{_monte_carlo(test.monte_carlo)}."
     )
 

@@ -1,6 +1,7 @@
 """Commands for results: import, report, export, predict, ladder, claims."""
 
 import os
+import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -229,6 +230,7 @@ def write_report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json:
     from analysis.report.findings import Origin
     from analysis.report.report import report as made_report
     from analysis.report.report import report_files
+    from analysis.report.sections.left_out import left_out_lines
     from analysis.report.table4_text import table4_lines
     from analysis.report.wording import omnibus_line
     from protocol.study_file.loading import text_digest
@@ -241,13 +243,14 @@ def write_report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json:
         readable, sessions = readable_chains(journal, broken), len(journal.sessions())
         chains = followed("sessions", readable, sessions, alone=as_json)
         found = load_study_data(chains, rehearsals=rehearsals, rules=study.exclusions)
-    title = folder.path.resolve().name
+    name = shlex.quote(folder.path.resolve().name)
     origin = Origin(
-        command=f"touchbeam report {title}{' --rehearsals' if rehearsals else ''}",
+        command=f"touchbeam report {name}{' --rehearsals' if rehearsals else ''}",
         study_sha256=text_digest(folder.text()),
         broken_chains=tuple(broken),
     )
     _warn_of_broken(broken, folder.path)
+    title = study.publication.title or study.study.name
     result = made_report(title, found, study, origin)
     if out.exists() and not out.is_dir():
         raise BadInput(f"{out}: must be a folder for the report, got a file")
@@ -257,12 +260,17 @@ def write_report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json:
         print_json_text(files["report.json"].decode())
         return
     table4 = result.table.main.table4
+    figures = len(result.figure_files & files.keys())
+    others = files.keys() - result.figure_files - {"report.html"}
+    beside = [*sorted(others), f"{figures} figure files"]
     print_table("Table 4", table4_lines(table4, "–", marks(result.loaded.empty)))
-    for note in result.table_notes:
-        say(note)
-    written = ", ".join(str(out / name) for name in files if name not in result.figure_files)
-    say(omnibus_line(result.table.main))
-    say(f"Written: {written}")
+    for line in (
+        *result.table_notes,
+        omnibus_line(result.table.main),
+        *left_out_lines(found),
+        f"Written: {out / 'report.html'} (open it in a browser); beside it {', '.join(beside)}",
+    ):
+        say(line)
 
 
 def _warn_of_broken(sessions: "Sequence[str]", study: Path) -> None:

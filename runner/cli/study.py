@@ -1,5 +1,6 @@
 """Commands that create, check and run a study: demo, new, check, run."""
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -51,7 +52,13 @@ def demo(
     with new_study(folder, template("paper")), progress("participants", participants) as step:
         rehearse_cohort(folder, participants, seed, touchbeam_command(), step)
     write_report(folder, folder.report, rehearsals=True, as_json=False)
-    say(f"Device off, read back after each of {participants} sessions.")
+    sessions = "the session" if participants == 1 else f"each of {participants} sessions"
+    say(f"Device off, read back after {sessions}.")
+    say("The participants are virtual and the device is simulated: no person gave these scores.")
+    say(
+        f"Now open {shlex.quote(str(folder.report / 'report.html'))} in a browser, "
+        "and begin a study of your own: touchbeam new mystudy"
+    )
 
 
 @app.command()
@@ -62,17 +69,19 @@ def new(
     """Create a study to edit."""
     from protocol.study_file.loading import TEMPLATES, template_tests
     from protocol.study_file.loading import template as template_text
-    from runner.study.folder import StudyFolder, new_study
+    from runner.study.folder import StudyFolder, named_after, new_study
 
     if template not in TEMPLATES:
         raise BadInput(f"--template must be one of {', '.join(TEMPLATES)}, got {template!r}")
     study = StudyFolder(path=folder)
-    with new_study(study, template_text(template)):
+    text = named_after(folder.resolve().name, template_text(template))
+    with new_study(study, text):
         study.test_file.write_text(template_tests(), encoding="utf-8")
-    say(
-        f"Edit {study.study_file}; then: touchbeam check {folder}, "
-        f"touchbeam run {folder} --participant P01"
-    )
+    place = shlex.quote(str(folder))
+    say(f"Edit {study.study_file}; docs/study-file.md describes every key. Then:")
+    say(f"  touchbeam check {place}")
+    say(f"  touchbeam run {place} --participant P01 --ratings virtual    # a rehearsal")
+    say(f"{study.test_file} tests the study with pytest (docs/study-tests.md); you may delete it.")
 
 
 @app.command()

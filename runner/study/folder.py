@@ -1,5 +1,6 @@
 """A study on disk: study file, journal, languages and report."""
 
+import json
 import os
 import re
 from collections.abc import Iterable, Iterator
@@ -8,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from protocol.errors import BadInput
+from protocol.study.fields import LONGEST_NAME, printable
 from protocol.study.languages import CODE
 from protocol.study.study import Study
 from protocol.study_file.language_files import with_languages
@@ -130,6 +132,14 @@ def new_study(folder: StudyFolder, text: str) -> Iterator[StudyFolder]:
         if unused(folder.journal):
             take_away([topmost] if topmost else place.iterdir())
         raise
+
+
+def named_after(name: str, text: str) -> str:
+    """Return the template `text` with `name` as the study's name, unless it is blank."""
+    shown = printable(name.encode(errors="replace").decode()).strip()[:LONGEST_NAME]
+    # A JSON string is also a valid TOML string.
+    key = f"name = {json.dumps(shown, ensure_ascii=False)}"
+    return re.sub(r'(?m)^name = "\w+"$', lambda _: key, text, count=1) if shown else text
 
 
 def _created(place: Path) -> Path | None:

@@ -1,18 +1,16 @@
 """Import of published scores as a study with one completed session per subject."""
 
-import json
 from collections.abc import Iterable, Mapping
 from hashlib import sha256
 from pathlib import Path
 
 from protocol.journal.events import ScoresImported
-from protocol.study.fields import LONGEST_NAME, printable
 from protocol.study_file.loading import template
 from runner.clock import WallClock
 from runner.journal.names import session_name
 from runner.journal.opening import open_journal
 from runner.journal.session_log import SessionLog
-from runner.study.folder import StudyFolder, new_study
+from runner.study.folder import StudyFolder, named_after, new_study
 
 
 def import_table(
@@ -32,7 +30,7 @@ def import_table(
     clock = WallClock()
     digest = sha256(content).hexdigest()
     with (
-        new_study(folder, _named(template("paper"), source)),
+        new_study(folder, named_after(Path(source).stem, template("paper"))),
         open_journal(folder.journal) as journal,
         journal.alone(),
     ):
@@ -48,11 +46,3 @@ def import_table(
                     source_sha256=digest,
                 )
             )
-
-
-def _named(study_text: str, source: str) -> str:
-    """Return the paper's study file with the name of the scores' file as the study's name."""
-    stem = Path(source).stem.encode(errors="replace").decode()
-    name = printable(stem)[:LONGEST_NAME]
-    # A JSON string is also a valid TOML string.
-    return study_text.replace('name = "paper"', f"name = {json.dumps(name, ensure_ascii=False)}", 1)

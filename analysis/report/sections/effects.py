@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from analysis.estimates import Json, NotEstimable, or_null, plain, why
 from analysis.report.blocks import Section, Table, columns
 from analysis.report.findings import Findings
-from analysis.report.wording import beside, number, p_value
+from analysis.report.wording import beside, number, p_equals
 from analysis.statistics.additive import AdditiveEffects
 from analysis.statistics.ordinal import Interaction, OrdinalEffects
 from analysis.statistics.summary import TableStatistics
@@ -74,7 +74,7 @@ def _additive_line(table: TableStatistics) -> str:
     slopes = (
         f"not estimable ({gains.reason})"
         if isinstance(gains, NotEstimable)
-        else f"F({gains.df[0]}, {gains.df[1]}) = {gains.f:.3f}, p = {p_value(gains.p)}, "
+        else f"F({gains.df[0]}, {gains.df[1]}) = {gains.f:.3f}, {p_equals(gains.p)}, "
         f"standard deviation of the slopes (moment estimate) τ = {number(gains.tau)}"
     )
     return (
@@ -105,7 +105,7 @@ def _interaction_line(trials: TrialStatistics) -> list[str]:
         f"{link}: not estimable ({found.reason})"
         if isinstance(found, NotEstimable)
         else f"{link}: standard deviation {number(found.sd)}{beside(found.sd_interval)}, "
-        f"likelihood ratio {number(found.likelihood_ratio)}, p = {p_value(found.p)}"
+        f"likelihood ratio {number(found.likelihood_ratio)}, {p_equals(found.p)}"
         for link, found in (
             (link, effects.interaction)
             for link, effects in trials.ordinal.items()

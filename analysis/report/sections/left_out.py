@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from analysis.estimates import plain
 from analysis.loading.exclusions import rules_in_words
+from analysis.loading.records import Exclusion
 from analysis.loading.study_data import StudyData
 from analysis.report.blocks import Items, Section, Table, columns
 from analysis.report.findings import Findings
@@ -50,6 +51,31 @@ def section(found: Findings) -> Section:
             "exclusions": plain(loaded.left_out),
             "incidents": plain(loaded.incidents),
         },
+    )
+
+
+_MOST_LINES = 12
+
+
+def left_out_lines(loaded: StudyData) -> list[str]:
+    """Return for the terminal who and what the report leaves out, and why."""
+    said = [f"Left out: {_place(entry)} ({entry.by}): {entry.why}" for entry in loaded.left_out]
+    if len(said) > _MOST_LINES:
+        more = len(said) - _MOST_LINES
+        said[_MOST_LINES:] = [f"Left out: {more} more, listed under Exclusions in the report"]
+    counts = _counts(loaded)
+    said += [
+        f"Left out: {what}: {counts[what]}"
+        for what in ("rehearsals", "sessions withdrawn")
+        if counts[what]
+    ]
+    return [*said, *(f"Not finished: {who}" for who in loaded.unfinished[:_MOST_LINES])]
+
+
+def _place(entry: Exclusion) -> str:
+    parts = {"session": entry.session, "trial": entry.trial}
+    return ", ".join(
+        [entry.participant, *(f"{name} {of}" for name, of in parts.items() if of is not None)]
     )
 
 

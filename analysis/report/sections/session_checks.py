@@ -7,7 +7,7 @@ from analysis.report.blocks import Figure, Items, Section, Table, columns
 from analysis.report.drawing import course_figure
 from analysis.report.figure_data import Course, course
 from analysis.report.findings import Findings
-from analysis.report.wording import interval, number, p_value, share
+from analysis.report.wording import interval, number, p_equals, share
 from analysis.trials.order_as_run import OrderAsRun
 from analysis.trials.trial_checks import Discrimination, Drift, FTest
 from analysis.trials.trial_statistics import CatchAnswers
@@ -54,7 +54,7 @@ def section(found: Findings) -> Section:
 def _f_line(name: str, test: FTest | NotEstimable) -> str:
     if isinstance(test, NotEstimable):
         return f"{name}: not estimable ({test.reason})."
-    return f"{name}: F({test.df[0]}, {test.df[1]}) = {test.f:.3f}, p = {p_value(test.p)}."
+    return f"{name}: F({test.df[0]}, {test.df[1]}) = {test.f:.3f}, {p_equals(test.p)}."
 
 
 def _order_lines(order: OrderAsRun | NotEstimable) -> list[str]:
@@ -105,7 +105,7 @@ def _drift_line(drift: Drift | NotEstimable) -> str:
         return f"Drift: not estimable ({drift.reason})."
     return (
         f"Drift, mean of the subjects' slopes: {number(drift.points_per_trial)} points per trial, "
-        f"95 % interval {interval(drift.interval, 3)}, t({drift.df}), p = {p_value(drift.p)}."
+        f"95 % interval {interval(drift.interval, 3)}, t({drift.df}), {p_equals(drift.p)}."
     )
 
 

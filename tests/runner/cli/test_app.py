@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from runner.doctor import findings
+from runner.study.folder import StudyFolder
 from tests.runner.command_line import TOUCHBEAM, assert_matches, everything, typed
 
 RUN = ("run", "study", "--participant", "P01", "--ratings")
@@ -62,6 +63,11 @@ def test_the_demo_ends_with_table_4_and_the_device_off(tmp_path: Path) -> None:
         for _ in range(2)
     ]
     assert all("Table 4" in run.stdout and "Device off, read back" in run.stdout for run in shown)
+    assert "no person gave these scores" in shown[0].stdout
+    assert shown[0].stdout.endswith(
+        "Now open demo/report/report.html in a browser, and begin a study of your own: "
+        "touchbeam new mystudy\n"
+    )
     assert not any(run.stderr for run in shown), "no progress bar without a terminal"
     for name in ("table4.csv", "report.html", "report.json"):
         first, second = (Path(folder, "report", name).read_bytes() for folder in ("demo", "demo-2"))
@@ -230,6 +236,16 @@ def test_an_unknown_key_names_the_near_miss(capsys: pytest.CaptureFixture[str]) 
     assert typed(*RUN, "virtual") == 2
     assert "unknown key, got 'hold_z'; did you mean 'hold_s'?" in capsys.readouterr().err
     assert everything(Path("study")) == {"study.toml", "test_study.py"}
+
+
+def test_a_new_study_has_its_folders_name_and_commands_that_can_be_copied(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert typed("new", 'my "own" study') == 0
+    shown = capsys.readouterr().out
+    assert """  touchbeam check 'my "own" study'\n""" in shown
+    assert "test_study.py tests the study with pytest" in shown
+    assert StudyFolder(path=Path('my "own" study')).study().study.name == 'my "own" study'
 
 
 def test_debug_shows_a_traceback() -> None:

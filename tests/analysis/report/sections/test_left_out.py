@@ -4,6 +4,8 @@ import numpy as np
 
 from analysis.loading.study_data import load_study_data
 from analysis.report.report import report, report_html
+from analysis.report.sections.left_out import left_out_lines
+from protocol.journal.events import SessionExcluded, TrialExcluded
 from tests.analysis.chains import chain
 from tests.analysis.reports import ORIGIN, PAPER, plain_report, session_events
 
@@ -22,3 +24,19 @@ def test_only_complete_sessions_are_reported_as_uninterrupted() -> None:
     assert undisturbed not in published
     assert "Interruptions are unknown for a published table." in published
     assert "unfinished sessions: unknown for a published table" in published
+
+
+def test_the_terminal_names_who_is_left_out_and_why() -> None:
+    rng = np.random.default_rng(1)
+    sessions = [session_events(PAPER, slot, rng) for slot in range(3)]
+    sessions[0].append(TrialExcluded(index=3, reason="a noise"))
+    sessions[1].append(SessionExcluded(reason="fell asleep"))
+    sessions[2].pop()
+    rehearsed = session_events(PAPER, 0, rng, kind="rehearsal")
+    found = load_study_data(map(chain, [*sessions, rehearsed]), rehearsals=False)
+    assert left_out_lines(found) == [
+        "Left out: P02, session 1 (operator): fell asleep",
+        "Left out: P01, session 1, trial 3 (operator): a noise",
+        "Left out: rehearsals: 1",
+        "Not finished: P03",
+    ]

@@ -132,8 +132,11 @@ def predicted_table(table: SceneTable, options: PredictOptions) -> PredictedTabl
 
 
 def _texts(values: FloatArray, missing: str = "") -> list[str]:
-    """Numbers to 17 significant digits; what is not given is `missing`."""
-    return ["%.17g" % value if value == value else missing for value in values.tolist()]  # noqa: PLR0124,UP031 - nan is the only value unlike itself; % is twice as fast
+    """The shortest texts that give the same numbers again; what is not given is `missing`."""
+    return [
+        missing if value != value else repr(value).removesuffix(".0")  # noqa: PLR0124 - nan alone
+        for value in values.tolist()
+    ]
 
 
 def csv_text(predicted: PredictedTable) -> str:

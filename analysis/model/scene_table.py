@@ -4,6 +4,7 @@ import csv
 import io
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from typing import get_args
 
 import numpy as np
@@ -130,7 +131,9 @@ def _checked_header(source: str, header: Sequence[str]) -> None:
     for name in header:
         if name not in COLUMNS:
             known = ", ".join(COLUMNS)
-            raise BadInput(f"{source}, line 1: unknown column {name!r}; known are {known}")
+            close = get_close_matches(name, COLUMNS, n=1)
+            meant = f"did you mean {close[0]!r}? Known" if close else "known"
+            raise BadInput(f"{source}, line 1: unknown column {name!r}; {meant} are {known}")
         if list(header).count(name) > 1:
             raise BadInput(f"{source}, line 1: column {name!r} stands twice")
 

@@ -27,6 +27,9 @@ _RULES = {
     "dict_type": "must be a table",
     "tuple_type": "must be a list",
     "literal_error": "must be one of {expected}",
+    "string_too_short": "must not be empty",
+    "string_too_long": "must have at most {max_length} characters",
+    "string_pattern_mismatch": "must be a name of letters, digits, . _ and -",
     "too_short": "must have at least {min_length} entries",
     "too_long": "must have at most {max_length} entries",
 }
@@ -64,7 +67,9 @@ def _problem(document: Mapping[str, Any], entry: Any) -> Problem:
     value, key = repr(entry["input"]), str(path[-1])
     if len(value) > 80:
         value = f"{value[:77]}..."
-    if key.endswith("_v") or key == "voltages_are":
+    if entry["type"] == "string_type" and path[:1] == ("texts",):
+        hint = _quoted_key(path, entry["input"])
+    elif key.endswith("_v") or key == "voltages_are":
         hint = _PEAK
     elif entry["type"] in _OUT_OF_RANGE:
         hint = unit_hint(path, entry["input"], too_large=entry["type"] == "less_than_equal")
@@ -85,8 +90,16 @@ def _disagreement(document: Mapping[str, Any], path: Path, entry: Any) -> Proble
 def _rule(entry: Any) -> str:
     if entry["type"] in _RULES:
         return _RULES[entry["type"]].format(**entry.get("ctx", {}))
-    rule: str = entry["msg"].removeprefix("Value error, ")
+    if entry["type"] != "value_error":  # pydantic's own words
+        return "cannot be used here"
+    rule = str(entry["ctx"]["error"])
     return rule[:1].lower() + rule[1:]
+
+
+def _quoted_key(path: Path, given: Any) -> str:
+    """Return a hint for a key with a point in it, which TOML reads as a table."""
+    inner = next(iter(given), None) if isinstance(given, Mapping) else None
+    return f'quote the key: "{path[-1]}.{inner}" = "..."' if inner else ""
 
 
 def _meant_choice(entry: Any) -> str:

@@ -44,21 +44,12 @@ def toml_document(text: str) -> dict[str, Any] | Problem:
     try:
         document = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        return _no_toml(text, error)
+        from protocol.study_file.toml_slips import no_toml  # loaded when there is a mistake
+
+        return no_toml(text, error)
     except (RecursionError, ValueError, MemoryError):
         return _EXTREME
     return _extreme(document, ()) or document
-
-
-def _no_toml(text: str, error: tomllib.TOMLDecodeError) -> Problem:
-    line = re.search(r"at line (\d+)", str(error))
-    return Problem(
-        where="file",
-        rule="must be TOML",
-        value=str(error),
-        hint="mend the line",
-        line=int(line[1]) if line else text.rstrip().count("\n") + 1,
-    )
 
 
 def _extreme(value: Any, path: Path) -> Problem | None:

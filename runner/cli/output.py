@@ -170,10 +170,34 @@ def complaint(error: BaseException) -> tuple[str, int]:
     return " ".join("; ".join([line, *notes]).split()), code
 
 
+_OWN_WORDS = (
+    ("Value error, ", ""),
+    (", unable to parse string as an integer", ""),
+    (", unable to parse string as a number", ""),
+    ("Input should be a valid integer", "must be a whole number"),
+    ("Input should be a valid number", "must be a number"),
+    ("Input should be greater than or equal to", "must be at least"),
+    ("Input should be less than or equal to", "must be at most"),
+    ("Input should be", "must be"),
+)
+"""The words of the library that reads options, and ours."""
+
+
+def _own_words(message: str) -> str:
+    """Return what the library says about an option, in our words.
+
+    >>> _own_words("Invalid value for '--session': Input should be greater than or equal to 1")
+    "Invalid value for '--session': must be at least 1"
+    """
+    for theirs, ours in _OWN_WORDS:
+        message = message.replace(theirs, ours)
+    return message
+
+
 def _line(error: BaseException) -> tuple[str, int]:
     match error:
         case typer.TyperException():
-            return f"{error.format_message()} (see touchbeam --help)", error.exit_code
+            return f"{_own_words(error.format_message())} (see touchbeam --help)", error.exit_code
         case BadInput():
             return str(error), BAD_INPUT
         case WorkFailed():

@@ -45,23 +45,26 @@ def text_of(content: bytes, path: Path) -> str:
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise BadInput(f"{path}: cannot be read as UTF-8 text ({error})") from error
+        line = content.count(b"\n", 0, error.start) + 1
+        raise BadInput(
+            f"{path}: cannot be read as UTF-8 text at line {line}; save the file as UTF-8"
+        ) from error
 
 
 def short_text(path: Path) -> str:
     """Return the text of the file `path`, without a byte order mark.
 
     Raises:
-        BadInput: it exceeds the length limit, or is a pipe or a device, which may never end.
+        BadInput: it exceeds the length limit, is not UTF-8, or is a pipe or a device, which may
+            never end.
         OSError: it cannot be read.
-        UnicodeDecodeError: it is not UTF-8.
     """
     if path.exists() and not (path.is_file() or path.is_dir()):
         raise BadInput(f"{path}: must be a file, got a pipe or a device")
     size = path.stat().st_size
     if size > LONGEST_TEXT:
         raise BadInput(f"{path}: must have at most {LONGEST_TEXT} bytes, got {size}")
-    return path.read_text(encoding="utf-8-sig")
+    return text_of(path.read_bytes(), path).replace("\r\n", "\n").replace("\r", "\n")
 
 
 def is_stream(path: Path) -> bool:

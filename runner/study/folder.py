@@ -3,9 +3,11 @@
 import json
 import os
 import re
+import shlex
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 
 from protocol.errors import BadInput
@@ -72,15 +74,29 @@ class StudyFolder:
             return short_text(self.study_file)
         except FileNotFoundError:
             raise BadInput(
-                f"{self.path}: no study here (study.toml is missing); "
-                f"make one with: touchbeam new {self.path}"
+                f"{self.path}: no study here (study.toml is missing); {self._instead}"
+                f"make one with: touchbeam new {shlex.quote(str(self.path))}"
             ) from None
         except NotADirectoryError:
-            raise BadInput(
-                f"{self.path}: must be the folder that contains study.toml, got a file"
-            ) from None
-        except (OSError, UnicodeDecodeError) as error:
+            raise self._not_a_folder() from None
+        except OSError as error:
             raise BadInput(f"{self.study_file}: cannot be read ({error})") from error
+
+    @property
+    def _instead(self) -> str:
+        """A question for a study whose name is nearly this one, if there is one."""
+        if self.path.exists():
+            return ""
+        beside = self.path.absolute().parent
+        studies = [file.parent.name for file in beside.glob("*/study.toml")]
+        close = get_close_matches(self.path.name, studies, n=1)
+        return f"did you mean {self.path.with_name(close[0])}? Otherwise " if close else ""
+
+    def _not_a_folder(self) -> BadInput:
+        return BadInput(
+            f"{self.path}: must be the folder that contains study.toml, got a file; "
+            f"give {shlex.quote(str(self.path.parent))}"
+        )
 
     def study(self) -> Study:
         """Return the checked study.
@@ -104,9 +120,11 @@ class StudyFolder:
         Raises:
             BadInput: nothing has been recorded yet.
         """
+        if self.path.is_file():
+            raise self._not_a_folder()
         if not self.journal.is_file():
             raise BadInput(
-                f"{self.path}: no sessions here (study.db is missing); "
+                f"{self.path}: no sessions here (study.db is missing); {self._instead}"
                 "record one with touchbeam run or import scores with touchbeam import"
             )
         return self.journal
@@ -175,7 +193,7 @@ def _code(file: Path) -> str:
 def _language_text(file: Path) -> str:
     try:
         return short_text(file)
-    except (OSError, UnicodeDecodeError) as error:
+    except OSError as error:
         raise BadInput(f"{file}: cannot be read ({error})") from error
 
 

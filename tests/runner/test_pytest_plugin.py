@@ -87,8 +87,11 @@ def test_a_byte_order_mark_is_accepted_as_in_check(
 @pytest.mark.parametrize(
     ("content", "why"),
     [
-        (PAPER.encode().replace(b"paper", b"\xff", 1), "codec can't decode byte 0xff"),
-        (b"[study]\nname = ,", "study.toml:2: file: must be TOML, got Invalid value"),
+        (
+            PAPER.encode().replace(b"paper", b"\xff", 1),
+            "cannot be read as UTF-8 text at line 6; save the file as UTF-8",
+        ),
+        (b"[study]\nname = ,", "study.toml:2: file: must be TOML, got the line 'name = ,'"),
     ],
 )
 def test_an_unreadable_file_is_reported_in_one_line(

@@ -37,7 +37,7 @@ def test_blank_cells_and_absent_columns_take_the_papers_values() -> None:
     assert named == {
         "voltage_v": "100",
         "frequency_hz": "resonance",
-        "x_m": "0.041399999999999999",
+        "x_m": "0.0414",
         "coverage": "local",
         "mode": "6",
     }
@@ -47,7 +47,7 @@ def test_blank_cells_and_absent_columns_take_the_papers_values() -> None:
 def test_a_studys_values_stand_for_blank_cells() -> None:
     defaults = study_defaults(parsed_study(template("paper")))
     row = _rows(predict("s.csv", "voltage_v\n100\n", None, defaults))[0]
-    assert (row["finger_load_n"], row["sliding_speed_m_s"]) == ("0.5", "0.040000000000000001")
+    assert (row["finger_load_n"], row["sliding_speed_m_s"]) == ("0.5", "0.04")
 
 
 def test_rows_of_every_kind_keep_their_order() -> None:

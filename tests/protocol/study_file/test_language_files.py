@@ -65,10 +65,10 @@ def test_a_file_comes_through_as_it_is(character: str) -> None:
     ("right", "wrong", "line"),
     [
         ('wait = "', 'wiat = "', "47: texts.wiat: unknown key, got 'wiat'; did you mean 'wait'?"),
-        ('"Please wait."', '""', "47: texts.wait: string should have at least 1 character, got"),
+        ('"Please wait."', '""', "47: texts.wait: must not be empty, got"),
         ('"Please wait."', '" "', "47: texts.wait: a text must not be blank, got ' '"),
         ('"Please wait."', "4", "47: texts.wait: must be a text, got 4"),
-        ('"Please wait."', f'"{"x" * 501}"', "47: texts.wait: string should have at most 500"),
+        ('"Please wait."', f'"{"x" * 501}"', "47: texts.wait: must have at most 500 characters"),
         ('"Please wait."', '"Wait.\\u0007"', "47: texts.wait: a text must hold no control"),
         ('"Please wait."', '"Wait {s}."', "47: texts.wait: the fields in braces must be none"),
         ("{reference}", "{number}", "46: texts.consent: the fields in braces must be {reference}"),

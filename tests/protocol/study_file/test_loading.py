@@ -151,7 +151,7 @@ def test_a_bad_study_is_refused_in_one_line(right: str, wrong: str, message: str
 def test_a_dialect_is_a_name_where_nobody_says_which_there_are() -> None:
     rig = 'dialect = "rigol"\namplifier_gain = 20\ngenerator_max_vpp = 20'
     assert parsed_study(PAPER.replace('device = "sim"', rig, 1)).rig.dialect == "rigol"
-    with pytest.raises(StudyError, match=r"rig\.dialect: string should match pattern"):
+    with pytest.raises(StudyError, match=r"rig\.dialect: must be a name of letters"):
         parsed_study(PAPER.replace('device = "sim"', 'dialect = "a b"', 1))
 
 
@@ -222,8 +222,16 @@ def test_no_more_problems_are_listed_than_anybody_reads(place: str) -> None:
     assert str(last) == "file: at most 50 problems are listed, got more; correct these first"
 
 
+def test_a_key_with_a_point_is_to_be_quoted() -> None:
+    text = f'{PAPER}\n[texts.en]\ntouch.smooth = "Hello"\n'
+    with pytest.raises(StudyError, match=r'texts\.en\.touch: .*; quote the key: "touch.smooth" ='):
+        parsed_study(text)
+
+
 def test_a_file_that_ends_too_soon_is_named_by_its_last_line() -> None:
-    with pytest.raises(StudyError, match=r"study\.toml:2: file: must be TOML, got .* end of docum"):
+    with pytest.raises(
+        StudyError, match=r"study\.toml:2: .* got the line 'name = \[1,'; what is opened"
+    ):
         parsed_study("[study]\nname = [1,\n\n")
 
 

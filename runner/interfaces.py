@@ -67,6 +67,10 @@ class Participant(Protocol):
         """Show `screen` to the participant."""
         ...
 
+    def saved(self) -> None:
+        """Tell the participant that the journal has the answer to the current screen."""
+        ...
+
     def poll(self) -> Response | None:
         """Return the answer to the current screen, None before it is given."""
         ...

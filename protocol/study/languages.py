@@ -4,6 +4,7 @@ The built-in ones stand in `protocol/languages`. A study's own come with the stu
 """
 
 import tomllib
+from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
@@ -15,6 +16,15 @@ from protocol.study.fields import Line, Name, Record, known_as, require_printabl
 
 REFERENCE = "en"
 """The language whose texts say which keys there are, and with which fields in braces."""
+LATER: Mapping[str, str] = {
+    "saved": "",
+    "wait.beam": "wait",
+    "wait.touch": "wait",
+}
+"""Keys that a study's own language may lack, because they are newer than the first such files.
+
+Each with the older text that stands in for it; without one it is the text of the reference.
+"""
 FOLDER: Traversable = files("protocol") / "languages"
 CODE = r"[a-z]{2,3}(-[A-Za-z0-9]{2,8})*"
 

@@ -8,7 +8,14 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from protocol.errors import Path
-from protocol.study.languages import REFERENCE, Language, built_in, built_in_codes, reference_texts
+from protocol.study.languages import (
+    LATER,
+    REFERENCE,
+    Language,
+    built_in,
+    built_in_codes,
+    reference_texts,
+)
 from protocol.study.rating import PAPERS_BANDS, PAPERS_SCALE, Band, Rating
 from protocol.study.study import Study
 from protocol.study.touch import Touch
@@ -41,10 +48,16 @@ def study_wording(study: Study, code: str) -> Wording:
 
     The `code` is one of `study_codes`.
     """
-    read = language(study, code)
+    read, own = language(study, code), study.texts.get(code, {})
+    texts = {**read.texts, **own}
+    for key, older in LATER.items():
+        if older in own and key not in own:  # the study has its say, as it had before the new key
+            texts[key] = own[older]
+        elif key not in texts:
+            texts[key] = read.texts.get(older, reference_texts()[key])
     return Wording(
         code=code,
-        texts={**read.texts, **study.texts.get(code, {})},
+        texts=texts,
         bands=read.bands,
         fonts=read.fonts,
         font_package=read.font_package,

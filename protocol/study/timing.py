@@ -12,6 +12,8 @@ from protocol.study.fields import NotNegative, Positive, Record
 
 Pause = Annotated[NotNegative, Field(le=600)]
 """Within a trial or before it, s: more than 10 minutes are in ms."""
+ReadableTime = Annotated[NotNegative, Field(le=10)]
+"""Of a page, s: with more than 10 s people take the button for broken."""
 LongPause = Annotated[NotNegative, Field(le=3_600)]
 """Between trials, s: more than an hour ends the session."""
 
@@ -21,6 +23,9 @@ class Timing(Record):
 
     between_touches_s: Annotated[Pause, Field(description="pause within a trial")] = 1.0
     inter_trial_s: Annotated[Pause, Field(description="pause before a trial")] = 2.0
+    readable_s: Annotated[
+        ReadableTime, Field(description="a page stands this long before its button works")
+    ] = 1.0
     reading_s: Annotated[Pause, Field(description="assumed, to read an instruction")] = 4.0
     answer_s: Annotated[Pause, Field(description="assumed, to answer a question")] = 5.0
     score_s: Annotated[Pause, Field(description="assumed, to give a score")] = 5.0

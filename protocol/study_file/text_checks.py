@@ -8,7 +8,7 @@ from unicodedata import category, normalize
 
 from protocol.errors import Path, Problem
 from protocol.study.fields import UNWANTED, unprintable
-from protocol.study.languages import Language, reference_texts
+from protocol.study.languages import LATER, Language, reference_texts
 from protocol.study.participant_texts import (
     band_name,
     required_codes,
@@ -72,7 +72,7 @@ def _band_problems(study: Study, path: Path, band: Band) -> Iterator[Problem]:
 def _language_problems(code: str, language: Language, named: set[str]) -> Iterator[Problem]:
     """What is wrong with a language of the study's own."""
     for key in reference_texts():
-        if key not in language.texts:
+        if key not in language.texts and key not in LATER:
             yield _not_given(("languages", code, "texts", key))
     for key, text in language.texts.items():
         yield from _text_problems(("languages", code, "texts", key), text, named)

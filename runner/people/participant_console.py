@@ -123,6 +123,9 @@ class ConsoleParticipant:
             self.say(line)
         self._shown_s = self.monotonic_s()
 
+    def saved(self) -> None:
+        """Print nothing: the next line follows at once."""
+
     def poll(self) -> Response | None:
         """Return the answer to the current screen once it has been typed."""
         if self._screen is None or isinstance(self._screen, Notice | Pacing):

@@ -116,6 +116,9 @@ class VirtualParticipant:
         elif isinstance(screen, Notice) and screen.text.startswith("again."):
             self._touches.clear()
 
+    def saved(self) -> None:
+        """Do nothing, because a virtual participant needs no confirmation."""
+
     def poll(self) -> Response | None:
         """Return the answer to the current screen; while touching, move the finger."""
         match self._screen:

@@ -58,8 +58,10 @@ def _run_trial(context: SessionContext, trial: Trial) -> None:
             if deferred(context, trial, done[-1]):
                 return
         context.log.append(ask(context, trial, done))
+        context.participant.saved()
     except RepeatTrial:
         context.device.off()
+        context.participant.show(Notice(text="touch.end"))
         abort_trial(context.log, "repeated at the operator's request")
     if trial.kind == "practice":
         renew_practice(context)

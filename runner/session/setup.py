@@ -63,7 +63,9 @@ def mount(context: SessionContext, beam: str | None) -> None:
     if beam is None or (beam == context.log.state.beam and not context.beam_in_doubt):
         return
     context.beam_in_doubt = True  # and stays so if the operator does not confirm
+    context.participant.show(Notice(text="wait.beam"))
     context.operator.mount(beam)
     operator_answer(context)
+    context.participant.show(Notice(text="wait.touch"))
     context.beam_in_doubt = False
     context.log.append(BeamMounted(beam=beam))

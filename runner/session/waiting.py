@@ -12,6 +12,8 @@ from runner.session.session import SessionContext
 from runner.signals import raise_if_stopped
 
 TICK_S = 0.05
+SAVED_S = 0.5
+"""How long a page may say that its answer is saved before the pause after it begins."""
 
 _Thing = TypeVar("_Thing")
 
@@ -76,7 +78,10 @@ def tick(context: SessionContext, seconds: float) -> None:
 
 def pause_if_wanted(context: SessionContext, trial: Trial) -> None:
     """Wait before `trial`: the inter-trial interval, a planned break, the operator's pause."""
-    wait(context, context.session.study.timing.inter_trial_s)
+    pause_s = context.session.study.timing.inter_trial_s
+    wait(context, min(SAVED_S, pause_s))
+    context.participant.show(Notice(text="wait.touch"))
+    wait(context, max(pause_s - SAVED_S, 0.0))
     if trial.break_s > 0:
         context.participant.show(Notice(text="break"))
         wait(context, trial.break_s)

@@ -60,6 +60,10 @@ class WindowParticipant:
         self._answer = None
         self.peer.send(show_message(self._number, screen))
 
+    def saved(self) -> None:
+        """Let the page say that the answer to the last screen is saved."""
+        self.peer.send({"saved": self._number})
+
     def poll(self) -> Response | None:
         """Return the answer to the last screen, or None.
 

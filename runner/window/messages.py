@@ -1,7 +1,8 @@
 """Messages between a session and its window: one JSON object per line.
 
-To the window: first the settings, then `{"show": id, "screen": …}`. From the window: `opened` or
-`failed` once; then `alive` periodically, `shown` when a screen is first displayed, `answer`,
+To the window: first the settings, then `{"show": id, "screen": …}`, and `{"saved": id}` once the
+journal has the answer. From the window: `opened`
+or `failed` once; then `alive` periodically, `shown` when a screen is first displayed, `answer`,
 `operator` when Escape is pressed, and `closed` or `broken` at an unexpected end.
 """
 
@@ -30,9 +31,13 @@ _SCREENS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """Settings of the window: texts, screen number (from 0) and the screens to prepare."""
+    """Settings of the window: texts, screen number (from 0) and the screens to prepare.
+
+    `readable_s`: time for which a page is shown before its button works.
+    """
 
     wording: Wording
+    readable_s: float = 0.0
     screen: int = 0
     windowed: bool = False
     foreseen: tuple[Screen, ...] = ()

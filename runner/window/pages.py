@@ -6,6 +6,7 @@ device's state in this trial nor the expected answer.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Literal
 
 from protocol.study.participant_texts import Wording, score_text
 from protocol.study.questions import ANSWERS
@@ -25,11 +26,19 @@ _ANSWER = Box(x=0, y=95, width=420, height=62)
 _ANSWER_STEP = 78.0
 
 
+Button = Literal["early", "live", "pressed", "saved"]
+
+
 @dataclass(frozen=True, kw_only=True)
 class PageState:
-    """State of a page that changes while its screen is shown."""
+    """State of a page that changes while its screen is shown.
+
+    The button is `early` until the page has been readable for long enough, `live` until it is
+    pressed, then `pressed`, and `saved` once the journal has the answer.
+    """
 
     chosen: str | None = None
+    button: Button = "live"
     passed_s: float = 0.0
     operator_called: bool = False
 
@@ -61,33 +70,33 @@ def target_at(screen: Screen, x: float, y: float) -> str | None:
 def _page(screen: Screen, view: PageState, wording: Wording, texts: Mapping[str, str]) -> Page:
     match screen:
         case Welcome():
-            return _welcome(screen, texts)
+            return _welcome(screen, view, texts)
         case Instruction():
-            return _instruction(screen, texts)
+            return _instruction(screen, view, texts)
         case Pacing():
             return _pacing(screen, view, texts)
         case AskChange():
             return _change(screen, view, texts)
         case AskScore():
             return _score(screen, view, wording)
-    closing = _button(texts["button.close"]) if targets(screen) else ()
+    closing = _button("button.close", view, texts) if targets(screen) else ()
     return (Text(text=texts[screen.text], box=_MIDDLE, size=TITLE_SIZE), *closing)
 
 
-def _welcome(screen: Welcome, texts: Mapping[str, str]) -> Page:
+def _welcome(screen: Welcome, view: PageState, texts: Mapping[str, str]) -> Page:
     filed = texts["consent"].format(reference=screen.consent)
     return (
         Text(text=texts["welcome"], box=_MIDDLE, size=TITLE_SIZE),
         *([] if screen.consent is None else [_small(filed, _CONSENT)]),
         _small(texts["hint.start"], _HINT),
-        *_button(texts["button.ready"]),
+        *_button("button.ready", view, texts),
     )
 
 
-def _instruction(screen: Instruction, texts: Mapping[str, str]) -> Page:
+def _instruction(screen: Instruction, view: PageState, texts: Mapping[str, str]) -> Page:
     box, drawn = (_MIDDLE, ()) if screen.touch is None else (_TITLE, sketch(screen.touch))
     title = Text(text=texts[screen.text], box=box, size=TITLE_SIZE)
-    return (title, *drawn, *_button(texts["button.ready"]))
+    return (title, *drawn, *_button("button.ready", view, texts))
 
 
 def _pacing(screen: Pacing, view: PageState, texts: Mapping[str, str]) -> Page:
@@ -114,7 +123,7 @@ def _change(screen: AskChange, view: PageState, texts: Mapping[str, str]) -> Pag
         Text(text=texts[f"question.{screen.question}"], box=_TITLE, size=TITLE_SIZE),
         *boxes,
         _small(texts["hint.change"].format(last=len(answers)), _HINT),
-        *_button(texts["button.confirm"], active=view.chosen is not None),
+        *_button("button.confirm", view, texts, usable=view.chosen is not None),
     )
 
 
@@ -125,7 +134,7 @@ def _score(screen: AskScore, view: PageState, wording: Wording) -> Page:
         Text(text=score_text(wording, screen.rating), box=_TITLE, size=TITLE_SIZE),
         *scale(screen.rating, wording, chosen),
         _small(texts["hint.score"], _HINT),
-        *_button(texts["button.confirm"], active=chosen is not None),
+        *_button("button.confirm", view, texts, usable=chosen is not None),
     )
 
 
@@ -149,8 +158,10 @@ def _box(text: str, box: Box, *, chosen: bool) -> Page:
     )
 
 
-def _button(text: str, *, active: bool = True) -> Page:
-    fill, colour = (ACCENT, WHITE) if active else (PALE, FAINT)
+def _button(label: str, view: PageState, texts: Mapping[str, str], *, usable: bool = True) -> Page:
+    """Return the button, grey unless a press on it counts."""
+    fill, colour = (ACCENT, WHITE) if usable and view.button == "live" else (PALE, FAINT)
+    text = texts["saved" if view.button == "saved" else label]
     return (
         Outline(points=_BUTTON.corners, fill=fill),
         Text(text=text, box=_BUTTON, size=BUTTON_SIZE, colour=colour),

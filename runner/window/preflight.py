@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager
+from itertools import chain
 
 from protocol.errors import BadInput, Path, Problem
 from protocol.study.participant_texts import (
@@ -22,7 +23,7 @@ from runner.window.pages import PageState, page
 from runner.window.rating_scale import MOST_STEPS
 from runner.window.text_layout import text_height, text_width, wrapped
 
-_NOTICES = ("wait", "touch.end", "pause", "thanks")
+_NOTICES = ("wait", "wait.beam", "wait.touch", "touch.end", "pause", "thanks")
 _INSTRUCTIONS = ("remember", "practice", "break")
 
 
@@ -43,7 +44,7 @@ def foreseen(study: Study, consent: str | None) -> tuple[Screen, ...]:
     return tuple(screen for at, screen in enumerate(screens) if screen not in screens[:at])
 
 
-_ALL = PageState(operator_called=True)
+_VIEWS = (PageState(operator_called=True), PageState(button="saved"))
 
 
 def fits(text: Text) -> bool:
@@ -57,7 +58,7 @@ def misfits(screens: tuple[Screen, ...], wording: Wording) -> Iterator[str]:
     """Yield every text on `screens` that does not fit its place, once."""
     seen = set()
     for screen in screens:
-        for element in page(screen, _ALL, wording):
+        for element in chain.from_iterable(page(screen, view, wording) for view in _VIEWS):
             if isinstance(element, Text) and element.text not in seen and not fits(element):
                 seen.add(element.text)
                 yield element.text
@@ -132,5 +133,11 @@ def study_window(
     """
     require_fit(study, wording, consent)
     screens = foreseen(study, consent)
-    settings = Settings(wording=wording, screen=screen, windowed=windowed, foreseen=screens)
+    settings = Settings(
+        wording=wording,
+        readable_s=study.timing.readable_s,
+        screen=screen,
+        windowed=windowed,
+        foreseen=screens,
+    )
     return participant_window([*touchbeam, "participant-window"], settings)

@@ -8,7 +8,7 @@ from typing import Any
 from protocol.study.participant_texts import Wording
 from runner.screens import AskChange, AskScore, Instruction, Notice, Screen
 from runner.window.elements import Input, Key, Page
-from runner.window.pages import PageState, page
+from runner.window.pages import Button, PageState, page
 from runner.window.rating_scale import look
 from runner.window.response import PendingResponse
 
@@ -57,12 +57,14 @@ class ShownScreen:
     number: int
     screen: Screen
     interval_s: float
+    readable_s: float = 0.0
+    saved: bool = field(default=False, init=False)
     pending: PendingResponse = field(init=False)
     frames: FrameTimes = field(init=False)
     called_s: list[float] = field(default_factory=list, init=False)
 
     def __post_init__(self) -> None:
-        self.pending = PendingResponse(self.screen)
+        self.pending = PendingResponse(self.screen, self.readable_s)
         self.frames = FrameTimes(self.interval_s)
 
     def take(self, given: Input, t_s: float) -> None:
@@ -77,10 +79,14 @@ class ShownScreen:
 
     def page(self, t_s: float, wording: Wording) -> Page:
         """Return the page at `t_s`."""
-        shown_s = self.frames.shown_s
+        passed_s = t_s - self.frames.shown_s[0] if self.frames.shown_s else 0.0
+        button: Button = "early" if passed_s < self.readable_s else "live"
+        if self.pending.answer is not None:
+            button = "saved" if self.saved else "pressed"
         view = PageState(
             chosen=self.pending.chosen,
-            passed_s=t_s - shown_s[0] if shown_s else 0.0,
+            button=button,
+            passed_s=passed_s,
             operator_called=bool(self.called_s),
         )
         return page(self.screen, view, wording)
@@ -111,7 +117,7 @@ class ShownScreen:
         return {
             "answer": self.pending.answer,
             "of": self.number,
-            "reaction_time_s": round(self.pending.confirmed_s, 4),
+            "reaction_time_s": self.pending.reaction_time_s,
             "trace": trace,
         }
 

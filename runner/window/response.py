@@ -1,6 +1,7 @@
 """Responses from presses and keys: a choice, which may change, then a confirmation.
 
-At first nothing is chosen. A choice becomes an answer only when it is confirmed.
+At first nothing is chosen. A choice becomes an answer only when it is confirmed, which is possible
+only once the page has been readable for long enough.
 """
 
 from dataclasses import dataclass, field
@@ -24,6 +25,7 @@ class PendingResponse:
     """The response to one screen; times are seconds since the screen was first shown."""
 
     screen: Screen
+    readable_s: float = 0.0
     chosen: str | None = field(default=None, init=False)
     answer: str | None = field(default=None, init=False)
     confirmed_s: float = field(default=0.0, init=False)
@@ -52,6 +54,11 @@ class PendingResponse:
             case Released():
                 self._held = False
 
+    @property
+    def reaction_time_s(self) -> float:
+        """The time of the mark that was confirmed; of the confirmation where there is no mark."""
+        return float(self.changes[-1]["t_s"]) if self.changes else round(self.confirmed_s, 4)
+
     def trace(self) -> dict[str, Any]:
         """Return the history of the choice: its start, every change, and the marker's path."""
         return {
@@ -63,7 +70,10 @@ class PendingResponse:
         }
 
     def _confirm(self, t_s: float) -> None:
-        """Take the choice, or `ready` where a button says so, as the answer."""
+        """Take the choice, or `ready` where a button says so, as the answer, unless it is early."""
+        if t_s < self.readable_s:
+            self.early += 1
+            return
         has_button = any(target.name == "ready" for target in targets(self.screen))
         answer = "ready" if has_button else self.chosen
         if answer is not None:

@@ -13,13 +13,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 from statistics import median
-from typing import Any, Protocol, TextIO
+from typing import Any, Protocol, TextIO, get_args
 
 from protocol.errors import WorkFailed
-from runner.screens import Notice
+from runner.screens import Notice, Screen
 from runner.window.elements import Input, Page
 from runner.window.messages import Settings, line_of, message_of, screen_of, settings_of
-from runner.window.pages import PageState, page
+from runner.window.pages import Button, PageState, page
 from runner.window.presentation import ShownScreen
 
 ALIVE_EVERY_S = 0.2
@@ -85,7 +85,7 @@ class WindowServer:
         """Show a page that asks to wait, then serve."""
         self._display = self.canvas.look()
         self._interval_s = 1 / (self._display["refresh_hz"] or _USUAL_REFRESH_HZ)
-        self._standing = ShownScreen(0, Notice(text="wait"), self._interval_s)
+        self._show(0, Notice(text="wait"))
         self._frame()
         self.send({"opened": self._display})
         self._learn_pace()
@@ -94,7 +94,9 @@ class WindowServer:
             self._wait()
             self._frame()
             if screen := next(foreseen, None):  # one per frame, so that the session never waits
-                self.canvas.prepare(page(screen, PageState(), self.settings.wording))
+                for button in get_args(Button):
+                    view = PageState(button=button)
+                    self.canvas.prepare(page(screen, view, self.settings.wording))
         if self.canvas.closed:
             self.send({"closed": True})
 
@@ -128,12 +130,19 @@ class WindowServer:
             return None
 
     def _obey(self, message: Mapping[str, Any]) -> None:
-        if "show" not in message:
-            self._ended = True
-            return
-        if self._standing.pending.answer is None:
-            self._past.append(self._standing.record())
-        self._standing = ShownScreen(message["show"], screen_of(message), self._interval_s)
+        match message:
+            case {"show": number}:
+                if self._standing.pending.answer is None:
+                    self._past.append(self._standing.record())
+                self._show(number, screen_of(message))
+            case {"saved": number}:
+                self._standing.saved |= number == self._standing.number
+            case _:
+                self._ended = True
+
+    def _show(self, number: int, screen: Screen) -> None:
+        readable_s = self.settings.readable_s
+        self._standing = ShownScreen(number, screen, self._interval_s, readable_s)
 
     def _frame(self) -> None:
         self.canvas.draw(self._page())

@@ -122,6 +122,9 @@ class FakeParticipant:
         if self.stops_at and self.stops_at in str(screen):
             raise KeyboardInterrupt("Ctrl-C")
 
+    def saved(self) -> None:
+        pass
+
     def poll(self) -> Response | None:
         match self.shown[-1]:
             case Instruction() | Welcome():

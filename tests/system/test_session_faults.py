@@ -62,6 +62,9 @@ class Provoking:
             self.control.fault(self.row.fault)
             self.failed_s = time.monotonic()
 
+    def saved(self) -> None:
+        self.inner.saved()
+
     def poll(self) -> Response | None:
         reading = self.row.when == "between" and 0 < time.monotonic() - self.failed_s < READING_S
         return None if reading else self.inner.poll()

@@ -1,6 +1,8 @@
 """Whole sessions at a real window: the journal contains the answers given on the screen."""
 
 import random
+import threading
+import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -11,18 +13,31 @@ import pytest
 
 from protocol.study.questions import ANSWERS
 from tests.runner.window.person import Controls, Person, virtual_display
-from tests.runner.window.sessions import Seat, tiny_study
+from tests.runner.window.sessions import READABLE_S, Running, Seat, short_study, tiny_study
 
 CHOICES = [0, 0, 2, 0, 0, 1]
 SCORES = [10, 3, 0, 8, 5, 1]
 
 
-CASES: list[tuple[Controls, str, tuple[int, int]]] = [
-    ("mouse", "en", (800, 600)),
-    ("keyboard", "zh", (800, 600)),
-    ("mouse", "zh", (1920, 1080)),
-    ("keyboard", "en", (1920, 1080)),
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """How a session is answered, and on which screen; `hasty`: with Enter struck all the time."""
+
+    control: Controls
+    language: str
+    size: tuple[int, int]
+    hasty: bool = False
+
+
+CASES = [
+    Case(control="mouse", language="en", size=(800, 600)),
+    Case(control="keyboard", language="zh", size=(800, 600)),
+    Case(control="mouse", language="zh", size=(1920, 1080)),
+    Case(control="keyboard", language="en", size=(1920, 1080)),
+    Case(control="mouse", language="en", size=(800, 600), hasty=True),
+    Case(control="keyboard", language="zh", size=(1920, 1080), hasty=True),
 ]
+HASTE_S = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,15 +50,25 @@ class Sat:
     seat: Seat
 
 
-def run_session(case: tuple[Controls, str, tuple[int, int]], folder: Path) -> Sat:
+def run_session(case: Case, folder: Path) -> Sat:
     """Run a whole session with one kind of input on a display of its own."""
-    control, language, size = case
-    with virtual_display(*size) as display:
-        seat = Seat(folder / "study", display)
-        person = Person(display, control, choices=CHOICES * 2, scores=SCORES * 2)
-        with seat.start("--language", language, "--consent", "C-7") as session:
+    with virtual_display(*case.size) as display:
+        seat = Seat(folder / "study", display, study=short_study(readable_s=READABLE_S))
+        # An Enter between the digits of 10 confirms 1, as it should.
+        scores = [min(score, 9) if case.hasty else score for score in SCORES * 2]
+        person = Person(display, case.control, CHOICES * 2, scores, hasty=case.hasty)
+        with seat.start("--language", case.language, "--consent", "C-7") as session:
+            if case.hasty:
+                threading.Thread(target=strike_enter, args=(person, session), daemon=True).start()
             code = session.attend(person)
         return Sat(code=code, complaint=session.complaint, person=person, seat=seat)
+
+
+def strike_enter(person: Person, session: Running) -> None:
+    """Strike Enter ten times a second until the session ends."""
+    while session.process.poll() is None:
+        person.key("Return")
+        time.sleep(HASTE_S)
 
 
 @pytest.fixture(scope="module")
@@ -55,9 +80,7 @@ def sat(small_display: str, tmp_path_factory: pytest.TempPathFactory) -> list[Sa
 
 
 @pytest.mark.parametrize("case", CASES, ids=str)
-def test_the_journal_contains_every_answer_given_on_the_screen(
-    case: tuple[Controls, str, tuple[int, int]], sat: list[Sat]
-) -> None:
+def test_the_journal_contains_every_answer_given_on_the_screen(case: Case, sat: list[Sat]) -> None:
     done = sat[CASES.index(case)]
     assert done.code == 0, done.complaint
     answered = done.seat.payloads("answered")
@@ -70,22 +93,41 @@ def test_the_journal_contains_every_answer_given_on_the_screen(
     scores = [entry["score"] for entry in answered if entry["score"] is not None]
     assert scores == done.person.scored
     assert len(scores) == sum(entry["agrees"] is True for entry in answered[2:])
-    assert opened["language"] == case[1]
+    assert opened["language"] == case.language
 
 
 @pytest.mark.parametrize("case", CASES, ids=str)
-def test_each_answer_has_its_trace(
-    case: tuple[Controls, str, tuple[int, int]], sat: list[Sat]
+def test_no_page_can_be_answered_again(case: Case, sat: list[Sat]) -> None:
+    assert sat[CASES.index(case)].person.revived == 0
+
+
+@pytest.mark.parametrize("case", CASES, ids=str)
+def test_no_touch_and_no_answer_comes_within_a_second_of_its_page(
+    case: Case, sat: list[Sat]
 ) -> None:
+    done = sat[CASES.index(case)]
+    started = [entry["instruction"]["trace"] for entry in done.seat.payloads("touch-started")]
+    answers = [trace for entry in done.seat.payloads("answered") for trace in entry["traces"]]
+    assert len(started) == 12
+    for trace in (*started, *answers):
+        assert trace["confirmed_s"] >= READABLE_S
+        assert all(change["t_s"] <= trace["confirmed_s"] for change in trace["changes"])
+    early = sum(trace["early_presses"] for trace in started)
+    assert early > len(started) if case.hasty else early == 0
+
+
+@pytest.mark.parametrize("case", CASES, ids=str)
+def test_each_answer_has_its_trace(case: Case, sat: list[Sat]) -> None:
     done = sat[CASES.index(case)]
     for entry in done.seat.payloads("answered")[1:]:
         for trace, reaction_s in zip(entry["traces"], entry["reaction_time_s"], strict=True):
             assert trace["changes"][0] == trace["start"]
             assert {change["by"] for change in trace["changes"]} == {
-                "pointer" if case[0] == "mouse" else "key"
+                "pointer" if case.control == "mouse" else "key"
             }
-            assert 0 < trace["start"]["t_s"] <= trace["confirmed_s"] == reaction_s
-            assert trace["display"]["size_px"] == list(case[2])
+            assert 0 < trace["start"]["t_s"] <= reaction_s <= trace["confirmed_s"]
+            assert reaction_s == trace["changes"][-1]["t_s"]
+            assert trace["display"]["size_px"] == list(case.size)
             assert trace["screens"][-1]["frames"] > 0
     screens = [
         screen["screen"]

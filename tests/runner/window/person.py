@@ -13,7 +13,7 @@ from typing import Literal
 
 from PIL import Image, ImageGrab
 
-from runner.window.elements import ACCENT, INK, PALE, WHITE, pixels_per_unit
+from runner.window.elements import ACCENT, INK, WHITE, pixels_per_unit
 from runner.window.response import EARLY_S
 
 Sight = Literal["nothing", "button", "two", "three", "scale"]
@@ -56,13 +56,17 @@ def virtual_display(width: int, height: int, depth: int = 24) -> Iterator[str]:
 class Person:
     """Sees the display and does what the screens ask, with the mouse or the keyboard alone.
 
-    `choices` are the answers to give, as positions; `scores` the scores.
+    `choices` are the answers to give, as positions; `scores` the scores. One who is `hasty` leaves
+    it to somebody who strikes Enter all the time to go on and to confirm. `revived` counts the
+    pages whose button worked again after the answer.
     """
 
     display: str
     control: Controls
     choices: list[int] = field(default_factory=list)
     scores: list[int] = field(default_factory=list)
+    hasty: bool = False
+    revived: int = 0
     seen: list[Sight] = field(default_factory=list)
     given: list[int] = field(default_factory=list)
     scored: list[int] = field(default_factory=list)
@@ -84,12 +88,12 @@ class Person:
             return "three" if third in {WHITE, ACCENT} else "two"
         if line == INK:
             return "scale"
-        return "button" if button in {ACCENT, PALE} else "nothing"
+        return "button" if button == ACCENT else "nothing"
 
     def act(self) -> None:
         """Do what the page asks for, once, and wait for the next page."""
         sight = self.sight()
-        if sight == "nothing":
+        if sight == "nothing" or (sight == "button" and self.hasty):
             return self.look_later()
         if not self.seen or self.seen[-1] != sight:
             self.seen.append(sight)
@@ -115,16 +119,26 @@ class Person:
             self.key(*str(score))
 
     def _confirm_and_wait(self, before: Sight) -> None:
-        text = self._text()
-        until_s = time.monotonic() + 3.0
-        if self.control == "mouse":
-            self.click(*BUTTON)
-        else:
-            self.key("Return")
+        until_s = time.monotonic() + 5.0
+        if self.hasty:
+            while self.sight() == before and time.monotonic() < until_s:
+                self.look_later()
+            return
+        while not self._is_live() and time.monotonic() < until_s:
+            self.look_later()
+        text, answered = self._text(), False
+        self.click(*BUTTON) if self.control == "mouse" else self.key("Return")
         while time.monotonic() < until_s:
-            time.sleep(LOOK_EVERY_S)
-            if self.sight() != before or (before == "button" and self._text() != text):
+            self.look_later()
+            is_live = self._is_live()
+            if self._text() != text:
                 return
+            self.revived += is_live and answered
+            answered |= not is_live
+
+    def _is_live(self) -> bool:
+        """Return whether the button works."""
+        return _colour(self.look(), BUTTON) == ACCENT
 
     def _text(self) -> bytes:
         """Return the upper half of the page: a different text means a different page."""

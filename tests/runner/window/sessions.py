@@ -29,13 +29,17 @@ _SHORTER = {
 }
 
 
-def short_study() -> str:
-    """The paper's study with touches of a quarter of a second."""
+READABLE_S = 1.0
+"""As in every study that does not say otherwise."""
+
+
+def short_study(readable_s: float = 0.3) -> str:
+    """The paper's study with touches of a quarter of a second and little time to read."""
     text = template("paper")
     for pattern, shorter in _SHORTER.items():
         text, count = re.subn(pattern, shorter, text)
         assert count, f"the paper's study has no {pattern}"
-    return text
+    return text.replace("[rating]", f"[timing]\nreadable_s = {readable_s}\n\n[rating]", 1)
 
 
 def tiny_study() -> str:

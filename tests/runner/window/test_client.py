@@ -93,6 +93,13 @@ def test_an_answer_to_the_previous_screen_is_ignored() -> None:
     assert at.poll(answer(1, "ready")) is None
 
 
+def test_the_window_hears_that_the_answer_is_saved() -> None:
+    at = At()
+    at.participant.show(Instruction(text="remember"))
+    at.participant.saved()
+    assert at.peer.heard[-1] == {"saved": 1}
+
+
 def test_a_silent_window_ends_the_session_within_bounded_time() -> None:
     at = At()
     at.participant.show(Notice(text="pause"))

@@ -166,6 +166,31 @@ def test_a_press_shorter_than_any_reaction_time_is_only_counted() -> None:
     assert (pending.answer, pending.early) == (None, 1)
 
 
+@pytest.mark.parametrize("screen", [CHANGE, SCORE, Instruction(text="remember"), Welcome()])
+def test_enter_ten_times_a_second_confirms_one_mark_of_a_page_that_could_be_read(
+    screen: Screen,
+) -> None:
+    pending = PendingResponse(screen, readable_s=1.0)
+    pressed = [number / 10 for number in range(1, 40)]
+    for t_s in pressed:
+        if t_s == 2.0 and isinstance(screen, AskChange | AskScore):
+            assert pending.answer is None, "nothing is marked"
+            pending.take(Key(name="1"), 1.95)
+        pending.take(Key(name="enter"), t_s)
+    has_mark = isinstance(screen, AskChange | AskScore)
+    assert pending.confirmed_s == (2.0 if has_mark else 1.0)
+    assert pending.reaction_time_s == (1.95 if has_mark else 1.0)
+    assert len(pending.changes) == has_mark
+
+
+def test_an_answer_may_be_marked_before_it_can_be_confirmed() -> None:
+    pending = PendingResponse(CHANGE, readable_s=1.0)
+    for t_s, name in ((0.2, "2"), (0.6, "enter"), (1.2, "enter")):
+        pending.take(Key(name=name), t_s)
+    assert (pending.answer, pending.reaction_time_s, pending.confirmed_s) == ("rougher", 0.2, 1.2)
+    assert pending.trace()["early_presses"] == 1
+
+
 @given(inputs=st.lists(INPUTS, max_size=60))
 def test_only_a_confirmed_choice_of_the_scale_is_an_answer(
     inputs: list[Input],

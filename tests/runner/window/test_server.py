@@ -1,7 +1,7 @@
 """The window's process without a window: a recording canvas and a manual clock."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
@@ -13,6 +13,7 @@ from protocol.study_file.loading import parsed_study, template
 from runner.screens import AskScore, Instruction, Notice, Pacing
 from runner.window.elements import Dot, Input, Key, Page
 from runner.window.messages import Settings, show_message
+from runner.window.pages import Button, PageState, page
 from runner.window.presentation import FrameTimes
 from runner.window.server import Mailbox, WindowServer
 
@@ -74,7 +75,9 @@ class FakeCanvas:
         self.closed = True
 
 
-def served(script: dict[int, Any], *, holds_back: bool = False) -> tuple[FakeCanvas, list[Any]]:
+def served(
+    script: dict[int, Any], *, holds_back: bool = False, readable_s: float = 0.0
+) -> tuple[FakeCanvas, list[Any]]:
     """Serve until the script ends it; the flips before the first screen are the first seven."""
     mailbox = NeverWaits()
     sent: list[Mapping[str, Any]] = []
@@ -83,7 +86,8 @@ def served(script: dict[int, Any], *, holds_back: bool = False) -> tuple[FakeCan
         at: (lambda _, act=act: act(canvas) if callable(act) else mailbox.put(act))
         for at, act in script.items()
     }
-    WindowServer(canvas, SETTINGS, mailbox, sent.append, lambda: canvas.t_s).run()
+    settings = replace(SETTINGS, readable_s=readable_s)
+    WindowServer(canvas, settings, mailbox, sent.append, lambda: canvas.t_s).run()
     return canvas, sent
 
 
@@ -107,7 +111,7 @@ def test_a_score_is_sent_with_its_trace_and_the_previous_screens() -> None:
     assert (answer["answer"], answer["of"]) == ("7", 2)
     trace = answer["trace"]
     assert [screen["screen"] for screen in trace["screens"]] == ["wait", "pacing", "score"]
-    assert trace["start"]["t_s"] < answer["reaction_time_s"] == trace["confirmed_s"]
+    assert trace["start"]["t_s"] == answer["reaction_time_s"] < trace["confirmed_s"]
     assert trace["scale"]["length_mm"] == 660 * 0.25
     assert trace["scale"]["ticks"] == list(range(11))
     assert canvas.prepared, "foreseen pages are built before they are needed"
@@ -149,6 +153,31 @@ def test_escape_calls_the_operator_and_does_not_end_the_session() -> None:
     assert [message for message in sent if "operator" in message] == [{"operator": True}]
     (answer,) = answers(sent)
     assert len(answer["trace"]["screens"][-1]["operator_called_s"]) == 1
+
+
+@pytest.mark.parametrize(
+    ("frame", "button"), [(20, "early"), (50, "live"), (70, "pressed"), (90, "saved")]
+)
+def test_the_button_works_once_its_page_can_be_read_and_never_after_the_answer(
+    frame: int, button: Button
+) -> None:
+    screen = Instruction(text="remember")
+    canvas, sent = served(
+        {
+            8: show_message(1, screen),
+            20: lambda canvas: canvas.press("enter"),
+            60: lambda canvas: canvas.press("enter"),
+            75: lambda canvas: canvas.press("enter"),
+            80: {"saved": 1},
+            85: {"saved": 2},
+            100: {"end": True},
+        },
+        readable_s=0.5,
+    )
+    assert canvas.drawn[frame] == page(screen, PageState(button=button), SETTINGS.wording)
+    (answer,) = answers(sent)
+    assert answer["reaction_time_s"] > 0.5
+    assert answer["trace"]["early_presses"] == 1
 
 
 def test_a_closed_window_sends_closed() -> None:

@@ -50,6 +50,9 @@ class Person:
         elif isinstance(screen, Notice):
             beam.lift()
 
+    def saved(self) -> None:
+        pass
+
     def poll(self) -> Response | None:
         self.process.crossing("people")
         if self.gone:

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from device.errors import UNKNOWN
 from protocol.journal.records import ReadBack
+from protocol.study.participant_texts import touch_text
 from protocol.study.questions import Question
 from protocol.study.rating import Rating
 from protocol.study.rig_settings import Rig
@@ -50,9 +51,19 @@ class Instruction:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Pacing(FingerPath):
-    """The touch to make now: the finger's path, to be followed in `duration_s`."""
+class LeadIn(FingerPath):
+    """The touch to make in `seconds`: the finger is put on the start of its path and waits."""
 
+    text: str
+    seconds: float
+    countdown: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pacing(FingerPath):
+    """The touch to make now, as `text` says: the finger's path, to be followed in `duration_s`."""
+
+    text: str = "touch.now"
     duration_s: float
     force_n: float
     direction: str
@@ -77,7 +88,7 @@ class AskScore:
     rating: Rating
 
 
-Screen = Notice | Welcome | Instruction | Pacing | AskChange | AskScore
+Screen = Notice | Welcome | Instruction | LeadIn | Pacing | AskChange | AskScore
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -196,6 +207,7 @@ def pacing(touch: Touch, finger: TouchDefaults) -> Pacing:
     if touch.place == "path":
         start_m, end_m = finger.path_m if touch.direction == "right" else finger.path_m[::-1]
     return Pacing(
+        text=touch_text(touch),
         start_m=start_m,
         end_m=end_m,
         duration_s=touch_s(touch, finger),
@@ -204,6 +216,12 @@ def pacing(touch: Touch, finger: TouchDefaults) -> Pacing:
         harder=touch.press > 1,
         several=touch.coverage == "full",
     )
+
+
+def lead_in(cue: Pacing, finger: TouchDefaults) -> LeadIn:
+    """Return the screen before `cue`, the same whatever the device does meanwhile."""
+    seconds, countdown = finger.lead_in_s, finger.countdown
+    return LeadIn(**vars(cue.touch), text=cue.text, seconds=seconds, countdown=countdown)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -38,12 +38,12 @@ def _measures(study: Study, touch: Touch) -> Iterator[tuple[str, float, float]]:
     volts = max(touch.voltage_v, touch.end_voltage_v)
     hertz = max(touch.frequency, touch.end_frequency) * rig.nominal_resonance_hz
     seconds = _touch_s(study, touch)
-    rise_s = touch.voltage_v / rig.ramp_v_per_s
+    before_s = max(study.touch.lead_in_s, touch.voltage_v / rig.ramp_v_per_s)
     yield "amplitude, V,", volts, rig.max_voltage_v
     yield "frequency, Hz,", hertz, rig.max_frequency_hz
     yield "slew, V/us,", 2e-6 * pi * hertz * volts, rig.max_slew_v_per_us
     yield "ramp, V/s,", abs(touch.end_voltage_v - touch.voltage_v) / seconds, rig.ramp_v_per_s
-    yield "drive, s,", seconds + rise_s if volts else 0.0, rig.max_drive_s
+    yield "drive, s,", before_s + seconds if volts else 0.0, rig.max_drive_s
     if rig.amplifier_gain is not None:
         yield "generator, V peak-to-peak,", 2 * volts / rig.amplifier_gain, rig.generator_max_vpp
     if rig.capacitance_nf is not None and rig.max_current_ma is not None:
@@ -81,6 +81,6 @@ def plan_s(study: Study, plan: Plan) -> float:
         total_s += timing.answer_s * (trial.question is not None) + timing.score_s * trial.scored
         total_s += timing.between_touches_s * (len(trial.touches) - 1)
         for touch in trial.touches:
-            rise_s = touch.voltage_v / rig.ramp_v_per_s
-            total_s += timing.reading_s + _touch_s(study, touch) + rise_s
+            before_s = max(study.touch.lead_in_s, touch.voltage_v / rig.ramp_v_per_s)
+            total_s += timing.reading_s + before_s + _touch_s(study, touch)
     return total_s

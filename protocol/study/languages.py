@@ -18,6 +18,8 @@ REFERENCE = "en"
 """The language whose texts say which keys there are, and with which fields in braces."""
 LATER: Mapping[str, str] = {
     "saved": "",
+    "touch.soon": "wait",
+    "touch.soon.full": "wait",
     "wait.beam": "wait",
     "wait.touch": "wait",
 }

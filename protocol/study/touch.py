@@ -45,6 +45,18 @@ class TouchDefaults(Record):
         OnBeam, Field(description="where a place is touched, right edge of the finger")
     ] = 0.0414
     hold_s: Annotated[TouchTime, Field(description="how long a place is touched")] = 2.0
+    # The finger is put on the beam meanwhile; after a minute nobody remembers the instruction.
+    lead_in_s: Annotated[
+        NotNegative,
+        Field(
+            le=60,
+            description="before a touch the mark rests so long, with the first drive on; longer "
+            "where the soft start takes longer",
+        ),
+    ] = 3.0
+    countdown: Annotated[
+        bool, Field(strict=True, description="whether 3, 2, 1 is shown over that time")
+    ] = True
     beam: Annotated[
         Name | None, Field(description="mounted unless a touch names another of `[beams]`")
     ] = None
@@ -132,15 +144,15 @@ def touch_s(touch: Touch, finger: TouchDefaults) -> float:
 
 
 def on_s(touch: Touch, finger: TouchDefaults, rig: Rig) -> float:
-    """Return how long the device is busy with `touch`: the soft start, then the touch itself, s.
+    """Return how long the device is busy with `touch`: the lead-in, then the touch itself, s.
 
-    At its end the output goes off at once.
+    The soft start is part of the lead-in. At the end of the touch the output goes off at once.
     """
-    return touch.voltage_v / rig.ramp_v_per_s + touch_s(touch, finger)
+    return max(finger.lead_in_s, touch.voltage_v / rig.ramp_v_per_s) + touch_s(touch, finger)
 
 
 def driven_s(touch: Touch, finger: TouchDefaults, rig: Rig) -> float:
-    """Return how long the beam is driven for `touch`, soft start included, s."""
+    """Return how long the beam is driven for `touch`, lead-in included, s."""
     return on_s(touch, finger, rig) if touch.peak_voltage_v > 0 else 0.0
 
 

@@ -141,7 +141,7 @@ def _times(study: Study, touch: Touch, level: float) -> Iterator[_Broken]:
         yield (
             f"a touch must not be driven longer than rig.max_drive_s = {rig.max_drive_s:.15g} s",
             f"{_above(driven, rig.max_drive_s, 4)} s",
-            "shorten duration_s",
+            "shorten duration_s or touch.lead_in_s, which counts",
             "duration_s",
         )
 

@@ -19,6 +19,7 @@ from runner.screens import (
     AskChange,
     AskScore,
     Instruction,
+    LeadIn,
     Notice,
     Pacing,
     Response,
@@ -128,7 +129,7 @@ class ConsoleParticipant:
 
     def poll(self) -> Response | None:
         """Return the answer to the current screen once it has been typed."""
-        if self._screen is None or isinstance(self._screen, Notice | Pacing):
+        if self._screen is None or isinstance(self._screen, Notice | LeadIn | Pacing):
             return None
         line = self.typed.take()
         answer = None if line is None else self._parse(line.strip())
@@ -141,10 +142,12 @@ class ConsoleParticipant:
         match screen:
             case Notice(text=text):
                 return [self._texts[text]]
-            case Welcome():
-                return [self._texts["welcome"], self._texts["ready"]]
-            case Instruction(text=text):
+            case Welcome() | Instruction():
+                text = screen.text if isinstance(screen, Instruction) else "welcome"
                 return [self._texts[text], self._texts["ready"]]
+            case LeadIn(several=several, seconds=seconds):
+                text = self._texts["touch.soon.full" if several else "touch.soon"]
+                return [f"{text} ({seconds:.2g} s)"]
             case Pacing(duration_s=duration_s):
                 return [f"{self._texts['touch.now']} ({duration_s:.2g} s)"]
             case AskChange(question=question):

@@ -7,10 +7,9 @@ from device.drivers.limits import SLOWEST_RAMP_V_PER_S, Setpoint
 from protocol.journal.events import Answered, TouchEnded, TouchStarted
 from protocol.journal.records import Compliance, InstructionResponse, ReadBack, TraceSample
 from protocol.plan.trials import Trial
-from protocol.study.participant_texts import touch_text
 from protocol.study.questions import checked_answer
 from protocol.study.touch import Touch
-from runner.screens import AskChange, AskScore, Instruction, Notice, Response, pacing
+from runner.screens import AskChange, AskScore, Instruction, Notice, Response, lead_in, pacing
 from runner.session.compliance import judged, samples_of
 from runner.session.operator_view import update_view
 from runner.session.session import SessionContext
@@ -36,7 +35,7 @@ def touch(context: SessionContext, number: int, to_make: Touch) -> Compliance:
         wait(context, study.timing.between_touches_s)
     stimulus = _Stimulus(context, to_make)
     path = stimulus.pacing.touch
-    context.participant.show(Instruction(text=touch_text(to_make), touch=path))
+    context.participant.show(Instruction(text=stimulus.pacing.text, touch=path))
     ready = InstructionResponse(**vars(response(context)))
     start = _setpoint(context, to_make.voltage_v, to_make.frequency)
     context.log.append(TouchStarted(touch=number, commanded=start, instruction=ready))
@@ -70,10 +69,20 @@ class _Stimulus:
         self._next_step_s = self._step_s
 
     def deliver(self, start: Setpoint) -> None:
-        """Ramp up to `start`, then run the touch with its ramp and sweep; leave the output on."""
+        """Lead in at `start`, then run the touch with its ramp and sweep; leave the output on.
+
+        The soft start is over before the mark moves.
+        """
         context, to_make = self._context, self._touch
+        before = lead_in(self.pacing, context.session.study.touch)
+        moves_s = context.clock.monotonic_s() + before.seconds
+        context.participant.show(before)
         update_view(context, device=context.device.drive(start))
-        wait(context, start.voltage_v / start.ramp_v_per_s)
+        steady_s = context.clock.monotonic_s() + start.voltage_v / start.ramp_v_per_s
+        moves_s = max(moves_s, steady_s)
+        while (left_s := moves_s - context.clock.monotonic_s()) > 1e-9:  # rounding of summed ticks
+            wait(context, min(left_s, SAMPLE_EVERY_S))
+            context.device.read_back()  # as often as during the touch, to notice a fault
         context.participant.show(self.pacing)
         self._sample_and_show()
         if self._ramps:

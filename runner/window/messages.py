@@ -18,6 +18,7 @@ from runner.screens import (
     AskScore,
     FingerPath,
     Instruction,
+    LeadIn,
     Notice,
     Pacing,
     Screen,
@@ -25,7 +26,8 @@ from runner.screens import (
 )
 
 _SCREENS = {
-    kind.__name__: kind for kind in (Notice, Welcome, Instruction, Pacing, AskChange, AskScore)
+    kind.__name__: kind
+    for kind in (Notice, Welcome, Instruction, LeadIn, Pacing, AskChange, AskScore)
 }
 
 

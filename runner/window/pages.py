@@ -10,18 +10,22 @@ from typing import Literal
 
 from protocol.study.participant_texts import Wording, score_text
 from protocol.study.questions import ANSWERS
-from runner.screens import AskChange, AskScore, Instruction, Notice, Pacing, Screen, Welcome
+from runner.screens import AskChange, AskScore, Instruction, LeadIn, Notice, Pacing, Screen, Welcome
 from runner.window.beam_sketch import fingers, sketch
 from runner.window.elements import ACCENT, FAINT, INK, PALE, WHITE, Box, Outline, Page, Target, Text
 from runner.window.rating_scale import SCALE_BOX, scale
 
 TITLE_SIZE, ANSWER_SIZE, BUTTON_SIZE, SMALL_SIZE = 30.0, 26.0, 24.0, 19.0
+COUNT_SIZE = 60.0
 _TITLE = Box(x=0, y=205, width=720, height=130)
 _MIDDLE = Box(x=0, y=90, width=640, height=300)
 _CONSENT = Box(x=0, y=-88, width=720, height=46)
 _HINT = Box(x=0, y=-140, width=740, height=48)
 _BUTTON = Box(x=0, y=-215, width=320, height=68)
 _FOOT = Box(x=0, y=-275, width=760, height=30)
+_BELOW_BEAM = Box(x=0, y=-133, width=720, height=100)
+_COUNT = Box(x=0, y=-110, width=120, height=76)
+_SOON = Box(x=0, y=-165, width=740, height=34)
 _ANSWER = Box(x=0, y=95, width=420, height=62)
 _ANSWER_STEP = 78.0
 
@@ -73,8 +77,8 @@ def _page(screen: Screen, view: PageState, wording: Wording, texts: Mapping[str,
             return _welcome(screen, view, texts)
         case Instruction():
             return _instruction(screen, view, texts)
-        case Pacing():
-            return _pacing(screen, view, texts)
+        case LeadIn() | Pacing():
+            return _touch(screen, view, texts)
         case AskChange():
             return _change(screen, view, texts)
         case AskScore():
@@ -99,13 +103,26 @@ def _instruction(screen: Instruction, view: PageState, texts: Mapping[str, str])
     return (title, *drawn, *_button("button.ready", view, texts))
 
 
-def _pacing(screen: Pacing, view: PageState, texts: Mapping[str, str]) -> Page:
-    """Return the page whose mark moves at the sliding speed; it hides how long to hold a place."""
-    return (
-        Text(text=texts["touch.now"], box=_TITLE, size=TITLE_SIZE),
-        *sketch(screen),
-        *fingers(screen, min(view.passed_s / screen.duration_s, 1.0)),
-    )
+def _touch(screen: LeadIn | Pacing, view: PageState, texts: Mapping[str, str]) -> Page:
+    """Return the page whose mark rests, then moves at the sliding speed.
+
+    It hides how long to hold a place.
+    """
+    title = Text(text=texts[screen.text], box=_TITLE, size=TITLE_SIZE)
+    if isinstance(screen, LeadIn):
+        return (title, *sketch(screen), *fingers(screen, 0.0), *_lead_in(screen, view, texts))
+    marks = fingers(screen, min(view.passed_s / screen.duration_s, 1.0))
+    now = Text(text=texts["touch.now"], box=_BELOW_BEAM, size=ANSWER_SIZE)
+    return (title, *sketch(screen), *marks, now)
+
+
+def _lead_in(screen: LeadIn, view: PageState, texts: Mapping[str, str]) -> Page:
+    """Return what to do until the mark moves, and the countdown in three equal steps."""
+    soon = texts["touch.soon.full" if screen.several else "touch.soon"]
+    if not (screen.countdown and screen.seconds):
+        return (Text(text=soon, box=_BELOW_BEAM, size=ANSWER_SIZE),)
+    left = 3 - min(int(3 * view.passed_s / screen.seconds), 2)
+    return (Text(text=str(left), box=_COUNT, size=COUNT_SIZE), _small(soon, _SOON))
 
 
 def _change(screen: AskChange, view: PageState, texts: Mapping[str, str]) -> Page:

@@ -12,10 +12,18 @@ from protocol.study.participant_texts import (
     required_codes,
     study_wording,
     text_path,
-    touch_text,
 )
 from protocol.study.study import Item, Study
-from runner.screens import AskChange, AskScore, Instruction, Notice, Screen, Welcome, pacing
+from runner.screens import (
+    AskChange,
+    AskScore,
+    Instruction,
+    Notice,
+    Screen,
+    Welcome,
+    lead_in,
+    pacing,
+)
 from runner.window.client import WindowParticipant, participant_window
 from runner.window.elements import Text
 from runner.window.messages import Settings
@@ -37,8 +45,8 @@ def foreseen(study: Study, consent: str | None) -> tuple[Screen, ...]:
         *(Instruction(text=text) for text in _INSTRUCTIONS),
         *(Notice(text=text) for text in _NOTICES),
     ]
-    for touch, cue in zip(touches, cues, strict=True):
-        screens += [Instruction(text=touch_text(touch), touch=cue.touch), cue]
+    for cue in cues:
+        screens += [Instruction(text=cue.text, touch=cue.touch), lead_in(cue, study.touch), cue]
     screens += [AskChange(question=item.question) for item in items if item.question is not None]
     screens.append(AskScore(rating=study.rating))
     return tuple(screen for at, screen in enumerate(screens) if screen not in screens[:at])

@@ -6,7 +6,7 @@ from statistics import median
 from typing import Any
 
 from protocol.study.participant_texts import Wording
-from runner.screens import AskChange, AskScore, Instruction, Notice, Screen
+from runner.screens import AskChange, AskScore, Instruction, LeadIn, Notice, Screen
 from runner.window.elements import Input, Key, Page
 from runner.window.pages import Button, PageState, page
 from runner.window.rating_scale import look
@@ -130,6 +130,8 @@ def _name(screen: Screen) -> str:
             return f"question.{question}"
         case AskScore():
             return "score"
+        case LeadIn():
+            return "lead-in"
     return type(screen).__name__.lower()
 
 

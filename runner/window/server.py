@@ -94,8 +94,10 @@ class WindowServer:
             self._wait()
             self._frame()
             if screen := next(foreseen, None):  # one per frame, so that the session never waits
-                for button in get_args(Button):
-                    view = PageState(button=button)
+                seconds = getattr(screen, "seconds", 0.0)
+                views = [PageState(button=button) for button in get_args(Button)]
+                views += [PageState(passed_s=third * seconds / 3) for third in (1, 2)]
+                for view in views:
                     self.canvas.prepare(page(screen, view, self.settings.wording))
         if self.canvas.closed:
             self.send({"closed": True})

@@ -56,6 +56,7 @@ class FakeDevice:
     idn: str = "fake"
     deaf: bool = False
     calls: list[str] = field(default_factory=list)
+    looked: int = 0
     driven: list[Setpoint] = field(default_factory=list)
 
     def _called(self, name: str) -> None:
@@ -83,6 +84,7 @@ class FakeDevice:
         return self.read_back()
 
     def read_back(self) -> ReadBack:
+        self.looked += 1
         last = self.driven[-1]
         return ReadBack(
             output=self.on,

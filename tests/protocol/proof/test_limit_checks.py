@@ -27,9 +27,12 @@ RISING = {"voltage_v": 80, "ramp_to_v": 120, "frequency": 0.8, "sweep_to": 1.2}
 FALLING = {"voltage_v": 120, "ramp_to_v": 80, "frequency": 1.2, "sweep_to": 0.8}
 
 
-def of_one_touch(touch: dict[str, float], **rig: float | None) -> tuple[Study, Plan]:
+def of_one_touch(
+    touch: dict[str, float], lead_in_s: float = 0.0, **rig: float | None
+) -> tuple[Study, Plan]:
     """A study whose only touch takes 2 s, on a generous rig with these limits instead."""
     document = small_document(1)
+    document["touch"] |= {"lead_in_s": lead_in_s}
     document["condition"][0]["touches"] = [{"place": "smooth", "duration_s": 2, **touch}]
     study = Study.model_validate(document)
     changed = study.rig.model_copy(update={**GENEROUS, **rig})
@@ -95,10 +98,22 @@ def test_a_touch_at_0_v_is_not_driven_for_any_time() -> None:
     assert rules(*of_one_touch({"voltage_v": 0, "duration_s": 30}, max_drive_s=1e-6)) == set()
 
 
+@pytest.mark.parametrize(("lead_in_s", "taken_s"), [(0.1, 0.2), (0.2, 0.2), (3.0, 3.0)])
+def test_the_lead_in_is_driven_and_holds_the_soft_start(lead_in_s: float, taken_s: float) -> None:
+    for limit_s, exceeded in ((taken_s + 2, set()), (taken_s + 1.99, {"drive, s,"})):
+        touch = {"voltage_v": 80}
+        assert rules(*of_one_touch(touch, lead_in_s, max_drive_s=limit_s)) == exceeded
+
+
 @pytest.mark.parametrize(("place", "taken_s"), [("smooth", 3.0), ("path", 0.0625 / 0.025)])
 def test_a_touch_takes_its_place_unless_the_study_says_how_long(place: str, taken_s: float) -> None:
     document = small_document(1)
-    document["touch"] |= {"hold_s": 3, "path_m": [0.0125, 0.075], "sliding_speed_m_s": 0.025}
+    document["touch"] |= {
+        "lead_in_s": 0,
+        "hold_s": 3,
+        "path_m": [0.0125, 0.075],
+        "sliding_speed_m_s": 0.025,
+    }
     direction = {"direction": "right"} if place == "path" else {}
     document["condition"][0]["touches"] = [{"place": place, "voltage_v": 80, **direction}]
     study = Study.model_validate(document)

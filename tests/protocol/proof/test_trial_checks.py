@@ -55,7 +55,7 @@ def longer(trial: Trial) -> Trial:
 CASES: list[tuple[Callable[[Trial], bool], Change, str]] = [
     (lambda t: t.kind == "trial", louder, "amplitude, V, must not exceed 200, got 201"),
     (lambda t: t.kind == "trial", faster, "frequency, Hz, must not exceed 40000, got 41175.7"),
-    (lambda t: t.kind == "trial", longer, "drive, s, must not exceed 30, got 31"),
+    (lambda t: t.kind == "trial", longer, "drive, s, must not exceed 30, got 34"),
     (lambda t: t.kind == "trial", elsewhere, "a beam must be one of the study's, got 'nowhere'"),
     (lambda t: t.kind == "catch", louder, "a catch trial must stay at 0 V"),
     (lambda t: t.kind == "trial", lambda t: replace(t, level=0.3), "the level must be one of"),

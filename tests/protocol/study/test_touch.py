@@ -14,10 +14,18 @@ SWEEP = Touch(place="path", voltage_v=100, frequency=0.9, sweep_to=1.0)
 
 
 def test_a_touch_begins_softly_and_ends_at_once() -> None:
-    assert driven_s(SWEEP, FINGER, RIG) == pytest.approx(100 / 400 + 0.071 / 0.04)
-    assert driven_s(RAMP, FINGER, RIG) == 6
+    at_once = FINGER.model_copy(update={"lead_in_s": 0.0})
+    assert driven_s(SWEEP, at_once, RIG) == pytest.approx(100 / 400 + 0.071 / 0.04)
+    assert driven_s(RAMP, at_once, RIG) == 6
     (back,) = opposite((RAMP,))
-    assert driven_s(back, FINGER, RIG) == 200 / 400 + 6
+    assert driven_s(back, at_once, RIG) == 200 / 400 + 6
+
+
+def test_the_lead_in_is_driven_and_holds_the_soft_start() -> None:
+    assert driven_s(SWEEP, FINGER, RIG) == pytest.approx(3 + 0.071 / 0.04)
+    assert driven_s(RAMP, FINGER, RIG) == 3 + 6
+    slow = Rig(ramp_v_per_s=20)
+    assert driven_s(SWEEP, FINGER, slow) == pytest.approx(100 / 20 + 0.071 / 0.04)
 
 
 def test_a_resting_beam_is_not_driven() -> None:

@@ -14,9 +14,10 @@ from runner.cli.output import complaint
 from runner.journal.opening import open_journal
 from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal, JournalError
-from runner.screens import AskScore, Instruction, Note, Order, Pacing, Response
+from runner.screens import AskScore, Instruction, LeadIn, Note, Order, Pacing, Response, Screen
 from runner.session.loop import run
 from runner.session.orders import StoppedByOperator
+from runner.session.session import SessionContext
 from tests.runner.fakes import FakeDevice, FakeOperator, FakeParticipant, context
 
 TEXT = template("paper")
@@ -80,6 +81,40 @@ def test_the_participant_does_not_learn_what_the_device_does(tmp_path: Path) -> 
         "touch.left",
         "remember",
     }
+
+
+class Watching(FakeParticipant):
+    """A participant who notes the device's calls and the time as the screens of a touch come."""
+
+    seen: list[tuple[str, float, int, int]]
+    made: SessionContext
+
+    def show(self, screen: Screen) -> None:
+        super().show(screen)
+        if isinstance(screen, LeadIn | Pacing):
+            device = self.made.device
+            assert isinstance(device, FakeDevice)
+            now_s = self.made.clock.monotonic_s()
+            self.seen.append((type(screen).__name__, now_s, len(device.driven), device.looked))
+
+
+@pytest.mark.parametrize(("lead_in_s", "lasts_s"), [(3.0, 3.0), (0.2, 0.25), (0.0, 0.25)])
+def test_a_held_drive_is_steady_before_the_mark_moves(
+    tmp_path: Path, lead_in_s: float, lasts_s: float
+) -> None:
+    device, participant = FakeDevice(), Watching()
+    participant.seen = []
+    text = TEXT.replace("hold_s = 2.0", f"hold_s = 2.0\nlead_in_s = {lead_in_s}")
+    with open_journal(tmp_path / "study.db") as journal:
+        participant.made = context(journal, device, participant, text)
+        run(participant.made)
+        ended = [e.payload for e in journal.events("P01/1") if e.tag == "touch-ended"]
+    leads, moves = participant.seen[2:4]  # the first touch is made at 0 V
+    assert (leads[0], moves[0]) == ("LeadIn", "Pacing")
+    assert moves[1] - leads[1] == pytest.approx(lasts_s), "100 V at 400 V/s take 0.25 s"
+    assert moves[2] - leads[2] == 1, "it is driven once"
+    assert moves[3] - leads[3] > lasts_s / 0.2, "and read five times a second"
+    assert len(ended[1]["trace"]) == 2 / 0.2 + 2, "nothing before the mark moves is judged"
 
 
 def test_an_answer_that_disagrees_leaves_the_score_missing(tmp_path: Path) -> None:

@@ -18,7 +18,16 @@ from protocol.study.rating import Rating
 from protocol.study.study import Study
 from protocol.study.touch import Touch
 from protocol.study_file.loading import parsed_study, template
-from runner.screens import AskChange, AskScore, Instruction, Notice, Screen, Welcome, pacing
+from runner.screens import (
+    AskChange,
+    AskScore,
+    Instruction,
+    Notice,
+    Screen,
+    Welcome,
+    lead_in,
+    pacing,
+)
 from runner.window.canvas import PsychopyCanvas
 from runner.window.elements import Text
 from runner.window.messages import Settings
@@ -49,6 +58,8 @@ def pictures(study: Study) -> list[Shown]:
             (f"instruction-{name}", Instruction(text=texts[name], touch=way.touch), PageState())
             for name, way in ways.items()
         ),
+        ("lead-in-left", lead_in(ways["left"], study.touch), PageState(passed_s=1.5)),
+        ("lead-in-place", lead_in(ways["place"], study.touch), PageState()),
         ("pacing-right", ways["right"], PageState(passed_s=0.6)),
         ("pacing-left", ways["left"], PageState(passed_s=0.6)),
         ("lift", Notice(text="touch.end"), PageState()),

@@ -21,7 +21,7 @@ from tests.runner.window.person import Person
 ENDS_WITHIN_S = 240.0
 
 _SHORTER = {
-    r"hold_s = \S+": "hold_s = 0.25",
+    r"hold_s = \S+": "hold_s = 0.25\nlead_in_s = 0.3",
     r"sliding_speed_m_s = \S+": "sliding_speed_m_s = 0.284",
     r"ramp_v_per_s = \S+": "ramp_v_per_s = 2000",
     r"duration_s = 6\b": "duration_s = 0.4",

@@ -15,7 +15,7 @@ from protocol.study.rating import Band, Rating
 from protocol.study.study import Study
 from protocol.study.touch import Direction, Touch, TouchDefaults
 from protocol.study_file.loading import TEMPLATES, parsed_study, template
-from runner.screens import AskChange, AskScore, FingerPath, Instruction, Pacing, pacing
+from runner.screens import AskChange, AskScore, FingerPath, Instruction, Pacing, lead_in, pacing
 from runner.window.beam_sketch import beam_x, fingers
 from runner.window.elements import CANVAS, Dot, Outline, Text
 from runner.window.pages import PageState, page, targets
@@ -199,8 +199,37 @@ def test_pages_of_the_same_touch_are_the_same_whatever_the_device_does(
     for each in (touch, same):
         cue = pacing(each, TouchDefaults())
         instruction = Instruction(text=touch_text(each), touch=cue.touch)
-        seen.append([page(screen, PageState(), wording("en")) for screen in (instruction, cue)])
+        screens = (instruction, lead_in(cue, TouchDefaults()), cue)
+        seen.append([page(screen, PageState(), wording("en")) for screen in screens])
     assert seen[0] == seen[1]
+
+
+@pytest.mark.parametrize(
+    ("passed_s", "shown"), [(0.0, "3"), (0.9, "3"), (1.1, "2"), (2.1, "1"), (2.9, "1"), (9.0, "1")]
+)
+def test_the_mark_rests_at_its_start_while_three_seconds_are_counted_down(
+    passed_s: float, shown: str
+) -> None:
+    touch = Touch(place="path", voltage_v=100)
+    cue = pacing(touch, TouchDefaults())
+    elements = page(lead_in(cue, TouchDefaults()), PageState(passed_s=passed_s), wording("en"))
+    assert _mark_x(elements) == _mark_x(page(cue, PageState(), wording("en")))
+    texts = [element.text for element in elements if isinstance(element, Text)]
+    assert [text for text in texts if text.isdigit()] == [shown]
+    assert wording("en").texts["touch.right"] in texts
+
+
+def test_a_study_may_hide_the_countdown() -> None:
+    finger = TouchDefaults(countdown=False)
+    screen = lead_in(pacing(Touch(place="path", voltage_v=100), finger), finger)
+    texts = [e.text for e in page(screen, PageState(), wording("en")) if isinstance(e, Text)]
+    assert not any(text.isdigit() for text in texts)
+
+
+def test_the_sentence_of_the_instruction_stays_while_the_finger_moves() -> None:
+    cue = pacing(Touch(place="path", voltage_v=100), TouchDefaults())
+    texts = [e.text for e in page(cue, PageState(), wording("en")) if isinstance(e, Text)]
+    assert {wording("en").texts[key] for key in ("touch.right", "touch.now")} <= set(texts)
 
 
 @pytest.mark.parametrize("direction", ["right", "left"])

@@ -22,6 +22,7 @@ watchdog_s = {watchdog_s}
 [touch]
 beam = "a"
 hold_s = {hold_s}
+lead_in_s = {lead_in_s}
 sliding_speed_m_s = 0.2
 [beams]
 a = 0.001
@@ -79,6 +80,7 @@ def drawn_study(stream: random.Random, dialect: str) -> str:
         ramp=(400, 1000)[kind // 2],
         watchdog_s=(1.0, 0.6)[kind % 2],
         hold_s=(0.4, 0.6)[kind % 2],
+        lead_in_s=(0.0, 0.3, 0.0, 0.2)[kind],
         order=("williams", "blocks")[kind % 2],
         practice=(1, 0, 1, 0)[kind],
         catch=(0, 1, 0, 0)[kind],

@@ -67,6 +67,10 @@ class Participant(Protocol):
         """Show `screen` to the participant."""
         ...
 
+    def progress(self, number: int, total: int) -> None:
+        """Tell the participant that the `number`-th of `total` trials comes next."""
+        ...
+
     def saved(self) -> None:
         """Tell the participant that the journal has the answer to the current screen."""
         ...

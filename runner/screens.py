@@ -18,11 +18,20 @@ from protocol.study.touch import Touch, TouchDefaults, touch_s
 Order = Literal["pause", "stop", "repeat", "emergency stop"]
 
 
+LAST_NOTICES = frozenset({"thanks", "stopped"})
+"""Texts that end a session; the window shows them for a while and can then be closed."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Notice:
     """A text that needs no answer."""
 
     text: str
+
+    @property
+    def is_last(self) -> bool:
+        """Whether nothing follows."""
+        return self.text in LAST_NOTICES
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,10 +53,14 @@ class FingerPath:
 
 @dataclass(frozen=True, kw_only=True)
 class Instruction:
-    """What to do next, with the finger's path if it is a touch; answered with `ready`."""
+    """What to do next, with the finger's path if it is a touch; answered with `ready`.
+
+    The answer counts once `after_s` have passed: the shortest time of a break.
+    """
 
     text: str
     touch: FingerPath | None = None
+    after_s: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,7 +17,13 @@ from protocol.study.fields import Line, Name, Record, known_as, require_printabl
 REFERENCE = "en"
 """The language whose texts say which keys there are, and with which fields in braces."""
 LATER: Mapping[str, str] = {
-    "saved": "",
+    **dict.fromkeys(["hand.left", "hand.right"], ""),
+    **{f"finger.{name}": "" for name in ("thumb", "index", "middle", "ring", "little")},
+    **dict.fromkeys(["saved", "progress", "break.left", "beam.clamp", "beam.you"], ""),
+    **dict.fromkeys(["button.call", "console.again"], ""),
+    **dict.fromkeys(["again.force", "again.place", "again.speed"], ""),
+    "stopped": "touch.end",
+    "hint.change.two": "hint.change",
     "touch.soon": "wait",
     "touch.soon.full": "wait",
     "wait.beam": "wait",

@@ -55,6 +55,13 @@ def study_wording(study: Study, code: str) -> Wording:
             texts[key] = own[older]
         elif key not in texts:
             texts[key] = read.texts.get(older, reference_texts()[key])
+    fingers = {
+        "hand": texts[f"hand.{study.session.hand}"],
+        "finger": texts[f"finger.{study.session.finger}"],
+    }
+    for key in finger_texts():
+        if key in texts:
+            texts[key] = texts[key].format(**fingers)
     return Wording(
         code=code,
         texts=texts,
@@ -62,6 +69,11 @@ def study_wording(study: Study, code: str) -> Wording:
         fonts=read.fonts,
         font_package=read.font_package,
     )
+
+
+def finger_texts() -> tuple[str, ...]:
+    """Return the keys of the texts that may name the hand and the finger of the study."""
+    return tuple(key for key, text in reference_texts().items() if "{hand}" in text)
 
 
 def language(study: Study, code: str) -> Language:

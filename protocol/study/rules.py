@@ -7,6 +7,8 @@ from pydantic import Field, model_validator
 from protocol.study.fields import Count, Positive, Record, Share, Whole
 from protocol.study.languages import KnownCode
 
+Hand = Literal["left", "right"]
+Finger = Literal["thumb", "index", "middle", "ring", "little"]
 OperatorQuestion = Literal["skin state", "room temperature", "humidity", "cleaning"]
 
 
@@ -17,6 +19,10 @@ class SessionRules(Record):
         tuple[KnownCode, ...],
         Field(min_length=1, description="in which all that participants read must be there"),
     ] = ("en", "zh")
+    hand: Annotated[Hand, Field(description="that touches, as participants read it")] = "left"
+    finger: Annotated[Finger, Field(description="of that hand, where one finger alone touches")] = (
+        "index"
+    )
     operator_asks: Annotated[
         tuple[OperatorQuestion, ...],
         Field(description="what the operator notes before the first trial"),

@@ -11,6 +11,7 @@ from protocol.study.fields import UNWANTED, unprintable
 from protocol.study.languages import LATER, Language, reference_texts
 from protocol.study.participant_texts import (
     band_name,
+    finger_texts,
     required_codes,
     study_codes,
     study_wording,
@@ -140,8 +141,10 @@ def _plain(text: str) -> str:
 
 
 def _allowed_fields(key: str) -> list[list[str]]:
-    """The fields of the built-in text; a study that asks for its own scores may name the ends."""
+    """The fields of the built-in text; a study may itself name ends of the scale, hand, finger."""
     fields = _fields(reference_texts().get(key, ""))
+    if key in finger_texts():
+        return [fields, *([field] for field in fields if len(fields) > 1), []]
     return [fields, []] if key == "score" else [fields]
 
 

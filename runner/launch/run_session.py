@@ -233,7 +233,7 @@ def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
     stack.enter_context(session_lock(name, options.folder.path))
     stack.enter_context(rig_lock(request.url))
     # The window before the rig: without a window to instruct the participant nothing is driven.
-    window = stack.enter_context(_window(request))
+    window = stack.enter_context(_window(request, say))
     calibration = options.calibration or kept_calibration(options.folder.path)
     rig = stack.enter_context(
         session_rig(
@@ -290,7 +290,7 @@ def _finger(
     return UntouchedBeam(request.study, lambda: rig.device.reading, resonance_hz)
 
 
-def _window(request: Request) -> AbstractContextManager[WindowParticipant | None]:
+def _window(request: Request, say: Say) -> AbstractContextManager[WindowParticipant | None]:
     """Return the participant's window as a context manager, which yields None without a window."""
     options = request.options
     if options.ratings != "window":
@@ -302,6 +302,7 @@ def _window(request: Request) -> AbstractContextManager[WindowParticipant | None
         options.consent,
         screen=options.screen,
         windowed=options.windowed,
+        say=say,
     )
 
 

@@ -124,12 +124,19 @@ class ConsoleParticipant:
             self.say(line)
         self._shown_s = self.monotonic_s()
 
+    def progress(self, number: int, total: int) -> None:
+        """Print which trial comes next."""
+        self.say(self._texts["progress"].format(number=number, total=total))
+
     def saved(self) -> None:
         """Print nothing: the next line follows at once."""
 
     def poll(self) -> Response | None:
         """Return the answer to the current screen once it has been typed."""
         if self._screen is None or isinstance(self._screen, Notice | LeadIn | Pacing):
+            return None
+        after_s = getattr(self._screen, "after_s", 0.0)
+        if after_s and self.monotonic_s() < self._shown_s + after_s:
             return None
         line = self.typed.take()
         answer = None if line is None else self._parse(line.strip())

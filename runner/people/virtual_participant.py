@@ -116,6 +116,9 @@ class VirtualParticipant:
         elif isinstance(screen, Notice) and screen.text.startswith("again."):
             self._touches.clear()
 
+    def progress(self, number: int, total: int) -> None:
+        """Do nothing, because a virtual participant needs no encouragement."""
+
     def saved(self) -> None:
         """Do nothing, because a virtual participant needs no confirmation."""
 

@@ -1,9 +1,10 @@
 """The session loop: runs every pending trial and turns the device off however it ends."""
 
 from collections.abc import Callable
+from contextlib import suppress
 
 from device.errors import OutputUnknown
-from protocol.errors import BadInput
+from protocol.errors import BadInput, WorkFailed
 from protocol.journal.events import DeviceOff, PracticeRenewed, SessionCompleted, TrialStarted
 from protocol.journal.records import Compliance
 from protocol.plan.trials import Trial
@@ -50,6 +51,8 @@ def _run_trials(context: SessionContext) -> None:
 def _run_trial(context: SessionContext, trial: Trial) -> None:
     """Run one trial; if it must be repeated, it remains pending."""
     context.log.append(TrialStarted(index=trial.index, kind=trial.kind))
+    total = len(context.session.plan.trials)
+    context.participant.progress(len(context.log.state.answered) + 1, total)
     update_view(context)
     try:
         done: list[Compliance] = []
@@ -92,7 +95,7 @@ def run_then_turn_off(part: Callable[[SessionContext], None], context: SessionCo
                 part(context)
         except BaseException as error:
             doubt = error if isinstance(error, OutputUnknown) else None
-            _turn_off(context, str(error) or type(error).__name__, doubt)
+            _turn_off(context, str(error) or type(error).__name__, doubt, stopped=True)
             error.add_note(_OFF)
             if not isinstance(error, BadInput):  # the same input would fail again
                 error.add_note(_RESUMABLE)
@@ -101,8 +104,16 @@ def run_then_turn_off(part: Callable[[SessionContext], None], context: SessionCo
         context.log.append(SessionCompleted())
 
 
-def _turn_off(context: SessionContext, why: str, doubt: OutputUnknown | None = None) -> None:
+def _turn_off(
+    context: SessionContext,
+    why: str,
+    doubt: OutputUnknown | None = None,
+    *,
+    stopped: bool = False,
+) -> None:
     """Turn the output off and record it; an unknown output is always reported first.
+
+    If the session was `stopped`, the participant is told so before that is recorded.
 
     With `doubt` the device has already failed to confirm it. One good answer after that does not
     count as a confirmation, so that the journal agrees with what the operator is told.
@@ -113,6 +124,9 @@ def _turn_off(context: SessionContext, why: str, doubt: OutputUnknown | None = N
     except OutputUnknown as error:
         unknown = error
     try:
+        if stopped:
+            with suppress(WorkFailed):  # the window itself may have failed
+                context.participant.show(Notice(text="stopped"))
         abort_trial(context.log, why)
         if context.log.state.name in {"armed", "paused"}:
             context.log.append(DeviceOff(confirmed=unknown is None, why=why))

@@ -83,12 +83,19 @@ def pause_if_wanted(context: SessionContext, trial: Trial) -> None:
     context.participant.show(Notice(text="wait.touch"))
     wait(context, max(pause_s - SAVED_S, 0.0))
     if trial.break_s > 0:
-        context.participant.show(Notice(text="break"))
-        wait(context, trial.break_s)
-        context.participant.show(Instruction(text="break"))
-        response(context)
+        _take_break(context, trial.break_s)
     if context.pause_wanted:
         _pause(context)
+
+
+def _take_break(context: SessionContext, least_s: float) -> None:
+    """Wait until the break is over and the participant wants to go on."""
+    over_s = context.clock.monotonic_s() + least_s
+    context.participant.show(Instruction(text="break", after_s=least_s))
+    answer = None
+    while answer is None or context.clock.monotonic_s() < over_s:
+        answer = answer or context.participant.poll()
+        tick(context, TICK_S)
 
 
 def _pause(context: SessionContext) -> None:

@@ -1,13 +1,17 @@
 """The sketch of the beam with the touch to make, and the marks that pace it."""
 
+from collections.abc import Mapping
+
 from device.beam.beam import Beam
 from runner.screens import FingerPath
-from runner.window.elements import ACCENT, FAINT, INK, PALE, Box, Dot, Outline, Page
+from runner.window.elements import ACCENT, FAINT, INK, PALE, Box, Dot, Outline, Page, Text
 
 BEAM_M = Beam().length_m
-_LEFT, _LENGTH = -300.0, 600.0
+_LEFT, _LENGTH = -280.0, 600.0
 _BEAM_Y, _BEAM_HEIGHT = 0.0, 34.0
 _ARROW_Y = 52.0
+_LABEL_Y = -70.0
+LABEL_SIZE = 18.0
 _HEAD = 16.0
 _FINGER_RADIUS = 24.0
 
@@ -26,6 +30,20 @@ def sketch(way: FingerPath) -> Page:
         return (*_beam(), *_arrow(way))
     marks = [mark for place_m in _places(way, way.start_m) for mark in _mark(place_m, way.harder)]
     return (*_beam(), *marks)
+
+
+def labels(texts: Mapping[str, str]) -> Page:
+    """Return what the clamp is, and on which side of the beam the participant sits."""
+    places = (("beam.clamp", _LEFT - 20, 150.0), ("beam.you", _LEFT + _LENGTH / 2, 300.0))
+    return tuple(
+        Text(
+            text=texts[key],
+            box=Box(x=x, y=_LABEL_Y, width=width, height=24),
+            size=LABEL_SIZE,
+            colour=FAINT,
+        )
+        for key, x, width in places
+    )
 
 
 def fingers(way: FingerPath, fraction: float) -> tuple[Dot, ...]:

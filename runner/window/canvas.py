@@ -31,6 +31,7 @@ from runner.window.messages import Settings
 from runner.window.text_layout import LINE_HEIGHT, first_font, missing_font, wrapped
 
 SMALL_WINDOW_PX = (800, 600)
+MOST_KEPT = 1000
 LOOK_FOR_WINDOW_EVERY_S = 0.5
 
 _KEYS = {
@@ -105,6 +106,8 @@ class PsychopyCanvas:
         if isinstance(element, Dot):
             return [self._dot(element)]
         if element not in self._drawn:
+            if len(self._drawn) > MOST_KEPT:  # a countdown needs a new text each second
+                del self._drawn[next(iter(self._drawn))]
             built = self._text(element) if isinstance(element, Text) else [self._outline(element)]
             self._drawn[element] = built
         return self._drawn[element]

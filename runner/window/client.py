@@ -14,7 +14,8 @@ from dataclasses import dataclass, field
 from typing import IO, Any, Protocol
 
 from protocol.errors import WorkFailed
-from runner.screens import Response, Screen
+from runner.screens import Notice, Response, Screen
+from runner.signals import Stopped
 from runner.window.messages import Settings, line_of, message_of, settings_message, show_message
 
 SILENT_S = 2.0
@@ -53,12 +54,18 @@ class WindowParticipant:
     _answer: Response | None = field(default=None, init=False)
     _silent_s: float = field(default=0.0, init=False)
     _polled_s: float | None = field(default=None, init=False)
+    is_at_end: bool = field(default=False, init=False)
 
     def show(self, screen: Screen) -> None:
         """Send `screen`."""
         self._number += 1
         self._answer = None
+        self.is_at_end = isinstance(screen, Notice) and screen.is_last
         self.peer.send(show_message(self._number, screen))
+
+    def progress(self, number: int, total: int) -> None:
+        """Let the pages from the next one on say which trial this is."""
+        self.peer.send({"progress": [number, total]})
 
     def saved(self) -> None:
         """Let the page say that the answer to the last screen is saved."""
@@ -76,6 +83,13 @@ class WindowParticipant:
         self._watch(heard=bool(messages))
         answer, self._answer = self._answer, None
         return answer
+
+    def linger(self, longest_s: float) -> None:
+        """Wait until the last page is closed; return at once if another page is shown."""
+        until_s = time.monotonic() + longest_s * self.is_at_end
+        with suppress(WindowGone):  # the session is recorded
+            while time.monotonic() < until_s and self.poll() is None:
+                time.sleep(_TICK_S)
 
     def _take(self, message: Mapping[str, Any]) -> None:
         if "closed" in message:
@@ -107,6 +121,9 @@ class WindowParticipant:
 OPENS_WITHIN_S = 30.0
 LINGERS_S = 20.0
 """How long the last page remains unless the participant closes it."""
+
+HURRIES_S = 5.0
+"""The same after a signal, such as Ctrl-C: whoever sends it wants the program to end."""
 
 _ENDS_WITHIN_S = 3.0
 _TICK_S = 0.02
@@ -203,6 +220,7 @@ def participant_window(
     command: Sequence[str],
     settings: Settings,
     monotonic_s: Callable[[], float] = time.monotonic,
+    say: Callable[[str], None] = lambda _: None,
 ) -> Iterator[WindowParticipant]:
     """Open the window and yield its participant; leave the last page up for reading.
 
@@ -210,6 +228,7 @@ def participant_window(
         command: command line of the window's process.
         settings: screen and language of the window.
         monotonic_s: the session's clock, s.
+        say: prints a line for the operator.
 
     Raises:
         WorkFailed: the display, the screen or a font is missing, or the window does not open.
@@ -221,11 +240,16 @@ def participant_window(
             peer.send(settings_message(settings))
             _await_opening(peer, time.monotonic() + OPENS_WITHIN_S)
             participant = WindowParticipant(peer, monotonic_s)
-            yield participant
-            until_s = time.monotonic() + LINGERS_S
-            with suppress(WindowGone):  # the session is recorded
-                while participant.poll() is None and time.monotonic() < until_s:
-                    time.sleep(_TICK_S)
+            try:
+                yield participant
+            except BaseException as error:
+                longest_s = HURRIES_S if isinstance(error, Stopped) else LINGERS_S
+                if participant.is_at_end:
+                    lines = "; ".join([str(error), *getattr(error, "__notes__", ())])
+                    say(f"{lines}; the participant's last page stays for up to {longest_s:g} s")
+                participant.linger(longest_s)
+                raise
+            participant.linger(LINGERS_S)
         finally:
             peer.end()
 

@@ -1,9 +1,9 @@
 """Messages between a session and its window: one JSON object per line.
 
-To the window: first the settings, then `{"show": id, "screen": …}`, and `{"saved": id}` once the
-journal has the answer. From the window: `opened`
-or `failed` once; then `alive` periodically, `shown` when a screen is first displayed, `answer`,
-`operator` when Escape is pressed, and `closed` or `broken` at an unexpected end.
+To the window: first the settings, then `{"show": id, "screen": …}`, `{"saved": id}` once the
+journal has the answer, and `{"progress": [number, total]}` before each trial. From the window:
+`opened` or `failed` once; then `alive` periodically, `shown` when a screen is first displayed,
+`answer`, `operator` when the participant calls, and `closed` or `broken` at an unexpected end.
 """
 
 import json

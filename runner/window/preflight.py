@@ -1,6 +1,6 @@
 """Check, without a screen, that every text fits its place in the participant's window."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from itertools import chain
 
@@ -31,8 +31,9 @@ from runner.window.pages import PageState, page
 from runner.window.rating_scale import MOST_STEPS
 from runner.window.text_layout import text_height, text_width, wrapped
 
-_NOTICES = ("wait", "wait.beam", "wait.touch", "touch.end", "pause", "thanks")
-_INSTRUCTIONS = ("remember", "practice", "break")
+_NOTICES = ("wait", "wait.beam", "wait.touch", "touch.end", "pause", "thanks", "stopped")
+_INSTRUCTIONS = ("remember", "practice")
+LONGEST_BREAK_S = 3600.0
 
 
 def foreseen(study: Study, consent: str | None) -> tuple[Screen, ...]:
@@ -43,6 +44,7 @@ def foreseen(study: Study, consent: str | None) -> tuple[Screen, ...]:
     screens: list[Screen] = [
         Welcome(consent=consent),
         *(Instruction(text=text) for text in _INSTRUCTIONS),
+        Instruction(text="break", after_s=LONGEST_BREAK_S),
         *(Notice(text=text) for text in _NOTICES),
     ]
     for cue in cues:
@@ -52,7 +54,7 @@ def foreseen(study: Study, consent: str | None) -> tuple[Screen, ...]:
     return tuple(screen for at, screen in enumerate(screens) if screen not in screens[:at])
 
 
-_VIEWS = (PageState(operator_called=True), PageState(button="saved"))
+_VIEWS = (PageState(operator_called=True, progress=(999, 999)), PageState(button="saved"))
 
 
 def fits(text: Text) -> bool:
@@ -133,6 +135,7 @@ def study_window(
     *,
     screen: int,
     windowed: bool,
+    say: Callable[[str], None] = lambda _: None,
 ) -> AbstractContextManager[WindowParticipant]:
     """Return the context of the window, to be entered before the device is driven.
 
@@ -148,4 +151,4 @@ def study_window(
         windowed=windowed,
         foreseen=screens,
     )
-    return participant_window([*touchbeam, "participant-window"], settings)
+    return participant_window([*touchbeam, "participant-window"], settings, say=say)

@@ -7,8 +7,8 @@ from typing import Any
 
 from protocol.study.participant_texts import Wording
 from runner.screens import AskChange, AskScore, Instruction, LeadIn, Notice, Screen
-from runner.window.elements import Input, Key, Page
-from runner.window.pages import Button, PageState, page
+from runner.window.elements import Input, Key, Page, Pressed
+from runner.window.pages import Button, PageState, page, target_at, targets
 from runner.window.rating_scale import look
 from runner.window.response import PendingResponse
 
@@ -58,6 +58,7 @@ class ShownScreen:
     screen: Screen
     interval_s: float
     readable_s: float = 0.0
+    progress: tuple[int, int] | None = None
     saved: bool = field(default=False, init=False)
     pending: PendingResponse = field(init=False)
     frames: FrameTimes = field(init=False)
@@ -72,7 +73,9 @@ class ShownScreen:
         if not self.frames.shown_s:
             return
         since_s = t_s - self.frames.shown_s[0]
-        if given == Key(name="escape"):
+        at = target_at(self.screen, given.x, given.y) if isinstance(given, Pressed) else None
+        may_call = any(target.name == "call" for target in targets(self.screen))
+        if at == "call" or (may_call and given == Key(name="escape")):
             self.called_s.append(round(since_s, 4))
         else:
             self.pending.take(given, since_s)
@@ -80,7 +83,7 @@ class ShownScreen:
     def page(self, t_s: float, wording: Wording) -> Page:
         """Return the page at `t_s`."""
         passed_s = t_s - self.frames.shown_s[0] if self.frames.shown_s else 0.0
-        button: Button = "early" if passed_s < self.readable_s else "live"
+        button: Button = "early" if passed_s < self.pending.earliest_s else "live"
         if self.pending.answer is not None:
             button = "saved" if self.saved else "pressed"
         view = PageState(
@@ -88,6 +91,7 @@ class ShownScreen:
             button=button,
             passed_s=passed_s,
             operator_called=bool(self.called_s),
+            progress=self.progress,
         )
         return page(self.screen, view, wording)
 

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 from protocol.study.participant_texts import Wording, band_name
 from protocol.study.rating import Band, Rating
-from runner.window.elements import FAINT, INK, Box, Dot, Element, Outline, Text
+from runner.window.elements import ACCENT, FAINT, INK, Box, Dot, Element, Outline, Text
 from runner.window.text_layout import text_width
 
 _SCALE_LENGTH = 660.0
@@ -16,6 +16,7 @@ _LABEL_GAP = 12.0
 _LINE_Y = 50.0
 _BRACKET_Y = -12.0
 LABEL_SIZE = 24.0
+CHOSEN_SIZE = 36.0
 BAND_SIZE = 18.0
 
 
@@ -42,7 +43,7 @@ def scale(rating: Rating, wording: Wording, chosen: int | None) -> tuple[Element
     """Return the scale with its bands; it bears no mark until one is chosen."""
     ends = [score_x(end, rating) for end in (rating.minimum, rating.maximum)]
     line = Outline(points=((ends[0], _LINE_Y), (ends[1], _LINE_Y)), edge=INK, width=3)
-    mark = () if chosen is None else (Dot(x=score_x(chosen, rating), y=_LINE_Y, radius=15.0),)
+    mark = () if chosen is None else _mark(chosen, rating)
     ticks = [
         Outline(points=((x, _LINE_Y - 10), (x, _LINE_Y + 10)), edge=INK, width=3)
         for x in (score_x(score, rating) for score in marked(rating))
@@ -50,6 +51,14 @@ def scale(rating: Rating, wording: Wording, chosen: int | None) -> tuple[Element
     labels = [_label(score, rating) for score in labelled(rating)]
     bands = [element for band in rating.bands for element in _band(band, rating, wording)]
     return (line, *ticks, *labels, *bands, *mark)
+
+
+def _mark(chosen: int, rating: Rating) -> tuple[Element, ...]:
+    """Return the mark at the chosen score, and its number in large."""
+    x = score_x(chosen, rating)
+    box = Box(x=x, y=_LINE_Y + 44, width=100, height=46)
+    number = Text(text=str(chosen), box=box, size=CHOSEN_SIZE, colour=ACCENT)
+    return (Dot(x=x, y=_LINE_Y, radius=15.0), number)
 
 
 def marked(rating: Rating) -> list[int]:

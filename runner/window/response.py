@@ -55,6 +55,11 @@ class PendingResponse:
                 self._held = False
 
     @property
+    def earliest_s(self) -> float:
+        """When the page has been readable for long enough and a break, if it is one, is over."""
+        return max(self.readable_s, getattr(self.screen, "after_s", 0.0))
+
+    @property
     def reaction_time_s(self) -> float:
         """The time of the mark that was confirmed; of the confirmation where there is no mark."""
         return float(self.changes[-1]["t_s"]) if self.changes else round(self.confirmed_s, 4)
@@ -71,7 +76,7 @@ class PendingResponse:
 
     def _confirm(self, t_s: float) -> None:
         """Take the choice, or `ready` where a button says so, as the answer, unless it is early."""
-        if t_s < self.readable_s:
+        if t_s < self.earliest_s:
             self.early += 1
             return
         has_button = any(target.name == "ready" for target in targets(self.screen))
@@ -86,7 +91,7 @@ class PendingResponse:
         elif name == "scale":
             self._held = True
             self._mark(x, t_s)
-        elif name is not None:
+        elif name not in {None, "call"}:
             self._choose(name, "pointer", t_s)
 
     def _mark(self, x: float, t_s: float) -> None:

@@ -13,13 +13,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 from statistics import median
-from typing import Any, Protocol, TextIO, get_args
+from typing import Any, Protocol, TextIO
 
 from protocol.errors import WorkFailed
 from runner.screens import Notice, Screen
 from runner.window.elements import Input, Page
 from runner.window.messages import Settings, line_of, message_of, screen_of, settings_of
-from runner.window.pages import Button, PageState, page
+from runner.window.pages import page, states
 from runner.window.presentation import ShownScreen
 
 ALIVE_EVERY_S = 0.2
@@ -76,6 +76,7 @@ class WindowServer:
     now_s: Callable[[], float] = time.monotonic
     _standing: ShownScreen = field(init=False)
     _past: list[dict[str, Any]] = field(default_factory=list, init=False)
+    _progress: tuple[int, int] | None = field(default=None, init=False)
     _ended: bool = field(default=False, init=False)
     _alive_s: float = field(default=0.0, init=False)
     _due_s: float = field(default=0.0, init=False)
@@ -89,16 +90,16 @@ class WindowServer:
         self._frame()
         self.send({"opened": self._display})
         self._learn_pace()
-        foreseen = iter(self.settings.foreseen)
+        coming = (
+            page(screen, state, self.settings.wording)
+            for screen in self.settings.foreseen
+            for state in states(screen)
+        )
         while not (self._ended or self.canvas.closed):
             self._wait()
             self._frame()
-            if screen := next(foreseen, None):  # one per frame, so that the session never waits
-                seconds = getattr(screen, "seconds", 0.0)
-                views = [PageState(button=button) for button in get_args(Button)]
-                views += [PageState(passed_s=third * seconds / 3) for third in (1, 2)]
-                for view in views:
-                    self.canvas.prepare(page(screen, view, self.settings.wording))
+            if foreseen := next(coming, None):  # one per frame, so that the session never waits
+                self.canvas.prepare(foreseen)
         if self.canvas.closed:
             self.send({"closed": True})
 
@@ -137,6 +138,8 @@ class WindowServer:
                 if self._standing.pending.answer is None:
                     self._past.append(self._standing.record())
                 self._show(number, screen_of(message))
+            case {"progress": [int(trial), int(total)]}:
+                self._progress = trial, total
             case {"saved": number}:
                 self._standing.saved |= number == self._standing.number
             case _:
@@ -144,7 +147,7 @@ class WindowServer:
 
     def _show(self, number: int, screen: Screen) -> None:
         readable_s = self.settings.readable_s
-        self._standing = ShownScreen(number, screen, self._interval_s, readable_s)
+        self._standing = ShownScreen(number, screen, self._interval_s, readable_s, self._progress)
 
     def _frame(self) -> None:
         self.canvas.draw(self._page())

@@ -124,6 +124,9 @@ class FakeParticipant:
         if self.stops_at and self.stops_at in str(screen):
             raise KeyboardInterrupt("Ctrl-C")
 
+    def progress(self, number: int, total: int) -> None:
+        pass
+
     def saved(self) -> None:
         pass
 

@@ -62,6 +62,9 @@ class Provoking:
             self.control.fault(self.row.fault)
             self.failed_s = time.monotonic()
 
+    def progress(self, number: int, total: int) -> None:
+        self.inner.progress(number, total)
+
     def saved(self) -> None:
         self.inner.saved()
 

@@ -124,8 +124,8 @@ def test_an_unknown_template_is_refused() -> None:
         ),
         (
             "[rating]",
-            "[texts.en]\n'answer.same' = 'Rougher '\n[rating]",
-            "one question must differ, got 'Rougher ' for answer.rougher and answer.same",
+            "[texts.en]\n'answer.same' = 'It became  Rougher '\n[rating]",
+            "must differ, got 'It became  Rougher ' for answer.rougher and answer.same",
         ),
         (
             "[rating]",

@@ -69,7 +69,7 @@ def test_an_invalid_answer_is_asked_for_again() -> None:
     terminal = Terminal("4\nyes\n2\n")
     assert terminal.answer(AskChange(question="roughness")).answer == "rougher"
     again = "This is not one of the possible answers. Please type one of these:"
-    choices = ["  1  smoother", "  2  rougher", "  3  same"]
+    choices = ["  1  it became smoother", "  2  it became rougher", "  3  it stayed the same"]
     assert terminal.said[-8:] == [f"'4': {again}", *choices, f"'yes': {again}", *choices]
 
 

@@ -1,5 +1,6 @@
 """The session loop: what is recorded, and the device off however the session ends."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,10 +15,22 @@ from runner.cli.output import complaint
 from runner.journal.opening import open_journal
 from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal, JournalError
-from runner.screens import AskScore, Instruction, LeadIn, Note, Order, Pacing, Response, Screen
+from runner.screens import (
+    AskScore,
+    Instruction,
+    LeadIn,
+    Note,
+    Notice,
+    Order,
+    Pacing,
+    Response,
+    Screen,
+    Welcome,
+)
 from runner.session.loop import run
 from runner.session.orders import StoppedByOperator
 from runner.session.session import SessionContext
+from runner.session.waiting import pause_if_wanted
 from tests.runner.fakes import FakeDevice, FakeOperator, FakeParticipant, context
 
 TEXT = template("paper")
@@ -362,6 +375,34 @@ def test_a_pause_lasts_until_the_operator_ends_it(tmp_path: Path) -> None:
         assert events[events.index("paused") - 1] == "answered", "a trial is finished first"
         assert events[events.index("paused") + 1] == "unpaused"
         assert log.state.name == "completed"
+
+
+@pytest.mark.parametrize("order", ["stop", "emergency stop"])
+def test_the_participant_is_told_to_let_go_once_the_output_is_off(
+    tmp_path: Path, order: Order
+) -> None:
+    device = FakeDevice()
+
+    class Last(FakeParticipant):
+        def show(self, screen: Screen) -> None:
+            super().show(screen)
+            assert screen != Notice(text="stopped") or not device.on
+
+    participant = Last()
+    with open_journal(tmp_path / "study.db") as journal, pytest.raises(StoppedByOperator):
+        carried_out(journal, device, participant, orders=[("touching", order)])
+    assert participant.shown[-1] == Notice(text="stopped")
+
+
+def test_a_break_lasts_until_its_time_is_over(tmp_path: Path) -> None:
+    participant = FakeParticipant(shown=[Welcome()])
+    with open_journal(tmp_path / "study.db") as journal:
+        made = context(journal, FakeDevice(), participant)
+        trial = replace(made.session.plan.trials[0], break_s=30.0)
+        pause_if_wanted(made, trial)
+        least_s = made.session.study.timing.inter_trial_s + 30.0
+        assert made.clock.monotonic_s() == pytest.approx(least_s, abs=0.1)
+    assert participant.shown[-1] == Instruction(text="break", after_s=30.0)
 
 
 def test_a_note_is_written_down(tmp_path: Path) -> None:

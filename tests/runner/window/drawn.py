@@ -8,6 +8,7 @@ prints how many lines were drawn and which of them are wider than was estimated.
 import json
 import os
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -51,26 +52,36 @@ def pictures(study: Study) -> list[Shown]:
     texts = {"right": "touch.right", "left": "touch.left"}
     texts |= {"place": "touch.smooth", "harder": "touch.smooth.harder"}
     score = AskScore(rating=study.rating)
+    called = PageState(chosen="7", operator_called=True, progress=(3, 7))
+    trial = PageState(progress=(3, 7))
     return [
         ("wait", Notice(text="wait"), PageState()),
         ("welcome", Welcome(consent="C-2026-07"), PageState()),
         *(
-            (f"instruction-{name}", Instruction(text=texts[name], touch=way.touch), PageState())
+            (f"instruction-{name}", Instruction(text=texts[name], touch=way.touch), trial)
             for name, way in ways.items()
         ),
-        ("lead-in-left", lead_in(ways["left"], study.touch), PageState(passed_s=1.5)),
-        ("lead-in-place", lead_in(ways["place"], study.touch), PageState()),
-        ("pacing-right", ways["right"], PageState(passed_s=0.6)),
-        ("pacing-left", ways["left"], PageState(passed_s=0.6)),
-        ("lift", Notice(text="touch.end"), PageState()),
-        ("remember", Instruction(text="remember"), PageState()),
-        ("change", AskChange(question="roughness"), PageState()),
-        ("change-chosen", AskChange(question="places"), PageState(chosen="swapped")),
-        ("score", score, PageState()),
-        ("score-chosen", score, PageState(chosen="7", operator_called=True)),
-        ("pause", Notice(text="pause"), PageState()),
-        ("break", Instruction(text="break"), PageState()),
+        ("lead-in-left", lead_in(ways["left"], study.touch), replace(trial, passed_s=1.5)),
+        ("lead-in-place", lead_in(ways["place"], study.touch), trial),
+        ("pacing-right", ways["right"], replace(trial, passed_s=0.6)),
+        ("pacing-left", ways["left"], replace(trial, passed_s=0.6)),
+        ("lift", Notice(text="touch.end"), trial),
+        ("remember", Instruction(text="remember"), PageState(progress=(1, 7))),
+        ("change", AskChange(question="roughness"), trial),
+        ("change-chosen", AskChange(question="places"), replace(trial, chosen="swapped")),
+        ("score", score, trial),
+        ("score-chosen", score, called),
+        ("saved", score, PageState(chosen="7", button="saved", progress=(3, 7))),
+        ("next-beam", Notice(text="wait.beam"), trial),
+        ("next-touch", Notice(text="wait.touch"), trial),
+        ("pause", Notice(text="pause"), trial),
+        (
+            "break",
+            Instruction(text="break", after_s=60),
+            replace(trial, passed_s=18, button="early"),
+        ),
         ("thanks", Notice(text="thanks"), PageState()),
+        ("stopped", Notice(text="stopped"), PageState()),
     ]
 
 
@@ -78,7 +89,7 @@ def too_wide(canvas: PsychopyCanvas, screen: Screen, wording: Wording) -> list[d
     """Return the lines that are drawn wider than estimated."""
     found = []
     px_per_unit = canvas.look()["px_per_unit"]
-    for text in page(screen, PageState(operator_called=True), wording):
+    for text in page(screen, PageState(operator_called=True, progress=(99, 99)), wording):
         if isinstance(text, Text):
             lines = wrapped(text.text, text.size, text.box.width)
             for line, drawn in zip(lines, canvas.stimuli(text), strict=True):

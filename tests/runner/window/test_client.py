@@ -100,6 +100,23 @@ def test_the_window_hears_that_the_answer_is_saved() -> None:
     assert at.peer.heard[-1] == {"saved": 1}
 
 
+def test_the_window_hears_which_trial_comes() -> None:
+    at = At()
+    at.participant.progress(3, 12)
+    assert at.peer.heard == [{"progress": [3, 12]}]
+
+
+@pytest.mark.parametrize(
+    ("text", "lingers"), [("thanks", True), ("stopped", True), ("pause", False)]
+)
+def test_only_the_last_page_lingers_until_it_is_closed(text: str, lingers: bool) -> None:
+    at = At()
+    at.participant.show(Notice(text=text))
+    at.peer.said.append(answer(1, "ready"))
+    at.participant.linger(longest_s=60.0)
+    assert (at.peer.said == []) is lingers
+
+
 def test_a_silent_window_ends_the_session_within_bounded_time() -> None:
     at = At()
     at.participant.show(Notice(text="pause"))

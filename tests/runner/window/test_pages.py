@@ -1,7 +1,7 @@
 """Pages: what they show, what they hide, and that every text fits."""
 
 from dataclasses import replace
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import Literal, get_args
 
 import pytest
@@ -9,13 +9,23 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from protocol.errors import BadInput
-from protocol.study.languages import built_in_codes
+from protocol.study.languages import built_in, built_in_codes
 from protocol.study.participant_texts import Wording, study_wording, touch_text, worded_as_built
 from protocol.study.rating import Band, Rating
+from protocol.study.rules import Finger, Hand
 from protocol.study.study import Study
 from protocol.study.touch import Direction, Touch, TouchDefaults
 from protocol.study_file.loading import TEMPLATES, parsed_study, template
-from runner.screens import AskChange, AskScore, FingerPath, Instruction, Pacing, lead_in, pacing
+from runner.screens import (
+    AskChange,
+    AskScore,
+    FingerPath,
+    Instruction,
+    Notice,
+    Pacing,
+    lead_in,
+    pacing,
+)
 from runner.window.beam_sketch import beam_x, fingers
 from runner.window.elements import CANVAS, Dot, Outline, Text
 from runner.window.pages import PageState, page, targets
@@ -62,6 +72,64 @@ def test_every_built_in_text_fits_whatever_is_touched(
     )
     assert worded_as_built(every)
     assert list(fit_problems(every)) == []
+
+
+@pytest.mark.parametrize("hand", get_args(Hand))
+@pytest.mark.parametrize("finger", get_args(Finger))
+def test_the_texts_name_the_hand_and_finger_of_the_study(hand: Hand, finger: Finger) -> None:
+    lines = f'[session]\nhand = "{hand}"\nfinger = "{finger}"\n'
+    study = parsed_study(template("paper") + lines)
+    assert list(fit_problems(study)) == []
+    for code in built_in_codes():
+        texts, plain = study_wording(study, code).texts, built_in(code).texts
+        named = plain[f"hand.{hand}"], plain[f"finger.{finger}"]
+        assert all(name in texts["touch.right"] for name in named)
+        assert plain[f"hand.{hand}"] in texts["touch.full"]
+        assert not any("{hand}" in text or "{finger}" in text for text in texts.values())
+
+
+@pytest.mark.parametrize("view", [PageState(), PageState(button="early")])
+def test_every_page_but_the_last_has_a_button_that_calls_the_operator(view: PageState) -> None:
+    for screen in foreseen(PAPER, consent=None):
+        names = [target.name for target in targets(screen)]
+        is_last = isinstance(screen, Notice) and screen.is_last
+        assert ("call" in names) is not is_last, screen
+        texts = [e.text for e in page(screen, view, wording("en")) if isinstance(e, Text)]
+        assert (wording("en").texts["button.call"] in texts) is not is_last, screen
+
+
+def test_the_participant_sees_how_far_the_session_is() -> None:
+    screen = AskChange(question="places")
+    texts = [
+        e.text
+        for e in page(screen, PageState(progress=(3, 12)), wording("en"))
+        if isinstance(e, Text)
+    ]
+    assert "Trial 3 of 12" in texts
+
+
+@pytest.mark.parametrize(
+    ("passed_s", "left"),
+    [(0.0, "1:30"), (29.5, "1:01"), (30.0, "1:00"), (89.9, "0:01"), (90, None)],
+)
+def test_a_break_counts_down(passed_s: float, left: str | None) -> None:
+    screen = Instruction(text="break", after_s=90)
+    elements = page(screen, PageState(passed_s=passed_s), wording("en"))
+    texts = [e.text for e in elements if isinstance(e, Text)]
+    assert [text for text in texts if "left" in text] == ([f"Time left: {left}"] if left else [])
+
+
+def test_numbers_of_answers_stand_in_a_column_of_their_own() -> None:
+    elements = page(AskChange(question="roughness"), PageState(), wording("en"))
+    numbers = [e for e in elements if isinstance(e, Text) and e.text.isdigit()]
+    assert [number.text for number in numbers] == ["1", "2", "3"]
+    assert len({number.box.x for number in numbers}) == 1
+
+
+def test_the_chosen_score_is_the_largest_number_on_the_scale() -> None:
+    elements = page(AskScore(rating=Rating()), PageState(chosen="7"), wording("en"))
+    numbers = [e for e in elements if isinstance(e, Text) and e.text.isdigit()]
+    assert max(numbers, key=lambda number: number.size).text == "7"
 
 
 def test_a_text_that_is_too_long_is_reported_with_its_place_in_the_study_file() -> None:
@@ -161,7 +229,8 @@ def test_elements_stay_on_the_canvas_and_texts_do_not_overlap(
     study = parsed_study(template("extended"))
     rating = study.rating if ends == (0, 10) else scale_of(*ends, "bands")
     for screen in foreseen(study.model_copy(update={"rating": rating}), consent="C-7"):
-        elements = page(screen, PageState(operator_called=True), wording(language))
+        view = PageState(operator_called=True, progress=(12, 12))
+        elements = page(screen, view, wording(language))
         rooms = [element.box for element in elements if isinstance(element, Text)]
         corners = [point for box in rooms for point in box.corners]
         corners += [
@@ -292,8 +361,10 @@ def test_targets_for_fingers_are_large_and_apart() -> None:
     for screen in foreseen(parsed_study(template("paper")), consent=None):
         rooms = [target.box for target in targets(screen)]
         assert all(min(box.width, box.height) >= 60 for box in rooms)
-        edges = sorted((box.y - box.height / 2, box.y + box.height / 2) for box in rooms)
-        assert all(below[1] < above[0] for below, above in pairwise(edges))
+        for one, other in combinations(rooms, 2):
+            apart_x = abs(one.x - other.x) - (one.width + other.width) / 2
+            apart_y = abs(one.y - other.y) - (one.height + other.height) / 2
+            assert max(apart_x, apart_y) >= 16
 
 
 def test_an_instruction_names_only_the_touch() -> None:

@@ -209,6 +209,11 @@ def test_no_input_ends_a_notice_or_a_touch(inputs: list[Input]) -> None:
         assert after(screen, *inputs).answer is None
 
 
+def test_a_call_for_the_operator_chooses_nothing() -> None:
+    for screen in (CHANGE, SCORE):
+        assert after(screen, press(screen, "call"), "enter").answer is None
+
+
 def test_the_first_arrow_starts_at_an_end_of_the_scale() -> None:
     keys = random.Random(1).choices(["left", "right"], k=50)
     assert {after(SCORE, key).chosen for key in keys} == {"0", "10"}

@@ -11,9 +11,9 @@ from protocol.study.participant_texts import study_wording
 from protocol.study.rating import Rating
 from protocol.study_file.loading import parsed_study, template
 from runner.screens import AskScore, Instruction, Notice, Pacing
-from runner.window.elements import Dot, Input, Key, Page
+from runner.window.elements import Dot, Input, Key, Page, Pressed
 from runner.window.messages import Settings, show_message
-from runner.window.pages import Button, PageState, page
+from runner.window.pages import Button, PageState, page, targets
 from runner.window.presentation import FrameTimes
 from runner.window.server import Mailbox, WindowServer
 
@@ -178,6 +178,34 @@ def test_the_button_works_once_its_page_can_be_read_and_never_after_the_answer(
     (answer,) = answers(sent)
     assert answer["reaction_time_s"] > 0.5
     assert answer["trace"]["early_presses"] == 1
+
+
+def test_the_button_beside_escape_calls_the_operator() -> None:
+    screen = Notice(text="wait.beam")
+    (call,) = [target.box for target in targets(screen) if target.name == "call"]
+    canvas, sent = served(
+        {
+            8: {"progress": [3, 12]},
+            10: show_message(1, screen),
+            30: lambda canvas: canvas.waiting.append((canvas.t_s, Pressed(x=call.x, y=call.y))),
+            50: {"end": True},
+        }
+    )
+    assert [message for message in sent if "operator" in message] == [{"operator": True}]
+    called = PageState(operator_called=True, progress=(3, 12))
+    assert canvas.drawn[-1] == page(screen, called, SETTINGS.wording)
+
+
+def test_a_break_ends_when_its_time_is_over_and_the_participant_wants_to() -> None:
+    _, sent = served(
+        {
+            8: show_message(1, Instruction(text="break", after_s=2.0)),
+            **{frame: lambda canvas: canvas.press("enter") for frame in range(30, 170, 10)},
+            180: {"end": True},
+        }
+    )
+    (answer,) = answers(sent)
+    assert 2.0 <= answer["reaction_time_s"] < 2.3
 
 
 def test_a_closed_window_sends_closed() -> None:

@@ -50,6 +50,9 @@ class Person:
         elif isinstance(screen, Notice):
             beam.lift()
 
+    def progress(self, number: int, total: int) -> None:
+        pass
+
     def saved(self) -> None:
         pass
 

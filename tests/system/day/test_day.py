@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from protocol.study.touch import Touch
-from runner.journal.verification import STUDY_CHAIN
+from runner.journal.names import STUDY_CHAIN
 from tests.system.day.day import day
 from tests.system.day.invariants import Violation
 from tests.system.day.lab import Lab

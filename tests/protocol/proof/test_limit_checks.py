@@ -1,5 +1,6 @@
 """The independent check of a plan's limits: each is allowed up to its value and no further."""
 
+from collections.abc import Mapping
 from math import pi
 
 import pytest
@@ -27,12 +28,10 @@ RISING = {"voltage_v": 80, "ramp_to_v": 120, "frequency": 0.8, "sweep_to": 1.2}
 FALLING = {"voltage_v": 120, "ramp_to_v": 80, "frequency": 1.2, "sweep_to": 0.8}
 
 
-def of_one_touch(
-    touch: dict[str, float], lead_in_s: float = 0.0, **rig: float | None
-) -> tuple[Study, Plan]:
+def of_one_touch(touch: Mapping[str, float], **rig: float | None) -> tuple[Study, Plan]:
     """A study whose only touch takes 2 s, on a generous rig with these limits instead."""
     document = small_document(1)
-    document["touch"] |= {"lead_in_s": lead_in_s}
+    document["touch"] |= {"lead_in_s": 0}
     document["condition"][0]["touches"] = [{"place": "smooth", "duration_s": 2, **touch}]
     study = Study.model_validate(document)
     changed = study.rig.model_copy(update={**GENEROUS, **rig})
@@ -100,9 +99,12 @@ def test_a_touch_at_0_v_is_not_driven_for_any_time() -> None:
 
 @pytest.mark.parametrize(("lead_in_s", "taken_s"), [(0.1, 0.2), (0.2, 0.2), (3.0, 3.0)])
 def test_the_lead_in_is_driven_and_holds_the_soft_start(lead_in_s: float, taken_s: float) -> None:
+    study, orders = of_one_touch({"voltage_v": 80})
+    finger = study.touch.model_copy(update={"lead_in_s": lead_in_s})
     for limit_s, exceeded in ((taken_s + 2, set()), (taken_s + 1.99, {"drive, s,"})):
-        touch = {"voltage_v": 80}
-        assert rules(*of_one_touch(touch, lead_in_s, max_drive_s=limit_s)) == exceeded
+        rig = study.rig.model_copy(update={"max_drive_s": limit_s})
+        limited = study.model_copy(update={"rig": rig, "touch": finger})
+        assert rules(limited, orders) == exceeded
 
 
 @pytest.mark.parametrize(("place", "taken_s"), [("smooth", 3.0), ("path", 0.0625 / 0.025)])
@@ -143,6 +145,7 @@ def test_the_parts_of_a_session_add_up() -> None:
     """Two touches on two beams, one of them scored, counted by hand."""
     document = small_document(1, beams=1)
     document["beams"]["b1"] = 0.001
+    document["touch"] |= {"lead_in_s": 0.5}
     document["condition"][0]["touches"] = [
         {"place": "smooth", "voltage_v": 0, "duration_s": 2},
         {"place": "smooth", "voltage_v": 80, "duration_s": 4, "beam": "b1"},
@@ -164,7 +167,7 @@ def test_the_parts_of_a_session_add_up() -> None:
     trial = orders.trials[0]
     assert trial.scored
     assert trial.break_s == 0
-    assert plan_s(study, orders) == 1e6 + 1e5 + 1e4 + 1e3 + 100 + 2 * 10 + 2 + 4 + 80 / 400
+    assert plan_s(study, orders) == 1e6 + 1e5 + 1e4 + 1e3 + 100 + 2 * 10 + 2 + 4 + 2 * 0.5
 
 
 def test_swaps_of_beams_are_counted_from_the_one_that_is_mounted_at_first() -> None:

@@ -38,6 +38,8 @@ class Disk:
     """Tag and payload of events that a process was storing when it died."""
     synced: bytes = b""
     """What is in the log on the disk for certain."""
+    may_crash: bool = False
+    """Whether a process will be killed, so that it matters what is there at each commit."""
     process: Process = field(default_factory=Process)
     """Whose connections are opened now."""
     open: list["LabConnection"] = field(default_factory=list)
@@ -61,6 +63,10 @@ class Disk:
                 self.on_event(key[0], tag, payload)
             except Exception as error:  # or the process would take it for the disk's
                 raise Violation(11, f"{tag} {payload}: {error!r}") from error
+        if self.may_crash:
+            self._sync()
+
+    def _sync(self) -> None:
         self.synced = self.log.read_bytes() if self.log.exists() else b""
 
     def crash(self, before: dict[Path, bytes] | None = None) -> None:
@@ -129,6 +135,7 @@ class Disk:
         require(1, extra <= self.in_flight.keys(), f"from nowhere: {sorted(extra)}")
         self.committed({key: event for key, event in self.in_flight.items() if key in extra})
         self.in_flight.clear()
+        self._sync()
 
     def fill(self, pages: int) -> None:
         """Leave room for no more than some pages, for the connections that are open now."""

@@ -254,6 +254,7 @@ class Lab:
 
     def _ended(self, process: Process, work: Callable[[], str]) -> Outcome:
         self.disk.process, self._unwarned = process, ""
+        self.disk.may_crash = process.will_die
         try:
             outcome = self._told(work, process)
             excused = {"disk full", "disk error", "locked", "stopped"}

@@ -42,6 +42,12 @@ class Process:
     """How many of its next statements fail."""
     _busy: bool = False
 
+    @property
+    def will_die(self) -> bool:
+        """Whether it is going to be killed, if it lives until then."""
+        kills = any(incident.what == "killed" for incident in self.incidents)
+        return bool(kills or self.commit_kills or self.checkpoint_kills)
+
     def crossing(self, where: Where) -> None:
         """Deal with the world outside; whatever is due happens first."""
         if not self.alive:

@@ -198,7 +198,7 @@ class Day:
         self._plan(process, "stopped", terminated, _SESSION_THREAD)
 
     def hung(self, process: Process) -> None:
-        seconds = self.stream.uniform(0.05, 2.0)
+        seconds = self.stream.uniform(0.05, 3.0)
 
         def hangs() -> None:
             if self.lab.person is not None:

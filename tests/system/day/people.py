@@ -41,7 +41,7 @@ class Person:
         self.process.crossing("people")
         self._screen = screen
         slow = self.stream.random() < 0.02
-        self._ready_s = self.device.now_s() + self.stream.uniform(0, 20.0 if slow else 0.3)
+        self._ready_s = self.device.now_s() + self.stream.uniform(0, 8.0 if slow else 0.3)
         beam = self.device.inside.beam
         if isinstance(screen, Instruction):
             self.given.clear()

@@ -78,7 +78,7 @@ def drawn_study(stream: random.Random, dialect: str) -> str:
         slew=(26, 24)[kind % 2],
         cool=("max_temperature_c = 60", "")[kind % 2],
         ramp=(400, 1000)[kind // 2],
-        watchdog_s=(1.0, 0.6)[kind % 2],
+        watchdog_s=((1.0, 0.6) if dialect == "board" else (1.5, 1.0))[kind % 2],
         hold_s=(0.4, 0.6)[kind % 2],
         lead_in_s=(0.0, 0.3, 0.0, 0.2)[kind],
         order=("williams", "blocks")[kind % 2],

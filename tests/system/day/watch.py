@@ -35,8 +35,8 @@ CUT_OFF = {"vanish", "dead-peer", "deaf"}
 DEAD_WATCHDOG = {SLACK, "watchdog-dead"}
 """Faults in which nothing ends what a process has switched on that is killed."""
 NO_WATCHDOG = {*DEAD_WATCHDOG, "relay-stuck", "stage-shorted"}
-NOTICED_S = 0.35
-"""Within this time, and 20 delays of the line, a session that lives turns off what is wrong."""
+NOTICED_S = 0.45
+"""Within this time, and that of a poll, a session that lives turns off what is wrong."""
 TOLD_S = 3.0
 """Within this time it says that it cannot: it asks several times, and waits for a discharge."""
 OFF_V = 2.1 * MONITOR_ABS_TOL_V

@@ -47,7 +47,8 @@ clean:
 
 # Compiled here once, so that no command starts slowly where Python may not write beside its modules.
 $(READY): pyproject.toml uv.lock | $(UV)
-	$(UV) sync --frozen --quiet --compile-bytecode
+	@echo "Installing the packages that touchbeam needs into .venv, about 860 MB ..."
+	@[ -t 2 ] || quiet=--quiet; $(UV) sync --frozen $$quiet --compile-bytecode
 	@$(BIN)/python -m compileall -q protocol device runner analysis
 	@touch $@
 

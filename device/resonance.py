@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,10 +23,15 @@ _SETTLE_S = 0.1
 
 @dataclass(frozen=True, kw_only=True)
 class Resonance:
-    """The resonance frequency, and the tip's amplitude per volt there."""
+    """The resonance frequency, and the tip's amplitude per volt there.
+
+    `curve` holds frequency and amplitude per volt at each step of the coarse sweep, if there was
+    one; two resonances are the same whatever it is.
+    """
 
     frequency_hz: float
     tip_m_per_v: float
+    curve: tuple[tuple[float, float], ...] = field(default=(), compare=False, repr=False)
 
 
 def resonance(
@@ -67,7 +72,8 @@ def resonance(
             f"the vibration has no peak there; is nominal_resonance_hz = {near_hz:g} correct?"
         )
     fine = np.linspace(coarse[best - 1], coarse[best + 1], _POINTS)
-    return _peak(fine, np.array([answer(frequency_hz) for frequency_hz in fine]))
+    peak = _peak(fine, np.array([answer(frequency_hz) for frequency_hz in fine]))
+    return replace(peak, curve=tuple(zip(coarse.tolist(), answers.tolist(), strict=True)))
 
 
 def _peak(frequencies_hz: NDArray[np.float64], tips_m: NDArray[np.float64]) -> Resonance:

@@ -1,6 +1,6 @@
 """Checks of this machine: packages, versions, ports, disk, screen, fonts and sound.
 
-A finding is not ok if it prevents every session; if it affects only some sessions it has a hint.
+A finding is not ok if it prevents every session; what is missing affects only some.
 """
 
 import ctypes.util
@@ -32,10 +32,11 @@ class Finding:
     ok: bool
     value: str
     hint: str = ""
+    missing: bool = False
 
     def line(self) -> str:
         """Return one line for people to read."""
-        mark = "ok  " if self.ok else "FAIL"
+        mark = "FAIL" if not self.ok else "missing" if self.missing else "ok  "
         return f"{mark}  {self.what}: {self.value}" + (f" ({self.hint})" if self.hint else "")
 
     def record(self) -> dict[str, object]:
@@ -128,6 +129,7 @@ def _ports() -> Finding:
         what="serial ports",
         ok=True,
         value=", ".join(names) or "none",
+        missing=not names,
         hint="" if names else "only the simulated device and network addresses are available",
     )
 
@@ -140,6 +142,7 @@ def _screen() -> Finding:
         what="screen",
         ok=True,
         value=display or ("available" if available else "none"),
+        missing=not available,
         hint="" if available else "use --ratings console",
     )
 
@@ -151,15 +154,16 @@ def _sound() -> Finding:
     return Finding(
         what="sound libraries",
         ok=True,
-        value=f"missing: {', '.join(missing)}" if missing else "installed",
-        hint="the participant's window needs libasound2 and libjack" if missing else "",
+        value=", ".join(missing) or "installed",
+        hint="install them with apt if the participant's window does not start" if missing else "",
+        missing=bool(missing),
     )
 
 
 def _fonts() -> Finding:
     fc_list = shutil.which("fc-list")
     if fc_list is None:
-        return Finding(what="fonts", ok=True, value="unknown", hint="fontconfig is not installed")
+        return Finding(what="fonts", ok=True, value="fontconfig", hint="names fonts", missing=True)
     names = subprocess.run([fc_list], capture_output=True, text=True, check=False).stdout
     languages = {code: built_in(code) for code in built_in_codes()}
     found = {code: first_font(each.fonts, names.__contains__) for code, each in languages.items()}
@@ -168,6 +172,7 @@ def _fonts() -> Finding:
         what="fonts",
         ok=True,
         value=", ".join(f"{code}: {font or 'none'}" for code, font in found.items()),
+        missing=bool(lacking),
         hint="; ".join(
             missing_font(code, languages[code].fonts, languages[code].font_package)
             for code in lacking

@@ -2,21 +2,41 @@
 
 import os
 import sys
+from typing import Annotated
 
 import typer
 
 from runner.cli import device, journal, results, study
-from runner.cli.output import complain_of, warnings_in_lines
+from runner.cli.output import complain_of, say, warnings_in_lines
 from runner.signals import signals_raise
 
 app = typer.Typer(
     name="touchbeam",
     help="Psychophysics experiments on touch devices whose friction is changed by vibration.",
     epilog="Every command takes --debug, which shows the traceback of an error.",
-    add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        say(f"touchbeam {version('touchbeam')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _common(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", is_eager=True, callback=_print_version, help="Show the version and exit."
+        ),
+    ] = False,
+) -> None:
+    pass
 
 
 for commands in (study, results, journal, device):

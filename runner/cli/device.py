@@ -14,7 +14,7 @@ from runner.cli.options import (
     UrlArgument,
     Wire,
 )
-from runner.cli.output import print_json, say
+from runner.cli.output import bars, named_quantity, print_json, quantity, say
 
 if TYPE_CHECKING:
     from device.simulator.device import SimulatedDevice
@@ -55,7 +55,9 @@ def device_probe(url: UrlArgument, as_json: JsonOption = False) -> None:
         print_json(status)
         return
     for name, value in status.items():
-        say(f"{name:15} {value}")
+        label, shown = named_quantity(name, value)
+        is_switch = name == "output" and shown in {"0", "1"}
+        say(f"{label:15} {('off', 'on')[int(shown)] if is_switch else shown}")
 
 
 @device_commands.command("sweep", cls=Choosing)
@@ -86,15 +88,20 @@ def device_sweep(
         print_json(
             {
                 "idn": idn,
+                "resonance_hz": found.frequency_hz,
                 "frequency_hz": found.frequency_hz,
                 "tip_m_per_v": found.tip_m_per_v,
+                "curve": [list(point) for point in found.curve],
                 "kept": str(file) if file else None,
             }
         )
         return
+    if found.curve:
+        first, last = (quantity(found.curve[end][0], "Hz") for end in (0, -1))
+        say(f"{first}  {bars([tip_m for _, tip_m in found.curve])}  {last}")
     say(
-        f"resonance {found.frequency_hz:.1f} Hz, {1e9 * found.tip_m_per_v:.1f} nm per volt at the "
-        f"tip; device off (read back){f'; saved in {file}' if file else ''}"
+        f"resonance {quantity(found.frequency_hz, 'Hz')}, {1e9 * found.tip_m_per_v:.1f} nm per "
+        f"volt at the tip; device off (read back){f'; saved in {file}' if file else ''}"
     )
 
 

@@ -19,7 +19,7 @@ from runner.cli.options import (
     TrialOption,
     study_journal,
 )
-from runner.cli.output import print_json, require_confirmation, say
+from runner.cli.output import counted, print_json, require_confirmation, say
 
 if TYPE_CHECKING:
     from runner.journal.store import Journal
@@ -105,7 +105,10 @@ def backup(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="The new file.")],
     as_json: JsonOption = False,
 ) -> None:
-    """Copy the journal into a new file, even during a session, and verify the copy."""
+    """Copy the journal, even during a session.
+
+    The copy is one new file, and is verified.
+    """
     from runner.journal.backup import backed_up
     from runner.study.folder import StudyFolder
 
@@ -115,8 +118,8 @@ def backup(
     else:
         says = "" if result["ok"] else f" with problems: see touchbeam verify {file}"
         say(
-            f"Written and verified{says}: {file}, {len(result['sessions'])} sessions, "
-            f"{result['events']} events"
+            f"Written and verified{says}: {file}, "
+            f"{counted(len(result['sessions']), 'session')}, {counted(result['events'], 'event')}"
         )
     if not result["ok"]:
         raise typer.Exit(1)

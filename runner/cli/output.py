@@ -29,6 +29,60 @@ def complain(line: str) -> None:
     typer.echo(visible(line), err=True)
 
 
+_DECIMALS = {"V": 2, "Hz": 0, "N": 3, "m": 4, "s": 2, "°C": 1, "Ω": 0}
+_UNITS = {"v": "V", "hz": "Hz", "n": "N", "m": "m", "s": "s", "c": "°C", "ohm": "Ω"}
+"""Units by the end of a name such as `monitor_v`."""
+
+
+def quantity(value: float, unit: str) -> str:
+    """Return a quantity as people read it: few digits, thousands apart, and the unit.
+
+    >>> quantity(24068.4, "Hz"), quantity(0.0618, "V"), quantity(-0.0001, "N")
+    ('24 068 Hz', '0.06 V', '0 N')
+    """
+    text = f"{value:,.{_DECIMALS[unit]}f}".replace(",", " ")
+    text = text.rstrip("0").rstrip(".") if "." in text else text
+    return f"{'0' if text in {'-0', ''} else text} {unit}"
+
+
+def named_quantity(name: str, value: object) -> tuple[str, str]:
+    """Return the name without its unit, and the value with it, if the name ends in one.
+
+    >>> named_quantity("monitor_v", "0.06181288801")
+    ('monitor', '0.06 V')
+    """
+    stem, _, ending = name.rpartition("_")
+    if not stem or ending not in _UNITS:
+        return name.replace("_", " "), str(value)
+    try:
+        shown = quantity(float(str(value)), _UNITS[ending])
+    except ValueError:
+        shown = f"{value} {_UNITS[ending]}"
+    return stem.replace("_", " "), shown
+
+
+def counted(number: int, what: str) -> str:
+    """Return a number of things in words.
+
+    >>> counted(1, "session"), counted(2, "session")
+    ('1 session', '2 sessions')
+    """
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+_BARS = "▁▂▃▄▅▆▇█"
+
+
+def bars(values: Sequence[float]) -> str:
+    """Return a line of bars, each as high as its value relative to the largest.
+
+    >>> bars([0.0, 1.0, 2.0])
+    '▁▅█'
+    """
+    top = max(values, default=0.0) or 1.0
+    return "".join(_BARS[round(max(value, 0.0) / top * (len(_BARS) - 1))] for value in values)
+
+
 def require_confirmation(fact: str, option: str) -> None:
     """Ask on the terminal whether `fact` is meant.
 

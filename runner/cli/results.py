@@ -22,6 +22,7 @@ from runner.cli.options import (
 )
 from runner.cli.output import (
     complain,
+    counted,
     followed,
     print_csv,
     print_json,
@@ -61,7 +62,8 @@ def import_scores(
     note = unpredicted_note(table.conditions)
     if note:
         say(note)
-    say(f"{len(table.subjects)} subjects imported; next: touchbeam report {study}")
+    imported = counted(len(table.subjects), "subject")
+    say(f"{imported} imported; next: touchbeam report {shlex.quote(str(study))}")
 
 
 @app.command()
@@ -174,7 +176,8 @@ def predict(
     # Keep the message out of a stream that a program reads as a table.
     streamed = to_stdout or is_stream(out)
     if not streamed or at_terminal(sys.stderr):
-        (complain if streamed else say)(f"{text.count(chr(10)) - 1} scenes predicted: {out}")
+        told = f"{counted(text.count(chr(10)) - 1, 'scene')} predicted: {out}"
+        (complain if streamed else say)(told)
 
 
 @app.command()
@@ -199,6 +202,7 @@ def ladder(
         from runner.study.files import write_whole
 
         write_whole(plot, panels_figure([ladder_panel(rows)], kind))
+        (complain if as_json else say)(f"Written: {plot}")
     if as_json:
         print_json(ladder_json(rows))
         return

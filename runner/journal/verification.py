@@ -59,7 +59,7 @@ class SessionVerdict:
 
     def _summary(self) -> str:
         if self.participant == STUDY_CHAIN:
-            return f"the study itself  {self.state}  {self.events} events"
+            return f"the study itself  {self.state}  {self.events} event{'s' * (self.events != 1)}"
         rehearsed = f" ({REHEARSAL})" if self.kind == REHEARSAL else ""
         return (
             f"{self.participant}/{self.session}{rehearsed}  {self.state}  "

@@ -5,7 +5,7 @@ import math
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 from device.resonance import Resonance
@@ -77,7 +77,8 @@ def keep_calibration(folder: Path, found: Resonance, idn: str, measured_utc: str
     if not (folder / "study.toml").is_file():
         raise BadInput(f"{folder}: no study here (study.toml is missing)")
     path = folder / FILE
-    record = {**asdict(found), "idn": idn, "measured_utc": measured_utc}
+    measured = {"frequency_hz": found.frequency_hz, "tip_m_per_v": found.tip_m_per_v}
+    record = {**measured, "idn": idn, "measured_utc": measured_utc}
     write_whole(path, (json.dumps(record, indent=2) + "\n").encode())
     return path
 

@@ -1,6 +1,7 @@
 """The commands as a user types them: results, messages, exit codes, and nothing left behind."""
 
 import json
+import re
 import sqlite3
 import subprocess
 import sys
@@ -289,6 +290,21 @@ def test_the_doctor_says_what_touchbeam_does_about_an_old_sqlite(
         )
         == said
     )
+
+
+def test_the_doctor_says_ok_or_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.setattr("runner.doctor.sys.platform", "linux")
+    monkeypatch.setattr("ctypes.util.find_library", lambda _: None)
+    lines = [finding.line() for finding in findings()]
+    assert "missing  screen: none (use --ratings console)" in lines
+    assert any(line.startswith("missing  sound libraries: asound, jack (") for line in lines)
+    assert not [line for line in lines if line.startswith("ok") and "missing" in line]
+
+
+def test_the_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    assert typed("--version") == 0
+    assert re.fullmatch(r"touchbeam \d+\.\d+\.\d+\n", capsys.readouterr().out)
 
 
 def test_the_doctor_reports_a_package_that_shadows_ours() -> None:

@@ -1,6 +1,7 @@
 """`touchbeam device`: list, probe, sweep, and the calibration that a sweep saves."""
 
 import json
+import re
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -71,7 +72,21 @@ def test_a_sweep_finds_the_hidden_resonance_and_saves_it(tmp_path: Path) -> None
     assert found["frequency_hz"] == pytest.approx(hidden_hz, rel=2e-4)
     kept = kept_calibration(tmp_path)
     assert kept is not None
-    assert kept.frequency_hz == found["frequency_hz"]
+    assert kept.frequency_hz == found["frequency_hz"] == found["resonance_hz"]
+    highest_hz, _ = max(found["curve"], key=lambda point: point[1])
+    assert len(found["curve"]) == 21
+    assert highest_hz == pytest.approx(hidden_hz, rel=0.01)
+
+
+def test_people_see_the_curve_and_units() -> None:
+    swept_hz = touchbeam("device", "sweep", "sim").stdout.splitlines()
+    assert re.fullmatch(r"23 010 Hz  [▁▂▃▄▅▆▇█]{21}  25 432 Hz", swept_hz[0])
+    assert re.match(
+        r"resonance 24 0\d\d Hz, \d\.\d nm per volt at the tip; device off", swept_hz[1]
+    )
+    probed_lines = touchbeam("device", "probe", "sim").stdout
+    for line in ("output          off", "limit           200 V", "frequency       1 000 Hz"):
+        assert line in probed_lines.splitlines()
 
 
 def test_a_generator_uses_the_saved_calibration() -> None:

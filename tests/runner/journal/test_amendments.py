@@ -208,7 +208,7 @@ def test_a_changed_study_needs_an_amendment(tmp_path: Path) -> None:
             require_resumable(journal, session, state, FakeClock().utc())
         assert all(verdict.ok for verdict in verdicts(journal))
         lines = [verdict.line() for verdict in verdicts(journal)]
-        assert "ok    the study itself  amended  1 events, chain unbroken" in lines
+        assert "ok    the study itself  amended  1 event, chain unbroken" in lines
 
 
 def test_a_session_is_not_resumed_with_different_trials(tmp_path: Path) -> None:

@@ -39,7 +39,7 @@ def test_a_backup_is_a_private_verified_copy(
     with read_journal(study / "study.db") as journal, read_journal(copy) as again:
         events = journal.events("P01/1")
         assert again.events("P01/1") == events
-    said = f"Written and verified: copy.db, 1 sessions, {len(events)} events\n"
+    said = f"Written and verified: copy.db, 1 session, {len(events)} events\n"
     assert capsys.readouterr() == (said, "")
     assert copy.stat().st_mode & 0o777 == 0o600
     assert sorted(file.name for file in tmp_path.iterdir()) == ["copy.db", "study"]

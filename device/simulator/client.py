@@ -1,6 +1,7 @@
 """The simulated device as a client has it: the hand on it, and a device in its own process."""
 
 import json
+import os
 import socket
 import subprocess
 import tempfile
@@ -14,6 +15,7 @@ from typing import Any, Self
 from device.errors import DeviceError
 
 _ANSWER_TIMEOUT_S = 5.0
+_LOOPBACK = "127.0.0.1"
 
 
 class BeamControl(ABC):
@@ -68,12 +70,9 @@ class ControlClient(BeamControl):
     """The hand on a device in another process, through its control socket."""
 
     def __init__(self, socket_path: Path) -> None:
-        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        self._socket.settimeout(_ANSWER_TIMEOUT_S)
         try:
-            self._socket.connect(str(socket_path))
-        except OSError as error:
-            self._socket.close()
+            self._socket = _connected(socket_path)
+        except (OSError, ValueError) as error:
             raise DeviceError(f"{socket_path}: no simulated device answers ({error})") from error
         self._answers = self._socket.makefile("r", encoding="ascii")
 
@@ -87,6 +86,23 @@ class ControlClient(BeamControl):
     def _answer(self, line: str) -> str:
         self._socket.sendall(line.encode("ascii") + b"\n")
         return self._answers.readline()
+
+
+def _connected(path: Path) -> socket.socket:
+    """Return a connection to the control socket at `path`; see `ControlDoor`."""
+    if hasattr(socket, "AF_UNIX"):
+        connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        try:
+            connection.settimeout(_ANSWER_TIMEOUT_S)
+            connection.connect(str(path))
+        except OSError:
+            connection.close()
+            raise
+        return connection
+    port, token = path.read_text(encoding="ascii").split()
+    connection = socket.create_connection((_LOOPBACK, int(port)), _ANSWER_TIMEOUT_S)
+    connection.sendall(f"{token}\n".encode("ascii"))
+    return connection
 
 
 _END_S = 5.0
@@ -106,20 +122,22 @@ def simulator_process(
     seed: int,
     *,
     dialect: str = "board",
-    wire: str = "pty",
+    wire: str | None = None,
     keep: bool = False,
     law: str | None = None,
     rung: str | None = None,
 ) -> Iterator[Endpoints]:
     """Start `touchbeam simulate-device` and end it, by its process, on the way out.
 
-    `touchbeam` is the command that starts touchbeam; the others are as in `server.simulate`.
+    `touchbeam` is the command that starts touchbeam; the others are as in `server.simulate`. The
+    wire is a pseudo-terminal where the system has them, else a loopback port.
 
     Raises:
         DeviceError: it did not get ready.
     """
     with tempfile.TemporaryDirectory(prefix="touchbeam-") as folder:
         control = Path(folder, "control")
+        wire = wire or ("pty" if hasattr(os, "openpty") else "tcp")
         place = str(Path(folder, "port")) if wire == "pty" else "0"
         options = ["--control", str(control), "--seed", str(seed), "--dialect", dialect]
         options += [*(("--law", law) if law else ()), *(("--rung", rung) if rung else ())]
@@ -132,7 +150,9 @@ def simulator_process(
                 stdout=subprocess.PIPE,
                 stderr=stderr,
                 text=True,
-                start_new_session=True,  # Ctrl-C is ours to handle: the device must outlive it
+                # Ctrl-C is ours to handle: the device must outlive it.
+                start_new_session=True,
+                creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
             ) as process,
         ):
             try:

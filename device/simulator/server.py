@@ -87,7 +87,10 @@ class Server:
         listening = listening and self._there and "deaf" not in faults
         sources: list[Any] = [self._line] if listening else []
         sources += self._door.sockets() if self._door else []
-        select.select(sources, [], [], self.idle_s(TICK_S))
+        if sources:
+            select.select(sources, [], [], self.idle_s(TICK_S))
+        else:  # Windows cannot wait for nothing
+            time.sleep(self.idle_s(TICK_S))
 
     def _hear(self) -> bool:
         """Answer what came; return whether the host is gone."""
@@ -191,6 +194,8 @@ class _Ending:
 def _line(wire: LineKind, place: str) -> Line:
     if wire == "tcp" and not (place.isdecimal() and int(place) <= 65_535):
         raise BadInput(f"a port must be a whole number in [0, 65535], got {place!r}")
+    if wire == "pty" and not hasattr(os, "openpty"):
+        raise BadInput("this system has no pseudo-terminals; use: touchbeam simulate-device tcp 0")
     try:
         return PtyLine(Path(place)) if wire == "pty" else TcpLine(int(place))
     except OSError as error:

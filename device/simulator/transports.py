@@ -2,8 +2,10 @@
 
 import contextlib
 import os
+import secrets
 import socket
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Literal, Protocol
 
@@ -181,16 +183,26 @@ class TcpLine:
 
 
 class ControlDoor:
-    """A listening Unix socket and whoever came in through it."""
+    """A listening Unix socket and whoever came in through it.
+
+    Where the system has no Unix sockets (Windows), it is a loopback port. The file at `path`, which
+    only this user can read, then holds the port and a token, which is a visitor's first line.
+    """
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        self._listener.bind(str(path))
-        path.chmod(0o600)
-        self._listener.listen()
+        self._token = "" if hasattr(socket, "AF_UNIX") else secrets.token_hex(16)
+        if self._token:
+            self._listener = socket.create_server((LOOPBACK, 0))
+            _write_private(path, f"{self._listener.getsockname()[1]} {self._token}\n")
+        else:
+            self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+            self._listener.bind(str(path))
+            path.chmod(0o600)
+            self._listener.listen()
         self._listener.setblocking(False)
         self._inside: dict[socket.socket, LineBuffer] = {}
+        self._strangers: set[socket.socket] = set()
 
     def sockets(self) -> list[socket.socket]:
         """Return everything that may become readable."""
@@ -202,6 +214,8 @@ class ControlDoor:
             visitor, _ = self._listener.accept()
             visitor.setblocking(False)
             self._inside[visitor] = LineBuffer()
+            if self._token:
+                self._strangers.add(visitor)
         for visitor in list(self._inside):
             self._hear(visitor, answer)
 
@@ -215,11 +229,31 @@ class ControlDoor:
         try:
             received = visitor.recv(_CHUNK)
             for line in self._inside[visitor].feed(received):
-                visitor.sendall(answer(text(line)).encode("ascii") + b"\n")
+                if visitor in self._strangers:
+                    self._admit(visitor, line)
+                else:
+                    visitor.sendall(answer(text(line)).encode("ascii") + b"\n")
         except BlockingIOError:
             return
         except (OSError, DeviceError):
             received = b""
         if not received:
             del self._inside[visitor]
+            self._strangers.discard(visitor)
             visitor.close()
+
+    def _admit(self, visitor: socket.socket, line: bytes) -> None:
+        """Let a visitor in who knows the token.
+
+        Raises:
+            DeviceError: this one does not.
+        """
+        if not secrets.compare_digest(line.strip(), self._token.encode("ascii")):
+            raise DeviceError("the control socket was opened without its token")
+        self._strangers.remove(visitor)
+
+
+def _write_private(path: Path, content: str) -> None:
+    """Write a new file that only this user can read."""
+    with open(path, "x", encoding="ascii", opener=partial(os.open, mode=0o600)) as file:
+        file.write(content)

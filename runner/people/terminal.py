@@ -77,11 +77,11 @@ def terminal_keys() -> Iterator[Callable[[bool], str]]:
 
     The terminal does not echo in the body; its settings are restored afterwards.
     """
-    if sys.platform == "win32":
+    try:
+        import termios
+    except ImportError:
         yield lambda _: _windows_keys()
         return
-    import termios
-
     terminal = sys.stdin.fileno()
     before = termios.tcgetattr(terminal)
     _take_keys(terminal)
@@ -115,9 +115,12 @@ def _typed(terminal: int) -> str:
 
 
 def _windows_keys() -> str:
-    import msvcrt
-
+    """Return the characters typed at a console of Windows; none elsewhere."""
     typed = ""
+    try:
+        import msvcrt
+    except ImportError:
+        return typed
     while msvcrt.kbhit():  # type: ignore[attr-defined,unused-ignore]
         typed += msvcrt.getwch()  # type: ignore[attr-defined,unused-ignore]
     return typed

@@ -263,7 +263,9 @@ def _started(command: Sequence[str], complaints: IO[bytes]) -> WindowProcess:
         text=True,
         encoding="utf-8",
         env={**os.environ, "PSYCHOPYNOPACKAGES": "1"},  # else psychopy changes PYTHONPATH
-        start_new_session=True,  # Ctrl-C reaches only the session, which turns the device off first
+        # Ctrl-C reaches only the session, which turns the device off first.
+        start_new_session=True,
+        creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
     )
     return WindowProcess(process, complaints)
 

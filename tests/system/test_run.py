@@ -32,6 +32,9 @@ def test_a_completed_session_is_not_run_again(capsys: pytest.CaptureFixture[str]
     )
     assert typed(*arguments) == 2
     assert "P01/1 is already completed; it was a rehearsal" in capsys.readouterr().err
+    assert typed("run", "study", "--participant", "p1", "--ratings", "virtual") == 2
+    assert "p1 resembles P01, who has a session here" in (said := capsys.readouterr().err)
+    assert said.endswith("give --participant P01 if that is meant, else add --new\n")
     assert typed("report", "study") == 2
     assert (
         "nothing but rehearsals here; add --rehearsals to include them" in capsys.readouterr().err

@@ -19,7 +19,7 @@ import pytest
 from device.simulator.device import simulated_device
 from protocol.journal.events import DeviceArmed, DeviceOff, NoteTaken, SessionOpened
 from protocol.study_file.loading import template
-from runner.journal.opening import open_journal
+from runner.journal.opening import open_journal, read_journal
 from runner.people.terminal import visible, visible_json
 from tests.analysis.chains import chain, scored_session
 from tests.runner.command_line import TOUCHBEAM
@@ -215,6 +215,26 @@ def test_a_console_session_shows_typed_characters_as_escapes(tmp_path: Path) -> 
     code, written = on_terminal("run", tmp_path, *of, typed=f":{HOSTILE[2:8]}\n:e\n")
     assert code == 1
     assert_harmless(written)
+
+
+@pytest.mark.parametrize("answer", ["n", "", "yes please"])
+def test_a_person_on_the_simulated_device_is_confirmed(tmp_path: Path, answer: str) -> None:
+    (tmp_path / "study.toml").write_text(template("paper"))
+    of = ("--participant", "P01", "--ratings", "console", "--consent", "C-1")
+    code, written = on_terminal("run", tmp_path, *of, typed=f"{answer}\n")
+    assert code == 2
+    for said in ("P01/1 will be a rehearsal", "Go on? [y/N]", "nothing was done; add --rehearsal"):
+        assert said in written
+    assert not (tmp_path / "study.db").exists()
+
+
+def test_a_confirmed_rehearsal_begins(tmp_path: Path) -> None:
+    (tmp_path / "study.toml").write_text(template("paper"))
+    of = ("--participant", "P01", "--ratings", "console")
+    code, _ = on_terminal("run", tmp_path, *of, typed="y\n:e\n")
+    assert code == 1
+    with read_journal(tmp_path / "study.db") as journal:
+        assert journal.sessions() == ["P01/1 (rehearsal)"]
 
 
 @pytest.mark.parametrize("code", [*range(0x20), *range(0x7F, 0xA0), 0x2028, 0x2029, 0xD800, 0xDFFF])

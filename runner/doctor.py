@@ -4,18 +4,18 @@ A finding is not ok if it prevents every session; what is missing affects only s
 """
 
 import ctypes.util
-import os
 import platform
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
 
 from protocol.study.languages import built_in, built_in_codes
+from runner.displays.screen_list import listed_screens
 from runner.journal.database import SQLITE_VERSION, has_wal_reset_bug
 from runner.window.text_layout import first_font, missing_font
 
@@ -44,8 +44,8 @@ class Finding:
         return asdict(self)
 
 
-def findings() -> list[Finding]:
-    """Return the results of all checks, most important first."""
+def findings(touchbeam: Sequence[str] = ("touchbeam",)) -> list[Finding]:
+    """Return the results of all checks, most important first; `touchbeam` is its own command."""
     return [
         *_origins(),
         _python(),
@@ -53,7 +53,7 @@ def findings() -> list[Finding]:
         _sqlite(),
         _disk(),
         _ports(),
-        _screen(),
+        _screens(touchbeam),
         _sound(),
         _fonts(),
     ]
@@ -134,16 +134,15 @@ def _ports() -> Finding:
     )
 
 
-def _screen() -> Finding:
-    needs_display = sys.platform.startswith("linux")
-    display = os.environ.get("DISPLAY", "")
-    available = bool(display) or not needs_display
+def _screens(touchbeam: Sequence[str]) -> Finding:
+    """List the screens with their numbers, sizes, places and, where known, connectors."""
+    there = listed_screens(touchbeam)
     return Finding(
-        what="screen",
+        what="screens",
         ok=True,
-        value=display or ("available" if available else "none"),
-        missing=not available,
-        hint="" if available else "use --ratings console",
+        value=", ".join(map(str, there)) or "none",
+        missing=not there,
+        hint="" if there else "use --ratings console",
     )
 
 

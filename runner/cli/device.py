@@ -138,8 +138,9 @@ def simulate_device(
 def doctor(as_json: JsonOption = False) -> None:
     """Check that this computer can run a session."""
     from runner.doctor import findings
+    from runner.launch.device_access import touchbeam_command
 
-    found = findings()
+    found = findings(touchbeam_command())
     if as_json:
         print_json([finding.record() for finding in found])
     else:
@@ -147,6 +148,14 @@ def doctor(as_json: JsonOption = False) -> None:
             say(finding.line())
     if not all(finding.ok for finding in found):
         raise typer.Exit(1)
+
+
+@app.command("participant-screens", hidden=True)
+def participant_screens(show: Annotated[bool, typer.Option("--show")] = False) -> None:
+    """Print the screens as JSON, or show their numbers until the standard input ends."""
+    from runner.displays.screen_numbers import print_screens, show_numbers
+
+    (show_numbers if show else print_screens)()
 
 
 @app.command("participant-window", hidden=True)

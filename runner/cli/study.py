@@ -128,8 +128,12 @@ def run(
     ] = False,
     language: LanguageOption = "en",
     screen: Annotated[
-        int, typer.Option(min=0, help="The participant's screen, numbered from 0.")
-    ] = 0,
+        int | None,
+        typer.Option(
+            min=0,
+            help="The participant's screen, numbered from 0. [default: asked for once, then kept]",
+        ),
+    ] = None,
     windowed: Annotated[
         bool, typer.Option("--windowed", help="Use a small window instead of the full screen.")
     ] = False,

@@ -26,6 +26,7 @@ from runner.journal.verification import touchbeam_versions
 from runner.launch.confirmation import Confirm, nearly_the_same, refused
 from runner.launch.device_access import SessionRig, kept_calibration, session_rig
 from runner.launch.locks import rig_lock, session_lock
+from runner.launch.participant_screen import participants_screen
 from runner.launch.participants import Say, participant_and_operator
 from runner.people.participant_console import require_typist
 from runner.people.terminal import said_in_background
@@ -58,7 +59,7 @@ class SessionOptions:
     calibration: Resonance | None = None
     law: str | None = None
     rung: str | None = None
-    screen: int = 0
+    screen: int | None = None
     windowed: bool = False
     extra: bool = False
     new_name: bool = False
@@ -300,7 +301,7 @@ def _window(request: Request, say: Say) -> AbstractContextManager[WindowParticip
         request.study,
         request.wording,
         options.consent,
-        screen=options.screen,
+        screen=participants_screen(options.touchbeam, options.screen, say),
         windowed=options.windowed,
         say=say,
     )

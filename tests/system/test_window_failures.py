@@ -39,8 +39,11 @@ def lose_display(running: Running, person: Person) -> None:
 
 
 def begun(seat: Seat, running: Running) -> int:
-    """Return the number of touches begun; the console prints a line once the session is open."""
-    return len(seat.payloads("touch-started")) if running.said else 0
+    """Return the number of touches begun; the console prints a line once the session is open.
+
+    The line before it says that there is one screen.
+    """
+    return len(seat.payloads("touch-started")) if len(running.said) > 1 else 0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -26,8 +26,14 @@ LOOK_EVERY_S = 0.05
 
 
 @contextmanager
-def virtual_display(width: int, height: int, depth: int = 24) -> Iterator[str]:
-    """Start a virtual display, numbered by the server, and end it afterwards."""
+def virtual_display(
+    width: int, height: int, depth: int = 24, second: tuple[int, int] | None = None
+) -> Iterator[str]:
+    """Start a virtual display, numbered by the server, and end it afterwards.
+
+    With the size of a `second` screen the display has two.
+    """
+    more = [] if second is None else ["+xinerama", "-screen", "1", f"{second[0]}x{second[1]}x24"]
     reading, writing = os.pipe()
     server = subprocess.Popen(
         [
@@ -38,6 +44,7 @@ def virtual_display(width: int, height: int, depth: int = 24) -> Iterator[str]:
             "0",
             f"{width}x{height}x{depth}",
             "-noreset",
+            *more,
         ],
         pass_fds=[writing],
         stdout=subprocess.DEVNULL,

@@ -91,18 +91,18 @@ def skewness(
     thirds = third_derivatives(slopes) * (trials.weight[:, None] / residual_sd**3)
     spread = combinations @ covariance
     sds = np.sqrt(np.maximum((spread * combinations).sum(axis=2), LEAST_VARIANCE))
-    up, down = (
-        (spread / sds[..., None]) @ edge.T for edge in (upper, lower)
-    )  # (points, quantities, trials)
-    by_upper, by_lower = (edge @ covariance for edge in (upper, lower))
-    pairs = [(by_upper * upper), (by_upper * lower), (by_lower * lower)]
-    squares = [pair.sum(axis=2) for pair in pairs]
-    a, b, c, d = (part.T[:, None] for part in thirds)
-    pull_up = thirds[0].T * squares[0] + 2 * thirds[1].T * squares[1] + thirds[2].T * squares[2]
-    pull_down = thirds[1].T * squares[0] + 2 * thirds[2].T * squares[1] + thirds[3].T * squares[2]
-    shift = (up @ pull_up[..., None] + down @ pull_down[..., None])[..., 0] / 2
-    cubes = (a * up + 3 * b * down) * up**2 + (3 * c * up + d * down) * down**2
-    skew = cubes.sum(axis=2)
+    shift, skew = np.empty_like(sds), np.empty_like(sds)
+    # Point by point, because the arrays of one point fit into the processor's cache.
+    for point, (each, by_sd) in enumerate(zip(covariance, spread / sds[..., None], strict=True)):
+        a, b, c, d = thirds[..., point]
+        up, down = by_sd @ upper.T, by_sd @ lower.T  # (quantities, trials)
+        by_upper, by_lower = upper @ each, lower @ each
+        pairs = ((by_upper, upper), (by_upper, lower), (by_lower, lower))
+        uu, ul, ll = (np.einsum("ij,ij->i", one, other) for one, other in pairs)
+        pull_up, pull_down = a * uu + 2 * b * ul + c * ll, b * uu + 2 * c * ul + d * ll
+        shift[point] = (up @ pull_up + down @ pull_down) / 2
+        cubes = (a * up + 3 * b * down) * up**2 + (3 * c * up + d * down) * down**2
+        skew[point] = cubes.sum(axis=1)
     return Skewness(
         shift=np.clip(np.nan_to_num(shift), -MOST_SHIFT, MOST_SHIFT),
         skew=np.clip(np.nan_to_num(skew), -MOST_SKEW, MOST_SKEW),

@@ -56,16 +56,17 @@ def run_session(case: Case, folder: Path) -> Sat:
         scores = [min(score, 9) if case.hasty else score for score in SCORES * 2]
         person = Person(display, case.control, CHOICES * 2, scores, hasty=case.hasty)
         with seat.start("--language", case.language, "--consent", "C-7") as session:
-            if case.hasty:
-                threading.Thread(target=strike_enter, args=(person, session), daemon=True).start()
+            striking = threading.Thread(target=strike_enter, args=(person, session, case.hasty))
+            striking.start()
             code = session.attend(person)
+            striking.join()
         return Sat(code=code, complaint=session.complaint, person=person, seat=seat)
 
 
-def strike_enter(person: Person, session: Running) -> None:
-    """Strike Enter ten times a second until the session ends."""
+def strike_enter(person: Person, session: Running, hasty: bool) -> None:
+    """Strike Enter ten times a second until the session ends, if the person is hasty."""
     second = ["key", "Return", "sleep", "0.1"] * 10
-    while session.process.poll() is None:
+    while hasty and session.process.poll() is None:
         person.xdotool(*second)
 
 

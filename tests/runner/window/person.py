@@ -126,7 +126,7 @@ class Person:
             self.key(*str(score))
 
     def _confirm_and_wait(self, before: Sight) -> None:
-        until_s = time.monotonic() + 5.0
+        until_s = time.monotonic() + 30.0  # a loaded machine takes its time
         if self.hasty:
             while self.sight() == before and time.monotonic() < until_s:
                 self.look_later()

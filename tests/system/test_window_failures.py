@@ -169,3 +169,23 @@ def test_a_window_that_cannot_open_gives_one_line_and_leaves_nothing_behind(
     assert running.complaint.count("\n") == 1
     assert "--ratings console" in running.complaint
     assert [path.name for path in seat.folder.iterdir()] == ["study.toml"]
+
+
+def test_a_stopped_session_ends_on_a_page_that_the_participant_closes(
+    small_display: str, tmp_path: Path
+) -> None:
+    study = tiny_study().replace("voltage_v = 100 }]", LONG_SIGNAL, 1)
+    seat = Seat(tmp_path / "study", small_display, study=study)
+    person = Person(small_display, "keyboard")
+    with seat.start() as running:
+        while begun(seat, running) < 2 and running.process.poll() is None:
+            person.act()
+        running.type(":s\n")
+        while person.sight() != "button" and running.process.poll() is None:
+            person.look_later()
+        assert running.process.poll() is None, "the page stays"
+        assert seat.events()[-1].tag == "device-off", "but not the output"
+        person.key("Return")
+        assert running.end() == 1
+    assert running.complaint.startswith("touchbeam: stopped by the operator; output off, read back")
+    assert any("the participant's last page stays for up to 20 s" in line for line in running.said)

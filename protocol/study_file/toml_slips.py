@@ -56,7 +56,7 @@ def no_toml(text: str, error: TOMLDecodeError) -> Problem:
     return Problem(
         where="file",
         rule="must be TOML",
-        value=f"the line {shown!r}",
+        value=f"the line '{shown}'",
         hint=_remedy(line, str(error), unclosed=unclosed),
         line=number,
     )

@@ -42,7 +42,7 @@ def problem(text: str) -> Problem:
 def test_the_usual_slips_have_a_remedy(line: str, remedy: str) -> None:
     found = problem(f"[study]\n{line}\n[rig]\n")
     assert (found.where, found.rule, found.line) == ("file", "must be TOML", 2)
-    assert found.value == f"the line {line.partition('   #')[0]!r}"
+    assert found.value == f"the line '{line.partition('   #')[0]}'"
     assert found.hint.startswith(remedy)
 
 

@@ -297,7 +297,7 @@ def test_the_doctor_says_ok_or_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("runner.doctor.sys.platform", "linux")
     monkeypatch.setattr("ctypes.util.find_library", lambda _: None)
     lines = [finding.line() for finding in findings()]
-    assert "missing  screen: none (use --ratings console)" in lines
+    assert "missing  screens: none (use --ratings console)" in lines
     assert any(line.startswith("missing  sound libraries: asound, jack (") for line in lines)
     assert not [line for line in lines if line.startswith("ok") and "missing" in line]
 

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from device.drivers.limits import Setpoint
     from device.resonance import Resonance
     from protocol.journal.records import Identity, ReadBack
-    from runner.screens import Note, OperatorView, Order, Response, Screen
+    from runner.screens import Note, OperatorView, Order, OwnFinger, Response, Screen
 
 
 AnswerSource = Literal["window", "console", "virtual"]
@@ -73,6 +73,10 @@ class Participant(Protocol):
 
     def saved(self) -> None:
         """Tell the participant that the journal has the answer to the current screen."""
+        ...
+
+    def felt(self, finger: OwnFinger) -> None:
+        """Show the participant their own finger during a touch."""
         ...
 
     def poll(self) -> Response | None:

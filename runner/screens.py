@@ -88,6 +88,18 @@ class Pacing(FingerPath):
 
 
 @dataclass(frozen=True, kw_only=True)
+class OwnFinger:
+    """The participant's finger as just measured, shown during a touch.
+
+    `force` is relative to the instructed one, and should differ from 1 by `within` at most.
+    """
+
+    position_m: float
+    force: float
+    within: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class AskChange:
     """The question what changed; answered with one of the question's answers."""
 

@@ -21,7 +21,7 @@ LATER: Mapping[str, str] = {
     **{f"finger.{name}": "" for name in ("thumb", "index", "middle", "ring", "little")},
     **dict.fromkeys(["saved", "progress", "break.left", "beam.clamp", "beam.you"], ""),
     **dict.fromkeys(["button.call", "console.again"], ""),
-    **dict.fromkeys(["again.force", "again.place", "again.speed"], ""),
+    **dict.fromkeys(["again.force", "again.place", "again.speed", "own.finger"], ""),
     "stopped": "touch.end",
     "hint.change.two": "hint.change",
     "touch.soon": "wait",

@@ -21,6 +21,7 @@ from runner.screens import (
     Instruction,
     LeadIn,
     Notice,
+    OwnFinger,
     Pacing,
     Response,
     Screen,
@@ -127,6 +128,9 @@ class ConsoleParticipant:
     def progress(self, number: int, total: int) -> None:
         """Print which trial comes next."""
         self.say(self._texts["progress"].format(number=number, total=total))
+
+    def felt(self, finger: OwnFinger) -> None:
+        """Nothing is drawn at a terminal."""
 
     def saved(self) -> None:
         """Print nothing: the next line follows at once."""

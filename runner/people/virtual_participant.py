@@ -19,6 +19,7 @@ from runner.screens import (
     AskScore,
     Instruction,
     Notice,
+    OwnFinger,
     Pacing,
     Response,
     Screen,
@@ -118,6 +119,9 @@ class VirtualParticipant:
 
     def progress(self, number: int, total: int) -> None:
         """Do nothing, because a virtual participant needs no encouragement."""
+
+    def felt(self, finger: OwnFinger) -> None:
+        """A virtual finger needs no picture of itself."""
 
     def saved(self) -> None:
         """Do nothing, because a virtual participant needs no confirmation."""

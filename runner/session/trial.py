@@ -9,7 +9,16 @@ from protocol.journal.records import Compliance, InstructionResponse, ReadBack, 
 from protocol.plan.trials import Trial
 from protocol.study.questions import checked_answer
 from protocol.study.touch import Touch
-from runner.screens import AskChange, AskScore, Instruction, Notice, Response, lead_in, pacing
+from runner.screens import (
+    AskChange,
+    AskScore,
+    Instruction,
+    Notice,
+    OwnFinger,
+    Response,
+    lead_in,
+    pacing,
+)
 from runner.session.compliance import judged, samples_of
 from runner.session.operator_view import update_view
 from runner.session.session import SessionContext
@@ -67,6 +76,7 @@ class _Stimulus:
         self.samples: list[TraceSample] = []
         self.pacing = pacing(to_make, context.session.study.touch)
         self._next_step_s = self._step_s
+        self._shows_finger = _shows_finger(context)
 
     def deliver(self, start: Setpoint) -> None:
         """Lead in at `start`, then run the touch with its ramp and sweep; leave the output on.
@@ -82,7 +92,7 @@ class _Stimulus:
         moves_s = max(moves_s, steady_s)
         while (left_s := moves_s - context.clock.monotonic_s()) > 1e-9:  # rounding of summed ticks
             wait(context, min(left_s, SAMPLE_EVERY_S))
-            context.device.read_back()  # as often as during the touch, to notice a fault
+            self._show_finger(context.device.read_back())  # as often as later, to notice a fault
         context.participant.show(self.pacing)
         self._sample_and_show()
         if self._ramps:
@@ -102,7 +112,18 @@ class _Stimulus:
         if keep:
             self.read_back.append(read_back)
         self.samples += samples_of(read_back)
+        self._show_finger(read_back)
         return read_back
+
+    def _show_finger(self, read_back: ReadBack) -> None:
+        rules = self._context.session.study.as_instructed
+        if self._shows_finger:
+            for sample in samples_of(read_back):
+                force = sample.force_n / self.pacing.force_n
+                finger = OwnFinger(
+                    position_m=sample.position_m, force=force, within=rules.force_within
+                )
+                self._context.participant.felt(finger)
 
     @property
     def _step_s(self) -> float:
@@ -134,6 +155,13 @@ class _Stimulus:
             slope = max(change_v / self.pacing.duration_s, SLOWEST_RAMP_V_PER_S)
             target = replace(target, ramp_v_per_s=min(slope, target.ramp_v_per_s))
         self._context.device.drive(target)
+
+
+def _shows_finger(context: SessionContext) -> bool:
+    """Return whether participants see their own finger in the running trial."""
+    feedback, running = context.session.study.as_instructed.feedback, context.log.state.trial
+    kinds = {trial.kind for trial in context.order if trial.index == running}
+    return feedback == "always" or (feedback == "practice" and "practice" in kinds)
 
 
 def _setpoint(context: SessionContext, voltage_v: float, frequency: float) -> Setpoint:

@@ -8,7 +8,7 @@ from runner.window.elements import ACCENT, FAINT, INK, PALE, Box, Dot, Outline, 
 
 BEAM_M = Beam().length_m
 _LEFT, _LENGTH = -280.0, 600.0
-_BEAM_Y, _BEAM_HEIGHT = 0.0, 34.0
+BEAM_Y, _BEAM_HEIGHT = 0.0, 34.0
 _ARROW_Y = 52.0
 _LABEL_Y = -70.0
 LABEL_SIZE = 18.0
@@ -50,7 +50,7 @@ def fingers(way: FingerPath, fraction: float) -> tuple[Dot, ...]:
     """Return the pacing marks after `fraction` of the way, from 0 to 1."""
     position_m = way.start_m + fraction * (way.end_m - way.start_m)
     return tuple(
-        Dot(x=beam_x(place_m), y=_BEAM_Y, radius=_FINGER_RADIUS)
+        Dot(x=beam_x(place_m), y=BEAM_Y, radius=_FINGER_RADIUS)
         for place_m in _places(way, position_m)
     )
 
@@ -64,8 +64,8 @@ def _places(way: FingerPath, position_m: float) -> list[float]:
 
 
 def _beam() -> Page:
-    clamp = Box(x=_LEFT - 20, y=_BEAM_Y, width=40, height=110)
-    beam = Box(x=_LEFT + _LENGTH / 2, y=_BEAM_Y, width=_LENGTH, height=_BEAM_HEIGHT)
+    clamp = Box(x=_LEFT - 20, y=BEAM_Y, width=40, height=110)
+    beam = Box(x=_LEFT + _LENGTH / 2, y=BEAM_Y, width=_LENGTH, height=_BEAM_HEIGHT)
     return (
         Outline(points=clamp.corners, fill=FAINT),
         Outline(points=beam.corners, fill=PALE, edge=INK),
@@ -86,6 +86,6 @@ def _arrow(way: FingerPath) -> Page:
 def _mark(place_m: float, harder: bool) -> Page:
     """Return the mark of a place to touch: one tip points at it, two mean to press harder."""
     x = beam_x(place_m)
-    place = Outline(points=((x, _BEAM_Y - 17), (x, _BEAM_Y + 17)), edge=ACCENT, width=6)
+    place = Outline(points=((x, BEAM_Y - 17), (x, BEAM_Y + 17)), edge=ACCENT, width=6)
     tips = [((x, y), (x + 17, y + 26), (x - 17, y + 26)) for y in (26.0, 56.0)[: 1 + harder]]
     return (place, *(Outline(points=points, fill=ACCENT) for points in tips))

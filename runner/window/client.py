@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from typing import IO, Any, Protocol
 
 from protocol.errors import WorkFailed
-from runner.screens import Notice, Response, Screen
+from runner.screens import Notice, OwnFinger, Response, Screen
 from runner.signals import Stopped
 from runner.window.messages import Settings, line_of, message_of, settings_message, show_message
 
@@ -70,6 +70,10 @@ class WindowParticipant:
     def saved(self) -> None:
         """Let the page say that the answer to the last screen is saved."""
         self.peer.send({"saved": self._number})
+
+    def felt(self, finger: OwnFinger) -> None:
+        """Let the page of the touch show the finger."""
+        self.peer.send({"finger": vars(finger)})
 
     def poll(self) -> Response | None:
         """Return the answer to the last screen, or None.

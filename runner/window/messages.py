@@ -1,7 +1,8 @@
 """Messages between a session and its window: one JSON object per line.
 
 To the window: first the settings, then `{"show": id, "screen": …}`, `{"saved": id}` once the
-journal has the answer, and `{"progress": [number, total]}` before each trial. From the window:
+journal has the answer, `{"progress": [number, total]}` before each trial, and `{"finger": …}`
+during a touch whose page shows the participant's finger. From the window:
 `opened` or `failed` once; then `alive` periodically, `shown` when a screen is first displayed,
 `answer`, `operator` when the participant calls, and `closed` or `broken` at an unexpected end.
 """

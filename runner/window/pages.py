@@ -11,9 +11,20 @@ from typing import Literal, get_args
 
 from protocol.study.participant_texts import Wording, score_text
 from protocol.study.questions import ANSWERS
-from runner.screens import AskChange, AskScore, Instruction, LeadIn, Notice, Pacing, Screen, Welcome
+from runner.screens import (
+    AskChange,
+    AskScore,
+    Instruction,
+    LeadIn,
+    Notice,
+    OwnFinger,
+    Pacing,
+    Screen,
+    Welcome,
+)
 from runner.window.beam_sketch import fingers, labels, sketch
 from runner.window.elements import ACCENT, FAINT, INK, PALE, WHITE, Box, Outline, Page, Target, Text
+from runner.window.finger_feedback import own_finger
 from runner.window.rating_scale import SCALE_BOX, scale
 
 TITLE_SIZE, ANSWER_SIZE, BUTTON_SIZE, HINT_SIZE = 30.0, 26.0, 24.0, 22.0
@@ -51,6 +62,7 @@ class PageState:
     passed_s: float = 0.0
     operator_called: bool = False
     progress: tuple[int, int] | None = None
+    finger: OwnFinger | None = None
 
 
 def page(screen: Screen, view: PageState, wording: Wording) -> Page:
@@ -142,11 +154,12 @@ def _touch(screen: LeadIn | Pacing, view: PageState, texts: Mapping[str, str]) -
     It hides how long to hold a place.
     """
     title = Text(text=texts[screen.text], box=_TITLE, size=TITLE_SIZE)
+    own = () if view.finger is None else own_finger(view.finger, texts)
     beam = (title, *sketch(screen), *labels(texts))
     if isinstance(screen, LeadIn):
-        return (*beam, *fingers(screen, 0.0), *_lead_in(screen, view, texts))
+        return (*beam, *fingers(screen, 0.0), *_lead_in(screen, view, texts), *own)
     marks = fingers(screen, min(view.passed_s / screen.duration_s, 1.0))
-    return (*beam, *marks, Text(text=texts["touch.now"], box=_BELOW_BEAM, size=NOW_SIZE))
+    return (*beam, *marks, Text(text=texts["touch.now"], box=_BELOW_BEAM, size=NOW_SIZE), *own)
 
 
 def _lead_in(screen: LeadIn, view: PageState, texts: Mapping[str, str]) -> Page:

@@ -19,6 +19,7 @@ from runner.screens import (
     AskScore,
     Instruction,
     Notice,
+    OwnFinger,
     Screen,
     Welcome,
     lead_in,
@@ -31,7 +32,10 @@ from runner.window.pages import PageState, page
 from runner.window.rating_scale import MOST_STEPS
 from runner.window.text_layout import text_height, text_width, wrapped
 
-_NOTICES = ("wait", "wait.beam", "wait.touch", "touch.end", "pause", "thanks", "stopped")
+_NOTICES = (
+    "wait", "wait.beam", "wait.touch", "touch.end", "again.force", "again.place", "again.speed",
+    "pause", "thanks", "stopped",
+)  # fmt: skip
 _INSTRUCTIONS = ("remember", "practice")
 LONGEST_BREAK_S = 3600.0
 
@@ -54,7 +58,11 @@ def foreseen(study: Study, consent: str | None) -> tuple[Screen, ...]:
     return tuple(screen for at, screen in enumerate(screens) if screen not in screens[:at])
 
 
-_VIEWS = (PageState(operator_called=True, progress=(999, 999)), PageState(button="saved"))
+_FINGER = OwnFinger(position_m=0.05, force=1.0, within=0.5)
+_VIEWS = (
+    PageState(operator_called=True, progress=(999, 999), finger=_FINGER),
+    PageState(button="saved"),
+)
 
 
 def fits(text: Text) -> bool:

@@ -6,7 +6,7 @@ from statistics import median
 from typing import Any
 
 from protocol.study.participant_texts import Wording
-from runner.screens import AskChange, AskScore, Instruction, LeadIn, Notice, Screen
+from runner.screens import AskChange, AskScore, Instruction, LeadIn, Notice, OwnFinger, Screen
 from runner.window.elements import Input, Key, Page, Pressed
 from runner.window.pages import Button, PageState, page, target_at, targets
 from runner.window.rating_scale import look
@@ -60,6 +60,7 @@ class ShownScreen:
     readable_s: float = 0.0
     progress: tuple[int, int] | None = None
     saved: bool = field(default=False, init=False)
+    finger: OwnFinger | None = field(default=None, init=False)
     pending: PendingResponse = field(init=False)
     frames: FrameTimes = field(init=False)
     called_s: list[float] = field(default_factory=list, init=False)
@@ -92,6 +93,7 @@ class ShownScreen:
             passed_s=passed_s,
             operator_called=bool(self.called_s),
             progress=self.progress,
+            finger=self.finger,
         )
         return page(self.screen, view, wording)
 

@@ -16,7 +16,7 @@ from statistics import median
 from typing import Any, Protocol, TextIO
 
 from protocol.errors import WorkFailed
-from runner.screens import Notice, Screen
+from runner.screens import Notice, OwnFinger, Screen
 from runner.window.elements import Input, Page
 from runner.window.messages import Settings, line_of, message_of, screen_of, settings_of
 from runner.window.pages import page, states
@@ -140,6 +140,8 @@ class WindowServer:
                 self._show(number, screen_of(message))
             case {"progress": [int(trial), int(total)]}:
                 self._progress = trial, total
+            case {"finger": dict(finger)}:
+                self._standing.finger = OwnFinger(**finger)
             case {"saved": number}:
                 self._standing.saved |= number == self._standing.number
             case _:

@@ -22,6 +22,7 @@ from runner.screens import (
     Note,
     OperatorView,
     Order,
+    OwnFinger,
     Response,
     Screen,
     Welcome,
@@ -118,6 +119,8 @@ class FakeParticipant:
     score: str = "7"
     shown: list[Screen] = field(default_factory=list)
     stops_at: str = ""
+    fingers: list[tuple[Screen, OwnFinger]] = field(default_factory=list)
+    """What was shown of the finger, each with the screen on which it was."""
 
     def show(self, screen: Screen) -> None:
         self.shown.append(screen)
@@ -126,6 +129,9 @@ class FakeParticipant:
 
     def progress(self, number: int, total: int) -> None:
         pass
+
+    def felt(self, finger: OwnFinger) -> None:
+        self.fingers.append((self.shown[-1], finger))
 
     def saved(self) -> None:
         pass

@@ -23,7 +23,7 @@ from runner.journal.opening import open_journal
 from runner.journal.store import Journal
 from runner.journal.verification import verdicts
 from runner.people.operator_console import OperatorConsole, PlainDisplay
-from runner.screens import Instruction, Pacing, Response, Screen
+from runner.screens import Instruction, OwnFinger, Pacing, Response, Screen
 from runner.session.loop import run
 from runner.session.session import SessionContext
 from tests.device.fault_table import BOARD, Row
@@ -67,6 +67,9 @@ class Provoking:
 
     def saved(self) -> None:
         self.inner.saved()
+
+    def felt(self, finger: OwnFinger) -> None:
+        self.inner.felt(finger)
 
     def poll(self) -> Response | None:
         reading = self.row.when == "between" and 0 < time.monotonic() - self.failed_s < READING_S

@@ -33,6 +33,7 @@ FALLING = {"voltage_v": 96, "ramp_to_v": 64, "frequency": 1.2, "sweep_to": 0.8}
 def document_of(touch: Document) -> Document:
     """A study whose second touch is this one, for 2 s."""
     document = small_document(1)
+    document["touch"]["lead_in_s"] = 0
     quiet = {"place": "smooth", "voltage_v": 0}
     document["condition"][0] |= {
         "touches": [quiet, {"place": "smooth", "duration_s": 2, **touch}],

@@ -22,6 +22,7 @@ from runner.screens import (
     FingerPath,
     Instruction,
     Notice,
+    OwnFinger,
     Pacing,
     lead_in,
     pacing,
@@ -229,7 +230,8 @@ def test_elements_stay_on_the_canvas_and_texts_do_not_overlap(
     study = parsed_study(template("extended"))
     rating = study.rating if ends == (0, 10) else scale_of(*ends, "bands")
     for screen in foreseen(study.model_copy(update={"rating": rating}), consent="C-7"):
-        view = PageState(operator_called=True, progress=(12, 12))
+        own = OwnFinger(position_m=0.05, force=1.0, within=0.5)
+        view = PageState(operator_called=True, progress=(12, 12), finger=own)
         elements = page(screen, view, wording(language))
         rooms = [element.box for element in elements if isinstance(element, Text)]
         corners = [point for box in rooms for point in box.corners]
@@ -317,6 +319,26 @@ def test_the_mark_moves_at_the_sliding_speed_and_rests_at_the_end(direction: Dir
 def _mark_x(elements: tuple[object, ...]) -> float:
     (mark,) = [element for element in elements if isinstance(element, Dot)]
     return mark.x
+
+
+@pytest.mark.parametrize(
+    ("force", "position_m", "x"),
+    [(0.0, 0.0, -160), (0.5, 0.05, -70), (1.0, 0.1, 20), (1.5, 0.2, 110), (9.0, -1.0, 200)],
+)
+def test_the_own_finger_is_shown_at_its_place_and_its_force_in_a_range(
+    force: float, position_m: float, x: float
+) -> None:
+    own = OwnFinger(position_m=position_m, force=force, within=0.5)
+    seen = page(RIGHT, PageState(finger=own), wording("en"))
+    hidden = page(RIGHT, PageState(), wording("en"))
+    added = [element for element in seen if element not in hidden]
+    pressed, placed = [element for element in added if isinstance(element, Dot)]
+    assert pressed.x == pytest.approx(x)
+    assert placed.x == pytest.approx(beam_x(min(max(position_m, 0), 0.1)))
+    bar, wanted = [element for element in added if isinstance(element, Outline)]
+    assert wanted.points[0][0] == pytest.approx(-70)
+    assert wanted.points[1][0] == pytest.approx(110)
+    assert min(x for x, _ in bar.points) == pytest.approx(-160)
 
 
 def test_several_fingers_are_drawn_where_they_touch_the_beam() -> None:

@@ -12,6 +12,7 @@ from runner.screens import (
     AskScore,
     Instruction,
     Notice,
+    OwnFinger,
     Pacing,
     Response,
     Screen,
@@ -51,6 +52,9 @@ class Person:
             beam.lift()
 
     def progress(self, number: int, total: int) -> None:
+        pass
+
+    def felt(self, finger: OwnFinger) -> None:
         pass
 
     def saved(self) -> None:

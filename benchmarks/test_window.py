@@ -88,9 +88,8 @@ def test_the_first_screen_takes_at_most_half_as_long_again_as_a_bare_window(
 def test_the_window_shows_a_touch_within_one_frame(
     benchmark: BenchmarkFixture,
 ) -> None:
-    window = study_window(
-        [TOUCHBEAM], PAPER, study_wording(PAPER, "en"), None, screen=0, windowed=False
-    )
+    settings = Settings(wording=study_wording(PAPER, "en"))
+    window = study_window([TOUCHBEAM], PAPER, settings, None)
     with suppress(_Seen), window as participant:
         screens = Screens(participant.peer)
         for _ in range(40):  # until all that is foreseen was built

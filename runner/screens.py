@@ -11,8 +11,9 @@ from device.errors import UNKNOWN
 from protocol.journal.records import ReadBack
 from protocol.study.participant_texts import touch_text
 from protocol.study.questions import Question
-from protocol.study.rating import Rating
+from protocol.study.rating import Band, Rating
 from protocol.study.rig_settings import Rig
+from protocol.study.study_question import StudyQuestion, change_question, score_question
 from protocol.study.touch import Touch, TouchDefaults, touch_s
 
 Order = Literal["pause", "stop", "repeat", "emergency stop"]
@@ -56,10 +57,12 @@ class Instruction:
     """What to do next, with the finger's path if it is a touch; answered with `ready`.
 
     The answer counts once `after_s` have passed: the shortest time of a break.
+    A page of the study's own may have a `picture`, a file in the study's folder.
     """
 
     text: str
     touch: FingerPath | None = None
+    picture: str | None = None
     after_s: float = 0.0
 
 
@@ -100,25 +103,32 @@ class OwnFinger:
 
 
 @dataclass(frozen=True, kw_only=True)
-class AskChange:
-    """The question what changed; answered with one of the question's answers."""
+class Ask:
+    """A question; answered with a text that `StudyQuestion.answer` accepts.
 
-    question: Question
+    `bands` name ranges of a scale of scores.
+    """
 
-
-@dataclass(frozen=True, kw_only=True)
-class AskScore:
-    """The question how strong the change is; answered with a score on the rating scale."""
-
-    rating: Rating
+    question: StudyQuestion
+    bands: tuple[Band, ...] = ()
 
 
-Screen = Notice | Welcome | Instruction | LeadIn | Pacing | AskChange | AskScore
+def ask_change(question: Question) -> Ask:
+    """Return the question what changed."""
+    return Ask(question=change_question(question))
+
+
+def ask_score(rating: Rating) -> Ask:
+    """Return the question how strong the change is."""
+    return Ask(question=score_question(rating), bands=rating.bands)
+
+
+Screen = Notice | Welcome | Instruction | LeadIn | Pacing | Ask
 
 
 @dataclass(frozen=True, kw_only=True)
 class Response:
-    """An answer: `ready`, one of a question's answers, or a score in digits.
+    """An answer: `ready`, or the answer to a question as text.
 
     `trace` records how it was given (marks, changes, frames) if the screen can measure that.
     """

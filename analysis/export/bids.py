@@ -43,7 +43,7 @@ def bids_export(data: Dataset) -> dict[str, str]:
     return {
         "README.md": readme(data, _TABLES),
         "dataset_description.json": json_text(_dataset_description(data)),
-        "participants.json": json_text(_PARTICIPANT_COLUMNS),
+        "participants.json": json_text(_participant_columns(data)),
         "participants.tsv": _participants(data),
         **_sessions(data),
     }
@@ -73,11 +73,21 @@ def _dataset_description(data: Dataset) -> dict[str, Any]:
 
 def _participants(data: Dataset) -> str:
     kinds = data.sessions.groupby("subject", sort=False)["session_kind"].agg(list)
+    said = data.said_once
     lines: list[list[Cell]] = [
-        [f"sub-{name}", who, len(kinds[who]), tuple(dict.fromkeys(kinds[who]))]
+        [
+            *(f"sub-{name}", who, len(kinds[who]), tuple(dict.fromkeys(kinds[who]))),
+            *(answers.get(who) for answers in said.values()),
+        ]
         for who, name in data.subject_labels.items()
     ]
-    return tsv_text(["participant_id", *_PARTICIPANT_COLUMNS], lines)
+    return tsv_text(["participant_id", *_participant_columns(data)], lines)
+
+
+def _participant_columns(data: Dataset) -> dict[str, Any]:
+    columns = {column.name: column for column in data.columns}
+    own = {name: _described(columns[name], data) for name in data.said_once}
+    return {**_PARTICIPANT_COLUMNS, **own}
 
 
 def _sessions(data: Dataset) -> dict[str, str]:
@@ -87,7 +97,7 @@ def _sessions(data: Dataset) -> dict[str, str]:
         subject = f"sub-{data.subject_labels[who]}"
         entities = [subject, *([f"ses-{number}"] if data.several_sessions else [])]
         stem = "/".join([*entities, "beh", "_".join([*entities, f"task-{data.task}", "beh"])])
-        files[f"{stem}.tsv"] = tsv_text([column.name for column in COLUMNS], cells(trials))
+        files[f"{stem}.tsv"] = tsv_text([column.name for column in data.columns], cells(trials))
         files[f"{stem}.json"] = json_text(_sidecar(data, trials))
     return files
 
@@ -101,20 +111,20 @@ def _sidecar(data: Dataset, trials: pd.DataFrame) -> dict[str, Any]:
         "InstitutionName": facts.institution,
         "InstitutionAddress": facts.institution_address,
     }
-    return {**known(task), **{column.name: _described(column, data) for column in COLUMNS}}
+    return {**known(task), **{column.name: _described(column, data) for column in data.columns}}
 
 
 def _described(column: Column, data: Dataset) -> dict[str, Any]:
     """A column as a sidecar describes it.
 
     Readers take `Units` to mean one number and `Levels` to mean one of them, so that a column with
-    a value per touch says both in words.
+    lists says both in words.
     """
-    if column.per_touch:
+    if column.of_lists:
         unit = f" Unit: {column.unit}." if column.unit else ""
         words = "; ".join(f"{level} ({meaning})" for level, meaning in column.levels.items())
         levels = f" {words}." if words else ""
-        text = f"{column.description} A value per touch.{unit}{levels}"
+        text = f"{data.meaning(column)} {column.of_lists}{unit}{levels}"
         return {"Description": text, "Delimiter": BETWEEN_TOUCHES}
     return known(
         {

@@ -3,19 +3,24 @@
 Every export has the same columns in the same order, whatever a study holds.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import KW_ONLY, dataclass, field
 from functools import partial
 from typing import Any
 
 from protocol.study.questions import QUESTIONS
+from protocol.study.study_question import StudyQuestion
 
 YES_NO = {"true": "yes", "false": "no"}
 
 
 @dataclass(frozen=True)
 class Column:
-    """One column. A column `per_touch` lists a value for each touch of the trial."""
+    """One column.
+
+    A column `per_touch` lists a value for each touch of the trial; one with `several` lists as
+    many as were chosen.
+    """
 
     name: str
     description: str
@@ -23,6 +28,12 @@ class Column:
     unit: str | None = None
     levels: Mapping[str, str] = field(default_factory=dict)
     per_touch: bool = False
+    several: bool = False
+
+    @property
+    def of_lists(self) -> str:
+        """What a list in a cell holds; empty where there are no lists."""
+        return "A value per touch." if self.per_touch else "Any of these." * self.several
 
 
 _touch = partial(Column, per_touch=True)
@@ -171,6 +182,11 @@ _SETTING = (
     Column("humidity", "Humidity of the room, as the operator noted it."),
     Column("cleaning", "Cleaning of beam and finger, as the operator noted it."),
     Column("language", "What the participant read."),
+    Column(
+        "answer_order",
+        "Order in which the answers to choices were shown.",
+        levels={"forward": "as in the study file", "reversed": "from last to first"},
+    ),
     Column("slot", "Place of the participant in the design, from 0; rehearsals have their own."),
     Column("seed", "Seed of the session's random choices."),
     Column(
@@ -178,6 +194,42 @@ _SETTING = (
     ),
     Column("touchbeam_version", "Version of touchbeam that ran the session."),
 )
+
+_TIMES = {
+    "before": "before the first trial of the session",
+    "trial": "after the trial",
+    "block": "after the block",
+    "after": "after the last trial of the session",
+}
+
+
+def question_columns(questions: Iterable[StudyQuestion]) -> tuple[Column, ...]:
+    """Return two columns for each question of a study's own: its answer and the time it took."""
+    return tuple(column for question in questions for column in _of_question(question))
+
+
+def _of_question(question: StudyQuestion) -> Iterator[Column]:
+    text = next(iter(question.text.values()), "A question that the study file no longer has.")
+    names = {
+        f"{label.at:.15g}" if label.value is None else label.value: next(iter(label.names.values()))
+        for label in question.labels
+    }
+    scale = ""
+    if question.kind in {"scale", "analogue"}:
+        low, high, step = question.scale
+        named = "".join(f"; {value}: {name}" for value, name in names.items())
+        scale = f" From {low:.15g} to {high:.15g} in steps of {step:.15g}{named}."
+    yield Column(
+        question.name,
+        f"Answer to the question: {text} Asked {_TIMES[question.when]}.{scale}",
+        unit=question.unit,
+        levels=names if question.values else {},
+        several=question.kind == "several",
+    )
+    yield Column(
+        f"{question.name}_reaction_time_s", f"From the question to {question.name}.", unit="s"
+    )
+
 
 COLUMNS = (*_SESSION, *_PLAN, *_ANSWER, *_COURSE, *_TOUCHES, *_SETTING)
 

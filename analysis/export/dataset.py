@@ -11,7 +11,7 @@ from typing import Any, cast
 
 import pandas as pd
 
-from analysis.export.columns import Column
+from analysis.export.columns import COLUMNS, Column, question_columns
 from analysis.export.trial_table import trial_table
 from analysis.loading.records import values
 from analysis.loading.sessions import load_sessions
@@ -21,6 +21,7 @@ from protocol.study.design import Publication
 from protocol.study.participant_texts import language, study_codes, study_wording
 from protocol.study.rating import PAPERS_SCALE, Rating
 from protocol.study.study import Study
+from protocol.study.study_question import StudyQuestion
 
 _OTHER = re.compile(r"[^0-9A-Za-z]")
 
@@ -68,6 +69,7 @@ class Dataset:
 
     `trials` has the columns of `analysis.export.columns`, `sessions` those of
     `analysis.loading.records.SessionRow`; a session in which no trial was begun is not among them.
+    `questions` are the study's own, and those that were asked under an earlier study file.
     `source_sha256` is the digest of all the events that they were read from, `broken_chains` are
     the sessions whose events are not as they were recorded.
     """
@@ -75,6 +77,7 @@ class Dataset:
     study: Study
     sessions: pd.DataFrame
     trials: pd.DataFrame
+    questions: tuple[StudyQuestion, ...]
     rehearsals_left_out: int
     sessions_withdrawn: int
     sessions_without_trials: int
@@ -101,6 +104,23 @@ class Dataset:
     def task_name(self) -> str:
         """What the task is called; its letters and digits are those of `task`."""
         return self.study.study.name if label(self.study.study.name) else UNNAMED_TASK
+
+    @cached_property
+    def columns(self) -> tuple[Column, ...]:
+        """The columns of `trials`."""
+        return (*COLUMNS, *question_columns(self.questions))
+
+    @cached_property
+    def said_once(self) -> dict[str, dict[str, Any]]:
+        """By question, each participant's answer if nobody was asked more than once."""
+        found = {}
+        for question in self.questions:
+            if question.when in {"before", "after"}:
+                by_session = self.trials.groupby(["participant", "session"])[question.name].first()
+                answers = by_session.dropna().reset_index("session", drop=True)
+                if answers.index.is_unique:
+                    found[question.name] = dict(zip(answers.index, values(answers), strict=True))
+        return found
 
     @cached_property
     def kinds(self) -> tuple[str, ...]:
@@ -161,6 +181,8 @@ class Dataset:
 
     def meaning(self, column: Column) -> str:
         """Return what `column` holds; scores lie between the ends of this study's scale."""
+        if column.name != "score":
+            return column.description
         ends = {"minimum": self.rating.minimum, "maximum": self.rating.maximum}
         return column.description.format(**ends)
 
@@ -231,7 +253,8 @@ def dataset(
     digest = sha256()
     found = load_sessions(_digested(chains, digest))
     rehearsal = found.sessions["session_kind"].eq("rehearsal") & (not rehearsals)
-    trials = trial_table(found, found.sessions[~rehearsal])
+    questions = _questions(study, found.answers)
+    trials = trial_table(found, found.sessions[~rehearsal], questions)
     if trials.empty:
         raise NothingToExport(
             "nothing but rehearsals here; add --rehearsals to include them"
@@ -243,6 +266,7 @@ def dataset(
         study=study,
         sessions=found.sessions[~rehearsal & begun],
         trials=trials,
+        questions=questions,
         rehearsals_left_out=int(rehearsal.sum()),
         sessions_withdrawn=found.withdrawn,
         sessions_without_trials=int((~rehearsal & ~begun).sum()),
@@ -250,6 +274,17 @@ def dataset(
         touchbeam=touchbeam,
         broken_chains=tuple(broken_chains),
     )
+
+
+def _questions(study: Study, answers: pd.DataFrame) -> tuple[StudyQuestion, ...]:
+    asked = {question.name: question for question in study.question}
+    given = zip(values(answers["name"]), values(answers["when"]), strict=True)
+    earlier = {
+        name: StudyQuestion(name=name, kind="text", when=when)
+        for name, when in given
+        if name not in asked
+    }
+    return (*asked.values(), *earlier.values())
 
 
 def language_of(trials: pd.DataFrame) -> str | None:

@@ -5,7 +5,7 @@ from types import MappingProxyType
 
 from analysis.cells import BETWEEN_TOUCHES, csv_text, json_text
 from analysis.export.bids import bids_export
-from analysis.export.columns import COLUMNS, Column, known
+from analysis.export.columns import Column, known
 from analysis.export.dataset import Dataset
 from analysis.export.psychds import psychds_export
 from analysis.export.readme import changed
@@ -17,7 +17,7 @@ def csv_export(data: Dataset) -> dict[str, str]:
 
     Data of a journal that was changed come with a `README.md` that says so.
     """
-    described = {column.name: _described(column, data) for column in COLUMNS}
+    described = {column.name: _described(column, data) for column in data.columns}
     return {
         **({"README.md": changed(data)} if data.broken_chains else {}),
         "trials.csv": trials_csv(data),
@@ -27,7 +27,7 @@ def csv_export(data: Dataset) -> dict[str, str]:
 
 def trials_csv(data: Dataset) -> str:
     """Return all trials as one table."""
-    return csv_text([column.name for column in COLUMNS], cells(data.trials))
+    return csv_text([column.name for column in data.columns], cells(data.trials))
 
 
 def _described(column: Column, data: Dataset) -> dict[str, object]:
@@ -37,6 +37,7 @@ def _described(column: Column, data: Dataset) -> dict[str, object]:
             "unit": column.unit,
             "levels": dict(data.levels(column)),
             "one_per_touch_separated_by": BETWEEN_TOUCHES if column.per_touch else None,
+            "any_separated_by": BETWEEN_TOUCHES if column.several else None,
         }
     )
 

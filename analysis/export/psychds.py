@@ -6,7 +6,7 @@ Psych-DS 1.5.0; the terms are those of schema.org.
 from typing import Any
 
 from analysis.cells import csv_cell, csv_text, json_text
-from analysis.export.columns import COLUMNS, Column, known
+from analysis.export.columns import Column, known
 from analysis.export.dataset import Dataset
 from analysis.export.readme import readme
 from analysis.export.trial_table import cells
@@ -38,7 +38,7 @@ def _sessions(data: Dataset) -> dict[str, str]:
     for (who, number), trials in data.by_session():
         session = f"_session-{number}" if data.several_sessions else ""
         path = f"data/subject-{data.subject_labels[who]}{session}_task-{data.task}_data.csv"
-        files[path] = csv_text([column.name for column in COLUMNS], cells(trials))
+        files[path] = csv_text([column.name for column in data.columns], cells(trials))
     return files
 
 
@@ -64,7 +64,7 @@ def _dataset_description(data: Dataset) -> dict[str, Any]:
         "sourceOrganization": known(organisation) if facts.institution is not None else None,
         "creativeWorkStatus": "contains rehearsals" if "rehearsal" in data.kinds else None,
         "isBasedOn": f"study journal, SHA-256 of its events {data.source_sha256}",
-        "variableMeasured": [_variable(column, data) for column in COLUMNS],
+        "variableMeasured": [_variable(column, data) for column in data.columns],
     }
     return known(described)
 
@@ -74,7 +74,7 @@ def _variable(column: Column, data: Dataset) -> dict[str, Any]:
         {"@type": "DefinedTerm", "name": csv_cell(level), "description": meaning}
         for level, meaning in data.levels(column).items()
     ]
-    listed = " One value per touch, with semicolons between." if column.per_touch else ""
+    listed = f" {column.of_lists} Semicolons stand between." if column.of_lists else ""
     return known(
         {
             "@type": "PropertyValue",

@@ -1,15 +1,16 @@
-"""The exported table: a row per trial that was begun, with the columns of `COLUMNS`."""
+"""The exported table: a row per trial that was begun, with a column per `Column`."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from analysis.cells import Cell
-from analysis.export.columns import COLUMNS
+from analysis.export.columns import COLUMNS, question_columns
 from analysis.loading.records import values
 from analysis.loading.sessions import Sessions
+from protocol.study.study_question import StudyQuestion
 
 _NOTED = {
     "skin_state": "skin state",
@@ -22,10 +23,13 @@ _SESSION_NAMES = {"exclusion": "session_exclusion", "inclusion": "session_inclus
 """The columns of sessions that have the names of columns of trials."""
 
 
-def trial_table(found: Sessions, sessions: pd.DataFrame) -> pd.DataFrame:
+def trial_table(
+    found: Sessions, sessions: pd.DataFrame, questions: Sequence[StudyQuestion]
+) -> pd.DataFrame:
     """Return the trials of `sessions`, some of those `found`, as they are exported.
 
-    Values of a plan or an attempt are missing for a published score.
+    Values of a plan or an attempt are missing for a published score. The answers to `questions`
+    stand in the last columns.
     """
     of_session = sessions.rename(columns=_SESSION_NAMES)
     trials = found.trials.join(of_session.drop(columns="study_sha256"), "session_id", "inner")
@@ -43,11 +47,40 @@ def trial_table(found: Sessions, sessions: pd.DataFrame) -> pd.DataFrame:
         answered_utc=_utc(trials["answered_utc"]),
         touchbeam_version=[versions.get("touchbeam") for versions in trials["versions"]],
         **_touches(found.touches, trials.index),
+        **_answers(found.answers, trials, questions),
     )
     for column, question in _NOTED.items():
         table[column] = [noted.get(question) for noted in trials["operator_noted"]]
     table["touches"] = table["touches"].astype("Int64").where(planned)
-    return table[[column.name for column in COLUMNS]]
+    return table[[column.name for column in (*COLUMNS, *question_columns(questions))]]
+
+
+def _answers(
+    answers: pd.DataFrame, trials: pd.DataFrame, questions: Sequence[StudyQuestion]
+) -> "dict[str, pd.Series[Any]]":
+    """Return answer and reaction time to each question for each of `trials`.
+
+    An answer about a trial belongs to its last attempt, one about a block to all of its trials,
+    any other to all trials of the session.
+    """
+    names, *keys = (values(answers[name]) for name in ("name", "session_id", "attempt_id", "block"))
+    told = zip(values(answers["answer"]), values(answers["reaction_time_s"]), strict=True)
+    given = dict(zip(zip(names, *keys, strict=True), told, strict=True))
+    places = list(
+        zip(values(trials["session_id"]), trials.index, values(trials["block"]), strict=True)
+    )
+    table: dict[str, pd.Series[Any]] = {}
+    for question in questions:
+        name = question.name
+        found = []
+        for session, attempt, block in places:
+            about = ((attempt, None), (None, block), (None, None))
+            known = (given[key] for each in about if (key := (name, session, *each)) in given)
+            found.append(next(known, (None, None)))
+        for number, column in enumerate(question_columns([question])):
+            told_there = [pair[number] for pair in found]
+            table[column.name] = pd.Series(told_there, trials.index, object)
+    return table
 
 
 def _scores(scores: "pd.Series[float]", whole: "pd.Series[bool]") -> "pd.Series[Any]":
@@ -80,4 +113,4 @@ def _touches(touches: pd.DataFrame, attempts: "pd.Index[int]") -> dict[str, list
 
 def cells(table: pd.DataFrame) -> Iterable[tuple[Cell, ...]]:
     """Return the cells of each row of a table of trials."""
-    return zip(*(values(table[column.name]) for column in COLUMNS), strict=True)
+    return zip(*(values(table[name]) for name in table.columns), strict=True)

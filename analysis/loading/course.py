@@ -12,6 +12,7 @@ import pandas as pd
 
 from analysis.loading.records import (
     REHEARSED,
+    AnswerRow,
     AttemptRow,
     Exclusion,
     Incident,
@@ -28,6 +29,7 @@ from protocol.journal.events import (
     NoteTaken,
     Paused,
     PracticeRenewed,
+    QuestionAnswered,
     ResonanceMeasured,
     RigDescribed,
     ScoresImported,
@@ -45,7 +47,7 @@ from protocol.journal.events import (
     TrialIncluded,
     TrialStarted,
 )
-from protocol.journal.records import PlannedTrial, TraceSample
+from protocol.journal.records import PlannedTrial, QuestionAnswer, TraceSample
 from protocol.study.touch import Touch
 
 _SESSION_COLUMNS = frozenset(entry.name for entry in fields(SessionRow))
@@ -58,6 +60,7 @@ class Rows:
     sessions: Table[SessionRow] = field(default_factory=lambda: Table(SessionRow))
     attempts: Table[AttemptRow] = field(default_factory=lambda: Table(AttemptRow))
     touches: Table[TouchRow] = field(default_factory=lambda: Table(TouchRow))
+    answers: Table[AnswerRow] = field(default_factory=lambda: Table(AnswerRow))
     sampled: list[int] = field(default_factory=list)
     samples: "array[float]" = field(default_factory=lambda: array("d"))
     incidents: list[Incident] = field(default_factory=list)
@@ -254,6 +257,33 @@ class Course:
         began_s = attempt.started_monotonic_s
         if began_s is not None:
             attempt.duration_s = round(self._stored.monotonic_s - began_s, 6)
+        for given in event.questions:
+            self._add_answer(given, "trial", attempt_id=self._rows.attempts.last_id)
+
+    @_take.register
+    def _question_answered(self, event: QuestionAnswered) -> None:
+        self._add_answer(event, event.when, block=event.block)
+
+    def _add_answer(
+        self,
+        given: QuestionAnswer,
+        when: str,
+        *,
+        attempt_id: int | None = None,
+        block: int | None = None,
+    ) -> None:
+        answer = tuple(given.answer) if isinstance(given.answer, list) else given.answer
+        self._rows.answers.append(
+            AnswerRow(
+                session_id=self._rows.sessions.last_id,
+                name=given.name,
+                when=when,
+                answer=answer,
+                reaction_time_s=given.reaction_time_s,
+                attempt_id=attempt_id,
+                block=block,
+            )
+        )
 
     @_take.register
     def _trial_aborted(self, event: TrialAborted) -> None:

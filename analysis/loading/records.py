@@ -1,4 +1,4 @@
-"""Rows of the tables of sessions, attempts and touches, and records of exclusions and incidents.
+"""Rows of the tables of sessions, attempts, touches and answers; exclusions and incidents.
 
 A field of a row is a column of its table; its type decides on the column's (see `Table`), and None
 is a missing value. Names end in the unit: `_s`, `_v` (amplitude, peak), `_hz`, `_m`, `_n`. A
@@ -55,6 +55,7 @@ class SessionRow:
     exclusion: str | None = None
     inclusion: str | None = None
     language: str | None = None
+    answer_order: str | None = None
     slot: int | None = None
     seed: Any = None  # an integer of any size
     study_sha256: str | None = None
@@ -144,6 +145,25 @@ class TouchRow:
     force_ok: bool | None = None
     place_ok: bool | None = None
     speed_ok: bool | None = None
+
+
+@dataclass(kw_only=True, slots=True)
+class AnswerRow:
+    """The answer to a question of the study's own.
+
+    - `session_id`: the row of the session.
+    - `attempt_id`: the row of the attempt if it is about a trial.
+    - `when`: `trial`, `block`, `before` or `after`; `block` is the number of the block just over.
+    - `answer`: a label's value, a tuple of them, a number or a text; None if it was skipped.
+    """
+
+    session_id: int
+    name: str
+    when: str
+    answer: Any
+    reaction_time_s: float
+    attempt_id: int | None = None
+    block: int | None = None
 
 
 class Table(Generic[Row]):

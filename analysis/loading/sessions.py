@@ -34,6 +34,7 @@ class Sessions:
     - `attempts`: an `AttemptRow` per attempt at a trial and per score of a published table, session
       by session, in the order of their beginnings, with the index `attempt_id`.
     - `touches`: a `TouchRow` per touch, with the index `touch_id`.
+    - `answers`: an `AnswerRow` per answer to a question of the study's own.
     - `traces`: a row per sample of the finger: `touch_id`, `t_s` (the device's clock), `force_n`,
       `position_m`.
     - `incidents`, `exclusions`: in the order of the journal; exclusions are the operator's.
@@ -43,6 +44,7 @@ class Sessions:
     sessions: pd.DataFrame
     attempts: pd.DataFrame
     touches: pd.DataFrame
+    answers: pd.DataFrame
     traces: pd.DataFrame
     incidents: tuple[Incident, ...]
     exclusions: tuple[Exclusion, ...]
@@ -123,6 +125,7 @@ def load_sessions(chains: Iterable[Sequence[StoredEvent]]) -> Sessions:
         Course(rows).read(events)
         rows.attempts.pack()
         rows.touches.pack()
+        rows.answers.pack()
     sessions = rows.sessions.frame()
     rehearsed = sessions["session_kind"].eq("rehearsal")
     names = sessions["participant"]
@@ -138,6 +141,7 @@ def load_sessions(chains: Iterable[Sequence[StoredEvent]]) -> Sessions:
         ),
         attempts=rows.attempts.frame(),
         touches=rows.touches.frame(),
+        answers=rows.answers.frame(),
         traces=rows.traces(),
         incidents=tuple(map(told, rows.incidents)),
         exclusions=tuple(map(told, rows.exclusions)),

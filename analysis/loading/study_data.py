@@ -11,7 +11,7 @@ from analysis.loading.exclusions import excluded_by_rule
 from analysis.loading.missing_scores import EmptyCells, empty_cells
 from analysis.loading.records import Exclusion, Incident, values
 from analysis.loading.score_table import ScoreTable
-from analysis.loading.sessions import is_scored, load_sessions
+from analysis.loading.sessions import Sessions, is_scored, load_sessions
 from protocol.errors import BadInput
 from protocol.journal.events import StoredEvent
 from protocol.journal.records import VirtualTruth
@@ -53,6 +53,8 @@ class StudyData:
 
     - `trials`: the answered trials that count, excluded ones not among them: `Sessions.answered`
       with `participant` and `session`.
+    - `answers`: those to the study's own questions, of the sessions and trials that count:
+      `Sessions.answers` with `participant`, `session`, `trial_kind` and `condition`.
     - `touches`: those of `trials`: `Sessions.touches` with `place_m`.
     - `empty`: why a cell of the table has no score.
     - `orders`: of the sessions that count, excluded trials among them; none of published scores.
@@ -68,6 +70,7 @@ class StudyData:
     trials_excluded: int
     trials: pd.DataFrame
     touches: pd.DataFrame
+    answers: pd.DataFrame
     left_out: tuple[Exclusion, ...]
     incidents: tuple[Incident, ...]
     recording: Recording
@@ -140,6 +143,7 @@ def load_study_data(
         trials_excluded=len(trials_left_out),
         trials=trials,
         touches=touches.assign(place_m=found.places_m),
+        answers=_answers(found, names[names["participant"].isin(subjects)], trials),
         left_out=(
             *(out for out in found.exclusions if out.trial is None),
             *trials_left_out,
@@ -169,6 +173,13 @@ def _orders(answered: pd.DataFrame, sessions: pd.DataFrame) -> tuple[SessionOrde
         )
         for _, rows in known.groupby("session_id")
     )
+
+
+def _answers(found: Sessions, names: pd.DataFrame, trials: pd.DataFrame) -> pd.DataFrame:
+    """Return the answers to the study's own questions in sessions and trials that count."""
+    answers = found.answers.join(names, on="session_id", how="inner")
+    of_trial = answers.join(trials[["trial_kind", "condition"]], on="attempt_id")
+    return of_trial[of_trial["attempt_id"].isna() | of_trial["trial_kind"].notna()]
 
 
 def _recording(sessions: pd.DataFrame) -> Recording:

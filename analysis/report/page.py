@@ -32,6 +32,7 @@ SECTIONS: tuple[Callable[[Findings], Section], ...] = (
     model_checks.recovery,
     ranges.section,
     session_checks.section,
+    scores.own_questions,
     left_out.section,
     methods.section,
     provenance.section,

@@ -61,6 +61,7 @@ _KEYS = (
         "laws",
         "checks",
         "signal",
+        "questions",
         "trials",
         "provenance",
     ),

@@ -24,7 +24,13 @@ that earlier builds did not write is absent, it has the value in the column *if 
 keys are required.
 """
 
-_PLAIN = {str: "text", int: "whole number", float: "number", bool: "true or false"}
+_PLAIN: dict[Any, str] = {
+    Any: "any value",
+    str: "text",
+    int: "whole number",
+    float: "number",
+    bool: "true or false",
+}
 
 
 def event_list() -> str:

@@ -17,6 +17,7 @@ from protocol.journal.records import (
     Identity,
     InstructionResponse,
     PlannedTrial,
+    QuestionAnswer,
     ReadBack,
     TraceSample,
     VirtualTruth,
@@ -57,6 +58,9 @@ class SessionOpened(Event):
         VirtualTruth | None, Key("the true parameters, if the participant is virtual", missing=None)
     ] = None
     versions: Annotated[Mapping[str, str], Key("of touchbeam and Python", missing={})]
+    answer_order: Annotated[
+        str, Key("of the answers to choose from: `forward` or `reversed`", missing="forward")
+    ] = "forward"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -204,6 +208,20 @@ class Answered(Event):
     judged: Annotated[
         tuple[Compliance, ...], Key("whether each touch was as instructed", missing=())
     ]
+    questions: Annotated[
+        tuple[QuestionAnswer, ...],
+        Key("the answers to the study's own questions after the trial", missing=()),
+    ] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class QuestionAnswered(QuestionAnswer, Event):
+    """A question of the study's own is answered, before, between or after the blocks."""
+
+    TAG: ClassVar = "question-answered"
+
+    when: Annotated[str, Key("`before`, `block` or `after`")]
+    block: Annotated[int | None, Key("number of the block just over, if any", missing=None)]
 
 
 @dataclass(frozen=True, kw_only=True)

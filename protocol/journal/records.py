@@ -118,6 +118,18 @@ NOT_JUDGED = Compliance(force_n=None, force_ok=None, place_ok=None)
 
 
 @dataclass(frozen=True, kw_only=True)
+class QuestionAnswer(JsonRecord):
+    """The answer to a question of the study's own."""
+
+    name: Annotated[str, Key("name of the question")]
+    answer: Annotated[
+        Any, Key("a label's value, a list of them, a number or a text; null if it was skipped")
+    ]
+    reaction_time_s: Annotated[float, Key("from the question to the answer, s")]
+    trace: Annotated[Mapping[str, Any] | None, Key("how it was given, see [window.md](window.md)")]
+
+
+@dataclass(frozen=True, kw_only=True)
 class InstructionResponse(JsonRecord):
     """How the participant got ready for a touch."""
 

@@ -21,6 +21,7 @@ _FOLDED = frozenset(
         events.TrialAborted,
         events.TrialDeferred,
         events.Answered,
+        events.QuestionAnswered,
         events.TrialExcluded,
         events.TrialIncluded,
     )
@@ -33,6 +34,7 @@ class SessionState:
     """The result of the events so far. Only `take` changes it.
 
     `touch` is the number of the running trial's last touch, None before its first one.
+    `questions` holds name and block of each answer that was given apart from the trials.
     """
 
     name: str = "new"
@@ -41,6 +43,7 @@ class SessionState:
     touch: int | None = None
     beam: str | None = None
     answers: dict[int, str] = field(default_factory=dict)
+    questions: set[tuple[str, int | None]] = field(default_factory=set)
     answered_twice: list[int] = field(default_factory=list)
     aborted: list[int] = field(default_factory=list)
     deferred: list[tuple[int, int]] = field(default_factory=list)
@@ -87,14 +90,15 @@ class SessionState:
         match event:
             case events.SessionOpened() | events.ScoresImported():
                 self.opened = event
-            case events.SessionResumed():
-                self.beam = None  # another may have been mounted during the interruption
-            case events.BeamMounted():
-                self.beam = event.beam
+            case events.SessionResumed() | events.BeamMounted():
+                # Another may have been mounted during an interruption.
+                self.beam = event.beam if isinstance(event, events.BeamMounted) else None
             case events.PracticeRenewed():
                 again = set(event.indices)
                 self.answers = {n: text for n, text in self.answers.items() if n not in again}
                 self.practice_rounds += 1
+            case events.QuestionAnswered():
+                self.questions.add((event.name, event.block))
             case events.TouchStarted():
                 self.touch = event.touch
             case events.TrialExcluded() | events.TrialIncluded():

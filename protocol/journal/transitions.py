@@ -25,6 +25,7 @@ _TABLE: dict[tuple[str, type[Event]], str] = {
     ("armed", events.ResonanceMeasured): "armed",
     ("armed", events.BeamMounted): "armed",
     ("armed", events.TrialStarted): "trial",
+    ("armed", events.QuestionAnswered): "armed",
     ("armed", events.Paused): "paused",
     ("paused", events.Unpaused): "armed",
     ("armed", events.DeviceOff): "idle",

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from protocol.errors import Problem
 from protocol.plan.blocks import MAX_GROUPS, beam_groups, grouping, most_swaps
-from protocol.plan.trials import beams_of, touches_s
+from protocol.plan.trials import beams_of, between_trials_s, touches_s
 from protocol.study.questions import ANSWERS
 from protocol.study.study import Study
 from protocol.study.touch import Touch
@@ -161,6 +161,7 @@ def most_session_s(study: Study) -> float:
     design = study.design
     trials_s = [
         _asked_s(study, at_level(condition.touches, max(condition.levels)), scored=True)
+        + study.timing.answer_s * len(study.questions_after(condition.name))
         for condition in study.condition
     ]
     opening_s = sum(_asked_s(study, opening.touches, scored=False) for opening in study.opening)
@@ -168,7 +169,8 @@ def most_session_s(study: Study) -> float:
     blocks = design.repeats * (len(beam_groups(study)) if grouping(study) == "session" else 1)
     breaks = (blocks - 1) // design.break_every_blocks if design.break_every_blocks else 0
     swaps_s = most_swaps(study, grouping(study)) * study.timing.beam_swap_s
-    return opening_s + extra_s + design.repeats * sum(trials_s) + breaks * design.break_s + swaps_s
+    once_s = breaks * design.break_s + swaps_s + between_trials_s(study, 1, blocks)
+    return opening_s + extra_s + design.repeats * sum(trials_s) + once_s
 
 
 def _asked_s(study: Study, touches: tuple[Touch, ...], *, scored: bool) -> float:

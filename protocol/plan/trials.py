@@ -76,6 +76,7 @@ def trial_s(study: Study, trial: Trial) -> float:
     """Return the expected duration of a trial and the pause before it, without beam swaps, s."""
     timing = study.timing
     asked_s = (timing.answer_s if trial.question else 0.0) + (timing.score_s * trial.scored)
+    asked_s += timing.answer_s * len(study.questions_after(trial.condition))
     return trial.break_s + timing.inter_trial_s + touches_s(study, trial.touches) + asked_s
 
 
@@ -86,7 +87,9 @@ def plan_swaps(study: Study, plan: Plan) -> int:
 
 def session_s(study: Study, plan: Plan) -> float:
     """Return the expected duration of a session, s."""
-    return remaining_s(study, plan.trials, study.touch.beam)
+    blocks = max((trial.block for trial in plan.trials), default=0)
+    asked_s = between_trials_s(study, plan.session, blocks)
+    return remaining_s(study, plan.trials, study.touch.beam) + asked_s
 
 
 def remaining_s(study: Study, trials: Sequence[Trial], mounted: str | None) -> float:
@@ -104,3 +107,12 @@ def remaining_s(study: Study, trials: Sequence[Trial], mounted: str | None) -> f
 def _swaps(study: Study, trials: Sequence[Trial], mounted: str | None) -> int:
     touches = [touch for trial in trials for touch in trial.touches]
     return swap_count((mounted, *beams_of(touches, study.touch.beam)))
+
+
+def between_trials_s(study: Study, session: int, blocks: int) -> float:
+    """Return how long pages, and questions before, between and after blocks, take, s."""
+    once = len(study.questions("before", session)) + len(study.questions("after", session))
+    asked_s = study.timing.answer_s * (once + blocks * len(study.questions("block")))
+    introduced = [study.pages("block", block) for block in range(1, blocks + 1)]
+    pages = sum(map(len, [study.pages("session"), study.pages("practice"), *introduced]))
+    return asked_s + study.timing.reading_s * pages

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from math import inf
+from typing import get_args
 
 from protocol.plan.trials import Trial
 from protocol.preview.precision import Precision, confounded
@@ -14,6 +15,7 @@ from protocol.preview.preview import (
     scored_contrasts,
 )
 from protocol.proof.cohort import balance_guaranteed, sequences
+from protocol.study.study_question import When
 
 
 def preview_lines(shown: Preview, model: Prediction) -> Iterator[str]:
@@ -29,6 +31,7 @@ def preview_lines(shown: Preview, model: Prediction) -> Iterator[str]:
     yield "Finger: what else changes between touches; x1.5: press 1.5 times as hard."
     yield ""
     yield from _session_lines(shown)
+    yield from _question_lines(shown)
     yield ""
     yield from _carryover_lines(shown)
     yield ""
@@ -91,6 +94,15 @@ def _columns(text: str) -> int:
     from unicodedata import combining, east_asian_width
 
     return sum((east_asian_width(sign) in "WF") + (not combining(sign)) for sign in text)
+
+
+def _question_lines(shown: Preview) -> Iterator[str]:
+    heading = "Questions"
+    for when in get_args(When):
+        if names := [question.name for question in shown.study.questions(when)]:
+            time = {"trial": "after trials", "block": "after blocks"}.get(when, when)
+            yield f"{heading:<11} {time}: {', '.join(names)}"
+            heading = ""
 
 
 def _session_lines(shown: Preview) -> Iterator[str]:

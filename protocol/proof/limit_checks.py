@@ -76,7 +76,18 @@ def plan_s(study: Study, plan: Plan) -> float:
     timing, rig = study.timing, study.rig
     mounted = _mounted(study, plan)
     total_s = timing.beam_swap_s * sum(a != b for a, b in pairwise(mounted))
+    blocks = len({trial.block for trial in plan.trials} - {0})
+    times = {"before": 1, "after": 1, "block": blocks}
+    for page in study.page:
+        every_block = blocks if page.block is None else page.block <= blocks
+        total_s += timing.reading_s * (every_block if page.before == "block" else 1)
+    for question in study.question:
+        if question.sessions == "every" or plan.session == 1:
+            total_s += timing.answer_s * times.get(question.when, 0)
     for trial in plan.trials:
+        after = [question for question in study.question if question.when == "trial"]
+        asked = [q for q in after if not q.conditions or trial.condition in q.conditions]
+        total_s += timing.answer_s * len(asked) * (trial.condition is not None)
         total_s += trial.break_s + timing.inter_trial_s
         total_s += timing.answer_s * (trial.question is not None) + timing.score_s * trial.scored
         total_s += timing.between_touches_s * (len(trial.touches) - 1)

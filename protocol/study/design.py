@@ -1,16 +1,21 @@
-"""The design of a study, and facts for publication."""
+"""The design of a study, the pauses and durations of its sessions, and facts for publication."""
 
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from protocol.study.fields import Count, Line, Record, Whole
-from protocol.study.timing import LongPause
+from protocol.study.fields import Count, Line, NotNegative, Positive, Record, Whole
 
 Order = Literal["williams", "blocks", "random", "fixed"]
 Grouping = Literal["no", "block", "session"]
 MOST_REPEATS = 20
 """Of a condition in a session."""
+Pause = Annotated[NotNegative, Field(le=600)]
+"""Within a trial or before it, s: more than 10 minutes are in ms."""
+ReadableTime = Annotated[NotNegative, Field(le=10)]
+"""Of a page, s: with more than 10 s people take the button for broken."""
+LongPause = Annotated[NotNegative, Field(le=3_600)]
+"""Between trials, s: more than an hour ends the session."""
 
 
 class Design(Record):
@@ -85,6 +90,28 @@ class Design(Record):
                 f"got {self.opposite_repeats}"
             )
         return self
+
+
+class Timing(Record):
+    """Pauses that the session keeps, and assumptions from which its duration is estimated.
+
+    A session waits for as long as a pause says. What is assumed is waited for by nobody: it enters
+    the length that `touchbeam check` foresees, the time left that the operator sees, and the limit
+    on it.
+    """
+
+    between_touches_s: Annotated[Pause, Field(description="pause within a trial")] = 1.0
+    inter_trial_s: Annotated[Pause, Field(description="pause before a trial")] = 2.0
+    readable_s: Annotated[
+        ReadableTime, Field(description="a page stands this long before its button works")
+    ] = 1.0
+    reading_s: Annotated[Pause, Field(description="assumed, to read an instruction")] = 4.0
+    answer_s: Annotated[Pause, Field(description="assumed, to answer a question")] = 5.0
+    score_s: Annotated[Pause, Field(description="assumed, to give a score")] = 5.0
+    beam_swap_s: Annotated[LongPause, Field(description="assumed, to mount another beam")] = 60.0
+    max_session_s: Annotated[
+        Positive, Field(le=14_400, description="longest session that may be planned")
+    ] = 5_400.0
 
 
 class Publication(Record):

@@ -4,7 +4,7 @@ Nothing here tells what the device does in a trial or which answer is expected: 
 is all that differs.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from protocol.errors import Path
@@ -16,8 +16,9 @@ from protocol.study.languages import (
     built_in_codes,
     reference_texts,
 )
-from protocol.study.rating import PAPERS_BANDS, PAPERS_SCALE, Band, Rating
+from protocol.study.rating import PAPERS_BANDS, PAPERS_SCALE, Band
 from protocol.study.study import Study
+from protocol.study.study_question import SCORE, Label, StudyQuestion
 from protocol.study.touch import Touch
 
 
@@ -40,6 +41,8 @@ def study_codes(study: Study) -> tuple[str, ...]:
 def required_codes(study: Study) -> tuple[str, ...]:
     """Return the codes of the languages in which the study must be complete."""
     wanted = {*study.session.languages, *study.languages, *study.texts}
+    if "language" in study.session.model_fields_set:
+        wanted.add(study.session.language)
     return tuple(code for code in study_codes(study) if code in wanted)
 
 
@@ -64,7 +67,7 @@ def study_wording(study: Study, code: str) -> Wording:
             texts[key] = texts[key].format(**fingers)
     return Wording(
         code=code,
-        texts=texts,
+        texts={**texts, **_page_texts(study, code)},
         bands=read.bands,
         fonts=read.fonts,
         font_package=read.font_package,
@@ -76,6 +79,21 @@ def finger_texts() -> tuple[str, ...]:
     return tuple(key for key, text in reference_texts().items() if "{hand}" in text)
 
 
+def page_key(number: int) -> str:
+    """Return the key of the text of a page of the study's own."""
+    return f"page.{number}"
+
+
+def is_own_page(key: str) -> bool:
+    """Return whether a text of this key fills a page of the study's own."""
+    return key.startswith("page.")
+
+
+def _page_texts(study: Study, code: str) -> dict[str, str]:
+    pages = enumerate(study.page)
+    return {page_key(number): page.text[code] for number, page in pages if code in page.text}
+
+
 def language(study: Study, code: str) -> Language:
     """Return a language as its file has it: the study's own before the built-in one."""
     return study.languages[code] if code in study.languages else built_in(code)
@@ -85,6 +103,9 @@ def text_path(study: Study, code: str, key: str) -> Path | None:
     """Return where in the study file a text of the study's own stands; None for a built-in one."""
     if key in study.texts.get(code, {}):
         return ("texts", code, key)
+    for number in range(len(study.page)):
+        if key == page_key(number):
+            return ("page", number, "text", code)
     if code in study.languages and key in study.languages[code].texts:
         return ("languages", code, "texts", key)
     return None
@@ -100,9 +121,21 @@ def touch_text(touch: Touch) -> str:
     return f"touch{full or '.smooth'}" + (".harder" if touch.press > 1 else "")
 
 
-def score_text(wording: Wording, rating: Rating) -> str:
-    """Return the question for a score; it names the ends of the scale."""
-    return wording.texts["score"].format(minimum=rating.minimum, maximum=rating.maximum)
+def question_text(question: StudyQuestion, wording: Wording) -> str:
+    """Return what `question` asks; that for a score names the ends of the scale."""
+    own = question.text.get(wording.code)
+    if own is not None:
+        return own
+    if question.name == SCORE:
+        ends = {"minimum": question.place(0), "maximum": question.place(question.places)}
+        return wording.texts[SCORE].format(**ends)
+    return wording.texts[f"question.{question.name}"]
+
+
+def label_text(label: Label, wording: Wording) -> str:
+    """Return what is read at `label`."""
+    own = label.names.get(wording.code)
+    return wording.texts[f"answer.{label.value}"] if own is None else own
 
 
 def band_name(band: Band, wording: Wording) -> str | None:
@@ -111,11 +144,9 @@ def band_name(band: Band, wording: Wording) -> str | None:
     return wording.bands.get(band.names.get(REFERENCE, "")) if given is None else given
 
 
-def band_names(rating: Rating, wording: Wording) -> tuple[str, ...]:
-    """Return the bands of the scale as a participant reads them, such as `1-4 very weak`."""
-    return tuple(
-        f"{_span(band.first, band.last)} {band_name(band, wording)}" for band in rating.bands
-    )
+def band_names(bands: Iterable[Band], wording: Wording) -> tuple[str, ...]:
+    """Return bands of the scale as a participant reads them, such as `1-4 very weak`."""
+    return tuple(f"{_span(band.first, band.last)} {band_name(band, wording)}" for band in bands)
 
 
 def _span(first: int, last: int) -> str:
@@ -125,7 +156,7 @@ def _span(first: int, last: int) -> str:
 def worded_as_built(study: Study) -> bool:
     """Return whether the study's participants read nothing but what comes with every study."""
     rating, papers = study.rating, PAPERS_SCALE
-    if study.texts or study.languages:
+    if study.texts or study.languages or study.question or study.page:
         return False
     has_papers_ends = (rating.minimum, rating.maximum) == (papers.minimum, papers.maximum)
     return has_papers_ends and all(map(_is_papers, rating.bands))
@@ -139,13 +170,31 @@ def _is_papers(band: Band) -> bool:
     )
 
 
+_OF_OWN_QUESTIONS = {"hint.several", "hint.analogue", "hint.typed", "button.skip"}
+"""Texts of pages that only a study with questions of its own has."""
+
+
+def required_texts(study: Study) -> tuple[str, ...]:
+    """Return the keys of the texts that every language of the study must have."""
+    keys = reference_texts()
+    return tuple(key for key in keys if study.question or key not in _OF_OWN_QUESTIONS)
+
+
 def lacking(study: Study, code: str) -> Iterator[str]:
     """Yield what participants of the study could not read in the language `code`, in words."""
     wording = study_wording(study, code)
     touches = (touch for item in (*study.opening, *study.condition) for touch in item.touches)
-    for key in dict.fromkeys([*reference_texts(), *map(touch_text, touches)]):
+    pages = map(page_key, range(len(study.page)))
+    for key in dict.fromkeys([*required_texts(study), *pages, *map(touch_text, touches)]):
         if key not in wording.texts:
             yield f"the text {key!r}"
     for band in study.rating.bands:
         if band_name(band, wording) is None:
             yield f"a name of the scores {_span(band.first, band.last)}"
+    for question in study.question:
+        if not all(code in names for names in (question.text, *map(_names, question.labels))):
+            yield f"a text of the question {question.name!r}"
+
+
+def _names(label: Label) -> dict[str, str]:
+    return label.names

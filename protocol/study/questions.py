@@ -55,20 +55,6 @@ QUESTIONS: Mapping[Question, QuestionType] = {
 ANSWERS = {question: tuple(asked.answers) for question, asked in QUESTIONS.items()}
 
 
-def checked_answer(question: Question, answer: str) -> str:
-    """Return `answer` if `question` allows it.
-
-    Raises:
-        ValueError: it does not; the message names the answers that are allowed.
-    """
-    if answer not in ANSWERS[question]:
-        raise ValueError(
-            f"the answer about {question} must be one of {', '.join(ANSWERS[question])}, "
-            f"got {answer!r}"
-        )
-    return answer
-
-
 CONTRARIES = {answers[0]: answers[1] for answers in ANSWERS.values() if len(answers) > 2}
 """Answers and their contraries; a predicted contrast is positive for the former."""
 

@@ -73,16 +73,6 @@ class Rating(Record):
         """How far the ends of the scale are apart."""
         return self.maximum - self.minimum
 
-    def checked_score(self, score: int) -> int:
-        """Return `score` if it lies on the scale.
-
-        Raises:
-            ValueError: it does not.
-        """
-        if not self.minimum <= score <= self.maximum:
-            raise ValueError(f"rating must lie in [{self.minimum}, {self.maximum}], got {score}")
-        return score
-
 
 PAPERS_SCALE = Rating()
 """From 0 to 10 (section 5.2)."""

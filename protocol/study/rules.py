@@ -23,6 +23,16 @@ class SessionRules(Record):
     finger: Annotated[Finger, Field(description="of that hand, where one finger alone touches")] = (
         "index"
     )
+    language: Annotated[
+        KnownCode, Field(description="that a participant reads unless `--language` names another")
+    ] = "en"
+    answer_order: Annotated[
+        Literal["fixed", "counterbalanced"],
+        Field(
+            description="`counterbalanced`: every other participant sees the answers of choices "
+            "from last to first"
+        ),
+    ] = "fixed"
     operator_asks: Annotated[
         tuple[OperatorQuestion, ...],
         Field(description="what the operator notes before the first trial"),

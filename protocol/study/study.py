@@ -8,14 +8,14 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from protocol.study.design import Design, Publication
-from protocol.study.fields import Name, NotNegative, Positive, Record, Whole
+from protocol.study.design import Design, Publication, Timing
+from protocol.study.fields import Line, Name, NotNegative, Positive, Record, Whole
 from protocol.study.languages import Code, KnownCode, Language
 from protocol.study.questions import ANSWERS, Question
 from protocol.study.rating import Forecast, Rating
 from protocol.study.rig_settings import Rig
 from protocol.study.rules import Exclusions, SessionRules, TouchRules
-from protocol.study.timing import Timing
+from protocol.study.study_question import InstructionPage, StudyQuestion, When
 from protocol.study.touch import Touch, TouchDefaults
 
 Level = Annotated[Positive, Field(ge=0.001, le=200)]
@@ -143,6 +143,21 @@ class Study(Record):
             "`texts/CODE.toml` beside the study file."
         ),
     ] = Field(default_factory=dict)
+    question: Annotated[
+        tuple[StudyQuestion, ...],
+        Field(max_length=40, description="Questions of the study's own, in the order of asking."),
+    ] = ()
+    page: Annotated[
+        tuple[InstructionPage, ...],
+        Field(max_length=40, description="Pages to read, in their order."),
+    ] = ()
+    pictures: Annotated[
+        dict[str, Line],
+        Field(
+            description="Digests of the pictures (SHA-256), by name: `touchbeam` reads the files "
+            "and adds them to the study, so that a changed picture is a changed study."
+        ),
+    ] = Field(default_factory=dict)
     opening: Annotated[
         tuple[Opening, ...], Field(description="Trials that begin every session, not scored.")
     ] = ()
@@ -155,3 +170,27 @@ class Study(Record):
     def conditions(self) -> tuple[str, ...]:
         """Names of the conditions in the order of the file."""
         return tuple(condition.name for condition in self.condition)
+
+    def questions(self, when: When, session: int = 1) -> tuple[StudyQuestion, ...]:
+        """Return the study's own questions of a time in a participant's session, from 1."""
+        return tuple(
+            question
+            for question in self.question
+            if question.when == when and (question.sessions == "every" or session == 1)
+        )
+
+    def pages(self, before: str, block: int = 0) -> tuple[int, ...]:
+        """Return the numbers of the pages to read before the session, practice or a block."""
+        return tuple(
+            number
+            for number, page in enumerate(self.page)
+            if page.before == before and page.block in {None, block}
+        )
+
+    def questions_after(self, condition: str | None) -> tuple[StudyQuestion, ...]:
+        """Return the study's own questions after a trial of `condition`; None for an opening."""
+        return tuple(
+            question
+            for question in self.questions("trial")
+            if condition in (question.conditions or self.conditions)
+        )

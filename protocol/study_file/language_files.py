@@ -1,7 +1,8 @@
-"""Files of a study's own languages: how they go with the study file, and where they are wrong.
+"""Files beside a study file, languages and pictures: how they go with it, where they are wrong.
 
-The text of a study that has any ends with `[languages]`, which holds each file as one string. So
-whoever has the text has all that participants read, and its digest tells every change.
+The text of a study that has any ends with `[languages]`, which holds each file as one string, and
+`[pictures]`, which holds their digests. So the text has all that participants read, and its own
+digest tells every change.
 """
 
 import json
@@ -23,6 +24,26 @@ def with_languages(text: str, contents: Mapping[str, str]) -> str:
         for code, content in contents.items()
     ]
     return "\n".join([text.rstrip("\n"), "", "[languages]", *lines, ""])
+
+
+def picture_names(text: str) -> list[str]:
+    """Return the names of the pictures on the pages of a study, as far as they can be read."""
+    document = toml_document(text)
+    pages = [] if isinstance(document, Problem) else document.get("page", [])
+    tables = [page for page in pages if isinstance(page, dict)] if isinstance(pages, list) else []
+    names = (page.get("picture") for page in tables)
+    return list(dict.fromkeys(name for name in names if isinstance(name, str)))
+
+
+def with_pictures(text: str, digests: Mapping[str, str]) -> str:
+    """Return the text of a study together with the digests of its pictures, by name."""
+    if not digests:
+        return text
+    lines = [
+        f"{json.dumps(name, ensure_ascii=False)} = {json.dumps(digest)}"
+        for name, digest in digests.items()
+    ]
+    return "\n".join([text.rstrip("\n"), "", "[pictures]", *lines, ""])
 
 
 def whole_document(text: str) -> dict[str, Any] | Problem:

@@ -68,6 +68,82 @@ study; `session.languages` says in which languages a study must be complete.
 """
 
 
+_QUESTIONS = """\
+Such as:
+
+```toml
+[[question]]
+name = "pleasantness"
+kind = "scale"
+minimum = 1
+maximum = 7
+text = { en = "How pleasant was the last touch?", zh = "最后一次触摸有多舒适？" }
+labels = [
+  { at = 1, en = "very unpleasant", zh = "非常不舒适" },
+  { at = 7, en = "very pleasant", zh = "非常舒适" },
+]
+
+[[question]]
+name = "hand"
+kind = "choice"
+when = "before"
+sessions = "first"
+text = { en = "Which hand do you write with?", zh = "您用哪只手写字？" }
+labels = [
+  { value = "left", en = "the left one", zh = "左手" },
+  { value = "right", en = "the right one", zh = "右手" },
+]
+```
+
+| kind | needs | may have |
+|---|---|---|
+| `choice`, `several` | `labels` with a `value` each, 2 to 9 | |
+| `scale` | `minimum`, `maximum` | `step`, `ticks`, `labels` with `at` |
+| `analogue` | `labels` with `at = 0` and `at = 100` | |
+| `number` | | `minimum`, `maximum`, `decimals`, `unit` |
+| `text` | | `max_length` |
+
+A question needs a text in every language of the study; `session.languages = ["en"]` makes it one.
+Nothing is chosen before the first touch, and an answer counts once it is confirmed. An answer is
+journalled when it is given, and a resumed session does not ask it again. Each question is a column
+of the exported trials (an answer apart from a trial stands with all trials of its block or
+session), and has a table in the report.
+"""
+
+
+_PARTS = {
+    "rating": ("A band, in `bands`", "Band"),
+    "question": ("A label, in `labels`", "Label"),
+}
+"""The records within a section, each with its heading."""
+_PAGES = """\
+Such as:
+
+```toml
+[[page]]
+picture = "pictures/hand.png"
+text = { en = "Lay your hand on the rest, like this.", zh = "请像图中这样把手放在托架上。" }
+
+[[page]]
+before = "block"
+block = 2
+text = { en = "Half of it is done.", zh = "已完成一半。" }
+```
+
+A text must fit the smallest screen beside its picture; `touchbeam check` says so if it does not. A
+picture has at most 4 MB and 4096 pixels in width and height. It is a file in the study's folder,
+and no link. Pages before the session follow the welcome; a resumed session shows the pages before
+the session, and before the block in which it goes on, again.
+"""
+_REMARKS = {
+    "page": _PAGES,
+    "design": _DESIGN,
+    "as_instructed": _AS_INSTRUCTED,
+    "question": _QUESTIONS,
+    "languages": _LANGUAGES,
+}
+
+
 def study_file_page() -> str:
     """Return the page as Markdown."""
     schema = Study.model_json_schema()
@@ -82,17 +158,14 @@ def _sections(schema: _Schema) -> Iterator[str]:
         yield f"## `{_header(name, entry)}`\n\n{description}\n"
         if record:
             yield _table(record)
-        if name == "design":
-            yield _DESIGN
-        if name == "as_instructed":
-            yield _AS_INSTRUCTED
-        if name == "rating":
-            yield f"### A band, in `bands`\n\n{_table(records['Band'])}"
+        if name in _PARTS:
+            part, kind = _PARTS[name]
+            yield f"### {part}\n\n{_table(records[kind])}"
         if name == "texts":
             rows = [f"| `{key}` | {text} |" for key, text in reference_texts().items()]
             yield "\n".join(["| key | built-in text |", "|---|---|", *rows, ""])
-        if name == "languages":
-            yield _LANGUAGES
+        if name in _REMARKS:
+            yield _REMARKS[name]
     touch = records["Touch"]
     yield f"## A touch, in `touches`\n\n{touch['description']}\n\n{_table(touch).rstrip()}\n"
 
@@ -120,9 +193,8 @@ def _table(record: _Schema) -> str:
         for key, entry in record["properties"].items()
     ]
     if isinstance(other := record.get("additionalProperties"), dict):
-        rows.append(
-            f"| a language's code | {_kind(other)} | the language's own | {_meaning(other)} |"
-        )
+        default = "the language's own" if record["title"] == "Band" else "must be given"
+        rows.append(f"| a language's code | {_kind(other)} | {default} | {_meaning(other)} |")
     return "\n".join(["| key | value | default | meaning |", "|---|---|---|---|", *rows, ""])
 
 

@@ -1,6 +1,6 @@
 """What is wrong with the texts of a study: its own, those of its languages, the names of bands."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from itertools import combinations
 from string import Formatter
@@ -8,11 +8,12 @@ from unicodedata import category, normalize
 
 from protocol.errors import Path, Problem
 from protocol.study.fields import UNWANTED, unprintable
-from protocol.study.languages import LATER, Language, reference_texts
+from protocol.study.languages import Language, reference_texts
 from protocol.study.participant_texts import (
     band_name,
     finger_texts,
     required_codes,
+    required_texts,
     study_codes,
     study_wording,
     text_path,
@@ -29,7 +30,7 @@ def text_problems(study: Study) -> Iterator[Problem]:
     named = {touch.instruction for item in items for touch in item.touches if touch.instruction}
     for code in study_codes(study):
         if code in study.languages:
-            yield from _language_problems(code, study.languages[code], named)
+            yield from _language_problems(study, code, study.languages[code], named)
         own = study.texts.get(code, {})
         for key in own:
             yield from _text_problems(("texts", code, key), own[key], named)
@@ -60,27 +61,50 @@ def instruction_problem(study: Study, where: str, path: Path, touch: Touch) -> P
     )
 
 
-def _band_problems(study: Study, path: Path, band: Band) -> Iterator[Problem]:
+def unnamed_problems(
+    study: Study, path: Path, names: Mapping[str, str], others: Sequence[str] = ()
+) -> Iterator[Problem]:
+    """Yield each language that lacks its entry in `names`, and each entry of an unknown language.
+
+    The names stand at `path` of the study file, beside the keys `others`.
+    """
     known = study_codes(study)
-    for code in band.names:
+    for code, text in names.items():
         if code not in known:
-            yield _unknown_key((*path, code), ("from", "to", *known))
+            yield _unknown_key((*path, code), (*others, *known))
+        elif not plain(text) or unprintable(text):
+            rule = "a text must not be blank" if not plain(text) else f"a text {UNWANTED}"
+            where = dotted((*path, code))
+            yield Problem(where=where, rule=rule, value=repr(text), path=(*path, code))
     for code in required_codes(study):
-        if band_name(band, study_wording(study, code)) is None:
-            yield _not_given((*path, code))
+        if code not in names:
+            built_in = code not in study.languages and code not in study.texts
+            yield _not_given((*path, code), code if built_in else "")
 
 
-def _language_problems(code: str, language: Language, named: set[str]) -> Iterator[Problem]:
+def _band_problems(study: Study, path: Path, band: Band) -> Iterator[Problem]:
+    built_in = {
+        code: name
+        for code in required_codes(study)
+        if (name := band_name(band, study_wording(study, code))) is not None
+    }
+    yield from unnamed_problems(study, path, {**built_in, **band.names}, ("from", "to"))
+
+
+def _language_problems(
+    study: Study, code: str, language: Language, named: set[str]
+) -> Iterator[Problem]:
     """What is wrong with a language of the study's own."""
-    for key in reference_texts():
-        if key not in language.texts and key not in LATER:
+    for key in required_texts(study):
+        if key not in language.texts:
             yield _not_given(("languages", code, "texts", key))
     for key, text in language.texts.items():
         yield from _text_problems(("languages", code, "texts", key), text, named)
 
 
-def _not_given(path: Path) -> Problem:
-    return Problem(where=dotted(path), rule="must be given", value="nothing", path=path)
+def _not_given(path: Path, code: str = "") -> Problem:
+    hint = f"or leave {code!r} out of session.languages" if code else ""
+    return Problem(where=dotted(path), rule="must be given", value="nothing", hint=hint, path=path)
 
 
 def _unknown_key(path: Path, known: Sequence[str], more: Iterable[str] = ()) -> Problem:
@@ -100,15 +124,10 @@ def _text_problems(path: Path, text: str, named: set[str]) -> Iterator[Problem]:
     key, where, known = str(path[-1]), dotted(path), reference_texts()
     if key not in known and key not in named:
         yield _unknown_key(path, tuple(known), named)
-    elif not _plain(text):
+    elif not plain(text):
         yield Problem(where=where, rule="a text must not be blank", value=repr(text), path=path)
-    elif key.startswith("answer.") and (text.strip().isdecimal() or text.strip()[:1] == ":"):
-        yield Problem(
-            where=where,
-            rule="an answer must be no number, for these are typed to choose, nor begin with ':'",
-            value=repr(text),
-            path=path,
-        )
+    elif key.startswith("answer.") and is_typed_to_choose(text):
+        yield Problem(where=where, rule=TYPED_TO_CHOOSE, value=repr(text), path=path)
     elif unprintable(text):
         yield Problem(where=where, rule=f"a text {UNWANTED}", value=repr(text), path=path)
     elif _fields(text) not in (allowed := _allowed_fields(key)):
@@ -118,6 +137,14 @@ def _text_problems(path: Path, text: str, named: set[str]) -> Iterator[Problem]:
         )
 
 
+TYPED_TO_CHOOSE = "an answer must be no number, for these are typed to choose, nor begin with ':'"
+
+
+def is_typed_to_choose(text: str) -> bool:
+    """Return whether `text` is what someone types at a terminal for another purpose."""
+    return text.strip().isdecimal() or text.strip()[:1] == ":"
+
+
 def _alike_answers(study: Study, code: str) -> Iterator[Problem]:
     """Answers to one question that a participant could not tell apart."""
     texts = study_wording(study, code).texts
@@ -125,7 +152,7 @@ def _alike_answers(study: Study, code: str) -> Iterator[Problem]:
         keys = [key for answer in answers if (key := f"answer.{answer}") in texts]
         for one, other in combinations(keys, 2):
             path = text_path(study, code, other) or text_path(study, code, one)
-            if path and _plain(texts[one]) == _plain(texts[other]):
+            if path and plain(texts[one]) == plain(texts[other]):
                 yield Problem(
                     where=dotted(path),
                     rule="answers to one question must differ",
@@ -134,8 +161,8 @@ def _alike_answers(study: Study, code: str) -> Iterator[Problem]:
                 )
 
 
-def _plain(text: str) -> str:
-    """What is seen of `text`, in whichever way it is written."""
+def plain(text: str) -> str:
+    """Return what is seen of `text`, in whichever way it is written."""
     seen = "".join(sign for sign in normalize("NFKC", text) if category(sign) != "Cf")
     return " ".join(seen.casefold().split())
 

@@ -96,7 +96,7 @@ def _one_of(parameter: str) -> Callable[[str], str]:
     return parsed
 
 
-LanguageOption = Annotated[str, typer.Option()]
+LanguageOption = Annotated[str | None, typer.Option(help="[default: the study's]")]
 """Not checked here, because a study may have its own languages."""
 DialectOption = Annotated[
     str, typer.Option(parser=_one_of("dialect"), help="The device's command set.")

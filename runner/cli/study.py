@@ -126,7 +126,7 @@ def run(
     rehearsal: Annotated[
         bool, typer.Option("--rehearsal", help="Take no slot of the design; omit from reports.")
     ] = False,
-    language: LanguageOption = "en",
+    language: LanguageOption = None,
     screen: Annotated[
         int | None,
         typer.Option(

@@ -1,6 +1,7 @@
 """The participant and the operator of a session: at the window, at the terminal, or simulated."""
 
 import os
+import random
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -75,8 +76,14 @@ def _swap(session: Session, rig: SessionRig, finger: Finger | None) -> Callable[
 
 def _virtual_participant(session: Session, finger: Finger, clock: Clock) -> VirtualParticipant:
     character, stream = drawn_person(session.seed, session.participant, session.number)
+    # A stream of its own, so that a further question leaves touches and scores alone.
+    name = f"questions/{session.seed}/{session.participant}/{session.number}"
     return VirtualParticipant(
-        control=finger, clock=clock, character=character, random_stream=stream
+        control=finger,
+        clock=clock,
+        character=character,
+        random_stream=stream,
+        questions_stream=random.Random(name),
     )
 
 

@@ -34,11 +34,12 @@ from runner.people.untouched_beam import UntouchedBeam
 from runner.people.virtual_participant import Finger, drawn_person
 from runner.session.loop import run
 from runner.session.resume import require_resumable
-from runner.session.session import Session, SessionContext, SessionKind, versions
+from runner.session.session import Session, SessionContext, SessionKind, answer_order, versions
 from runner.signals import Stopped
 from runner.study.check import validated_study
 from runner.study.folder import StudyFolder
 from runner.window.client import WindowParticipant
+from runner.window.messages import Settings
 from runner.window.preflight import study_window
 
 
@@ -53,7 +54,7 @@ class SessionOptions:
     ratings: AnswerSource = "window"
     pace: Pace | None = None
     rehearsal: bool = False
-    language: str = "en"
+    language: str | None = None
     consent: str | None = None
     seed: int | None = None
     calibration: Resonance | None = None
@@ -134,7 +135,7 @@ def _request(options: SessionOptions) -> Request:
         options=options,
         study=study,
         text=text,
-        wording=_wording(study, options.language),
+        wording=_wording(study, options.language or study.session.language),
         url=url,
         pace=_pace(options, url),
         kind=_kind(options, study, url),
@@ -299,11 +300,14 @@ def _window(request: Request, say: Say) -> AbstractContextManager[WindowParticip
     return study_window(
         options.touchbeam,
         request.study,
-        request.wording,
+        Settings(
+            wording=request.wording,
+            screen=participants_screen(options.touchbeam, options.screen, say),
+            windowed=options.windowed,
+            folder=str(options.folder.path.resolve()),
+        ),
         options.consent,
-        screen=participants_screen(options.touchbeam, options.screen, say),
-        windowed=options.windowed,
-        say=say,
+        say,
     )
 
 
@@ -323,7 +327,8 @@ def opened_session(request: Request, journal: Journal, clock: Clock) -> Session:
             study=request.study,
             study_text=request.text,
             plan=plan(request.study, slot, options.number),
-            language=options.language,
+            language=request.wording.code,
+            answer_order=answer_order(request.study, slot, sessions.get(chain)),
             consent=options.consent,
             seed=request.seed,
             virtual=_virtual_truth(request),

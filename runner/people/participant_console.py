@@ -10,14 +10,12 @@ from dataclasses import dataclass, field
 from typing import TextIO
 
 from protocol.errors import BadInput, WorkFailed
-from protocol.study.participant_texts import Wording, band_names, score_text
-from protocol.study.questions import ANSWERS
-from protocol.study.rating import Rating
+from protocol.study.participant_texts import Wording, band_names, label_text, question_text
+from protocol.study.study_question import BETWEEN, StudyQuestion
 from runner.people.operator_keys import OPERATOR_MARK, ORDERS
 from runner.people.terminal import at_terminal
 from runner.screens import (
-    AskChange,
-    AskScore,
+    Ask,
     Instruction,
     LeadIn,
     Notice,
@@ -153,43 +151,32 @@ class ConsoleParticipant:
         match screen:
             case Notice(text=text):
                 return [self._texts[text]]
-            case Welcome() | Instruction():
-                text = screen.text if isinstance(screen, Instruction) else "welcome"
-                return [self._texts[text], self._texts["ready"]]
+            case Welcome():
+                return [self._texts["welcome"], self._texts["ready"]]
+            case Instruction(text=text, picture=picture):
+                beside = [] if picture is None else [f"[{picture}]"]
+                return [self._texts[text], *beside, self._texts["ready"]]
             case LeadIn(several=several, seconds=seconds):
                 text = self._texts["touch.soon.full" if several else "touch.soon"]
                 return [f"{text} ({seconds:.2g} s)"]
             case Pacing(duration_s=duration_s):
                 return [f"{self._texts['touch.now']} ({duration_s:.2g} s)"]
-            case AskChange(question=question):
-                return [self._texts[f"question.{question}"], *self._choices(ANSWERS[question])]
-            case AskScore(rating=rating):
-                bands = "   ".join(band_names(rating, self.wording))
-                return [score_text(self.wording, rating), bands]
+            case Ask(question=question, bands=bands):
+                scale = ["   ".join(band_names(bands, self.wording))] if bands else []
+                return [question_text(question, self.wording), *self._choices(question), *scale]
 
     def _parse(self, line: str) -> str | None:
         """Return the answer in `line`, None if it is invalid."""
-        match self._screen:
-            case AskChange(question=question):
-                return self._parse_choice(line, ANSWERS[question])
-            case AskScore(rating=rating):
-                return self._parse_score(line, rating)
-        return "ready"
-
-    def _parse_choice(self, line: str, answers: tuple[str, ...]) -> str | None:
-        for number, answer in enumerate(answers, start=1):
-            words = {str(number), answer, self._texts[f"answer.{answer}"].strip()}
-            if line.casefold() in {word.casefold() for word in words}:
-                return answer
-        self._ask_again(line, self._choices(answers))
-        return None
-
-    def _parse_score(self, line: str, rating: Rating) -> str | None:
+        if not isinstance(self._screen, Ask):
+            return "ready"
+        question = self._screen.question
+        answer = self._values(question, line) if question.values else line
         try:
-            return str(rating.checked_score(int(line)))
+            value = question.answer(answer)
         except ValueError:
-            self._ask_again(line, [f"  {rating.minimum} … {rating.maximum}"])
+            self._ask_again(line, self._possible(question))
             return None
+        return "" if value is None else answer if question.values else str(value)
 
     def _ask_again(self, line: str, possible: list[str]) -> None:
         self.say(f"{line!r}: {self._texts['console.again']}")
@@ -198,8 +185,27 @@ class ConsoleParticipant:
         if line.lower() in ORDERS:
             self.say(f"(For the operator: an order begins with a colon, such as :{line.lower()})")
 
-    def _choices(self, answers: tuple[str, ...]) -> list[str]:
-        return [
-            f"  {number}  {self._texts[f'answer.{answer}']}"
-            for number, answer in enumerate(answers, start=1)
-        ]
+    def _possible(self, question: StudyQuestion) -> list[str]:
+        if question.kind not in {"scale", "analogue"}:
+            return self._choices(question)
+        return [f"  {question.place(0)} … {question.place(question.places)}"]
+
+    def _values(self, question: StudyQuestion, line: str) -> str:
+        """Return the values of the labels that are typed, by number, value or text."""
+        typed = line.replace(",", " ").split() if question.kind == "several" else [line]
+        return BETWEEN.join(self._value(question, word) for word in typed)
+
+    def _value(self, question: StudyQuestion, word: str) -> str:
+        for number, label in enumerate(question.labels, start=1):
+            words = {str(number), str(label.value), label_text(label, self.wording).strip()}
+            if word.casefold() in {each.casefold() for each in words}:
+                return str(label.value)
+        return word
+
+    def _choices(self, question: StudyQuestion) -> list[str]:
+        names = [label_text(label, self.wording) for label in question.labels]
+        if question.values:
+            return [f"  {number}  {name}" for number, name in enumerate(names, start=1)]
+        places = (label.at for label in question.labels)
+        shown = [f"{at:.15g} {name}" for at, name in zip(places, names, strict=True)]
+        return ["   ".join(shown)] if shown else []

@@ -12,11 +12,11 @@ from typing import Protocol
 
 from device.simulator.client import BeamControl
 from protocol.study.questions import ANSWERS, QUESTIONS, Question
-from protocol.study.rating import PAPERS_SCALE, Rating
+from protocol.study.rating import PAPERS_SCALE
+from protocol.study.study_question import BETWEEN, SCORE, StudyQuestion
 from runner.clock import Clock
 from runner.screens import (
-    AskChange,
-    AskScore,
+    Ask,
     Instruction,
     Notice,
     OwnFinger,
@@ -26,6 +26,9 @@ from runner.screens import (
     Welcome,
 )
 
+_SKIPPED, _CHOSEN = 0.1, 0.4
+"""How often a question is skipped that may be, and how often one of several labels is chosen."""
+_REMARKS = ("nothing", "quite smooth", "rough at first", "hard to tell")
 _SLIGHT = 0.01
 """Change of log friction within a touch below which the touch counts as constant."""
 
@@ -97,6 +100,7 @@ class VirtualParticipant:
     character: Character
     random_stream: random.Random
     slips: Callable[[], bool] = lambda: False
+    questions_stream: random.Random = field(default_factory=lambda: random.Random(1))
     _screen: Screen | None = field(default=None, init=False)
     _pacing_from_s: float = field(default=0.0, init=False)
     _touches: list[list[_Felt]] = field(default_factory=list, init=False)
@@ -138,15 +142,41 @@ class VirtualParticipant:
                 return self._respond("ready")
             case Instruction() | Welcome():
                 return self._respond("ready")
-            case AskChange(question=question):
-                return self._respond(self._change(question))
-            case AskScore(rating=rating):
-                return self._respond(str(self._score(rating)))
+            case Ask(question=question) if question.name in {*QUESTIONS, SCORE}:
+                return self._respond(self._answer(question))
+            case Ask(question=question):
+                return self._respond(self._own(question), self.questions_stream)
         return None
 
-    def _respond(self, answer: str) -> Response:
+    def _answer(self, question: StudyQuestion) -> str:
+        for change in QUESTIONS:
+            if question.name == change:
+                return self._change(change)
+        return str(self._score(question))
+
+    def _own(self, question: StudyQuestion) -> str:
+        """Return an answer to a question of the study's own, at random but plausible."""
+        stream = self.questions_stream
+        if not question.required and stream.random() < _SKIPPED:
+            return ""
+        match question.kind:
+            case "choice":
+                return stream.choice(question.values)
+            case "several":
+                chosen = [value for value in question.values if stream.random() < _CHOSEN]
+                return BETWEEN.join(chosen or [stream.choice(question.values)])
+            case "number":
+                low, high, decimals = _range(question)
+                return f"{stream.uniform(low, high):.{decimals}f}"
+            case "text":
+                return stream.choice(_REMARKS)[: question.longest]
+        # Most people avoid the ends of a scale.
+        return str(question.place(round(stream.betavariate(2, 2) * question.places)))
+
+    def _respond(self, answer: str, stream: random.Random | None = None) -> Response:
         self._screen = None
-        return Response(answer=answer, reaction_time_s=round(self.random_stream.uniform(0.4, 2), 3))
+        seconds = (stream or self.random_stream).uniform(0.4, 2)
+        return Response(answer=answer, reaction_time_s=round(seconds, 3))
 
     def _feel(self, pacing: Pacing) -> None:
         passed_s = self.clock.monotonic_s() - self._pacing_from_s
@@ -185,13 +215,24 @@ class VirtualParticipant:
         changed = abs(math.log(first[0].friction / first[-1].friction)) > _SLIGHT
         return first[0].friction if changed else resting
 
-    def _score(self, rating: Rating) -> int:
+    def _score(self, question: StudyQuestion) -> int:
         """Return the score of the size of the change, as far between the ends of this scale."""
         character = self.character
         score = character.bias + character.gain * abs(self._contrast)
         score += self.random_stream.gauss(0, character.rating_noise)
         above = min(max(score, PAPERS_SCALE.minimum), PAPERS_SCALE.maximum) - PAPERS_SCALE.minimum
-        return round(rating.minimum + above * (rating.span / PAPERS_SCALE.span))
+        lowest, highest, _ = question.scale
+        return round(lowest + above * ((highest - lowest) / PAPERS_SCALE.span))
+
+
+def _range(question: StudyQuestion) -> tuple[float, float, int]:
+    """Return between which ends, and with how many decimals, a number is drawn."""
+    low, high, decimals = question.minimum, question.maximum, question.decimals or 0
+    if low is None:
+        low = 20.0 if high is None else high - 50.0
+    high = low + 50.0 if high is None else high
+    steps = 10**decimals
+    return math.ceil(low * steps) / steps, math.floor(high * steps) / steps, decimals
 
 
 def _depth(touch: list[_Felt], resting: float) -> float:

@@ -12,6 +12,7 @@ from runner.journal.session_log import abort_trial, close_interrupted
 from runner.screens import Notice
 from runner.session.operator_view import update_view
 from runner.session.orders import RepeatTrial
+from runner.session.questions import ask_due, introduce, read_pages
 from runner.session.retries import deferred, renew_practice
 from runner.session.session import SessionContext
 from runner.session.setup import prepare
@@ -39,13 +40,18 @@ def run(context: SessionContext) -> None:
 
 def _run_trials(context: SessionContext) -> None:
     prepare(context)
-    block = None
+    read_pages(context, "session")
+    ask_due(context)
+    block, last = None, None
     while left := context.pending:
         if block not in {None, left[0].block}:
             context.log.checkpoint()
         block = left[0].block
         pause_if_wanted(context, left[0])
-        _run_trial(context, left[0])
+        introduce(context, left[0], last)
+        last = left[0]
+        _run_trial(context, last)
+        ask_due(context)
 
 
 def _run_trial(context: SessionContext, trial: Trial) -> None:

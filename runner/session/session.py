@@ -8,6 +8,7 @@ from typing import Literal
 from protocol.address import SIMULATED
 from protocol.journal.events import SessionOpened, SessionResumed
 from protocol.journal.records import PlannedTrial, VirtualTruth
+from protocol.journal.state import SessionState
 from protocol.plan.retries import running_order
 from protocol.plan.trials import Plan, Trial
 from protocol.study.study import Study
@@ -17,6 +18,8 @@ from runner.interfaces import Device, Operator, Participant
 from runner.journal.session_log import SessionLog
 
 SessionKind = Literal["participant", "rehearsal"]
+AnswerOrder = Literal["forward", "reversed"]
+"""Of the answers to a choice: as in the study file, or from last to first."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,6 +33,7 @@ class Session:
     study_text: str
     plan: Plan
     language: str = "en"
+    answer_order: AnswerOrder = "forward"
     consent: str | None = None
     seed: int = 1
     virtual: VirtualTruth | None = None
@@ -57,8 +61,20 @@ class Session:
             slot=self.plan.slot,
             sequence=self.plan.sequence,
             conditions=self.study.conditions,
+            answer_order=self.answer_order,
             **vars(self.resumption()),
         )
+
+
+def answer_order(study: Study, slot: int, before: SessionState | None) -> AnswerOrder:
+    """Return the order of answers for the participant of `slot`.
+
+    A session that was begun keeps its order; `before` is its state, None if it is new.
+    """
+    if before is not None and isinstance(before.opened, SessionOpened):
+        return "reversed" if before.opened.answer_order == "reversed" else "forward"
+    turned = study.session.answer_order == "counterbalanced" and slot % 2 == 1
+    return "reversed" if turned else "forward"
 
 
 def versions() -> dict[str, str]:

@@ -7,20 +7,20 @@ from device.drivers.limits import SLOWEST_RAMP_V_PER_S, Setpoint
 from protocol.journal.events import Answered, TouchEnded, TouchStarted
 from protocol.journal.records import Compliance, InstructionResponse, ReadBack, TraceSample
 from protocol.plan.trials import Trial
-from protocol.study.questions import checked_answer
 from protocol.study.touch import Touch
 from runner.screens import (
-    AskChange,
-    AskScore,
     Instruction,
     Notice,
     OwnFinger,
     Response,
+    ask_change,
+    ask_score,
     lead_in,
     pacing,
 )
 from runner.session.compliance import judged, samples_of
 from runner.session.operator_view import update_view
+from runner.session.questions import asked, asked_after
 from runner.session.session import SessionContext
 from runner.session.setup import mount
 from runner.session.waiting import TICK_S, response, wait
@@ -198,6 +198,7 @@ def ask(context: SessionContext, trial: Trial, judged: Sequence[Compliance]) -> 
         reaction_time_s=tuple(entry.reaction_time_s for entry in given),
         traces=tuple(entry.trace for entry in given),
         judged=tuple(judged),
+        questions=asked_after(context, trial),
     )
 
 
@@ -213,12 +214,10 @@ def _answers(
         context.participant.show(Instruction(text="remember"))
         return None, None, [response(context)]
     rating = context.session.study.rating
-    context.participant.show(AskChange(question=trial.question))
-    change = response(context)
-    checked_answer(trial.question, change.answer)
+    _, change = asked(context, ask_change(trial.question))
     agrees = change.answer == trial.expected
     if not trial.scored or not (agrees or rating.score_when == "always"):
         return change.answer, None, [change]
-    context.participant.show(AskScore(rating=rating))
-    score = response(context)
-    return change.answer, rating.checked_score(int(score.answer)), [change, score]
+    score, given = asked(context, ask_score(rating))
+    assert isinstance(score, int), "scores are whole"
+    return change.answer, score, [change, given]

@@ -14,9 +14,10 @@ from protocol.errors import BadInput
 from protocol.study.fields import LONGEST_NAME, printable
 from protocol.study.languages import CODE
 from protocol.study.study import Study
-from protocol.study_file.language_files import with_languages
+from protocol.study_file.language_files import picture_names, with_languages, with_pictures
 from protocol.study_file.loading import parsed_study
 from runner.study.files import make_folder, short_text, take_away
+from runner.study.pictures import picture_digests
 
 
 def dialects() -> Iterable[str]:
@@ -58,12 +59,15 @@ class StudyFolder:
         return self.path / "texts"
 
     def text(self) -> str:
-        """Return the text of the study file and of the study's own languages.
+        """Return the text of the study file, its own languages and the digests of its pictures.
 
         Raises:
             BadInput: a file is missing, unreadable or too long.
         """
-        return with_languages(self._study_text(), self._languages())
+        text = self._study_text()
+        names = picture_names(text) if "picture" in text else []
+        digests = picture_digests(self.path, names)
+        return with_pictures(with_languages(text, self._languages()), digests)
 
     def _languages(self) -> dict[str, str]:
         """Return the text of each language file by language code."""

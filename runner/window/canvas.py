@@ -6,6 +6,7 @@ The import of psychopy needs a display, so only the window's own process imports
 import ctypes
 import sys
 import time
+from pathlib import Path
 from typing import Any
 
 import pyglet
@@ -22,9 +23,11 @@ from runner.window.elements import (
     Key,
     Outline,
     Page,
+    Picture,
     Pressed,
     Released,
     Text,
+    Typed,
     pixels_per_unit,
 )
 from runner.window.messages import Settings
@@ -45,6 +48,8 @@ _KEYS = {
     key.DOWN: "down",
     **{getattr(key, f"_{digit}"): str(digit) for digit in range(10)},
     **{getattr(key, f"NUM_{digit}"): str(digit) for digit in range(10)},
+    **dict.fromkeys((key.MINUS, key.NUM_SUBTRACT), "-"),
+    **dict.fromkeys((key.PERIOD, key.COMMA, key.NUM_DECIMAL), "."),
 }
 
 
@@ -62,6 +67,7 @@ class PsychopyCanvas:
         self._scale = float(pixels_per_unit(*self._window.size))
         self._handle = self._window.winHandle
         self._screen = settings.screen
+        self._folder = settings.folder
         self._drawn: dict[Element, list[Any]] = {}
         self._inputs: list[tuple[float, Input]] = []
         self.closed = False
@@ -72,6 +78,7 @@ class PsychopyCanvas:
             on_mouse_drag=lambda x, y, *_: self._latched(Dragged(**self._on_canvas(x, y))),
             on_mouse_release=lambda *_: self._latched(Released()),
             on_key_press=self._on_key,
+            on_text=self._on_text,
             on_close=self._on_close,
         )
 
@@ -108,9 +115,27 @@ class PsychopyCanvas:
         if element not in self._drawn:
             if len(self._drawn) > MOST_KEPT:  # a countdown needs a new text each second
                 del self._drawn[next(iter(self._drawn))]
-            built = self._text(element) if isinstance(element, Text) else [self._outline(element)]
-            self._drawn[element] = built
+            self._drawn[element] = self._built(element)
         return self._drawn[element]
+
+    def _built(self, element: Text | Outline | Picture) -> list[Any]:
+        match element:
+            case Text():
+                return self._text(element)
+            case Picture():
+                return [self._picture(element)]
+        return [self._outline(element)]
+
+    def _picture(self, picture: Picture) -> Any:
+        image = visual.ImageStim(
+            self._window,
+            image=str(Path(self._folder) / picture.name),
+            pos=(picture.box.x * self._scale, picture.box.y * self._scale),
+        )
+        width, height = image.size
+        fits = min(picture.box.width / width, picture.box.height / height) * self._scale
+        image.size = (width * fits, height * fits)
+        return image
 
     def flip(self) -> float:
         """Show the back buffer; return the time of the flip, s on the monotonic clock."""
@@ -169,12 +194,16 @@ class PsychopyCanvas:
                 wrapWidth=1e6,
             )
             for number, line in enumerate(lines)
+            if line
         ]
 
     def _on_key(self, symbol: int, _modifiers: int) -> bool:
         """Latch a key; returning True keeps pyglet from closing the window at Escape."""
         name = _KEYS.get(symbol)
         return True if name is None else self._latched(Key(name=name))
+
+    def _on_text(self, text: str) -> bool:
+        return self._latched(Typed(text=text)) if text.isprintable() else True
 
     def _on_close(self) -> bool:
         self.closed = True

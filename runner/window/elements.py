@@ -4,6 +4,7 @@ The canvas is scaled to the screen as a whole, so that a page looks the same on 
 """
 
 from dataclasses import dataclass
+from typing import Literal
 
 CANVAS = (800.0, 600.0)
 
@@ -68,7 +69,15 @@ class Dot:
     fill: str = ACCENT
 
 
-Element = Text | Outline | Dot
+@dataclass(frozen=True, kw_only=True)
+class Picture:
+    """A picture, as large as `box` allows; `name` is a file in the study's folder."""
+
+    name: str
+    box: Box
+
+
+Element = Text | Outline | Dot | Picture
 
 
 Page = tuple[Element, ...]
@@ -77,10 +86,11 @@ Page = tuple[Element, ...]
 
 @dataclass(frozen=True, kw_only=True)
 class Target:
-    """An area that reacts to a press."""
+    """An area that reacts to a press: an answer or a key, a scale, or a button."""
 
     name: str
     box: Box
+    role: Literal["answer", "scale", "button", "call"] = "answer"
 
 
 def pixels_per_unit(width_px: float, height_px: float) -> float:
@@ -115,9 +125,16 @@ class Released:
 
 @dataclass(frozen=True, kw_only=True)
 class Key:
-    """A key goes down: a digit, left, right, up, down, enter, backspace or escape."""
+    """A key goes down: a digit, `-`, `.`, left, right, up, down, enter, backspace or escape."""
 
     name: str
 
 
-Input = Pressed | Dragged | Released | Key
+@dataclass(frozen=True, kw_only=True)
+class Typed:
+    """Text from the keyboard, as the system composes it; a key that makes it also goes down."""
+
+    text: str
+
+
+Input = Pressed | Dragged | Released | Key | Typed

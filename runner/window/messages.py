@@ -13,23 +13,11 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from protocol.study.participant_texts import Wording
-from protocol.study.rating import Rating
-from runner.screens import (
-    AskChange,
-    AskScore,
-    FingerPath,
-    Instruction,
-    LeadIn,
-    Notice,
-    Pacing,
-    Screen,
-    Welcome,
-)
+from protocol.study.rating import Band
+from protocol.study.study_question import StudyQuestion
+from runner.screens import Ask, FingerPath, Instruction, LeadIn, Notice, Pacing, Screen, Welcome
 
-_SCREENS = {
-    kind.__name__: kind
-    for kind in (Notice, Welcome, Instruction, LeadIn, Pacing, AskChange, AskScore)
-}
+_SCREENS = {kind.__name__: kind for kind in (Notice, Welcome, Instruction, LeadIn, Pacing, Ask)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,6 +25,7 @@ class Settings:
     """Settings of the window: texts, screen number (from 0) and the screens to prepare.
 
     `readable_s`: time for which a page is shown before its button works.
+    `folder`: where their pictures are.
     """
 
     wording: Wording
@@ -44,6 +33,7 @@ class Settings:
     screen: int = 0
     windowed: bool = False
     foreseen: tuple[Screen, ...] = ()
+    folder: str = ""
 
 
 def line_of(message: Mapping[str, Any]) -> str:
@@ -83,8 +73,9 @@ def settings_of(message: Mapping[str, Any]) -> Settings:
 def show_message(number: int, screen: Screen) -> dict[str, Any]:
     """Return the message that shows `screen` as the `number`-th one."""
     values = {entry.name: getattr(screen, entry.name) for entry in fields(screen)}
-    if isinstance(screen, AskScore):
-        values["rating"] = screen.rating.model_dump(mode="json", by_alias=True)
+    if isinstance(screen, Ask):
+        values["question"] = screen.question.model_dump(mode="json")
+        values["bands"] = [band.model_dump(mode="json", by_alias=True) for band in screen.bands]
     elif isinstance(screen, Instruction) and screen.touch is not None:
         values["touch"] = asdict(screen.touch)
     return {"show": number, "screen": type(screen).__name__, **values}
@@ -99,8 +90,9 @@ def screen_of(message: Mapping[str, Any]) -> Screen:
     values = {key: value for key, value in message.items() if key not in {"show", "screen"}}
     if message["screen"] not in _SCREENS:
         raise ValueError(f"a screen must be one of {', '.join(_SCREENS)}, got {message['screen']}")
-    if "rating" in values:
-        values["rating"] = Rating.model_validate(values["rating"])
+    if "question" in values:
+        values["question"] = StudyQuestion.model_validate(values["question"])
+        values["bands"] = tuple(map(Band.model_validate, values["bands"]))
     if values.get("touch") is not None:
         values["touch"] = FingerPath(**values["touch"])
     screen: Screen = _SCREENS[message["screen"]](**values)

@@ -5,64 +5,42 @@ device's state in this trial nor the expected answer.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
 from math import ceil
-from typing import Literal, get_args
+from typing import get_args
 
-from protocol.study.participant_texts import Wording, score_text
-from protocol.study.questions import ANSWERS
-from runner.screens import (
-    AskChange,
-    AskScore,
-    Instruction,
-    LeadIn,
-    Notice,
-    OwnFinger,
-    Pacing,
-    Screen,
-    Welcome,
-)
+from protocol.study.participant_texts import Wording, is_own_page
+from runner.screens import Ask, Instruction, LeadIn, Notice, Pacing, Screen, Welcome
 from runner.window.beam_sketch import fingers, labels, sketch
-from runner.window.elements import ACCENT, FAINT, INK, PALE, WHITE, Box, Outline, Page, Target, Text
+from runner.window.elements import FAINT, INK, WHITE, Box, Outline, Page, Picture, Target, Text
 from runner.window.finger_feedback import own_finger
-from runner.window.rating_scale import SCALE_BOX, scale
+from runner.window.questions.page_layout import (
+    BUTTON,
+    HINT,
+    MIDDLE,
+    TITLE,
+    TITLE_SIZE,
+    Button,
+    PageState,
+    button,
+    hint,
+)
+from runner.window.questions.question_pages import (
+    chosen_in_advance,
+    question_page,
+    question_targets,
+)
 
-TITLE_SIZE, ANSWER_SIZE, BUTTON_SIZE, HINT_SIZE = 30.0, 26.0, 24.0, 22.0
-COUNT_SIZE, NOW_SIZE, BANNER_SIZE, SMALL_SIZE = 50.0, 24.0, 20.0, 18.0
+COUNT_SIZE, NOW_SIZE, PAGE_SIZE, BANNER_SIZE, SMALL_SIZE = 50.0, 24.0, 23.0, 20.0, 18.0
+_WHOLE = Box(x=0, y=45, width=720, height=400)
+_ABOVE = Box(x=0, y=200, width=720, height=130)
+_PICTURE = Box(x=0, y=-20, width=720, height=290)
 _PROGRESS = Box(x=280, y=282, width=230, height=28)
 _CONSENT = Box(x=0, y=266, width=760, height=50)
-_TITLE = Box(x=0, y=200, width=720, height=130)
-_MIDDLE = Box(x=0, y=90, width=640, height=300)
 _BELOW_BEAM = Box(x=0, y=-129, width=720, height=91)
 _COUNT = Box(x=0, y=-115, width=120, height=64)
 _SOON = Box(x=0, y=-161, width=740, height=28)
-_HINT = Box(x=0, y=-132, width=740, height=86)
-_BUTTON = Box(x=0, y=-208, width=320, height=66)
 _CALL = Box(x=-295, y=-208, width=190, height=66)
 _BANNER = Box(x=0, y=-273, width=780, height=50)
-_ANSWER = Box(x=0, y=100, width=520, height=62)
-_NUMBER_X, _NUMBER_WIDTH = -225.0, 60.0
-_WORD_WIDTH = 385.0
-_ANSWER_STEP = 78.0
-
-
-Button = Literal["early", "live", "pressed", "saved"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class PageState:
-    """State of a page that changes while its screen is shown.
-
-    The button is `early` until the page has been readable for long enough, `live` until it is
-    pressed, then `pressed`, and `saved` once the journal has the answer.
-    """
-
-    chosen: str | None = None
-    button: Button = "live"
-    passed_s: float = 0.0
-    operator_called: bool = False
-    progress: tuple[int, int] | None = None
-    finger: OwnFinger | None = None
 
 
 def page(screen: Screen, view: PageState, wording: Wording) -> Page:
@@ -78,11 +56,8 @@ def states(screen: Screen) -> Iterator[PageState]:
     match screen:
         case LeadIn(seconds=seconds):
             yield from (PageState(passed_s=third * seconds / 3) for third in (1, 2))
-        case AskChange(question=question):
-            yield from (PageState(chosen=answer) for answer in ANSWERS[question])
-        case AskScore(rating=rating):
-            scores = range(rating.minimum, min(rating.maximum, rating.minimum + 20) + 1)
-            yield from (PageState(chosen=str(score)) for score in scores)
+        case Ask(question=question):
+            yield from (PageState(chosen=chosen) for chosen in chosen_in_advance(question))
 
 
 def targets(screen: Screen) -> tuple[Target, ...]:
@@ -90,15 +65,13 @@ def targets(screen: Screen) -> tuple[Target, ...]:
 
     Enter also activates `ready` and `confirm`, and Escape `call`, which the last page lacks.
     """
-    call, ready = Target(name="call", box=_CALL), Target(name="ready", box=_BUTTON)
-    confirm = Target(name="confirm", box=_BUTTON)
+    call = Target(name="call", box=_CALL, role="call")
+    ready = Target(name="ready", box=BUTTON, role="button")
     match screen:
         case Welcome() | Instruction():
             return (ready, call)
-        case AskChange(question=question):
-            return (*_answers(ANSWERS[question]), confirm, call)
-        case AskScore():
-            return (Target(name="scale", box=SCALE_BOX), confirm, call)
+        case Ask(question=question):
+            return (*question_targets(question), call)
     return (ready,) if _is_last(screen) else (call,)
 
 
@@ -106,9 +79,9 @@ def _is_last(screen: Screen) -> bool:
     return isinstance(screen, Notice) and screen.is_last
 
 
-def target_at(screen: Screen, x: float, y: float) -> str | None:
-    """Return the name of the target at a point, or None."""
-    return next((target.name for target in targets(screen) if target.box.holds(x, y)), None)
+def target_at(screen: Screen, x: float, y: float) -> Target | None:
+    """Return the target at a point, or None."""
+    return next((target for target in targets(screen) if target.box.holds(x, y)), None)
 
 
 def _page(screen: Screen, view: PageState, wording: Wording, texts: Mapping[str, str]) -> Page:
@@ -119,33 +92,40 @@ def _page(screen: Screen, view: PageState, wording: Wording, texts: Mapping[str,
             return _instruction(screen, view, texts)
         case LeadIn() | Pacing():
             return _touch(screen, view, texts)
-        case AskChange():
-            return _change(screen, view, texts)
-        case AskScore():
-            return _score(screen, view, wording)
-    closing = _button("button.close", view, texts) if _is_last(screen) else ()
-    return (Text(text=texts[screen.text], box=_MIDDLE, size=TITLE_SIZE), *closing)
+        case Ask():
+            return question_page(screen, view, wording)
+    closing = button("button.close", view, texts) if _is_last(screen) else ()
+    return (Text(text=texts[screen.text], box=MIDDLE, size=TITLE_SIZE), *closing)
 
 
 def _welcome(screen: Welcome, view: PageState, texts: Mapping[str, str]) -> Page:
     filed = texts["consent"].format(reference=screen.consent)
     return (
-        Text(text=texts["welcome"], box=_MIDDLE, size=TITLE_SIZE),
+        Text(text=texts["welcome"], box=MIDDLE, size=TITLE_SIZE),
         *([] if screen.consent is None else [_small(filed, _CONSENT)]),
-        _hint(texts["hint.start"], _HINT),
-        *_button("button.ready", view, texts),
+        hint(texts["hint.start"], HINT),
+        *button("button.ready", view, texts),
     )
 
 
+def _own_page(screen: Instruction, view: PageState, texts: Mapping[str, str]) -> Page:
+    """Return a page of the study's own: its text alone, or above its picture."""
+    shown = () if screen.picture is None else (Picture(name=screen.picture, box=_PICTURE),)
+    text = Text(text=texts[screen.text], box=_ABOVE if shown else _WHOLE, size=PAGE_SIZE)
+    return (text, *shown, *button("button.ready", view, texts))
+
+
 def _instruction(screen: Instruction, view: PageState, texts: Mapping[str, str]) -> Page:
-    box = _MIDDLE if screen.touch is None else _TITLE
+    if is_own_page(screen.text):
+        return _own_page(screen, view, texts)
+    box = MIDDLE if screen.touch is None else TITLE
     drawn: Page = () if screen.touch is None else (*sketch(screen.touch), *labels(texts))
     if view.passed_s < screen.after_s:
         left_s = ceil(screen.after_s - view.passed_s)
         time = f"{left_s // 60}:{left_s % 60:02}"
-        drawn = (_hint(texts["break.left"].format(time=time), _HINT),)
+        drawn = (hint(texts["break.left"].format(time=time), HINT),)
     title = Text(text=texts[screen.text], box=box, size=TITLE_SIZE)
-    return (title, *drawn, *_button("button.ready", view, texts))
+    return (title, *drawn, *button("button.ready", view, texts))
 
 
 def _touch(screen: LeadIn | Pacing, view: PageState, texts: Mapping[str, str]) -> Page:
@@ -153,7 +133,7 @@ def _touch(screen: LeadIn | Pacing, view: PageState, texts: Mapping[str, str]) -
 
     It hides how long to hold a place.
     """
-    title = Text(text=texts[screen.text], box=_TITLE, size=TITLE_SIZE)
+    title = Text(text=texts[screen.text], box=TITLE, size=TITLE_SIZE)
     own = () if view.finger is None else own_finger(view.finger, texts)
     beam = (title, *sketch(screen), *labels(texts))
     if isinstance(screen, LeadIn):
@@ -168,47 +148,7 @@ def _lead_in(screen: LeadIn, view: PageState, texts: Mapping[str, str]) -> Page:
     if not (screen.countdown and screen.seconds):
         return (Text(text=soon, box=_BELOW_BEAM, size=NOW_SIZE),)
     left = 3 - min(int(3 * view.passed_s / screen.seconds), 2)
-    return (Text(text=str(left), box=_COUNT, size=COUNT_SIZE), _hint(soon, _SOON))
-
-
-def _change(screen: AskChange, view: PageState, texts: Mapping[str, str]) -> Page:
-    answers = _answers(ANSWERS[screen.question])
-    hint = "hint.change.two" if len(answers) == 2 else "hint.change"
-    boxes = [
-        element
-        for number, answer in enumerate(answers, start=1)
-        for element in _box(
-            str(number),
-            texts[f"answer.{answer.name}"],
-            answer.box,
-            chosen=answer.name == view.chosen,
-        )
-    ]
-    return (
-        Text(text=texts[f"question.{screen.question}"], box=_TITLE, size=TITLE_SIZE),
-        *boxes,
-        _hint(texts[hint].format(last=len(answers)), _HINT),
-        *_button("button.confirm", view, texts, usable=view.chosen is not None),
-    )
-
-
-def _score(screen: AskScore, view: PageState, wording: Wording) -> Page:
-    texts = wording.texts
-    chosen = None if view.chosen is None else int(view.chosen)
-    return (
-        Text(text=score_text(wording, screen.rating), box=_TITLE, size=TITLE_SIZE),
-        *scale(screen.rating, wording, chosen),
-        _hint(texts["hint.score"], _HINT),
-        *_button("button.confirm", view, texts, usable=chosen is not None),
-    )
-
-
-def _answers(names: tuple[str, ...]) -> tuple[Target, ...]:
-    """Return the targets of the answers from top to bottom."""
-    return tuple(
-        Target(name=name, box=replace(_ANSWER, y=_ANSWER.y - number * _ANSWER_STEP))
-        for number, name in enumerate(names)
-    )
+    return (Text(text=str(left), box=_COUNT, size=COUNT_SIZE), hint(soon, _SOON))
 
 
 def _around(screen: Screen, view: PageState, texts: Mapping[str, str]) -> Page:
@@ -232,28 +172,3 @@ def _around(screen: Screen, view: PageState, texts: Mapping[str, str]) -> Page:
 
 def _small(text: str, box: Box) -> Text:
     return Text(text=text, box=box, size=SMALL_SIZE, colour=FAINT)
-
-
-def _hint(text: str, box: Box) -> Text:
-    return Text(text=text, box=box, size=HINT_SIZE, colour=FAINT)
-
-
-def _box(number: str, text: str, box: Box, *, chosen: bool) -> Page:
-    """Return an answer, with its number in a column of its own."""
-    fill, colour = (ACCENT, WHITE) if chosen else (WHITE, INK)
-    column = replace(box, x=box.x + _NUMBER_X, width=_NUMBER_WIDTH)
-    return (
-        Outline(points=box.corners, fill=fill, edge=ACCENT, width=3),
-        Text(text=number, box=column, size=ANSWER_SIZE, colour=colour),
-        Text(text=text, box=replace(box, width=_WORD_WIDTH), size=ANSWER_SIZE, colour=colour),
-    )
-
-
-def _button(label: str, view: PageState, texts: Mapping[str, str], *, usable: bool = True) -> Page:
-    """Return the button, grey unless a press on it counts."""
-    fill, colour = (ACCENT, WHITE) if usable and view.button == "live" else (PALE, FAINT)
-    text = texts["saved" if view.button == "saved" else label]
-    return (
-        Outline(points=_BUTTON.corners, fill=fill),
-        Text(text=text, box=_BUTTON, size=BUTTON_SIZE, colour=colour),
-    )

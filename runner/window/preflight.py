@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from itertools import chain
 
 from protocol.errors import BadInput, Path, Problem
@@ -9,27 +10,30 @@ from protocol.study.participant_texts import (
     Wording,
     band_name,
     lacking,
+    page_key,
     required_codes,
     study_wording,
     text_path,
 )
 from protocol.study.study import Item, Study
 from runner.screens import (
-    AskChange,
-    AskScore,
+    Ask,
     Instruction,
     Notice,
     OwnFinger,
     Screen,
     Welcome,
+    ask_change,
+    ask_score,
     lead_in,
     pacing,
 )
 from runner.window.client import WindowParticipant, participant_window
 from runner.window.elements import Text
 from runner.window.messages import Settings
-from runner.window.pages import PageState, page
-from runner.window.rating_scale import MOST_STEPS
+from runner.window.pages import page
+from runner.window.questions.page_layout import PageState
+from runner.window.questions.rating_scale import MOST_STEPS
 from runner.window.text_layout import text_height, text_width, wrapped
 
 _NOTICES = (
@@ -53,8 +57,13 @@ def foreseen(study: Study, consent: str | None) -> tuple[Screen, ...]:
     ]
     for cue in cues:
         screens += [Instruction(text=cue.text, touch=cue.touch), lead_in(cue, study.touch), cue]
-    screens += [AskChange(question=item.question) for item in items if item.question is not None]
-    screens.append(AskScore(rating=study.rating))
+    screens += [ask_change(item.question) for item in items if item.question is not None]
+    screens.append(ask_score(study.rating))
+    screens += [Ask(question=question) for question in study.question]
+    screens += [
+        Instruction(text=page_key(number), picture=page.picture)
+        for number, page in enumerate(study.page)
+    ]
     return tuple(screen for at, screen in enumerate(screens) if screen not in screens[:at])
 
 
@@ -95,6 +104,15 @@ def fit_problems(study: Study) -> Iterator[Problem]:
             value=str(study.rating.maximum),
             path=("rating", "maximum"),
         )
+    for number, question in enumerate(study.question):
+        if question.kind == "scale" and question.places > MOST_STEPS:
+            yield Problem(
+                where=f"question {question.name}, step",
+                rule=f"a scale must have at most {MOST_STEPS} steps, for the participant's screen",
+                value=str(question.places),
+                hint='a wider step, or kind = "analogue"',
+                path=("question", number, "step"),
+            )
     screens = foreseen(study, consent=None)
     for code in required_codes(study):
         if any(lacking(study, code)):
@@ -132,17 +150,25 @@ def _path(study: Study, wording: Wording, text: str) -> Path:
     for number, band in enumerate(study.rating.bands):
         if band_name(band, wording) == text:
             return ("rating", "bands", number, wording.code)
-    return ()
+    return next((path for own, path in _own_texts(study, wording.code) if text.endswith(own)), ())
+
+
+def _own_texts(study: Study, code: str) -> Iterator[tuple[str, Path]]:
+    """Yield each text of the study's own questions in a language, and its path."""
+    for number, question in enumerate(study.question):
+        path: Path = ("question", number)
+        if code in question.text:
+            yield question.text[code], (*path, "text", code)
+        for place, label in enumerate(question.labels):
+            if code in label.names:
+                yield label.names[code], (*path, "labels", place, code)
 
 
 def study_window(
     touchbeam: Sequence[str],
     study: Study,
-    wording: Wording,
+    settings: Settings,
     consent: str | None,
-    *,
-    screen: int,
-    windowed: bool,
     say: Callable[[str], None] = lambda _: None,
 ) -> AbstractContextManager[WindowParticipant]:
     """Return the context of the window, to be entered before the device is driven.
@@ -150,13 +176,7 @@ def study_window(
     Raises:
         BadInput: a text does not fit its place.
     """
-    require_fit(study, wording, consent)
-    screens = foreseen(study, consent)
-    settings = Settings(
-        wording=wording,
-        readable_s=study.timing.readable_s,
-        screen=screen,
-        windowed=windowed,
-        foreseen=screens,
-    )
+    require_fit(study, settings.wording, consent)
+    screens, readable_s = foreseen(study, consent), study.timing.readable_s
+    settings = replace(settings, readable_s=readable_s, foreseen=screens)
     return participant_window([*touchbeam, "participant-window"], settings, say=say)

@@ -6,10 +6,12 @@ from statistics import median
 from typing import Any
 
 from protocol.study.participant_texts import Wording
-from runner.screens import AskChange, AskScore, Instruction, LeadIn, Notice, OwnFinger, Screen
+from protocol.study.study_question import SCORE
+from runner.screens import Ask, Instruction, LeadIn, Notice, OwnFinger, Screen
 from runner.window.elements import Input, Key, Page, Pressed
-from runner.window.pages import Button, PageState, page, target_at, targets
-from runner.window.rating_scale import look
+from runner.window.pages import page, target_at, targets
+from runner.window.questions.page_layout import Button, PageState
+from runner.window.questions.rating_scale import look
 from runner.window.response import PendingResponse
 
 LATE = 1.5
@@ -75,8 +77,8 @@ class ShownScreen:
             return
         since_s = t_s - self.frames.shown_s[0]
         at = target_at(self.screen, given.x, given.y) if isinstance(given, Pressed) else None
-        may_call = any(target.name == "call" for target in targets(self.screen))
-        if at == "call" or (may_call and given == Key(name="escape")):
+        may_call = any(target.role == "call" for target in targets(self.screen))
+        if (at is not None and at.role == "call") or (may_call and given == Key(name="escape")):
             self.called_s.append(round(since_s, 4))
         else:
             self.pending.take(given, since_s)
@@ -89,6 +91,7 @@ class ShownScreen:
             button = "saved" if self.saved else "pressed"
         view = PageState(
             chosen=self.pending.chosen,
+            typed=self.pending.typed,
             button=button,
             passed_s=passed_s,
             operator_called=bool(self.called_s),
@@ -118,7 +121,7 @@ class ShownScreen:
         """
         screens = [*past, self.record()]
         trace = {**self.pending.trace(), "screens": screens, "display": display}
-        if isinstance(self.screen, AskScore):
+        if isinstance(self.screen, Ask) and self.screen.question.kind in {"scale", "analogue"}:
             trace["scale"] = _scale_look(self.screen, display, wording)
         return {
             "answer": self.pending.answer,
@@ -132,17 +135,15 @@ def _name(screen: Screen) -> str:
     match screen:
         case Notice(text=text) | Instruction(text=text):
             return text
-        case AskChange(question=question):
-            return f"question.{question}"
-        case AskScore():
-            return "score"
+        case Ask(question=question):
+            return SCORE if question.name == SCORE else f"question.{question.name}"
         case LeadIn():
             return "lead-in"
     return type(screen).__name__.lower()
 
 
-def _scale_look(screen: AskScore, display: dict[str, Any], wording: Wording) -> dict[str, object]:
-    seen = look(screen.rating, wording, display["px_per_unit"])
+def _scale_look(screen: Ask, display: dict[str, Any], wording: Wording) -> dict[str, object]:
+    seen = look(screen.question, screen.bands, wording, display["px_per_unit"])
     mm_per_px = display["mm_per_px"]
     length_px = seen["length_px"]
     assert isinstance(length_px, float)

@@ -56,8 +56,10 @@ def wrapped(text: str, size: float, width: float) -> tuple[str, ...]:
 
     Latin text breaks at spaces, Chinese text between any two characters but not before closing
     marks. The lines are about equally long: as narrow, in steps of half an em, as the smallest
-    number of lines allows.
+    number of lines allows. A line feed ends a line in any case.
     """
+    if "\n" in text:
+        return tuple(line for part in text.split("\n") for line in wrapped(part, size, width))
     if text_width(text.rstrip(), size) <= width:
         return (text.strip(),)
     cuts = [at for at, (left, right) in enumerate(pairwise(text), start=1) if _breaks(left, right)]

@@ -8,6 +8,74 @@ from protocol.study.study import Study
 
 Document = dict[str, Any]
 
+OWN_QUESTIONS = """
+[[question]]
+name = "pleasantness"
+kind = "scale"
+text = { en = "How pleasant was the last touch?", zh = "最后一次触摸有多舒适？" }
+minimum = 1
+maximum = 7
+labels = [
+  { at = 1, en = "very unpleasant", zh = "非常不舒适" },
+  { at = 4, en = "neither", zh = "一般" },
+  { at = 7, en = "very pleasant", zh = "非常舒适" },
+]
+
+[[question]]
+name = "confidence"
+kind = "analogue"
+conditions = ["voltage", "pressure"]
+text = { en = "How sure are you of your answer?", zh = "您对回答有多确定？" }
+labels = [
+  { at = 0, en = "a mere guess", zh = "纯属猜测" },
+  { at = 100, en = "completely sure", zh = "完全确定" },
+]
+
+[[question]]
+name = "sensations"
+kind = "several"
+when = "block"
+text = { en = "What did you feel?", zh = "您感觉到了什么？" }
+labels = [
+  { value = "vibration", en = "vibration", zh = "振动" },
+  { value = "warmth", en = "warmth", zh = "温热" },
+  { value = "sticking", en = "sticking", zh = "粘滞" },
+  { value = "slipping", en = "slipping", zh = "打滑" },
+  { value = "none", en = "none of these", zh = "都没有" },
+]
+
+[[question]]
+name = "hand"
+kind = "choice"
+when = "before"
+sessions = "first"
+text = { en = "Which hand do you write with?", zh = "您用哪只手写字？" }
+labels = [
+  { value = "left", en = "the left one", zh = "左手" },
+  { value = "right", en = "the right one", zh = "右手" },
+  { value = "both", en = "both", zh = "两只手" },
+]
+
+[[question]]
+name = "age"
+kind = "number"
+when = "before"
+sessions = "first"
+text = { en = "How old are you?", zh = "您的年龄？" }
+minimum = 18
+maximum = 99
+unit = "years"
+
+[[question]]
+name = "remarks"
+kind = "text"
+when = "after"
+required = false
+text = { en = "Is there anything that you would like to tell us?", zh = "您有什么想告诉我们的吗？" }
+max_length = 120
+"""
+"""One question of each kind, to be appended to the paper's study."""
+
 
 def small(conditions: int = 2, beams: int = 1, **design: object) -> Study:
     """A study of ramps on so many conditions, the last ones on other beams."""

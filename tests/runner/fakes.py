@@ -1,6 +1,6 @@
 """A device, a clock and people that live in the test's own process."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 
@@ -10,14 +10,13 @@ from device.resonance import Resonance
 from protocol.address import SIMULATED
 from protocol.journal.records import Identity, ReadBack
 from protocol.plan.plan import plan
-from protocol.study.questions import ANSWERS
+from protocol.study.study_question import SCORE
 from protocol.study_file.loading import parsed_study, template
 from runner.journal.names import chain_name
 from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal
 from runner.screens import (
-    AskChange,
-    AskScore,
+    Ask,
     Instruction,
     Note,
     OperatorView,
@@ -113,10 +112,11 @@ class FakeDevice:
 
 @dataclass
 class FakeParticipant:
-    """Gives `changes` and `scores` in turn; remembers the screens."""
+    """Gives `changes` in turn and `answers` by the name of the question; remembers the screens."""
 
     changes: Iterable[str] = ()
     score: str = "7"
+    answers: Mapping[str, str] = field(default_factory=dict)
     shown: list[Screen] = field(default_factory=list)
     stops_at: str = ""
     fingers: list[tuple[Screen, OwnFinger]] = field(default_factory=list)
@@ -140,10 +140,12 @@ class FakeParticipant:
         match self.shown[-1]:
             case Instruction() | Welcome():
                 return Response(answer="ready", reaction_time_s=0.5)
-            case AskChange(question=question):
-                answer = next(iter(self.changes), ANSWERS[question][0])
+            case Ask(question=question) if question.name in self.answers:
+                return Response(answer=self.answers[question.name], reaction_time_s=1.5)
+            case Ask(question=question) if question.name != SCORE:
+                answer = next(iter(self.changes), question.values[0])
                 return Response(answer=answer, reaction_time_s=1.0)
-            case AskScore():
+            case Ask(question=question):
                 return Response(answer=self.score, reaction_time_s=2.0)
         return None
 

@@ -15,7 +15,7 @@ from protocol.study_file.loading import parsed_study, template, template_tests
 from runner.launch.device_access import SessionRig, keep_calibration
 from runner.launch.rehearsal import Rehearsal, rehearse
 from runner.people.virtual_participant import VirtualParticipant
-from runner.screens import AskChange, Pacing
+from runner.screens import Pacing, ask_change
 
 PYTEST = str(Path(sys.executable).with_name("pytest"))
 SUMMARY = "short test summary info"  # pytest shortens its lines unless CI is set
@@ -150,7 +150,7 @@ def test_a_virtual_participant_feels_the_beam_at_rest(
         )
         virtual_participant.clock.sleep(1.0)
         assert virtual_participant.poll() is None
-    virtual_participant.show(AskChange(question="places"))
+    virtual_participant.show(ask_change("places"))
     response = virtual_participant.poll()
     assert response is not None
     assert response.answer in ANSWERS["places"]

@@ -21,6 +21,7 @@ FRENCH = (
     .replace('"very weak" = "very weak"', '"very weak" = "très faible"')
     .replace("Touch now.", "Touchez.")
 )
+VIRTUAL = ("--ratings", "virtual")
 RUN = ("run", "study", "--participant", "P01", "--language", "fr", "--ratings")
 
 
@@ -152,3 +153,17 @@ def test_a_study_that_lacks_a_name_in_a_language_cannot_be_run_in_it(
     assert typed("check", "study") == 0
     assert typed(*RUN[:5], "zh", "--ratings", "virtual") == 2
     assert "--language zh: this study lacks a name of the scores 0 in it" in capsys.readouterr().err
+
+
+def test_a_study_names_the_language_that_participants_read(
+    study: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (study / "study.toml").read_text(encoding="utf-8")
+    named = text.replace("[rating]", '[session]\nlanguage = "zh"\n\n[rating]')
+    (study / "study.toml").write_text(named, encoding="utf-8")
+    assert typed(*RUN[:4], "--ratings", "virtual") == 0
+    assert typed("run", "study", "--participant", "P02", "--language", "en", *VIRTUAL) == 0
+    assert [session["language"] for session in opened(study)] == ["zh", "en"]
+    (study / "study.toml").write_text(named.replace('"zh"\n', '"de"\n'), encoding="utf-8")
+    assert typed("check", "study") == 2
+    assert "session.language: must be one of 'en' or 'zh', got 'de'" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""Table 4, and its results under each reading of missing scores."""
+"""Table 4, its results under each reading of missing scores, and answers to other questions."""
 
 from analysis.estimates import Json, plain
 from analysis.loading.missing_scores import LABELS, marks, unscored, withheld
@@ -11,6 +11,9 @@ from analysis.report.table4_text import table4_csv, table4_lines, table4_tex
 from analysis.report.wording import MISSING, number, omnibus_line
 from analysis.statistics.summary import Reading
 from analysis.statistics.table4 import Table4
+from analysis.trials.answers import Answers, answers_by_question
+from protocol.study.languages import REFERENCE
+from protocol.study.study_question import StudyQuestion
 
 
 def section(found: Findings) -> Section:
@@ -30,6 +33,60 @@ def section(found: Findings) -> Section:
         },
         files={"table4.csv": table4_csv(main), "table4.tex": table4_tex(main)},
     )
+
+
+def own_questions(found: Findings) -> Section:
+    """Return a table of the answers to each of the study's own questions."""
+    asked = answers_by_question(found.study, found.loaded.answers)
+    return Section(
+        name="questions",
+        title="Questions of the study",
+        blocks=[_said_table(each) if each.said else _answer_table(each) for each in asked],
+        data={"questions": [each.as_json() for each in asked]},
+    )
+
+
+def _answer_table(asked: Answers) -> Table:
+    """Return counts of each label, or statistics of numbers, by group."""
+    question = asked.question
+    statistics = ("mean", "sd", "median", "lowest", "highest")
+    names = question.values or (() if question.kind == "text" else statistics)
+    rows: list[Row] = []
+    for group in asked.groups:
+        counts = {name: str(count) for name, count in group.counts(question).items()}
+        shown = group.numbers() if not (question.values or question.kind == "text") else {}
+        cells = counts or {name: number(value, 2) for name, value in shown.items()}
+        told = [str(len(group.given)), str(group.skipped)]
+        rows.append([group.name, *told, *(cells.get(name, MISSING) for name in names)])
+    titles = ["SD" if name == "sd" else name for name in names]
+    return Table(
+        name=f"question-{question.name}",
+        caption=_caption(question),
+        columns=[
+            Column(name="", kind="text"),
+            *columns("answers", "skipped", *titles),
+        ],
+        rows=rows,
+    )
+
+
+def _said_table(asked: Answers) -> Table:
+    return Table(
+        name=f"question-{asked.question.name}",
+        caption=_caption(asked.question),
+        columns=columns("participant", "session", "about", "answer", kind="text"),
+        rows=[[who, str(session), group, said] for who, session, group, said in asked.said],
+    )
+
+
+def _caption(question: StudyQuestion) -> str:
+    text = question.text.get(REFERENCE) or next(iter(question.text.values()), "")
+    scale = ""
+    if question.kind in {"scale", "analogue"}:
+        low, high, _ = question.scale
+        scale = f" From {low:g} to {high:g}."
+    unit = f" In {question.unit}." if question.unit else ""
+    return f"{question.name}: {text}{scale}{unit}"
 
 
 def _score_table(found: Findings) -> Table:

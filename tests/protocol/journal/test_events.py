@@ -103,6 +103,7 @@ PAYLOADS: dict[str, dict[str, Any]] = {
         "seed": 1,
         "virtual": None,
         "versions": {"touchbeam": "0.1.0", "python": "3.11.7"},
+        "answer_order": "forward",
     },
     "session-resumed": {
         "study_sha256": "0" * 64,
@@ -165,6 +166,17 @@ PAYLOADS: dict[str, dict[str, Any]] = {
         "reaction_time_s": [1.767, 2.0],
         "traces": [None, {"start": None, "changes": [[0.5, "7", "pointer"]]}],
         "judged": [{"force_n": 0.5, "force_ok": True, "place_ok": True, "speed_ok": False}],
+        "questions": [
+            {"name": "felt", "answer": ["warm", "wet"], "reaction_time_s": 1.5, "trace": None}
+        ],
+    },
+    "question-answered": {
+        "name": "age",
+        "answer": 31,
+        "reaction_time_s": 2.25,
+        "trace": None,
+        "when": "before",
+        "block": None,
     },
     "trial-aborted": {"index": 4, "why": "repeated at the operator's wish"},
     "trial-deferred": {"index": 4, "missed": ["force", "speed"], "after": 6},

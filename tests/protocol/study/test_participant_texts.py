@@ -18,10 +18,10 @@ def test_every_question_answer_and_touch_has_a_text() -> None:
 
 
 def test_bands_are_named_with_their_scores() -> None:
-    assert band_names(STUDY.rating, study_wording(STUDY, "en"))[1] == "1-4 very weak"
-    assert band_names(STUDY.rating, study_wording(STUDY, "zh"))[0] == "0 无效果"
+    assert band_names(STUDY.rating.bands, study_wording(STUDY, "en"))[1] == "1-4 very weak"
+    assert band_names(STUDY.rating.bands, study_wording(STUDY, "zh"))[0] == "0 无效果"
 
 
 def test_a_band_without_a_name_in_a_language_takes_that_of_the_language() -> None:
     study = parsed_study(template("paper").replace(', zh = "很弱"', ""))
-    assert band_names(study.rating, study_wording(study, "zh"))[1] == "1-4 很弱"
+    assert band_names(study.rating.bands, study_wording(study, "zh"))[1] == "1-4 很弱"

@@ -7,9 +7,10 @@ from pydantic import ValidationError
 
 from protocol.errors import Problem
 from protocol.study.languages import built_in, built_in_codes
-from protocol.study.participant_texts import score_text, study_wording, worded_as_built
-from protocol.study.questions import QUESTIONS, Effect, Question, checked_answer
+from protocol.study.participant_texts import question_text, study_wording, worded_as_built
+from protocol.study.questions import QUESTIONS, Effect, Question
 from protocol.study.rating import PAPERS_SCALE, Rating
+from protocol.study.study_question import change_question, score_question
 from protocol.study_file.loading import StudyError, parsed_study, template
 
 PAPER = template("paper")
@@ -35,7 +36,7 @@ def problems(**keys: Any) -> list[Problem]:
 
 def test_an_answer_to_another_question_is_refused() -> None:
     with pytest.raises(ValueError, match="smoother, rougher, same, got 'swapped'"):
-        checked_answer("roughness", "swapped")
+        change_question("roughness").answer("swapped")
 
 
 def test_the_papers_scale_is_what_a_study_has_that_names_none() -> None:
@@ -44,17 +45,19 @@ def test_the_papers_scale_is_what_a_study_has_that_names_none() -> None:
 
 
 def test_a_score_beyond_the_scale_is_refused() -> None:
-    rating = Rating(minimum=1, maximum=7)
-    assert [rating.checked_score(score) for score in (1, 7)] == [1, 7]
-    with pytest.raises(ValueError, match=r"rating must lie in \[1, 7\], got 0"):
-        rating.checked_score(0)
-    with pytest.raises(ValueError, match=r"rating must lie in \[0, 10\], got 11"):
-        PAPERS_SCALE.checked_score(11)
+    question = score_question(Rating(minimum=1, maximum=7))
+    assert [question.answer(score) for score in ("1", "7")] == [1, 7]
+    with pytest.raises(ValueError, match=r"must lie on the scale from 1 to 7, got '0'"):
+        question.answer("0")
+    for given in ("11", "7.5", "nan", "-1", "seven", ""):
+        with pytest.raises(ValueError, match=rf"on the scale from 0 to 10, got '{given}'"):
+            score_question(PAPERS_SCALE).answer(given)
 
 
 def test_the_question_for_a_score_names_the_ends_of_the_studys_scale() -> None:
     study = parsed_study(TO_100)
-    asked = [score_text(study_wording(study, code), study.rating) for code in ("en", "zh")]
+    question = score_question(study.rating)
+    asked = [question_text(question, study_wording(study, code)) for code in ("en", "zh")]
     assert asked == ["How strong is the change? 0 to 100", "变化有多强？0 到 100 分"]
     assert not worded_as_built(study), "other scores may not fit where the built-in ones do"
 
@@ -63,7 +66,7 @@ def test_a_study_may_ask_for_a_score_in_its_own_words() -> None:
     own = TO_100 + '\n[texts.en]\nscore = "How much, up to {maximum} from {minimum}?"\n'
     plain = TO_100 + '\n[texts.en]\nscore = "How much, from 0 to 100?"\n'
     asked = [
-        score_text(study_wording(study, "en"), study.rating)
+        question_text(score_question(study.rating), study_wording(study, "en"))
         for study in map(parsed_study, (own, plain))
     ]
     assert asked == ["How much, up to 100 from 0?", "How much, from 0 to 100?"]

@@ -35,7 +35,7 @@ def test_a_language_of_the_studys_own_is_one_more_that_it_can_be_read_in() -> No
     assert study_codes(study) == ("en", "zh", "fr")
     wording = study_wording(study, "fr")
     assert wording.texts["touch.end"] == "Levez le doigt.\n"
-    assert band_names(study.rating, wording)[2] == "5-7 moyen"
+    assert band_names(study.rating.bands, wording)[2] == "5-7 moyen"
     assert study.languages["fr"].name == "French"
 
 

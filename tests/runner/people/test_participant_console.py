@@ -17,7 +17,8 @@ from runner.people.participant_console import (
     ParticipantGone,
     TypedLines,
 )
-from runner.screens import AskChange, AskScore, Instruction, Notice, Response, Screen
+from runner.screens import Ask, Instruction, Notice, Response, Screen, ask_change, ask_score
+from tests.protocol.studies import OWN_QUESTIONS
 
 PAPER = parsed_study(template("paper"))
 
@@ -47,7 +48,7 @@ class Terminal:
 
 @pytest.mark.parametrize("typed", ["1", "smoother", "SMOOTHER", "  1  "])
 def test_a_change_is_given_by_number_or_word(typed: str) -> None:
-    assert Terminal(f"{typed}\n").answer(AskChange(question="roughness")).answer == "smoother"
+    assert Terminal(f"{typed}\n").answer(ask_change("roughness")).answer == "smoother"
 
 
 @pytest.mark.parametrize("typed", ["Glatter", "glatter", " GLATTER "])
@@ -56,18 +57,18 @@ def test_a_studys_own_answer_text_matches_in_any_case(typed: str) -> None:
     english = terminal.participant.wording
     texts = {**english.texts, "answer.smoother": "Glatter"}
     terminal.participant.wording = replace(english, texts=texts)
-    assert terminal.answer(AskChange(question="roughness")).answer == "smoother"
+    assert terminal.answer(ask_change("roughness")).answer == "smoother"
 
 
 def test_chinese_answers_are_accepted() -> None:
     terminal = Terminal("没有互换\n", language="zh")
-    assert terminal.answer(AskChange(question="places")).answer == "not swapped"
+    assert terminal.answer(ask_change("places")).answer == "not swapped"
     assert "光滑和粗糙的位置是否互换了？" in terminal.said
 
 
 def test_an_invalid_answer_is_asked_for_again() -> None:
     terminal = Terminal("4\nyes\n2\n")
-    assert terminal.answer(AskChange(question="roughness")).answer == "rougher"
+    assert terminal.answer(ask_change("roughness")).answer == "rougher"
     again = "This is not one of the possible answers. Please type one of these:"
     choices = ["  1  it became smoother", "  2  it became rougher", "  3  it stayed the same"]
     assert terminal.said[-8:] == [f"'4': {again}", *choices, f"'yes': {again}", *choices]
@@ -75,14 +76,14 @@ def test_an_invalid_answer_is_asked_for_again() -> None:
 
 def test_an_order_without_its_colon_is_explained() -> None:
     terminal = Terminal("p\n2\n")
-    terminal.answer(AskChange(question="roughness"))
+    terminal.answer(ask_change("roughness"))
     hint = "(For the operator: an order begins with a colon, such as :p)"
     assert terminal.said[-1] == hint
 
 
 def test_a_score_outside_the_scale_is_asked_for_again() -> None:
     terminal = Terminal("11\nx\n-1\n7\n")
-    assert terminal.answer(AskScore(rating=Rating())).answer == "7"
+    assert terminal.answer(ask_score(Rating())).answer == "7"
     again = "This is not one of the possible answers. Please type one of these:"
     assert terminal.said[-6:] == [
         line for typed in ("11", "x", "-1") for line in (f"'{typed}': {again}", "  0 … 10")
@@ -91,7 +92,7 @@ def test_a_score_outside_the_scale_is_asked_for_again() -> None:
 
 def test_a_score_lies_on_the_studys_scale() -> None:
     terminal = Terminal("101\n55\n")
-    assert terminal.answer(AskScore(rating=Rating(minimum=0, maximum=100))).answer == "55"
+    assert terminal.answer(ask_score(Rating(minimum=0, maximum=100))).answer == "55"
     assert terminal.said[0] == "How strong is the change? 0 to 100"
     assert terminal.said[-1] == "  0 … 100"
 
@@ -113,7 +114,7 @@ def test_input_that_ends_too_early_is_an_error() -> None:
 
 def test_a_line_that_begins_with_a_colon_is_the_operators() -> None:
     terminal = Terminal(":p\n1\n")
-    assert terminal.answer(AskChange(question="roughness")).answer == "smoother"
+    assert terminal.answer(ask_change("roughness")).answer == "smoother"
     assert terminal.typed.operator_typed(asked=False) == ":p\n"
 
 
@@ -135,7 +136,7 @@ def test_undecodable_bytes_are_asked_for_again() -> None:
     source = io.TextIOWrapper(io.BytesIO(b"\xff\xfe\n2\n"), encoding="utf-8", errors="strict")
     said: list[str] = []
     participant = ConsoleParticipant(TypedLines(source), said.append, study_wording(PAPER, "en"))
-    participant.show(AskChange(question="roughness"))
+    participant.show(ask_change("roughness"))
     until_s = time.monotonic() + 5
     answer = None
     while answer is None and time.monotonic() < until_s:
@@ -173,3 +174,27 @@ def test_a_flood_of_lines_is_not_read_ahead() -> None:
         pass
     assert typed.take() == ""
     assert flood.given <= MOST_LINES + 3
+
+
+@pytest.mark.parametrize(
+    ("name", "typed", "answer"),
+    [
+        ("pleasantness", "8\n7\n", "7"),
+        ("confidence", "some\n61.83\n61.8\n", "61.8"),
+        ("sensations", "\n9\nwarmth, 3\n", "warmth;sticking"),
+        ("hand", "the left one\n", "left"),
+        ("age", "\n17\n31\n", "31"),
+        ("remarks", "Nothing.\n", "Nothing."),
+        ("remarks", "\n", ""),
+    ],
+)
+def test_a_studys_own_question_is_asked_until_it_is_answered(
+    name: str, typed: str, answer: str
+) -> None:
+    study = parsed_study(template("paper") + OWN_QUESTIONS)
+    question = next(question for question in study.question if question.name == name)
+    terminal = Terminal(typed)
+    assert terminal.answer(Ask(question=question)).answer == answer
+    assert terminal.said[0] == question.text["en"]
+    again = [line for line in terminal.said if "is not one of the possible answers" in line]
+    assert len(again) == typed.count("\n") - 1

@@ -8,8 +8,11 @@ import pytest
 
 from protocol.study.questions import ANSWERS, Question
 from protocol.study.rating import PAPERS_SCALE, Rating
+from protocol.study.study_question import StudyQuestion
+from protocol.study_file.loading import parsed_study, template
 from runner.people.virtual_participant import Character, VirtualParticipant, drawn_character
-from runner.screens import AskChange, AskScore, Instruction, Notice, Pacing
+from runner.screens import Ask, Instruction, Notice, Pacing, ask_change, ask_score
+from tests.protocol.studies import OWN_QUESTIONS
 from tests.runner.fakes import FakeClock
 
 EXACT = Character(bias=2.0, gain=5.0, felt_noise=0.0, rating_noise=0.0, criterion=0.01)
@@ -49,9 +52,9 @@ def felt(
     assert virtual.poll() is not None
     for touch in touches:
         _touch(virtual, control, clock, touch)
-    virtual.show(AskChange(question=question))
+    virtual.show(ask_change(question))
     change = virtual.poll()
-    virtual.show(AskScore(rating=scale))
+    virtual.show(ask_score(scale))
     score = virtual.poll()
     assert change is not None
     assert score is not None
@@ -122,3 +125,23 @@ def test_false_alarms_are_as_rare_as_those_of_people() -> None:
         for seed, who in enumerate(characters)
     ]
     assert 1 - answers.count("same") / len(answers) == pytest.approx(0.073, abs=0.02)
+
+
+@pytest.mark.parametrize("question", parsed_study(template("paper") + OWN_QUESTIONS).question)
+def test_a_studys_own_question_gets_an_answer_that_it_allows(question: StudyQuestion) -> None:
+    answers = set()
+    for seed in range(60):
+        virtual = VirtualParticipant(
+            control=FakeHand(),
+            clock=FakeClock(),
+            character=EXACT,
+            random_stream=random.Random(1),
+            questions_stream=random.Random(seed),
+        )
+        virtual.show(Ask(question=question))
+        response = virtual.poll()
+        assert response is not None
+        answers.add(question.answer(response.answer))
+        assert virtual.random_stream.random() == random.Random(1).random()
+    assert len(answers) >= 3
+    assert (None in answers) == (not question.required)

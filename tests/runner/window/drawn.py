@@ -20,22 +20,25 @@ from protocol.study.study import Study
 from protocol.study.touch import Touch
 from protocol.study_file.loading import parsed_study, template
 from runner.screens import (
-    AskChange,
-    AskScore,
+    Ask,
     Instruction,
     Notice,
     OwnFinger,
     Screen,
     Welcome,
+    ask_change,
+    ask_score,
     lead_in,
     pacing,
 )
 from runner.window.canvas import PsychopyCanvas
 from runner.window.elements import Text
 from runner.window.messages import Settings
-from runner.window.pages import PageState, page
+from runner.window.pages import page
 from runner.window.preflight import foreseen
+from runner.window.questions.page_layout import PageState
 from runner.window.text_layout import text_width, wrapped
+from tests.protocol.studies import OWN_QUESTIONS
 
 Shown = tuple[str, Screen, PageState]
 
@@ -46,13 +49,36 @@ def _named(touch: Touch) -> str:
     return "harder" if touch.press > 1 else "place"
 
 
+CHOSEN = {
+    "choice": "right",
+    "several": "vibration;sticking",
+    "scale": "5",
+    "analogue": "61.8",
+    "number": "31",
+    "text": "a bit rough",
+}
+
+
+def own_questions() -> list[Shown]:
+    """A question of each kind, answered."""
+    study = parsed_study(template("paper") + OWN_QUESTIONS)
+    return [
+        (
+            f"question-{question.kind}",
+            Ask(question=question),
+            PageState(chosen=CHOSEN[question.kind], typed=CHOSEN[question.kind]),
+        )
+        for question in study.question
+    ]
+
+
 def pictures(study: Study) -> list[Shown]:
     """One example of each screen, named for a file."""
     touches = {_named(touch): touch for condition in study.condition for touch in condition.touches}
     ways = {name: pacing(touch, study.touch) for name, touch in touches.items()}
     texts = {"right": "touch.right", "left": "touch.left"}
     texts |= {"place": "touch.smooth", "harder": "touch.smooth.harder"}
-    score = AskScore(rating=study.rating)
+    score = ask_score(study.rating)
     called = PageState(chosen="7", operator_called=True, progress=(3, 7))
     trial = PageState(progress=(3, 7))
     return [
@@ -73,10 +99,11 @@ def pictures(study: Study) -> list[Shown]:
         ),
         ("lift", Notice(text="touch.end"), trial),
         ("remember", Instruction(text="remember"), PageState(progress=(1, 7))),
-        ("change", AskChange(question="roughness"), trial),
-        ("change-chosen", AskChange(question="places"), replace(trial, chosen="swapped")),
+        ("change", ask_change("roughness"), trial),
+        ("change-chosen", ask_change("places"), replace(trial, chosen="swapped")),
         ("score", score, trial),
         ("score-chosen", score, called),
+        *own_questions(),
         ("saved", score, PageState(chosen="7", button="saved", progress=(3, 7))),
         ("next-beam", Notice(text="wait.beam"), trial),
         ("next-touch", Notice(text="wait.touch"), trial),
@@ -117,8 +144,8 @@ def main(language: str, folder: Path | None) -> None:
     wording = study_wording(study, language)
     canvas = PsychopyCanvas(Settings(wording=wording))
     screens = (
-        *foreseen(parsed_study(template("extended")), consent="C-7"),
-        AskScore(rating=Rating(minimum=0, maximum=100)),
+        *foreseen(parsed_study(template("extended") + OWN_QUESTIONS), consent="C-7"),
+        ask_score(Rating(minimum=0, maximum=100)),
     )
     wide = [line for screen in screens for line in too_wide(canvas, screen, wording)]
     for name, screen, view in pictures(study) if folder else []:

@@ -17,7 +17,7 @@ from protocol.errors import WorkFailed
 from protocol.study.languages import built_in
 from protocol.study.participant_texts import study_wording
 from protocol.study_file.loading import parsed_study, template
-from runner.screens import AskChange, Instruction, Notice, Response
+from runner.screens import Instruction, Notice, Response, ask_change
 from runner.window.client import (
     SILENT_S,
     WindowGone,
@@ -79,7 +79,7 @@ def answer(number: int, text: str) -> dict[str, Any]:
 
 def test_an_answer_is_returned_once() -> None:
     at = At()
-    at.participant.show(AskChange(question="places"))
+    at.participant.show(ask_change("places"))
     assert at.poll(ALIVE) is None
     given = at.poll({"shown": 1, "at_s": 5.0}, answer(1, "swapped"))
     assert given == Response(answer="swapped", reaction_time_s=0.7, trace={"path": []})
@@ -89,7 +89,7 @@ def test_an_answer_is_returned_once() -> None:
 def test_an_answer_to_the_previous_screen_is_ignored() -> None:
     at = At()
     at.participant.show(Instruction(text="remember"))
-    at.participant.show(AskChange(question="places"))
+    at.participant.show(ask_change("places"))
     assert at.poll(answer(1, "ready")) is None
 
 

@@ -14,24 +14,26 @@ from protocol.study.participant_texts import Wording, study_wording, touch_text,
 from protocol.study.rating import Band, Rating
 from protocol.study.rules import Finger, Hand
 from protocol.study.study import Study
+from protocol.study.study_question import score_question
 from protocol.study.touch import Direction, Touch, TouchDefaults
 from protocol.study_file.loading import TEMPLATES, parsed_study, template
 from runner.screens import (
-    AskChange,
-    AskScore,
     FingerPath,
     Instruction,
     Notice,
     OwnFinger,
     Pacing,
+    ask_change,
+    ask_score,
     lead_in,
     pacing,
 )
 from runner.window.beam_sketch import beam_x, fingers
 from runner.window.elements import CANVAS, Dot, Outline, Text
-from runner.window.pages import PageState, page, targets
+from runner.window.pages import page, targets
 from runner.window.preflight import fit_problems, foreseen, require_fit
-from runner.window.rating_scale import SCALE_BOX, labelled, look, marked, score_at, score_x
+from runner.window.questions.page_layout import PageState
+from runner.window.questions.rating_scale import SCALE_BOX, labelled, look, marked, nearest, score_x
 
 PAPER = parsed_study(template("paper"))
 RIGHT = Pacing(start_m=0.01, end_m=0.081, duration_s=1.775, force_n=0.5, direction="right")
@@ -100,7 +102,7 @@ def test_every_page_but_the_last_has_a_button_that_calls_the_operator(view: Page
 
 
 def test_the_participant_sees_how_far_the_session_is() -> None:
-    screen = AskChange(question="places")
+    screen = ask_change("places")
     texts = [
         e.text
         for e in page(screen, PageState(progress=(3, 12)), wording("en"))
@@ -121,14 +123,14 @@ def test_a_break_counts_down(passed_s: float, left: str | None) -> None:
 
 
 def test_numbers_of_answers_stand_in_a_column_of_their_own() -> None:
-    elements = page(AskChange(question="roughness"), PageState(), wording("en"))
+    elements = page(ask_change("roughness"), PageState(), wording("en"))
     numbers = [e for e in elements if isinstance(e, Text) and e.text.isdigit()]
     assert [number.text for number in numbers] == ["1", "2", "3"]
     assert len({number.box.x for number in numbers}) == 1
 
 
 def test_the_chosen_score_is_the_largest_number_on_the_scale() -> None:
-    elements = page(AskScore(rating=Rating()), PageState(chosen="7"), wording("en"))
+    elements = page(ask_score(Rating()), PageState(chosen="7"), wording("en"))
     numbers = [e for e in elements if isinstance(e, Text) and e.text.isdigit()]
     assert max(numbers, key=lambda number: number.size).text == "7"
 
@@ -190,9 +192,9 @@ def test_a_scale_with_more_scores_than_the_screen_has_pixels_is_refused() -> Non
 def test_a_press_where_a_score_lies_chooses_it(ends: tuple[int, int]) -> None:
     rating = scale_of(*ends)
     for score in range(rating.minimum, rating.maximum + 1):
-        x = score_x(score, rating)
+        x = score_x(score, score_question(rating))
         assert SCALE_BOX.holds(x, SCALE_BOX.y)
-        assert round(score_at(x, rating)) == score
+        assert nearest(x, score_question(rating)) == score
 
 
 @pytest.mark.parametrize(
@@ -212,12 +214,10 @@ def test_numbers_of_scores_stand_as_far_apart_as_they_need(
     ends: tuple[int, int], ticks: str, labels: list[int]
 ) -> None:
     rating = scale_of(*ends, ticks)
-    assert labelled(rating) == labels
-    assert set(labels) <= set(marked(rating))
+    assert labelled(score_question(rating), rating.bands) == labels
+    assert set(labels) <= set(marked(score_question(rating), rating.bands))
     texts = {
-        e.text
-        for e in page(AskScore(rating=rating), PageState(), wording("en"))
-        if isinstance(e, Text)
+        e.text for e in page(ask_score(rating), PageState(), wording("en")) if isinstance(e, Text)
     }
     assert {text for text in texts if text.isdigit()} == {str(score) for score in labels}
 
@@ -354,27 +354,25 @@ def test_several_fingers_are_drawn_where_they_touch_the_beam() -> None:
 )
 def test_the_study_determines_which_scores_have_ticks(ticks: str, scores: list[int]) -> None:
     rating = parsed_study(template("paper")).rating.model_copy(update={"ticks": ticks})
-    assert marked(rating) == scores
+    assert marked(score_question(rating), rating.bands) == scores
     texts = {
-        e.text
-        for e in page(AskScore(rating=rating), PageState(), wording("en"))
-        if isinstance(e, Text)
+        e.text for e in page(ask_score(rating), PageState(), wording("en")) if isinstance(e, Text)
     }
     assert {text for text in texts if text.isdigit()} == {str(score) for score in scores}
 
 
 def test_the_scale_has_no_mark_until_a_score_is_chosen() -> None:
-    screen = AskScore(rating=Rating())
+    screen = ask_score(Rating())
     dots = [
         [e for e in page(screen, PageState(chosen=chosen), wording("en")) if isinstance(e, Dot)]
         for chosen in (None, "0", "10")
     ]
     assert [len(each) for each in dots] == [0, 1, 1]
-    assert dots[2][0].x - dots[1][0].x == look(Rating(), wording("en"), 1.0)["length_px"]
+    assert dots[2][0].x - dots[1][0].x == look(screen.question, (), wording("en"), 1.0)["length_px"]
 
 
 def test_no_answer_stands_out_before_it_is_chosen() -> None:
-    screen = AskChange(question="strength")
+    screen = ask_change("strength")
     boxes = [e for e in page(screen, PageState(), wording("en")) if isinstance(e, Outline)][:3]
     assert len({(box.fill, box.edge, box.width) for box in boxes}) == 1
 

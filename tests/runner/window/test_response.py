@@ -8,14 +8,15 @@ from hypothesis import strategies as st
 
 from protocol.study.questions import ANSWERS, Question
 from protocol.study.rating import Rating
-from runner.screens import AskChange, AskScore, Instruction, Notice, Pacing, Screen, Welcome
+from protocol.study.study_question import score_question
+from runner.screens import Ask, Instruction, Notice, Pacing, Screen, Welcome, ask_change, ask_score
 from runner.window.elements import Dragged, Input, Key, Pressed, Released
 from runner.window.pages import targets
-from runner.window.rating_scale import score_x
+from runner.window.questions.rating_scale import score_x
 from runner.window.response import EARLY_S, PendingResponse
 
 RATING = Rating()
-CHANGE, SCORE = AskChange(question="roughness"), AskScore(rating=RATING)
+CHANGE, SCORE = ask_change("roughness"), ask_score(RATING)
 KEYS = [*"0123456789", "left", "right", "up", "down", "enter", "backspace", "escape"]
 POINTS = st.tuples(st.floats(-400, 400), st.floats(-300, 300))
 INPUTS: st.SearchStrategy[Input] = st.one_of(
@@ -46,7 +47,7 @@ def press(screen: Screen, name: str) -> Pressed:
 
 
 def press_score(score: float) -> Pressed:
-    return Pressed(x=score_x(score, RATING), y=50)
+    return Pressed(x=score_x(score, score_question(RATING)), y=50)
 
 
 @pytest.mark.parametrize(
@@ -99,7 +100,7 @@ def test_a_score_by_keys(keys: str, chosen: str | None) -> None:
 def test_a_score_by_keys_lies_on_the_scale(
     ends: tuple[int, int], keys: str, chosen: str | None
 ) -> None:
-    screen = AskScore(rating=Rating(minimum=ends[0], maximum=ends[1]))
+    screen = ask_score(Rating(minimum=ends[0], maximum=ends[1]))
     assert after(screen, keys).chosen == chosen
     assert after(screen, keys, "enter").answer == chosen
 
@@ -126,7 +127,7 @@ def test_a_change_by_keys(keys: str, chosen: str | None) -> None:
 
 @pytest.mark.parametrize("question", ANSWERS)
 def test_a_change_by_the_pointer(question: Question) -> None:
-    screen = AskChange(question=question)
+    screen = ask_change(question)
     for answer in ANSWERS[question]:
         chosen = after(screen, press(screen, answer), Released(), press(screen, "confirm"))
         assert chosen.answer == answer
@@ -139,7 +140,7 @@ def test_a_score_by_the_pointer_is_the_nearest_one(score: int) -> None:
 
 
 def test_the_mark_follows_the_pointer_and_its_path_is_recorded() -> None:
-    drag = [Dragged(x=score_x(place, RATING), y=-200) for place in (2.4, 3.2, 4.0)]
+    drag = [Dragged(x=score_x(place, score_question(RATING)), y=-200) for place in (2.4, 3.2, 4.0)]
     pending = after(SCORE, press_score(2), *drag, Released(), drag[0], "enter")
     assert pending.answer == "4"
     trace = pending.trace()
@@ -173,11 +174,11 @@ def test_enter_ten_times_a_second_confirms_one_mark_of_a_page_that_could_be_read
     pending = PendingResponse(screen, readable_s=1.0)
     pressed = [number / 10 for number in range(1, 40)]
     for t_s in pressed:
-        if t_s == 2.0 and isinstance(screen, AskChange | AskScore):
+        if t_s == 2.0 and isinstance(screen, Ask):
             assert pending.answer is None, "nothing is marked"
             pending.take(Key(name="1"), 1.95)
         pending.take(Key(name="enter"), t_s)
-    has_mark = isinstance(screen, AskChange | AskScore)
+    has_mark = isinstance(screen, Ask)
     assert pending.confirmed_s == (2.0 if has_mark else 1.0)
     assert pending.reaction_time_s == (1.95 if has_mark else 1.0)
     assert len(pending.changes) == has_mark

@@ -10,17 +10,18 @@ import pytest
 from protocol.study.participant_texts import study_wording
 from protocol.study.rating import Rating
 from protocol.study_file.loading import parsed_study, template
-from runner.screens import AskScore, Instruction, Notice, Pacing
+from runner.screens import Instruction, Notice, Pacing, ask_score
 from runner.window.elements import Dot, Input, Key, Page, Pressed
 from runner.window.messages import Settings, show_message
-from runner.window.pages import Button, PageState, page, targets
+from runner.window.pages import page, targets
 from runner.window.presentation import FrameTimes
+from runner.window.questions.page_layout import Button, PageState
 from runner.window.server import Mailbox, WindowServer
 
 INTERVAL_S = 1 / 60
 SETTINGS = Settings(
     wording=study_wording(parsed_study(template("paper")), "en"),
-    foreseen=(AskScore(rating=Rating()),),
+    foreseen=(ask_score(Rating()),),
 )
 PACING = Pacing(start_m=0.0, end_m=0.1, duration_s=1.0, force_n=0.5, direction="right")
 
@@ -99,7 +100,7 @@ def test_a_score_is_sent_with_its_trace_and_the_previous_screens() -> None:
     canvas, sent = served(
         {
             8: show_message(1, PACING),
-            30: show_message(2, AskScore(rating=Rating())),
+            30: show_message(2, ask_score(Rating())),
             50: lambda canvas: canvas.press("7"),
             60: lambda canvas: canvas.press("enter"),
             70: {"end": True},

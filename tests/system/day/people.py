@@ -5,11 +5,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from device.simulator.in_process import InProcessDevice
-from protocol.study.questions import ANSWERS
+from protocol.study.study_question import SCORE
 from runner.people.participant_console import ParticipantGone
 from runner.screens import (
-    AskChange,
-    AskScore,
+    Ask,
     Instruction,
     Notice,
     OwnFinger,
@@ -72,11 +71,11 @@ class Person:
         match self._screen:
             case Instruction() | Welcome():
                 return self._respond("ready")
-            case AskChange(question=question):
-                return self._respond(self.stream.choice(ANSWERS[question]), remember=True)
-            case AskScore(rating=rating):
-                score = self.stream.randint(rating.minimum, rating.maximum)
-                return self._respond(str(score), remember=True)
+            case Ask(question=question) if question.name != SCORE:
+                return self._respond(self.stream.choice(question.values), remember=True)
+            case Ask(question=question):
+                place = question.place(self.stream.randint(0, question.places))
+                return self._respond(str(place), remember=True)
         return None
 
     def _respond(self, answer: str, *, remember: bool = False) -> Response:

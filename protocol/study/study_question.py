@@ -1,0 +1,284 @@
+"""Questions to a participant, those of a study's own and the built-in ones, and pages to read.
+
+A built-in question is an instance: what changed is a choice of one label, the score a scale.
+"""
+
+import re
+from decimal import Decimal
+from functools import cache
+from math import isfinite
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, ConfigDict, Field
+
+from protocol.study.fields import Count, Line, Name, Positive, Record, Whole, require_printable
+from protocol.study.languages import KnownCode
+from protocol.study.questions import ANSWERS, Question
+from protocol.study.rating import Rating
+
+Kind = Literal["choice", "several", "scale", "analogue", "number", "text"]
+When = Literal["before", "trial", "block", "after"]
+Answer = str | int | float | tuple[str, ...] | None
+"""A label's value or several, a number, a text; None for a question that was skipped."""
+
+BETWEEN = ";"
+"""Between the values of several labels in an answer."""
+_IDENTIFIER = re.compile(r"[a-z][a-z0-9_]*")
+LONGEST_IDENTIFIER = 40
+MOST_LABELS = 9
+"""So that each one has a key of its own."""
+ANALOGUE = (0.0, 100.0, 0.1)
+"""Ends and resolution of an analogue scale."""
+
+
+def _identifier(name: str) -> str:
+    if not _IDENTIFIER.fullmatch(name):
+        raise ValueError("must begin with a small letter and hold only a to z, 0 to 9 and _")
+    return name
+
+
+Identifier = Annotated[
+    str, Field(min_length=1, max_length=LONGEST_IDENTIFIER), AfterValidator(_identifier)
+]
+Place = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False, strict=True)]
+"""On a scale."""
+LongText = Annotated[str, Field(min_length=1, max_length=1_000), AfterValidator(require_printable)]
+_PICTURE = re.compile(r"\w[\w. -]*(/\w[\w. -]*)*\.(png|jpg|jpeg)", re.IGNORECASE)
+
+
+def is_picture_name(name: str) -> bool:
+    """Return whether `name` may name a picture: a path that does not leave the study's folder."""
+    return _PICTURE.fullmatch(name) is not None
+
+
+def _picture(name: str) -> str:
+    if not is_picture_name(name):
+        raise ValueError("must name a .png or .jpg file in the study's folder, such as beam.png")
+    return name
+
+
+Filename = Annotated[Line, AfterValidator(_picture)]
+_Shown = Annotated[Line, AfterValidator(require_printable)]
+
+
+class Label(Record):
+    """An answer to choose, or a label of a place on a scale, by the language's code."""
+
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[
+        str, Annotated[Line, Field(description="what is read in that language, such as `en`")]
+    ] = Field(init=False)
+
+    value: Annotated[
+        Name | None, Field(description="of `choice` and `several`: what is recorded")
+    ] = None
+    at: Annotated[
+        Place | None, Field(description="of `scale` and `analogue` (0 or 100): the place")
+    ] = None
+
+    @property
+    def names(self) -> dict[str, str]:
+        """What is read, by language."""
+        return self.__pydantic_extra__
+
+
+class StudyQuestion(Record):
+    """A question of the study's own; its name becomes a column of exported data."""
+
+    name: Annotated[Identifier, Field(description="small letters, digits and `_`")]
+    kind: Annotated[
+        Kind,
+        Field(
+            description="`choice`: one of the labels; `several`: any number of them; `scale`: "
+            "steps of a scale; `analogue`: a place on a line, 0 to 100 in steps of 0.1; `number`; "
+            "`text`"
+        ),
+    ]
+    when: Annotated[
+        When,
+        Field(
+            description="`trial`: after the trials of conditions, practice and catch trials too; "
+            "`block`: after each block; `before` the first trial or `after` the last one"
+        ),
+    ] = "trial"
+    conditions: Annotated[
+        tuple[Name, ...],
+        Field(description='for `when = "trial"`: only after trials of these; none: of all'),
+    ] = ()
+    sessions: Annotated[
+        Literal["every", "first"],
+        Field(description="whether it is asked in every session of a participant"),
+    ] = "every"
+    required: Annotated[
+        bool, Field(strict=True, description="whether it must be answered; if not, it is skipped")
+    ] = True
+    text: Annotated[
+        dict[KnownCode, _Shown], Field(description="the question, by the language's code")
+    ] = Field(default_factory=dict)
+    labels: Annotated[
+        tuple[Label, ...], Field(description="answers, or labels of a scale; a table each")
+    ] = ()
+    minimum: Annotated[
+        Place | None, Field(description="lowest place on a `scale`, or smallest `number`")
+    ] = None
+    maximum: Annotated[
+        Place | None, Field(description="highest place on a `scale`, or largest `number`")
+    ] = None
+    step: Annotated[
+        Positive | None, Field(le=1e6, description="between places of a `scale`; by default 1")
+    ] = None
+    ticks: Annotated[
+        Literal["all", "labels", "ends"],
+        Field(description="which places are marked on a `scale`"),
+    ] = "all"
+    decimals: Annotated[
+        Whole | None, Field(le=6, description="most decimals of a `number`; by default 0")
+    ] = None
+    unit: Annotated[
+        _Shown | None, Field(description="of a `number`, shown beside it and in exported data")
+    ] = None
+    max_length: Annotated[
+        Count | None, Field(le=200, description="of a `text`, in characters; by default 60")
+    ] = None
+
+    @property
+    def values(self) -> tuple[str, ...]:
+        """What may be chosen: the values of the labels; none where the labels name places."""
+        return tuple(label.value for label in self.labels if label.value is not None)
+
+    @property
+    def scale(self) -> tuple[float, float, float]:
+        """Lowest and highest place and the step of a scale."""
+        if self.kind == "analogue":
+            return ANALOGUE
+        return self.minimum or 0.0, self.maximum or 0.0, self.step or 1.0
+
+    @property
+    def places(self) -> int:
+        """Number of steps from one end of the scale to the other."""
+        low, high, step = self.scale
+        return round((high - low) / step)
+
+    @property
+    def longest(self) -> int:
+        """Most characters of an answer that is typed."""
+        return (self.max_length or 60) if self.kind == "text" else 16
+
+    def place(self, number: int) -> int | float:
+        """Return a place on the scale, counted in steps from its lower end."""
+        low, _, step = (Decimal(repr(each)) for each in self.scale)
+        return plain_number(float(low + number * step))
+
+    def reversed(self) -> "StudyQuestion":
+        """Return the question with its answers in the opposite order."""
+        return self.model_copy(update={"labels": self.labels[::-1]})
+
+    def answer(self, given: str) -> Answer:
+        """Return what `given` means: a value, several with `;` between, a number or a text.
+
+        Raises:
+            ValueError: the question does not allow it; the message says what it allows.
+        """
+        if not given and not self.required:
+            return None
+        match self.kind:
+            case "choice":
+                return self._checked(given, given in self.values, f"be one of {self._known}")
+            case "several":
+                return self._several(given)
+            case "text":
+                rule = f"have 1 to {self.longest} characters"
+                return self._checked(given, 0 < len(given) <= self.longest, rule)
+            case "number":
+                return self._number(given)
+        return self._on_scale(given)
+
+    @property
+    def _known(self) -> str:
+        return ", ".join(self.values)
+
+    def _checked(self, given: str, allowed: bool, rule: str) -> str:
+        if not allowed:
+            raise ValueError(f"the answer to {self.name} must {rule}, got {given!r}")
+        return given
+
+    def _several(self, given: str) -> tuple[str, ...]:
+        chosen = set(given.split(BETWEEN))
+        self._checked(given, chosen <= set(self.values), f"be some of {self._known}")
+        return tuple(value for value in self.values if value in chosen)
+
+    def _number(self, given: str) -> int | float:
+        low, high = self.minimum, self.maximum
+        spoken = [f"at least {low:.15g}"] if low is not None else []
+        spoken += [f"at most {high:.15g}"] if high is not None else []
+        decimals = self.decimals or 0
+        kind = f"a number with at most {decimals} decimals" if decimals else "a whole number"
+        rule = f"be {', '.join([kind, *spoken])}"
+        plain = given.replace(",", ".")
+        form = rf"[+-]?\d{{1,15}}(\.\d{{0,{decimals}}})?" if decimals else r"[+-]?\d{1,15}"
+        self._checked(given, re.fullmatch(form, plain, re.ASCII) is not None, rule)
+        number = float(plain)
+        above = low is None or number >= low
+        self._checked(given, above and (high is None or number <= high), rule)
+        return plain_number(number)
+
+    def _on_scale(self, given: str) -> int | float:
+        low, high, step = self.scale
+        try:
+            number = float(given)
+        except ValueError:
+            number = float("nan")
+        whole = isfinite(number) and low <= number <= high
+        nearest = self.place(round((number - low) / step)) if whole else None
+        rule = f"lie on the scale from {low:.15g} to {high:.15g}"
+        self._checked(given, nearest is not None and abs(nearest - number) < step * 1e-6, rule)
+        return plain_number(float(nearest or 0))
+
+
+def plain_number(number: float) -> int | float:
+    """Return a whole number as such.
+
+    >>> plain_number(7.0), plain_number(0.5)
+    (7, 0.5)
+    """
+    return int(number) if number.is_integer() else number
+
+
+class InstructionPage(Record):
+    """A page to read, with a picture if wanted, until the participant goes on."""
+
+    before: Annotated[
+        Literal["session", "practice", "block"], Field(description="what it introduces")
+    ] = "session"
+    block: Annotated[
+        Count | None, Field(description="number of the block, from 1; none: every block")
+    ] = None
+    text: Annotated[
+        dict[KnownCode, LongText],
+        Field(description="by the language's code; a line feed begins a new line"),
+    ] = Field(default_factory=dict)
+    picture: Annotated[
+        Filename | None, Field(description="a PNG or JPEG file in the study's folder")
+    ] = None
+
+
+SCORE = "score"
+"""Name of the question how strong the change is."""
+
+
+@cache
+def change_question(question: Question) -> StudyQuestion:
+    """Return a built-in question about the change; its texts are those of the language."""
+    labels = tuple(Label(value=answer) for answer in ANSWERS[question])
+    return StudyQuestion(name=question, kind="choice", labels=labels)
+
+
+def score_question(rating: Rating) -> StudyQuestion:
+    """Return the question how strong the change is, on the scale of scores."""
+    return StudyQuestion(
+        name=SCORE,
+        kind="scale",
+        minimum=rating.minimum,
+        maximum=rating.maximum,
+        ticks="labels" if rating.ticks == "bands" else rating.ticks,
+    )

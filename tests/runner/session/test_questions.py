@@ -1,0 +1,141 @@
+"""A study's own questions in a session: asked when they are due, and never twice."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from protocol.journal.events import Answered, QuestionAnswered
+from protocol.journal.state import SessionState
+from protocol.plan.plan import plan
+from protocol.study_file.loading import parsed_study, template
+from runner.journal.opening import open_journal
+from runner.journal.session_log import SessionLog
+from runner.journal.store import Journal
+from runner.screens import Ask
+from runner.session.loop import run
+from runner.session.session import Session, answer_order
+from tests.protocol.studies import OWN_QUESTIONS
+from tests.runner.fakes import FakeDevice, FakeParticipant, context
+
+TEXT = template("paper").replace("[design]", "[design]\nrepeats = 2") + OWN_QUESTIONS
+ANSWERS = {
+    "pleasantness": "5",
+    "confidence": "61.8",
+    "sensations": "sticking;vibration",
+    "hand": "left",
+    "age": "31",
+    "remarks": "",
+}
+BEFORE, BLOCKS, AFTER = ["hand", "age"], ["sensations"], ["remarks"]
+
+
+def carried_out(journal: Journal, participant: FakeParticipant, text: str = TEXT) -> SessionLog:
+    session = context(journal, FakeDevice(), participant, text)
+    run(session)
+    return session.log
+
+
+def person(**how: str) -> FakeParticipant:
+    return FakeParticipant(answers=ANSWERS, **how)  # type: ignore[arg-type]
+
+
+def recorded(journal: Journal) -> list[tuple[str, int | None]]:
+    records = [event.record for event in journal.events("P01/1")]
+    return [(e.name, e.block) for e in records if isinstance(e, QuestionAnswered)]
+
+
+def test_every_question_is_asked_when_it_is_due(tmp_path: Path) -> None:
+    participant = person()
+    with open_journal(tmp_path / "study.db") as journal:
+        carried_out(journal, participant)
+        records = [event.record for event in journal.events("P01/1")]
+        asked_apart = recorded(journal)
+    assert asked_apart == [
+        ("hand", None),
+        ("age", None),
+        ("sensations", 1),
+        ("sensations", 2),
+        ("remarks", None),
+    ]
+    answered = [event for event in records if isinstance(event, Answered)]
+    for event in answered:
+        names = [each.name for each in event.questions]
+        wanted = ["pleasantness"] if event.condition else []
+        assert names == wanted + ["confidence"] * (event.condition in {"voltage", "pressure"})
+    voltage = next(event for event in answered if event.condition == "voltage")
+    assert [each.answer for each in voltage.questions] == [5, 61.8]
+    apart = {e.name: e.answer for e in records if isinstance(e, QuestionAnswered)}
+    assert apart["sensations"] == ["vibration", "sticking"]
+    assert (apart["age"], apart["remarks"]) == (31, None)
+
+
+@pytest.mark.parametrize("moment", ["hand", "age", "sensations", "remarks", "pleasantness"])
+def test_a_resumed_session_asks_nothing_twice(tmp_path: Path, moment: str) -> None:
+    with open_journal(tmp_path / "study.db") as journal:
+        with pytest.raises(KeyboardInterrupt):
+            carried_out(journal, person(stops_at=f"name='{moment}'"))
+        before = recorded(journal)
+        again = person()
+        log = carried_out(journal, again)
+        assert len(recorded(journal)) == len(set(recorded(journal))) == 5
+    shown = [screen.question.name for screen in again.shown if isinstance(screen, Ask)]
+    assert not {name for name, block in before if block is None} & set(shown)
+    assert log.state.name == "completed"
+
+
+def test_a_session_that_stopped_before_the_questions_of_a_block_asks_them(tmp_path: Path) -> None:
+    with open_journal(tmp_path / "study.db") as journal:
+        with pytest.raises(KeyboardInterrupt):
+            carried_out(journal, person(stops_at="name='sensations'"))
+        again = person()
+        carried_out(journal, again)
+    shown = [screen.question.name for screen in again.shown if isinstance(screen, Ask)]
+    assert shown[0] == "sensations"
+
+
+def test_an_answer_that_the_question_does_not_allow_ends_the_session(tmp_path: Path) -> None:
+    wrong = FakeParticipant(answers={**ANSWERS, "age": "12"})
+    with (
+        open_journal(tmp_path / "study.db") as journal,
+        pytest.raises(ValueError, match="the answer to age must be a whole number, at least 18"),
+    ):
+        carried_out(journal, wrong)
+
+
+def test_a_reversed_order_is_shown_and_the_answers_mean_the_same(tmp_path: Path) -> None:
+    participant = person()
+    with open_journal(tmp_path / "study.db") as journal:
+        session = context(journal, FakeDevice(), participant, TEXT)
+        session.session = replace(session.session, answer_order="reversed")
+        run(session)
+        records = [event.record for event in journal.events("P01/1")]
+    shown = {s.question.name: s.question for s in participant.shown if isinstance(s, Ask)}
+    assert shown["roughness"].values == ("same", "rougher", "smoother")
+    assert shown["hand"].values == ("both", "right", "left")
+    assert [label.at for label in shown["pleasantness"].labels] == [1, 4, 7]
+    apart = {e.name: e.answer for e in records if isinstance(e, QuestionAnswered)}
+    assert apart["sensations"] == ["vibration", "sticking"]
+
+
+def test_every_other_slot_has_the_reversed_order_and_a_session_keeps_its_own() -> None:
+    fixed = parsed_study(TEXT)
+    rules = fixed.session.model_copy(update={"answer_order": "counterbalanced"})
+    study = fixed.model_copy(update={"session": rules})
+    assert [answer_order(study, slot, None) for slot in range(3)] == [
+        "forward",
+        "reversed",
+        "forward",
+    ]
+    assert answer_order(fixed, 1, None) == "forward"
+    session = Session(
+        participant="P02",
+        number=1,
+        kind="participant",
+        study=study,
+        study_text=TEXT,
+        plan=plan(study, slot=1),
+        answer_order="reversed",
+    )
+    begun = SessionState(opened=session.opening())
+    assert answer_order(fixed, 1, begun) == "reversed"

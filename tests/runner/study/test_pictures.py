@@ -1,0 +1,106 @@
+"""Pictures of a study: which files may be shown, and that a changed one is a changed study."""
+
+from io import BytesIO
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from protocol.study_file.loading import StudyError, text_digest
+from runner.study.folder import StudyFolder
+from runner.study.pictures import LARGEST_BYTES, picture_digests
+from tests.runner.command_line import typed
+
+PAGE = """
+[[page]]
+picture = "pictures/hand.png"
+text = { en = "Like this.", zh = "如图。" }
+"""
+
+
+def png(width: int = 8, height: int = 8, colour: str = "red", form: str = "PNG") -> bytes:
+    data = BytesIO()
+    Image.new("RGB", (width, height), colour).save(data, form)
+    return data.getvalue()
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> StudyFolder:
+    folder = tmp_path / "study"
+    assert typed("new", folder) == 0
+    with (folder / "study.toml").open("a", encoding="utf-8") as file:
+        file.write(PAGE)
+    (folder / "pictures").mkdir()
+    (folder / "pictures" / "hand.png").write_bytes(png())
+    return StudyFolder(path=folder)
+
+
+def test_a_changed_picture_is_a_changed_study(
+    study: StudyFolder, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = ("run", study.path, "--ratings", "virtual", "--participant")
+    assert typed(*run, "P01") == 0
+    before = text_digest(study.text())
+    (study.path / "pictures" / "hand.png").write_bytes(png(colour="blue"))
+    assert text_digest(study.text()) != before
+    assert typed(*run, "P02") == 2
+    assert "has changed since the last session" in capsys.readouterr().err
+    assert typed("amend", study.path, "--reason", "a clearer picture") == 0
+    assert typed(*run, "P02") == 0
+
+
+def test_check_counts_the_pages(study: StudyFolder) -> None:
+    assert study.study().pages("session") == (0,)
+    assert study.study().pictures.keys() == {"pictures/hand.png"}
+    assert typed("check", study.path) == 0
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"",
+        b"not a picture",
+        png()[:40],
+        png(5000, 10),
+        png() + b"\0" * LARGEST_BYTES,
+        png(form="GIF"),
+    ],
+    ids=["empty", "text", "cut", "wide", "large", "gif"],
+)
+def test_a_file_that_cannot_be_shown_is_refused(study: StudyFolder, data: bytes) -> None:
+    (study.path / "pictures" / "hand.png").write_bytes(data)
+    with pytest.raises(StudyError, match=r"page 1, picture: must be a PNG or JPEG file in the"):
+        study.study()
+
+
+def test_a_link_is_refused(study: StudyFolder, tmp_path: Path) -> None:
+    inside = study.path / "pictures" / "hand.png"
+    outside = inside.rename(tmp_path / "hand.png")
+    inside.symlink_to(outside)
+    assert picture_digests(study.path, ["pictures/hand.png"]) == {}
+    inside.unlink()
+    (study.path / "pictures").rmdir()
+    (study.path / "pictures").symlink_to(tmp_path)
+    assert picture_digests(study.path, ["pictures/hand.png"]) == {}
+
+
+@pytest.mark.parametrize(
+    "name", ["../hand.png", "/tmp/hand.png", "a/../hand.png", ".hand.png", "hand.svg", "a\\b.png"]
+)
+def test_a_name_that_leaves_the_folder_is_refused(study: StudyFolder, name: str) -> None:
+    text = study.study_file.read_text(encoding="utf-8").replace("pictures/hand.png", name)
+    study.study_file.write_text(text.replace("\\", "\\\\"), encoding="utf-8")
+    with pytest.raises(StudyError, match=r"must name a \.png or \.jpg file in the study's folder"):
+        study.study()
+
+
+def test_a_text_is_needed_in_every_language_and_must_fit(
+    study: StudyFolder, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = study.study_file.read_text(encoding="utf-8")
+    study.study_file.write_text(text.replace(', zh = "如图。"', ""), encoding="utf-8")
+    assert typed("check", study.path) == 2
+    assert "page.0.text.zh: must be given, got nothing" in capsys.readouterr().err
+    study.study_file.write_text(text.replace("Like this.", "Like this. " * 40), encoding="utf-8")
+    assert typed("check", study.path) == 2
+    assert "page.0.text.en: a text must fit its place" in capsys.readouterr().err

@@ -5,6 +5,7 @@ from importlib.resources import files
 import pytest
 
 from protocol.errors import Problem
+from protocol.study.languages import LATER
 from protocol.study.participant_texts import band_names, study_codes, study_wording
 from protocol.study_file.language_files import with_languages
 from protocol.study_file.loading import StudyError, parsed_study, template, text_digest
@@ -37,6 +38,19 @@ def test_a_language_of_the_studys_own_is_one_more_that_it_can_be_read_in() -> No
     assert wording.texts["touch.end"] == "Levez le doigt.\n"
     assert band_names(study.rating.bands, wording)[2] == "5-7 moyen"
     assert study.languages["fr"].name == "French"
+
+
+def test_a_language_from_before_the_newer_texts_stays_valid() -> None:
+    """Older texts of the study stand in for them, and then the texts of the reference."""
+    newer = tuple(f'"{key}" = ' if "." in key else f"{key} = " for key in LATER)
+    lines = FRENCH.replace('wait = "Please wait."', 'wait = "Attendez."').splitlines(keepends=True)
+    older = "".join(line for line in lines if not line.startswith(newer))
+    texts = study_wording(parsed_study(with_languages(PAPER, {"fr": older})), "fr").texts
+    assert texts["wait.beam"] == texts["touch.soon"] == "Attendez."
+    assert texts["stopped"] == "Levez le doigt.\n"
+    assert texts["saved"] == "Saved"
+    own = PAPER + '\n[texts.en]\nwait = "One moment."\n'
+    assert study_wording(parsed_study(own), "en").texts["wait.touch"] == "One moment."
 
 
 def test_a_study_may_replace_a_built_in_language_and_a_text_of_its_own_language() -> None:

@@ -91,7 +91,7 @@ def _friedman_line(test: Friedman | NotEstimable) -> str:
         else f"exact permutation {p_equals(test.p_exact)}"
     )
     return (
-        f"Friedman's test of equal conditions: χ²({test.df}) = {test.chi2:.2f}, "
+        f"Friedman's test of equal conditions: χ²({test.df}) = {test.chi2:.4f}, "
         f"{p_equals(test.p)} ({exact}); Kendall's W = {test.kendall_w:.3f}"
         f"{beside(test.kendall_w_interval)}, corrected for ties."
     )
@@ -107,7 +107,7 @@ def omnibus_line(reading: Reading) -> str:
     omitted = "; omitted for lack of scores: " + ", ".join(test.left_out) if test.left_out else ""
     return (
         "Skillings–Mack test of equal conditions (in place of Friedman's test, because scores are "
-        f"missing{omitted}): T({test.df}) = {test.statistic:.2f}, {p_equals(test.p)}; "
+        f"missing{omitted}): T({test.df}) = {test.statistic:.4f}, {p_equals(test.p)}; "
         f"{_monte_carlo(test.monte_carlo)}."
     )
 

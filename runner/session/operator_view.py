@@ -78,7 +78,7 @@ def _left_s(context: SessionContext, left: Sequence[Trial]) -> float:
 
 def _answer(context: SessionContext, trial: Trial, *, blind: bool) -> str | None:
     answer = context.log.state.answers.get(trial.index)
-    return "answered" if blind and answer is not None else answer
+    return "answer given" if blind and answer is not None else answer
 
 
 def _label(trial: Trial) -> str:

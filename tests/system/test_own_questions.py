@@ -36,7 +36,8 @@ def recorded(study: Path, participant: str) -> dict[str, list[Any]]:
     """The answers of a participant, by question."""
     found: dict[str, list[Any]] = {}
     with open_journal(study / "study.db") as journal:
-        for event in journal.events(f"{participant}/1"):
+        (name,) = (each for each in journal.sessions() if each.startswith(f"{participant}/"))
+        for event in journal.events(name):
             if event.tag in {Answered.TAG, QuestionAnswered.TAG}:
                 record = event.record
                 given = record.questions if isinstance(record, Answered) else [record]
@@ -123,7 +124,8 @@ def test_the_report_sums_them_up(study: Path, tmp_path: Path) -> None:
 
 
 def test_a_withdrawal_erases_them(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert typed("withdraw", study, "--participant", "R2") == 0
+    assert typed("withdraw", study, "--participant", "R2", "--rehearsal", "--yes") == 0
     with open_journal(study / "study.db") as journal:
-        assert all(not event.payload for event in journal.events("R2/1"))
+        (name,) = (each for each in journal.sessions() if each.startswith("R2/"))
+        assert all(not event.payload for event in journal.events(name))
     assert typed("verify", study) == 0

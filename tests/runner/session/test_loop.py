@@ -338,7 +338,7 @@ def test_a_blind_operator_learns_conditions_and_answers_at_the_end(tmp_path: Pat
     for view in during:
         labels = [line.label for line in view.plan]
         assert labels == [f"trial {number}" for number in range(1, 8)]
-        assert {line.answer for line in view.plan} <= {None, "answered"}
+        assert {line.answer for line in view.plan} <= {None, "answer given"}
         assert view.output() in {"not known yet", "off", "ON, as commanded"} or view.busy
     assert any(view.output() == "ON, as commanded" for view in during)
     assert last.plan[0].label == "baseline"

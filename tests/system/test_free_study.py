@@ -59,7 +59,7 @@ def furnish(folder: Path) -> None:
     french = english.replace('name = "English"', 'name = "French"')
     (folder / "texts" / "fr.toml").write_text(french, encoding="utf-8")
     (folder / "pictures").mkdir()
-    picture = Image.new("RGB", (400, 160), "white")
+    picture = Image.new("RGB", (400, 160), "#eeeecc")
     ImageDraw.Draw(picture).rectangle((40, 70, 360, 90), fill="grey")
     picture.save(folder / "pictures" / "beam.png")
 
@@ -74,12 +74,12 @@ class Writer(Person):
         """Type if the page has a frame for it, else do what any person does."""
         if not self._may_type():
             return super().act()
-        time.sleep(0.3)
+        time.sleep(1.0)  # what is typed before a page can be read is not taken
         self.xdotool("type", "--delay", "30", self.texts.pop(0))
-        self.key("Return")
         until_s = time.monotonic() + 10
         while self._may_type() and time.monotonic() < until_s:
-            self.look_later()
+            self.key("Return")  # which counts once the page has been readable for long enough
+            time.sleep(0.5)
         return None
 
     def sight(self) -> Sight:
@@ -89,7 +89,7 @@ class Writer(Person):
 
     def _may_type(self) -> bool:
         image = self.look()
-        return {_colour(image, (x, 112.0)) for x in (-300.0, 300.0)} == {INK}
+        return {_colour(image, (x, 108.0)) for x in (-300.0, 300.0)} == {INK}
 
 
 @pytest.fixture(scope="module")

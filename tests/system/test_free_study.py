@@ -43,6 +43,7 @@ FRENCH = {
 def free_study() -> str:
     """The paper's study with one condition and, in three languages, all that may be added."""
     text = OWN_QUESTIONS.replace('["voltage", "pressure"]', '["frequency"]')
+    text = re.sub(r'  \{ value = "(warmth|slipping)".*\n', "", text)  # three labels, one column
     text = re.sub(
         r'\ben = "([^"]*)"',
         lambda found: f'{found[0]}, fr = "{FRENCH.get(found[1], f"{found[1]} (fr)")}"',

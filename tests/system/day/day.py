@@ -364,6 +364,7 @@ def day(seed: int) -> Day:
                 done = Day(lab, stream)
                 done.run()
                 at_the_end(done)
+                lab.asked()
                 for name in lab.watch.planned:
                     with session_lock(name, folder):
                         pass

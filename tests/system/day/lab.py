@@ -152,6 +152,8 @@ class Lab:
             found = Resonance(frequency_hz=self.watch.rig.nominal_resonance_hz, tip_m_per_v=1e-7)
             keep_calibration(folder, found, model, MORNING.isoformat())
         self.disk = Disk(self.folder.journal, stream, self._stored)
+        self.touches: dict[str, list[str]] = {}
+        """What the journal was given of the touches of each session."""
         self.person: Person | None = None
         self.typist: Typist | None = None
         self.rig: Rig | None = None
@@ -229,6 +231,17 @@ class Lab:
         rig.close()
         self.watch.touch = None
 
+    def asked(self) -> None:
+        """Ask a device that is in order what `touchbeam device` asks."""
+        self.repair()
+        rig = self._opened(checked_study(self.text), Process())
+        rig.arm()
+        driver, most_v = rig._driver, self.watch.rig.max_voltage_v
+        health = {name: driver.link.ask(query) for name, query in driver.health.items()}
+        kept = float(health.get("limit_v", most_v)) == most_v
+        require(4, kept and all(health.values()), f"the device says: {health}")
+        rig.close()
+
     def _setpoint(self) -> tuple[Setpoint, bool]:
         """Return a drive at the edge of the limits, or beyond, and whether it is within them."""
         rig, choice = self.watch.rig, self.stream.choice
@@ -257,6 +270,7 @@ class Lab:
         self.disk.may_crash = process.will_die
         try:
             outcome = self._told(work, process)
+            self._require_way_on(outcome)
             excused = {"disk full", "disk error", "locked", "stopped"}
             self.watch.polled &= not excused & set(process.happened)
             self.watch.said(outcome.line, last=True)
@@ -273,7 +287,15 @@ class Lab:
         self.disk.checked()  # may find the end of a touch whose process died as it stored it
         self.watch.forget(killed=outcome.killed)
         require(12, not self.disk.open, "a connection to the journal is open")
+        self.watch.armed = False
         return outcome
+
+    def _require_way_on(self, outcome: Outcome) -> None:
+        """A session that is broken off once it was armed says how to go on."""
+        disk = {"disk full", "disk error", "locked"} & set(outcome.process.happened)
+        if self.watch.armed and not disk and outcome.code not in {0, 2}:
+            told = "run the same command again" in outcome.line or "UNKNOWN" in outcome.line
+            require(11, told, f"not told how to go on: {outcome.line}")
 
     def _told(self, work: Callable[[], str], process: Process) -> Outcome:
         try:
@@ -325,7 +347,7 @@ class Lab:
                 log=log,
                 opened_now=new,
             )
-            self.watch.polled = True
+            self.watch.begin()
             run(context)
             answered = len(log.state.answered)
             require(11, log.state.name == "completed", f"{name} ended, but is {log.state.name}")
@@ -349,6 +371,8 @@ class Lab:
         self.watch.stored(session, tag, payload)
         untold = f"nobody was told that a touch of {session} was not as instructed"
         require(11, session != self._unwarned, untold)
+        if tag == "touch-ended":
+            self.touches.setdefault(session, []).append(payload)
         if tag == "touch-ended" and False in json.loads(payload)["judged"].values():
             self._unwarned = session
         if tag == "paused" and self.typist is not None:

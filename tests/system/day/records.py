@@ -63,6 +63,23 @@ def at_the_end(day: "Day") -> None:
             if events[0][1] is not None:
                 _as_planned(day, name, [(tag, payload or {}) for tag, payload in events])
     _slots(day, rows)
+    _erased(day)
+
+
+def _erased(day: "Day") -> None:
+    """Nothing of the touches of somebody who has withdrawn is left in the journal's files."""
+    journal = day.lab.folder.journal
+    content = b"".join(path.read_bytes() for path in journal.parent.glob(f"{journal.name}*"))
+    gone: set[bytes] = set()
+    kept: set[bytes] = set()
+    for session, payloads in day.lab.touches.items():
+        ends = {payload[-80:].encode() for payload in payloads}  # of the last samples, as a rule
+        if session.partition("/")[0] in day.withdrawn:
+            gone |= ends
+        else:
+            kept |= ends
+    left = [end for end in gone - kept if end in content]
+    require(10, not left, f"touches of {day.withdrawn} are left in the journal: {left}")
 
 
 def _along_transitions(name: str, tags: list[str]) -> None:

@@ -71,6 +71,9 @@ class Watch:
     """The trials of each session that was opened."""
     polled: bool = False
     """Whether a process lives that has armed the device."""
+    armed: bool = False
+    """Whether the last process has armed it, and has not completed its session."""
+    _began_s: float = 0.0
     _trial: PlannedTrial | None = None
 
     @property
@@ -106,6 +109,10 @@ class Watch:
         self.device.inside.broken.clear()
         self.device.fault("vanish", on=False)
 
+    def begin(self) -> None:
+        """Take note that a process begins or resumes a session."""
+        self.polled, self._began_s = True, self.device.now_s()
+
     def stored(self, session: str, tag: str, payload: str) -> None:  # noqa: C901 - a table
         """Take note of an event that is in the journal now."""
         match tag:
@@ -132,8 +139,12 @@ class Watch:
                 self.touch = None
             case "trial-aborted" | "device-off":
                 self.touch, self.searching = None, False
+        if tag in {"device-armed", "session-completed"}:
+            self.armed = tag == "device-armed"
         if tag == "device-off" and json.loads(payload)["confirmed"]:
             self._require_off("the journal", self._newer_than_heard())
+            heard_s = self.device.inside.instrument.heard_wall_s
+            require(5, heard_s >= self._began_s, "off is confirmed, but nobody asked the device")
 
     def _require_mounted(self, beam: str | None) -> None:
         """The model of a beam knows only whether it has bodies."""

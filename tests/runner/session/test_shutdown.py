@@ -8,7 +8,7 @@ import pytest
 
 from device.drivers.limits import Setpoint
 from device.errors import DeviceError, LimitExceeded, OutputUnknown
-from protocol.journal.events import Event, TouchStarted
+from protocol.journal.events import DeviceOff, Event, TouchStarted
 from protocol.journal.records import ReadBack
 from protocol.study_file.loading import template
 from runner.journal.opening import open_journal
@@ -229,6 +229,20 @@ def test_an_end_that_cannot_be_recorded_still_says_what_the_output_does(
                 run(made)
             assert isinstance(caught.value.__cause__, JournalError)
             assert OFF not in getattr(caught.value, "__notes__", [])
+
+
+def test_a_session_whose_off_cannot_be_recorded_is_not_complete(tmp_path: Path) -> None:
+    class Lacking(SessionLog):
+        def append(self, event: Event) -> None:
+            if isinstance(event, DeviceOff):
+                raise JournalError("the disk is full")
+            super().append(event)
+
+    with open_journal(tmp_path / "study.db") as journal:
+        made = context(journal, FakeDevice(), FakeParticipant())
+        made.log = Lacking(journal, "P01/1", made.clock)
+        assert notes_of(made, JournalError, "the disk is full") == [OFF, RESUMABLE]
+        assert journal.events("P01/1")[-1].tag == "answered"
 
 
 def test_an_unknown_output_is_told_first_and_never_called_off(tmp_path: Path) -> None:

@@ -46,7 +46,10 @@ def at_the_end(day: "Day") -> None:
     require(10, not others, f"others can read the journal: {others:o}")
     connection = sqlite3.connect(day.lab.folder.journal)
     rows: Rows = defaultdict(list)
+    tested = day.lab.watch.rig.dialect != "board"
     for session, tag, payload in connection.execute(_ROWS):
+        tested |= tag == "watchdog-tested"
+        require(3, tested or tag != "trial-started", f"{session}: the watchdog was not tested")
         rows[session].append((tag, None if payload is None else json.loads(payload)))
     connection.close()
     with read_journal(day.lab.folder.journal) as journal:

@@ -38,7 +38,7 @@ SELECTIONS: Mapping[str, tuple[str, ...]] = {
     "device/rig.py": ("tests/device/test_rig.py", "tests/device/simulator/test_in_process.py"),
     "runner/session/trial.py": _SESSION,
     "runner/session/waiting.py": _SESSION,
-    "protocol/journal/transitions.py": ("tests/protocol/journal", *_SESSION),
+    "protocol/journal/transitions.py": ("tests/protocol/journal/test_transitions.py",),
     "protocol/journal/state.py": ("tests/protocol/journal", *_SESSION),
     **{
         f"device/drivers/{name}.py": _DRIVERS

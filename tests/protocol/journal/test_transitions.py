@@ -19,6 +19,36 @@ TAGS = {tag for _, tag in TRANSITIONS}
 FORBIDDEN = sorted((s, t) for s in STATES for t in TAGS if (s, t) not in TRANSITIONS)
 
 
+DRAWN = """
+new        session-opened idle          scores-imported completed    study-amended amended
+amended    study-amended amended
+idle       session-resumed idle         practice-renewed idle        trial-excluded idle
+idle       device-armed armed           session-completed completed  session-excluded dropped
+idle       trial-included idle
+armed      watchdog-tested armed        rig-described armed          resonance-measured armed
+armed      beam-mounted armed           trial-started trial          paused paused
+armed      device-off idle              practice-renewed armed       question-answered armed
+paused     unpaused armed               device-off idle
+trial      beam-mounted trial           touch-started touching
+trial      answered armed               trial-aborted armed          trial-deferred armed
+touching   touch-ended trial            trial-aborted armed
+completed  trial-excluded completed     session-excluded excluded    trial-included completed
+dropped    session-included idle
+excluded   session-included completed
+"""
+"""The table as docs/journal.md has it, without notes and withdrawals."""
+LIVING = {"idle", "armed", "paused", "trial", "touching", "completed"}
+
+
+def test_the_table_is_the_one_that_is_documented() -> None:
+    drawn: dict[tuple[str, str], str] = {}
+    for state, *moves in map(str.split, DRAWN.strip().splitlines()):
+        drawn |= {(state, tag): after for tag, after in zip(moves[::2], moves[1::2], strict=True)}
+    drawn |= {(state, "note"): state for state in LIVING}
+    drawn |= {(state, "withdrawn"): "withdrawn" for state in LIVING | {"excluded", "dropped"}}
+    assert drawn == TRANSITIONS
+
+
 @pytest.mark.parametrize(("state", "tag"), FORBIDDEN)
 def test_events_not_in_the_table_are_refused(state: str, tag: str) -> None:
     with pytest.raises(NotAllowed, match=f"{state} does not allow the event '{tag}'"):

@@ -38,7 +38,10 @@ def exit_code(work: Callable[[], int], within_s: float) -> int:
         os.killpg(process, signal.SIGKILL)
     if not done:
         _, status = os.waitpid(process, 0)
-    return os.waitstatus_to_exitcode(status)
+    code = os.waitstatus_to_exitcode(status)
+    if code == -signal.SIGTERM:
+        raise SystemExit("ended from outside: nothing is known of what was tried last")
+    return code
 
 
 def _do(work: Callable[[], int]) -> None:

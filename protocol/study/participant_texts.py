@@ -176,8 +176,8 @@ _OF_OWN_QUESTIONS = {"hint.several", "hint.analogue", "hint.typed", "button.skip
 
 def required_texts(study: Study) -> tuple[str, ...]:
     """Return the keys of the texts that every language of the study must have."""
-    keys = reference_texts()
-    return tuple(key for key in keys if study.question or key not in _OF_OWN_QUESTIONS)
+    optional = set(LATER) if study.question else {*LATER, *_OF_OWN_QUESTIONS}
+    return tuple(key for key in reference_texts() if key not in optional)
 
 
 def lacking(study: Study, code: str) -> Iterator[str]:

@@ -287,5 +287,6 @@ def _withdrawn(
     for result in old.holding:
         yield f"Still contains {participant}: {result}. Make it again or delete it."
     if old.unsearched:
-        yield f"Not searched, because too large, too many or unreadable: {old.unsearched} files."
+        left = counted(old.unsearched, "file")
+        yield f"Not searched, because too large, too many, unreadable or not touchbeam's: {left}."
     yield "Copies, backups, and reports and exports kept elsewhere may still contain the data."

@@ -1,4 +1,4 @@
-"""Reports and exports in a study's folder that still hold a withdrawn participant."""
+"""Files in a study's folder, beside its journal, that still hold a withdrawn participant."""
 
 import csv
 import html
@@ -6,9 +6,14 @@ import io
 import json
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+
+from runner.journal.database import log_of
+from runner.journal.names import parsed_name
+from runner.journal.opening import read_journal
+from runner.journal.store import JournalError
 
 MOST_FILES = 20_000
 MOST_BYTES = 512 * 2**20
@@ -18,6 +23,9 @@ _WHO = {"participant", "pseudonym", "subject"}
 """The columns of reports and exports that name a participant."""
 _TOPS = ("report.json", "trials.csv", "dataset_description.json")
 """The folder of a report or an export has one of these files."""
+_DATABASE = b"SQLite format 3\0"
+_LOG = (b"\x37\x7f\x06\x82", b"\x37\x7f\x06\x83")
+"""The first bytes of SQLite's files."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +33,7 @@ class OldResults:
     """What still names a participant, relative to the study's folder.
 
     A report or an export is named by its folder, another file by itself. `unsearched` counts the
-    files that are unreadable or beyond the limits of the search.
+    files that are unreadable, beyond the limits of the search, or databases but no journals.
     """
 
     holding: tuple[str, ...]
@@ -33,21 +41,57 @@ class OldResults:
 
 
 def old_results(study: Path, participant: str) -> OldResults:
-    """Search the reports and exports in the folder `study` for `participant`; follow no links."""
+    """Search the folder `study`, its journal apart, for `participant`; follow no links."""
     holding: dict[str, None] = {}
-    unsearched, budget = 0, MOST_BYTES
-    for number, path in enumerate(_files(study)):
+    searched, unsearched, budget = 0, 0, MOST_BYTES
+    for path in _files(study):
         try:
-            size = path.stat().st_size
-            if number >= MOST_FILES or size > budget:
+            if (holds := _search_of(path)) is None:
+                continue
+            size, searched = path.stat().st_size, searched + 1
+            if searched > MOST_FILES or size > budget:
                 unsearched += 1
                 continue
             budget -= size
-            if _names(path, participant):
+            if holds(path, participant):
                 holding[str(_result(path, study).relative_to(study))] = None
-        except OSError:
+        except (OSError, JournalError):
             unsearched += 1
     return OldResults(holding=tuple(holding), unsearched=unsearched)
+
+
+def _search_of(path: Path) -> Callable[[Path, str], bool] | None:
+    """Return how to search a file, by its first bytes or its name; None for pictures and the like.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+    with path.open("rb") as file:
+        start = file.read(len(_DATABASE))
+    if start == _DATABASE:
+        return _journal_holds
+    if start.startswith(_LOG):
+        return _log_holds
+    return _names if path.suffix in _TEXTS | _TABLES else None
+
+
+def _journal_holds(path: Path, participant: str) -> bool:
+    """Return whether a copy of a journal has a payload of `participant`, rehearsed or not."""
+    with read_journal(path) as journal:
+        return any(
+            not link.event.erased
+            for chain in journal.sessions()
+            if parsed_name(chain).participant == participant
+            for link in journal.chain(chain)
+        )
+
+
+def _log_holds(path: Path, participant: str) -> bool:
+    """Return whether a log without its journal has a session of `participant`, erased or not.
+
+    Nothing separates the fields in a log, so that a longer name with this end is found, too.
+    """
+    return f"{participant}/".encode() in path.read_bytes()
 
 
 def _result(path: Path, study: Path) -> Path:
@@ -102,9 +146,10 @@ def _mention(participant: str) -> str:
 
 
 def _files(study: Path) -> Iterator[Path]:
-    """Yield the tables and texts below `study`, without links, pipes and devices."""
+    """Yield the files below `study` but its journal, without links, pipes and devices."""
+    journal = study / "study.db"
     for place, folders, names in os.walk(study):
         folders.sort()
         for path in (Path(place, name) for name in sorted(names)):
-            if path.suffix in _TEXTS | _TABLES and not path.is_symlink() and path.is_file():
+            if path not in {journal, log_of(journal)} and not path.is_symlink() and path.is_file():
                 yield path

@@ -88,3 +88,22 @@ def test_a_withdrawal_is_confirmed_and_happens_once(capsys: pytest.CaptureFixtur
     assert "Erased: 3/1." in capsys.readouterr().out
     assert typed("withdraw", "study", "--participant", "3") == 0
     assert "Nothing was left to erase: already withdrawn: 3/1." in capsys.readouterr().out
+
+
+def test_a_backup_from_before_is_named_until_it_is_made_again(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert typed("import", str(PUBLISHED), "study") == 0
+    assert typed("backup", "study", "study/monday.db") == 0
+    capsys.readouterr()
+    assert typed("withdraw", "study", "--participant", "3", "--yes") == 0
+    assert capsys.readouterr().out.splitlines() == [
+        "Erased: 3/1.",
+        "Still contains 3: monday.db. Make it again or delete it.",
+        ELSEWHERE,
+    ]
+    Path("study/monday.db").unlink()
+    assert typed("backup", "study", "study/monday.db") == 0
+    capsys.readouterr()
+    assert typed("withdraw", "study", "--participant", "3", "--json") == 0
+    assert json.loads(capsys.readouterr().out)["holding"] == []

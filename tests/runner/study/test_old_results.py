@@ -1,12 +1,20 @@
-"""Reports and exports that still hold a participant who has withdrawn."""
+"""Files beside the journal that still hold a participant who has withdrawn."""
 
 import html
 import json
 import os
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
+from protocol.journal.events import ScoresImported
+from runner.clock import WallClock
+from runner.journal.amendments import withdraw
+from runner.journal.database import log_of
+from runner.journal.opening import open_journal
+from runner.journal.session_log import SessionLog
 from runner.study import old_results as search
 from runner.study.old_results import old_results
 
@@ -108,3 +116,47 @@ def test_the_search_is_bounded_and_says_what_it_left_out(
     )
     monkeypatch.setattr(search, "MOST_BYTES", 20)
     assert old_results(tmp_path, "P-1").unsearched == 4
+
+
+@pytest.fixture
+def withdrawn(tmp_path: Path) -> Path:
+    """A study whose `old.db` and kept log are from before the withdrawal of P-1."""
+    with open_journal(tmp_path / "study.db") as journal:
+        for participant in ("P-1", "P-12"):
+            given = {"participant": participant, "conditions": ["a"], "scores": {"a": 8}}
+            log = SessionLog(journal, f"{participant}/1", WallClock())
+            log.append(ScoresImported.from_json(given))
+        (tmp_path / "study.db-wal-kept-17").write_bytes(log_of(tmp_path / "study.db").read_bytes())
+        (tmp_path / "old.db").touch()
+        journal.copy_to(tmp_path / "old.db")
+        withdraw(journal, WallClock(), "P-1")
+        (tmp_path / "new.db").touch()
+        journal.copy_to(tmp_path / "new.db")
+    return tmp_path
+
+
+def test_copies_of_the_journal_and_kept_logs_are_found_under_any_name(withdrawn: Path) -> None:
+    (withdrawn / "backups").mkdir()
+    (withdrawn / "old.db").rename(withdrawn / "backups" / "monday.csv")
+    before = (withdrawn / "backups" / "monday.csv").read_bytes()
+    assert old_results(withdrawn, "P-1") == search.OldResults(
+        holding=("study.db-wal-kept-17", "backups/monday.csv"), unsearched=0
+    )
+    assert old_results(withdrawn, "P-2").holding == ()
+    assert (withdrawn / "backups" / "monday.csv").read_bytes() == before
+    assert len([*withdrawn.iterdir()]) == 4, "no log or index is left beside a copy"
+
+
+def test_the_log_of_the_study_itself_and_pictures_are_not_searched(withdrawn: Path) -> None:
+    (withdrawn / "study.db-wal-kept-17").rename(withdrawn / "study.db-wal")
+    (withdrawn / "old.db").unlink()
+    (withdrawn / "picture.png").write_bytes(b"\x89PNG P-1/1")
+    assert old_results(withdrawn, "P-1") == search.OldResults(holding=(), unsearched=0)
+
+
+def test_a_database_that_is_no_journal_is_counted_as_not_searched(withdrawn: Path) -> None:
+    with closing(sqlite3.connect(withdrawn / "new.db")) as other:
+        other.execute("CREATE VIEW mine AS SELECT 1")
+    (withdrawn / "torn.db").write_bytes((withdrawn / "old.db").read_bytes()[:5000])
+    found = old_results(withdrawn, "P-1")
+    assert found == search.OldResults(holding=("old.db", "study.db-wal-kept-17"), unsearched=2)

@@ -60,7 +60,10 @@ def law_order(
             raise ValueError(f"{len(conditions)} conditions need as many values, got {values.size}")
     scored = ~np.isnan(observed)
     if scored.sum() < 3:
-        return NotEstimable(f"an order needs at least 3 conditions, got {int(scored.sum())}")
+        return NotEstimable(
+            "an order needs at least 3 conditions with a score and a predicted contrast, got "
+            f"{int(scored.sum())}"
+        )
     ranks = doubled_midranks(np.stack([predicted[scored], observed[scored]]))
     deviations = ranks - ranks.mean(axis=1, keepdims=True)
     tied, rated = _by_strength(conditions, predicted), int(scored.sum())

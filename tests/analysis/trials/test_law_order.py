@@ -105,7 +105,9 @@ def test_laws_without_an_order_say_why() -> None:
     assert isinstance(flat.spearman, NotEstimable)
     assert "contrasts, or all mean ratings, are equal" in flat.spearman.reason
     few = law_order(("a", "b"), np.array([0.1, 0.2]), np.array([1.0, 2.0]))
-    assert few == NotEstimable("an order needs at least 3 conditions, got 2")
+    assert few == NotEstimable(
+        "an order needs at least 3 conditions with a score and a predicted contrast, got 2"
+    )
     assert critical_correlation(2) == NotEstimable(
         "a correlation is tested with at least 3 pairs, got 2"
     )

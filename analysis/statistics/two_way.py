@@ -1,7 +1,7 @@
 """Least-squares fit of rows and columns to an incomplete table, and intraclass correlations."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -52,8 +52,20 @@ class TwoWay:
     @property
     def column_variance(self) -> float:
         """Variance of columns by the method of moments, as `row_variance`."""
-        spare = self.column_squares - (len(self.columns) - 1) * self.residual_variance
-        return float(spare / (self.table.given.sum() - len(self.rows)))
+        return self.transposed.row_variance
+
+    @property
+    def transposed(self) -> "TwoWay":
+        """The same fit with conditions as rows."""
+        return replace(
+            self,
+            table=self.table.transposed,
+            rows=self.columns,
+            columns=self.rows,
+            residuals=self.residuals.T,
+            row_squares=self.column_squares,
+            column_squares=self.row_squares,
+        )
 
 
 def two_way(table: ScoreTable) -> TwoWay | NotEstimable:
@@ -181,9 +193,11 @@ def intraclass_correlation(
     with no cell missing these are Shrout and Fleiss' mean squares. A negative value means that
     targets differ less than expected by chance.
     """
-    fit = two_way(table if target == "subjects" else table.transposed)
+    fit = two_way(table)
     if isinstance(fit, NotEstimable):
         return fit
+    if target == "conditions":
+        fit = fit.transposed
     targets, residual = fit.row_variance, fit.residual_variance
     agreement = _ratio(fit, targets, fit.column_variance + residual)
     return IntraclassCorrelation(

@@ -278,6 +278,7 @@ def test_tables_without_effects_give_the_reason(
         additive_effects(table_of(np.array(scores))),
         gain_heterogeneity(table_of(np.array(scores))),
         intraclass_correlation(table_of(np.array(scores)), target="subjects"),
+        intraclass_correlation(table_of(np.array(scores)), target="conditions"),
     ]
     for result in results:
         assert isinstance(result, NotEstimable)

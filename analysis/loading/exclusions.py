@@ -86,8 +86,8 @@ def rules_in_words(rules: Exclusions) -> list[str]:
     texts = {
         "max_false_alarms": "a participant who reported a change on more than {:.0%} of the catch "
         "trials is left out",
-        "max_missing_scores": "a participant of whose scores more than {:.0%} are missing is left "
-        "out",
+        "max_missing_scores": "a participant with more than {:.0%} of the scores missing is "
+        "left out",
         "min_reaction_s": "a trial answered sooner than {:g} s is left out",
         "max_reaction_s": "a trial answered later than {:g} s is left out",
         "min_trials": "a participant with fewer than {} valid trials is left out",

@@ -25,7 +25,8 @@ def section(found: Findings) -> Section:
             _rules_line(found),
             Items(
                 lines=[
-                    *(f"{why}: {count}" for why, count in counts.items()),
+                    f"rehearsals left out: {counts['rehearsals']}",
+                    *(f"{why}: {n}" for why, n in counts.items() if why != "rehearsals"),
                     f"unfinished sessions: {unfinished}",
                 ]
             ),

@@ -8,6 +8,7 @@ from importlib.metadata import version
 from analysis.loading.study_data import StudyData, changed_journal
 from analysis.report.blocks import Definitions, Section
 from analysis.report.findings import Findings, Origin
+from analysis.sensitivity.predictive_checks import SEED
 from device.friction.contrasts import LAW, RUNG
 from device.friction.laws import LAWS
 from device.friction.scenes import REFERENCE_SPEED_M_S, REFERENCE_TIP_SPEED_M_S, Scene
@@ -43,7 +44,7 @@ def _provenance(found: Findings) -> dict[str, str]:
         "versions that recorded": "; ".join(recording.versions) or "none: imported",
         "seeds": f"design {study.study.seed}; sessions "
         + (", ".join(map(str, recording.seeds)) or "none")
-        + "; the analysis uses no random numbers",
+        + f"; permutations and predictive checks {SEED}",
         "model parameters": ", ".join(
             f"{name} {value}" for name, value in _model_parameters(study).items()
         ),

@@ -40,3 +40,15 @@ def test_the_terminal_names_who_is_left_out_and_why() -> None:
         "Left out: rehearsals: 1",
         "Not finished: P03",
     ]
+
+
+def test_rehearsals_that_are_included_are_not_counted_as_left_out() -> None:
+    rng = np.random.default_rng(1)
+    sessions = [
+        chain(session_events(PAPER, n, rng, kind=kind))
+        for n, kind in enumerate(("participant", "rehearsal"))
+    ]
+    for included in (False, True):
+        found = load_study_data(sessions, rehearsals=included)
+        page = report_html(report("a", found, PAPER, ORIGIN))
+        assert f"rehearsals left out: {int(not included)}" in page

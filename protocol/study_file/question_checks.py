@@ -92,7 +92,7 @@ def _name_problems(study: Study) -> Iterator[Problem]:
 def _key_problems(study: Study, question: StudyQuestion) -> _Found:
     for key in sorted(question.model_fields_set & _KINDS.keys()):
         if question.kind not in _KINDS[key]:
-            kinds = " and ".join(sorted(_KINDS[key]))
+            kinds = ", ".join(sorted(_KINDS[key]))
             yield key, f"must be left out where kind = {question.kind!r}", "one", f"for {kinds}"
     if question.conditions and question.when != "trial":
         yield "when", 'must be "trial" where conditions are named', repr(question.when), ""

@@ -16,6 +16,7 @@ from protocol.study.participant_texts import (
     text_path,
 )
 from protocol.study.study import Item, Study
+from protocol.study_file.question_checks import question_problems
 from runner.screens import (
     Ask,
     Instruction,
@@ -94,8 +95,10 @@ def misfits(screens: tuple[Screen, ...], wording: Wording) -> Iterator[str]:
 def fit_problems(study: Study) -> Iterator[Problem]:
     """Yield a problem for a scale that is too long, and for every text that does not fit its place.
 
-    Checks each required language whose texts are complete.
+    Checks each required language whose texts are complete. A question in which something else is
+    wrong has no page that could be drawn.
     """
+    unsound = {problem.path[1] for problem in question_problems(study)}
     if study.rating.span > MOST_STEPS:
         yield Problem(
             where="rating.maximum",
@@ -113,7 +116,9 @@ def fit_problems(study: Study) -> Iterator[Problem]:
                 hint='a wider step, or kind = "analogue"',
                 path=("question", number, "step"),
             )
-    screens = foreseen(study, consent=None)
+            unsound.add(number)
+    sound = [question for at, question in enumerate(study.question) if at not in unsound]
+    screens = foreseen(study.model_copy(update={"question": tuple(sound)}), consent=None)
     for code in required_codes(study):
         if any(lacking(study, code)):
             continue

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from protocol.study_file.loading import template
+from tests.protocol.studies import OWN_QUESTIONS
 from tests.runner.command_line import assert_matches, typed
 
 TWO_BEAMS = """
@@ -202,6 +203,29 @@ def test_check_and_run_report_a_text_that_does_not_fit_with_all_other_problems(
     assert typed("run", changed, "--participant", "P01", "--ratings", "virtual") == 2
     assert "a text must fit its place" in capsys.readouterr().err
     assert not (tmp_path / "study.db").exists()
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "message"),
+    [
+        ("maximum = 7", "maximum = 1", "maximum: must be above minimum = 1, got 1"),
+        ("maximum = 7", "maximum = 7\nstep = 100", "step: must divide the 6 from minimum"),
+        ("maximum = 7", "maximum = 1e5", "step: a scale must have at most 660 steps"),
+        ("at = 7", "at = 9", "labels: must be at places of the scale from 1 to 7, got 9"),
+        ('value = "both"', "at = 3", "labels: must each have a value"),
+        ('value = "both"', "value = 1", "value: must be a text, got 1"),
+    ],
+)
+def test_a_question_that_cannot_be_drawn_is_refused_for_its_cause_alone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], before: str, after: str, message: str
+) -> None:
+    assert before in OWN_QUESTIONS
+    text = template("paper") + OWN_QUESTIONS.replace(before, after, 1)
+    (tmp_path / "study.toml").write_text(text, encoding="utf-8")
+    assert typed("check", tmp_path) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert message in lines[0]
+    assert not [line for line in lines if "fit its place" in line]
 
 
 def test_a_study_file_instead_of_its_folder_is_refused(

@@ -63,7 +63,7 @@ def broken(seed: int) -> str:
     """Return what does not hold on a day, empty if everything does."""
     try:
         day(seed)
-    except AssertionError as error:
+    except (AssertionError, Violation) as error:
         return f"{seed}: {error}"
     return ""
 

@@ -83,13 +83,16 @@ def test_a_byte_order_mark_is_accepted_as_in_check(
     assert "5 passed" in done.stdout
 
 
+_LINE = PAPER.partition("paper")[0].count("\n") + 1
+
+
 @pytest.mark.usefixtures("where")
 @pytest.mark.parametrize(
     ("content", "why"),
     [
         (
             PAPER.encode().replace(b"paper", b"\xff", 1),
-            "cannot be read as UTF-8 text at line 6; save the file as UTF-8",
+            f"cannot be read as UTF-8 text at line {_LINE}; save the file as UTF-8",
         ),
         (b"[study]\nname = ,", "study.toml:2: file: must be TOML, got the line 'name = ,'"),
     ],

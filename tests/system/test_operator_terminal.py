@@ -38,7 +38,7 @@ def command(folder: Path, study: str = STUDY) -> list[str]:
 
 def recorded(folder: Path) -> list[StoredEvent]:
     with read_journal(folder / "study.db") as journal:
-        return journal.events("P01/1")
+        return [event for name in journal.sessions() for event in journal.events(name)]
 
 
 def shown_v(text: str) -> int | None:

@@ -84,7 +84,9 @@ class Day:
     def digest(self) -> str:
         """Return a digest of the record of the day, without the names of folder and process."""
         record = repr(self.lab.record).replace(str(self.lab.folder.path), "")
-        return hashlib.sha256(_IN_USE_BY.sub("", record).encode()).hexdigest()
+        # What is removed may hold quotes, and so decide on those around it.
+        same = _IN_USE_BY.sub("", record).replace('"', "'")
+        return hashlib.sha256(same.encode()).hexdigest()
 
     def _another(self) -> tuple[str, int]:
         """Return the first session of somebody new: it is there for what has not happened yet."""

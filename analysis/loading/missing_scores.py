@@ -92,6 +92,22 @@ def unscored(table: ScoreTable) -> tuple[tuple[str, ...], tuple[str, ...]]:
     )
 
 
+def withheld_beside_scores(trials: pd.DataFrame) -> list[str]:
+    """Return in a line how many trials lack a score in cells that have one, if there are any."""
+    counted = trials[is_scored(trials)]
+    given = counted["score"].notna()
+    cell = [counted["participant"], counted["condition"]]
+    partly = counted["condition"][given.groupby(cell).transform("any") & ~given]
+    if partly.empty:
+        return []
+    by_condition = ", ".join(f"{name} {n}" for name, n in Counter(partly).items())
+    return [
+        f"Not given in cells with other scores: {len(partly)} of {len(counted)} scores "
+        f"({by_condition}). The mean of the others stands in such a cell under every reading; it "
+        "is too high if weaker changes were not noticed."
+    ]
+
+
 def notes(table: ScoreTable, empty: EmptyCells) -> list[str]:
     """Return what stands under Table 4: each mark, how often, and who or what has no score."""
     causes = Counter(empty.values())

@@ -5,7 +5,7 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 from analysis.estimates import plain
-from analysis.loading.missing_scores import notes
+from analysis.loading.missing_scores import notes, withheld_beside_scores
 from analysis.loading.published import SCALE
 from analysis.loading.records import values
 from analysis.loading.study_data import StudyData
@@ -67,7 +67,8 @@ class Findings:
     @property
     def table_notes(self) -> list[str]:
         """Notes below Table 4."""
-        return notes(self.loaded.table, self.loaded.empty)
+        loaded = self.loaded
+        return [*notes(loaded.table, loaded.empty), *withheld_beside_scores(loaded.trials)]
 
     @property
     def rehearsals(self) -> bool:

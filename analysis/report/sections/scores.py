@@ -112,7 +112,7 @@ def _score_table(found: Findings) -> Table:
     ]
     name, *means, grand_mean = averages
     lines.append([name, *(_mean(mean, target=PREDICTIONS) for mean in means), _mean(grand_mean)])
-    note = "Notes below distinguish the empty cells. " if found.table_notes else ""
+    note = "Notes below distinguish the empty cells. " if empty else ""
     return Table(
         name="table4",
         label="Table 4",

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.loading.missing_scores import Why, notes
+from analysis.loading.missing_scores import Why, notes, withheld_beside_scores
 from analysis.loading.study_data import StudyData, load_study_data
 from analysis.report.report import Report, report, report_html, report_json
 from protocol.journal.events import Event, TrialExcluded
@@ -115,3 +115,15 @@ def test_a_condition_nobody_scored_is_named_and_not_counted() -> None:
 
 def test_a_complete_table_has_nothing_to_note() -> None:
     assert 'id="table4-notes"' not in report_html(made())
+
+
+def test_scores_withheld_in_cells_with_other_scores_are_counted() -> None:
+    repeated = [("voltage", 9), ("structure", None), ("structure", 7), ("voltage", 8)]
+    found = loaded(
+        scored_session("P01", repeated, NAMES), scored_session("P02", repeated[:3], NAMES)
+    )
+    page = report_html(reported(found))
+    assert "Not given in cells with other scores: 2 of 7 scores (structure 2)." in page
+    assert "Notes below distinguish" in page, "of pressure, which nobody scored"
+    assert withheld_beside_scores(found.trials[found.trials["score"].notna()]) == []
+    assert withheld_beside_scores(a_study().trials) == []

@@ -33,11 +33,12 @@ LEVEL = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class PredictiveStatistic:
-    """Distance of the study from the model, and mean and 95 % interval of that of replicates.
+    """Distance of the study from the model, and median and 95 % interval of that of replicates.
 
     The distance of tables of counts is Σ (n - e)² / (e + ½), e being the count expected at a draw
-    of the parameters; of shares it is |share - expected share|. `observed` is its mean over draws,
-    and `p` the share of draws at which the replicate departs at least as far as the study (Gelman,
+    of the parameters; of shares it is |share - expected share|. `observed` is its median over
+    draws, because at a few draws that expect almost none of an answer that was given it is huge.
+    `p` is the share of draws at which the replicate departs at least as far as the study (Gelman,
     Meng and Stern, Statistica Sinica 6, 1996). It is conservative.
     """
 
@@ -234,8 +235,8 @@ def _check(compared: dict[str, _Compared]) -> PredictiveCheck:
         statistics=tuple(
             PredictiveStatistic(
                 name=name,
-                observed=float(each.observed.mean()),
-                predicted=float(each.replicated.mean()),
+                observed=float(np.median(each.observed)),
+                predicted=float(np.median(each.replicated)),
                 predicted_interval=_interval(each.replicated),
                 p=each.p,
                 p_holm=adjusted,

@@ -39,8 +39,9 @@ def _check_table(model: str, check: PredictiveCheck | NotEstimable) -> Table | s
     return Table(
         name=f"predictive-{model.lower()}",
         caption=f"{model} {verdict}. Distance between observed and expected counts or shares, in "
-        f"the study and in {check.draws} simulated studies (mean and 95 % interval); p is the "
-        "share of simulated studies that are at least as far from what the model expects.",
+        f"the study (median over {check.draws} draws of the parameters) and in a study simulated "
+        "at each draw (median and 95 % interval); p is the share of draws at which the simulated "
+        "study is at least as far from what the model expects.",
         columns=columns("statistic", "study", "simulated", "95 %", "p", "p (Holm)"),
         rows=[
             [

@@ -63,6 +63,23 @@ def test_m3_is_withheld_for_people_on_one_scale_who_use_few_numbers() -> None:
     assert sum(isinstance(each.fit, NotEstimable) for each in found) >= STUDIES - 1
 
 
+def test_a_study_with_a_large_p_lies_within_the_simulated_ones() -> None:
+    """A few draws almost exclude the misses of the weakest change, which all of these people miss.
+
+    At these draws the study is very far from expected, at most it is not.
+    """
+    alike = NoticingPeople(
+        subjects=6, noise=0.005, noise_spread=0.0, criterion=0.07, criterion_spread=0.0
+    )
+    check = checked_two_stage(noticing_study(alike, generator(0), repeats=2).trials).check
+    assert isinstance(check, PredictiveCheck)
+    answers = [each for each in check.statistics if each.name.startswith("answers")]
+    assert len(answers) == 2
+    for each in answers:
+        assert each.p > 0.3
+        assert each.observed < each.predicted_interval[1], each
+
+
 def test_the_same_ratings_give_the_same_check() -> None:
     ratings = own_people(generator(0))
     assert checked_ordinal(ratings) == checked_ordinal(ratings)

@@ -68,6 +68,8 @@ def drift(ratings: Ratings, position: IntArray) -> Drift | NotEstimable:
         position: shape (trials,), place in the session, 1 for a subject's first trial.
     """
     scored = ~np.isnan(ratings.rating)
+    if not scored.any():
+        return NotEstimable("no trial was rated")
     slopes = _slopes(ratings.where(scored), position[scored].astype(np.float64))
     if isinstance(slopes, NotEstimable):
         return slopes

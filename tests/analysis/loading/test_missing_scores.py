@@ -127,3 +127,8 @@ def test_scores_withheld_in_cells_with_other_scores_are_counted() -> None:
     assert "Notes below distinguish" in page, "of pressure, which nobody scored"
     assert withheld_beside_scores(found.trials[found.trials["score"].notna()]) == []
     assert withheld_beside_scores(a_study().trials) == []
+
+
+def test_a_study_whose_scores_were_all_withheld_has_a_report() -> None:
+    page = report_html(reported(loaded(session("P01", [None] * 3))))
+    assert "No score at all, and not among the subjects analysed: P01." in page

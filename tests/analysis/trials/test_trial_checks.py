@@ -140,6 +140,7 @@ def test_sessions_without_a_test_give_the_reason() -> None:
     assert first == NotEstimable("no rated trial follows another")
     unrated = replace(ratings, rating=np.full(len(position), np.nan))
     assert order_effect(unrated, position) == NotEstimable("no trial was rated")
+    assert drift(unrated, position) == NotEstimable("no trial was rated")
 
 
 @given(st.integers(1, 30).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))))

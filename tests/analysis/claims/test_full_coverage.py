@@ -71,3 +71,9 @@ def test_other_parts_of_helping_bodies_leave_the_verdicts_on_frequency(find: Fin
         assert sorted(rises) == [False, True]
         effects = find("a-and-frequency-lead", law).computed["with_a_20"]
         assert effects["voltage"] > effects["frequency"]
+
+
+def test_bodies_that_change_nothing_change_little(find: Find) -> None:
+    found = {law: find("u-saturates", law) for law in LAWS}
+    assert found["coulomb"].computed == {"from_4_to_20": 0.0, "from_20_to_40": 0.0}
+    assert [of.verdict for of in found.values()] == ["holds"] * 3

@@ -14,6 +14,8 @@ from analysis.statistics.intervals import mean_interval, rank_biserial_interval
 
 # Differences such as 7.3 - 7.2 and 5.1 - 5.0 are equal but for rounding error.
 DECIMALS = 9
+# Conditions differ if p after Holm's correction is smaller.
+LEVEL = 0.05
 
 
 def doubled_midranks(values: FloatArray) -> IntArray:
@@ -71,7 +73,7 @@ class PairwiseTest:
     @property
     def differs(self) -> bool:
         """Whether the conditions differ after Holm's correction, p < .05."""
-        return not isinstance(self.p_holm, NotEstimable) and self.p_holm < 0.05
+        return not isinstance(self.p_holm, NotEstimable) and self.p_holm < LEVEL
 
 
 def signed_rank(differences: FloatArray) -> SignedRank | NotEstimable:

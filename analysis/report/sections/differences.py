@@ -15,7 +15,7 @@ from analysis.report.findings import Findings
 from analysis.report.wording import beside, number, of_all, omnibus_line, p_value
 from analysis.statistics.intervals import COVERAGE, DESIGN
 from analysis.statistics.omnibus import Friedman
-from analysis.statistics.signed_rank import PairwiseTest, SignedRank
+from analysis.statistics.signed_rank import LEVEL, PairwiseTest, SignedRank
 from analysis.statistics.summary import Reading
 
 
@@ -42,11 +42,16 @@ def _coverage_line() -> str:
 
 
 def _pairs_line(pairs: Sequence[PairwiseTest]) -> str:
+    """Return which pairs differ, or why none does: with few subjects no scores can show it."""
     differ = [f"{pair.a} and {pair.b}" for pair in pairs if pair.differs]
-    if all(isinstance(pair.test, NotEstimable) for pair in pairs):
+    tested = [pair.test for pair in pairs if isinstance(pair.test, SignedRank)]
+    if not tested:
         return "No pair of conditions can be tested."
     if not differ:
-        return "No pair of conditions differs significantly after Holm's correction."
+        none = "No pair of conditions differs significantly after Holm's correction."
+        least = len(tested) * 2.0 ** (1 - max(test.n for test in tested))
+        few = f" So few differences cannot show it: p (Holm) is at least {min(least, 1.0):.2g}."
+        return none + (few if least >= LEVEL else "")
     return f"Significant differences after Holm's correction: {', '.join(differ)}."
 
 

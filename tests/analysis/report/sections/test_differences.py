@@ -34,3 +34,14 @@ def test_a_condition_without_scores_is_omitted_from_the_omnibus_test_and_named()
     assert omitted in unescape(report_html(result))
     holed = report_html(made([[5, 7, np.nan], *SCORES[1:]]))
     assert f"test of equal conditions ({reason}): T(2)" in unescape(holed)
+
+
+def test_the_page_says_when_no_scores_of_so_few_subjects_can_show_a_difference() -> None:
+    none = "No pair of conditions differs significantly after Holm's correction."
+    few = f"{none} So few differences cannot show it: p (Holm) is at least"
+    one_way = np.arange(4)[:, None] + [5, 6, 7]
+    assert f"{few} 0.38." in unescape(report_html(made(one_way)))
+    assert f"{few} 1." in unescape(report_html(made(one_way[:1])))
+    page = unescape(report_html(made([[5, 6, 7], [7, 6, 5]] * 4)))
+    assert none in page
+    assert few not in page

@@ -23,7 +23,7 @@ def section(found: Findings) -> Section:
             Items(
                 lines=[
                     _f_line("Place in the session", trials.order),
-                    _f_line("Carry-over from the previous trial", trials.carry_over),
+                    _f_line("Carry-over from the scored trial directly before", trials.carry_over),
                     *_order_lines(trials.as_run),
                     _drift_line(trials.drift),
                     _catch_line(trials.catch.overall),
@@ -78,7 +78,8 @@ def _follower_table(found: Findings) -> Table | None:
     return Table(
         name="followers",
         caption="How often each condition (column) was answered directly after another (row), "
-        "within a block; catch trials between them are ignored.",
+        "within a block; catch trials between them are ignored here, while the test of carry-over "
+        "leaves out trials that follow one.",
         columns=columns("after", *names),
         rows=[[name, *map(str, row)] for name, row in zip(names, counts, strict=True)],
     )

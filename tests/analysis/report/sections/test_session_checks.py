@@ -4,5 +4,9 @@ from analysis.report.report import report_html
 from tests.analysis.reports import study_report
 
 
+def test_the_page_tells_d_prime_of_counts_from_that_of_m3() -> None:
+    assert "few trials limit d′; those of M3 are at a contrast." in report_html(study_report())
+
+
 def test_the_page_says_after_which_trials_carry_over_is_tested() -> None:
     assert "Carry-over from the scored trial directly before: " in report_html(study_report())

@@ -163,7 +163,9 @@ class ConsoleParticipant:
                 return [f"{self._texts['touch.now']} ({duration_s:.2g} s)"]
             case Ask(question=question, bands=bands):
                 scale = ["   ".join(band_names(bands, self.wording))] if bands else []
-                return [question_text(question, self.wording), *self._choices(question), *scale]
+                skip = [] if question.required else [f"  {self._texts['button.skip']}"]
+                shown = [*self._choices(question), *scale, *skip]
+                return [question_text(question, self.wording), *shown]
 
     def _parse(self, line: str) -> str | None:
         """Return the answer in `line`, None if it is invalid."""
@@ -186,9 +188,22 @@ class ConsoleParticipant:
             self.say(f"(For the operator: an order begins with a colon, such as :{line.lower()})")
 
     def _possible(self, question: StudyQuestion) -> list[str]:
-        if question.kind not in {"scale", "analogue"}:
-            return self._choices(question)
-        return [f"  {question.place(0)} … {question.place(question.places)}"]
+        """Return the possible answers: the first two of a scale, which show its step, and the last.
+
+        Of a number its limits, of a text its shortest and greatest length.
+        """
+        match question.kind:
+            case "scale" | "analogue":
+                first = [str(question.place(at)) for at in range(min(question.places, 2))]
+                return [f"  {', '.join(first)} … {question.place(question.places)}"]
+            case "number":
+                form = f".{question.decimals}f" if question.decimals else ".15g"
+                ends = (question.minimum, question.maximum)
+                low, high = ("" if end is None else format(end, form) for end in ends)
+                return [f"  {low} … {high} {question.unit or ''}".rstrip()]
+            case "text":
+                return [f"  … (1–{question.longest})"]
+        return self._choices(question)
 
     def _values(self, question: StudyQuestion, line: str) -> str:
         """Return the values of the labels that are typed, by number, value or text."""
@@ -206,6 +221,8 @@ class ConsoleParticipant:
         names = [label_text(label, self.wording) for label in question.labels]
         if question.values:
             return [f"  {number}  {name}" for number, name in enumerate(names, start=1)]
+        if question.unit:
+            return [f"  … {question.unit}"]
         places = (label.at for label in question.labels)
         shown = [f"{at:.15g} {name}" for at, name in zip(places, names, strict=True)]
         return ["   ".join(shown)] if shown else []

@@ -21,6 +21,9 @@ from runner.screens import Ask, Instruction, Notice, Response, Screen, ask_chang
 from tests.protocol.studies import OWN_QUESTIONS
 
 PAPER = parsed_study(template("paper"))
+REMARKS = "Is there anything that you would like to tell us?"
+SURE = "How sure are you of your answer?"
+ANALOGUE = "  0, 0.1 … 100"
 
 
 class Terminal:
@@ -86,7 +89,7 @@ def test_a_score_outside_the_scale_is_asked_for_again() -> None:
     assert terminal.answer(ask_score(Rating())).answer == "7"
     again = "This is not one of the possible answers. Please type one of these:"
     assert terminal.said[-6:] == [
-        line for typed in ("11", "x", "-1") for line in (f"'{typed}': {again}", "  0 … 10")
+        line for typed in ("11", "x", "-1") for line in (f"'{typed}': {again}", "  0, 1 … 10")
     ]
 
 
@@ -94,7 +97,26 @@ def test_a_score_lies_on_the_studys_scale() -> None:
     terminal = Terminal("101\n55\n")
     assert terminal.answer(ask_score(Rating(minimum=0, maximum=100))).answer == "55"
     assert terminal.said[0] == "How strong is the change? 0 to 100"
-    assert terminal.said[-1] == "  0 … 100"
+    assert terminal.said[-1] == "  0, 1 … 100"
+
+
+@pytest.mark.parametrize(
+    ("name", "typed", "shown", "possible"),
+    [
+        ("age", "17\n31\n", ["How old are you?", "  … years"], "  18 … 99 years"),
+        ("remarks", f"{'a' * 121}\n\n", [REMARKS, "  Skip (Enter)"], "  … (1–120)"),
+        ("confidence", "70.55\n70.5\n", [SURE, "0 a mere guess   100 completely sure"], ANALOGUE),
+    ],
+)
+def test_limits_unit_and_how_to_skip_are_shown(
+    name: str, typed: str, shown: list[str], possible: str
+) -> None:
+    terminal = Terminal(typed)
+    study = parsed_study(template("paper") + OWN_QUESTIONS)
+    (question,) = (each for each in study.question if each.name == name)
+    terminal.answer(Ask(question=question))
+    assert terminal.said[:2] == shown
+    assert terminal.said[-1] == possible
 
 
 def test_the_reaction_time_starts_at_the_question() -> None:

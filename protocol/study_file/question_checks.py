@@ -67,11 +67,23 @@ def page_problems(study: Study) -> Iterator[Problem]:
         found: list[tuple[str, str, str]] = []
         if page.block is not None and page.before != "block":
             found.append(("block", 'must be left out unless before = "block"', str(page.block)))
+        if page.block is not None and page.block > _most_blocks(study):
+            rule = f"must be at most {_most_blocks(study)}, the number of blocks"
+            found.append(("block", rule, str(page.block)))
+        if page.before == "practice" and study.design.practice_trials == 0:
+            found.append(("before", 'must not be "practice" without practice_trials', "one"))
         if page.picture is not None and page.picture not in study.pictures:
             found.append(("picture", PICTURE_RULE, repr(page.picture)))
         for key, rule, value in found:
             where = f"page {number + 1}, {key}"
             yield Problem(where=where, rule=rule, value=value, path=(*path, key))
+
+
+def _most_blocks(study: Study) -> int:
+    """Return how many blocks a session has; at most, where trials are grouped by beam."""
+    design = study.design
+    is_grouped = design.group_by_beam != "no" or design.max_beam_swaps is not None
+    return design.repeats * (len(study.condition) if is_grouped else 1)
 
 
 def _problem(question: StudyQuestion, path: Path, rule: str, value: str, hint: str = "") -> Problem:

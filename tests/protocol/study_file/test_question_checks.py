@@ -1,5 +1,7 @@
 """What is wrong with a question of the study's own is told by line, all at once."""
 
+import re
+
 import pytest
 
 from protocol.plan.plan import plan
@@ -60,6 +62,19 @@ def told(*changes: tuple[str, str]) -> list[str]:
 )
 def test_what_is_wrong_is_said(before: str, after: str, message: str) -> None:
     assert any(message in line for line in told((before, after)))
+
+
+@pytest.mark.parametrize(
+    ("page", "message"),
+    [
+        ('before = "block"\nblock = 2', "page 1, block: must be at most 1, the number of blocks"),
+        ('before = "practice"', 'page 1, before: must not be "practice" without practice_trials'),
+        ("block = 1", 'page 1, block: must be left out unless before = "block", got 1'),
+    ],
+)
+def test_a_page_that_would_never_be_shown_is_refused(page: str, message: str) -> None:
+    with pytest.raises(StudyError, match=re.escape(message)):
+        parsed_study(f'{PAPER}\n[[page]]\n{page}\ntext = {{ en = "x", zh = "x" }}\n')
 
 
 def test_everything_is_said_at_once() -> None:

@@ -115,4 +115,5 @@ def between_trials_s(study: Study, session: int, blocks: int) -> float:
     asked_s = study.timing.answer_s * (once + blocks * len(study.questions("block")))
     introduced = [study.pages("block", block) for block in range(1, blocks + 1)]
     pages = sum(map(len, [study.pages("session"), study.pages("practice"), *introduced]))
+    pages += study.design.practice_trials > 0  # the text that says that practice begins
     return asked_s + study.timing.reading_s * pages

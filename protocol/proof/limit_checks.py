@@ -78,6 +78,7 @@ def plan_s(study: Study, plan: Plan) -> float:
     total_s = timing.beam_swap_s * sum(a != b for a, b in pairwise(mounted))
     blocks = len({trial.block for trial in plan.trials} - {0})
     times = {"before": 1, "after": 1, "block": blocks}
+    total_s += timing.reading_s if study.design.practice_trials else 0.0
     for page in study.page:
         every_block = blocks if page.block is None else page.block <= blocks
         total_s += timing.reading_s * (every_block if page.before == "block" else 1)

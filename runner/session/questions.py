@@ -56,8 +56,13 @@ def read_pages(context: SessionContext, before: str, block: int = 0) -> None:
 
 
 def introduce(context: SessionContext, trial: Trial, last: Trial | None) -> None:
-    """Show the pages before practice or a block if `trial` begins it after the trial `last`."""
+    """Say that practice begins if `trial` begins it after the trial `last`; show its pages.
+
+    Those before a block likewise.
+    """
     if trial.kind == "practice" and (last is None or last.kind != "practice"):
+        context.participant.show(Instruction(text="practice"))
+        response(context)
         read_pages(context, "practice")
     elif trial.block > 0 and (last is None or last.block != trial.block):
         read_pages(context, "block", trial.block)

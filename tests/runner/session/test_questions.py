@@ -12,7 +12,7 @@ from protocol.study_file.loading import parsed_study, template
 from runner.journal.opening import open_journal
 from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal
-from runner.screens import Ask
+from runner.screens import Ask, Instruction
 from runner.session.loop import run
 from runner.session.session import Session, answer_order
 from tests.protocol.studies import OWN_QUESTIONS
@@ -139,3 +139,12 @@ def test_every_other_slot_has_the_reversed_order_and_a_session_keeps_its_own() -
     )
     begun = SessionState(opened=session.opening())
     assert answer_order(fixed, 1, begun) == "reversed"
+
+
+def test_participants_read_once_that_practice_begins(tmp_path: Path) -> None:
+    participant = person()
+    text = TEXT.replace("[design]", "[design]\npractice_trials = 2", 1)
+    with open_journal(tmp_path / "study.db") as journal:
+        carried_out(journal, participant, text)
+    said = [screen for screen in participant.shown if screen == Instruction(text="practice")]
+    assert len(said) == 1

@@ -104,10 +104,12 @@ labels = [
 | `text` | | `max_length` |
 
 A question needs a text in every language of the study; `session.languages = ["en"]` makes it one.
-Nothing is chosen before the first touch, and an answer counts once it is confirmed. An answer is
-journalled when it is given, and a resumed session does not ask it again. Each question is a column
-of the exported trials (an answer apart from a trial stands with all trials of its block or
-session), and has a table in the report.
+Nothing is chosen before the first touch, and an answer counts once it is confirmed. An answer apart
+from a trial is journalled when it is given, and a resumed session does not ask it again. Answers
+about a trial are journalled together after the last of them: a trial that was interrupted before
+that comes again, with its questions. Each question is a column of the exported trials (an answer
+apart from a trial stands with all trials of its block or session), and has a table in the report.
+The `unit` is the same in every language.
 """
 
 

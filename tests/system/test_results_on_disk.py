@@ -78,7 +78,7 @@ def test_standard_output_gets_the_predictions_and_nothing_else(
 ) -> None:
     Path("scenes.csv").write_text("voltage_v\n100\n")
     assert typed("predict", "scenes.csv", "-o", "out.csv") == 0
-    assert capsys.readouterr().out == "1 scenes predicted: out.csv\n"
+    assert capsys.readouterr().out == "1 scene predicted: out.csv\n"
     assert typed("predict", "scenes.csv", "-o", "-") == 0
     assert capsys.readouterr() == (Path("out.csv").read_text(), "")
     with Path("redirected.csv").open("w") as redirected:

@@ -12,6 +12,8 @@ from protocol.errors import Problem
 
 _CURLY = re.compile("[“”„‟‘’‚«»]")
 _TRUTH = {"True": "true", "TRUE": "true", "False": "false", "FALSE": "false", "yes": "true"}
+_LISTS = {"question", "page", "opening", "condition"}
+"""Tables that may stand several times."""
 _LONGEST = 60
 _NUMBER = r"[-+]?[0-9][0-9_]*"
 
@@ -85,6 +87,8 @@ def _remedy(line: str, said: str, *, unclosed: bool) -> str:
     key, equals, value = (part.strip() for part in line.partition("="))
     if _CURLY.search(line):
         return f"a text stands in straight quotes: {_CURLY.sub(chr(34), line)}"
+    if "Cannot" in said and line.startswith("[") and (name := line.strip("[]")) in _LISTS:
+        return f"each {name} begins with two brackets: [[{name}]]"
     if "Cannot overwrite" in said or "Cannot declare" in said:
         return f"{key} stands twice; keep one, with the keys of both"
     if unclosed and re.search(r"[\[{]", line) and not _has_comma_slip(line):

@@ -50,6 +50,8 @@ def test_the_usual_slips_have_a_remedy(line: str, remedy: str) -> None:
     ("text", "line", "remedy"),
     [
         ("seed = 1\nseed = 2", 2, "seed stands twice; keep one, with the keys"),
+        ("[question]\n[[question]]", 2, "each question begins with two brackets: [[question]]"),
+        ("[page]\n[page]", 2, "each page begins with two brackets: [[page]]"),
         ("[rig]\n[touch]\n[rig]", 3, "[rig] stands twice; keep one, with the keys of both"),
     ],
 )

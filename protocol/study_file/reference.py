@@ -50,6 +50,8 @@ left, the trial ends there, the participant reads why, and the trial comes again
 touches, at the same level. It comes later in its block, each place being equally likely where no
 further beam swap is needed and no rule on runs and catch trials is broken; it comes at once where
 there is no such place, and before the first block. The last attempt counts however it was made.
+A touch in which no contact was measured is not judged, so that it does not come again; in exported
+data its `force_n` is missing.
 Attempts that did not count are in the journal and in the exported table of touches.
 
 Carry-over is then no longer balanced exactly. The report counts which condition was answered after

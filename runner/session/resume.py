@@ -62,8 +62,8 @@ def _require_accepted_study(journal: Journal, session: Session) -> None:
     accepted = accepted_digests(journal)
     if accepted and text_digest(session.study_text) != accepted[-1]:
         raise BadInput(
-            "study.toml has changed since the last session; restore it, or accept the change "
-            "with touchbeam amend --reason TEXT"
+            "study.toml has changed since the last session; restore it, its pictures and language "
+            "files, or accept the change with touchbeam amend --reason TEXT"
         )
 
 

@@ -44,7 +44,7 @@ def test_a_changed_picture_is_a_changed_study(
     (study.path / "pictures" / "hand.png").write_bytes(png(colour="blue"))
     assert text_digest(study.text()) != before
     assert typed(*run, "P02") == 2
-    assert "has changed since the last session" in capsys.readouterr().err
+    assert "since the last session; restore it, its pictures" in capsys.readouterr().err
     assert typed("amend", study.path, "--reason", "a clearer picture") == 0
     assert typed(*run, "P02") == 0
 

@@ -1,4 +1,4 @@
-"""Consistency of a study's names and of its opening trials."""
+"""Consistency of a study's names, of its opening trials and of its practice."""
 
 from collections.abc import Iterator, Sequence
 
@@ -71,3 +71,16 @@ def opening_problems(study: Study) -> Iterator[Problem]:
                         hint='write voltage_v = 0, or kind = "signal"',
                         path=(*path, place, "ramp_to_v" if not touch.voltage_v else "voltage_v"),
                     )
+
+
+def practice_problems(study: Study) -> Iterator[Problem]:
+    """Yield a demand on practice in a study without practice, where it would never be made."""
+    wanted = study.as_instructed.practise_until
+    if wanted and not study.design.practice_trials:
+        yield Problem(
+            where="design.practice_trials",
+            rule=f"must be above 0 where as_instructed.practise_until = {wanted}",
+            value="0",
+            hint="give practice_trials, or leave practise_until out",
+            path=("design", "practice_trials"),
+        )

@@ -8,7 +8,7 @@ from protocol.plan.feasibility import design_problems
 from protocol.study.study import Condition, Item, Study
 from protocol.study.touch import Touch, current_ma, driven_s, slew_v_per_us, touch_s
 from protocol.study.variants import scaled
-from protocol.study_file.consistency import name_problems, opening_problems
+from protocol.study_file.consistency import name_problems, opening_problems, practice_problems
 from protocol.study_file.question_checks import page_problems, question_problems
 from protocol.study_file.text_checks import instruction_problem, text_problems
 from protocol.study_file.units import unit_hint
@@ -33,7 +33,8 @@ def limit_problems(study: Study) -> list[Problem]:
         for number, touch in enumerate(item.touches):
             place = (f"{where}, touch {number + 1}", (*path, "touches", number))
             found += _touch_problems(study, *place, touch, level)
-    found += [*opening_problems(study), *_unnamed_beam(study), *_unknown_gain(study)]
+    found += [*opening_problems(study), *practice_problems(study)]
+    found += [*_unnamed_beam(study), *_unknown_gain(study)]
     return [*found, *text_problems(study), *question_problems(study), *page_problems(study)]
 
 

@@ -1,4 +1,4 @@
-"""The trials that open a session: a baseline without a signal, a signal with one."""
+"""Opening trials, a baseline without a signal and a signal with one, and practice to repeat."""
 
 import pytest
 
@@ -42,3 +42,25 @@ def test_an_opening_that_is_not_known_is_not_called_undriven_or_driven(key: str)
     rules = " ".join(problem.rule for problem in caught.value.problems)
     assert "driven" not in rules
     assert "without" not in rules
+
+
+REPEATED = "\n[as_instructed]\npractise_until = 3\npractise_of = 4\n"
+
+
+def test_practice_can_be_repeated_only_where_there_is_practice() -> None:
+    message = (
+        r"study\.toml:\d+: design\.practice_trials: must be above 0 where "
+        r"as_instructed\.practise_until = 3, got 0; give practice_trials, or leave practise_until "
+        r"out$"
+    )
+    with pytest.raises(StudyError, match=message):
+        parsed_study(PAPER + REPEATED)
+    practised = PAPER.replace("[design]", "[design]\npractice_trials = 2")
+    assert parsed_study(practised + REPEATED).as_instructed.practise_until == 3
+
+
+def test_practice_that_cannot_be_read_is_not_called_missing() -> None:
+    unreadable = PAPER.replace("[design]", "[design]\npractice_trials = 99")
+    with pytest.raises(StudyError, match=r"practice_trials: must be at most 20") as caught:
+        parsed_study(unreadable + REPEATED)
+    assert len(caught.value.problems) == 1

@@ -115,6 +115,8 @@ def _key_problems(study: Study, question: StudyQuestion) -> _Found:
         if name not in study.conditions:
             known = f"known: {', '.join(study.conditions)}"
             yield "conditions", "must be conditions of the study", repr(name), known
+    for twice in _repeated(question.conditions):
+        yield "conditions", "must differ", repr(twice), "name it once"
 
 
 def _form(question: StudyQuestion) -> _Found:

@@ -43,6 +43,11 @@ def told(*changes: tuple[str, str]) -> list[str]:
         ("at = 7", 'value = "7"', "labels: must each have a place"),
         ("at = 100", "at = 99", "labels: must be two, one at = 0 and one at = 100, got 0, 99"),
         ('"pressure"', '"presure"', "conditions: must be conditions of the study, got 'presure'"),
+        (
+            '"pressure"',
+            '"voltage"',
+            "confidence, conditions: must differ, got 'voltage'; name it once",
+        ),
         ('when = "block"', 'conditions = ["voltage"]\nwhen = "block"', 'when: must be "trial"'),
         ('when = "after"', 'sessions = "first"\nwhen = "block"', 'when: must be "before" or'),
         ('unit = "years"', "max_length = 3", "max_length: must be left out where kind = 'number'"),

@@ -107,6 +107,11 @@ def preview_record(shown: Preview, model: Prediction) -> dict[str, Any]:
                 shown.plans, shown.durations_s, shown.swaps, strict=True
             )
         ],
+        "questions": [{"name": each.name, "when": each.when} for each in shown.study.question],
+        "pages": [
+            {"before": page.before, "block": page.block, "picture": page.picture}
+            for page in shown.study.page
+        ],
         "contrast_law": model.law,
         "contrast_rung": model.rung,
         "max_voltage_v": shown.max_voltage_v,

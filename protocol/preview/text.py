@@ -1,6 +1,6 @@
 """The preview of a cohort's plans as lines of text, for a terminal of 80 columns or more."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import inf
 from typing import get_args
 
@@ -97,10 +97,24 @@ def _columns(text: str) -> int:
 
 
 def _question_lines(shown: Preview) -> Iterator[str]:
-    heading = "Questions"
+    """Yield what the study itself asks and gives to read, by time; pages by their numbers."""
+    asked: dict[str, list[str]] = {}
     for when in get_args(When):
-        if names := [question.name for question in shown.study.questions(when)]:
-            time = {"trial": "after trials", "block": "after blocks"}.get(when, when)
+        time = {"trial": "after trials", "block": "after blocks"}.get(when, when)
+        asked[time] = [question.name for question in shown.study.questions(when)]
+    read: dict[str, list[str]] = {}
+    for number, page in enumerate(shown.study.page, start=1):
+        block = "every block" if page.block is None else f"block {page.block}"
+        time = block if page.before == "block" else page.before.replace("session", "the session")
+        picture = f" ({page.picture})" if page.picture else ""
+        read.setdefault(f"before {time}", []).append(f"{number}{picture}")
+    yield from _by_time("Questions", asked)
+    yield from _by_time("Pages", read)
+
+
+def _by_time(heading: str, listed: Mapping[str, Sequence[str]]) -> Iterator[str]:
+    for time, names in listed.items():
+        if names:
             yield f"{heading:<11} {time}: {', '.join(names)}"
             heading = ""
 

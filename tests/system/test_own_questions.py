@@ -51,6 +51,9 @@ def test_check_shows_the_questions(study: Path, capsys: pytest.CaptureFixture[st
     shown = capsys.readouterr().out
     assert "Questions   before: hand, age\n" in shown
     assert "            after trials: pleasantness, confidence\n" in shown
+    assert typed("check", study, "--json") == 0
+    listed = json.loads(capsys.readouterr().out)["questions"]
+    assert listed == [{"name": each.name, "when": each.when} for each in QUESTIONS]
 
 
 def test_virtual_participants_answer_all_of_them(study: Path) -> None:

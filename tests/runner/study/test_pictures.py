@@ -1,5 +1,6 @@
 """Pictures of a study: which files may be shown, and that a changed one is a changed study."""
 
+import json
 from io import BytesIO
 from pathlib import Path
 
@@ -53,6 +54,40 @@ def test_check_counts_the_pages(study: StudyFolder) -> None:
     assert study.study().pages("session") == (0,)
     assert study.study().pictures.keys() == {"pictures/hand.png"}
     assert typed("check", study.path) == 0
+
+
+FURTHER = """
+[[page]]
+before = "block"
+block = 1
+text = { en = "Now.", zh = "开始。" }
+[[page]]
+before = "block"
+text = { en = "Next.", zh = "下一个。" }
+[[page]]
+text = { en = "More.", zh = "更多。" }
+"""
+
+
+def test_check_lists_the_pages(study: StudyFolder, capsys: pytest.CaptureFixture[str]) -> None:
+    with study.study_file.open("a", encoding="utf-8") as file:
+        file.write(FURTHER)
+    capsys.readouterr()
+    assert typed("check", study.path) == 0
+    assert (
+        "Pages       before the session: 1 (pictures/hand.png), 4\n"
+        "            before block 1: 2\n"
+        "            before every block: 3\n"
+    ) in capsys.readouterr().out
+    assert typed("check", study.path, "--json") == 0
+    shown = json.loads(capsys.readouterr().out)
+    assert shown["questions"] == []
+    assert shown["pages"] == [
+        {"before": "session", "block": None, "picture": "pictures/hand.png"},
+        {"before": "block", "block": 1, "picture": None},
+        {"before": "block", "block": None, "picture": None},
+        {"before": "session", "block": None, "picture": None},
+    ]
 
 
 @pytest.mark.parametrize(

@@ -153,6 +153,11 @@ class Dataset:
         return labels(self.sessions["subject"])
 
     @property
+    def participants(self) -> int:
+        """The number of people; one who was in a rehearsal, too, counts once."""
+        return int(self.sessions["participant"].nunique())
+
+    @property
     def trials_excluded(self) -> int:
         """The number of trials here that the analysis leaves out."""
         return int(self.trials["excluded"].ne("no").sum())
@@ -168,7 +173,7 @@ class Dataset:
         """Return in one line what is here and what is not."""
         return (
             f"{_counted(len(self.trials), 'trial')} of "
-            f"{_counted(len(self.subject_labels), 'participant')} "
+            f"{_counted(self.participants, 'participant')} "
             f"({_counted(self.trials_excluded, 'trial')} excluded, marked); left out: "
             f"{_counted(self.rehearsals_left_out, 'rehearsal')}, "
             f"{_counted(self.sessions_withdrawn, 'withdrawn session')}"

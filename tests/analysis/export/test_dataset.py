@@ -69,6 +69,7 @@ def test_a_rehearsal_has_files_of_its_own_and_the_name_it_had() -> None:
     data = exported([chain(events) for events in both], rehearsals=True)
     assert [name for name, _ in data.by_session()] == [("P01", 1), ("P01 (rehearsal)", 1)]
     assert data.subject_labels == {"P01": "P01", "P01 (rehearsal)": "P01rehearsal"}
+    assert data.summary().startswith("2 trials of 1 participant (")
     told = data.trials[["participant", "session_kind"]].itertuples(index=False, name=None)
     assert list(told) == [("P01", kind) for kind in kinds]
 

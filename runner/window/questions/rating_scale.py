@@ -15,6 +15,8 @@ MOST_STEPS = int(_SCALE_LENGTH)
 _BESIDE = 33.0
 """What lies beside the ends of the scale belongs to it."""
 _LABEL_GAP = 12.0
+_TICK_GAP = 12.0
+"""Ticks at least as far apart can be told apart."""
 _LINE_Y = 50.0
 _BRACKET_Y = -12.0
 LABEL_SIZE = 24.0
@@ -83,25 +85,31 @@ def _mark(chosen: float, question: StudyQuestion) -> tuple[Element, ...]:
 def marked(question: StudyQuestion, bands: Sequence[Band] = ()) -> list[int | float]:
     """Return the places that have a tick, as the study asks; all can be chosen.
 
-    Where all are asked for and there are too many, they are those that a round number of steps
-    divides.
+    Where all are asked for and there are too many, they are those that have a number.
     """
     low, _, step = question.scale
     ends = {0, question.places}
     if question.kind == "analogue":
         pass
     elif question.ticks == "all":
-        # The least of 1, 2, 5, 10, 20, … steps that are as far apart as their numbers need.
-        rounds = (first * 10**zeros for zeros in count() for first in (1, 2, 5))
-        room = _room(question) / _unit(question) / step
-        apart = next(steps for steps in rounds if steps >= room)
-        first = round(low / step)
-        ends |= set(range(-first % apart, question.places + 1, apart))
+        has_room = _unit(question) * step >= _TICK_GAP
+        ends |= set(range(question.places)) if has_room else _round_steps(question)
     elif question.ticks == "labels":
         named: list[float] = [place for band in bands for place in (band.first, band.last)]
         named += [label.at for label in question.labels if label.at is not None]
         ends |= {round((place - low) / step) for place in named}
     return [question.place(at) for at in sorted(ends)]
+
+
+def _round_steps(question: StudyQuestion) -> set[int]:
+    """Return the ends, and the steps that a round number divides, so far apart as numbers need."""
+    low, _, step = question.scale
+    # The least of 1, 2, 5, 10, 20, … steps.
+    rounds = (first * 10**zeros for zeros in count() for first in (1, 2, 5))
+    room = _room(question) / _unit(question) / step
+    apart = next(steps for steps in rounds if steps >= room)
+    first = round(low / step)
+    return {0, question.places, *range(-first % apart, question.places + 1, apart)}
 
 
 def _room(question: StudyQuestion) -> float:
@@ -114,7 +122,10 @@ def labelled(question: StudyQuestion, bands: Sequence[Band] = ()) -> list[int | 
     """Return the marked places that have a number: the ends, and what has room between them."""
     if question.kind == "analogue":
         return []
-    first, *between, last = marked(question, bands)
+    places = marked(question, bands)
+    if question.ticks == "all":
+        places = [question.place(at) for at in sorted(_round_steps(question))]
+    first, *between, last = places
     room, shown = _room(question) / _unit(question), [first]
     for place in between:
         if min(place - shown[-1], last - place) >= room:

@@ -14,7 +14,7 @@ from protocol.study.participant_texts import Wording, study_wording, touch_text,
 from protocol.study.rating import Band, Rating
 from protocol.study.rules import Finger, Hand
 from protocol.study.study import Study
-from protocol.study.study_question import score_question
+from protocol.study.study_question import StudyQuestion, score_question
 from protocol.study.touch import Direction, Touch, TouchDefaults
 from protocol.study_file.loading import TEMPLATES, parsed_study, template
 from runner.screens import (
@@ -359,6 +359,22 @@ def test_the_study_determines_which_scores_have_ticks(ticks: str, scores: list[i
         e.text for e in page(ask_score(rating), PageState(), wording("en")) if isinstance(e, Text)
     }
     assert {text for text in texts if text.isdigit()} == {str(score) for score in scores}
+
+
+@pytest.mark.parametrize(
+    ("maximum", "step", "ticks", "numbers"),
+    [
+        (10, 0.5, [n / 2 for n in range(21)], list(range(11))),
+        (20, 1, list(range(21)), list(range(0, 21, 2))),
+        (55, 1, list(range(56)), list(range(0, 56, 5))),
+        (56, 1, [*range(0, 51, 5), 55, 56], [*range(0, 51, 5), 56]),
+    ],
+)
+def test_every_step_has_a_tick_where_there_is_room_though_not_for_its_number(
+    maximum: float, step: float, ticks: list[float], numbers: list[float]
+) -> None:
+    question = StudyQuestion(name="ease", kind="scale", minimum=0, maximum=maximum, step=step)
+    assert (marked(question), labelled(question)) == (ticks, numbers)
 
 
 def test_the_scale_has_no_mark_until_a_score_is_chosen() -> None:

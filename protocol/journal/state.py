@@ -41,6 +41,8 @@ class SessionState:
     opened: Opening | None = None
     trial: int | None = None
     touch: int | None = None
+    windowless: bool = False
+    """Whether the last touch was begun without a window, which leaves a trace of each response."""
     beam: str | None = None
     answers: dict[int, str] = field(default_factory=dict)
     questions: set[tuple[str, int | None]] = field(default_factory=set)
@@ -101,6 +103,7 @@ class SessionState:
                 self.questions.add((event.name, event.block))
             case events.TouchStarted():
                 self.touch = event.touch
+                self.windowless = bool(event.instruction and event.instruction.trace is None)
             case events.TrialExcluded() | events.TrialIncluded():
                 self._take_judgement(event)
             case (

@@ -120,15 +120,16 @@ class Progress:
 
 
 def _options(state: SessionState) -> list[str]:
-    """Return the options with which a session was opened, as far as the journal has them."""
+    """Return the options with which a session ran, as far as the journal has them."""
     opened = state.opened
     if not isinstance(opened, SessionOpened):
         return []
     virtual = ["--ratings", "virtual"] if opened.virtual else []
+    console = ["--ratings", "console"] if state.windowless and not opened.virtual else []
     rehearsal = ["--rehearsal"] if opened.kind == REHEARSAL and not opened.virtual else []
     language = ["--language", opened.language] if opened.language not in {None, "en"} else []
     consent = ["--consent", opened.consent] if opened.consent else []
-    return [*virtual, *rehearsal, *[str(word) for word in language], *consent]
+    return [*virtual, *console, *rehearsal, *[str(word) for word in language], *consent]
 
 
 def _following(participants: Sequence[str]) -> str:

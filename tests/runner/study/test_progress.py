@@ -6,7 +6,15 @@ from pathlib import Path
 
 import pytest
 
-from protocol.journal.events import Event, SessionCompleted, SessionExcluded
+from protocol.journal.events import (
+    DeviceArmed,
+    Event,
+    SessionCompleted,
+    SessionExcluded,
+    TouchStarted,
+    TrialStarted,
+)
+from protocol.journal.records import CommandedDrive, InstructionResponse
 from protocol.journal.state import folded
 from protocol.study_file.loading import parsed_study, template
 from runner.study.progress import Progress
@@ -42,6 +50,21 @@ def test_an_interrupted_session_says_until_when_and_how_to_go_on() -> None:
         "Done: 0 of 9 participants. The next participant gets slot 1 of the design, for example: "
         "touchbeam run 'my study' --participant P03"
     )
+
+
+@pytest.mark.parametrize(("trace", "ratings"), [(None, " --ratings console"), ({}, "")])
+def test_a_session_at_the_console_goes_on_there(
+    trace: dict[str, object] | None, ratings: str
+) -> None:
+    ready = InstructionResponse(answer="ready", reaction_time_s=1.0, trace=trace)
+    drive = CommandedDrive(voltage_v=0.0, frequency_hz=24_000.0, ramp_v_per_s=400.0)
+    touched: list[Event] = [
+        DeviceArmed(idn="rig", boot=1, device_time_s=0.0),
+        TrialStarted(index=0, kind="trial"),
+        TouchStarted(touch=0, commanded=drive, instruction=ready),
+    ]
+    session, _ = progress(("P02/1", [*begun("P02"), *touched])).lines()
+    assert session.endswith(f"touchbeam run 'my study' --participant P02{ratings}")
 
 
 def test_a_stale_session_is_to_be_excluded() -> None:

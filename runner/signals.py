@@ -112,15 +112,18 @@ def stops_deferred() -> Iterator[None]:
     """Defer signals until the end of the body.
 
     Storing an event and updating the state, or turning the device off and reading it back, must
-    not be separated.
+    not be separated. An error takes precedence over the stop, be it of the body or one for which
+    things are closed: it says what is known of the output.
     """
     stop = _stop
+    closing = sys.exc_info()[1] is not None
     stop.shields += 1
     try:
         yield
     finally:
         stop.shields -= 1
-    stop.raise_request()  # not in `finally`: an error of the body takes precedence
+    if not closing:  # whoever goes on all the same is stopped when it asks the next time
+        stop.raise_request()
 
 
 @contextmanager

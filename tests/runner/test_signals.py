@@ -159,6 +159,31 @@ def test_an_error_of_the_body_is_not_hidden_by_a_signal() -> None:
         body()
 
 
+def test_a_signal_while_things_are_closed_does_not_hide_the_error_that_closes_them() -> None:
+    def body() -> None:
+        try:
+            raise OSError("output state UNKNOWN")
+        finally:
+            with stops_deferred():  # the journal is closed
+                send(signal.SIGTERM)
+
+    with pytest.raises(OSError, match="output state UNKNOWN"), signals_raise():
+        body()
+
+
+def test_a_session_that_goes_on_after_an_error_stops_when_it_asks_the_next_time() -> None:
+    def body() -> None:
+        try:
+            Path("/no/such/file").stat()
+        except OSError:
+            with stops_deferred():
+                send(signal.SIGTERM)
+        raise_if_stopped()
+
+    with pytest.raises(Stopped, match="SIGTERM"), signals_raise():
+        body()
+
+
 def test_earlier_handlers_are_restored() -> None:
     before = signal.getsignal(signal.SIGTERM)
     with signals_raise():

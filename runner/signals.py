@@ -76,6 +76,11 @@ def raise_if_stopped() -> None:
         raise _stop.request
 
 
+def is_stopping() -> bool:
+    """Return whether there was a signal, deferred or not."""
+    return _stop.request is not None
+
+
 @contextmanager
 def signals_raise() -> Iterator[None]:
     """Raise `Stopped` in the body on the first SIGINT, SIGTERM, SIGHUP or SIGQUIT.
@@ -112,18 +117,29 @@ def stops_deferred() -> Iterator[None]:
     """Defer signals until the end of the body.
 
     Storing an event and updating the state, or turning the device off and reading it back, must
-    not be separated. An error takes precedence over the stop, be it of the body or one for which
-    things are closed: it says what is known of the output.
+    not be separated.
     """
     stop = _stop
-    closing = sys.exc_info()[1] is not None
     stop.shields += 1
     try:
         yield
     finally:
         stop.shields -= 1
-    if not closing:  # whoever goes on all the same is stopped when it asks the next time
-        stop.raise_request()
+    stop.raise_request()  # not in `finally`: an error of the body takes precedence
+
+
+@contextmanager
+def errors_are_last() -> Iterator[None]:
+    """Let an error of the body be the last: signals are deferred until `signals_raise` ends.
+
+    Else a signal that comes while things are closed for the error would take its place, and the
+    operator would not read what is known of the output.
+    """
+    try:
+        yield
+    except BaseException:
+        _stop.shields += 1
+        raise
 
 
 @contextmanager

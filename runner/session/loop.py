@@ -18,7 +18,7 @@ from runner.session.session import SessionContext
 from runner.session.setup import prepare
 from runner.session.trial import ask, touch
 from runner.session.waiting import pause_if_wanted
-from runner.signals import stops_allowed, stops_deferred
+from runner.signals import errors_are_last, stops_allowed, stops_deferred
 
 _OFF = "output off, read back"
 _RESUMABLE = "run the same command again to resume"
@@ -95,7 +95,7 @@ def run_then_turn_off(part: Callable[[SessionContext], None], context: SessionCo
     A signal after the last answer takes effect once the session is complete.
     """
     # Signals are deferred here and allowed only in `part`, so that none can skip `_turn_off`.
-    with stops_deferred():
+    with stops_deferred(), errors_are_last():
         try:
             with stops_allowed():
                 part(context)

@@ -15,7 +15,7 @@ from typing import IO, Any, Protocol
 
 from protocol.errors import WorkFailed
 from runner.screens import Notice, OwnFinger, Response, Screen
-from runner.signals import Stopped
+from runner.signals import Stopped, is_stopping
 from runner.window.messages import Settings, line_of, message_of, settings_message, show_message
 
 SILENT_S = 2.0
@@ -89,10 +89,13 @@ class WindowParticipant:
         return answer
 
     def linger(self, longest_s: float) -> None:
-        """Wait until the last page is closed; return at once if another page is shown."""
+        """Wait until the last page is closed, or a signal; return at once on another page."""
         until_s = time.monotonic() + longest_s * self.is_at_end
+        before = is_stopping()
         with suppress(WindowGone):  # the session is recorded
             while time.monotonic() < until_s and self.poll() is None:
+                if is_stopping() != before:
+                    break
                 time.sleep(_TICK_S)
 
     def _take(self, message: Mapping[str, Any]) -> None:

@@ -1,11 +1,13 @@
 """The session's side of the window: answers, silence, and the end of the process."""
 
 import io
+import signal
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -18,6 +20,7 @@ from protocol.study.languages import built_in
 from protocol.study.participant_texts import study_wording
 from protocol.study_file.loading import parsed_study, template
 from runner.screens import Instruction, Notice, Response, ask_change
+from runner.signals import errors_are_last, signals_raise
 from runner.window.client import (
     SILENT_S,
     WindowGone,
@@ -115,6 +118,18 @@ def test_only_the_last_page_lingers_until_it_is_closed(text: str, lingers: bool)
     at.peer.said.append(answer(1, "ready"))
     at.participant.linger(longest_s=60.0)
     assert (at.peer.said == []) is lingers
+
+
+def test_a_signal_takes_the_last_page_away_though_an_error_defers_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    at = At()
+    at.participant.show(Notice(text="stopped"))
+    monkeypatch.setattr(time, "sleep", lambda _: signal.raise_signal(signal.SIGINT))
+    last_page = ExitStack()
+    last_page.callback(at.participant.linger, longest_s=float("inf"))
+    with pytest.raises(OSError, match="UNKNOWN"), signals_raise(), last_page, errors_are_last():
+        raise OSError("output state UNKNOWN")
 
 
 def test_a_silent_window_ends_the_session_within_bounded_time() -> None:

@@ -10,6 +10,7 @@ from datetime import datetime
 from typing import Annotated, Any, ClassVar
 
 from protocol.journal.json_record import JsonRecord, Key
+from protocol.journal.recordings import Recording
 from protocol.journal.records import (
     NOT_JUDGED,
     CommandedDrive,
@@ -162,6 +163,15 @@ class TouchStarted(Event):
     instruction: Annotated[
         InstructionResponse | None, Key("how the participant got ready", missing=None)
     ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TouchRecorded(Recording, Event):
+    """What the force channel recorded; written after the output is off, before `touch-ended`."""
+
+    TAG: ClassVar = "touch-recorded"
+
+    touch: Annotated[int, Key("number of the touch in its trial, from 0")]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -32,6 +32,7 @@ _TABLE: dict[tuple[str, type[Event]], str] = {
     ("paused", events.DeviceOff): "idle",
     ("trial", events.BeamMounted): "trial",
     ("trial", events.TouchStarted): "touching",
+    ("touching", events.TouchRecorded): "touching",
     ("touching", events.TouchEnded): "trial",
     ("trial", events.Answered): "armed",
     ("trial", events.TrialAborted): "armed",

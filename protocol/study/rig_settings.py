@@ -5,10 +5,14 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field
 
 from protocol.address import ADDRESS_RULE, is_address
-from protocol.study.fields import Line, Positive, Record, known_as
+from protocol.study.fields import Line, Positive, Record, Whole, known_as
 
-Dialect = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$"), known_as("dialects")]
+_Spoken = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
+Dialect = Annotated[_Spoken, known_as("dialects")]
 """Each is a driver of that name; what is no board is a generator with an amplifier behind it."""
+
+
+GaugeDialect = Annotated[_Spoken, known_as("gauge dialects")]
 
 
 def _address(text: str) -> str:
@@ -17,17 +21,17 @@ def _address(text: str) -> str:
     return text
 
 
+Address = Annotated[Line, AfterValidator(_address)]
+_ADDRESSES = (
+    "`sim`, a serial port (`/dev/ttyUSB0`, `COM3`), `socket://host:5025` or "
+    "`rfc2217://host:5025`, without options"
+)
+
+
 class Rig(Record):
     """The device and the limits that no trial may exceed."""
 
-    device: Annotated[
-        Line,
-        AfterValidator(_address),
-        Field(
-            description="`sim`, a serial port (`/dev/ttyUSB0`, `COM3`), `socket://host:5025` or "
-            "`rfc2217://host:5025`, without options"
-        ),
-    ] = "sim"
+    device: Annotated[Address, Field(description=_ADDRESSES)] = "sim"
     dialect: Annotated[
         Dialect,
         Field(
@@ -117,3 +121,29 @@ class Rig(Record):
             "less than 0.2 asks for a machine that does nothing else",
         ),
     ] = 0.5
+
+
+class ForceChannel(Record):
+    """The fast channel of forces and position, which is recorded during each touch."""
+
+    # What is felt of friction happens within 20 ms; three channels at 1 kHz are half of what a
+    # serial line of 115,200 baud carries.
+    rate_hz: Annotated[
+        Whole | None,
+        Field(
+            ge=50,
+            le=1_000,
+            description="samples per second of tangential force, normal force and position; "
+            "nothing is recorded without it",
+        ),
+    ] = None
+    gauge: Annotated[
+        Address | None,
+        Field(
+            description=f"a force gauge on a port of its own: {_ADDRESSES}; without it the board "
+            "measures"
+        ),
+    ] = None
+    gauge_dialect: Annotated[GaugeDialect, Field(description="what the gauge speaks: `gauge`")] = (
+        "gauge"
+    )

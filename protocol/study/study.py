@@ -13,7 +13,7 @@ from protocol.study.fields import Line, Name, NotNegative, Positive, Record, Who
 from protocol.study.languages import Code, KnownCode, Language
 from protocol.study.questions import ANSWERS, Question
 from protocol.study.rating import Forecast, Rating
-from protocol.study.rig_settings import Rig
+from protocol.study.rig_settings import ForceChannel, Rig
 from protocol.study.rules import Exclusions, SessionRules, TouchRules
 from protocol.study.study_question import InstructionPage, StudyQuestion, When
 from protocol.study.touch import Touch, TouchDefaults
@@ -92,6 +92,10 @@ class Study(Record):
     rig: Annotated[Rig, Field(description="The device, and limits that no trial may exceed.")] = (
         Rig()
     )
+    force_channel: Annotated[
+        ForceChannel,
+        Field(description="Forces and position, recorded at a high rate during each touch."),
+    ] = ForceChannel()
     touch: Annotated[
         TouchDefaults, Field(description="How the finger touches unless a trial says otherwise.")
     ] = TouchDefaults()

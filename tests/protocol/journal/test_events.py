@@ -138,6 +138,21 @@ PAYLOADS: dict[str, dict[str, Any]] = {
         "commanded": {"voltage_v": 0.0, "frequency_hz": 24068.8, "ramp_v_per_s": 400.0},
         "instruction": {"answer": "ready", "reaction_time_s": 0.744, "trace": None},
     },
+    "touch-recorded": {
+        "source": "board",
+        "rate_hz": 1000.0,
+        "first_s": 6.25,
+        "count": 1,
+        "scale": [0.00025, 0.0005, 1e-05],
+        "clock_offset_s": 1234.5,
+        "clock_error_s": 0.0005,
+        "moved_s": [1241.0, 1243.0],
+        "tare_n": [0.01, -0.002],
+        "saturated": 0,
+        "sha256": "a86d12c6d26d3d32d5abdc7b8ec5d6b79e5ed1c2d2b1f6b6ed4c0d5a1b2c3d4e",
+        "samples": "eAFjYGBgAAAABAAB",
+        "touch": 0,
+    },
     "touch-ended": {
         "touch": 0,
         "read_back": [

@@ -31,7 +31,7 @@ armed      device-off idle              practice-renewed armed       question-an
 paused     unpaused armed               device-off idle
 trial      beam-mounted trial           touch-started touching
 trial      answered armed               trial-aborted armed          trial-deferred armed
-touching   touch-ended trial            trial-aborted armed
+touching   touch-ended trial            trial-aborted armed          touch-recorded touching
 completed  trial-excluded completed     session-excluded excluded    trial-included completed
 dropped    session-included idle
 excluded   session-included completed

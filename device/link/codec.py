@@ -1,6 +1,6 @@
 """The wire codec: lines, numbers and errors in SCPI's notation. Does no I/O.
 
-Source: IEEE 488.2 and SCPI-99; docs/wire-protocol.md lists the board's commands.
+Source: IEEE 488.2 (blocks: 8.7.9) and SCPI-99; docs/wire-protocol.md lists the board's commands.
 """
 
 import math
@@ -10,6 +10,9 @@ from device.errors import ProtocolError
 
 LONGEST_LINE = 1024
 """Most bytes without a line end; a peer that sends more does not speak our protocol."""
+
+LONGEST_BLOCK = 2048
+"""Most bytes in a block; 50 ms of three channels at 1 kHz are 322."""
 
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
 _ERROR = re.compile(r'([+-]?\d+),"(.*)"')
@@ -129,6 +132,66 @@ class LineBuffer:
     def clear(self) -> None:
         """Discard the bytes of an incomplete line."""
         self._pending = b""
+
+
+class BlockBuffer:
+    """A buffer that takes one definite-length block, `#`, a digit, a length and as many bytes.
+
+    Its content may hold any byte, a line end too; its size is bounded, whatever the peer sends.
+    """
+
+    def __init__(self) -> None:
+        self.pending = b""
+        """What has come so far."""
+
+    def feed(self, chunk: bytes) -> tuple[bytes, bytes] | None:
+        """Add `chunk`; return the block's content and what follows its line end, once it is whole.
+
+        Raises:
+            ProtocolError: it does not begin as a block, is longer than `LONGEST_BLOCK`, or does
+                not end in a line end.
+        """
+        self.pending += chunk
+        begin = self._begin()
+        if begin is None:
+            return None
+        end = begin + self._length(begin)
+        content, after = self.pending[begin:end], self.pending[end:]
+        if not after:
+            return None
+        line_end = re.match(rb"\r?\n|\r", after)
+        if line_end is None:
+            raise ProtocolError(
+                f"a block of {len(content)} bytes must end there, got {after[:9]!r}"
+            )
+        return content, after[line_end.end() :]
+
+    def _begin(self) -> int | None:
+        """Return where the content begins, None while its header is incomplete."""
+        head = self.pending[:2]
+        if not re.fullmatch(rb"(#([1-9])?)?", head):
+            raise ProtocolError(f"the device must answer with a block, got {self.pending[:40]!r}")
+        begin = 2 + int(head[1:]) if len(head) == 2 else len(self.pending) + 1
+        return begin if begin <= len(self.pending) else None
+
+    def _length(self, begin: int) -> int:
+        digits = self.pending[2:begin]
+        length = int(digits) if digits.isdigit() else LONGEST_BLOCK + 1
+        if length > LONGEST_BLOCK:
+            raise ProtocolError(
+                f"a block must have a length of at most {LONGEST_BLOCK} bytes, got {digits!r}"
+            )
+        return length
+
+
+def block(content: bytes) -> bytes:
+    """Return `content` as a definite-length block, without its line end.
+
+    >>> block(b"any bytes")
+    b'#19any bytes'
+    """
+    length = str(len(content))
+    return f"#{len(length)}{length}".encode("ascii") + content
 
 
 def text(line: bytes) -> str:

@@ -12,7 +12,7 @@ from itertools import cycle
 from typing import TypeVar
 
 from device.errors import DeviceError, EmergencyStop, LinkTimeout, ProtocolError
-from device.link.codec import LineBuffer, encoded, fields, text
+from device.link.codec import BlockBuffer, LineBuffer, encoded, fields, text
 from device.link.port import PORT_ERRORS, Port, open_port
 
 ANSWER_TIMEOUT_S = 0.4
@@ -106,6 +106,16 @@ class Link:
         """
         return self._twice(lambda: parsed(self._only_answer(query)))
 
+    def block(self, query: str, parsed: Callable[[bytes], _Value]) -> _Value:
+        """Return the parsed content of the block that answers `query`; repeat it as `query` does.
+
+        The device must answer the same query with the same block: a garbled one is then not lost.
+
+        Raises:
+            DeviceError: as for `ask` and `parsed`, or more than the block arrived.
+        """
+        return self._twice(lambda: parsed(self._only_block(query)))
+
     def certain(self, queries: Sequence[str], parsed: Callable[[list[str]], _Value]) -> _Value:
         """Return the parsed answers to `queries`; no unsolicited line can be taken for one.
 
@@ -194,6 +204,20 @@ class Link:
             raise ProtocolError(f"the device must answer {query!r} with one line, got two")
         return answer
 
+    def _only_block(self, query: str) -> bytes:
+        self._get_into_step()
+        self.tell(query)
+        self._in_step = False
+        deadline_s, answer = self._deadline_s(), BlockBuffer()
+        while (whole := answer.feed(self._slice(deadline_s))) is None:
+            if self._monotonic() >= deadline_s:
+                raise self._missing(query, answer.pending)
+        content, rest = whole
+        if rest:
+            raise ProtocolError(f"the device must answer {query!r} with one block, got more")
+        self._in_step = True
+        return content
+
     def _beside_token(self, queries: Sequence[str]) -> list[str]:
         """Return the answers to a compound query that starts with one for the register."""
         token, register = next(self._tokens), self.register
@@ -234,34 +258,45 @@ class Link:
 
     def _line(self, query: str, deadline_s: float) -> bytes:
         line = self._next_line(deadline_s)
-        if line is not None:
-            return line
-        if self._buffer.pending:
-            raise ProtocolError(
-                f"the answer to {query!r} was cut short, got {self._buffer.pending[:40]!r}"
-            )
-        raise LinkTimeout(f"no answer to {query!r} in time")
+        if line is None:
+            raise self._missing(query, self._buffer.pending)
+        return line
+
+    @staticmethod
+    def _missing(query: str, heard: bytes) -> DeviceError:
+        if heard:
+            return ProtocolError(f"the answer to {query!r} was cut short, got {heard[:40]!r}")
+        return LinkTimeout(f"no answer to {query!r} in time")
 
     def _next_line(self, deadline_s: float) -> bytes | None:
         """Return the next line, or None if it is incomplete at the deadline."""
         while not self._lines:
-            left_s = deadline_s - self._monotonic()
-            if left_s <= 0:
+            if self._monotonic() >= deadline_s:
                 return None
-            self._take(min(left_s, _SLICE_S))
-            if self._stopped:
-                raise EmergencyStop("stopped by hand")
+            self._lines += self._buffer.feed(self._slice(deadline_s))
         return self._lines.pop(0)
 
-    def _take(self, timeout_s: float) -> bytes:
-        try:
-            chunk = self._port.receive(timeout_s)
-        except PORT_ERRORS as error:
+    def _slice(self, deadline_s: float) -> bytes:
+        """Return what arrives until the deadline, or before the stop is looked at again."""
+        left_s = deadline_s - self._monotonic()
+        chunk = self._received(min(max(left_s, 0.0), _SLICE_S))
+        if self._stopped:
             self._in_step = False
-            raise DeviceError(f"the device is gone: {error}") from error
+            raise EmergencyStop("stopped by hand")
+        return chunk
+
+    def _take(self, timeout_s: float) -> bytes:
+        chunk = self._received(timeout_s)
         if chunk:
             self._lines += self._buffer.feed(chunk)
         return chunk
+
+    def _received(self, timeout_s: float) -> bytes:
+        try:
+            return self._port.receive(timeout_s)
+        except PORT_ERRORS as error:
+            self._in_step = False
+            raise DeviceError(f"the device is gone: {error}") from error
 
     def _quiet(self, deadline_s: float) -> None:
         """Read until nothing arrives for a while, and discard everything."""

@@ -9,8 +9,11 @@ from hypothesis import strategies as st
 
 from device.errors import ProtocolError
 from device.link.codec import (
+    LONGEST_BLOCK,
     LONGEST_LINE,
+    BlockBuffer,
     LineBuffer,
+    block,
     fields,
     impedance,
     number,
@@ -90,3 +93,33 @@ def test_any_bytes_in_any_chunks(pieces: list[bytes]) -> None:
             assert b"\n" not in line
             assert b"\r" not in line
             digested(line)
+
+
+@given(st.binary(max_size=LONGEST_BLOCK), st.sampled_from((b"\n", b"\r\n")), st.data())
+def test_a_block_comes_back_whole_however_it_is_cut(
+    content: bytes, line_end: bytes, data: st.DataObject
+) -> None:
+    sent = block(content) + line_end
+    cut = data.draw(st.integers(0, len(sent) - len(line_end)))
+    buffer = BlockBuffer()
+    assert buffer.feed(sent[:cut]) is None
+    assert buffer.feed(sent[cut:]) == (content, b"")
+
+
+@given(st.lists(st.binary(max_size=80) | st.sampled_from((b"#", b"#3", b"010", b"\n"))))
+def test_any_bytes_are_a_block_or_the_codecs_own_error(pieces: list[bytes]) -> None:
+    buffer, heard = BlockBuffer(), b""
+    for piece in pieces:
+        heard += piece
+        try:
+            found = buffer.feed(piece)
+        except ProtocolError:
+            return
+        assert len(buffer.pending) <= LONGEST_BLOCK + len("#9123456789\r\n") + len(piece)
+        if found is not None:
+            content, after = found
+            begin = 2 + int(heard[1:2])
+            assert int(heard[2:begin]) == len(content)
+            assert heard[begin:].startswith(content)
+            assert heard.endswith(after)
+            return

@@ -74,6 +74,54 @@ def test_a_second_line_makes_an_answer_none() -> None:
     assert port.sent.count(b"OUTP?\n") == 2
 
 
+def test_a_block_may_hold_line_ends_and_answers() -> None:
+    link, _ = linked({b"DATA?\n": b"#16\n1\n2\n\xff\n", b"FREQ?\n": b"24221\n"})
+    assert link.block("DATA?", bytes) == b"\n1\n2\n\xff"
+    assert link.ask("FREQ?") == "24221"
+
+
+@pytest.mark.parametrize(
+    ("answer", "says"),
+    [
+        (b"1\n", "must answer with a block, got b'1"),
+        (b"#0ab\n", "must answer with a block, got b'#0ab"),
+        (b"#9999999999\n", "must have a length of at most 2048 bytes, got b'999999999'"),
+        (b"#2x1a\n", "must have a length of at most 2048 bytes, got b'x1'"),
+        (b"#12abc\n", r"a block of 2 bytes must end there, got b'c\\n'"),
+        (b"#15ab", "the answer to 'DATA\\?' was cut short, got b'#15ab'"),
+        (b"#12ab\n#12ab\n", "with one block, got more"),
+    ],
+)
+def test_a_broken_block_is_asked_for_again_once(answer: bytes, says: str) -> None:
+    link, port = linked({b"DATA?\n": answer})
+    with pytest.raises(ProtocolError, match=says):
+        link.block("DATA?", bytes)
+    assert port.sent.count(b"DATA?\n") == 2
+    link, port = linked({b"DATA?\n": answer})
+    port.on_repeat = {b"DATA?\n": b"#12ab\n"}
+    assert link.block("DATA?", bytes) == b"ab"
+
+
+def test_a_late_block_answers_neither_a_block_nor_a_line() -> None:
+    late = b"#15\n1\n2\n\n"
+    link, port = linked({b"DATA? 7\n": b"#11b\n", b"FREQ?\n": b"24221\n"})
+    for after in ("block", "line"):
+        with pytest.raises(LinkTimeout, match=r"no answer to 'DATA\? 0' in time"):
+            link.block("DATA? 0", bytes)
+        port.pending = late
+        if after == "block":
+            assert link.block("DATA? 7", bytes) == b"b"
+        else:
+            assert link.ask("FREQ?") == "24221"
+
+
+def test_waiting_for_a_block_ends_by_the_stop() -> None:
+    link, _ = linked({b"DATA?\n": b"#15ab"})
+    link.stop()
+    with pytest.raises(EmergencyStop, match="stopped by hand"):
+        link.block("DATA?", bytes)
+
+
 class Keeping(ScriptedPort):
     """Answers queries for its register, of which `put` and `get` are the words, in any line."""
 

@@ -13,6 +13,10 @@ class LimitExceeded(BadInput):
     """A setpoint exceeds the device's limits; nothing was sent."""
 
 
+class CannotRecord(BadInput):
+    """The device has no force channel; nothing was sent."""
+
+
 class DeviceError(WorkFailed):
     """The device, its port or its answers do not work as required."""
 

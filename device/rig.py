@@ -21,6 +21,8 @@ from device.drivers.discovery import driver_of
 from device.drivers.driver import Driver, Reading
 from device.drivers.limits import Limits, Setpoint
 from device.errors import DeviceError, EmergencyStop, ForeignDevice, OutputUnknown
+from device.force_channel.recording import Recording
+from device.force_channel.samples import Forces, Samples
 from device.link.link import open_link
 from device.resonance import Resonance, resonance
 from protocol.errors import BadInput
@@ -28,6 +30,8 @@ from protocol.journal.records import Identity, ReadBack
 
 FEEDS_PER_WATCHDOG = 5
 RAMP_STEP_S = 0.02
+MOST_BLOCKS = 4
+"""Most blocks of samples that are asked for between two calls."""
 
 _Result = TypeVar("_Result")
 
@@ -57,8 +61,10 @@ class Rig:
         self._calibration = calibration
         self._monotonic = monotonic
         self._jobs: queue.SimpleQueue[_Job | None] = queue.SimpleQueue()
+        self._recording: Recording | None = None
         self._beats = 0
         self._fed_beats = 0
+        self._fetched_beats = 0
         self._beaten_s = self._fed_s = monotonic()
         self._armed = False
         self._ramping = False
@@ -143,6 +149,33 @@ class Rig:
         """Get the drive and the sensors as the device reports them."""
         return self._owned(lambda: self._guarded(self._driver.read_back))
 
+    def record(self, rate_hz: int) -> None:
+        """Record the force channel from now on; what was being recorded is forgotten.
+
+        The samples are fetched while the session beats, like the watchdog is fed.
+
+        Raises:
+            CannotRecord: the device has no force channel; nothing was sent.
+            DeviceError: the device cannot be trusted; its output is off, and stays so.
+        """
+        self.beat()
+        self._owned(lambda: self._guarded(lambda: self._record(rate_hz)))
+
+    def recorded(self) -> Samples:
+        """Stop recording, and return everything since `record`.
+
+        Raises:
+            DeviceError: samples were lost, or the device cannot be trusted.
+        """
+        self.beat()
+        return self._owned(lambda: self._guarded(self._recorded))
+
+    @property
+    def forces(self) -> Forces | None:
+        """The newest forces, at most some 50 ms old; None while nothing is recorded."""
+        recording = self._recording
+        return None if recording is None else recording.latest
+
     def off(self) -> None:
         """Turn the output off and read it back, whatever has happened before.
 
@@ -188,11 +221,14 @@ class Rig:
 
     def idle_s(self) -> float | None:
         """Return how long the owner may wait for a call; None if only a call gives it work."""
-        if self._ramping:
-            return RAMP_STEP_S
-        if not self._armed:
-            return None
-        return max(self._fed_s + self._watchdog_s / FEEDS_PER_WATCHDOG - self._monotonic(), 0.0)
+        now_s = self._monotonic()
+        waits = [RAMP_STEP_S] if self._ramping else []
+        if self._recording is not None:
+            beaten = self._beats != self._fetched_beats
+            waits.append(max(self._recording.due_s() - now_s, 0.0 if beaten else RAMP_STEP_S))
+        if self._armed and not self._ramping:
+            waits.append(max(self._fed_s + self._watchdog_s / FEEDS_PER_WATCHDOG - now_s, 0.0))
+        return min(waits, default=None)
 
     def step(self, wait_s: float | None = 0.0) -> bool:
         """Make the next call, if one comes within `wait_s`, and do what is due; only for the owner.
@@ -234,10 +270,35 @@ class Rig:
         """The ramp's next step, and the watchdog's next feed, if they are due."""
         if self._ramping:
             self._ramping = self._driver.carry_on()
+        if self._recording is not None and self._beats != self._fetched_beats:
+            self._fetch(self._recording)
         if self._monotonic() >= self._fed_s + self._watchdog_s / FEEDS_PER_WATCHDOG:
             self._fed_s = self._monotonic()
             if self._armed:
                 self._feed()
+
+    def _fetch(self, recording: Recording) -> None:
+        """Ask for the blocks that are due.
+
+        It feeds the watchdog too, so that it is done only if the session moved since the last time.
+        """
+        beats = self._beats
+        for _ in range(MOST_BLOCKS):
+            if self._monotonic() < recording.due_s():
+                return
+            self._fetched_beats = beats
+            recording.fetch()
+
+    def _record(self, rate_hz: int) -> None:
+        self._recording = Recording(self._driver.force_source(), rate_hz, self._monotonic)
+
+    def _recorded(self) -> Samples:
+        if self._recording is None:
+            raise DeviceError("nothing is recorded")
+        try:
+            return self._recording.finished()
+        finally:
+            self._recording = None
 
     def _feed(self) -> None:
         """See that the device does what it was told, which feeds its watchdog.
@@ -257,7 +318,7 @@ class Rig:
         return self._monotonic() - self._beaten_s
 
     def _arm(self) -> Identity:
-        self._fault, self._armed, self._ramping = None, False, False
+        self._fault, self._armed, self._ramping, self._recording = None, False, False, None
         self._driver.link.go_on()
         identity: Identity = self._guarded(self._driver.arm)
         self._armed = True
@@ -298,6 +359,7 @@ class Rig:
     def _made_safe(self, error: DeviceError) -> DeviceError:
         """Send off once without waiting; return `error` with what is known of the output."""
         self._stopping, self._ramping, self._armed = False, False, False
+        self._recording = None
         self._driver.link.go_on()
         if self._driver.foreign is not None:
             return self._driver.foreign

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal, Protocol
 
 if TYPE_CHECKING:
     from device.drivers.limits import Setpoint
+    from device.force_channel.samples import Forces, Samples
     from device.resonance import Resonance
     from protocol.journal.records import Identity, ReadBack
     from runner.screens import Note, OperatorView, Order, OwnFinger, Response, Screen
@@ -45,6 +46,19 @@ class Device(Protocol):
 
     def read_back(self) -> ReadBack:
         """Read the drive and the sensors."""
+        ...
+
+    def record(self, rate_hz: int) -> None:
+        """Record the force channel from now on; raises `CannotRecord` if the device has none."""
+        ...
+
+    def recorded(self) -> Samples:
+        """Stop recording, and return everything since `record`."""
+        ...
+
+    @property
+    def forces(self) -> Forces | None:
+        """The newest forces; None while nothing is recorded."""
         ...
 
     def off(self) -> None:

@@ -2,13 +2,15 @@
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from device.drivers.driver import NO_TEMPERATURE, Driver
 from device.drivers.limits import Setpoint
-from device.errors import DeviceError, LinkTimeout
+from device.errors import CannotRecord, DeviceError, LinkTimeout, ProtocolError
+from device.force_channel.blocks import Block, decoded
+from device.force_channel.samples import CHANNELS, Scale
 from device.link.codec import fields, number, number_text, switch, whole
 from protocol.journal.records import Identity, ReadBack
 
@@ -26,6 +28,9 @@ _TRIPPED = "OUTP?;:OUTP:PROT:CAUS?"
 _READ_BACK = "OUTP?;:VOLT:INST?;:VOLT?;:FREQ?;:MEAS:VOLT?;:MEAS:FORC?;:MEAS:POS?;:SYST:TIME?"
 _HEALTH = "OUTP?;:OUTP:PROT:CAUS?;:SYST:BOOT?;:VOLT?;:VOLT:INST?;:FREQ?;:MEAS:VOLT?"
 _UNDEFINED = "-113 "
+_FIRST_THAT_RECORDS = (1, 2)
+"""The firmware from which on a board samples forces."""
+_FIRMWARE = re.compile(r"(\d+)\.(\d+)")
 _PROMISES = "OUTP:PROT:CAUS?;:SYST:BOOT?;:VOLT:LIM?;:SYST:WATC?"
 _CAUSES = {
     "WATC": "its watchdog tripped: nothing was heard of this program for too long",
@@ -72,11 +77,13 @@ class Board(Driver):
         "errors_queued": "SYST:ERR:COUN?",
     }
     _boot = 0
+    _firmware = ""
     _measures_temperature = False
     _most_v = 0.0
     """What the output may have while it is driven: the drive, or what it still comes down from."""
 
     def _prepared(self, idn: str, errors: tuple[str, ...]) -> Identity:
+        self._firmware = idn.rpartition(",")[2]
         self._boot = self.link.query("SYST:BOOT?", whole)
         self.send("OUTP:PROT:CLE")
         self.set_number("VOLT", 0.0)
@@ -205,6 +212,35 @@ class Board(Driver):
         """Measure the amplitude of the beam's tip, m."""
         return self.number("MEAS:VIBR?")
 
+    def force_source(self) -> "Board":
+        """Return this board, if its firmware samples forces.
+
+        Raises:
+            CannotRecord: it does not.
+        """
+        found = _FIRMWARE.match(self._firmware)
+        if found is None or (int(found[1]), int(found[2])) < _FIRST_THAT_RECORDS:
+            raise CannotRecord(
+                f"this board (firmware {self._firmware}) records no forces: "
+                "force_channel.rate_hz needs firmware 1.2 or a gauge"
+            )
+        return self
+
+    def start_sampling(self, rate_hz: float) -> Scale:
+        """Set the rate and start; samples are numbered from 0. Return the size of one count."""
+        self.set_number("TRAC:RATE", rate_hz)
+        scale = self.link.query("TRAC:SCAL?", _scale)
+        self.send("TRAC:STAT ON")
+        return scale
+
+    def sampled(self, first: int, checked: Callable[[Block], Block]) -> Block:
+        """Ask for the samples from number `first` on; ask once more if `checked` refuses them."""
+        return self.link.block(f"TRAC:DATA? {first}", lambda content: checked(decoded(content)))
+
+    def stop_sampling(self) -> None:
+        """Stop; what was sampled can still be asked for."""
+        self.send("TRAC:STAT OFF")
+
     def _keeps_its_promises(self) -> None:
         """Limits and watchdog are as they were set, and nothing has happened since."""
         cause, boot, limit_v, watchdog_s = self.link.query(_PROMISES, lambda said: fields(said, 4))
@@ -280,6 +316,13 @@ def _read_back(reply: str) -> tuple[ReadBack, float]:
         device_time_s=time_s,
     )
     return read_back, instant_v
+
+
+def _scale(reply: str) -> Scale:
+    sizes = [number(size) for size in reply.split(",")]
+    if len(sizes) != CHANNELS or min(sizes) <= 0:
+        raise ProtocolError(f"the device must answer with {CHANNELS} sizes above 0, got {reply!r}")
+    return sizes[0], sizes[1], sizes[2]
 
 
 def _output_and_monitor(answers: list[str]) -> tuple[bool, float]:

@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from device.drivers.limits import Limits, Setpoint
-from device.errors import DeviceError, ForeignOutput, LinkTimeout, OutputUnknown
+from device.errors import CannotRecord, DeviceError, ForeignOutput, LinkTimeout, OutputUnknown
+from device.force_channel.recording import ForceSource
 from device.link.codec import number, number_text, queued_error, switch
 from device.link.link import ANSWER_TIMEOUT_S, EVENT_ENABLE, Link, Register
 from protocol.journal.records import Identity, ReadBack
@@ -149,6 +150,17 @@ class Driver(ABC):
     def carry_on(self) -> bool:
         """Take the next step of a ramp that the device cannot make; False when it is done."""
         return False
+
+    def force_source(self) -> ForceSource:
+        """Return what samples forces for the force channel.
+
+        Raises:
+            CannotRecord: the device does not.
+        """
+        raise CannotRecord(
+            f"a {self.dialect} device records no forces: force_channel.rate_hz needs a board or a "
+            "gauge"
+        )
 
     def vibration_m(self) -> float:
         """Measure the amplitude of the beam's tip, m."""

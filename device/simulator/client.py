@@ -21,14 +21,24 @@ _LOOPBACK = "127.0.0.1"
 class BeamControl(ABC):
     """Touches the beam, swaps it and lets time pass, as only a hand (or a simulation) can."""
 
-    def touch(self, force_n: float, position_m: float, direction: str) -> float:
-        """Put the finger down, moving in `direction`; return the friction coefficient it feels."""
-        answer = self._ask(f"touch {force_n!r} {position_m!r} {direction}")
+    def touch(
+        self, force_n: float, position_m: float, direction: str, speed_m_s: float = 0.0
+    ) -> float:
+        """Put the finger down; return the friction coefficient it feels.
+
+        It moves on in `direction` until it is put elsewhere or lifted. Without a speed it slides
+        to and fro about its place.
+        """
+        answer = self._ask(f"touch {force_n!r} {position_m!r} {direction} {speed_m_s!r}")
         return float(answer["friction_coefficient"])
 
     def lift(self) -> None:
         """Take the finger off the beam."""
         self._ask("lift")
+
+    def sensor(self, name: str, value: float) -> None:
+        """Change a number of the force sensor or of the finger's skin."""
+        self._ask(f"sensor {name} {value!r}")
 
     def swap_beam(self, body_spacing_m: float) -> None:
         """Mount a beam with this spacing of its ciliary bodies; 0 for none."""

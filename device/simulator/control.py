@@ -19,6 +19,7 @@ class Control:
             "state": self._state,
             "touch": self._touch,
             "lift": self._beam.lift,
+            "sensor": lambda name, value: self._beam.change(name, float(value)),
             "beam": self._swap_beam,
             "advance": self._advance,
             "reset": self._reset,
@@ -55,9 +56,17 @@ class Control:
             "time_s": instrument.time_s,
         }
 
-    def _touch(self, force_n: str, position_m: str, direction: str = "right") -> dict[str, object]:
+    def _touch(
+        self, force_n: str, position_m: str, direction: str = "right", speed_m_s: str = "0"
+    ) -> dict[str, object]:
         """Put the finger down; answers with the friction coefficient that it feels there."""
-        self._beam.touch(float(force_n), float(position_m), direction)
+        self._beam.touch(
+            float(force_n),
+            float(position_m),
+            direction,
+            float(speed_m_s),
+            self._instrument.time_s,
+        )
         return {"friction_coefficient": self._beam.friction_coefficient(self._instrument)}
 
     def _swap_beam(self, body_spacing_m: str) -> None:
@@ -65,6 +74,7 @@ class Control:
 
     def _advance(self, seconds: str) -> dict[str, object]:
         self._clock.step(float(seconds))
+        self._broken.dialect.passes(self._clock.now_s())
         self._instrument.advance_to(self._clock.now_s())
         return {"time_s": self._instrument.time_s}
 

@@ -60,7 +60,9 @@ class SimulatedDevice:
 
     def pass_time(self) -> None:
         """Bring the device to the present moment of its clock."""
-        self.instrument.advance_to(self.clock.now_s())
+        now_s = self.clock.now_s()
+        self.dialect.passes(now_s)
+        self.instrument.advance_to(now_s)
         self.dialect.follow()
 
 

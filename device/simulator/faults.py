@@ -66,6 +66,15 @@ FAULTS = (
     Fault(number=31, name="peak-to-peak", what="twice the amplitude that was set comes out"),
     Fault(number=32, name="panel-on", what="the output is switched on at the panel"),
     Fault(number=32, name="stage-shorted", what="150 V are at the output though it is off"),
+    Fault(number=34, name="block-garbled", what="bytes of every block of samples are changed"),
+    Fault(number=34, name="block-garbled-once", what="bytes of the next block are changed"),
+    Fault(number=34, name="block-truncated-once", what="the next block of samples stops half way"),
+    Fault(number=34, name="block-lost-once", what="the next block of samples is not sent"),
+    Fault(number=34, name="block-doubled-once", what="the next block of samples comes twice"),
+    Fault(number=34, name="block-stale", what="every block of samples is the first one again"),
+    Fault(number=35, name="samples-lost", what="samples that were not fetched yet are forgotten"),
+    Fault(number=35, name="sensor-saturated", what="the tangential force is at the sensor's limit"),
+    Fault(number=35, name="sensor-drifts", what="the zero of the forces drifts a hundredfold"),
 )
 NAMES = tuple(fault.name for fault in FAULTS)
 
@@ -75,6 +84,7 @@ SHOWN_BY_MONITOR = 0.5
 TOO_MUCH = 2.0
 SHORTED_V = 150.0
 OTHER_HZ = 99_000.0
+DRIFT_FACTOR = 100.0
 _ERROR = ScpiError(-310, "System error")
 
 
@@ -94,6 +104,8 @@ class Broken:
             "read-back-differs": (instrument, "set_gain", KEPT_OF_SET),
             "endless-errors": (dialect.status, "always", (_ERROR.code, _ERROR.text)),
             "over-temperature": (instrument, "hot", True),
+            "sensor-saturated": (self.beam, "is_saturated", True),
+            "sensor-drifts": (self.beam, "drift_factor", DRIFT_FACTOR),
             "monitor-wrong": (self.beam, "monitor_gain", SHOWN_BY_MONITOR),
             "scale-wrong": (instrument, "scale", TOO_MUCH),
             "watchdog-dead": (instrument, "watchdog_dead", True),
@@ -113,6 +125,7 @@ class Broken:
             "over-temperature": lambda: instrument.trip("TEMP", self.wall_s()),
             "watchdog-trip": lambda: instrument.trip("WATC", self.wall_s()),
             "limits-lost": self._lose_limits,
+            "samples-lost": dialect.lose_samples,
             "panel-changed": dialect.turn_knobs,
             "modulated": dialect.modulate,
             "signal-added": dialect.add_signal,

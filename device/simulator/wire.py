@@ -30,6 +30,7 @@ class Wire:
         self._active = active
         self._wall_s = wall_s
         self._due: deque[tuple[float, bytes]] = deque()
+        self._first_block = b""
         self._mixed = cycle((b"\n", b"\r\n", b"\r"))
 
     def heard(self, data: bytes) -> bytes:
@@ -45,18 +46,30 @@ class Wire:
         self._send(banner.encode("ascii") + b"\n")
 
     def reply(self, query: str, answer: str) -> None:
-        """Send `answer`, as far as the faults let it."""
+        """Send `answer`, a letter for each byte, as far as the faults let it."""
         opc = "opc-silent" in self._active and "*OPC?" in query.upper()
         if opc or self._active & {"silent", "dead-peer"}:
             return
-        data = self._stood_in(query, answer).encode("ascii")
-        if self._taken("garbled"):
+        data = self._stood_in(query, answer).encode("latin-1")
+        is_block = answer.startswith("#")
+        if self._taken("garbled") or (is_block and self._taken("block-garbled")):
             data = bytes(byte ^ 0x80 if place % 3 == 0 else byte for place, byte in enumerate(data))
-        if "truncated-reply" in self._active:
+        if "truncated-reply" in self._active or (is_block and self._taken("block-truncated")):
             data = data[: len(data) // 2]
         else:
             data += self._line_end()
+        if is_block:
+            data = self._of_blocks(data)
         self._send(data)
+
+    def _of_blocks(self, data: bytes) -> bytes:
+        """Return what is sent of a block of samples."""
+        self._first_block = self._first_block or data
+        if "block-stale" in self._active:
+            return self._first_block
+        if self._taken("block-lost"):
+            return b""
+        return 2 * data if self._taken("block-doubled") else data
 
     def wait(self) -> None:
         """Send what is due by now."""

@@ -5,13 +5,14 @@ must be told. SAFE means: the output is off (or UNKNOWN, and said to be), the ri
 nothing is driven again before it is armed anew. Numbers are those of docs/wire-protocol.md.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from device.errors import DeviceError, ForeignOutput, LinkTimeout, OutputUnknown
 
-Moment = Literal["driving", "between", "off", "handshake"]
-"""While a drive is on; between two drives; while a drive is on, and off is asked for; before."""
+Moment = Literal["driving", "between", "off", "handshake", "recording"]
+"""While a drive is on; between two drives; while a drive is on, and off is asked for; before; while
+a drive is on and forces are recorded."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,6 +92,30 @@ BOARD = (
     Row(number=32, fault="stage-shorted", when="between", error=OutputUnknown, told=_CUT,
         still_on=True),
 )  # fmt: skip
+RECORDING = (
+    *(
+        replace(row, when="recording")
+        for row in BOARD
+        if row.when == "driving"
+        and row.fault in {"vanish", "dead-peer", "truncated-reply", "slow-drip", "garbled-once",
+                          "late-reply", "flood", "echo", "line-end-mixed", "silent", "deaf",
+                          "watchdog-trip", "monitor-wrong", "error-after-set"}
+    ),
+    Row(number=12, fault="brown-out", when="recording",
+        told=f"(restarted|turned its output off by itself|samples of the force channel).*; {_OFF}"),
+    Row(number=34, fault="block-garbled", when="recording", told=f"with a block, got .*; {_OFF}"),
+    Row(number=34, fault="block-garbled-once", when="recording", error=None),
+    Row(number=34, fault="block-truncated-once", when="recording", error=None),
+    Row(number=34, fault="block-lost-once", when="recording", error=LinkTimeout,
+        told=rf"no answer to 'TRAC:DATA\? \d+' in time; {_OFF}"),
+    Row(number=34, fault="block-doubled-once", when="recording", error=None),
+    Row(number=34, fault="block-stale", when="recording",
+        told=rf"sample \d+ of the force channel is due, got 0 again; {_OFF}"),
+    Row(number=35, fault="samples-lost", when="recording",
+        told=f"samples of the force channel were lost: .*; {_OFF}"),
+    Row(number=35, fault="sensor-saturated", when="recording", error=None),
+    Row(number=35, fault="sensor-drifts", when="recording", error=None),
+)  # fmt: skip
 
 
 def _generator(
@@ -169,4 +194,4 @@ LEFT_ON = Row(
 )
 """A generator has no watchdog: when its cable is pulled, only the amplifier's switch helps."""
 
-FAULTS = (*BOARD, *GENERATOR, *RIGOL, *SIGLENT, LEFT_ON)
+FAULTS = (*BOARD, *RECORDING, *GENERATOR, *RIGOL, *SIGLENT, LEFT_ON)

@@ -1,11 +1,13 @@
 """A device, a clock and people that live in the test's own process."""
 
+from array import array
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 
 from device.drivers.limits import Setpoint
 from device.errors import DeviceError, OutputUnknown
+from device.force_channel.samples import Forces, Samples
 from device.resonance import Resonance
 from protocol.address import SIMULATED
 from protocol.journal.records import Identity, ReadBack
@@ -58,6 +60,7 @@ class FakeDevice:
     calls: list[str] = field(default_factory=list)
     looked: int = 0
     driven: list[Setpoint] = field(default_factory=list)
+    rate_hz: int = 0
 
     def _called(self, name: str) -> None:
         self.calls.append(name)
@@ -95,6 +98,30 @@ class FakeDevice:
             position_m=0.04,
             device_time_s=1.0,
         )
+
+    def record(self, rate_hz: int) -> None:
+        self._called("record")
+        self.rate_hz = rate_hz
+
+    def recorded(self) -> Samples:
+        self._called("recorded")
+        rate_hz, self.rate_hz = self.rate_hz, 0
+        return Samples(
+            source="board",
+            rate_hz=rate_hz,
+            first_s=1.0,
+            scale=(2.5e-4, 2.5e-4, 5e-6),
+            counts=array("h", [800] * 10 + [2000] * 10 + [8000] * 10).tobytes(),
+            saturated=0,
+            clock_offset_s=-1.0,
+            clock_error_s=1e-3,
+        )
+
+    @property
+    def forces(self) -> Forces | None:
+        if not self.rate_hz:
+            return None
+        return Forces(at_s=1.0, tangential_n=0.2, normal_n=0.5, position_m=0.04)
 
     def off(self) -> None:
         self.calls.append("off")

@@ -73,6 +73,8 @@ def _provoked(rig: Rig, control: ControlClient, row: Row) -> None:
     rig.drive(DRIVE)
     if row.when == "between":
         rig.off()
+    if row.when == "recording":
+        rig.record(1000)
     if row.when == "off":
         assert until(lambda: control.state()["voltage_v"] > 10, within_s=1)
     control.fault(row.fault)
@@ -80,6 +82,8 @@ def _provoked(rig: Rig, control: ControlClient, row: Row) -> None:
         rig.off()
         return
     read_back = driven_on(rig, control)
+    if row.when == "recording":
+        assert rig.recorded().counts
     assert read_back.output
     assert read_back.frequency_hz == DRIVE.frequency_hz
 

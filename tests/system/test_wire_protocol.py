@@ -1,12 +1,14 @@
 """The wire protocol's page: its examples run, and it names every command, error and fault."""
 
 import re
+from array import array
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from device.link.codec import number
+from device.force_channel.blocks import Block, decoded, encoded
+from device.link.codec import block, number
 from device.link.link import Link, open_link
 from device.simulator.client import ControlClient, Endpoints, simulator_process
 from device.simulator.device import simulated_device
@@ -35,7 +37,10 @@ def link(simulator: Endpoints) -> Iterator[Link]:
 def test_an_example_of_the_page_runs_as_printed(
     example: str, simulator: Endpoints, link: Link
 ) -> None:
-    """`>` is sent, `<` is the whole answer (`~`: a number and its tolerance), `(` is the hand."""
+    """`>` is sent, `(` is the hand.
+
+    `<` is the whole answer (`~`: a number and its tolerance), `#` the header of a block of samples.
+    """
     lines = example.splitlines()
     with ControlClient(simulator.control) as control:
         control.reset()
@@ -45,10 +50,13 @@ def test_an_example_of_the_page_runs_as_printed(
                 control._ask(text)
             elif mark == ">" and after.startswith("<"):
                 _agrees(link.ask(text), after[2:])
+            elif mark == ">" and after.startswith("#"):
+                found = link.block(text, decoded)
+                assert f"{found.first} {found.count} {int(found.lost)}" == after[2:]
             elif mark == ">":
                 link.tell(text)
                 assert link.ask("*OPC?") == "1", "done before the hand does anything"
-            assert mark in "><(", line
+            assert mark in "><(#", line
 
 
 def _agrees(answer: str, printed: str) -> None:
@@ -57,6 +65,14 @@ def _agrees(answer: str, printed: str) -> None:
         return
     wanted, off = printed.removeprefix("~").split()
     assert number(answer) == pytest.approx(float(wanted), abs=float(off))
+
+
+def test_the_page_has_a_block_to_the_byte() -> None:
+    printed = re.search(r"```text\n(23 .*?)```", PAGE, re.DOTALL)
+    assert printed is not None
+    sent = bytes.fromhex(printed[1].replace("\n", " "))
+    counts = array("h", (800, 2000, 8280, -3, 2004, 8281))
+    assert sent == block(encoded(Block(first=7, first_s=1.5, counts=counts))) + b"\n"
 
 
 def test_the_page_has_every_header_of_the_board() -> None:
@@ -85,4 +101,4 @@ def test_the_page_has_every_error_number() -> None:
 def test_the_page_has_every_fault_and_every_number() -> None:
     listed = re.findall(r"^\| (\d+) \| (?:`(.+?)`)? ?\| (.+) \|$", PAGE, re.MULTILINE)
     assert {(str(f.number), f.name, f.what) for f in FAULTS} <= set(listed)
-    assert {int(number) for number, _, _ in listed} == set(range(1, 34))
+    assert {int(number) for number, _, _ in listed} == set(range(1, 36))

@@ -8,20 +8,37 @@ Sensor noise depends on channel and device time alone, so that looking more ofte
 import random
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from device.beam.beam import Beam
-from device.beam.modes import modal_displacement_m, natural_frequency_hz
-from device.friction.coefficient import friction_coefficient
+from device.beam.modes import FloatArray, modal_displacement_m, natural_frequency_hz
+from device.friction.coefficient import scene_batch
 from device.friction.contrasts import LAW, RUNG
 from device.friction.laws import law_by_name
+from device.friction.prediction import LawChoice, rung_prediction
 from device.friction.rungs import rung_resonance_hz
-from device.friction.scenes import Direction, Drive, FingerContact, Scene, Structure
+from device.friction.scenes import (
+    REFERENCE_SPEED_M_S,
+    Direction,
+    Drive,
+    FingerContact,
+    Scene,
+    Structure,
+)
+from device.simulator.models.force_sensor import ForceSensor, Skin
 from device.simulator.models.power_stage import Instrument
 
 MODE = 6
 BODY_HEIGHT_M = 1e-3
 SPREAD = {"resonance": 0.005, "damping": 0.1, "gain": 0.03}
 """Relative standard deviations of what the seed moves."""
-SENSOR_NOISE = {"monitor_v": 0.05, "force_n": 0.005, "position_m": 1e-4, "vibration": 0.005}
+SENSOR_NOISE = {
+    "monitor_v": 0.05,
+    "force_n": 0.005,
+    "tangential_n": 0.01,
+    "position_m": 1e-4,
+    "vibration": 0.005,
+}
 """Standard deviations of the sensors; that of the vibration is relative."""
 
 _DIRECTIONS: dict[str, Direction] = {"right": "right", "left": "left"}
@@ -29,11 +46,23 @@ _DIRECTIONS: dict[str, Direction] = {"right": "right", "left": "left"}
 
 @dataclass(frozen=True, kw_only=True)
 class Finger:
-    """A finger on the beam: its load, its right edge, and the way it moves."""
+    """A finger on the beam: its load, and its right edge at a device time, from which it moves.
+
+    One without a speed slides to and fro about its place, at the speed that the law takes for
+    granted.
+    """
 
     force_n: float
     position_m: float
     direction: Direction
+    speed_m_s: float = 0.0
+    at_s: float = 0.0
+
+    def places_m(self, times_s: FloatArray, length_m: float) -> FloatArray:
+        """Return where it is at device times; it stops at the ends of the beam."""
+        way = 1.0 if self.direction == "right" else -1.0
+        moved_m = way * self.speed_m_s * np.maximum(times_s - self.at_s, 0.0)
+        return np.clip(self.position_m + moved_m, 0.0, length_m)
 
 
 @dataclass
@@ -48,9 +77,15 @@ class SimulatedBeam:
     law: str = LAW
     rung: str = RUNG
     finger: Finger | None = None
+    skin: Skin = field(default_factory=Skin)
     body_height_m: float = BODY_HEIGHT_M
     monitor_gain: float = 1.0
     """What the monitor shows of the voltage: 1 unless it is broken."""
+    is_saturated: bool = False
+    """Whether the sensor of the tangential force is at its limit, whatever the force."""
+    drift_factor: float = 1.0
+    """How much faster than it should the force sensors' zero drifts: 1 unless it is broken."""
+    sensor: ForceSensor = field(init=False)
     beam: Beam = field(init=False)
     gain: float = field(init=False)
     _model_hz_per_hz: float = field(init=False)
@@ -61,23 +96,52 @@ class SimulatedBeam:
             frequency_scale=1 + hidden.gauss(0, SPREAD["resonance"]),
             damping_ratio=Beam().damping_ratio * (1 + hidden.gauss(0, SPREAD["damping"])),
         )
+        self.sensor = ForceSensor.of(self.seed)
         law_by_name(self.law)
         # The rung's own resonance is where the sensor at the tip shows it.
         resonance_hz = rung_resonance_hz(self.rung, Beam(), MODE)
         self._model_hz_per_hz = resonance_hz / natural_frequency_hz(self.beam, MODE)
         self.gain = 1 + hidden.gauss(0, SPREAD["gain"])
 
-    def touch(self, force_n: float, position_m: float, direction: str) -> None:
-        """Put the finger down.
+    def touch(
+        self,
+        force_n: float,
+        position_m: float,
+        direction: str,
+        speed_m_s: float = 0.0,
+        at_s: float = 0.0,
+    ) -> None:
+        """Put the finger down at the device time `at_s`; it moves on at its speed.
 
         Raises:
-            ValueError: no force, a place that is not on the beam, or no such direction.
+            ValueError: no force, a place that is not on the beam, no such direction or speed.
         """
         if direction not in _DIRECTIONS:
             raise ValueError(f"the direction must be right or left, got {direction!r}")
-        finger = Finger(force_n=force_n, position_m=position_m, direction=_DIRECTIONS[direction])
+        if not 0 <= speed_m_s < float("inf"):
+            raise ValueError(f"the speed must be 0 m/s or more, got {speed_m_s}")
+        finger = Finger(
+            force_n=force_n,
+            position_m=position_m,
+            direction=_DIRECTIONS[direction],
+            speed_m_s=speed_m_s,
+            at_s=at_s,
+        )
         self._scene(finger, voltage_v=0.0, frequency_hz=1.0)
         self.finger = finger
+
+    def change(self, name: str, value: float) -> None:
+        """Change a number of the skin or of the force sensor.
+
+        Raises:
+            ValueError: neither has one of that name.
+        """
+        for part in ("skin", "sensor"):
+            if name in vars(getattr(self, part)):
+                setattr(self, part, replace(getattr(self, part), **{name: value}))
+                return
+        known = ", ".join((*vars(self.skin), *vars(self.sensor)))
+        raise ValueError(f"a sensor or skin has {known}, got {name!r}")
 
     def lift(self) -> None:
         """Take the finger off."""
@@ -99,11 +163,34 @@ class SimulatedBeam:
         """Return what the finger feels, None without a finger."""
         if self.finger is None:
             return None
-        voltage_v = self.gain * instrument.output_v
-        scene = self._scene(self.finger, voltage_v, instrument.frequency_hz)
+        return float(self._friction(self.finger, np.array([instrument.time_s]), instrument)[0])
+
+    def forces(self, times_s: FloatArray, instrument: Instrument) -> list[FloatArray]:
+        """Return tangential force, normal force and position at times to come, each of shape (n,).
+
+        `instrument` goes on as it is until then.
+        """
+        if self.finger is None:
+            return [np.zeros(times_s.size) for _ in range(3)]
+        friction = self._friction(self.finger, times_s, instrument)
+        normal_n = np.full(times_s.size, self.finger.force_n)
+        return [friction * normal_n, normal_n, self._places_m(self.finger, times_s)]
+
+    def _friction(self, finger: Finger, times_s: FloatArray, instrument: Instrument) -> FloatArray:
+        """Return the friction coefficient of this finger's skin at times to come."""
+        voltage_v = self.gain * instrument.output_at(times_s)
+        scene = self._scene(finger, 1.0, instrument.frequency_hz)
+        batch = scene_batch(scene, self._places_m(finger, times_s))
         # At rest all rungs agree, and the cheapest need not be set up for a frequency.
-        rung = self.rung if voltage_v else "mode"
-        return float(friction_coefficient(scene, law=self.law, rung=rung)[0])
+        rung = self.rung if voltage_v.any() else "mode"
+        choice = LawChoice(name=self.law)
+        driven = rung_prediction(replace(batch, voltage_v=voltage_v), rung, choice).mu_effective
+        resting = scene.structure.friction_coefficient
+        size = np.abs(driven / resting) ** self.skin.skin
+        return np.asarray(self.skin.mu0 * resting * np.copysign(size, driven))
+
+    def _places_m(self, finger: Finger, times_s: FloatArray) -> FloatArray:
+        return finger.places_m(times_s, self.beam.length_m)
 
     def monitor_v(self, instrument: Instrument) -> float:
         """Return the voltage monitor's reading."""
@@ -114,9 +201,15 @@ class SimulatedBeam:
         force_n = self.finger.force_n if self.finger else 0.0
         return force_n + self._noise("force_n", instrument)
 
+    def measured_tangential_n(self, instrument: Instrument) -> float:
+        """Return the reading of the tangential force sensor."""
+        force_n, *_ = self.forces(np.array([instrument.time_s]), instrument)
+        return float(force_n[0]) + self._noise("tangential_n", instrument)
+
     def measured_position_m(self, instrument: Instrument) -> float:
         """Return the position sensor's reading; 0 m, the clamp, without a finger."""
-        position_m = self.finger.position_m if self.finger else 0.0
+        now_s = np.array([instrument.time_s])
+        position_m = float(self._places_m(self.finger, now_s)[0]) if self.finger else 0.0
         return position_m + self._noise("position_m", instrument)
 
     def measured_vibration_m(self, instrument: Instrument) -> float:
@@ -131,7 +224,11 @@ class SimulatedBeam:
         return Scene(
             structure=Structure(beam=beam, body_height_m=self.body_height_m),
             drive=Drive(voltage_v=voltage_v, frequency_hz=model_hz, mode=MODE),
-            touch=FingerContact(x_m=finger.position_m, finger_load_n=finger.force_n),
+            touch=FingerContact(
+                x_m=finger.position_m,
+                finger_load_n=finger.force_n,
+                sliding_speed_m_s=finger.speed_m_s or REFERENCE_SPEED_M_S,
+            ),
             direction=finger.direction,
         )
 

@@ -2,10 +2,12 @@
 
 from collections.abc import Callable, Mapping
 
-from device.link.codec import number_text
+from device.force_channel.blocks import encoded
+from device.link.codec import block, number_text
 from device.simulator.models import scpi
 from device.simulator.models.beam_and_finger import SimulatedBeam
 from device.simulator.models.dialect import Dialect, Status, asked
+from device.simulator.models.force_sampler import RATE_RANGE_HZ, SCALE, ForceSampler
 from device.simulator.models.power_stage import (
     DEFAULT_FREQUENCY_HZ,
     FREQUENCY_RANGE_HZ,
@@ -17,8 +19,8 @@ from device.simulator.models.power_stage import (
 )
 from device.simulator.models.scpi import Call, Handler, ScpiError
 
-IDN = "touchbeam,BOARD,SIM,1.1"
-BANNER = "touchbeam board 1.1 ready"
+IDN = "touchbeam,BOARD,SIM,1.2"
+BANNER = "touchbeam board 1.2 ready"
 SWEEP_TIME_RANGE_S = (1e-3, 500.0)
 _V_PER_S = {"": 1.0, "V/S": 1.0}
 
@@ -32,6 +34,7 @@ class BoardDialect(Dialect):
     def __init__(self, instrument: Instrument, beam: SimulatedBeam) -> None:
         self._instrument = instrument
         self._beam = beam
+        self.sampler = ForceSampler(beam)
         self._forget()
         handlers = {
             **self._system(),
@@ -39,14 +42,24 @@ class BoardDialect(Dialect):
             **self._sweep(),
             **self._safety(),
             **self._measurements(),
+            **self._force_channel(),
         }
         super().__init__(Status(), handlers)
+
+    def passes(self, time_s: float) -> None:
+        """Sample the forces up to a moment that has not come yet."""
+        self.sampler.take_until(time_s, self._instrument)
 
     def restart(self) -> None:
         """Lose power and come back."""
         self._instrument.restart()
+        self.sampler.restart()
         self._forget()
         self.status.power_on()
+
+    def lose_samples(self) -> None:
+        """Forget what was sampled and not asked for."""
+        self.sampler.lose()
 
     def turn_knobs(self) -> None:
         """Change limit and ramp, as if the board had a panel."""
@@ -112,6 +125,7 @@ class BoardDialect(Dialect):
         readings: dict[str, Callable[[Instrument], float]] = {
             "VOLTage": self._beam.monitor_v,
             "FORCe": self._beam.measured_force_n,
+            "TANGential": self._beam.measured_tangential_n,
             "POSition": self._beam.measured_position_m,
             "VIBRation": self._beam.measured_vibration_m,
             "TEMPerature": lambda instrument: instrument.temperature_c,
@@ -122,13 +136,40 @@ class BoardDialect(Dialect):
 
         return {f"MEASure[:SCALar]:{name}?": reading(read) for name, read in readings.items()}
 
+    def _force_channel(self) -> dict[str, Handler]:
+        rates = (scpi.HERTZ, *RATE_RANGE_HZ)
+        return {
+            **self._quantity("TRACe:RATE", self.sampler, "rate_hz", rates, self._require_stopped),
+            "TRACe:STATe": lambda call: self.sampler.switch(
+                scpi.boolean(call.argument), self._instrument
+            ),
+            "TRACe:STATe?": asked(lambda: str(int(self.sampler.on))),
+            "TRACe:SCALe?": asked(lambda: ",".join(map(number_text, SCALE))),
+            "TRACe:DATA?": self._samples,
+        }
+
+    def _require_stopped(self) -> None:
+        if self.sampler.on:
+            raise ScpiError(-221, "Settings conflict; sampling")
+
+    def _samples(self, call: Call) -> str:
+        """The text has a letter for each byte, as the wire sends it."""
+        first = scpi.quantity(call.argument, scpi.NO_UNIT, 0, 2**32 - 1)
+        return block(encoded(self.sampler.block(int(first)))).decode("latin-1")
+
     def _quantity(
-        self, header: str, owner: object, name: str, rule: tuple[Mapping[str, float], float, float]
+        self,
+        header: str,
+        owner: object,
+        name: str,
+        rule: tuple[Mapping[str, float], float, float],
+        require: Callable[[], None] = lambda: None,
     ) -> dict[str, Handler]:
-        """The two commands of a quantity that is only kept."""
+        """The two commands of a quantity that is only kept, if `require` does not object."""
         units, lowest, highest = rule
 
         def put(call: Call) -> None:
+            require()
             setattr(owner, name, scpi.quantity(call.argument, units, lowest, highest))
 
         def get(call: Call) -> str:
@@ -180,6 +221,7 @@ class BoardDialect(Dialect):
 
     def _reset(self) -> None:
         self._instrument.reset()
+        self.sampler.restart()
         self._forget()
 
     def _forget(self) -> None:

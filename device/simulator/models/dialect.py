@@ -92,8 +92,14 @@ class Dialect:
         """Lose power and come back."""
         raise NotImplementedError
 
+    def passes(self, time_s: float) -> None:
+        """Sample what happens up to a device time that has not come yet."""
+
     def follow(self) -> None:
         """Put on the beam what is given now that time has passed."""
+
+    def lose_samples(self) -> None:
+        """Forget samples of the force channel that nobody has asked for yet."""
 
     def lose_limits(self) -> None:
         """Forget the limits that the device keeps besides those of its power stage."""

@@ -6,6 +6,10 @@ The stage has no clock of its own: device time and wall time are handed in.
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
+from device.beam.modes import FloatArray
+
 MAX_VOLTAGE_V = 200.0
 FREQUENCY_RANGE_HZ = (1.0, 100_000.0)
 RAMP_RANGE_V_PER_S = (1e-3, 2_000.0)
@@ -77,6 +81,14 @@ class Instrument:
     def output_v(self) -> float:
         """The amplitude that is on the beam in truth, V."""
         return self.stage_gain * self.meant_v + self.left_v
+
+    def output_at(self, times_s: FloatArray) -> FloatArray:
+        """Return the amplitude on the beam at device times to come, if nothing else happens, V."""
+        voltage_v = np.full(times_s.size, self.voltage_v)
+        if self.output:
+            step_v = self.ramp_v_per_s * np.maximum(times_s - self.time_s, 0.0)
+            voltage_v += np.clip(self.target_v - self.voltage_v, -step_v, step_v)
+        return self.stage_gain * self.scale * voltage_v + self.left_v
 
     @property
     def temperature_c(self) -> float:

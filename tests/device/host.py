@@ -7,11 +7,13 @@ from device.rig import open_rig
 from tests.device.rigs import DRIVE, LIMITS
 
 
-def main(url: str) -> None:
-    """Drive the device at `url`, say so, and live on."""
+def main(url: str, rate_hz: int = 0) -> None:
+    """Drive the device at `url`, record its forces if there is a rate, say so, and live on."""
     rig = open_rig(url, LIMITS)
     rig.arm()
     rig.drive(DRIVE)
+    if rate_hz:
+        rig.record(rate_hz)
     print("on", flush=True)
     while True:
         rig.beat()
@@ -19,4 +21,4 @@ def main(url: str) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    main(sys.argv[1], *map(int, sys.argv[2:]))

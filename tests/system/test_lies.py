@@ -4,7 +4,9 @@ The device knows the truth. Whatever it says, nobody is told that an output is o
 it reports beyond the drive turns it off within `SOON_S` of its own time.
 """
 
+import math
 import re
+import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -14,6 +16,9 @@ import pytest
 from device.drivers.board import MONITOR_ABS_TOL_V
 from device.drivers.limits import Setpoint
 from device.errors import DeviceError, OutputUnknown
+from device.force_channel.blocks import Block, decoded, encoded
+from device.force_channel.recorder import SILENT_S
+from device.link.codec import block as in_block
 from tests.device.lying import WatchedRig, watched
 from tests.device.rigs import LIMITS as ANY_LIMITS
 
@@ -322,5 +327,88 @@ def test_an_honest_device_is_told_nothing_of(dialect: str) -> None:
         watched_rig.live(1.0)
 
 
+BLOCKS: Mapping[str, Callable[[Block], Block]] = {
+    "a sample further": lambda block: replace(block, first=block.first + 1),
+    "a sample again": lambda block: replace(block, first=block.first - 1),
+    "the first one": lambda block: replace(block, first=0),
+    "samples lost": lambda block: replace(block, lost=True),
+    "twice as many": lambda block: replace(block, counts=2 * block.counts),
+    "nothing new": lambda block: replace(block, counts=block.counts[:0]),
+    "a tenth slower": lambda block: replace(block, first_s=1.1 * block.first_s),
+    "an hour later": lambda block: replace(block, first_s=block.first_s + 3600),
+    "a time before": lambda block: replace(block, first_s=-block.first_s),
+    "a time of NAN": lambda block: replace(block, first_s=math.nan),
+    "a time of INF": lambda block: replace(block, first_s=math.inf),
+}
+"""What may be said of samples, with a digest that fits."""
+BYTES: Mapping[str, Callable[[bytes], bytes]] = {
+    "a bit of a count": lambda content: content[:20] + bytes([content[20] ^ 1]) + content[21:],
+    "a bit of the digest": lambda content: content[:-1] + bytes([content[-1] ^ 128]),
+    "two samples side by side": lambda content: content[:16] + content[22:28] + content[16:],
+    "its header alone": lambda content: content[:16],
+    "nothing": lambda _: b"",
+    "no samples, all zero": lambda _: bytes(20),
+    "a count of one more": lambda content: _digested(content[:4] + b"\xff\x00" + content[6:-4]),
+    "a flag of no meaning": lambda content: _digested(content[:6] + b"\x02\x00" + content[8:-4]),
+}
+"""What may become of a block's bytes."""
+
+
+def _digested(body: bytes) -> bytes:
+    return body + zlib.crc32(body).to_bytes(4, "little")
+
+
+def _recording(watched_rig: WatchedRig) -> None:
+    begin(watched_rig, Lie(dialect="board", name="recording"))
+    watched_rig.rig.record(1000)
+    watched_rig.live(0.3)
+    assert watched_rig.rig.forces is not None
+
+
+@pytest.mark.parametrize("name", [*BLOCKS, *BYTES])
+def test_a_board_that_lies_of_samples_is_turned_off(name: str) -> None:
+    def lie(line: str) -> str:
+        if not line.startswith("#"):
+            return line
+        content = line.encode("latin-1")[2 + int(line[1]) :]
+        told = encoded(BLOCKS[name](decoded(content))) if name in BLOCKS else BYTES[name](content)
+        return in_block(told).decode("latin-1")
+
+    with watched(LIMITS, "board") as watched_rig:
+        _recording(watched_rig)
+        watched_rig.port.line_lie = lie
+        with pytest.raises(DeviceError, match="; output off, read back"):
+            watched_rig.live(SILENT_S + SOON_S)
+        assert not is_on(watched_rig)
+
+
+@pytest.mark.parametrize("name", LINES)
+def test_a_recording_board_that_does_not_speak_its_language_any_more(name: str) -> None:
+    with watched(LIMITS, "board") as watched_rig:
+        _recording(watched_rig)
+        watched_rig.port.line_lie = LINES[name]()
+        assert told_of(watched_rig, "driving") == "unknown"
+        assert not is_on(watched_rig)
+
+
+@pytest.mark.parametrize(
+    "scale", ["0,1,1", "1,1", "1,1,1,1", "1,-1,1", "1,NAN,1", "1,1,9.9E37", "N"]
+)
+def test_a_board_that_lies_of_its_scale_is_refused(scale: str) -> None:
+    with watched(LIMITS, "board") as watched_rig:
+        begin(watched_rig, Lie(dialect="board", name="scale", says={"TRAC:SCAL?": scale}))
+        with pytest.raises(DeviceError, match=r"must answer with .*; output off, read back"):
+            watched_rig.rig.record(1000)
+        assert not is_on(watched_rig)
+
+
+def test_a_board_that_sampled_less_than_it_says_is_found_at_the_end() -> None:
+    with watched(LIMITS, "board") as watched_rig:
+        _recording(watched_rig)
+        watched_rig.port.lies = {"SYST:TIME?": ["900"]}
+        with pytest.raises(DeviceError, match=r"the last \d+ samples .* were lost; output off"):
+            watched_rig.rig.recorded()
+
+
 def test_there_are_lies_enough() -> None:
-    assert len(LIES) + len(LINES) * len(DIALECTS) >= 60
+    assert len(LIES) + len(LINES) * len(DIALECTS) + len(BLOCKS) + len(BYTES) >= 80

@@ -32,6 +32,8 @@ FEEDS_PER_WATCHDOG = 5
 RAMP_STEP_S = 0.02
 MOST_BLOCKS = 4
 """Most blocks of samples that are asked for between two calls."""
+MOST_LATE_S = 0.3
+"""How late samples may be fetched before the session waits for them."""
 
 _Result = TypeVar("_Result")
 
@@ -149,17 +151,18 @@ class Rig:
         """Get the drive and the sensors as the device reports them."""
         return self._owned(lambda: self._guarded(self._driver.read_back))
 
-    def record(self, rate_hz: int) -> None:
+    def record(self, rate_hz: int, clock_s: Callable[[], float] | None = None) -> None:
         """Record the force channel from now on; what was being recorded is forgotten.
 
-        The samples are fetched while the session beats, like the watchdog is fed.
+        The samples are fetched while the session beats, as the watchdog is fed. `clock_s` is the
+        session's clock, to which the device's is related; without it, the rig's.
 
         Raises:
             CannotRecord: the device has no force channel; nothing was sent.
             DeviceError: the device cannot be trusted; its output is off, and stays so.
         """
         self.beat()
-        self._owned(lambda: self._guarded(lambda: self._record(rate_hz)))
+        self._owned(lambda: self._guarded(lambda: self._record(rate_hz, clock_s)))
 
     def recorded(self) -> Samples:
         """Stop recording, and return everything since `record`.
@@ -195,7 +198,9 @@ class Rig:
         self._put(lambda: None)
 
     def beat(self) -> None:
-        """Say that the session is alive.
+        """Say that the session is alive; wait for the owner if samples are fetched too late.
+
+        A session on a stepped clock makes samples faster than the owner's pace.
 
         Raises:
             DeviceError: the device failed since the last beat.
@@ -203,6 +208,9 @@ class Rig:
         if self._fault is not None:
             raise self._fault
         self._beats += 1
+        recording = self._recording
+        if recording is not None and recording.wait_s() < -MOST_LATE_S:
+            self._owned(lambda: None)
 
     def close(self) -> None:
         """End the thread and give the port back; what is still on is turned off first.
@@ -225,7 +233,7 @@ class Rig:
         waits = [RAMP_STEP_S] if self._ramping else []
         if self._recording is not None:
             beaten = self._beats != self._fetched_beats
-            waits.append(max(self._recording.due_s() - now_s, 0.0 if beaten else RAMP_STEP_S))
+            waits.append(max(self._recording.wait_s(), 0.0 if beaten else RAMP_STEP_S))
         if self._armed and not self._ramping:
             waits.append(max(self._fed_s + self._watchdog_s / FEEDS_PER_WATCHDOG - now_s, 0.0))
         return min(waits, default=None)
@@ -284,13 +292,14 @@ class Rig:
         """
         beats = self._beats
         for _ in range(MOST_BLOCKS):
-            if self._monotonic() < recording.due_s():
+            if recording.wait_s() > 0:
                 return
             self._fetched_beats = beats
             recording.fetch()
 
-    def _record(self, rate_hz: int) -> None:
-        self._recording = Recording(self._driver.force_source(), rate_hz, self._monotonic)
+    def _record(self, rate_hz: int, clock_s: Callable[[], float] | None) -> None:
+        source = self._driver.force_source()
+        self._recording = Recording(source, rate_hz, clock_s or self._monotonic)
 
     def _recorded(self) -> Samples:
         if self._recording is None:

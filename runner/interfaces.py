@@ -48,8 +48,11 @@ class Device(Protocol):
         """Read the drive and the sensors."""
         ...
 
-    def record(self, rate_hz: int) -> None:
-        """Record the force channel from now on; raises `CannotRecord` if the device has none."""
+    def record(self, rate_hz: int, clock_s: Callable[[], float] | None = None) -> None:
+        """Record the force channel from now on; raises `CannotRecord` if the device has none.
+
+        `clock_s` is the session's clock, to which that of the samples is related.
+        """
         ...
 
     def recorded(self) -> Samples:

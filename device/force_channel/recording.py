@@ -39,19 +39,19 @@ class ForceSource(Protocol):
 
 
 class Recording:
-    """The recording that `source` makes from now on."""
+    """The recording that `source` makes from now on; `clock_s` is the session's clock."""
 
-    def __init__(self, source: ForceSource, rate_hz: float, monotonic: Callable[[], float]) -> None:
+    def __init__(self, source: ForceSource, rate_hz: float, clock_s: Callable[[], float]) -> None:
         self._source = source
-        self._monotonic = monotonic
-        offset = asked_offset(source.device_time_s, monotonic)
+        self._clock_s = clock_s
+        offset = asked_offset(source.device_time_s, clock_s)
         scale = source.start_sampling(rate_hz)
         self._recorder = Recorder(
             source=source.dialect,
             rate_hz=rate_hz,
             scale=scale,
             offset=offset,
-            began_s=monotonic(),
+            began_s=clock_s(),
         )
 
     @property
@@ -59,9 +59,9 @@ class Recording:
         """Means of the newest block, None before the first."""
         return self._recorder.latest
 
-    def due_s(self) -> float:
-        """Return when to ask for the next block, on the host's clock."""
-        return self._recorder.due_s
+    def wait_s(self) -> float:
+        """Return how long to wait before asking for the next block; below 0 if that is late."""
+        return self._recorder.due_s - self._clock_s()
 
     def fetch(self) -> int:
         """Ask for the next block; return how many samples came.
@@ -70,7 +70,7 @@ class Recording:
             DeviceError: samples were lost, or the source does not answer with what is due.
         """
         block = self._source.sampled(self._recorder.count, self._recorder.checked)
-        self._recorder.add(block, self._monotonic())
+        self._recorder.add(block, self._clock_s())
         return block.count
 
     def finished(self) -> Samples:
@@ -87,4 +87,4 @@ class Recording:
             if left < 0:
                 raise DeviceError("the force channel does not stop")
         self._recorder.require_until(ended_s)
-        return self._recorder.samples(asked_offset(self._source.device_time_s, self._monotonic))
+        return self._recorder.samples(asked_offset(self._source.device_time_s, self._clock_s))

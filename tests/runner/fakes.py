@@ -99,7 +99,7 @@ class FakeDevice:
             device_time_s=1.0,
         )
 
-    def record(self, rate_hz: int) -> None:
+    def record(self, rate_hz: int, clock_s: Callable[[], float] | None = None) -> None:
         self._called("record")
         self.rate_hz = rate_hz
 

@@ -8,6 +8,7 @@ import threading
 import time
 from array import array
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,7 @@ from device.errors import DeviceError, EmergencyStop
 from device.force_channel.samples import Samples
 from device.rig import Rig
 from device.simulator.client import ControlClient, Endpoints, simulator_process
+from runner.clock import SteppedClock
 from tests.device.rigs import DRIVE, LIMITS, TOUCHBEAM, driven_on, opened, until
 
 ROOT = Path(__file__).parents[2]
@@ -74,6 +76,29 @@ def test_seconds_at_1_khz_are_complete(simulator: Endpoints, control: ControlCli
 def test_a_minute_at_1_khz_is_complete(simulator: Endpoints, control: ControlClient) -> None:
     with opened(simulator.url) as rig:
         require_complete(recorded(rig, control, seconds=60), 60)
+
+
+def test_a_session_on_a_stepped_clock_waits_for_its_samples() -> None:
+    """Ten seconds pass in less than ten: the board would have to keep more than it can."""
+    with (
+        simulator_process(TOUCHBEAM, seed=1, keep=True) as stepped,
+        ControlClient(stepped.control) as control,
+        opened(stepped.url) as rig,
+    ):
+        clock = SteppedClock(datetime(2026, 1, 1, tzinfo=UTC), control.advance)
+        clock.sleep(1.0)
+        for noise in NOISES:
+            control.sensor(noise, 0.0)
+        rig.arm()
+        control.touch(0.5, 0.02, "right", SPEED_M_S)
+        rig.record(1000, clock.monotonic_s)
+        for _ in range(500):
+            rig.beat()
+            clock.sleep(0.02)
+        samples = rig.recorded()
+    require_complete(samples, 10)
+    assert samples.clock_error_s < 1e-6
+    assert samples.first_s + samples.clock_offset_s == pytest.approx(1.0, abs=1e-6)
 
 
 @pytest.mark.parametrize("fault", ["block-garbled-once", "block-doubled-once"])

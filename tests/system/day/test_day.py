@@ -1,6 +1,7 @@
 """Days in the laboratory: dozens in every run, thousands with `make soak`."""
 
 import random
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
@@ -29,18 +30,32 @@ def test_days_keep_every_invariant(first: int) -> None:
         assert len(done.lab.watch.planned) >= 3
 
 
+@pytest.mark.parametrize(
+    ("tag", "payload"), [("paused", "{}"), ("trial-aborted", '{"why": "stopped by the operator"}')]
+)
 def test_the_next_event_of_a_session_comes_after_the_warning_about_its_touch(
-    tmp_path: Path,
+    tmp_path: Path, tag: str, payload: str
 ) -> None:
+    stored = _stored_after_a_wrong_touch(tmp_path)
+    stored(STUDY_CHAIN, "amended", "{}")  # by another process
+    with pytest.raises(Violation, match="nobody was told that a touch of P01/1"):
+        stored("P01/1", tag, payload)
+
+
+def test_a_signal_may_end_a_session_before_the_warning_about_its_touch(tmp_path: Path) -> None:
+    stored = _stored_after_a_wrong_touch(tmp_path)
+    stored("P01/1", "trial-aborted", '{"index": 1, "why": "stopped by SIGTERM"}')
+
+
+def _stored_after_a_wrong_touch(folder: Path) -> Callable[[str, str, str], None]:
+    """Return what is called with each event of a laboratory in which a touch went wrong."""
     stream = random.Random(0)
-    lab = Lab(tmp_path, drawn_study(stream, "board"), stream, "board")
+    lab = Lab(folder, drawn_study(stream, "board"), stream, "board")
     lab.watch.touch = Touch(place="smooth", voltage_v=0)
     lab.watch.fault("banner")  # or the touch would be compared with its plan
     stored = lab.disk.on_event
     stored("P01/1", "touch-ended", '{"judged": {"force_ok": false, "place_ok": true}}')
-    stored(STUDY_CHAIN, "amended", "{}")  # by another process
-    with pytest.raises(Violation, match="nobody was told that a touch of P01/1"):
-        stored("P01/1", "paused", "{}")
+    return stored
 
 
 def test_a_day_depends_on_its_seed_alone() -> None:

@@ -75,6 +75,9 @@ class Watch:
     """Whether the last process has armed it, and has not completed its session."""
     _began_s: float = 0.0
     _trial: PlannedTrial | None = None
+    _target_v: float = 0.0
+    _set_s: float = 0.0
+    """When the amplitude began to move to `_target_v`, in the device's time."""
 
     @property
     def is_board(self) -> bool:
@@ -154,9 +157,9 @@ class Watch:
             require(9, bodies == there, f"another beam than {beam} is mounted")
 
     def _as_planned(self, touch: Touch, read_back: list[dict[str, Any]]) -> None:
-        """The drive goes from its beginning to its end, in equal parts of the time.
+        """The drive goes from its beginning to its end, the amplitude evenly once it is set.
 
-        A slow line delays the steps of a sweep; a ramp begins before its beginning is answered.
+        A slow line delays the steps of a sweep.
         """
         seconds = touch_s(touch, self.study.touch)
         ends = touch.end_voltage_v, touch.end_frequency
@@ -165,21 +168,21 @@ class Watch:
         if not self.is_board:
             self._between_ends(touch, read_back)
             return
-        began_s = read_back[1]["device_time_s"]  # the first one comes before the change begins
-        most_hz = abs(touch.end_frequency - touch.frequency) * self.resonance_hz + 1e-3
-        for place, shown in enumerate(read_back):
-            share = min(max(shown["device_time_s"] - began_s, 0.0) / seconds, 1.0)
-            share = 1.0 if place == len(read_back) - 1 else share
-            volts = touch.voltage_v + share * (touch.end_voltage_v - touch.voltage_v)
-            within_v = 3.0 + 0.4 * abs(touch.end_voltage_v - touch.voltage_v) * (
-                0 < place < len(read_back) - 1
-            )
-            off_v = abs(shown["monitor_v"] - volts)
-            require(9, off_v < within_v, f"{shown['monitor_v']:g} V, planned {volts:g} V")
-            hertz = touch.frequency + share * (touch.end_frequency - touch.frequency)
-            off_hz = abs(shown["frequency_hz"] - hertz * self.resonance_hz)
-            within_hz = most_hz if 0 < place < len(read_back) - 1 else 1e-3
-            require(9, off_hz <= within_hz, f"{shown['frequency_hz']:g} Hz, planned {hertz:g}")
+        times_s = [shown["device_time_s"] for shown in read_back]
+        change_v = touch.end_voltage_v - touch.voltage_v
+        in_time = not change_v or times_s[0] <= self._set_s <= times_s[1]
+        require(9, in_time, f"ramp set at {self._set_s:g} s, read back at {times_s} s")
+        shares = [min(max((at_s - self._set_s) / seconds, 0.0), 1.0) for at_s in times_s[:-1]]
+        for share, shown in zip((*shares, 1.0), read_back, strict=True):
+            off_v = abs(shown["monitor_v"] - touch.voltage_v - share * change_v)
+            require(9, off_v < 3.0, f"{shown['monitor_v']:g} V at {share:g} of {touch}")
+        hertz = [shown["frequency_hz"] for shown in read_back]
+        begin_hz, end_hz = (
+            share * self.resonance_hz for share in (touch.frequency, touch.end_frequency)
+        )
+        off_hz = max(abs(hertz[0] - begin_hz), abs(hertz[-1] - end_hz))
+        even = hertz == sorted(hertz, reverse=end_hz < begin_hz)
+        require(9, even and off_hz < 1e-3, f"{hertz} Hz, planned {begin_hz:g} to {end_hz:g}")
 
     def _between_ends(self, touch: Touch, read_back: list[dict[str, Any]]) -> None:
         """The drive of a generator, which has no clock, goes from its beginning to its end.
@@ -241,6 +244,8 @@ class Watch:
             self._on, self._wrong_from_s = False, None
             return
         self._require_promises(instrument.output)
+        if instrument.target_v != self._target_v:
+            self._target_v, self._set_s = instrument.target_v, instrument.time_s
         output_v, hertz = instrument.output_v, instrument.frequency_hz
         if output_v <= _TOLERANCE_V:
             self._wrong_from_s = None

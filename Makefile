@@ -40,7 +40,7 @@ mutants: $(READY)
 
 # A hundred of them: simulated days must find them, too.
 day-mutants: $(READY)
-	$(BIN)/python -m tests.system.day.mutants --ordinary
+	$(BIN)/python -m tests.system.day.mutants
 
 clean:
 	rm -rf .venv .uv .mutants dist

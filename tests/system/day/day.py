@@ -2,6 +2,7 @@
 
 import gc
 import hashlib
+import json
 import os
 import random
 import re
@@ -19,10 +20,11 @@ from device.simulator.faults import NAMES
 from runner.cli import journal as commands
 from runner.journal.names import session_name
 from runner.launch.locks import session_lock
+from tests.system.day.desk import at_the_desk
 from tests.system.day.invariants import Violation, require
 from tests.system.day.lab import Lab, Outcome
 from tests.system.day.process import Incident, Process, Where, terminated
-from tests.system.day.records import at_the_end
+from tests.system.day.records import at_the_end, erased
 from tests.system.day.studies import drawn_study
 from tests.system.day.watch import HOT, SLACK
 
@@ -54,10 +56,14 @@ class Day:
 
     lab: Lab
     stream: random.Random
+    aside: random.Random
+    """What is done at the desk beside the rig follows from it."""
     happened: Counter[str] = field(default_factory=Counter)
     excluded_trials: set[tuple[str, int]] = field(default_factory=set)
     gone: set[str] = field(default_factory=set)
     """Sessions that are excluded or withdrawn."""
+    returned: set[str] = field(default_factory=set)
+    """Sessions that were excluded and are included again: their slots may be another's, too."""
     withdrawn: set[str] = field(default_factory=set)
     """Participants who have withdrawn."""
     doubtful: set[str] = field(default_factory=set)
@@ -78,6 +84,8 @@ class Day:
             self._run_to_its_end(participant, number, due)
             while self.stream.random() < 0.3:
                 self._command()
+            if self.aside.random() < 0.5:
+                at_the_desk(self, self.aside)
         while due:
             self._run_to_its_end(*self._another(), due)
 
@@ -112,6 +120,9 @@ class Day:
                 return
             if attempt or self.stream.random() < 0.7 or clean:
                 self.lab.repair()
+            if self.aside.random() < 0.2:  # of a session that was broken off
+                self.aside.choice((self._exclude_trial, self._exclude_session))(name)
+                at_the_desk(self, self.aside)
         require(11, False, f"{name} cannot be finished: {outcome.line}")
 
     def _note(self, outcome: Outcome, left: list[Happening], due: list[Happening]) -> None:
@@ -271,8 +282,8 @@ class Day:
                 reason="a slip",
             )
         )
-        self._refused_while_running(name, outcome)
-        self._may_fail(outcome, name in self.gone or (name, trial) in self.excluded_trials)
+        self.refused_while_running(name, outcome)
+        self.may_fail(outcome, name in self.gone or (name, trial) in self.excluded_trials)
         if outcome.code == 0:
             require(10, name not in self.gone, f"{name} is gone: {outcome.line}")
             self.excluded_trials.add((name, trial))
@@ -287,33 +298,39 @@ class Day:
                 reason="ill",
             )
         )
-        self._refused_while_running(name, outcome)
-        self._may_fail(outcome, name in self.gone)
+        self.refused_while_running(name, outcome)
+        self.may_fail(outcome, name in self.gone)
         if outcome.code == 0:
             self.gone.add(name)
 
     def _withdraw(self, name: str) -> None:
         participant = name.partition("/")[0]
         outcome = self.lab.command(
-            lambda: commands.withdraw(study=self.lab.folder.path, participant=participant, yes=True)
+            lambda: commands.withdraw(
+                study=self.lab.folder.path, participant=participant, yes=True, as_json=True
+            )
         )
         own = {other for other in self.lab.watch.planned if other.startswith(f"{participant}/")}
         if self.running in own:
-            self._refused_while_running(self.running, outcome)
+            self.refused_while_running(self.running, outcome)
         elif outcome.code == 0:
             self.withdrawn.add(participant)
             self.gone |= own
+            erased_of = set(json.loads(outcome.line)["sessions"])
+            require(10, erased_of == own, f"erased are {erased_of}, not {own}")
+            erased(self)
         else:
-            self._may_fail(outcome, False)
+            self.may_fail(outcome, False)
             self.doubtful.add(participant)
 
-    def _may_fail(self, outcome: Outcome, done_before: bool) -> None:
+    def may_fail(self, outcome: Outcome, done_before: bool) -> None:
         """A command fails only if there is nothing left to do, or others use the journal."""
         refused = outcome.code == 2 and done_before
         disturbed = outcome.code == 1 and self.running
         require(11, outcome.code == 0 or refused or disturbed, outcome.line)
 
-    def _refused_while_running(self, name: str, outcome: Outcome) -> None:
+    def refused_while_running(self, name: str, outcome: Outcome) -> None:
+        """Nobody decides on a session that is running."""
         if name == self.running:
             require(12, outcome.code == 1, f"{name} runs, but: {outcome.line}")
 
@@ -363,7 +380,7 @@ def day(seed: int) -> Day:
         with workplace() as folder:
             lab = Lab(folder, drawn_study(stream, model.partition("-")[0]), stream, model)
             with lab.entered():
-                done = Day(lab, stream)
+                done = Day(lab, stream, random.Random(f"aside/{seed}"))
                 done.run()
                 at_the_end(done)
                 lab.asked()

@@ -285,6 +285,7 @@ class Lab:
             self.watch.forget(killed=False)
         self.device.advance(2 * self.watch.rig.watchdog_s)
         self.disk.checked()  # may find the end of a touch whose process died as it stored it
+        self._unwarned = ""
         self.watch.forget(killed=outcome.killed)
         require(12, not self.disk.open, "a connection to the journal is open")
         self.watch.armed = False

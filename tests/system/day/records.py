@@ -25,13 +25,16 @@ _LETTERS = {
     "touch-started": "S", "touch-ended": "E", "answered": "W", "trial-aborted": "X",
     "trial-deferred": "Y",
     "paused": "U", "unpaused": "V", "device-off": "F", "session-completed": "C",
-    "trial-excluded": "x", "session-excluded": "Z", "withdrawn": "G", "note": "",
+    "trial-excluded": "x", "trial-included": "i", "session-excluded": "Z",
+    "session-included": "z", "withdrawn": "G", "note": "",
 }  # fmt: skip
 _TRIAL = "T(?:(?:B?SE)+[WY]|(?:B?SE)*B?S?X)"
 _RUN = f"AH?D?B?(?:M(?:{_TRIAL}|UV)*U?)?F"
 _BROKEN_OFF = f"AH?D?B?(?:M(?:{_TRIAL}|UV)*(?:U|T(?:B?SE)*B?S?)?)?"
+_DECIDED = "(?:[xi]|Zz)*"
 _SESSION = re.compile(
-    f"O(?:{_RUN})?x*(?:RP?(?:{_RUN})?x*)*(?:(?<=F)Cx*|(?<=Fx)Cx*)?(?:Z?G?|(?:RP?)?(?:{_BROKEN_OFF})?G)"
+    f"O(?:{_RUN})?{_DECIDED}(?:RP?(?:{_RUN})?{_DECIDED})*"
+    f"(?:(?<=F)C{_DECIDED}|(?<=F[xi])C{_DECIDED})?(?:Z?G?|(?:RP?)?(?:{_BROKEN_OFF})?G)"
 )
 _ROWS = "SELECT session, tag, payload FROM event ORDER BY rowid"
 
@@ -66,10 +69,10 @@ def at_the_end(day: "Day") -> None:
             if events[0][1] is not None:
                 _as_planned(day, name, [(tag, payload or {}) for tag, payload in events])
     _slots(day, rows)
-    _erased(day)
+    erased(day)
 
 
-def _erased(day: "Day") -> None:
+def erased(day: "Day") -> None:
     """Nothing of the touches of somebody who has withdrawn is left in the journal's files."""
     journal = day.lab.folder.journal
     content = b"".join(path.read_bytes() for path in journal.parent.glob(f"{journal.name}*"))
@@ -154,8 +157,8 @@ def _slots(day: "Day", rows: Rows) -> None:
         if name not in day.gone:
             taken.setdefault(opened["participant"], opened["slot"])
             same = taken[opened["participant"]] == opened["slot"]
-            require(7, same or day.gone, f"{name} has slot {opened['slot']}")
-    if not (day.gone or day.doubtful):
+            require(7, same or day.gone or day.returned, f"{name} has slot {opened['slot']}")
+    if not (day.gone or day.returned or day.doubtful):
         slots = sorted(taken.values())
         require(7, slots == list(range(len(slots))), f"slots {taken}")
         problems = cohort_problems(study, [plan(study, slot) for slot in slots])

@@ -20,6 +20,7 @@ from device.simulator.faults import NAMES
 from runner.cli import journal as commands
 from runner.journal.names import session_name
 from runner.launch.locks import session_lock
+from tests.system.day import technician
 from tests.system.day.desk import at_the_desk
 from tests.system.day.invariants import Violation, require
 from tests.system.day.lab import Lab, Outcome
@@ -32,6 +33,8 @@ DEVICES = {
     "board": 70, "keysight": 6, "keysight-33220A": 5, "rigol": 6, "rigol-DG1062Z": 5, "siglent": 8,
 }  # fmt: skip
 """The models, and of how many days in a hundred each is the device."""
+NO_THERMOMETER = 0.25
+"""Of how many boards the temperature cannot be measured."""
 _NO_FAULTS_OF_A_BOARD = {"modulated", "signal-added"}
 BOARD_FAULTS = (*(name for name in NAMES if name not in _NO_FAULTS_OF_A_BOARD), HOT, SLACK)
 _NO_FAULTS_OF_A_GENERATOR = {
@@ -120,10 +123,22 @@ class Day:
                 return
             if attempt or self.stream.random() < 0.7 or clean:
                 self.lab.repair()
-            if self.aside.random() < 0.2:  # of a session that was broken off
-                self.aside.choice((self._exclude_trial, self._exclude_session))(name)
-                at_the_desk(self, self.aside)
+            if name in self.lab.watch.planned and self.aside.random() < 0.2:
+                self._decided_on(name)
         require(11, False, f"{name} cannot be finished: {outcome.line}")
+
+    def _decided_on(self, name: str) -> None:
+        """Decide at the desk on a session that was broken off, or killed as it was completed."""
+        outcome = self.lab.command(
+            lambda: commands.status(study=self.lab.folder.path, as_json=True)
+        )
+        sessions = json.loads(outcome.line)["sessions"]
+        if (*name.split("/"), "completed") in {
+            (each["participant"], str(each["session"]), each["state"]) for each in sessions
+        }:
+            self.completed.add(name)
+        self.aside.choice((self._exclude_trial, self._exclude_session))(name)
+        at_the_desk(self, self.aside)
 
     def _note(self, outcome: Outcome, left: list[Happening], due: list[Happening]) -> None:
         """Take note of what has happened; it is due no longer."""
@@ -373,17 +388,21 @@ def day(seed: int) -> Day:
         AssertionError: an invariant does not hold; the message has the command that repeats it.
     """
     stream = random.Random(f"day/{seed}")
-    (model,) = random.Random(f"rig/{seed}").choices([*DEVICES], [*DEVICES.values()])
+    rigs, aside = random.Random(f"rig/{seed}"), random.Random(f"aside/{seed}")
+    (model,) = rigs.choices([*DEVICES], [*DEVICES.values()])
     before = handles()
     Violation.found.clear()
     try:
         with workplace() as folder:
             lab = Lab(folder, drawn_study(stream, model.partition("-")[0]), stream, model)
+            if lab.watch.is_board and rigs.random() < NO_THERMOMETER:
+                technician.without_thermometer(lab)
             with lab.entered():
-                done = Day(lab, stream, random.Random(f"aside/{seed}"))
+                technician.tried(lab, aside)
+                done = Day(lab, stream, aside)
                 done.run()
                 at_the_end(done)
-                lab.asked()
+                technician.asked(lab)
                 for name in lab.watch.planned:
                     with session_lock(name, folder):
                         pass

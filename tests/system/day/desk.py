@@ -1,13 +1,15 @@
 """What people do at a desk beside the rig: they take decisions back, and they make mistakes."""
 
+import json
 import random
 import re
 import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from protocol.study_file.loading import text_digest
 from runner.cli import journal as commands
 from tests.system.day.invariants import require
 
@@ -80,7 +82,7 @@ def _mistakes(day: "Day", name: str) -> Iterator[Mistake]:
         lambda: commands.withdraw(study=folder, participant=STRANGER, yes=True),
         f"{STRANGER} has no sessions here",
     )
-    if not day.unamended:
+    if _last_accepted(day) == text_digest(day.lab.text):
         yield lambda: commands.amend(study=folder, reason="none"), "has not changed"
     if name.partition("/")[0] in day.withdrawn | day.doubtful:
         return
@@ -107,7 +109,28 @@ def _mistaken(day: "Day", work: Callable[[], None], says: str) -> None:
     require(2, _stored(day) == before, f"refused, but stored: {outcome.line}")
 
 
+def _last_accepted(day: "Day") -> str:
+    """Return the digest of the study file that was accepted last.
+
+    A session that begins as the study is amended may still be one of the study before.
+    """
+    accepted = [
+        json.loads(payload)["study_sha256"]
+        for (payload,) in _rows(
+            day,
+            "SELECT payload FROM event WHERE tag IN ('session-opened', 'study-amended')"
+            " AND payload IS NOT NULL ORDER BY rowid",
+        )
+    ]
+    return accepted[-1] if accepted else ""
+
+
 def _stored(day: "Day") -> int:
     """Return how many events there are."""
+    ((count,),) = _rows(day, "SELECT count(*) FROM event")
+    return int(count)
+
+
+def _rows(day: "Day", query: str) -> list[tuple[Any, ...]]:
     with closing(sqlite3.Connection(day.lab.folder.journal)) as connection:
-        return int(connection.execute("SELECT count(*) FROM event").fetchone()[0])
+        return connection.execute(query).fetchall()

@@ -22,7 +22,9 @@ HOT = "hot"
 SLACK = "slack"
 """A fault in which somebody gives the watchdog more time; a host must look before it drives."""
 SLACK_S = 9.0
-STAYS_ON = {"relay-stuck", "stage-shorted", "panel-on", "off-ignored"}
+LEAK = "leak"
+"""A fault in which a few volts come out beside what is driven."""
+STAYS_ON = {LEAK, "relay-stuck", "stage-shorted", "panel-on", "off-ignored"}
 """Faults in which the device gives a voltage that nobody asked for."""
 PANEL = {"panel-changed", "modulated", "signal-added"}
 """Faults in which a generator gives something else; a board has no such panel."""
@@ -61,6 +63,8 @@ class Watch:
     told_unknown: bool = False
     faults_s: dict[str, float] = field(default_factory=dict)
     """When each fault was last switched on, as far as it may still have an effect."""
+    thermometer: bool = True
+    """Whether a board measures its temperature."""
     late_s: float = 0.0
     """The longest delay of the line."""
     _on: bool = False
@@ -96,7 +100,7 @@ class Watch:
             self.device.inside.instrument.hot = True
         elif name == SLACK:
             self.device.inside.instrument.watchdog_s = SLACK_S
-        else:
+        elif name != LEAK:
             self.device.fault(name)
 
     def repair(self) -> None:
@@ -255,7 +259,7 @@ class Watch:
         allowed_v, allowed_hz = self._allowed()
         least_hz = 0.0 if self.touch is None else self._least_hz(self.touch)
         faults = self.faults_s.keys()
-        cool = not (instrument.hot and self.rig.max_temperature_c)
+        cool = not (instrument.hot and self.rig.max_temperature_c and self.thermometer)
         if output_v <= allowed_v + _TOLERANCE_V and least_hz <= hertz <= allowed_hz and cool:
             self._wrong_from_s = None
         elif faults & (STAYS_ON | EXCEEDS) or (faults & CUT_OFF and not self.is_board):

@@ -1,0 +1,205 @@
+"""What a technician tries in the morning, and asks in the evening."""
+
+import random
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from unittest.mock import patch
+
+import pytest
+
+from device.drivers.board import MONITOR_ABS_TOL_V, MONITOR_REL_TOL
+from device.drivers.driver import NO_TEMPERATURE, REL_TOL
+from device.drivers.limits import Setpoint
+from device.errors import DeviceError
+from device.link.codec import number_text
+from device.link.link import Link
+from device.rig import Rig
+from device.simulator.in_process import InProcessClock
+from device.simulator.models.scpi import ScpiError
+from protocol.study.touch import Touch
+from runner.launch.probe import probed
+from tests.system.day.invariants import require
+from tests.system.day.lab import MORNING, PORT, Lab
+from tests.system.day.watch import LEAK
+
+THERMOMETER = "MEAS:TEMP?"
+_IDLE_S = 0.5
+_CLEAR_V = 0.4
+"""The monitor is less noisy than that."""
+_RAMPED_S = 0.5
+"""A ramp of the studies to half of their voltage takes less."""
+
+
+def without_thermometer(lab: Lab) -> None:
+    """Let the board have none, as some are built."""
+    lab.watch.thermometer = False
+    answers = _answering(lab, ScpiError(-113, "Undefined header"))
+    vars(lab.device.inside.dialect)["_answered"] = answers
+
+
+def _answering(lab: Lab, error: ScpiError | None) -> Callable[[str, str], str | None]:
+    """Return what answers all but the question for the temperature, which may leave an error."""
+    dialect = lab.device.inside.dialect
+    answered = dialect._answered
+
+    def answers(header: str, argument: str) -> str | None:
+        if header != THERMOMETER:
+            return answered(header, argument)
+        require(4, lab.watch.rig.max_temperature_c, "nobody limits the temperature it is asked for")
+        if error is not None:
+            dialect.status.complain(error)
+        return None
+
+    return answers
+
+
+def tried(lab: Lab, stream: random.Random) -> None:
+    """Try one thing that the device must not do, and that must be noticed."""
+    trials = [_thermometer, _beyond_its_drive, _other_frequency, _beyond_while_off]
+    stream.choice(trials if lab.watch.is_board else [_uncalibrated])(lab, stream)
+    lab.repair()
+    lab.watch.touch = None
+
+
+@contextmanager
+def _rig(lab: Lab) -> Iterator[Rig]:
+    rig = lab.opened()
+    try:
+        yield rig
+    finally:
+        rig.close()
+
+
+def _noticed(wrong: bool, work: Callable[[], object], what: str) -> None:
+    """Require that `work` fails if and only if something is wrong."""
+    try:
+        work()
+    except DeviceError as error:
+        require(4, wrong, f"{what} is within its tolerance, but: {error}")
+    else:
+        require(4, not wrong, f"nobody notices {what}")
+
+
+def _thermometer(lab: Lab, stream: random.Random) -> None:
+    """A board that must be cool says how warm it is, or that nothing keeps it cool."""
+    limited = lab.watch.rig.max_temperature_c is not None
+    with _rig(lab) as rig:
+        remarks = rig.arm().remarks
+        lacks = limited and not lab.watch.thermometer
+        require(11, (NO_TEMPERATURE in remarks) == lacks, f"remarks {remarks}")
+        if not (limited and lab.watch.thermometer):
+            return
+        if stream.random() < 0.5:
+            lab.device.inside.instrument.hot = True
+            _noticed(True, rig.arm, "that it is hot")
+            lab.device.inside.instrument.hot = False
+        else:
+            with patch.object(lab.device.inside.dialect, "_answered", _answering(lab, None)):
+                _noticed(True, rig.arm, "that it does not say how warm it is")
+        rig.arm()
+
+
+def _beyond_its_drive(lab: Lab, stream: random.Random) -> None:
+    """What comes out beyond the drive by more than the tolerance is noticed."""
+    volts = stream.choice((0.0, lab.watch.rig.max_voltage_v / 2))
+    most_v = MONITOR_ABS_TOL_V + MONITOR_REL_TOL * volts
+    wrong = stream.random() < 0.5
+    beyond_v = most_v + (_CLEAR_V if wrong else -_CLEAR_V)
+    instrument = lab.device.inside.instrument
+    with _rig(lab) as rig:
+        _driven(lab, rig, volts)
+        if stream.random() < 0.5:
+            instrument.left_v = beyond_v
+        else:
+            instrument.voltage_v, instrument.ramp_v_per_s = volts + beyond_v, 0.0
+        lab.watch.fault(LEAK)
+        _noticed(wrong, rig.read_back, f"{beyond_v:g} V beyond {volts:g} V")
+        instrument.left_v = instrument.voltage_v = 0.0
+        rig.off()
+
+
+def _beyond_while_off(lab: Lab, stream: random.Random) -> None:
+    """What comes out while nothing is driven is noticed, too."""
+    wrong = stream.random() < 0.5
+    beyond_v = MONITOR_ABS_TOL_V + (_CLEAR_V if wrong else -_CLEAR_V)
+    instrument = lab.device.inside.instrument
+
+    def idles() -> None:
+        InProcessClock(MORNING, lab.device, rig).sleep(_IDLE_S)
+        rig.beat()
+
+    with _rig(lab) as rig:
+        rig.arm()
+        lab.watch.fault(LEAK)
+        if stream.random() < 0.5:
+            instrument.left_v = beyond_v
+        else:
+            instrument.voltage_v = beyond_v
+        _noticed(wrong, idles, f"{beyond_v:g} V while it is off")
+        instrument.left_v = instrument.voltage_v = 0.0
+        rig.off()
+
+
+def _other_frequency(lab: Lab, stream: random.Random) -> None:
+    """A frequency that drifts by more than the device's resolution is noticed."""
+    wrong = stream.random() < 0.5
+    share = stream.choice((-1.0, 1.0)) * REL_TOL * (1.5 if wrong else 0.5)
+    with _rig(lab) as rig:
+        _driven(lab, rig, 0.0)
+        lab.watch.fault(LEAK)
+        lab.device.inside.instrument.frequency_hz *= 1 + share
+        _noticed(wrong, rig.read_back, f"a frequency that is off by {share:g}")
+        rig.off()
+
+
+def _driven(lab: Lab, rig: Rig, volts: float) -> None:
+    """Arm and drive, and wait until the ramp is done."""
+    settings = lab.watch.rig
+    rig.arm()
+    hertz = settings.nominal_resonance_hz
+    lab.watch.touch = Touch.model_construct(place="smooth", voltage_v=volts, frequency=1.0)
+    lab.watch.resonance_hz = hertz
+    rig.drive(Setpoint(voltage_v=volts, frequency_hz=hertz, ramp_v_per_s=settings.ramp_v_per_s))
+    InProcessClock(MORNING, lab.device, rig).sleep(_RAMPED_S)
+
+
+def _uncalibrated(lab: Lab, _stream: random.Random) -> None:
+    """A generator, which measures no vibration, needs a calibration."""
+    with _rig(lab) as rig:
+        rig.arm()
+        rig._calibration = None
+        with pytest.raises(DeviceError, match="keep it as the rig's calibration"):
+            rig.resonance(lab.watch.rig.nominal_resonance_hz, lab.device.advance)
+
+
+def asked(lab: Lab) -> None:
+    """Ask a device that is in order what `touchbeam device probe` asks: it says what is true."""
+    lab.repair()
+    with _rig(lab) as rig:
+        rig.arm()
+    if not lab.watch.thermometer:
+        return  # nor is there an answer to one of the questions
+    with patch(
+        "runner.launch.probe.open_link", lambda _: Link(lab.device.port(), lab.device.now_s)
+    ):
+        said = probed(PORT, ())
+    require(11, said["dialect"] == lab.watch.rig.dialect, f"another dialect: {said}")
+    require(11, all(said.values()), f"no answer: {said}")
+    for name, truth in _truths(lab).items() if lab.watch.is_board else ():
+        require(11, said.get(name) == truth, f"{name} is {truth}, but: {said}")
+
+
+def _truths(lab: Lab) -> dict[str, str]:
+    """Return what a board that is armed and off has to say of itself."""
+    stage, settings = lab.device.inside.instrument, lab.watch.rig
+    return {
+        "output": "0",
+        "amplitude_v": number_text(stage.target_v),
+        "frequency_hz": number_text(stage.frequency_hz),
+        "temperature_c": number_text(stage.temperature_c),
+        "protection": "NONE",
+        "limit_v": number_text(settings.max_voltage_v),
+        "watchdog_s": number_text(settings.watchdog_s),
+        "boot": str(stage.boot),
+        "errors_queued": "0",
+    }

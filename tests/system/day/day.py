@@ -22,6 +22,7 @@ from runner.journal.names import session_name
 from runner.launch.locks import session_lock
 from tests.system.day import technician
 from tests.system.day.desk import at_the_desk
+from tests.system.day.evening import in_the_evening
 from tests.system.day.invariants import Violation, require
 from tests.system.day.lab import Lab, Outcome
 from tests.system.day.process import Incident, Process, Where, terminated
@@ -406,6 +407,7 @@ def day(seed: int) -> Day:
                 for name in lab.watch.planned:
                     with session_lock(name, folder):
                         pass
+            in_the_evening(done, seed)
         require(12, handles() == before, f"threads and files {before}, now {handles()}")
     except (Violation, Exception) as error:
         first = (*Violation.found, error)[0]

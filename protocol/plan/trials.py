@@ -66,10 +66,10 @@ def swap_count(beams: Iterable[str | None]) -> int:
 
 
 def touches_s(study: Study, touches: Sequence[Touch]) -> float:
-    """Return the duration of a trial's touches, including instructions and pauses, s."""
+    """Return the duration of a trial's touches, with instructions, tares and pauses, s."""
     device_s, timing = sum(on_s(touch, study.touch, study.rig) for touch in touches), study.timing
-    reading_s = len(touches) * timing.reading_s
-    return device_s + reading_s + (len(touches) - 1) * timing.between_touches_s
+    before_s = len(touches) * (timing.reading_s + study.force_channel.tare_s)
+    return device_s + before_s + (len(touches) - 1) * timing.between_touches_s
 
 
 def trial_s(study: Study, trial: Trial) -> float:

@@ -9,9 +9,19 @@ from protocol.plan.trials import Plan, Trial, plan_swaps, session_s, touches_s
 from protocol.preview.precision import Cohort, Precision, cohort, precisions
 from protocol.preview.session_length import session_lengths
 from protocol.proof.cohort import CarryOver, carry_over
+from protocol.study.rig_settings import ForceChannel
 from protocol.study.study import Study
 from protocol.study.touch import Touch, slew_v_per_us
 from protocol.study_file.limits import max_resonance_hz
+
+LINE_BAUD = 115_200
+"""Of a serial line between board or gauge and host; USB and networks carry more."""
+_BITS_PER_BYTE = 10  # 8 and two that frame them
+_BLOCKS_PER_S = 20
+_BLOCK_BYTES = {"board": 26, "gauge": 26}
+"""Of a block without its samples: its length, number, time, checksum and end."""
+_SAMPLE_BYTES = {"board": 6, "gauge": 22}
+"""Three counts of 16 bits; three numbers in text, such as `0.1234,0.5601,0.04512;`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,6 +72,17 @@ def preview(study: Study, participants: int) -> Preview:
     )
 
 
+def line_share(channel: ForceChannel) -> float:
+    """Return how much of a serial line of `LINE_BAUD` the samples take; above 1 it is too slow.
+
+    >>> round(line_share(ForceChannel(rate_hz=1000)), 2)
+    0.57
+    """
+    speaks = "board" if channel.gauge is None else "gauge"
+    sent = _SAMPLE_BYTES[speaks] * (channel.rate_hz or 0) + _BLOCK_BYTES[speaks] * _BLOCKS_PER_S
+    return _BITS_PER_BYTE * sent / LINE_BAUD
+
+
 def precision_by_length(shown: Preview, model: Prediction) -> list[Precision]:
     """Return how precisely sessions of this and other lengths determine each sensitivity."""
     study = shown.study
@@ -94,6 +115,12 @@ def scored_contrasts(shown: Preview, model: Prediction) -> dict[str, list[float]
 
 def preview_record(shown: Preview, model: Prediction) -> dict[str, Any]:
     """Return the preview as plain JSON values; infinite widths become `None`."""
+    channel = shown.study.force_channel
+    recorded = {
+        "rate_hz": channel.rate_hz,
+        "gauge": channel.gauge,
+        "line_share": round(line_share(channel), 2),
+    }
     return {
         "participants": [
             {
@@ -114,6 +141,7 @@ def preview_record(shown: Preview, model: Prediction) -> dict[str, Any]:
         ],
         "contrast_law": model.law,
         "contrast_rung": model.rung,
+        **({} if channel.rate_hz is None else {"recorded": recorded}),
         "max_voltage_v": shown.max_voltage_v,
         "max_frequency_hz": shown.max_frequency_hz,
         "max_slew_v_per_us": shown.max_slew_v_per_us,

@@ -7,14 +7,17 @@ from typing import get_args
 from protocol.plan.trials import Trial
 from protocol.preview.precision import Precision, confounded
 from protocol.preview.preview import (
+    LINE_BAUD,
     Prediction,
     Preview,
     assumed_cohort,
     levels,
+    line_share,
     precision_by_length,
     scored_contrasts,
 )
 from protocol.proof.cohort import balance_guaranteed, sequences
+from protocol.study.rig_settings import ForceChannel
 from protocol.study.study_question import When
 
 
@@ -128,6 +131,7 @@ def _session_lines(shown: Preview) -> Iterator[str]:
         f"Session     {_span([s / 60 for s in shown.durations_s])} min, "
         f"{_many(touches, 'touch', 'touches')}, {_many(scored, 'scored trial')}, {swaps}"
     )
+    yield from _recorded_lines(shown.study.force_channel)
     yield f"Amplitude   up to {shown.max_voltage_v:g} V (peak); limit {rig.max_voltage_v:g} V"
     yield (
         f"Drive       up to {shown.max_frequency_hz:.0f} Hz if the resonance is at "
@@ -141,6 +145,18 @@ def _session_lines(shown: Preview) -> Iterator[str]:
         f"Resonance   measured before the first touch; above {shown.max_resonance_hz:.0f} Hz "
         "a limit would end the session"
     )
+
+
+def _recorded_lines(channel: ForceChannel) -> Iterator[str]:
+    if channel.rate_hz is None:
+        return
+    measures, share = "board" if channel.gauge is None else "gauge", line_share(channel)
+    yield (
+        f"Recorded    forces and place in each touch, {channel.rate_hz} samples/s by the "
+        f"{measures}: {share:.0%} of {LINE_BAUD:,} baud"
+    )
+    if share > 1:
+        yield "            (more than a serial line carries: connect it by USB or a network)"
 
 
 def _span(values: Sequence[float]) -> str:

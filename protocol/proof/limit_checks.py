@@ -5,6 +5,7 @@ from itertools import pairwise
 from math import pi
 
 from protocol.plan.trials import Plan
+from protocol.study.rig_settings import TARE_S
 from protocol.study.study import Study
 from protocol.study.touch import Touch
 
@@ -92,6 +93,7 @@ def plan_s(study: Study, plan: Plan) -> float:
         total_s += trial.break_s + timing.inter_trial_s
         total_s += timing.answer_s * (trial.question is not None) + timing.score_s * trial.scored
         total_s += timing.between_touches_s * (len(trial.touches) - 1)
+        total_s += TARE_S * len(trial.touches) * (study.force_channel.rate_hz is not None)
         for touch in trial.touches:
             before_s = max(study.touch.lead_in_s, touch.voltage_v / rig.ramp_v_per_s)
             total_s += timing.reading_s + before_s + _touch_s(study, touch)

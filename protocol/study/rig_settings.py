@@ -123,6 +123,10 @@ class Rig(Record):
     ] = 0.5
 
 
+TARE_S = 0.5
+"""How long the forces of an untouched beam are measured before each touch that is recorded."""
+
+
 class ForceChannel(Record):
     """The fast channel of forces and position, which is recorded during each touch."""
 
@@ -147,3 +151,8 @@ class ForceChannel(Record):
     gauge_dialect: Annotated[GaugeDialect, Field(description="what the gauge speaks: `gauge`")] = (
         "gauge"
     )
+
+    @property
+    def tare_s(self) -> float:
+        """How long each touch waits for its tare, s; 0 where nothing is recorded."""
+        return 0.0 if self.rate_hz is None else TARE_S

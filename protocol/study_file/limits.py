@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator
 from math import inf
 
+from protocol.address import SIMULATED
 from protocol.errors import Path, Problem
 from protocol.plan.feasibility import design_problems
 from protocol.study.study import Condition, Item, Study
@@ -34,7 +35,7 @@ def limit_problems(study: Study) -> list[Problem]:
             place = (f"{where}, touch {number + 1}", (*path, "touches", number))
             found += _touch_problems(study, *place, touch, level)
     found += [*opening_problems(study), *practice_problems(study)]
-    found += [*_unnamed_beam(study), *_unknown_gain(study)]
+    found += [*_unnamed_beam(study), *_unknown_gain(study), *_unmeasured(study)]
     return [*found, *text_problems(study), *question_problems(study), *page_problems(study)]
 
 
@@ -177,6 +178,27 @@ def _unknown_gain(study: Study) -> Iterator[Problem]:
             value="nothing",
             hint="volts at the beam per volt of the generator",
             path=("rig", "amplifier_gain"),
+        )
+
+
+def _unmeasured(study: Study) -> Iterator[Problem]:
+    """Only a board or a gauge measures forces, and a gauge has a port to itself."""
+    rig, channel = study.rig, study.force_channel
+    if channel.rate_hz is not None and rig.dialect != "board" and channel.gauge is None:
+        yield Problem(
+            where="force_channel.rate_hz",
+            rule=f"needs a board or a gauge, and rig.dialect = {rig.dialect!r} measures nothing",
+            value=f"{channel.rate_hz}",
+            hint="give the address of a gauge as force_channel.gauge",
+            path=("force_channel", "rate_hz"),
+        )
+    if channel.gauge == rig.device != SIMULATED:
+        yield Problem(
+            where="force_channel.gauge",
+            rule="must have a port of its own, other than rig.device",
+            value=repr(channel.gauge),
+            hint="a board that measures forces itself needs no gauge",
+            path=("force_channel", "gauge"),
         )
 
 

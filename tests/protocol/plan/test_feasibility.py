@@ -116,14 +116,25 @@ def test_grouping_needs_the_fewest_possible_swaps() -> None:
     assert {plan_swaps(by_block, plan(by_block, slot)) for slot in range(20)} == {8}
 
 
+@pytest.mark.parametrize("channel", ["", "\n[force_channel]\nrate_hz = 1000\n"])
 @pytest.mark.parametrize("name", ["paper", "extended"])
-def test_durations_agree_with_the_independent_count(name: str) -> None:
-    study = parsed_study(template(name))
+def test_durations_agree_with_the_independent_count(name: str, channel: str) -> None:
+    study = parsed_study(template(name) + channel)
     for slot in range(10):
         drawn = plan(study, slot)
         assert session_s(study, drawn) == pytest.approx(plan_s(study, drawn))
         assert session_s(study, drawn) <= most_session_s(study)
         assert plan_problems(study, drawn) == []
+
+
+def test_a_tare_before_each_recorded_touch_takes_its_time() -> None:
+    plain, recorded = (
+        parsed_study(template("paper") + channel)
+        for channel in ("", "\n[force_channel]\nrate_hz = 1000\n")
+    )
+    touches = sum(len(trial.touches) for trial in plan(plain, 0).trials)
+    more_s = session_s(recorded, plan(recorded, 0)) - session_s(plain, plan(plain, 0))
+    assert more_s == pytest.approx(0.5 * touches)
 
 
 def test_the_paper_session_takes_a_few_minutes() -> None:

@@ -99,6 +99,12 @@ def test_an_unknown_template_is_refused() -> None:
             r"study.toml:10: rig.device: must be sim, a serial port, socket://HOST:PORT or "
             r"rfc2217://HOST:PORT, without options, got 'spy:///dev/null.file=thesis.tex'$",
         ),
+        (
+            "[rating]",
+            "[force_channel]\nrate_hz = 500\ngauge = 'COM2'\ngauge_dialect = 'a b'\n[rating]",
+            r"force_channel\.gauge_dialect: must be a name of letters",
+        ),
+        ("[rating]", "[force_channel]\nrate_hz = 40\n[rating]", "must be at least 50, got 40"),
         ("seed = 1", "seed = 1.5", "study.seed: must be a whole number, got 1.5"),
         ("seed = 1", "seed = -1", "study.seed: must be at least 0, got -1"),
         ('order = "williams"', 'order = "latin"', "'williams', 'blocks', .* got 'latin'"),
@@ -146,6 +152,21 @@ def test_a_bad_study_is_refused_in_one_line(right: str, wrong: str, message: str
     with pytest.raises(StudyError, match=message) as caught:
         parsed_study(PAPER.replace(right, wrong, 1), dialects=lambda: ("board", "keysight"))
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("rig", "channel", "message"),
+    [
+        ('dialect = "keysight"', "rate_hz = 500", "rate_hz: needs a board or a gauge, and rig.dia"),
+        ('device = "COM1"', "gauge = 'COM1'", "gauge: must have a port of its own, .* got 'COM1'"),
+    ],
+)
+def test_what_cannot_be_recorded_is_refused(rig: str, channel: str, message: str) -> None:
+    given = f"{rig}\namplifier_gain = 40\ngenerator_max_vpp = 12"
+    text = PAPER.replace('device = "sim"', given, 1) + f"\n[force_channel]\n{channel}\n"
+    with pytest.raises(StudyError, match=message):
+        parsed_study(text)
+    parsed_study(text.replace("'COM1'", "'COM2'") + "gauge = 'COM2'\n" * ("gauge" not in channel))
 
 
 def test_a_dialect_is_a_name_where_nobody_says_which_there_are() -> None:

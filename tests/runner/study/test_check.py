@@ -81,6 +81,27 @@ def test_a_touch_without_its_own_beam_shows_the_studys(
     assert "no bodies/1.5 mm/1 mm\n" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(
+    ("channel", "said"),
+    [
+        ("rate_hz = 1000", "touch, 1000 samples/s by the board: 57% of 115,200 baud\nAmplitude"),
+        ("rate_hz = 200\ngauge = 'sim'", "200 samples/s by the gauge: 43% of 115,200 baud\nAmp"),
+        ("rate_hz = 1000\ngauge = 'sim'", "195% of 115,200 baud\n            (more than a seria"),
+    ],
+)
+def test_what_is_recorded_is_shown_with_what_it_takes_of_a_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], channel: str, said: str
+) -> None:
+    place = study(tmp_path, "paper", ("[touch]", f"[force_channel]\n{channel}\n[touch]"))
+    assert typed("check", place) == 0
+    assert said in capsys.readouterr().out
+    assert typed("check", place, "--json") == 0
+    recorded = document(capsys)["recorded"]
+    assert f"{recorded['line_share']:.0%}" in said
+    typed("check", study(tmp_path, "paper"), "--json")
+    assert "recorded" not in document(capsys), "nothing is recorded"
+
+
 def test_longer_sessions_and_a_wider_spread_of_contrasts_improve_precision(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -11,6 +11,7 @@ from analysis.cells import BETWEEN_TOUCHES, Cell, json_text, tsv_cell, tsv_text
 from analysis.export.columns import COLUMNS, Column, known
 from analysis.export.dataset import Dataset, language_of
 from analysis.export.readme import readme
+from analysis.export.recordings import DRIVEN, MEASURED, described, tsv_gz
 from analysis.export.trial_table import cells
 
 BIDS_VERSION = "1.11.1"
@@ -21,6 +22,12 @@ _TABLES = (
     "columns. `n/a` is a missing value; in a text `\\t`, `\\n` and `\\\\` stand for a tab, a line "
     "feed and a backslash; an apostrophe before `=`, `+`, `-` or `@` keeps spreadsheets from "
     "taking a text for a formula. `participants.tsv` gives each participant's pseudonym."
+)
+
+_RECORDINGS = (
+    " What was recorded during touches is beside the tables: forces and place in "
+    "`*_physio.tsv.gz`, the drive in `*_stim.tsv.gz`; `recording-trial3touch0` is the first touch "
+    "of the trial with the index 3."
 )
 
 _PARTICIPANT_COLUMNS = {
@@ -41,7 +48,7 @@ def bids_export(data: Dataset) -> dict[str, str]:
     all. A participant without trials is not there.
     """
     return {
-        "README.md": readme(data, _TABLES),
+        "README.md": readme(data, _TABLES + _RECORDINGS * any(data.recorded.values())),
         "dataset_description.json": json_text(_dataset_description(data)),
         "participants.json": json_text(_participant_columns(data)),
         "participants.tsv": _participants(data),
@@ -90,13 +97,36 @@ def _participant_columns(data: Dataset) -> dict[str, Any]:
     return {**_PARTICIPANT_COLUMNS, **own}
 
 
+def bids_recordings(data: Dataset) -> dict[str, bytes]:
+    """Return what was recorded: two tables for each touch, measured and driven, with sidecars."""
+    files: dict[str, bytes] = {}
+    for (who, number), touches in data.recorded_by_session():
+        for touch in touches:
+            recording = f"recording-trial{touch.trial_index}touch{touch.touch}"
+            stem = f"{_stem(data, who, number)}_{recording}"
+            for suffix, columns, rows in (
+                ("physio", MEASURED, touch.measured()),
+                ("stim", DRIVEN, touch.driven()),
+            ):
+                files[f"{stem}_{suffix}.tsv.gz"] = tsv_gz(columns, rows)
+                kind = {"PhysioType": "generic"} if suffix == "physio" else {}
+                sidecar = {"TaskName": data.task_name, **kind, **described(touch, columns)}
+                files[f"{stem}_{suffix}.json"] = json_text(sidecar).encode()
+    return files
+
+
+def _stem(data: Dataset, who: str, number: int) -> str:
+    """The path of a session's files, without suffix."""
+    subject = f"sub-{data.subject_labels[who]}"
+    entities = [subject, *([f"ses-{number}"] if data.several_sessions else [])]
+    return "/".join([*entities, "beh", "_".join([*entities, f"task-{data.task}"])])
+
+
 def _sessions(data: Dataset) -> dict[str, str]:
     """Each session's table and its sidecar."""
     files: dict[str, str] = {}
     for (who, number), trials in data.by_session():
-        subject = f"sub-{data.subject_labels[who]}"
-        entities = [subject, *([f"ses-{number}"] if data.several_sessions else [])]
-        stem = "/".join([*entities, "beh", "_".join([*entities, f"task-{data.task}", "beh"])])
+        stem = f"{_stem(data, who, number)}_beh"
         files[f"{stem}.tsv"] = tsv_text([column.name for column in data.columns], cells(trials))
         files[f"{stem}.json"] = json_text(_sidecar(data, trials))
     return files

@@ -3,7 +3,7 @@
 import json
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from hashlib import sha256
 from itertools import chain, count
@@ -12,6 +12,7 @@ from typing import Any, cast
 import pandas as pd
 
 from analysis.export.columns import COLUMNS, Column, question_columns
+from analysis.export.recordings import RecordedTouch, SessionKey, recorded_touches, session_key
 from analysis.export.trial_table import trial_table
 from analysis.loading.records import values
 from analysis.loading.sessions import load_sessions
@@ -59,6 +60,10 @@ UNNAMED_TASK = "touch"
 Chain = Sequence[StoredEvent]
 
 
+_SESSION = ["participant", "session", "session_kind"]
+"""The columns that identify a session."""
+
+
 class NothingToExport(BadInput):
     """A study without the trials that were asked for; the message says what to do."""
 
@@ -84,6 +89,8 @@ class Dataset:
     source_sha256: str
     touchbeam: str
     broken_chains: tuple[str, ...] = ()
+    recorded: Mapping[SessionKey, tuple[RecordedTouch, ...]] = field(default_factory=dict)
+    """What was recorded during touches; sessions without any are not there."""
 
     @property
     def facts(self) -> Publication:
@@ -164,10 +171,18 @@ class Dataset:
 
     def by_session(self) -> Iterator[tuple[tuple[str, int], pd.DataFrame]]:
         """Yield participant and number of each session, and its trials."""
-        keys = ["participant", "session", "session_kind"]
-        subjects = self.sessions.set_index(keys)["subject"].to_dict()
-        for name, trials in self.trials.groupby(keys, sort=False):
-            yield (subjects[name], cast("tuple[str, int, str]", name)[1]), trials
+        for name, trials in self.trials.groupby(_SESSION, sort=False):
+            yield (self._subjects[name], cast("SessionKey", name)[1]), trials
+
+    def recorded_by_session(self) -> Iterator[tuple[tuple[str, int], tuple[RecordedTouch, ...]]]:
+        """Yield participant and number of each session that recorded touches, and those."""
+        for name, touches in self.recorded.items():
+            if name in self._subjects and touches:
+                yield (self._subjects[name], name[1]), touches
+
+    @cached_property
+    def _subjects(self) -> "dict[Any, str]":
+        return self.sessions.set_index(_SESSION)["subject"].to_dict()
 
     def summary(self) -> str:
         """Return in one line what is here and what is not."""
@@ -256,7 +271,8 @@ def dataset(
         NothingToExport: there is no trial.
     """
     digest = sha256()
-    found = load_sessions(_digested(chains, digest))
+    recorded: dict[SessionKey, tuple[RecordedTouch, ...]] = {}
+    found = load_sessions(_recorded(_digested(chains, digest), recorded))
     rehearsal = found.sessions["session_kind"].eq("rehearsal") & (not rehearsals)
     questions = _questions(study, found.answers)
     trials = trial_table(found, found.sessions[~rehearsal], questions)
@@ -278,6 +294,7 @@ def dataset(
         source_sha256=digest.hexdigest(),
         touchbeam=touchbeam,
         broken_chains=tuple(broken_chains),
+        recorded=recorded,
     )
 
 
@@ -300,6 +317,16 @@ def language_of(trials: pd.DataFrame) -> str | None:
 
 def _counted(number: int, what: str) -> str:
     return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def _recorded(
+    chains: Iterable[Chain], found: dict[SessionKey, tuple[RecordedTouch, ...]]
+) -> Iterator[Chain]:
+    """Yield `chains` one by one; put what each recorded into `found`."""
+    for events in chains:
+        if key := session_key(events):
+            found[key] = recorded_touches(events)
+        yield events
 
 
 def _digested(chains: Iterable[Chain], digest: Any) -> Iterator[Chain]:

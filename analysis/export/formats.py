@@ -4,11 +4,12 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 from analysis.cells import BETWEEN_TOUCHES, csv_text, json_text
-from analysis.export.bids import bids_export
+from analysis.export.bids import bids_export, bids_recordings
 from analysis.export.columns import Column, known
 from analysis.export.dataset import Dataset
 from analysis.export.psychds import psychds_export
 from analysis.export.readme import changed
+from analysis.export.recordings import DRIVEN, MEASURED, TIME, samples_csv
 from analysis.export.trial_table import cells
 
 
@@ -30,6 +31,19 @@ def trials_csv(data: Dataset) -> str:
     return csv_text([column.name for column in data.columns], cells(data.trials))
 
 
+def csv_recordings(data: Dataset) -> dict[str, bytes]:
+    """Return a table of samples for each session that recorded touches, and what describes it."""
+    files = {
+        f"recordings/{data.subject_labels[who]}_session-{number}.csv": samples_csv(touches)
+        for (who, number), touches in data.recorded_by_session()
+    }
+    columns = {
+        name: known({"description": said["Description"], "unit": said.get("Units")})
+        for name, said in {"t_s": TIME, **MEASURED, **DRIVEN}.items()
+    }
+    return {**files, "recordings/recordings.json": json_text(columns).encode()} if files else {}
+
+
 def _described(column: Column, data: Dataset) -> dict[str, object]:
     return known(
         {
@@ -46,3 +60,8 @@ EXPORTS: Mapping[str, Callable[[Dataset], dict[str, str]]] = MappingProxyType(
     {"csv": csv_export, "bids": bids_export, "psychds": psychds_export}
 )
 """Each returns text by relative path; nothing is written."""
+
+RECORDINGS: Mapping[str, Callable[[Dataset], dict[str, bytes]]] = MappingProxyType(
+    {"csv": csv_recordings, "bids": bids_recordings, "psychds": lambda _: {}}
+)
+"""Each returns further files by relative path: what was recorded during touches."""

@@ -109,7 +109,7 @@ def export(
     from importlib.metadata import version
 
     from analysis.export.dataset import dataset
-    from analysis.export.formats import EXPORTS
+    from analysis.export.formats import EXPORTS, RECORDINGS
     from runner.journal.verification import readable_chains
     from runner.study.files import write_new_folder
     from runner.study.folder import StudyFolder
@@ -128,8 +128,8 @@ def export(
             broken_chains=broken,
         )
     _warn_of_broken(broken, study)
-    texts = EXPORTS[as_format](data)
-    write_new_folder({name: text.encode() for name, text in texts.items()}, folder)
+    texts = {name: text.encode() for name, text in EXPORTS[as_format](data).items()}
+    write_new_folder({**texts, **RECORDINGS[as_format](data)}, folder)
     say(f"Written: {folder}, {data.summary()}")
 
 

@@ -1,0 +1,192 @@
+"""What was recorded during touches, as tables: forces and place, and the drive beside them."""
+
+import gzip
+import io
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocol.journal.events import (
+    Opening,
+    StoredEvent,
+    TouchEnded,
+    TouchRecorded,
+    TrialStarted,
+    Withdrawn,
+)
+from protocol.journal.recordings import CHANNELS, DamagedSamplesError
+from protocol.journal.records import ReadBack
+
+SessionKey = tuple[str, int, str]
+"""Participant, number and kind of a session."""
+
+MEASURED: Mapping[str, Mapping[str, str]] = {
+    "tangential_n": {
+        "Description": "Force along the beam that resists the sliding finger.",
+        "Units": "N",
+    },
+    "normal_n": {"Description": "Force of the finger onto the beam.", "Units": "N"},
+    "position_m": {
+        "Description": "Place of the finger's right edge along the beam.",
+        "Units": "m",
+    },
+}
+DRIVEN: Mapping[str, Mapping[str, str]] = {
+    "voltage_v": {
+        "Description": "Amplitude (peak) as read back, in between interpolated; missing before the "
+        "first and after the last reading.",
+        "Units": "V",
+    },
+    "frequency_hz": {"Description": "Frequency of the drive, likewise.", "Units": "Hz"},
+    "mark_moves": {
+        "Description": "Whether the mark moved that the finger was to follow, or to wait for.",
+    },
+}
+TIME = {"Description": "Time on the clock of started_monotonic_s in the trials.", "Units": "s"}
+_FORMS = {"position_m": "%.7g", "frequency_hz": "%.8g", "mark_moves": "%d"}
+_NUMBER = "%.6g"
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordedTouch:
+    """A touch of a trial's last attempt, its samples, and the drive as it was read back."""
+
+    trial_index: int
+    recording: TouchRecorded
+    read_back: tuple[ReadBack, ...]
+
+    @property
+    def touch(self) -> int:
+        """Its number in its trial, from 0."""
+        return self.recording.touch
+
+    @property
+    def start_s(self) -> float:
+        """When the first sample was taken, on the session's clock."""
+        return self.recording.first_s + self.recording.clock_offset_s
+
+    def measured(self) -> NDArray[np.float64]:
+        """Return a row per sample: the forces, less those of the untouched beam, and the place."""
+        recorded = self.recording
+        counts = np.frombuffer(recorded.counts(), "<i2").reshape(len(CHANNELS), -1)
+        zero = np.array([*(recorded.tare_n or (0.0, 0.0)), 0.0])
+        return np.asarray((counts * np.array(recorded.scale)[:, None]).T - zero)
+
+    def times_s(self) -> NDArray[np.float64]:
+        """Return when each sample was taken, on the session's clock."""
+        return self.start_s + np.arange(self.recording.count) / self.recording.rate_hz
+
+    def driven(self) -> NDArray[np.float64]:
+        """Return a row per sample: amplitude and frequency, and whether the mark moved."""
+        times_s, recorded = self.times_s(), self.recording
+        known = [entry for entry in self.read_back if entry.device_time_s is not None]
+        read_s = np.array([entry.device_time_s for entry in known]) + recorded.clock_offset_s
+        columns = [
+            np.interp(times_s, read_s, values, np.nan, np.nan)
+            if known and recorded.source == "board"
+            else np.full(len(times_s), np.nan)
+            for values in (
+                [entry.voltage_v for entry in known],
+                [entry.frequency_hz for entry in known],
+            )
+        ]
+        begin_s, end_s = recorded.moved_s
+        return np.column_stack([*columns, (times_s >= begin_s) & (times_s < end_s)])
+
+
+def recorded_touches(events: Sequence[StoredEvent]) -> tuple[RecordedTouch, ...]:
+    """Return what a session recorded, of each trial its last attempt.
+
+    Nothing of a session that was withdrawn, and no samples that are not those recorded.
+    """
+    if any(event.erased or event.tag == Withdrawn.TAG for event in events):
+        return ()
+    found: dict[int, list[RecordedTouch]] = {}
+    trial = 0
+    recorded: TouchRecorded | None = None
+    for event in events:
+        if event.tag not in {TrialStarted.TAG, TouchRecorded.TAG, TouchEnded.TAG}:
+            continue
+        match event.record:
+            case TrialStarted(index=trial):
+                found[trial] = []
+            case TouchRecorded() as told:
+                recorded = told
+            case TouchEnded(touch=number, read_back=read_back):
+                if recorded is not None and recorded.touch == number and _whole(recorded):
+                    found.setdefault(trial, []).append(
+                        RecordedTouch(trial_index=trial, recording=recorded, read_back=read_back)
+                    )
+                recorded = None
+    return tuple(touch for _, touches in sorted(found.items()) for touch in touches)
+
+
+def _whole(recorded: TouchRecorded) -> bool:
+    try:
+        recorded.counts()
+    except DamagedSamplesError:
+        return False
+    return True
+
+
+def session_key(events: Sequence[StoredEvent]) -> SessionKey | None:
+    """Return which session `events` are of; None for other chains and erased ones."""
+    opening = events[0].record if events and not events[0].erased else None
+    if not isinstance(opening, Opening):
+        return None
+    return opening.participant, opening.session, opening.kind
+
+
+def described(touch: RecordedTouch, columns: Mapping[str, Mapping[str, str]]) -> dict[str, Any]:
+    """Return what a sidecar says of `columns` of this touch."""
+    tare_n, clock_s = touch.recording.tare_n, touch.recording.clock_error_s
+    zero = "as the sensor gave it: it was not measured on the untouched beam before"
+    told: dict[str, Any] = {name: dict(meaning) for name, meaning in columns.items()}
+    for number, name in enumerate(CHANNELS[:2]):
+        if name in told:
+            if tare_n is not None:
+                zero = f"less {tare_n[number]:.4g} N, measured on the untouched beam before"
+            told[name]["Description"] += f" It is {zero}."
+    return {
+        "SamplingFrequency": touch.recording.rate_hz,
+        "StartTime": round(touch.start_s, 6),
+        "Columns": list(columns),
+        "Description": f"Trial {touch.trial_index}, touch {touch.touch} (both from 0). StartTime "
+        f"is on the clock of started_monotonic_s in the trials, within {1e3 * clock_s:.2g} ms.",
+        **told,
+    }
+
+
+def tsv_gz(columns: Mapping[str, Any], rows: NDArray[np.float64]) -> bytes:
+    """Return the rows as BIDS has them: tab-separated, without a header, compressed."""
+    return gzip.compress(_lines(columns, rows, "\t", b"n/a"), mtime=0)
+
+
+def samples_csv(touches: Sequence[RecordedTouch]) -> bytes:
+    """Return the samples of all touches as one table."""
+    names = [*MEASURED, *DRIVEN]
+    header = ",".join(["trial_index", "touch", "t_s", *names])
+    return b"".join([f"{header}\n".encode(), *_csv_parts(touches, names)])
+
+
+def _csv_parts(touches: Sequence[RecordedTouch], names: Sequence[str]) -> Iterator[bytes]:
+    for touch in touches:
+        rows = np.column_stack([touch.times_s(), touch.measured(), touch.driven()])
+        before = f"{touch.trial_index},{touch.touch},".encode()
+        lines = _lines(["t_s", *names], rows, ",", b"").splitlines(keepends=True)
+        yield b"".join(before + line for line in lines)
+
+
+def _lines(
+    columns: Sequence[str] | Mapping[str, Any],
+    rows: NDArray[np.float64],
+    between: str,
+    missing: bytes,
+) -> bytes:
+    out = io.BytesIO()
+    forms = ["%.6f" if name == "t_s" else _FORMS.get(name, _NUMBER) for name in columns]
+    np.savetxt(out, rows, fmt=forms, delimiter=between, newline="\n")
+    return out.getvalue().replace(b"nan", missing)

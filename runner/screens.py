@@ -166,6 +166,7 @@ class OperatorView:
     session is idle and the device has not been asked yet. `busy` says what the output is on for
     while no participant touches the beam. `aim` is None unless a touch is in progress. While the
     operator is `blind`, labels and answers say nothing, and figures of the drive are not shown.
+    `records` says that touches are recorded; `zero_n` are the forces of the untouched beam.
     """
 
     session: str
@@ -183,6 +184,8 @@ class OperatorView:
     beam: str | None = None
     unknown: bool = False
     blind: bool = False
+    records: bool = False
+    zero_n: tuple[float, float] = (0.0, 0.0)
 
     @property
     def trial(self) -> str:

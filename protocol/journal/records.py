@@ -41,6 +41,18 @@ class VirtualTruth(JsonRecord):
     rating_noise: Annotated[float, Key("SD of the noise of a score, points")]
     law: Annotated[str, Key("law of the simulated beam's friction")]
     rung: Annotated[str, Key("rung of the simulated beam's motion")]
+    force_factor: Annotated[
+        float, Key("force of its finger, relative to the instructed one", missing=1.0)
+    ] = 1.0
+    speed_factor: Annotated[float, Key("its speed, relative to the mark's", missing=1.0)] = 1.0
+    place_offset_m: Annotated[
+        float, Key("how far right of the mark its finger begins, m", missing=0.0)
+    ] = 0.0
+    tremor: Annotated[float, Key("SD of its force, relative to the mean", missing=0.0)] = 0.0
+    skin: Annotated[
+        float, Key("what its skin multiplies the change of log friction by", missing=1.0)
+    ] = 1.0
+    mu0: Annotated[float, Key("what its skin multiplies friction at rest by", missing=1.0)] = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,8 +5,11 @@ import random
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 
 from device.drivers.driver import Reading
+from device.force_channel.samples import Forces
+from device.simulator.client import BeamControl
 from protocol.study.participant_texts import study_wording
 from runner.clock import Clock, SteppedClock
 from runner.interfaces import Operator, Participant
@@ -15,14 +18,15 @@ from runner.people.operator_console import Display, OperatorConsole, PlainDispla
 from runner.people.participant_console import ConsoleParticipant, TypedLines
 from runner.people.terminal import at_terminal, terminal_keys
 from runner.people.untouched_beam import UntouchedBeam
+from runner.people.virtual_hand import drawn_hand
 from runner.people.virtual_participant import Finger, VirtualParticipant, drawn_person, swapping
 from runner.session.session import Session
 from runner.window.client import WindowParticipant
 
 Say = Callable[[str], None]
 """Prints a line."""
-LastReading = Callable[[], Reading | None]
-"""Returns what the device said last, without asking it."""
+Watched = tuple[Callable[[], Reading | None], Callable[[], Forces | None]]
+"""Return what the device said last, and the newest forces, without asking it."""
 
 
 @contextmanager
@@ -44,20 +48,17 @@ def participant_and_operator(
         window: the participant's window, None if there is none.
         finger: what a virtual participant feels with; None if the participant is a person.
     """
-
-    def reading() -> Reading | None:
-        return rig.device.reading
-
+    watched = (lambda: rig.device.reading, lambda: rig.device.forces)
     swap = _swap(session, rig, finger)
     if finger is not None:
-        participant = _virtual_participant(session, finger, clock)
+        participant = _virtual_participant(session, finger, clock, rig.control)
         # At a real device somebody mounts the beams, unless nobody is there to ask.
         alone = rig.control is not None or not at_terminal(sys.stdin, sys.stdout)
         quiet = isinstance(clock, SteppedClock)
-        with keys_and_display(say, reading, quiet=quiet) as (typed, display):
+        with keys_and_display(say, watched, quiet=quiet) as (typed, display):
             yield participant, OperatorConsole(typed, display, swap, alone=alone)
     elif window is not None:
-        with operator_at_terminal(say, reading, swap) as operator:
+        with operator_at_terminal(say, watched, swap) as operator:
             window.call_operator = operator.participant_called
             yield window, operator
     else:
@@ -74,17 +75,26 @@ def _swap(session: Session, rig: SessionRig, finger: Finger | None) -> Callable[
     return finger.mount if isinstance(finger, UntouchedBeam) else lambda _: None
 
 
-def _virtual_participant(session: Session, finger: Finger, clock: Clock) -> VirtualParticipant:
+def _virtual_participant(
+    session: Session, finger: Finger, clock: Clock, control: BeamControl | None
+) -> VirtualParticipant:
+    """Return the participant; on a simulated beam that is recorded it has a hand of its own."""
     character, stream = drawn_person(session.seed, session.participant, session.number)
     # A stream of its own, so that a further question leaves touches and scores alone.
     name = f"questions/{session.seed}/{session.participant}/{session.number}"
-    return VirtualParticipant(
+    virtual = VirtualParticipant(
         control=finger,
         clock=clock,
         character=character,
         random_stream=stream,
         questions_stream=random.Random(name),
     )
+    if control is None or session.study.force_channel.rate_hz is None:
+        return virtual
+    hand, tremor = drawn_hand(session.seed, session.participant, session.number)
+    control.sensor("skin", hand.skin)
+    control.sensor("mu0", hand.mu0)
+    return replace(virtual, hand=hand, tremor_stream=tremor)
 
 
 def _operator_by_lines(
@@ -100,23 +110,23 @@ def _operator_by_lines(
 
 @contextmanager
 def operator_at_terminal(
-    say: Say, reading: LastReading, swap: Callable[[str], None]
+    say: Say, watched: Watched, swap: Callable[[str], None]
 ) -> Iterator[OperatorConsole]:
     """Yield an operator who has the terminal alone: keys at a terminal, lines from a pipe."""
     if not at_terminal(sys.stdin, sys.stdout):
         yield _operator_by_lines(TypedLines(sys.stdin), PlainDisplay(say), swap)
         return
-    with keys_and_display(say, reading) as (typed, display):
+    with keys_and_display(say, watched) as (typed, display):
         yield OperatorConsole(typed, display, swap)
 
 
 @contextmanager
 def keys_and_display(
-    say: Say, reading: LastReading, *, quiet: bool = False
+    say: Say, watched: Watched, *, quiet: bool = False
 ) -> Iterator[tuple[Callable[[bool], str], Display]]:
     """Yield the operator's keys and display: a screen at a terminal, plain lines elsewhere.
 
-    The screen shows the device's last `reading`. If `quiet`, display nothing and read no keys.
+    The screen shows the device's last reading. If `quiet`, display nothing and read no keys.
     """
     if quiet or not at_terminal(sys.stdin, sys.stdout):
         yield lambda _: "", PlainDisplay((lambda _: None) if quiet else say)
@@ -127,7 +137,7 @@ def keys_and_display(
             return
         from runner.people.operator_screen import LiveDisplay
 
-        display = LiveDisplay(reading)
+        display = LiveDisplay(*watched)
         try:
             with display:
                 yield typed, display

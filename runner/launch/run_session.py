@@ -31,6 +31,7 @@ from runner.launch.participants import Say, participant_and_operator
 from runner.people.participant_console import require_typist
 from runner.people.terminal import said_in_background
 from runner.people.untouched_beam import UntouchedBeam
+from runner.people.virtual_hand import Hand, drawn_hand
 from runner.people.virtual_participant import Finger, drawn_person
 from runner.session.loop import run
 from runner.session.resume import require_resumable
@@ -347,7 +348,12 @@ def _virtual_truth(request: Request) -> VirtualTruth | None:
 
     options = request.options
     character, _ = drawn_person(request.seed, options.participant, options.number)
-    return VirtualTruth(**vars(character), law=options.law or LAW, rung=options.rung or RUNG)
+    hand = Hand()
+    if request.study.force_channel.rate_hz is not None and request.url == SIMULATED:
+        hand, _ = drawn_hand(request.seed, options.participant, options.number)
+    return VirtualTruth(
+        **vars(character), **vars(hand), law=options.law or LAW, rung=options.rung or RUNG
+    )
 
 
 @contextmanager

@@ -19,6 +19,7 @@ from rich.text import Text
 
 from device.drivers.driver import Reading
 from device.errors import UNKNOWN
+from device.force_channel.samples import Forces
 from runner.people.operator_console import DRY_RUN, Frame
 from runner.people.operator_keys import EMERGENCY, EXPLAINED, TYPING
 from runner.people.terminal import visible
@@ -46,10 +47,16 @@ class LiveDisplay:
 
     Args:
         reading: returns what the device said last, without asking it.
+        forces: likewise the newest forces, None while nothing is recorded.
     """
 
-    def __init__(self, reading: Callable[[], Reading | None]) -> None:
+    def __init__(
+        self,
+        reading: Callable[[], Reading | None],
+        forces: Callable[[], Forces | None] = lambda: None,
+    ) -> None:
         self._reading = reading
+        self._forces = forces
         self._began_s = self._said_s = time.monotonic()
         self._frame: Frame | None = None
         self._wake = threading.Event()
@@ -126,6 +133,7 @@ class LiveDisplay:
             elapsed_s=now_s - self._began_s,
             clock=time.strftime("%H:%M:%S"),
             until=time.strftime("%H:%M", time.localtime(time.time() + frame.view.left_s)),
+            forces=self._forces(),
         )
         return screen_lines(frame, moment, console.width, console.height)
 
@@ -141,6 +149,7 @@ class Moment:
     elapsed_s: float
     clock: str
     until: str
+    forces: Forces | None = None
 
     @property
     def age_s(self) -> float:
@@ -203,7 +212,7 @@ def _output_state(view: OperatorView, reading: Reading | None) -> tuple[str, str
 
 
 def _bars(view: OperatorView, moment: Moment, width: int) -> list[Text]:
-    """Return a line each for amplitude, frequency, monitor, force and place."""
+    """Return a line each for amplitude, frequency, monitor, force and place, and for friction."""
     reading, aim, rig = moment.reading, view.aim, view.rig
     amplitude_v = frequency_hz = monitor_v = force_n = position_m = None
     if reading is not None:
@@ -212,6 +221,8 @@ def _bars(view: OperatorView, moment: Moment, width: int) -> list[Text]:
             amplitude_v, frequency_hz = reading.amplitude_v, reading.frequency_hz
         if aim and moment.now_s - (reading.finger_s or 0.0) < STALE_S:
             force_n, position_m = reading.force_n, reading.position_m
+    if aim and moment.forces:
+        force_n, position_m = moment.forces.normal_n - view.zero_n[1], moment.forces.position_m
     if force_n is None or force_n < LIFTED_N:
         position_m = None
     middle_hz = view.resonance_hz or rig.nominal_resonance_hz
@@ -240,7 +251,18 @@ def _bars(view: OperatorView, moment: Moment, width: int) -> list[Text]:
         *drive,
         newtons.line("force", force_n, _advice(aim, force_n)),
         millimetres.line("place", place_mm, ""),
+        *([_friction(view, moment.forces, bar)] if view.records else []),
     ]
+
+
+def _friction(view: OperatorView, forces: Forces | None, bar: int) -> Text:
+    """Return the line of the friction coefficient; it would tell a blind operator of the drive."""
+    value = None
+    if forces and view.aim and not view.blind:
+        normal_n = forces.normal_n - view.zero_n[1]
+        if normal_n >= LIFTED_N:
+            value = (forces.tangential_n - view.zero_n[0]) / normal_n
+    return Scale(0.0, 2.0, "{:.2f}", bar, []).line("friction", value, "")
 
 
 def _advice(aim: Aim | None, force_n: float | None) -> str:

@@ -41,7 +41,13 @@ class UntouchedBeam:
         """Note that the operator is to mount the study's beam `beam`."""
         self._beam = beam
 
-    def touch(self, force_n: float, position_m: float, direction: str) -> float:
+    def touch(
+        self,
+        force_n: float,
+        position_m: float,
+        direction: str,
+        speed_m_s: float = 0.0,  # noqa: ARG002 - it slides as fast as the study says
+    ) -> float:
         """Return the friction coefficient that a finger would feel there now."""
         said, resonance_hz = self._reading(), self._resonance_hz()
         if said is None or not said.output or not resonance_hz:

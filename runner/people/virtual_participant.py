@@ -15,6 +15,7 @@ from protocol.study.questions import ANSWERS, QUESTIONS, Question
 from protocol.study.rating import PAPERS_SCALE
 from protocol.study.study_question import BETWEEN, SCORE, StudyQuestion
 from runner.clock import Clock
+from runner.people.virtual_hand import Hand
 from runner.screens import (
     Ask,
     Instruction,
@@ -69,8 +70,10 @@ def drawn_person(seed: int, participant: str, session: int) -> tuple[Character, 
 class Finger(Protocol):
     """A finger on the beam."""
 
-    def touch(self, force_n: float, position_m: float, direction: str) -> float:
-        """Put it down, moving in `direction`; return the friction coefficient it feels."""
+    def touch(
+        self, force_n: float, position_m: float, direction: str, speed_m_s: float = 0.0
+    ) -> float:
+        """Put it down, moving on in `direction`; return the friction coefficient it feels."""
         ...
 
     def lift(self) -> None:
@@ -93,6 +96,9 @@ class VirtualParticipant:
     It compares the last touch of a trial with the first. If there is only one touch, it compares
     the end with the beginning, or, if they feel the same, with the remembered beam at rest. A
     touch for which `slips` returns True is pressed twice as hard as instructed.
+
+    With a `hand` its finger moves smoothly, as that hand does, trembling by `tremor_stream`.
+    Without one it jumps along with the mark, exactly as instructed.
     """
 
     control: Finger
@@ -101,6 +107,8 @@ class VirtualParticipant:
     random_stream: random.Random
     slips: Callable[[], bool] = lambda: False
     questions_stream: random.Random = field(default_factory=lambda: random.Random(1))
+    hand: Hand | None = None
+    tremor_stream: random.Random = field(default_factory=lambda: random.Random(1))
     _screen: Screen | None = field(default=None, init=False)
     _pacing_from_s: float = field(default=0.0, init=False)
     _touches: list[list[_Felt]] = field(default_factory=list, init=False)
@@ -180,10 +188,16 @@ class VirtualParticipant:
 
     def _feel(self, pacing: Pacing) -> None:
         passed_s = self.clock.monotonic_s() - self._pacing_from_s
-        fraction = min(passed_s / pacing.duration_s, 1.0)
-        position_m = pacing.start_m + fraction * (pacing.end_m - pacing.start_m)
         force_n = pacing.force_n * self._presses
-        friction = self.control.touch(force_n, position_m, pacing.direction)
+        if self.hand is None:
+            fraction = min(passed_s / pacing.duration_s, 1.0)
+            position_m = pacing.start_m + fraction * (pacing.end_m - pacing.start_m)
+            friction = self.control.touch(force_n, position_m, pacing.direction)
+        else:
+            position_m, speed_m_s = self.hand.place_m(pacing, passed_s)
+            trembles = max(1 + self.tremor_stream.gauss(0, self.hand.tremor), 0.5)
+            force_n *= self.hand.force_factor * trembles
+            friction = self.control.touch(force_n, position_m, pacing.direction, speed_m_s)
         self._touches[-1].append(_Felt(position_m=position_m, friction=friction))
 
     def _change(self, question: Question) -> str:

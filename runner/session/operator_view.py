@@ -46,6 +46,8 @@ def update_view(
             beam=state.beam,
             unknown=unknown,
             blind=blind,
+            records=session.study.force_channel.rate_hz is not None,
+            zero_n=context.zero.forces_n if context.zero else (0.0, 0.0),
         )
     )
 

@@ -87,6 +87,23 @@ def _planned(trial: Trial) -> PlannedTrial:
     return PlannedTrial(**{**vars(trial), "touches": touches})
 
 
+@dataclass(frozen=True, kw_only=True)
+class Zero:
+    """Tangential and normal force of the untouched beam, measured at `at_s`.
+
+    `doubted_n` are those found since, when something seemed to touch it.
+    """
+
+    forces_n: tuple[float, float]
+    at_s: float
+    doubted_n: tuple[float, float] | None = None
+
+    @property
+    def trusted(self) -> bool:
+        """Whether it is the zero of the next touch."""
+        return self.doubted_n is None
+
+
 @dataclass(kw_only=True)
 class SessionContext:
     """A running session with its device, people, clock and log.
@@ -95,7 +112,8 @@ class SessionContext:
     `identity` is the device's answer to `*IDN?` once it is armed.
     `opened_now` is True for a new session and False for a resumed one. `resonance_hz` is 0 until
     it has been measured. `beam_in_doubt` is True while the operator has been asked to mount a beam
-    and has not confirmed it.
+    and has not confirmed it. `zero` is the last tare of the force channel on the mounted beam, None
+    before the first.
     """
 
     session: Session
@@ -110,6 +128,7 @@ class SessionContext:
     resonance_hz: float = field(default=0.0, init=False)
     pause_wanted: bool = field(default=False, init=False)
     beam_in_doubt: bool = field(default=False, init=False)
+    zero: Zero | None = field(default=None, init=False)
 
     @property
     def order(self) -> list[Trial]:

@@ -6,6 +6,7 @@ from protocol.study.rules import OperatorQuestion
 from protocol.study_file.limits import problems_at
 from runner.screens import Notice, Welcome
 from runner.session.operator_view import update_view
+from runner.session.recording import tare
 from runner.session.session import SessionContext
 from runner.session.waiting import operator_answer, response, tick
 from runner.session.watchdog import require_watchdog
@@ -53,7 +54,7 @@ def prepare(context: SessionContext) -> None:
     for problem in problems_at(study, hz):
         raise BadInput(f"the resonance of this beam is {hz:.0f} Hz: {problem}")
     context.resonance_hz = hz
-    update_view(context)
+    update_view(context, warning=tare(context))  # nobody touches the beam yet
     context.participant.show(Welcome(consent=context.session.consent))
     response(context)
 
@@ -67,5 +68,5 @@ def mount(context: SessionContext, beam: str | None) -> None:
     context.operator.mount(beam)
     operator_answer(context)
     context.participant.show(Notice(text="wait.touch"))
-    context.beam_in_doubt = False
+    context.beam_in_doubt, context.zero = False, None  # beams differ in weight
     context.log.append(BeamMounted(beam=beam))

@@ -21,6 +21,7 @@ from runner.screens import (
 from runner.session.compliance import judged, samples_of
 from runner.session.operator_view import update_view
 from runner.session.questions import asked, asked_after
+from runner.session.recording import begin, end, tare
 from runner.session.session import SessionContext
 from runner.session.setup import mount
 from runner.session.waiting import TICK_S, response, wait
@@ -42,15 +43,17 @@ def touch(context: SessionContext, number: int, to_make: Touch) -> Compliance:
     mount(context, to_make.beam or study.touch.beam)
     if number > 0:
         wait(context, study.timing.between_touches_s)
+    drifted = tare(context)
     stimulus = _Stimulus(context, to_make)
     path = stimulus.pacing.touch
     context.participant.show(Instruction(text=stimulus.pacing.text, touch=path))
     ready = InstructionResponse(**vars(response(context)))
     start = _setpoint(context, to_make.voltage_v, to_make.frequency)
     context.log.append(TouchStarted(touch=number, commanded=start, instruction=ready))
-    stimulus.deliver(start)
+    moved_s = stimulus.deliver(start)
     context.device.off()
     context.participant.show(Notice(text="touch.end"))
+    warnings = end(context, number, moved_s)
     rules = context.session.study.as_instructed
     verdict = judged(stimulus.pacing, stimulus.samples, rules)
     context.log.append(
@@ -61,7 +64,8 @@ def touch(context: SessionContext, number: int, to_make: Touch) -> Compliance:
             judged=verdict,
         )
     )
-    update_view(context, warning=_warning(verdict))
+    warnings = [drifted, *warnings, _warning(verdict)]
+    update_view(context, warning="; ".join(filter(None, warnings)))
     return verdict
 
 
@@ -78,12 +82,14 @@ class _Stimulus:
         self._next_step_s = self._step_s
         self._shows_finger = _shows_finger(context)
 
-    def deliver(self, start: Setpoint) -> None:
+    def deliver(self, start: Setpoint) -> tuple[float, float]:
         """Lead in at `start`, then run the touch with its ramp and sweep; leave the output on.
 
-        The soft start is over before the mark moves.
+        The soft start is over before the mark moves. Returns when it began to move, and when the
+        touch was over.
         """
         context, to_make = self._context, self._touch
+        begin(context)
         before = lead_in(self.pacing, context.session.study.touch)
         moves_s = context.clock.monotonic_s() + before.seconds
         context.participant.show(before)
@@ -93,6 +99,7 @@ class _Stimulus:
         while (left_s := moves_s - context.clock.monotonic_s()) > 1e-9:  # rounding of summed ticks
             wait(context, min(left_s, SAMPLE_EVERY_S))
             self._show_finger(context.device.read_back())  # as often as later, to notice a fault
+        moved_s = context.clock.monotonic_s()
         context.participant.show(self.pacing)
         self._sample_and_show()
         if self._ramps:
@@ -101,7 +108,9 @@ class _Stimulus:
         wait(context, self.pacing.duration_s, self._on_tick, min(TICK_S, self._step_s))
         if to_make.sweep_to is not None:
             self._drive_at(1.0)
+        over_s = context.clock.monotonic_s()
         self._sample_and_show()
+        return moved_s, over_s
 
     def _sample_and_show(self) -> None:
         update_view(self._context, device=self._sample(keep=True))

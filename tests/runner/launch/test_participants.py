@@ -12,7 +12,7 @@ from runner.people.operator_console import PlainDisplay
 @pytest.mark.parametrize("closed", ["stdin", "stdout"])
 def test_a_closed_stream_is_not_a_terminal(closed: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, closed, None)
-    with keys_and_display(lambda _: None, lambda: None) as (keys, display):
+    with keys_and_display(lambda _: None, (lambda: None, lambda: None)) as (keys, display):
         assert keys(False) == ""
         assert isinstance(display, PlainDisplay)
 
@@ -28,5 +28,7 @@ def test_typed_input_is_not_piped_even_if_the_output_is(
             return at_terminal
 
     monkeypatch.setattr(sys, "stdin", Typing("\n"))
-    with operator_at_terminal(lambda _: None, lambda: None, lambda _: None) as operator:
+    with operator_at_terminal(
+        lambda _: None, (lambda: None, lambda: None), lambda _: None
+    ) as operator:
         assert operator.piped is not at_terminal

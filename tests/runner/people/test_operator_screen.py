@@ -4,12 +4,15 @@ import io
 import os
 import re
 import sys
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from rich.console import Console, Group
 
 from device.drivers.driver import Reading
+from device.force_channel.samples import Forces
 from runner.people.operator_console import Frame
 from runner.people.operator_screen import LiveDisplay, Moment, screen_lines
 from runner.people.terminal import visible
@@ -69,6 +72,38 @@ def test_a_blind_operator_sees_that_the_output_is_on_and_no_figure_of_the_drive(
     assert row(found, "monitor").split() == ["monitor", "as", "commanded"]
     assert "0.20 N  target 0.50 N, press harder" in row(found, "force")
     assert not re.search("123|121|target 200", "\n".join(found))
+
+
+FELT = Forces(at_s=99.9, tangential_n=0.26, normal_n=0.45, position_m=0.05)
+
+
+def test_friction_is_shown_while_a_touch_is_recorded() -> None:
+    recording = view(aim=AIM, records=True, zero_n=(0.02, 0.05))
+    found = lines(Frame(view=recording), replace(moment(), forces=FELT))
+    assert re.search(r"━─+ +0\.60 *$", row(found, "friction"))
+    assert " 0.40 N  target 0.50 N, good" in row(found, "force")
+    assert " 50 mm" in row(found, "place")
+
+
+@pytest.mark.parametrize(
+    ("shown", "forces"),
+    [
+        ({"aim": AIM}, None),
+        ({"aim": None}, FELT),
+        ({"aim": AIM, "zero_n": (0.0, 0.44)}, FELT),
+        ({"aim": AIM, "blind": True}, FELT),
+    ],
+    ids=["not yet", "no touch", "no finger", "blind"],
+)
+def test_friction_is_not_shown_where_it_says_nothing_or_too_much(
+    shown: dict[str, Any], forces: Forces | None
+) -> None:
+    found = lines(Frame(view=view(records=True, **shown)), replace(moment(), forces=forces))
+    assert row(found, "friction").split()[-1] == "-"
+
+
+def test_a_study_that_records_nothing_has_no_line_of_friction() -> None:
+    assert not any(line.startswith(" friction") for line in lines(Frame(view=view(aim=AIM))))
 
 
 @pytest.mark.parametrize(

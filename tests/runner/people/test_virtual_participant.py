@@ -24,7 +24,9 @@ class FakeHand:
     def __init__(self) -> None:
         self.feels: Any = lambda fraction: 0.4
 
-    def touch(self, force_n: float, position_m: float, direction: str) -> float:
+    def touch(
+        self, force_n: float, position_m: float, direction: str, speed_m_s: float = 0.0
+    ) -> float:
         fraction = (position_m - 0.01) / 0.07
         return float(self.feels(fraction if direction == "right" else 1 - fraction))
 

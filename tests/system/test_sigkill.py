@@ -31,9 +31,9 @@ def test_sessions_killed_at_300_random_times_resume(tmp_path: Path, draw: int) -
     killed_and_resumed(tmp_path, draw)
 
 
-def killed_and_resumed(folder: Path, draw: int) -> None:
+def killed_and_resumed(folder: Path, draw: int, study: str = template("paper")) -> None:
     """Kill a session once or twice at random times with seed `draw`, then let it finish."""
-    (folder / "study.toml").write_text(template("paper"))
+    (folder / "study.toml").write_text(study)
     command = [TOUCHBEAM, "run", str(folder), "--participant", "P01", "--ratings", "virtual"]
     instants = random.Random(draw)
     acknowledged: list[StoredEvent] = []

@@ -25,6 +25,7 @@ from protocol.errors import BadInput
 from protocol.study.participant_texts import study_wording
 from protocol.study.study import Study
 from protocol.study.touch import Touch
+from runner import signals
 from runner.cli.output import complaint
 from runner.clock import Clock
 from runner.journal.names import session_name
@@ -198,7 +199,9 @@ class Lab:
 
         self.disk.process = process
         try:
-            return self._told(printing, process)
+            # What a process knows of its signals is its own; the session's may have to wait.
+            with patch.object(signals, "_stop", signals._stop):
+                return self._told(printing, process)
         finally:
             self.disk.process = running
 

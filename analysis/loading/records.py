@@ -206,7 +206,8 @@ class Table(Generic[Row]):
 
     def frame(self) -> pd.DataFrame:
         """Return the table, with one column per field of its rows."""
-        return pd.concat([*self._parts, self._part()], ignore_index=True)
+        last = self._part()
+        return pd.concat([*self._parts, last], ignore_index=True) if self._parts else last
 
     def _part(self) -> pd.DataFrame:
         columns = {

@@ -49,7 +49,7 @@ clean:
 $(READY): pyproject.toml uv.lock | $(UV)
 	@echo "Installing the packages that touchbeam needs into .venv, about 860 MB ..."
 	@[ -t 2 ] || quiet=--quiet; $(UV) sync --frozen $$quiet --compile-bytecode
-	@$(BIN)/python -m compileall -q protocol device runner analysis
+	@$(BIN)/python -m compileall -q protocol device runner analysis touchbeam
 	@touch $@
 
 # Debian ships Python without venv; the package that brings it is the only thing ever installed here.

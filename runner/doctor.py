@@ -19,7 +19,7 @@ from runner.displays.screen_list import listed_screens
 from runner.journal.database import SQLITE_VERSION, has_wal_reset_bug
 from runner.window.text_layout import first_font, missing_font
 
-PACKAGES = ("protocol", "device", "runner", "analysis")
+PACKAGES = ("protocol", "device", "runner", "analysis", "touchbeam")
 DEPENDENCIES = ("psychopy", "pyserial", "numpy", "scipy", "matplotlib", "pydantic")
 LEAST_DISK_BYTES = 200e6
 

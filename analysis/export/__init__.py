@@ -1,4 +1,5 @@
-"""A study's data for others: tidy CSV, BIDS and Psych-DS.
+"""A study's data for others: tidy CSV, BIDS and Psych-DS; and for Python: data frames.
 
-Public face: `formats.EXPORTS` and `RECORDINGS`, `dataset.dataset`, `columns.COLUMNS`.
+Public face: `formats.EXPORTS` and `RECORDINGS`, `dataset.dataset`, `frames.Frames`,
+`columns.COLUMNS`.
 """

@@ -274,7 +274,7 @@ def dataset(
     recorded: dict[SessionKey, tuple[RecordedTouch, ...]] = {}
     found = load_sessions(_recorded(_digested(chains, digest), recorded))
     rehearsal = found.sessions["session_kind"].eq("rehearsal") & (not rehearsals)
-    questions = _questions(study, found.answers)
+    questions = asked_questions(study, found.answers)
     trials = trial_table(found, found.sessions[~rehearsal], questions)
     if trials.empty:
         raise NothingToExport(
@@ -298,7 +298,8 @@ def dataset(
     )
 
 
-def _questions(study: Study, answers: pd.DataFrame) -> tuple[StudyQuestion, ...]:
+def asked_questions(study: Study, answers: pd.DataFrame) -> tuple[StudyQuestion, ...]:
+    """Return the questions of `study`, and those that were answered under an earlier study file."""
     asked = {question.name: question for question in study.question}
     given = zip(values(answers["name"]), values(answers["when"]), strict=True)
     earlier = {

@@ -8,7 +8,7 @@ import pandas as pd
 
 from analysis.cells import Cell
 from analysis.export.columns import COLUMNS, question_columns
-from analysis.loading.records import values
+from analysis.loading.records import TEXT, values
 from analysis.loading.sessions import Sessions
 from protocol.study.study_question import StudyQuestion
 
@@ -31,28 +31,50 @@ def trial_table(
     Values of a plan or an attempt are missing for a published score. The answers to `questions`
     stand in the last columns.
     """
-    of_session = sessions.rename(columns=_SESSION_NAMES)
+    trials = trials_with_answers(found, session_table(sessions), questions)
+    table = trials.assign(
+        score=_scores(trials["score"], whole=trials["attempts"].notna()),
+        started_utc=_utc(trials["started_utc"]),
+        answered_utc=_utc(trials["answered_utc"]),
+        **_touches(found.touches, trials.index),
+    )
+    return table[[column.name for column in (*COLUMNS, *question_columns(questions))]]
+
+
+def session_table(sessions: pd.DataFrame) -> pd.DataFrame:
+    """Return `sessions` with what the operator noted and the version in columns of their own."""
+    told = {
+        **{column: ("operator_noted", question) for column, question in _NOTED.items()},
+        "touchbeam_version": ("versions", "touchbeam"),
+    }
+    texts = {
+        column: pd.Series([answers.get(key) for answers in sessions[of]], sessions.index, TEXT)
+        for column, (of, key) in told.items()
+    }
+    return sessions.rename(columns=_SESSION_NAMES).assign(**texts)
+
+
+def trials_with_answers(
+    found: Sessions, of_session: pd.DataFrame, questions: Sequence[StudyQuestion]
+) -> pd.DataFrame:
+    """Return the trials of the sessions in a `session_table`, with all but the columns per touch.
+
+    The index is that of the trial's last attempt.
+    """
     trials = found.trials.join(of_session.drop(columns="study_sha256"), "session_id", "inner")
     planned = trials["attempts"].notna()
     excluded = [trials["session_exclusion"].notna(), trials["exclusion"].notna()]
-    table = trials.assign(
+    touches = found.touches["attempt_id"].value_counts().reindex(trials.index, fill_value=0)
+    return trials.assign(
         trial_index=trials["trial_index"].astype("Int64").where(planned),
         level=trials["level"].where(planned),
         opposite=trials["opposite"].astype("boolean").where(planned),
-        score=_scores(trials["score"], whole=planned),
         excluded=np.select(excluded, ["session", "trial"], "no"),
         exclusion_reason=trials["session_exclusion"].fillna(trials["exclusion"]),
         inclusion_reason=trials["session_inclusion"].fillna(trials["inclusion"]),
-        started_utc=_utc(trials["started_utc"]),
-        answered_utc=_utc(trials["answered_utc"]),
-        touchbeam_version=[versions.get("touchbeam") for versions in trials["versions"]],
-        **_touches(found.touches, trials.index),
+        touches=touches.astype("Int64").where(planned),
         **_answers(found.answers, trials, questions),
     )
-    for column, question in _NOTED.items():
-        table[column] = [noted.get(question) for noted in trials["operator_noted"]]
-    table["touches"] = table["touches"].astype("Int64").where(planned)
-    return table[[column.name for column in (*COLUMNS, *question_columns(questions))]]
 
 
 def _answers(
@@ -100,10 +122,10 @@ def _utc(moments: "pd.Series[Any]") -> "pd.Series[str]":
 
 
 def _touches(touches: pd.DataFrame, attempts: "pd.Index[int]") -> dict[str, list[Any]]:
-    """Return the number of touches of each attempt, and by column one value per touch."""
+    """Return by column one value per touch of each attempt."""
     rows_of = touches.groupby("attempt_id").indices
     rows = [rows_of.get(attempt, ()) for attempt in attempts]
-    table: dict[str, list[Any]] = {"touches": [len(own) for own in rows]}
+    table: dict[str, list[Any]] = {}
     for column in COLUMNS:
         if column.per_touch:
             told = values(touches[column.name])

@@ -87,19 +87,23 @@ class StudyData:
 def load_study_data(
     chains: Iterable[Sequence[StoredEvent]], *, rehearsals: bool, rules: Exclusions | None = None
 ) -> StudyData:
+    """Return the scores of the sessions whose events `chains` yields, as `study_data` does."""
+    return study_data(load_sessions(chains), rehearsals=rehearsals, rules=rules)
+
+
+def study_data(found: Sessions, *, rehearsals: bool, rules: Exclusions | None = None) -> StudyData:
     """Return the scores of all sessions; of rehearsals too if asked for.
 
     A participant's score for a condition is the mean over that participant's trials.
 
     Args:
-        chains: the events of each session, read one session at a time.
+        found: all sessions of the journal.
         rehearsals: whether rehearsals count.
         rules: the study's rules on who and what is left out.
 
     Raises:
         NothingToReport: there are no sessions to report on.
     """
-    found = load_sessions(chains)
     excluded = found.sessions["exclusion"].notna()
     rehearsal = ~excluded & found.sessions["session_kind"].eq("rehearsal")
     sessions = found.sessions[~excluded if rehearsals else ~(excluded | rehearsal)]

@@ -2,13 +2,13 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.estimates import FloatArray
-from analysis.model.scene_table import COLUMNS, SceneTable, WordColumn, scene_table
+from analysis.model.scene_table import COLUMNS, SceneTable, scene_table
 from device.beam.beam import Beam
 from device.beam.eq15 import Overlap
 from device.errors import OutOfRangeError, positive
@@ -108,6 +108,22 @@ class PredictedTable:
     rung: NDArray[np.object_]
     error_bound: FloatArray
 
+    @property
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Every input column as used, the predictions, rung, error bound and note.
+
+        The note names an a/u outside [0, 1], which the printed law takes from Eq 15 as it stands.
+        """
+        ratio = self.predictions["same_direction_ratio"]
+        given = {**self.table.numbers, **self.table.words}
+        return {
+            **{name: given[name] for name in COLUMNS},
+            **{name: self.predictions[name] for name in OUTPUTS},
+            "rung": self.rung,
+            "error_bound": self.error_bound,
+            "note": np.where((ratio < 0) | (ratio > 1), "a/u outside 0 to 1", ""),
+        }
+
 
 def predicted_table(table: SceneTable, options: PredictOptions) -> PredictedTable:
     """The predictions for a table of scenes.
@@ -140,23 +156,16 @@ def _texts(values: FloatArray, missing: str = "") -> list[str]:
 
 
 def csv_text(predicted: PredictedTable) -> str:
-    """The output table: every input column as used, the predictions, rung, error bound and note.
-
-    The note names an a/u outside [0, 1], which the printed law takes from Eq 15 as it stands.
-    """
-    table = predicted.table
+    """The output table as CSV text."""
     columns = [
-        table.words[name].tolist()
-        if isinstance(column, WordColumn)
-        else _texts(table.numbers[name], column.word)
-        for name, column in COLUMNS.items()
+        _texts(values, getattr(COLUMNS.get(name), "word", ""))
+        if values.dtype == np.float64
+        else values.tolist()
+        for name, values in predicted.columns.items()
     ]
-    columns += [_texts(predicted.predictions[name]) for name in OUTPUTS]
-    ratio = predicted.predictions["same_direction_ratio"]
-    notes = np.where((ratio < 0) | (ratio > 1), "a/u outside 0 to 1", "").tolist()
-    columns += [predicted.rung.tolist(), _texts(predicted.error_bound), notes]
-    header = ",".join((*COLUMNS, *OUTPUTS, "rung", "error_bound", "note"))
-    return "\n".join([header, *map(",".join, zip(*columns, strict=True))]) + "\n"
+    return (
+        "\n".join([",".join(predicted.columns), *map(",".join, zip(*columns, strict=True))]) + "\n"
+    )
 
 
 def predict(

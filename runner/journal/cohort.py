@@ -4,6 +4,9 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from protocol.errors import BadInput
+from protocol.journal.events import SessionOpened, SessionResumed
+from protocol.journal.records import PlannedTrial
 from protocol.journal.state import SessionState, folded
 from protocol.journal.transitions import EXCLUDED
 from protocol.plan.counterbalancing import SlotState, next_slot
@@ -37,6 +40,23 @@ def states(journal: Journal) -> dict[str, SessionState]:
     """Return the states of all sessions by name, without the study's own chain."""
     names = [name for name in journal.sessions() if name != STUDY_CHAIN]
     return {name: folded(readable_events(journal, name)) for name in names}
+
+
+def planned_trials(journal: Journal, chain: str) -> list[PlannedTrial]:
+    """Return the trials of a session as last planned.
+
+    Raises:
+        BadInput: no plan is known: the participant has withdrawn, or the scores are imported.
+    """
+    planned: dict[int, PlannedTrial] = {}
+    for event in readable_events(journal, chain):
+        if event.tag in {SessionOpened.TAG, SessionResumed.TAG} and not event.erased:
+            record = event.record
+            assert isinstance(record, SessionOpened | SessionResumed)
+            planned |= {trial.index: trial for trial in record.trials}
+    if not planned:
+        raise BadInput(f"{chain} has no plan: withdrawn, or imported scores")
+    return list(planned.values())
 
 
 def session_summaries(sessions: Mapping[str, SessionState]) -> list[SessionSummary]:

@@ -1,0 +1,309 @@
+"""touchbeam in Python: a study's data as pandas data frames, its report, and the friction model.
+
+>>> import touchbeam
+>>> float(touchbeam.friction(voltage_v=0))
+0.4
+
+docs/python.md shows the rest. Nothing here runs a session or writes to a journal.
+"""
+
+import os
+import shlex
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.metadata import version
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from numpy.typing import ArrayLike, NDArray
+
+    from analysis.export.frames import Frames
+    from analysis.loading.sessions import Sessions
+    from analysis.loading.study_data import StudyData
+    from device.beam.eq15 import Overlap
+    from protocol.study.study import Study as StudyFile
+    from runner.study.folder import StudyFolder
+
+__all__ = ["Study", "__version__", "friction", "load", "predict"]
+
+
+def _require_own_packages() -> None:
+    """Refuse to go on with another package under a name of touchbeam's own, which are common."""
+    ours = Path(__file__).resolve().parent.parent
+    for name in ("protocol", "device", "runner", "analysis"):
+        spec = find_spec(name)
+        found = Path(spec.origin).resolve() if spec and spec.origin else None
+        if found != ours / name / "__init__.py":
+            raise ImportError(
+                f"touchbeam needs its own package {name!r} in {ours}, but Python finds "
+                f"{found or 'none'} under that name; rename that one, start Python in another "
+                "folder, or install touchbeam in an environment without it",
+                name=name,
+            )
+
+
+_require_own_packages()
+__version__ = version("touchbeam")
+
+
+def load(folder: "str | os.PathLike[str]", *, rehearsals: bool = False) -> "Study":
+    """Return the study in `folder` with everything recorded so far; of rehearsals too if asked for.
+
+    A journal that was modified outside touchbeam gives a warning.
+
+    Raises:
+        ValueError: there is no study or nothing is recorded yet; the message says what to do.
+    """
+    # Sums by several threads may differ in the last digit; numpy reads this when it is imported.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    from analysis.loading.sessions import load_sessions
+    from analysis.loading.study_data import changed_journal
+    from runner.journal.opening import read_journal
+    from runner.journal.verification import readable_chains
+    from runner.study.folder import StudyFolder
+
+    source = StudyFolder(path=Path(folder))
+    broken: list[str] = []
+    with read_journal(source.existing_journal()) as journal:
+        file = source.study()
+        recorded = load_sessions(readable_chains(journal, broken))
+    if broken:
+        warnings.warn(changed_journal(broken), stacklevel=2)
+    return Study(
+        folder=source, file=file, recorded=recorded, rehearsals=rehearsals, broken=tuple(broken)
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Study:
+    """A study and what was recorded when it was loaded; `load` makes one.
+
+    Its tables are made when they are first asked for. `columns` gives the meaning and the unit of
+    each of their columns. Excluded trials and sessions are in the tables, flagged; only `scores`
+    and `contrasts` leave them out, as the report does. Withdrawn participants are not there.
+    """
+
+    folder: "StudyFolder"
+    file: "StudyFile"
+    recorded: "Sessions"
+    rehearsals: bool
+    broken: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return f"<touchbeam.Study {self.folder.path}: {len(self.sessions)} sessions>"
+
+    @cached_property
+    def _frames(self) -> "Frames":
+        from analysis.export.dataset import asked_questions
+        from analysis.export.frames import Frames
+
+        sessions = self.recorded.sessions
+        rehearsed = sessions["session_kind"].eq("rehearsal")
+        return Frames(
+            found=self.recorded,
+            kept=sessions if self.rehearsals else sessions[~rehearsed],
+            questions=asked_questions(self.file, self.recorded.answers),
+        )
+
+    @cached_property
+    def _counted(self) -> "StudyData":
+        from analysis.loading.study_data import study_data
+
+        return study_data(self.recorded, rehearsals=self.rehearsals, rules=self.file.exclusions)
+
+    @property
+    def sessions(self) -> "pd.DataFrame":
+        """A row per session: participant, language, device, what the operator noted."""
+        return self._frames.sessions
+
+    @property
+    def trials(self) -> "pd.DataFrame":
+        """A row per trial that was begun: its plan, answer, score and course."""
+        return self._frames.trials
+
+    @property
+    def touches(self) -> "pd.DataFrame":
+        """A row per touch: as planned, commanded, read back and judged."""
+        return self._frames.touches
+
+    def traces(
+        self,
+        participant: str | None = None,
+        trial: int | None = None,
+        *,
+        session: int | None = None,
+        touch: int | None = None,
+    ) -> "pd.DataFrame":
+        """Return time, force and place of the finger, a row per sample.
+
+        All touches' samples, or those of one participant, trial (its `trial_index`), session or
+        touch (from 0).
+        """
+        chosen = {
+            "participant": participant,
+            "session": session,
+            "trial_index": trial,
+            "touch": touch,
+        }
+        traces = self._frames.traces
+        for column, value in chosen.items():
+            if value is not None:
+                traces = traces[traces[column].eq(value)]
+        return traces.reset_index(drop=True)
+
+    @cached_property
+    def scores(self) -> "pd.DataFrame":
+        """Mean scores, a row per participant and a column per condition, as Table 4 takes them."""
+        import pandas as pd
+
+        table = self._counted.table
+        subjects = pd.Index(table.subjects, name="participant")
+        return pd.DataFrame(
+            table.scores, index=subjects, columns=pd.Index(table.conditions, name="condition")
+        )
+
+    @cached_property
+    def contrasts(self) -> "pd.DataFrame":
+        """The contrast of friction that each law predicts, a row per trial that counts.
+
+        Positive where the trial changes friction as expected; missing where nothing is predicted.
+        Measured force, place and drive are taken where they are known (`measured`).
+        """
+        from analysis.trials.contrasts import trial_contrasts
+
+        counted = self._counted
+        found = trial_contrasts(self.file, counted.trials, counted.touches)
+        named = counted.trials[["participant", "session", "trial_index", "condition", "score"]]
+        return named.assign(measured=found.measured, **found.by_law).reset_index(drop=True)
+
+    @property
+    def columns(self) -> "pd.DataFrame":
+        """Meaning, unit and levels of each column, a row per table and column."""
+        return self._frames.described(self.file.rating)
+
+    def plan(self, participant: str, session: int = 1) -> "pd.DataFrame":
+        """Return the planned trials of a participant's session, a row each.
+
+        As recorded, if the session was begun; else as `touchbeam run` would plan it now. With
+        `rehearsals`, a rehearsal's if there is no session of that name.
+
+        Raises:
+            ValueError: no plan is known: the participant has withdrawn, or the scores are imported.
+        """
+        from analysis.export.frames import plan_frame
+        from protocol.plan.plan import plan
+        from runner.journal.cohort import planned_trials, slot_for, states
+        from runner.journal.names import chain_name, existing_chain
+        from runner.journal.opening import read_journal
+
+        with read_journal(self.folder.existing_journal()) as journal:
+            named = existing_chain if self.rehearsals else chain_name
+            chain = named(journal, participant, session, rehearsal=False)
+            if chain in journal.sessions():
+                return plan_frame(planned_trials(journal, chain))
+            slot = slot_for(states(journal), participant, "participant")
+        return plan_frame(plan(self.file, slot, session).trials)
+
+    def report(self, out: "str | os.PathLike[str] | None" = None) -> Path:
+        """Write the report that `touchbeam report` writes; return the path of its page.
+
+        Args:
+            out: its folder; by default `report` in the study's folder.
+        """
+        from analysis.report.findings import Origin
+        from analysis.report.report import report, report_files
+        from protocol.study_file.loading import text_digest
+        from runner.study.files import write_files
+
+        name = shlex.quote(self.folder.path.resolve().name)
+        origin = Origin(
+            command=f"touchbeam report {name}{' --rehearsals' if self.rehearsals else ''}",
+            study_sha256=text_digest(self.folder.text()),
+            broken_chains=self.broken,
+        )
+        title = self.file.publication.title or self.file.study.name
+        made = report(title, self._counted, self.file, origin)
+        folder = self.folder.report if out is None else Path(out)
+        write_files(report_files(made), folder, replaced=made.figure_files)
+        return folder / "report.html"
+
+    def predict(
+        self,
+        scenes: "pd.DataFrame",
+        *,
+        law: str = "consistent",
+        rung: str = "auto",
+        tolerance: float = 0.01,
+        eq15_overlap: "Overlap" = "first",
+    ) -> "pd.DataFrame":
+        """Return what `touchbeam.predict` does; the study's touch fills missing cells."""
+        from analysis.model.predict import study_defaults
+
+        options = {"law": law, "rung": rung, "tolerance": tolerance, "eq15_overlap": eq15_overlap}
+        return _predicted(scenes, study_defaults(self.file), options)
+
+
+def predict(
+    scenes: "pd.DataFrame",
+    *,
+    law: str = "consistent",
+    rung: str = "auto",
+    tolerance: float = 0.01,
+    eq15_overlap: "Overlap" = "first",
+) -> "pd.DataFrame":
+    """Return `scenes`, a row each, with the predicted friction, as `touchbeam predict` does.
+
+    A missing `frequency_hz` in the result is the resonance.
+
+    Args:
+        scenes: the columns that docs/model.md lists; each is optional, missing cells take the
+            paper's values.
+        law: the friction law.
+        rung: a rung of `touchbeam ladder`, or `auto`: the fastest within `tolerance`.
+        tolerance: the largest error in μ' that `auto` allows.
+        eq15_overlap: the piece of Eq 15 that applies where two overlap.
+
+    Raises:
+        ValueError: a column or a cell is wrong; line 2 is the first scene.
+    """
+    options = {"law": law, "rung": rung, "tolerance": tolerance, "eq15_overlap": eq15_overlap}
+    return _predicted(scenes, None, options)
+
+
+def _predicted(
+    scenes: "pd.DataFrame", defaults: Mapping[str, float] | None, options: Mapping[str, Any]
+) -> "pd.DataFrame":
+    import pandas as pd
+
+    from analysis.model.predict import PredictOptions, predicted_table
+    from analysis.model.scene_table import scene_table
+
+    table = scene_table("scenes", scenes.to_csv(index=False), defaults)
+    return pd.DataFrame(predicted_table(table, PredictOptions(**options)).columns, scenes.index)
+
+
+def friction(
+    *, law: str = "consistent", rung: str = "auto", tolerance: float = 0.01, **scene: "ArrayLike"
+) -> "NDArray[Any]":
+    """Return the effective friction coefficient μ' of scenes, in the shape of the arguments.
+
+    Args:
+        law: the friction law.
+        rung: a rung of `touchbeam ladder`, or `auto`: the fastest within `tolerance`.
+        tolerance: the largest error in μ' that `auto` allows.
+        **scene: values of the columns that docs/model.md lists, such as `voltage_v` and `x_m`;
+            numbers, words, or arrays of a common shape. What is left out is the paper's.
+    """
+    import numpy as np
+    import pandas as pd
+
+    columns: dict[str, Any] = {"voltage_v": None} | scene  # None stands for the paper's value
+    cells = np.broadcast_arrays(*columns.values())
+    scenes = pd.DataFrame(dict(zip(columns, map(np.ravel, cells), strict=True)))
+    found = predict(scenes, law=law, rung=rung, tolerance=tolerance)["mu_effective"]
+    return found.to_numpy().reshape(cells[0].shape)

@@ -1,14 +1,17 @@
-"""What large tables and journals cost: time and memory of import and export as they grow."""
+"""What large tables and journals cost: time and memory of import, export and loading."""
 
 import os
 import random
 import subprocess
 import sys
 from pathlib import Path
+from time import process_time
 
 import numpy as np
+import pandas as pd
 from pytest_benchmark.fixture import BenchmarkFixture
 
+import touchbeam
 from protocol.study_file.loading import parsed_study, template
 from runner.journal.opening import open_journal
 from tests.analysis.chains import chain
@@ -102,3 +105,29 @@ def test_100_000_trials_are_exported_in_proportion(
         assert sum(1 for _ in rows) > 100_000
     assert ratio <= MOST_RATIO
     assert most_gb <= MOST_GB
+
+
+def test_data_frames_of_1000_participants_take_at_most_3_times_what_reading_the_csv_takes(
+    benchmark: BenchmarkFixture, tmp_path: Path
+) -> None:
+    """From a study that is loaded; reading and verifying the journal is told apart."""
+    folder = _study(tmp_path / "study", 1000)
+    out = tmp_path / "out"
+    _measured("export", folder, out, "--format", "csv")
+    began_s = process_time()
+    study = touchbeam.load(folder)
+    loaded_s = process_time()
+    assert [len(table) for table in (study.trials, study.touches)] == [49_000, 94_550]
+    assert len(study.traces()) == 8 * 94_550
+    framed_s = process_time()
+
+    def read() -> float:
+        started_s = process_time()
+        assert len(pd.read_csv(out / "trials.csv")) == 49_000
+        return process_time() - started_s
+
+    read()  # the first time also imports the reader
+    read_s = benchmark.pedantic(read, rounds=1)
+    benchmark.extra_info["reading the journal, times"] = round((loaded_s - began_s) / read_s, 1)
+    benchmark.extra_info["data frames, times"] = round((framed_s - loaded_s) / read_s, 2)
+    assert framed_s - loaded_s <= 3 * read_s

@@ -14,8 +14,7 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import Future, wait
-from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import NoReturn, TypeVar
 
 from device.drivers.discovery import driver_of
 from device.drivers.driver import Driver, Reading
@@ -23,6 +22,8 @@ from device.drivers.limits import Limits, Setpoint
 from device.errors import DeviceError, EmergencyStop, ForeignDevice, OutputUnknown
 from device.force_channel.recording import Recording
 from device.force_channel.samples import Forces, Samples
+from device.gauges.owner import GaugeOwner
+from device.link.jobs import Job
 from device.link.link import open_link
 from device.resonance import Resonance, resonance
 from protocol.errors import BadInput
@@ -38,12 +39,6 @@ MOST_LATE_S = 0.3
 _Result = TypeVar("_Result")
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Job:
-    work: Callable[[], Any]
-    result: "Future[Any]"
-
-
 class Rig:
     """A device whose calls are made one after the other by the owner of its port.
 
@@ -56,13 +51,15 @@ class Rig:
         limits: Limits,
         calibration: Resonance | None = None,
         monotonic: Callable[[], float] = time.monotonic,
+        gauge: GaugeOwner | None = None,
     ) -> None:
         self._driver = driver
+        self._gauge = gauge
         self._limits = limits
         self._watchdog_s = limits.watchdog_s
         self._calibration = calibration
         self._monotonic = monotonic
-        self._jobs: queue.SimpleQueue[_Job | None] = queue.SimpleQueue()
+        self._jobs: queue.SimpleQueue[Job | None] = queue.SimpleQueue()
         self._recording: Recording | None = None
         self._beats = 0
         self._fed_beats = 0
@@ -78,6 +75,8 @@ class Rig:
         """Give the port to a thread of its own."""
         self._owner = threading.Thread(target=self._serve, name="port owner", daemon=True)
         self._owner.start()
+        if self._gauge is not None:
+            self._gauge.start(on_fault=lambda: self._put(lambda: None))
 
     @property
     def has_watchdog(self) -> bool:
@@ -96,7 +95,10 @@ class Rig:
             DeviceError: the device is not what or as it must be.
             OutputUnknown: its output cannot be read back as off.
         """
-        return self._owned(self._arm)
+        identity = self._owned(self._arm)
+        if self._gauge is not None:
+            self._of_gauge(self._gauge.meet)
+        return identity
 
     def resonance(self, near_hz: float, sleep: Callable[[float], None]) -> Resonance:
         """Find the beam's resonance near `near_hz`; the output is off afterwards.
@@ -162,7 +164,11 @@ class Rig:
             DeviceError: the device cannot be trusted; its output is off, and stays so.
         """
         self.beat()
-        self._owned(lambda: self._guarded(lambda: self._record(rate_hz, clock_s)))
+        gauge, clock = self._gauge, clock_s or self._monotonic
+        if gauge is None:
+            self._owned(lambda: self._guarded(lambda: self._record(rate_hz, clock)))
+        else:
+            self._of_gauge(lambda: gauge.record(rate_hz, clock))
 
     def recorded(self) -> Samples:
         """Stop recording, and return everything since `record`.
@@ -171,12 +177,14 @@ class Rig:
             DeviceError: samples were lost, or the device cannot be trusted.
         """
         self.beat()
+        if self._gauge is not None:
+            return self._of_gauge(self._gauge.recorded)
         return self._owned(lambda: self._guarded(self._recorded))
 
     @property
     def forces(self) -> Forces | None:
         """The newest forces, at most some 50 ms old; None while nothing is recorded."""
-        recording = self._recording
+        recording = self._gauge or self._recording
         return None if recording is None else recording.latest
 
     def off(self) -> None:
@@ -211,6 +219,8 @@ class Rig:
         recording = self._recording
         if recording is not None and recording.wait_s() < -MOST_LATE_S:
             self._owned(lambda: None)
+        if self._gauge is not None:
+            self._gauge.keep_up()
 
     def close(self) -> None:
         """End the thread and give the port back; what is still on is turned off first.
@@ -226,6 +236,8 @@ class Rig:
             if self._owner is not None:
                 self._owner.join()
             self._driver.close()
+            if self._gauge is not None:
+                self._gauge.close()
 
     def idle_s(self) -> float | None:
         """Return how long the owner may wait for a call; None if only a call gives it work."""
@@ -248,7 +260,7 @@ class Rig:
             if job is None:
                 return False
             self._stop_if_asked()
-            _settle(job)
+            job.settle()
             self._beaten_s = self._monotonic()  # a session that waits for a call cannot beat
         self._stop_if_asked()
         with contextlib.suppress(DeviceError):  # it is latched: the next beat raises it
@@ -261,12 +273,20 @@ class Rig:
     def _owned(self, work: Callable[[], _Result]) -> _Result:
         return self._put(work).result()
 
+    def _of_gauge(self, work: Callable[[], _Result]) -> _Result:
+        """Return what the gauge gives; one that fails is a fault as any other."""
+        try:
+            return work()
+        except DeviceError as error:
+            failed = error
+        return self._owned(lambda: self._guarded(lambda: _raised(failed)))
+
     def _put(self, work: Callable[[], _Result]) -> "Future[_Result]":
-        result: Future[_Result] = Future()
-        self._jobs.put(_Job(work=work, result=result))
+        job = Job(work=work)
+        self._jobs.put(job)
         if self._owner is None:
             self.step()
-        return result
+        return job.result
 
     # What follows is the owner's work.
 
@@ -275,7 +295,9 @@ class Rig:
             pass
 
     def _keep_going(self) -> None:
-        """The ramp's next step, and the watchdog's next feed, if they are due."""
+        """What is due: the ramp's next step, samples, and the watchdog's next feed."""
+        if self._gauge is not None:
+            self._gauge.require_sound()
         if self._ramping:
             self._ramping = self._driver.carry_on()
         if self._recording is not None and self._beats != self._fetched_beats:
@@ -297,9 +319,8 @@ class Rig:
             self._fetched_beats = beats
             recording.fetch()
 
-    def _record(self, rate_hz: int, clock_s: Callable[[], float] | None) -> None:
-        source = self._driver.force_source()
-        self._recording = Recording(source, rate_hz, clock_s or self._monotonic)
+    def _record(self, rate_hz: int, clock_s: Callable[[], float]) -> None:
+        self._recording = Recording(self._driver.force_source(), rate_hz, clock_s)
 
     def _recorded(self) -> Samples:
         if self._recording is None:
@@ -369,6 +390,8 @@ class Rig:
         """Send off once without waiting; return `error` with what is known of the output."""
         self._stopping, self._ramping, self._armed = False, False, False
         self._recording = None
+        if self._gauge is not None:
+            self._gauge.abandon()
         self._driver.link.go_on()
         if self._driver.foreign is not None:
             return self._driver.foreign
@@ -384,23 +407,29 @@ class Rig:
         return type(error)(f"{error}; output off, read back")
 
 
-def _settle(job: _Job) -> None:
-    try:
-        job.result.set_result(job.work())
-    except Exception as error:
-        job.result.set_exception(error)
+def _raised(error: DeviceError) -> NoReturn:
+    raise error
 
 
 def open_rig(
-    url: str, limits: Limits, dialect: str = "board", calibration: Resonance | None = None
+    url: str,
+    limits: Limits,
+    dialect: str = "board",
+    calibration: Resonance | None = None,
+    gauge: GaugeOwner | None = None,
 ) -> Rig:
-    """Return the rig at `url`, not armed yet.
+    """Return the rig at `url`, not armed yet; `gauge` records its forces instead of the device.
 
     Raises:
         AddressError: `url` is no address of a device, or there is no such dialect.
         DeviceError: nothing can be opened there.
     """
-    driver = driver_of(dialect)
-    rig = Rig(driver(open_link(url), limits), limits, calibration)
+    try:
+        driver = driver_of(dialect)
+        rig = Rig(driver(open_link(url), limits), limits, calibration, gauge=gauge)
+    except BaseException:
+        if gauge is not None:
+            gauge.close()
+        raise
     rig.start()
     return rig

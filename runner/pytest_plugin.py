@@ -95,7 +95,8 @@ def simulated_rig(study: "Study") -> "Iterator[SessionRig]":
     from protocol.address import SIMULATED
     from runner.launch.device_access import session_rig, touchbeam_command
 
-    with session_rig(SIMULATED, study.rig, touchbeam_command(), study.study.seed) as rig:
+    settings, seed, channel = study.rig, study.study.seed, study.force_channel
+    with session_rig(SIMULATED, settings, touchbeam_command(), seed, force_channel=channel) as rig:
         yield rig
 
 

@@ -120,10 +120,11 @@ _END_S = 5.0
 
 @dataclass(frozen=True, kw_only=True)
 class Endpoints:
-    """Where a running simulator is reached: its wire and its control socket."""
+    """Where a running simulator is reached: its wire, its control socket, and its gauge's wire."""
 
     url: str
     control: Path
+    gauge: str
 
 
 @contextmanager
@@ -140,7 +141,8 @@ def simulator_process(
     """Start `touchbeam simulate-device` and end it, by its process, on the way out.
 
     `touchbeam` is the command that starts touchbeam; the others are as in `server.simulate`. The
-    wire is a pseudo-terminal where the system has them, else a loopback port.
+    wire is a pseudo-terminal where the system has them, else a loopback port. A gauge is beside
+    it, on a wire of its own.
 
     Raises:
         DeviceError: it did not get ready.
@@ -150,6 +152,7 @@ def simulator_process(
         wire = wire or ("pty" if hasattr(os, "openpty") else "tcp")
         place = str(Path(folder, "port")) if wire == "pty" else "0"
         options = ["--control", str(control), "--seed", str(seed), "--dialect", dialect]
+        options += ["--gauge", str(Path(folder, "gauge")) if wire == "pty" else "0"]
         options += [*(("--law", law) if law else ()), *(("--rung", rung) if rung else ())]
         complaints = Path(folder, "complaints")
         with (
@@ -166,7 +169,9 @@ def simulator_process(
             ) as process,
         ):
             try:
-                yield Endpoints(url=_ready_url(process, complaints), control=control)
+                gauge = _said_url(process, complaints, "gauge")
+                url = _said_url(process, complaints, "ready")
+                yield Endpoints(url=url, control=control, gauge=gauge)
             finally:
                 process.terminate()
                 try:
@@ -176,10 +181,10 @@ def simulator_process(
                     process.wait()
 
 
-def _ready_url(process: "subprocess.Popen[str]", complaints: Path) -> str:
+def _said_url(process: "subprocess.Popen[str]", complaints: Path, what: str) -> str:
     assert process.stdout is not None
     word, _, url = process.stdout.readline().strip().partition(" ")
-    if word != "ready":
+    if word != what:
         said = complaints.read_text(encoding="utf-8", errors="replace").strip().splitlines()
         why = said[-1].removeprefix("touchbeam: ") if said else "it said nothing"
         raise DeviceError(f"the simulated device did not start ({why})")

@@ -13,6 +13,7 @@ from device.simulator.control import Control
 from device.simulator.faults import Broken
 from device.simulator.models.beam_and_finger import SimulatedBeam
 from device.simulator.models.dialect import Dialect
+from device.simulator.models.gauge_model import GaugeModel
 from device.simulator.models.power_stage import DeviceClock, Instrument
 from device.simulator.models.scpi import ScpiError
 
@@ -30,6 +31,7 @@ class SimulatedDevice:
     broken: Broken
     control: Control
     clock: DeviceClock
+    gauge: GaugeModel
 
     def answer(self, line: str, wall_s: float) -> str | None:
         """Take one line from the wire; any line keeps the watchdog quiet."""
@@ -56,12 +58,15 @@ class SimulatedDevice:
     def answer_control(self, line: str) -> str:
         """Take one line from the control socket."""
         self.pass_time()
-        return self.control.answer(line)
+        answer = self.control.answer(line)
+        self.pass_time()
+        return answer
 
     def pass_time(self) -> None:
         """Bring the device to the present moment of its clock."""
         now_s = self.clock.now_s()
         self.dialect.passes(now_s)
+        self.gauge.sampler.take_until(now_s, self.instrument)
         self.instrument.advance_to(now_s)
         self.dialect.follow()
 
@@ -85,7 +90,8 @@ def simulated_device(
     instrument, beam = Instrument(), SimulatedBeam(seed, law, rung)
     clock = DeviceClock(wall_s)
     spoken = dialects()[dialect](instrument, beam)
-    broken = Broken(instrument=instrument, beam=beam, dialect=spoken, wall_s=wall_s)
+    gauge = GaugeModel(instrument, beam)
+    broken = Broken(instrument=instrument, beam=beam, dialect=spoken, gauge=gauge, wall_s=wall_s)
     return SimulatedDevice(
         instrument=instrument,
         beam=beam,
@@ -93,4 +99,5 @@ def simulated_device(
         broken=broken,
         control=Control(broken, clock),
         clock=clock,
+        gauge=gauge,
     )

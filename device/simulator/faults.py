@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from device.simulator.models.beam_and_finger import SimulatedBeam
 from device.simulator.models.dialect import Dialect
+from device.simulator.models.gauge_model import GaugeModel
 from device.simulator.models.power_stage import MAX_VOLTAGE_V, Instrument
 from device.simulator.models.scpi import ScpiError
 
@@ -75,6 +76,10 @@ FAULTS = (
     Fault(number=35, name="samples-lost", what="samples that were not fetched yet are forgotten"),
     Fault(number=35, name="sensor-saturated", what="the tangential force is at the sensor's limit"),
     Fault(number=35, name="sensor-drifts", what="the zero of the forces drifts a hundredfold"),
+    Fault(number=36, name="gauge-vanish", what="the gauge's port vanishes; off brings it back"),
+    Fault(number=36, name="gauge-silent", what="the gauge obeys and answers nothing"),
+    Fault(number=36, name="gauge-garbled-once", what="digits of its next samples are changed"),
+    Fault(number=36, name="gauge-wrong-unit", what="the gauge measures in gf"),
 )
 NAMES = tuple(fault.name for fault in FAULTS)
 
@@ -95,6 +100,7 @@ class Broken:
     instrument: Instrument
     beam: SimulatedBeam
     dialect: Dialect
+    gauge: GaugeModel
     wall_s: Callable[[], float]
 
     def __post_init__(self) -> None:
@@ -104,6 +110,7 @@ class Broken:
             "read-back-differs": (instrument, "set_gain", KEPT_OF_SET),
             "endless-errors": (dialect.status, "always", (_ERROR.code, _ERROR.text)),
             "over-temperature": (instrument, "hot", True),
+            "gauge-wrong-unit": (self.gauge, "unit", "gf"),
             "sensor-saturated": (self.beam, "is_saturated", True),
             "sensor-drifts": (self.beam, "drift_factor", DRIFT_FACTOR),
             "monitor-wrong": (self.beam, "monitor_gain", SHOWN_BY_MONITOR),
@@ -125,7 +132,7 @@ class Broken:
             "over-temperature": lambda: instrument.trip("TEMP", self.wall_s()),
             "watchdog-trip": lambda: instrument.trip("WATC", self.wall_s()),
             "limits-lost": self._lose_limits,
-            "samples-lost": dialect.lose_samples,
+            "samples-lost": self._lose_samples,
             "panel-changed": dialect.turn_knobs,
             "modulated": dialect.modulate,
             "signal-added": dialect.add_signal,
@@ -155,6 +162,10 @@ class Broken:
         """Switch every fault off."""
         for name in sorted(self.active):
             self.switch(name, on=False)
+
+    def _lose_samples(self) -> None:
+        self.dialect.lose_samples()
+        self.gauge.sampler.lose()
 
     def _lose_limits(self) -> None:
         self.instrument.limit_v = MAX_VOLTAGE_V

@@ -17,6 +17,7 @@ from typing import Any
 from device.errors import DeviceError
 from device.link.codec import LineBuffer
 from device.simulator.device import SimulatedDevice
+from device.simulator.gauge_line import GaugeLine
 from device.simulator.models.scpi import ScpiError
 from device.simulator.transports import ControlDoor, Line, LineKind, PtyLine, TcpLine
 from device.simulator.wire import Wire
@@ -36,7 +37,9 @@ class Server:
         line: Line,
         door: ControlDoor | None,
         wall_s: Callable[[], float] = time.monotonic,
+        gauge: GaugeLine | None = None,
     ) -> None:
+        self._gauge = gauge
         self._device = device
         self._line = line
         self._door = door
@@ -56,6 +59,8 @@ class Server:
         while keep or not gone or (instrument.output and instrument.watchdog_s is not None):
             self._wait(listening=not gone)
             gone = self.step() or orphaned()
+            if self._gauge is not None:
+                self._gauge.serve()
             if self._door is not None:
                 self._door.serve(self.answer_control)
 
@@ -75,6 +80,8 @@ class Server:
         """Do what a hand asks for; it is done when this returns."""
         answer = self._device.answer_control(line)
         self._vanish_or_come_back()
+        if self._gauge is not None:
+            self._gauge.vanish_or_come_back()
         self._announce()
         return answer
 
@@ -87,6 +94,7 @@ class Server:
         listening = listening and self._there and "deaf" not in faults
         sources: list[Any] = [self._line] if listening else []
         sources += self._door.sockets() if self._door else []
+        sources += [self._gauge.line] if self._gauge and self._gauge.listens else []
         if sources:
             select.select(sources, [], [], self.idle_s(TICK_S))
         else:  # Windows cannot wait for nothing
@@ -135,14 +143,16 @@ def simulate(
     control: Path | None,
     make: Callable[[], SimulatedDevice],
     *,
+    gauge: str | None = None,
     keep: bool,
     say: Callable[[str], None],
 ) -> None:
     """Serve a simulated device until SIGTERM or Ctrl-C, or, unless `keep`, until its host is gone.
 
     `make` returns the device, `place` is the path of the pseudo-terminal's link, or a loopback
-    port (0: any), and `control` is the path of a socket for hands. `say` is called once with
-    `ready URL`.
+    port (0: any), `gauge` is such a place for a gauge on the same beam, if there is to be one, and
+    `control` is the path of a socket for hands. `say` is called with `gauge URL`, if there is one,
+    and then with `ready URL`.
 
     Raises:
         BadInput: the place is taken or cannot be used.
@@ -158,7 +168,12 @@ def simulate(
         if control is not None:
             door = _door(control)
             stack.callback(door.close)
-        server = Server(make(), line, door)
+        device, gauge_line = make(), None
+        if gauge is not None:
+            gauge_line = GaugeLine(device, _line(wire, gauge))
+            stack.callback(gauge_line.line.close)
+            say(f"gauge {gauge_line.line.url}")
+        server = Server(device, line, door, gauge=gauge_line)
         say(f"ready {line.url}")
         ending.ends(lambda: server.serve(keep=keep, orphaned=lambda: os.getppid() != parent))
 

@@ -3,9 +3,10 @@
 What finds and tells mistakes is loaded when there are any.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from hashlib import sha256
 from importlib.resources import files
+from types import MappingProxyType
 
 from pydantic import ValidationError
 
@@ -50,7 +51,7 @@ def parsed_study(
     text: str,
     source: str = "study.toml",
     further: Further = lambda _: (),
-    dialects: Names | None = None,
+    dialects: Mapping[str, Names] = MappingProxyType({}),
 ) -> Study:
     """Return the study that `text` describes.
 
@@ -58,7 +59,7 @@ def parsed_study(
         text: a study file in TOML.
         source: what to call it in messages.
         further: finds what else is wrong with the study, where more is known than its file says.
-        dialects: what devices there are speak; without it any name will do.
+        dialects: what devices and gauges there are speak, by kind; without a kind any name will do.
 
     Raises:
         StudyError: the text is no TOML, breaks the schema, asks for more than the rig allows or
@@ -69,9 +70,10 @@ def parsed_study(
         raise StudyError(source, [document])
     own = document.get("languages")
     codes = own if isinstance(own, dict) else {}
-    known: dict[str, Names] = {"languages": lambda: dict.fromkeys([*built_in_codes(), *codes])}
-    if dialects is not None:
-        known["dialects"] = dialects
+    known: dict[str, Names] = {
+        "languages": lambda: dict.fromkeys([*built_in_codes(), *codes]),
+        **dialects,
+    }
     try:
         study = Study.model_validate(document, context=known)
     except ValidationError as error:

@@ -119,6 +119,10 @@ def simulate_device(
     seed: Annotated[int, typer.Option(min=0)] = 0,
     law: SimulatedLawOption = None,
     rung: SimulatedRungOption = None,
+    gauge: Annotated[
+        str | None,
+        typer.Option(metavar="LINK|PORT", help="Also a force gauge, at a path or loopback port."),
+    ] = None,
 ) -> None:
     """Simulate the device in the foreground.
 
@@ -131,7 +135,7 @@ def simulate_device(
     def device() -> "SimulatedDevice":
         return simulated_device(seed, dialect=dialect, law=law or LAW, rung=rung or RUNG)
 
-    simulate(wire, place, control, device, keep=keep, say=say)
+    simulate(wire, place, control, device, gauge=gauge, keep=keep, say=say)
 
 
 @app.command()

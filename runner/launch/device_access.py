@@ -7,13 +7,16 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypedDict, Unpack
 
+from device.gauges.discovery import open_gauge
 from device.resonance import Resonance
 from device.rig import Rig, open_rig
 from device.simulator.client import ControlClient, simulator_process
 from device.study_limits import device_limits
-from protocol.address import SIMULATED
+from protocol.address import SIMULATED, AddressError
 from protocol.errors import BadInput
+from protocol.study.rig_settings import ForceChannel
 from protocol.study.rig_settings import Rig as RigSettings
 from runner.study.files import short_text, write_whole
 
@@ -26,6 +29,13 @@ class SessionRig:
     control: ControlClient | None
 
 
+class Friction(TypedDict, total=False):
+    """Law and rung of a simulated beam's friction; those of the report without them."""
+
+    law: str | None
+    rung: str | None
+
+
 @contextmanager
 def session_rig(
     url: str,
@@ -33,9 +43,8 @@ def session_rig(
     touchbeam: Sequence[str],
     seed: int,
     calibration: Resonance | None = None,
-    *,
-    law: str | None = None,
-    rung: str | None = None,
+    force_channel: ForceChannel | None = None,
+    **friction: Unpack[Friction],
 ) -> Iterator[SessionRig]:
     """Open the device at `url`, or a simulated one for `sim`, and close it after the body.
 
@@ -45,24 +54,41 @@ def session_rig(
         touchbeam: the command that starts touchbeam, for the simulated device.
         seed: seed of the simulated device's hidden properties.
         calibration: the rig's resonance, for a device that cannot measure it.
-        law: of the simulated beam's friction, None for that of the report.
-        rung: likewise.
+        force_channel: the study's, whose gauge is opened as well; that of a simulated device is
+            simulated.
+        friction: law and rung of the simulated beam.
 
     Raises:
-        AddressError: `url` is not the address of a device.
+        AddressError: `url` is not the address of a device, or that of the gauge of none.
         DeviceError: no working device answers at `url`.
     """
     with ExitStack() as stack:
-        control = None
+        control, channel = None, force_channel or ForceChannel()
+        gauge_url = gauge_address(channel, url)
         if url == SIMULATED:
             endpoints = stack.enter_context(
-                simulator_process(touchbeam, seed, dialect=settings.dialect, law=law, rung=rung)
+                simulator_process(touchbeam, seed, dialect=settings.dialect, **friction)
             )
             control = stack.enter_context(ControlClient(endpoints.control))
-            url = endpoints.url
-        device = open_rig(url, device_limits(settings), settings.dialect, calibration)
+            url, gauge_url = endpoints.url, gauge_url and endpoints.gauge
+        gauge = open_gauge(gauge_url, channel.gauge_dialect) if gauge_url else None
+        device = open_rig(url, device_limits(settings), settings.dialect, calibration, gauge)
         stack.callback(device.close)
         yield SessionRig(device=device, control=control)
+
+
+def gauge_address(force_channel: ForceChannel, url: str) -> str | None:
+    """Return the address of the gauge beside the device at `url`, None if none is needed.
+
+    Raises:
+        AddressError: a simulated one beside a device that is not.
+    """
+    gauge = force_channel.gauge if force_channel.rate_hz else None
+    if gauge == SIMULATED and url != SIMULATED:
+        raise AddressError(
+            f"force_channel.gauge = {SIMULATED!r} is for a simulated device, got {url}"
+        )
+    return gauge
 
 
 FILE = "calibration.json"

@@ -24,7 +24,12 @@ from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal, JournalError
 from runner.journal.verification import touchbeam_versions
 from runner.launch.confirmation import Confirm, nearly_the_same, refused
-from runner.launch.device_access import SessionRig, kept_calibration, session_rig
+from runner.launch.device_access import (
+    SessionRig,
+    gauge_address,
+    kept_calibration,
+    session_rig,
+)
 from runner.launch.locks import rig_lock, session_lock
 from runner.launch.participant_screen import participants_screen
 from runner.launch.participants import Say, participant_and_operator
@@ -234,7 +239,9 @@ def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
     options, name = request.options, request.name
     # Also of the rehearsal of that name: nobody runs both at once.
     stack.enter_context(session_lock(name, options.folder.path))
-    stack.enter_context(rig_lock(request.url))
+    gauge = gauge_address(request.study.force_channel, request.url)
+    for url in (request.url, *([gauge] if gauge and request.url != SIMULATED else [])):
+        stack.enter_context(rig_lock(url))
     # The window before the rig: without a window to instruct the participant nothing is driven.
     window = stack.enter_context(_window(request, say))
     calibration = options.calibration or kept_calibration(options.folder.path)
@@ -247,6 +254,7 @@ def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
             calibration,
             law=options.law,
             rung=options.rung,
+            force_channel=request.study.force_channel,
         )
     )
     clock: Clock = WallClock()

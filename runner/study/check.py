@@ -19,7 +19,7 @@ from protocol.study.study import Study
 from protocol.study.touch import Touch
 from protocol.study_file.language_files import located
 from protocol.study_file.loading import StudyError, parsed_study
-from runner.study.folder import StudyFolder, dialects
+from runner.study.folder import DIALECTS, StudyFolder
 
 
 def validated_study(text: str, source: str) -> Study:
@@ -28,7 +28,7 @@ def validated_study(text: str, source: str) -> Study:
     Raises:
         StudyError: the study has problems.
     """
-    return parsed_study(text, source, _placement_problems, dialects)
+    return parsed_study(text, source, _placement_problems, DIALECTS)
 
 
 def _placement_problems(study: Study) -> Iterator[Problem]:

@@ -4,14 +4,15 @@ import json
 import os
 import re
 import shlex
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
+from types import MappingProxyType
 
 from protocol.errors import BadInput
-from protocol.study.fields import LONGEST_NAME, printable
+from protocol.study.fields import LONGEST_NAME, Names, printable
 from protocol.study.languages import CODE
 from protocol.study.study import Study
 from protocol.study_file.language_files import picture_names, with_languages, with_pictures
@@ -20,11 +21,24 @@ from runner.study.files import make_folder, short_text, take_away
 from runner.study.pictures import picture_digests
 
 
-def dialects() -> Iterable[str]:
+def _dialects() -> Iterable[str]:
     """Return the dialects that have a driver."""
     from device.drivers.discovery import drivers
 
     return drivers()
+
+
+def _gauge_dialects() -> Iterable[str]:
+    """Return the dialects of gauges that have a driver."""
+    from device.gauges.discovery import gauges
+
+    return gauges()
+
+
+DIALECTS: Mapping[str, Names] = MappingProxyType(
+    {"dialects": _dialects, "gauge dialects": _gauge_dialects}
+)
+"""What devices and gauges may speak, by what a study file calls it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,7 +123,7 @@ class StudyFolder:
             BadInput: the study file is missing or unreadable.
             StudyError: the study has problems.
         """
-        return parsed_study(self.text(), str(self.study_file), dialects=dialects)
+        return parsed_study(self.text(), str(self.study_file), dialects=DIALECTS)
 
     def study_if_valid(self) -> Study | None:
         """Return the checked study, None if it is missing or has problems."""

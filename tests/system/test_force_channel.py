@@ -55,14 +55,15 @@ def recorded(rig: Rig, control: ControlClient, seconds: float) -> Samples:
     return rig.recorded()
 
 
-def require_complete(samples: Samples, seconds: float) -> None:
+def require_complete(samples: Samples, seconds: float, tolerance_counts: float = 1.1) -> None:
     """Each sample is there once: the finger moves on by the same way from each to the next."""
     counts = array("h", samples.counts)
     positions = counts[2 * len(counts) // 3 :]
     assert seconds * 1000 <= len(positions) < (seconds + 1) * 1000
     for number, count in enumerate(positions):
         moved_m = (count - positions[0]) * samples.scale[2]
-        assert moved_m == pytest.approx(SPEED_M_S * number / 1000, abs=1.1 * samples.scale[2])
+        tolerance_m = tolerance_counts * samples.scale[2]
+        assert moved_m == pytest.approx(SPEED_M_S * number / 1000, abs=tolerance_m)
 
 
 def test_seconds_at_1_khz_are_complete(simulator: Endpoints, control: ControlClient) -> None:

@@ -8,11 +8,14 @@ from pathlib import Path
 import pytest
 
 from device.force_channel.blocks import Block, decoded, encoded
+from device.gauges.gauge import LineGauge
+from device.gauges.gauge import block as samples_in
 from device.link.codec import block, number
 from device.link.link import Link, open_link
 from device.simulator.client import ControlClient, Endpoints, simulator_process
 from device.simulator.device import simulated_device
 from device.simulator.faults import FAULTS
+from device.simulator.models.force_sampler import SCALE
 from tests.device.rigs import TOUCHBEAM
 
 PAGE = (Path(__file__).parents[2] / "docs" / "wire-protocol.md").read_text(encoding="utf-8")
@@ -59,6 +62,34 @@ def test_an_example_of_the_page_runs_as_printed(
             assert mark in "><(#", line
 
 
+@pytest.mark.parametrize("example", re.findall(r"```gauge\n(.*?)```", PAGE, re.DOTALL))
+def test_an_example_of_the_gauge_runs_as_printed(example: str, simulator: Endpoints) -> None:
+    gauge = LineGauge(open_link(simulator.gauge))
+    lines = example.splitlines()
+    with ControlClient(simulator.control) as control:
+        for line, after in zip(lines, [*lines[1:], ""], strict=True):
+            mark, text = line[0], line[2:]
+            if mark == "(":
+                control._ask(text)
+            elif mark == ">" and after.startswith("<"):
+                assert gauge.link.ask(text) == after[2:]
+            elif mark == ">" and after.startswith("#"):
+                found = samples_in(gauge.link.ask(text), SCALE)
+                assert f"{found.first} {found.count}" == after[2:]
+            elif mark == ">":
+                gauge.link.tell(text)
+                assert gauge.link.ask("UNIT?") == "N", "done before the hand does anything"
+    gauge.close()
+
+
+def test_the_page_has_a_gauges_samples_to_the_byte() -> None:
+    printed = re.search(r"```text\n(7;.*?)\n```", PAGE)
+    assert printed is not None
+    found = samples_in(printed[1], SCALE)
+    assert (found.first, found.first_s) == (7, 1.5)
+    assert list(found.counts) == [800, 2000, 8280, -3, 2004, 8282]
+
+
 def _agrees(answer: str, printed: str) -> None:
     if not printed.startswith("~"):
         assert answer == printed
@@ -101,4 +132,4 @@ def test_the_page_has_every_error_number() -> None:
 def test_the_page_has_every_fault_and_every_number() -> None:
     listed = re.findall(r"^\| (\d+) \| (?:`(.+?)`)? ?\| (.+) \|$", PAGE, re.MULTILINE)
     assert {(str(f.number), f.name, f.what) for f in FAULTS} <= set(listed)
-    assert {int(number) for number, _, _ in listed} == set(range(1, 36))
+    assert {int(number) for number, _, _ in listed} == set(range(1, 37))

@@ -73,10 +73,10 @@ def rig(dialect: str) -> str:
 
 def test_a_study_may_name_every_dialect_that_there_is(next_dialect: str) -> None:
     for dialect in drivers():
-        assert parsed_study(rig(dialect), dialects=drivers).rig.dialect == dialect
+        assert parsed_study(rig(dialect), dialects={"dialects": drivers}).rig.dialect == dialect
     known = "'board', 'keysight', 'rigol', 'siglent' or 'next'"
     with pytest.raises(StudyError, match=f"{known}, got 'nxt'; did you mean"):
-        parsed_study(rig("nxt"), dialects=drivers)
+        parsed_study(rig("nxt"), dialects={"dialects": drivers})
 
 
 def test_the_papers_numbers_for_the_amplifier() -> None:

@@ -16,6 +16,7 @@ from protocol.study_file.recovery import recovered
 from protocol.study_file.schema_errors import schema_problems
 
 PAPER = template("paper")
+DIALECTS = {"dialects": lambda: ("board", "keysight"), "gauge dialects": lambda: ("gauge",)}
 EXTENDED = template("extended")
 
 
@@ -94,15 +95,15 @@ def test_an_unknown_template_is_refused() -> None:
             r"study.toml:9: rig.amplifier_gain: must be given where rig.dialect = 'keysight', got",
         ),
         (
+            "[touch]\n",
+            '[force_channel]\ngauge_dialect = "guage"\n[touch]\n',
+            "gauge_dialect: must be one of 'gauge', got 'guage'; did you mean 'gauge'",
+        ),
+        (
             'device = "sim"',
             'device = "spy:///dev/null?file=thesis.tex"',
             r"study.toml:10: rig.device: must be sim, a serial port, socket://HOST:PORT or "
             r"rfc2217://HOST:PORT, without options, got 'spy:///dev/null.file=thesis.tex'$",
-        ),
-        (
-            "[rating]",
-            "[force_channel]\nrate_hz = 500\ngauge = 'COM2'\ngauge_dialect = 'a b'\n[rating]",
-            r"force_channel\.gauge_dialect: must be a name of letters",
         ),
         ("[rating]", "[force_channel]\nrate_hz = 40\n[rating]", "must be at least 50, got 40"),
         ("seed = 1", "seed = 1.5", "study.seed: must be a whole number, got 1.5"),
@@ -150,7 +151,7 @@ def test_an_unknown_template_is_refused() -> None:
 def test_a_bad_study_is_refused_in_one_line(right: str, wrong: str, message: str) -> None:
     assert right in PAPER
     with pytest.raises(StudyError, match=message) as caught:
-        parsed_study(PAPER.replace(right, wrong, 1), dialects=lambda: ("board", "keysight"))
+        parsed_study(PAPER.replace(right, wrong, 1), dialects=DIALECTS)
     assert "\n" not in str(caught.value)
 
 
@@ -174,6 +175,10 @@ def test_a_dialect_is_a_name_where_nobody_says_which_there_are() -> None:
     assert parsed_study(PAPER.replace('device = "sim"', rig, 1)).rig.dialect == "rigol"
     with pytest.raises(StudyError, match=r"rig\.dialect: must be a name of letters"):
         parsed_study(PAPER.replace('device = "sim"', 'dialect = "a b"', 1))
+    with pytest.raises(
+        StudyError, match=r"force_channel\.gauge_dialect: must be a name of letters"
+    ):
+        parsed_study(f"{PAPER}\n[force_channel]\ngauge_dialect = 'a b'\n")
 
 
 @pytest.mark.parametrize(

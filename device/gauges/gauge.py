@@ -1,0 +1,100 @@
+"""The dialect `gauge`: lines of ASCII, each with a digest. docs/wire-protocol.md has all of it."""
+
+import math
+import re
+import zlib
+from array import array
+from collections.abc import Callable
+from typing import ClassVar
+
+from device.errors import DeviceError, ProtocolError
+from device.force_channel.blocks import Block
+from device.force_channel.samples import CHANNELS, FULL_SCALE, Scale
+from device.gauges.driver import GaugeDriver
+from device.link.codec import fields, number, number_text, switch, whole
+from device.link.link import Register
+
+UNIT = "N"
+
+
+class LineGauge(GaugeDriver):
+    """A gauge that says forces in newtons and places in metres, one line for each question."""
+
+    dialect: ClassVar[str] = "gauge"
+    idn: ClassVar["re.Pattern[str]"] = re.compile("touchbeam,GAUGE,", re.IGNORECASE)
+    expected: ClassVar[str] = "a gauge (TOUCHBEAM,GAUGE,…)"
+    register: ClassVar[Register] = Register(
+        put="MARK {}", get="MARK?", told=re.compile(r"(\d{1,3})")
+    )
+    _scale: Scale = (1.0, 1.0, 1.0)
+
+    def _require_unit(self) -> None:
+        unit = self.link.ask("UNIT?")
+        if unit != UNIT:
+            raise DeviceError(f"the gauge must measure in {UNIT}, got {unit!r}")
+
+    def start_sampling(self, rate_hz: float) -> Scale:
+        """Set the rate and start; samples are numbered from 0. Return the size of one count."""
+        self._require_unit()
+        self.link.tell(f"RATE {number_text(rate_hz)}")
+        kept_hz = self.link.query("RATE?", number)
+        if not math.isclose(kept_hz, rate_hz, rel_tol=1e-6):
+            raise DeviceError(f"the gauge's RATE was set to {rate_hz:g} and is {kept_hz:g}")
+        self._scale = self.link.query("RANG?", _scale)
+        self._switch("STAR", on=True)
+        return self._scale
+
+    def sampled(self, first: int, checked: Callable[[Block], Block]) -> Block:
+        """Ask for the samples from number `first` on; ask once more if `checked` refuses them."""
+        return self.link.query(f"DATA? {first}", lambda line: checked(block(line, self._scale)))
+
+    def stop_sampling(self) -> None:
+        """Stop; what was sampled can still be asked for."""
+        self._switch("STOP", on=False)
+
+    def device_time_s(self) -> float:
+        """Get the gauge's own time, s."""
+        return self.link.query("TIME?", number)
+
+    def _switch(self, command: str, *, on: bool) -> None:
+        self.link.tell(command)
+        if self.link.query("STAT?", switch) is not on:
+            raise DeviceError(f"the gauge was told {command} and does not")
+
+
+def block(line: str, scale: Scale) -> Block:
+    """Return the samples in `line`: `first;time;count;t,n,x;…;digest`, as counts of `scale`.
+
+    Raises:
+        ProtocolError: it was changed on its way, or contradicts itself.
+    """
+    body, _, digest = line.rpartition(";")
+    if f"{zlib.crc32(body.encode('ascii')):08X}" != digest.upper():
+        raise ProtocolError(f"the gauge's samples differ from their digest, got {line[:40]!r}")
+    head, samples = body.split(";")[:3], body.split(";")[3:]
+    first, first_s, count = fields(";".join(head), 3)
+    if whole(count) != len(samples):
+        raise ProtocolError(f"the gauge must send {count} samples, got {len(samples)}")
+    counts = array("h")
+    for sample in samples:
+        counts.extend(_counts(sample, scale))
+    return Block(first=whole(first), first_s=number(first_s), counts=counts)
+
+
+def _counts(sample: str, scale: Scale) -> list[int]:
+    values = sample.split(",")
+    if len(values) != CHANNELS:
+        raise ProtocolError(f"a sample must have {CHANNELS} values, got {sample!r}")
+    counts = [round(number(value) / size) for value, size in zip(values, scale, strict=True)]
+    return [max(-FULL_SCALE, min(FULL_SCALE, count)) for count in counts]
+
+
+def _scale(reply: str) -> Scale:
+    ranges = [number(largest) for largest in reply.split(",")]
+    if len(ranges) != CHANNELS or min(ranges) <= 0:
+        raise ProtocolError(f"the gauge must have {CHANNELS} ranges above 0, got {reply!r}")
+    tangential_n, normal_n, position_m = ranges
+    return tangential_n / FULL_SCALE, normal_n / FULL_SCALE, position_m / FULL_SCALE
+
+
+GAUGE = LineGauge

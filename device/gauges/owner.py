@@ -1,0 +1,147 @@
+"""The owner of a gauge's port: a thread of its own, so that a slow gauge delays no stop."""
+
+import queue
+import threading
+from collections.abc import Callable
+from typing import TypeVar
+
+from device.errors import DeviceError
+from device.force_channel.recording import Recording
+from device.force_channel.samples import Forces, Samples
+from device.gauges.driver import GaugeDriver
+from device.link.jobs import Job
+
+MOST_LATE_S = 0.3
+"""How late samples may be fetched before the session waits for them."""
+_LOOK_S = 0.02
+_Result = TypeVar("_Result")
+
+
+class GaugeOwner:
+    """A gauge whose calls are made one after the other. Its methods may be called from any thread.
+
+    An error of the gauge begins with `gauge: `.
+    """
+
+    def __init__(self, gauge: GaugeDriver) -> None:
+        self._gauge = gauge
+        self._jobs: queue.SimpleQueue[Job | None] = queue.SimpleQueue()
+        self._recording: Recording | None = None
+        self._fault: DeviceError | None = None
+        self._on_fault: Callable[[], object] = lambda: None
+        self._thread: threading.Thread | None = None
+
+    def start(self, on_fault: Callable[[], object]) -> None:
+        """Give the port to a thread of its own, which calls `on_fault` when the gauge fails."""
+        self._on_fault = on_fault
+        self._thread = threading.Thread(target=self._serve, name="gauge owner", daemon=True)
+        self._thread.start()
+
+    @property
+    def latest(self) -> Forces | None:
+        """Means of the newest block; None while nothing is recorded."""
+        recording = self._recording
+        return None if recording is None else recording.latest
+
+    def meet(self) -> str:
+        """See who is there, and forget a fault; return the gauge's identity.
+
+        Raises:
+            DeviceError: it is another device, or measures in another unit.
+        """
+        self._recording = self._fault = None
+        return self._owned(self._gauge.meet)
+
+    def record(self, rate_hz: float, clock_s: Callable[[], float]) -> None:
+        """Record from now on; `clock_s` is the session's clock."""
+        self._owned(lambda: self._record(rate_hz, clock_s))
+
+    def recorded(self) -> Samples:
+        """Stop recording, and return everything since `record`."""
+        return self._owned(self._recorded)
+
+    def abandon(self) -> None:
+        """Record no more; nobody wants what was recorded."""
+        self._recording = None
+
+    def keep_up(self) -> None:
+        """Wait for the owner if samples are fetched too late."""
+        recording = self._recording
+        if recording is not None and recording.wait_s() < -MOST_LATE_S:
+            self._owned(lambda: None)
+
+    def require_sound(self) -> None:
+        """Raise the gauge's failure, if there was one."""
+        if self._fault is not None:
+            raise self._fault
+
+    def close(self) -> None:
+        """End the thread and give the port back."""
+        self._jobs.put(None)
+        if self._thread is not None:
+            self._thread.join()
+        self._gauge.close()
+
+    def step(self, wait_s: float = 0.0) -> bool:
+        """Make the next call, if one comes within `wait_s`, and fetch what is due; for the owner.
+
+        Returns False once the gauge is closed.
+        """
+        try:
+            job = self._jobs.get(timeout=wait_s)
+        except queue.Empty:
+            self._fetch()
+            return True
+        if job is None:
+            return False
+        job.settle()
+        self._fetch()
+        return True
+
+    def _owned(self, work: Callable[[], _Result]) -> _Result:
+        job = Job(work=work)
+        self._jobs.put(job)
+        if self._thread is None:
+            self.step()
+        try:
+            found: _Result = job.result.result()
+        except Exception as error:
+            raise _of_gauge(error) from error
+        return found
+
+    # What follows is the owner's work.
+
+    def _serve(self) -> None:
+        while self.step(self._wait_s()):
+            pass
+
+    def _wait_s(self) -> float:
+        recording = self._recording
+        return _LOOK_S if recording is None else min(max(recording.wait_s(), 0.0), _LOOK_S)
+
+    def _record(self, rate_hz: float, clock_s: Callable[[], float]) -> None:
+        self._recording = Recording(self._gauge, rate_hz, clock_s)
+
+    def _recorded(self) -> Samples:
+        if self._recording is None:
+            raise self._fault or DeviceError("nothing is recorded")
+        try:
+            return self._recording.finished()
+        finally:
+            self._recording = None
+
+    def _fetch(self) -> None:
+        """Ask for the block that is due, if there is one; a gauge that fails is asked no more."""
+        try:
+            if (recording := self._recording) is not None and recording.wait_s() <= 0:
+                recording.fetch()
+        except Exception as error:
+            self._recording, self._fault = None, _of_gauge(error)
+            self._on_fault()
+
+
+def _of_gauge(error: Exception) -> DeviceError:
+    if not isinstance(error, DeviceError):
+        return DeviceError(f"gauge: {type(error).__name__}: {error}")
+    said = str(error)
+    return error if said.startswith("gauge: ") else DeviceError(f"gauge: {said}")

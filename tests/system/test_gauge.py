@@ -1,0 +1,146 @@
+"""A gauge on a port of its own: its samples are those of a board's, and its faults turn off."""
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+import pytest
+
+from device.errors import DeviceError
+from device.gauges.discovery import open_gauge
+from device.rig import Rig, open_rig
+from device.simulator.client import ControlClient, Endpoints, simulator_process
+from protocol.address import AddressError
+from tests.device.rigs import DRIVE, LIMITS, TOUCHBEAM, driven_on, until
+from tests.system.test_force_channel import NOISES, recorded, require_complete
+
+
+@pytest.fixture(scope="module", params=[("board", "pty"), ("keysight", "tcp")], ids=str)
+def simulator(request: pytest.FixtureRequest) -> Iterator[Endpoints]:
+    dialect, wire = request.param
+    with simulator_process(TOUCHBEAM, 1, dialect=dialect, wire=wire, keep=True) as endpoints:
+        yield endpoints
+
+
+@pytest.fixture
+def dialect(request: pytest.FixtureRequest) -> str:
+    found: str = request.node.callspec.params["simulator"][0]
+    return found
+
+
+@pytest.fixture
+def control(simulator: Endpoints) -> Iterator[ControlClient]:
+    with ControlClient(simulator.control) as control:
+        control.reset()
+        for noise in NOISES:
+            control.sensor(noise, 0.0)
+        yield control
+        control.reset()
+
+
+@contextmanager
+def rig_with_gauge(simulator: Endpoints, dialect: str) -> Iterator[Rig]:
+    rig = open_rig(simulator.url, LIMITS, dialect, gauge=open_gauge(simulator.gauge, "gauge"))
+    try:
+        yield rig
+    finally:
+        with suppress(DeviceError):
+            rig.close()
+
+
+def test_seconds_at_1_khz_are_complete(
+    simulator: Endpoints, dialect: str, control: ControlClient
+) -> None:
+    with rig_with_gauge(simulator, dialect) as rig:
+        samples = recorded(rig, control, seconds=3)
+    require_complete(samples, 3, tolerance_counts=3)
+    assert samples.source == "gauge"
+    assert samples.clock_error_s < 0.1
+    assert samples.clock_offset_s + samples.first_s < time.monotonic()
+
+
+def test_a_garbled_answer_is_asked_for_again(
+    simulator: Endpoints, dialect: str, control: ControlClient
+) -> None:
+    with rig_with_gauge(simulator, dialect) as rig:
+        control.fault("gauge-garbled-once")
+        require_complete(recorded(rig, control, seconds=1), 1, tolerance_counts=3)
+
+
+@pytest.mark.parametrize(
+    ("fault", "says"),
+    [
+        ("gauge-vanish", "gauge: the device is gone|gauge: cannot send"),
+        ("gauge-silent", r"gauge: no answer to 'DATA\? \d+' in time"),
+        ("samples-lost", "gauge: samples of the force channel were lost"),
+    ],
+)
+def test_a_gauge_that_fails_turns_the_output_off(
+    fault: str, says: str, simulator: Endpoints, dialect: str, control: ControlClient
+) -> None:
+    with rig_with_gauge(simulator, dialect) as rig:
+        rig.arm()
+        rig.drive(DRIVE)
+        rig.record(1000)
+        driven_on(rig, control)
+        control.fault(fault)
+        with pytest.raises(DeviceError, match=f"({says}).*; output off, read back"):
+            driven_on(rig, control, seconds=2)
+        assert control.state()["output"] is False
+        control.fault(fault, on=False)
+
+
+def test_a_gauge_with_another_unit_is_refused(
+    simulator: Endpoints, dialect: str, control: ControlClient
+) -> None:
+    control.fault("gauge-wrong-unit")
+    with rig_with_gauge(simulator, dialect) as rig:
+        with pytest.raises(DeviceError, match="gauge: the gauge must measure in N, got 'gf'"):
+            rig.arm()
+        control.fault("gauge-wrong-unit", on=False)
+        rig.arm()
+        assert rig.drive(DRIVE).output
+
+
+def test_a_unit_that_is_changed_between_two_touches_is_refused(
+    simulator: Endpoints, dialect: str, control: ControlClient
+) -> None:
+    with rig_with_gauge(simulator, dialect) as rig:
+        recorded(rig, control, seconds=0.2)
+        control.fault("gauge-wrong-unit")
+        rig.drive(DRIVE)
+        with pytest.raises(DeviceError, match="in N, got 'gf'; output off, read back"):
+            rig.record(1000)
+        assert control.state()["output"] is False
+
+
+def test_a_board_is_no_gauge(simulator: Endpoints, dialect: str, control: ControlClient) -> None:
+    with rig_with_gauge(simulator, dialect) as rig:
+        rig.arm()
+        with pytest.raises(DeviceError, match="nothing is recorded"):
+            rig.recorded()
+    other = open_gauge(simulator.url, "gauge")
+    with pytest.raises(DeviceError, match=r"gauge: expected a gauge \(TOUCHBEAM,GAUGE,…\), got"):
+        other.meet()
+    other.close()
+
+
+def test_a_gauge_does_not_delay_a_stop(
+    simulator: Endpoints, dialect: str, control: ControlClient
+) -> None:
+    with rig_with_gauge(simulator, dialect) as rig:
+        rig.arm()
+        rig.drive(DRIVE)
+        rig.record(1000)
+        driven_on(rig, control)
+        control.fault("gauge-silent")
+        time.sleep(0.05)
+        stopped_s = time.monotonic()
+        rig.emergency_stop()
+        assert until(lambda: not control.state()["output"], within_s=1)
+        assert time.monotonic() - stopped_s < 0.1
+
+
+def test_a_dialect_that_nobody_speaks_is_refused() -> None:
+    with pytest.raises(AddressError, match="dialect of a gauge must be one of gauge, got 'frob'"):
+        open_gauge("/dev/null", "frob")

@@ -15,7 +15,9 @@ import serial
 
 from device.drivers.board import Board
 from device.drivers.limits import Limits
+from device.force_channel.blocks import encoded
 from device.link.codec import LineBuffer, text
+from device.link.codec import block as in_block
 from device.link.link import open_link
 from device.link.port import SerialPort
 from device.simulator.client import Endpoints, simulator_process
@@ -58,6 +60,36 @@ def test_set_and_read_back_against_raw_pyserial(benchmark: Any, simulator: Endpo
     benchmark.pedantic(ours, rounds=100)
     link.close()
     _report(benchmark, taken, most=1.3)
+
+
+def test_a_block_of_samples_against_raw_pyserial(benchmark: Any, simulator: Endpoints) -> None:
+    """A whole block of 50 ms at 1 kHz, asked for, checked and decoded."""
+    link = open_link(simulator.url)
+    board = Board(link, LIMITS)
+    board.arm()
+    board.start_sampling(1000)
+    time.sleep(0.1)
+    port = link._port._port
+    size = len(in_block(encoded(board.sampled(0, lambda found: found)))) + 1
+
+    def ours() -> None:
+        assert board.sampled(0, lambda found: found).count == 50
+
+    def raw() -> None:
+        port.write(b"TRAC:DATA? 0\n")
+        got = 0
+        while got < size:
+            select.select([port.fileno()], [], [], 1)
+            got += len(port.read(4096))
+
+    taken = {"ours": [], "raw": []}
+    board.stop_sampling()
+    for _ in range(ROUNDS):
+        taken["ours"].append(_seconds(ours))
+        taken["raw"].append(_seconds(raw))
+    benchmark.pedantic(ours, rounds=100)
+    link.close()
+    _report(benchmark, taken, most=1.4)
 
 
 class Flood:

@@ -15,6 +15,8 @@ from device.link.codec import fields, number, number_text, switch, whole
 from device.link.link import Register
 
 UNIT = "N"
+_BEYOND = 1.01
+"""How far a value may lie beyond the range by its last digit."""
 
 
 class LineGauge(GaugeDriver):
@@ -86,6 +88,8 @@ def _counts(sample: str, scale: Scale) -> list[int]:
     if len(values) != CHANNELS:
         raise ProtocolError(f"a sample must have {CHANNELS} values, got {sample!r}")
     counts = [round(number(value) / size) for value, size in zip(values, scale, strict=True)]
+    if max(map(abs, counts)) > _BEYOND * FULL_SCALE:
+        raise ProtocolError(f"a sample must lie in its range, got {sample!r}")
     return [max(-FULL_SCALE, min(FULL_SCALE, count)) for count in counts]
 
 

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 
 import pytest
 
@@ -11,6 +12,13 @@ from device.gauges.discovery import open_gauge
 from device.rig import Rig, open_rig
 from device.simulator.client import ControlClient, Endpoints, simulator_process
 from protocol.address import AddressError
+from protocol.study.rig_settings import ForceChannel
+from protocol.study.rig_settings import Rig as RigSettings
+from protocol.study_file.loading import template
+from runner.launch.device_access import session_rig
+from runner.launch.locks import RigInUse, rig_lock
+from runner.launch.run_session import SessionOptions, run_session
+from runner.study.folder import StudyFolder
 from tests.device.rigs import DRIVE, LIMITS, TOUCHBEAM, driven_on, until
 from tests.system.test_force_channel import NOISES, recorded, require_complete
 
@@ -139,6 +147,44 @@ def test_a_gauge_does_not_delay_a_stop(
         rig.emergency_stop()
         assert until(lambda: not control.state()["output"], within_s=1)
         assert time.monotonic() - stopped_s < 0.1
+
+
+def study_with_gauge(tmp_path: Path, gauge: str) -> SessionOptions:
+    channel = f'[force_channel]\nrate_hz = 500\ngauge = "{gauge}"\n\n[touch]\n'
+    text = template("paper").replace("[touch]\n", channel, 1)
+    (tmp_path / "study.toml").write_text(text)
+    return SessionOptions(
+        folder=StudyFolder(path=tmp_path),
+        participant="P01",
+        ratings="virtual",
+        device="/dev/no-such-device",
+        touchbeam=TOUCHBEAM,
+    )
+
+
+def test_two_sessions_cannot_share_a_gauge(tmp_path: Path) -> None:
+    options = study_with_gauge(tmp_path, "/dev/some-gauge")
+    with (
+        rig_lock("/dev/some-gauge"),
+        pytest.raises(RigInUse, match=r"^/dev/some-gauge is in use by"),
+    ):
+        run_session(options, lambda _: None)
+
+
+def test_a_simulated_gauge_is_not_for_a_real_device(tmp_path: Path) -> None:
+    with pytest.raises(AddressError, match="'sim' is for a simulated device, got /dev/no-such"):
+        run_session(study_with_gauge(tmp_path, "sim"), lambda _: None)
+
+
+@pytest.mark.parametrize("dialect", ["board", "keysight"])
+def test_the_gauge_of_a_simulated_device_is_simulated(dialect: str) -> None:
+    rig = RigSettings(dialect=dialect, amplifier_gain=20 if dialect != "board" else None)
+    channel = ForceChannel(rate_hz=500, gauge="/dev/some-gauge")
+    with session_rig("sim", rig, TOUCHBEAM, 1, force_channel=channel) as found:
+        found.device.arm()
+        found.device.record(500)
+        time.sleep(0.2)
+        assert found.device.recorded().source == "gauge"
 
 
 def test_a_dialect_that_nobody_speaks_is_refused() -> None:

@@ -228,6 +228,7 @@ class Board(Driver):
 
     def start_sampling(self, rate_hz: float) -> Scale:
         """Set the rate and start; samples are numbered from 0. Return the size of one count."""
+        self.send("TRAC:STAT OFF")  # a session that was killed, or broken off, left it on
         self.set_number("TRAC:RATE", rate_hz)
         scale = self.link.query("TRAC:SCAL?", _scale)
         self.send("TRAC:STAT ON")

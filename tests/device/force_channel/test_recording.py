@@ -80,6 +80,16 @@ def test_a_second_recording_begins_anew() -> None:
     require_complete(bench, bench.recorded(seconds=1))
 
 
+def test_a_recording_that_was_broken_off_is_forgotten() -> None:
+    """Another session left the board sampling when it was killed, or a touch was repeated."""
+    bench = Bench()
+    bench.rig.record(1000)
+    bench.live(0.2)
+    samples = bench.recorded(rate_hz=200)
+    assert samples.rate_hz == 200
+    assert len(samples.counts) == pytest.approx(6 * 200, abs=6 * 20)
+
+
 @pytest.mark.parametrize("fault", ["block-garbled-once", "block-truncated-once"])
 def test_a_broken_block_is_asked_for_again_and_nothing_is_lost(fault: str) -> None:
     bench = Bench()

@@ -15,6 +15,7 @@ INVARIANTS = {
     10: "excluded and withdrawn data are in no report and no export",
     11: "every session ends with one line that tells the truth, and can be finished",
     12: "no thread, lock or handle is left over",
+    13: "each touch of a study that records has one recording, which is whole",
 }
 
 

@@ -1,8 +1,11 @@
 """What the journal must show at the end of a day, read without the code that wrote it."""
 
+import base64
+import hashlib
 import json
 import re
 import sqlite3
+import zlib
 from collections import defaultdict
 from typing import TYPE_CHECKING, Any
 
@@ -22,15 +25,15 @@ _LETTERS = {
     "session-opened": "O", "session-resumed": "R", "practice-renewed": "P", "device-armed": "A",
     "watchdog-tested": "H",
     "rig-described": "D", "beam-mounted": "B", "resonance-measured": "M", "trial-started": "T",
-    "touch-started": "S", "touch-ended": "E", "answered": "W", "trial-aborted": "X",
-    "trial-deferred": "Y",
+    "touch-started": "S", "touch-recorded": "N", "touch-ended": "E", "answered": "W",
+    "trial-aborted": "X", "trial-deferred": "Y",
     "paused": "U", "unpaused": "V", "device-off": "F", "session-completed": "C",
     "trial-excluded": "x", "trial-included": "i", "session-excluded": "Z",
     "session-included": "z", "withdrawn": "G", "note": "",
 }  # fmt: skip
-_TRIAL = "T(?:(?:B?SE)+[WY]|(?:B?SE)*B?S?X)"
+_TRIAL = "T(?:(?:B?SN?E)+[WY]|(?:B?SN?E)*B?(?:SN?)?X)"
 _RUN = f"AH?D?B?(?:M(?:{_TRIAL}|UV)*U?)?F"
-_BROKEN_OFF = f"AH?D?B?(?:M(?:{_TRIAL}|UV)*(?:U|T(?:B?SE)*B?S?)?)?"
+_BROKEN_OFF = f"AH?D?B?(?:M(?:{_TRIAL}|UV)*(?:U|T(?:B?SN?E)*B?(?:SN?)?)?)?"
 _DECIDED = "(?:[xi]|Zz)*"
 _SESSION = re.compile(
     f"O(?:{_RUN})?{_DECIDED}(?:RP?(?:{_RUN})?{_DECIDED})*"
@@ -68,6 +71,7 @@ def at_the_end(day: "Day") -> None:
             _along_transitions(name, [tag for tag, _ in events])
             if events[0][1] is not None:
                 _as_planned(day, name, [(tag, payload or {}) for tag, payload in events])
+                _recorded(day, name, [(tag, payload or {}) for tag, payload in events])
     _slots(day, rows)
     erased(day)
 
@@ -125,6 +129,26 @@ def _as_planned(day: "Day", name: str, events: list[tuple[str, dict[str, Any]]])
     left = set(kinds) - answered
     require(9, not (completed and left), f"{name} is complete without {left}")
     require(11, completed == (name in day.completed), f"{name}: completed is {completed}")
+
+
+def _recorded(day: "Day", name: str, events: list[tuple[str, dict[str, Any]]]) -> None:
+    """Each touch that ended has one recording, whole and just before, if the study records."""
+    rate_hz = day.lab.watch.study.force_channel.rate_hz
+    before: tuple[str, dict[str, Any]] = "", {}
+    for tag, payload in events:
+        if tag == "touch-recorded":
+            require(13, rate_hz is not None, f"{name}: recorded without being asked for")
+            counts = zlib.decompress(base64.b64decode(payload["samples"]))
+            whole = hashlib.sha256(counts).hexdigest() == payload["sha256"]
+            require(13, whole and len(counts) == 6 * payload["count"], f"{name}: half a touch")
+            first_s = payload["first_s"] + payload["clock_offset_s"]
+            lasts_s = payload["moved_s"][1] - first_s
+            short_s = lasts_s - payload["count"] / rate_hz - payload["clock_error_s"]
+            require(13, short_s < 0.1, f"{name}: {short_s:.2f} s of a touch are lacking")
+        if tag == "touch-ended" and rate_hz is not None:
+            mine = before[0] == "touch-recorded" and before[1]["touch"] == payload["touch"]
+            require(13, mine, f"{name}: a touch after {before[0]} is not recorded")
+        before = tag, payload
 
 
 def _comes_again(

@@ -19,6 +19,7 @@ ramp_v_per_s = {ramp}
 max_slew_v_per_us = {slew}
 {cool}
 watchdog_s = {watchdog_s}
+{channel}
 [touch]
 beam = "a"
 hold_s = {hold_s}
@@ -79,6 +80,7 @@ def drawn_study(stream: random.Random, dialect: str) -> str:
         cool=("max_temperature_c = 60", "")[kind % 2],
         ramp=(400, 1000)[kind // 2],
         watchdog_s=((1.0, 0.6) if dialect == "board" else (1.5, 1.0))[kind % 2],
+        channel="[force_channel]\nrate_hz = 200" if kind == 3 and dialect == "board" else "",
         hold_s=(0.4, 0.6)[kind % 2],
         lead_in_s=(0.0, 0.3, 0.0, 0.2)[kind],
         order=("williams", "blocks")[kind % 2],

@@ -21,7 +21,9 @@ _TABLES = (
     "(`sub-*/ses-*/beh/` if there are several sessions); the JSON file beside it describes its "
     "columns. `n/a` is a missing value; in a text `\\t`, `\\n` and `\\\\` stand for a tab, a line "
     "feed and a backslash; an apostrophe before `=`, `+`, `-` or `@` keeps spreadsheets from "
-    "taking a text for a formula. `participants.tsv` gives each participant's pseudonym."
+    "taking a text for a formula. `participants.tsv` gives each participant's pseudonym. "
+    "`sourcedata/touchbeam/` has the study file and each session's events, traces of the finger "
+    "among them: `touchbeam import` makes a study of them again."
 )
 
 _RECORDINGS = (
@@ -117,17 +119,17 @@ def bids_recordings(data: Dataset) -> dict[str, bytes]:
 
 def _stem(data: Dataset, who: str, number: int) -> str:
     """The path of a session's files, without suffix."""
-    subject = f"sub-{data.subject_labels[who]}"
-    entities = [subject, *([f"ses-{number}"] if data.several_sessions else [])]
+    entities = data.entities(who, number)
     return "/".join([*entities, "beh", "_".join([*entities, f"task-{data.task}"])])
 
 
 def _sessions(data: Dataset) -> dict[str, str]:
     """Each session's table and its sidecar."""
     files: dict[str, str] = {}
+    names = [column.name for column in data.shared_columns]
     for (who, number), trials in data.by_session():
         stem = f"{_stem(data, who, number)}_beh"
-        files[f"{stem}.tsv"] = tsv_text([column.name for column in data.columns], cells(trials))
+        files[f"{stem}.tsv"] = tsv_text(names, cells(trials[names]))
         files[f"{stem}.json"] = json_text(_sidecar(data, trials))
     return files
 
@@ -141,7 +143,8 @@ def _sidecar(data: Dataset, trials: pd.DataFrame) -> dict[str, Any]:
         "InstitutionName": facts.institution,
         "InstitutionAddress": facts.institution_address,
     }
-    return {**known(task), **{column.name: _described(column, data) for column in data.columns}}
+    columns = {column.name: _described(column, data) for column in data.shared_columns}
+    return {**known(task), **columns}
 
 
 def _described(column: Column, data: Dataset) -> dict[str, Any]:

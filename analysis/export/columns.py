@@ -1,6 +1,6 @@
 """The columns of exported trials in their order: meaning, unit and levels of each one.
 
-Every export has the same columns in the same order, whatever a study holds.
+Every export of a format has the same columns in the same order, whatever a study holds.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -19,7 +19,7 @@ class Column:
     """One column.
 
     A column `per_touch` lists a value for each touch of the trial; one with `several` lists as
-    many as were chosen.
+    many as were chosen. One that is `private` stays out of data sets that are made to be shared.
     """
 
     name: str
@@ -29,6 +29,7 @@ class Column:
     levels: Mapping[str, str] = field(default_factory=dict)
     per_touch: bool = False
     several: bool = False
+    private: bool = False
 
     @property
     def of_lists(self) -> str:
@@ -117,9 +118,9 @@ _COURSE = (
     Column("attempts", "How often the trial was begun; all else is of the last attempt."),
     Column("aborted", "How many of the attempts were broken off."),
     Column("abort_reasons", "Why, a line each."),
-    Column("notes", "What the operator noted in or after the trial, a line each."),
-    Column("started_utc", "When the trial began, UTC."),
-    Column("answered_utc", "When the last answer was given, UTC."),
+    Column("notes", "What the operator noted in or after the trial, a line each.", private=True),
+    Column("started_utc", "When the trial began, UTC.", private=True),
+    Column("answered_utc", "When the last answer was given, UTC.", private=True),
     Column(
         "started_monotonic_s",
         "When the trial began by a clock that never runs backwards; it begins anew "

@@ -117,6 +117,11 @@ class Dataset:
         """The columns of `trials`."""
         return (*COLUMNS, *question_columns(self.questions))
 
+    @property
+    def shared_columns(self) -> tuple[Column, ...]:
+        """Those of them that a data set for others has."""
+        return tuple(column for column in self.columns if not column.private)
+
     @cached_property
     def said_once(self) -> dict[str, dict[str, Any]]:
         """By question, each participant's answer if nobody was asked more than once."""
@@ -168,6 +173,11 @@ class Dataset:
     def trials_excluded(self) -> int:
         """The number of trials here that the analysis leaves out."""
         return int(self.trials["excluded"].ne("no").sum())
+
+    def entities(self, subject: str, session: int) -> list[str]:
+        """Return the labels of a session in the names of BIDS files."""
+        several = [f"ses-{session}"] if self.several_sessions else []
+        return [f"sub-{self.subject_labels[subject]}", *several]
 
     def by_session(self) -> Iterator[tuple[tuple[str, int], pd.DataFrame]]:
         """Yield participant and number of each session, and its trials."""

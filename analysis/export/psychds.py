@@ -35,10 +35,11 @@ def psychds_export(data: Dataset) -> dict[str, str]:
 
 def _sessions(data: Dataset) -> dict[str, str]:
     files: dict[str, str] = {}
+    names = [column.name for column in data.shared_columns]
     for (who, number), trials in data.by_session():
         session = f"_session-{number}" if data.several_sessions else ""
         path = f"data/subject-{data.subject_labels[who]}{session}_task-{data.task}_data.csv"
-        files[path] = csv_text([column.name for column in data.columns], cells(trials))
+        files[path] = csv_text(names, cells(trials[names]))
     return files
 
 
@@ -64,7 +65,7 @@ def _dataset_description(data: Dataset) -> dict[str, Any]:
         "sourceOrganization": known(organisation) if facts.institution is not None else None,
         "creativeWorkStatus": "contains rehearsals" if "rehearsal" in data.kinds else None,
         "isBasedOn": f"study journal, SHA-256 of its events {data.source_sha256}",
-        "variableMeasured": [_variable(column, data) for column in data.columns],
+        "variableMeasured": [_variable(column, data) for column in data.shared_columns],
     }
     return known(described)
 

@@ -41,15 +41,22 @@ app = typer.Typer()
 @app.command("import")
 def import_scores(
     scores: Annotated[
-        Path, typer.Argument(metavar="SCORES.csv", help="Columns: subject, then conditions.")
+        Path,
+        typer.Argument(
+            metavar="SOURCE",
+            help="A table: subject, then conditions. Or the folder of a BIDS export.",
+        ),
     ],
     study: Annotated[Path, typer.Argument(metavar="STUDY", help="A new or an empty folder.")],
 ) -> None:
-    """Create a study from published scores.
+    """Create a study from published scores, or from the BIDS export of another one.
 
-    SCORES.csv has a column `subject` and one column per condition. Each subject is a pseudonym
-    of letters, digits, - and _ with a digit in it; a blank cell is a missing score.
+    A table is a CSV file with a column `subject` and one column per condition. Each subject is a
+    pseudonym of letters, digits, - and _ with a digit in it; a blank cell is a missing score.
     """
+    if scores.is_dir():
+        _import_data_set(scores, study)
+        return
     from analysis.loading.published import published_table, unpredicted_note
     from runner.study.files import bytes_of, text_of
     from runner.study.folder import StudyFolder
@@ -63,6 +70,21 @@ def import_scores(
     if note:
         say(note)
     imported = counted(len(table.subjects), "subject")
+    say(f"{imported} imported; next: touchbeam report {shlex.quote(str(study))}")
+
+
+def _import_data_set(source: Path, study: Path) -> None:
+    from analysis.loading.sessions import load_sessions
+    from runner.study.data_set import import_data_set, read_data_set
+    from runner.study.folder import StudyFolder
+
+    data = read_data_set(source)
+    try:  # the events are in order, but a value in them may have been changed
+        load_sessions(session.events for session in data.sessions.values())
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        raise BadInput(f"{source}: a session cannot be read ({error})") from error
+    import_data_set(StudyFolder(path=study), data)
+    imported = counted(len(data.sessions), "session")
     say(f"{imported} imported; next: touchbeam report {shlex.quote(str(study))}")
 
 
@@ -110,6 +132,7 @@ def export(
 
     from analysis.export.dataset import dataset
     from analysis.export.formats import EXPORTS, RECORDINGS
+    from analysis.export.source_data import source_files
     from runner.journal.verification import readable_chains
     from runner.study.files import write_new_folder
     from runner.study.folder import StudyFolder
@@ -127,9 +150,13 @@ def export(
             rehearsals=rehearsals,
             broken_chains=broken,
         )
+        texts = EXPORTS[as_format](data)
+        if as_format == "bids":
+            again = readable_chains(journal, [], participant)
+            texts |= source_files(data, again, source.text())
     _warn_of_broken(broken, study)
-    texts = {name: text.encode() for name, text in EXPORTS[as_format](data).items()}
-    write_new_folder({**texts, **RECORDINGS[as_format](data)}, folder)
+    files = {name: text.encode() for name, text in texts.items()}
+    write_new_folder({**files, **RECORDINGS[as_format](data)}, folder)
     say(f"Written: {folder}, {data.summary()}")
 
 

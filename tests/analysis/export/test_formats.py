@@ -247,7 +247,9 @@ def test_every_column_is_described_with_unit_and_levels() -> None:
         json.loads(text) for path, text in bids_export(nasty()).items() if "_beh.json" in path
     ]
     for sidecar in sidecars:
-        assert all(len(sidecar[column.name]["Description"]) > 10 for column in COLUMNS)
+        shared = [column.name for column in COLUMNS if not column.private]
+        assert [name for name in sidecar if name in {column.name for column in COLUMNS}] == shared
+        assert all(len(sidecar[name]["Description"]) > 10 for name in shared)
         assert sidecar["duration_s"]["Units"] == "s"
         assert "Unit: Hz." in sidecar["commanded_frequency_hz"]["Description"]
         assert {f"'{NAMES['frequency']}", "pressure"} <= sidecar["condition"]["Levels"].keys()
@@ -288,6 +290,14 @@ def test_the_words_of_the_operator_arrive() -> None:
     assert by_index["4"]["notes"] == r"bell \x07, escape \x1b[31m, line \u2028 separator"
     assert by_index["0"]["room_temperature"] == "'=20+1"
     assert by_index["0"]["beam"] == r"1\;5 mm"
+
+
+@pytest.mark.parametrize("export", [bids_export, psychds_export])
+def test_notes_and_the_time_of_day_stay_out_of_what_is_shared(
+    export: Callable[[Dataset], dict[str, str]],
+) -> None:
+    text = "".join(export(nasty()).values())
+    assert not re.search(r"started_utc|answered_utc|2026-01-01|\bleft\\?n|cmd\(\)\|' /C", text)
 
 
 def test_a_published_table_says_what_it_knows_and_no_more() -> None:

@@ -1,0 +1,34 @@
+"""What a data set was made from: the study file, and the events of each session as they may leave.
+
+`touchbeam import` makes a study of these files again; docs/data.md lists what they do not hold.
+"""
+
+from collections.abc import Iterable
+
+from analysis.export.dataset import Chain, Dataset
+from protocol.journal.events import ScoresImported, SessionOpened, Withdrawn
+from protocol.journal.shared_form import FOLDER, STUDY_FILE, SUFFIX, shared_text
+
+
+def source_files(data: Dataset, chains: Iterable[Chain], study_text: str) -> dict[str, str]:
+    """Return the files by path: of the sessions of `data`, whose events are among `chains`.
+
+    Args:
+        data: what is exported.
+        chains: the events of all sessions, in their order.
+        study_text: the study file with its own languages.
+    """
+    keys = ["participant", "session", "session_kind"]
+    subjects = data.sessions.set_index(keys)["subject"].to_dict()
+    files = {f"{FOLDER}/{STUDY_FILE}": study_text}
+    for place, events in enumerate(chains):
+        first = events[0]
+        withdrawn = any(event.tag == Withdrawn.TAG for event in events)
+        opened = None if withdrawn else first.record
+        if not isinstance(opened, SessionOpened | ScoresImported):
+            continue
+        subject = subjects.get((opened.participant, opened.session, opened.kind))
+        if subject is not None:
+            name = "_".join(data.entities(subject, opened.session))
+            files[f"{FOLDER}/{name}{SUFFIX}"] = shared_text(place, events)
+    return files

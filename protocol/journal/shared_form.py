@@ -1,0 +1,125 @@
+"""The events of a session in the form in which they leave the study, and come back.
+
+A session is a text of JSON lines: the first one has the session's place among the others, each
+other one an event: its tag, its time by the clock that never runs backwards, and its payload. The
+time of day, the operator's notes, references of consents, the device's address and how answers
+came about in the window stay behind.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
+from functools import singledispatch
+from typing import Any
+
+from protocol.errors import BadInput
+from protocol.journal.events import (
+    Answered,
+    Event,
+    NoteTaken,
+    QuestionAnswered,
+    ScoresImported,
+    SessionOpened,
+    SessionResumed,
+    StoredEvent,
+    TouchStarted,
+    WatchdogTested,
+    event_of,
+)
+from protocol.journal.state import folded
+from protocol.journal.transitions import NotAllowed
+
+FOLDER = "sourcedata/touchbeam"
+STUDY_FILE = "study.toml"
+SUFFIX = ".jsonl"
+"""Where a data set holds the study file and its sessions, a file each."""
+UNKNOWN_UTC = datetime(1970, 1, 1, tzinfo=UTC)
+"""When every session began whose time of day is not known."""
+_WRONG = (NotAllowed, ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
+"""What reading a line that was edited or damaged can raise."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SharedSession:
+    """A session that has come back: its place among the others, its events and their state."""
+
+    place: int
+    events: tuple[StoredEvent, ...]
+    opened: SessionOpened | ScoresImported
+
+
+def shared_text(place: int, events: Sequence[StoredEvent]) -> str:
+    """Return a session, which is the one at `place` in the study, counted from 0."""
+    lines: list[object] = [{"place": place}]
+    for stored in events:
+        event = _shared(stored.record)
+        if event is not None:
+            lines.append([event.TAG, stored.monotonic_s, event.to_json()])
+    return "".join(f"{json.dumps(line, ensure_ascii=False, allow_nan=False)}\n" for line in lines)
+
+
+def shared_session(source: str, text: str) -> SharedSession:
+    """Return the session in `text`.
+
+    Raises:
+        BadInput: it is none; the message begins with the name `source`.
+    """
+    first, *lines = text.split("\n")[:-1] or [""]
+    try:
+        place = int(json.loads(first)["place"])
+        read = [json.loads(line) for line in lines]
+        events = tuple(_stored(seq, *event, began_s=read[0][1]) for seq, event in enumerate(read))
+        opened = folded(events).opened
+    except _WRONG as error:
+        raise BadInput(f"{source}: cannot be read as a session of touchbeam ({error})") from error
+    if opened is None:
+        raise BadInput(f"{source}: must begin with the opening of a session")
+    return SharedSession(place=place, events=events, opened=opened)
+
+
+def _stored(
+    seq: int, tag: str, monotonic_s: float, given: Mapping[str, Any], *, began_s: float
+) -> StoredEvent:
+    payload = event_of(tag, given).to_json()
+    json.dumps(payload, allow_nan=False)  # refuses what no journal can hold
+    return StoredEvent(
+        seq=seq,
+        tag=tag,
+        utc=UNKNOWN_UTC + timedelta(seconds=monotonic_s - began_s),
+        monotonic_s=float(monotonic_s),
+        payload=payload,
+    )
+
+
+@singledispatch
+def _shared(event: Event) -> Event | None:
+    """Return what leaves the study of `event`; None if nothing does."""
+    return event
+
+
+@_shared.register
+def _nothing(_: NoteTaken | WatchdogTested) -> None:
+    return None
+
+
+@_shared.register
+def _without_consent(event: SessionOpened | SessionResumed) -> Event:
+    return replace(event, consent=None)
+
+
+@_shared.register
+def _without_response(event: TouchStarted) -> Event:
+    response = event.instruction and replace(event.instruction, trace=None)
+    return replace(event, instruction=response)
+
+
+@_shared.register
+def _without_traces(event: Answered) -> Event:
+    questions = tuple(replace(given, trace=None) for given in event.questions)
+    return replace(event, traces=(), questions=questions)
+
+
+@_shared.register
+def _without_trace(event: QuestionAnswered) -> Event:
+    return replace(event, trace=None)

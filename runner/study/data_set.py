@@ -1,0 +1,61 @@
+"""Import of a data set that touchbeam exported, as a study with the same sessions."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from protocol.errors import BadInput
+from protocol.journal.shared_form import FOLDER, STUDY_FILE, SUFFIX, SharedSession, shared_session
+from protocol.study_file.loading import parsed_study
+from runner.journal.names import REHEARSAL, session_name
+from runner.journal.opening import open_journal
+from runner.study.files import bytes_of, text_of
+from runner.study.folder import DIALECTS, StudyFolder, new_study
+
+
+@dataclass(frozen=True, kw_only=True)
+class DataSet:
+    """The text of a study and its sessions by the names of their chains, oldest first."""
+
+    study_text: str
+    sessions: Mapping[str, SharedSession]
+
+
+def read_data_set(source: Path) -> DataSet:
+    """Return the study in the folder `source`, which is a BIDS data set.
+
+    Raises:
+        BadInput: touchbeam has not exported it, or a file was changed so that it cannot be read.
+    """
+    place = source / FOLDER
+    study_file = place / STUDY_FILE
+    if not study_file.is_file():
+        raise BadInput(
+            f"{source}: must be a data set that touchbeam export --format bids wrote; "
+            f"{FOLDER}/{STUDY_FILE} is missing"
+        )
+    text = text_of(bytes_of(study_file), study_file)
+    parsed_study(text, str(study_file), dialects=DIALECTS)
+    files = sorted(place.glob(f"*{SUFFIX}"))
+    found = [shared_session(str(file), text_of(bytes_of(file), file)) for file in files]
+    sessions = {_name(session): session for session in sorted(found, key=lambda it: it.place)}
+    if len(sessions) != len(files):
+        raise BadInput(f"{place}: must hold each session once")
+    return DataSet(study_text=text, sessions=sessions)
+
+
+def import_data_set(folder: StudyFolder, data: DataSet) -> None:
+    """Create a study with the same sessions."""
+    with (
+        new_study(folder, data.study_text),
+        open_journal(folder.journal) as journal,
+        journal.alone(),
+    ):
+        for name, session in data.sessions.items():
+            for event in session.events:
+                journal.append(name, event)
+
+
+def _name(session: SharedSession) -> str:
+    plain = session_name(session.opened.participant, session.opened.session)
+    return f"{plain} ({REHEARSAL})" if session.opened.kind == REHEARSAL else plain

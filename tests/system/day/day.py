@@ -161,7 +161,9 @@ class Day:
         if outcome.killed:
             return False
         if outcome.code == 2:
-            why = name in self.gone or participant in self.doubtful
+            back = any(other.startswith(f"{participant}/") for other in self.returned)
+            # A session that is included again may give its participant's others another slot.
+            why = name in self.gone or participant in self.doubtful or back
             stale = self.unamended or "study changed" in outcome.process.happened
             changed = "study.toml has changed" in outcome.line and stale
             done = "is already completed" in outcome.line

@@ -4,6 +4,7 @@ import io
 import json
 import math
 import random
+import re
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, redirect_stdout
 from dataclasses import dataclass
@@ -50,7 +51,7 @@ from tests.system.day.disk import Disk
 from tests.system.day.invariants import require
 from tests.system.day.people import Person, Typist
 from tests.system.day.process import Dead, Process
-from tests.system.day.watch import Watch
+from tests.system.day.watch import TELLS, Watch
 
 MORNING = datetime(2026, 1, 5, 8, tzinfo=UTC)
 PORT = "COM1"
@@ -264,9 +265,11 @@ class Lab:
     def _ended(self, process: Process, work: Callable[[], str]) -> Outcome:
         self.disk.process, self._unwarned = process, ""
         self.disk.may_crash = process.will_die
+        broken_before = set(self.watch.faults_s)
         try:
             outcome = self._told(work, process)
             self._require_way_on(outcome)
+            self._require_cause(outcome, broken_before)
             excused = {"disk full", "disk error", "locked", "stopped"}
             self.watch.polled &= not excused & set(process.happened)
             self.watch.said(outcome.line, last=True)
@@ -293,6 +296,14 @@ class Lab:
         if self.watch.armed and not disk and outcome.code not in {0, 2}:
             told = "run the same command again" in outcome.line or "UNKNOWN" in outcome.line
             require(11, told, f"not told how to go on: {outcome.line}")
+
+    def _require_cause(self, outcome: Outcome, broken_before: set[str]) -> None:
+        """A session that one fault alone has ended says which."""
+        broken = set(self.watch.faults_s) | broken_before
+        alone = set(outcome.process.happened) <= {"broken", *broken} and self.watch.is_board
+        if alone and len(broken) == 1 and outcome.code == 1:
+            cause = TELLS.get(broken.pop(), "")
+            require(11, re.search(cause, outcome.line), f"not told {cause!r}: {outcome.line}")
 
     def _told(self, work: Callable[[], str], process: Process) -> Outcome:
         try:

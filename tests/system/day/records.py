@@ -6,7 +6,7 @@ import json
 import re
 import sqlite3
 import zlib
-from collections import defaultdict
+from collections import Counter, defaultdict
 from typing import TYPE_CHECKING, Any
 
 from protocol.plan.plan import plan
@@ -27,13 +27,14 @@ _LETTERS = {
     "rig-described": "D", "beam-mounted": "B", "resonance-measured": "M", "trial-started": "T",
     "touch-started": "S", "touch-recorded": "N", "touch-ended": "E", "answered": "W",
     "trial-aborted": "X", "trial-deferred": "Y",
+    "question-answered": "Q",
     "paused": "U", "unpaused": "V", "device-off": "F", "session-completed": "C",
     "trial-excluded": "x", "trial-included": "i", "session-excluded": "Z",
     "session-included": "z", "withdrawn": "G", "note": "",
 }  # fmt: skip
 _TRIAL = "T(?:(?:B?SN?E)+[WY]|(?:B?SN?E)*B?(?:SN?)?X)"
-_RUN = f"AH?D?B?(?:M(?:{_TRIAL}|UV)*U?)?F"
-_BROKEN_OFF = f"AH?D?B?(?:M(?:{_TRIAL}|UV)*(?:U|T(?:B?SN?E)*B?(?:SN?)?)?)?"
+_RUN = f"AH?D?B?(?:M(?:{_TRIAL}|UV|Q)*U?)?F"
+_BROKEN_OFF = f"AH?D?B?(?:M(?:{_TRIAL}|UV|Q)*(?:U|T(?:B?SN?E)*B?(?:SN?)?)?)?"
 _DECIDED = "(?:[xi]|Zz)*"
 _SESSION = re.compile(
     f"O(?:{_RUN})?{_DECIDED}(?:RP?(?:{_RUN})?{_DECIDED})*"
@@ -99,6 +100,7 @@ def _along_transitions(name: str, tags: list[str]) -> None:
 
 def _as_planned(day: "Day", name: str, events: list[tuple[str, dict[str, Any]]]) -> None:
     """Each trial once, in the order of the plan, in which only deferred trials move."""
+    _asked_when_due(day, name, events)
     opened = events[0][1]
     trials = opened["trials"]
     answered: set[int] = set()
@@ -149,6 +151,26 @@ def _recorded(day: "Day", name: str, events: list[tuple[str, dict[str, Any]]]) -
             mine = before[0] == "touch-recorded" and before[1]["touch"] == payload["touch"]
             require(13, mine, f"{name}: a touch after {before[0]} is not recorded")
         before = tag, payload
+
+
+def _asked_when_due(day: "Day", name: str, events: list[tuple[str, dict[str, Any]]]) -> None:
+    """The study's own questions are asked once, as soon as they are due."""
+    if not day.lab.watch.study.question:
+        return
+    left = Counter(trial["block"] for trial in events[0][1]["trials"])
+    blocks = {trial["index"]: trial["block"] for trial in events[0][1]["trials"]}
+    asked: list[tuple[str, int | None]] = []
+    for tag, payload in events:
+        if tag == "answered":
+            left[blocks[payload["index"]]] -= 1
+        elif tag == "practice-renewed":
+            left.update(blocks[index] for index in payload["indices"])
+        elif tag == "question-answered":
+            asked.append((payload["when"], payload["block"]))
+        elif tag in {"trial-started", "session-completed"}:
+            due = {("before", None), *(("block", each) for each in left if each and not left[each])}
+            due |= {("after", None)} if tag == "session-completed" else set()
+            require(9, sorted(asked) == sorted(due), f"{name}: asked {asked}, due {due}")
 
 
 def _comes_again(

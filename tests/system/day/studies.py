@@ -5,6 +5,8 @@ import random
 from device.simulator.models.generator_channels import MOST_EMF_VPP
 from device.simulator.models.generator_model import AMPLIFIER_GAIN
 
+WHEN = ("before", "block", "after")
+"""When a study with questions of its own asks them."""
 _STUDY = """
 [study]
 name = "day"
@@ -46,6 +48,7 @@ score_when = "{score_when}"
 [session]
 operator_asks = {asks}
 practise_again = "{again}"
+{questions}
 [[opening]]
 kind = "baseline"
 touches = [{{place = "smooth", voltage_v = 0}}]
@@ -61,6 +64,16 @@ expected = "stronger"
 touches = [
     {{place = "path", voltage_v = {low_v}, sweep_to = 1.02}},
     {{place = "path", direction = "left", voltage_v = {high_v}, frequency = 0.99{beam}}},
+]
+"""
+_QUESTION = """
+[[question]]
+name = "own_{when}"
+kind = "choice"
+when = "{when}"
+text = {{ en = "What was it like {when}?", zh = "怎么样？" }}
+labels = [
+    {{ value = "good", en = "good", zh = "好" }}, {{ value = "bad", en = "bad", zh = "不好" }},
 ]
 """
 _AMPLIFIER = f"amplifier_gain = {AMPLIFIER_GAIN}\ngenerator_max_vpp = {MOST_EMF_VPP}"
@@ -95,5 +108,6 @@ def drawn_study(stream: random.Random, dialect: str) -> str:
         ramp_to_v=max_v,
         low_v=(40, 60)[kind // 2],
         high_v=max_v - 10 * kind,
+        questions="".join(_QUESTION.format(when=when) for when in WHEN) if kind % 2 else "",
         beam=(', beam = "b"', "")[kind % 2],
     )

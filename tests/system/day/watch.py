@@ -32,6 +32,20 @@ EXCEEDS = {HOT, "read-back-differs", "peak-to-peak", "scale-wrong", "frequency-c
 """Faults in which it gives something else than it was asked for, or may."""
 FORGETS = {SLACK, "limits-lost", "panel-changed", "panel-on", "brown-out"}
 """Faults in which it forgets its limit or its watchdog, or goes on by itself."""
+TELLS = {
+    HOT: "must not be hotter than|too hot",
+    SLACK: "SYST:WATC was set to",
+    "brown-out": "the device restarted",
+    "endless-errors": "error queue does not end",
+    "error-after-set": "was refused by the device: -310 System error",
+    "monitor-wrong": "the monitor must show",
+    "off-ignored": "says that its output is on",
+    "over-temperature": "over-temperature|hotter than|too hot|protection tripped",
+    "panel-on": "nobody here switched it on",
+    "stage-shorted": "its monitor still shows",
+    "watchdog-trip": "its watchdog tripped: nothing was heard|protection tripped;",
+}
+"""What the operator is told of a fault of a board that stands alone."""
 CUT_OFF = {"vanish", "dead-peer", "deaf"}
 """Faults in which the host does not reach the device: its watchdog must end the output."""
 DEAD_WATCHDOG = {SLACK, "watchdog-dead"}

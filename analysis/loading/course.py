@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from analysis.estimates import NotEstimable
+from analysis.friction.recorded import TouchForces, reduced
 from analysis.loading.records import (
     REHEARSED,
     AnswerRow,
@@ -40,6 +42,7 @@ from protocol.journal.events import (
     SessionResumed,
     StoredEvent,
     TouchEnded,
+    TouchRecorded,
     TouchStarted,
     TrialAborted,
     TrialDeferred,
@@ -55,7 +58,11 @@ _SESSION_COLUMNS = frozenset(entry.name for entry in fields(SessionRow))
 
 @dataclass(kw_only=True)
 class Rows:
-    """The rows of the sessions read so far; `samples` holds three numbers per sample of a trace."""
+    """The rows of the sessions read so far.
+
+    `samples` holds three numbers per sample of a trace, and `forces` what is kept of the recording
+    of each touch that has one.
+    """
 
     sessions: Table[SessionRow] = field(default_factory=lambda: Table(SessionRow))
     attempts: Table[AttemptRow] = field(default_factory=lambda: Table(AttemptRow))
@@ -63,6 +70,7 @@ class Rows:
     answers: Table[AnswerRow] = field(default_factory=lambda: Table(AnswerRow))
     sampled: list[int] = field(default_factory=list)
     samples: "array[float]" = field(default_factory=lambda: array("d"))
+    forces: dict[int, TouchForces | NotEstimable] = field(default_factory=dict)
     incidents: list[Incident] = field(default_factory=list)
     exclusions: list[Exclusion] = field(default_factory=list)
     study_texts: dict[str, str] = field(default_factory=dict)
@@ -230,6 +238,10 @@ class Course:
                 commanded_frequency_hz=event.commanded.frequency_hz,
             )
         )
+
+    @_take.register
+    def _touch_recorded(self, event: TouchRecorded) -> None:
+        self._rows.forces[self._rows.touches.last_id] = reduced(event)
 
     @_take.register
     def _touch_ended(self, event: TouchEnded) -> None:

@@ -1,12 +1,14 @@
 """The sessions of a journal as tables: sessions, attempts, touches and traces."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeVar
 
 import pandas as pd
 
+from analysis.estimates import NotEstimable
+from analysis.friction.recorded import TouchForces
 from analysis.loading.course import Course, Rows
 from analysis.loading.records import REHEARSED, Exclusion, Incident
 from protocol.journal.events import StoredEvent, StudyAmended, Withdrawn
@@ -37,6 +39,7 @@ class Sessions:
     - `answers`: an `AnswerRow` per answer to a question of the study's own.
     - `traces`: a row per sample of the finger: `touch_id`, `t_s` (the device's clock), `force_n`,
       `position_m`.
+    - `forces`: by `touch_id`, what is kept of the recordings, or why one says nothing.
     - `incidents`, `exclusions`: in the order of the journal; exclusions are the operator's.
     - `withdrawn`: the number of withdrawn sessions, which are not in the tables.
     """
@@ -46,6 +49,7 @@ class Sessions:
     touches: pd.DataFrame
     answers: pd.DataFrame
     traces: pd.DataFrame
+    forces: Mapping[int, TouchForces | NotEstimable]
     incidents: tuple[Incident, ...]
     exclusions: tuple[Exclusion, ...]
     withdrawn: int
@@ -143,6 +147,7 @@ def load_sessions(chains: Iterable[Sequence[StoredEvent]]) -> Sessions:
         touches=rows.touches.frame(),
         answers=rows.answers.frame(),
         traces=rows.traces(),
+        forces=rows.forces,
         incidents=tuple(map(told, rows.incidents)),
         exclusions=tuple(map(told, rows.exclusions)),
         withdrawn=withdrawn,

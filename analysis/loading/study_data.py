@@ -7,6 +7,8 @@ from typing import TypeVar
 
 import pandas as pd
 
+from analysis.estimates import NotEstimable
+from analysis.friction.recorded import TouchForces
 from analysis.loading.exclusions import excluded_by_rule
 from analysis.loading.missing_scores import EmptyCells, empty_cells
 from analysis.loading.records import Exclusion, Incident, values
@@ -56,6 +58,7 @@ class StudyData:
     - `answers`: those to the study's own questions, of the sessions and trials that count:
       `Sessions.answers` with `participant`, `session`, `trial_kind` and `condition`.
     - `touches`: those of `trials`: `Sessions.touches` with `place_m`.
+    - `forces`: of those of `touches` that were recorded, as `Sessions.forces`.
     - `empty`: why a cell of the table has no score.
     - `orders`: of the sessions that count, excluded trials among them; none of published scores.
     - `virtual`: true parameters of the virtual participants, by name; of their last sessions.
@@ -70,6 +73,7 @@ class StudyData:
     trials_excluded: int
     trials: pd.DataFrame
     touches: pd.DataFrame
+    forces: Mapping[int, TouchForces | NotEstimable]
     answers: pd.DataFrame
     left_out: tuple[Exclusion, ...]
     incidents: tuple[Incident, ...]
@@ -147,6 +151,7 @@ def study_data(found: Sessions, *, rehearsals: bool, rules: Exclusions | None = 
         trials_excluded=len(trials_left_out),
         trials=trials,
         touches=touches.assign(place_m=found.places_m),
+        forces={touch: found.forces[touch] for touch in touches.index if touch in found.forces},
         answers=_answers(found, names[names["participant"].isin(subjects)], trials),
         left_out=(
             *(out for out in found.exclusions if out.trial is None),

@@ -1,0 +1,249 @@
+"""The measured counterpart of a trial's predicted contrast, and of other predictors of feeling.
+
+A sensor's gain multiplies all forces of a session and cancels in every contrast of logarithms.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from analysis.estimates import FloatArray, NotEstimable
+from analysis.friction.jitter import Jitter
+from analysis.friction.recorded import TouchForces
+from analysis.friction.touch_measures import (
+    FRICTION,
+    LOGARITHMS,
+    PREDICTORS,
+    RATE,
+    TANGENTIAL,
+    Profile,
+    logarithm,
+    mean_variance,
+    profile,
+)
+from protocol.study.questions import Effect
+
+BINS_OF_CONTACT = 5
+"""Bins of a path in one length of contact, over which friction hardly changes."""
+FEWEST_BINS = 4
+LEAST_CHANGE = 0.005
+"""Of ln μ within a touch, as expected; below it friction is taken to change in proportion to time,
+because the shape of hardly any change says nothing."""
+
+TINY = 1e-24
+"""A mean square that is nothing, and may stand below a fraction."""
+
+Course: TypeAlias = tuple[FloatArray, FloatArray]
+"""Moments of a touch from 0 to 1, and ln μ that the model expects there."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Compared:
+    """What a trial compares.
+
+    Parameters:
+        effect, contrary: as in `Change`.
+        before: the first touch; None where the change is from the resting beam or within `after`.
+        after: the last touch.
+        along_path: whether places along a path are compared, and not means.
+        contact_m: length of the finger's contact.
+        course: how friction is expected to change within `after`, None where it does not.
+    """
+
+    effect: Effect
+    contrary: bool
+    before: TouchForces | None
+    after: TouchForces
+    along_path: bool
+    contact_m: float
+    course: Course | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rest:
+    """Logarithms of the resting beam's friction and forces in a session, by predictor.
+
+    `variance` is that of the friction's.
+    """
+
+    values: Mapping[str, float]
+    variance: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasuredContrast:
+    """A measured contrast and its standard error; what the predictors say, the contrast first."""
+
+    value: float
+    error: float
+    predictors: Mapping[str, float]
+
+
+def rest_of(unforced: Sequence[TouchForces], jitter: Jitter) -> Rest | NotEstimable:
+    """Return friction and forces of touches without a drive, each touch counting alike."""
+    if not unforced:
+        return NotEstimable("the session has no recorded touch of the resting beam")
+    means = {name: np.mean([logarithm(it, name).mean() for it in unforced]) for name in LOGARITHMS}
+    variances = [mean_variance(touch, jitter) for touch in unforced]
+    return Rest(
+        values={name: float(value) for name, value in means.items()},
+        variance=float(np.sum(variances)) / len(variances) ** 2,
+    )
+
+
+def measured_contrast(
+    compared: Compared, jitter: Jitter, rest: Rest | NotEstimable
+) -> MeasuredContrast | NotEstimable:
+    """Return the contrast of a trial as it was measured, positive when it is the expected one.
+
+    - `friction`: difference of mean ln μ between the touches; within one touch, the difference
+      between its ends by least squares on the course that the model expects, whose size is free.
+    - `places`: rms over the path of the difference of ln μ(x).
+    - `depth`: growth of the rms of ln μ(x) about the resting beam's.
+
+    An rms of noise is positive: its expected square is taken off. The error has the jitter with its
+    autocorrelation, the sensor's noise, and the error of the zeros.
+    """
+    found: MeasuredContrast | NotEstimable
+    if compared.course is not None and (compared.along_path or compared.before is not None):
+        return NotEstimable("the drive changes along the path or after another touch")
+    if compared.course is not None:
+        found = _within(compared.after, compared.course, jitter)
+    elif compared.before is None and isinstance(rest, NotEstimable):
+        return rest
+    elif compared.along_path:
+        found = _over_path(compared, rest, jitter)
+    else:
+        found = _between(compared.before, compared.after, rest, jitter)
+    if isinstance(found, NotEstimable) or not compared.contrary:
+        return found
+    turned = {name: -value for name, value in found.predictors.items()}
+    return MeasuredContrast(value=-found.value, error=found.error, predictors=turned)
+
+
+def _within(touch: TouchForces, course: Course, jitter: Jitter) -> MeasuredContrast:
+    share = touch.t_s / touch.moved_s
+    first, last = course[1][0], course[1][-1]
+    if abs(last - first) > LEAST_CHANGE:
+        share = (np.interp(share, *course) - first) / (last - first)
+    away = share - share.mean()
+    weights = -away / (away @ away)
+    predictors = {name: float(weights @ logarithm(touch, name)) for name in LOGARITHMS}
+    predictors[RATE] = float(weights @ touch.tangential_n) / touch.moved_s
+    variance = jitter.covariance(weights[None], touch.noise)[0, 0] + (weights @ touch.tare) ** 2
+    return _measured(predictors, float(variance))
+
+
+def _between(
+    before: TouchForces | None, after: TouchForces, rest: Rest | NotEstimable, jitter: Jitter
+) -> MeasuredContrast:
+    ends = {name: float(logarithm(after, name).mean()) for name in LOGARITHMS}
+    variance = mean_variance(after, jitter)
+    if before is not None:
+        starts = {name: float(logarithm(before, name).mean()) for name in LOGARITHMS}
+        variance += mean_variance(before, jitter)
+        over_s = after.touched_s - before.touched_s
+        fell_n = before.tangential_n.mean() - after.tangential_n.mean()
+    else:
+        assert isinstance(rest, Rest)
+        starts, over_s = dict(rest.values), after.moved_s
+        variance += rest.variance
+        fell_n = np.exp(starts[TANGENTIAL]) - after.tangential_n.mean()
+    predictors = {name: starts[name] - ends[name] for name in LOGARITHMS}
+    # A session's clock begins anew if it is resumed between two touches.
+    predictors[RATE] = float(fell_n) / over_s if over_s > 0 else np.nan
+    return _measured(predictors, variance)
+
+
+def _measured(predictors: Mapping[str, float], variance: float) -> MeasuredContrast:
+    ordered = {name: predictors[name] for name in PREDICTORS}
+    return MeasuredContrast(
+        value=predictors[FRICTION], error=float(np.sqrt(variance)), predictors=ordered
+    )
+
+
+def _over_path(
+    compared: Compared, rest: Rest | NotEstimable, jitter: Jitter
+) -> MeasuredContrast | NotEstimable:
+    width_m = compared.contact_m / BINS_OF_CONTACT
+    after = profile(compared.after, width_m, jitter)
+    if compared.before is None:
+        assert isinstance(rest, Rest)
+        before = _resting(after.bins, rest)
+    else:
+        before = profile(compared.before, width_m, jitter)
+    both = np.intersect1d(before.bins, after.bins)
+    if len(both) < FEWEST_BINS:
+        return NotEstimable("the finger did not go along the same path twice")
+    before, after = before.at(both), after.at(both)
+    if compared.effect == "depth":
+        return rest if isinstance(rest, NotEstimable) else _depth(before, after, rest)
+    steps = {name: after.values[name] - before.values[name] for name in PREDICTORS}
+    covariance = before.covariance + after.covariance
+    if compared.effect == "friction":
+        predictors = {name: -float(step.mean()) for name, step in steps.items()}
+        return _measured(predictors, float(covariance.mean()))
+    size = _root_mean_square(steps[FRICTION], covariance)
+    predictors = {name: _rms(step) for name, step in steps.items()}
+    return _measured({**predictors, FRICTION: size.value}, size.variance)
+
+
+def _resting(bins: FloatArray, rest: Rest) -> Profile:
+    """Return the profile of the resting beam, where friction is the same at all places."""
+    values = {**rest.values, RATE: 0.0}
+    return Profile(
+        bins=bins,
+        values={name: np.full(len(bins), value) for name, value in values.items()},
+        covariance=np.full((len(bins), len(bins)), rest.variance),
+    )
+
+
+def _depth(before: Profile, after: Profile, rest: Rest) -> MeasuredContrast:
+    about = {**rest.values, RATE: 0.0}
+    first, last = (
+        _root_mean_square(each.values[FRICTION] - about[FRICTION], each.covariance)
+        for each in (before, after)
+    )
+    predictors = {
+        name: _rms(after.values[name] - about[name]) - _rms(before.values[name] - about[name])
+        for name in PREDICTORS
+    }
+    # Both swings are about the same resting friction, so that its error partly cancels.
+    of_rest = (last.mean_share - first.mean_share) ** 2 * rest.variance
+    return _measured(
+        {**predictors, FRICTION: last.value - first.value},
+        first.variance + last.variance + of_rest,
+    )
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Size:
+    """A root mean square, its variance, and by how much it grows with a common offset."""
+
+    value: float
+    variance: float
+    mean_share: float
+
+
+def _root_mean_square(values: FloatArray, covariance: FloatArray) -> _Size:
+    """Return √(mean square − mean variance), at least 0, by the delta method.
+
+    Var(mean square) = (4 v'Σv + 2 tr Σ²) / n² for normal errors; near 0 the root is no better known
+    than the fourth root of that.
+    """
+    count = len(values)
+    square = float(np.mean(values**2) - np.trace(covariance) / count)
+    blur = 2 * float((covariance**2).sum()) / count**2
+    size = np.sqrt(max(square, np.sqrt(blur), TINY))
+    slope = values / (count * size)
+    return _Size(
+        value=float(np.sqrt(max(square, 0.0))),
+        variance=float(slope @ covariance @ slope + blur / (4 * size**2)),
+        mean_share=float(slope.sum()),
+    )

@@ -1,10 +1,20 @@
-"""Tests of conditions as JSON."""
+"""Tests of conditions, fits of the sensitivity models, and scores of laws as JSON."""
+
+import math
+from collections.abc import Sequence
 
 from analysis.estimates import Json, NotEstimable, or_null, plain, why
+from analysis.sensitivity.linear_model import LinearSensitivity
+from analysis.sensitivity.lines import SMALL_SPREAD, Lines, SubjectLine
+from analysis.sensitivity.ordinal_model import OrdinalSensitivity
+from analysis.sensitivity.two_stage_model import TwoStageSensitivity
 from analysis.statistics.monte_carlo import MonteCarlo
 from analysis.statistics.omnibus import SkillingsMack
 from analysis.statistics.signed_rank import PairwiseTest
 from analysis.statistics.summary import Reading
+from analysis.trials.law_likelihood import LawLikelihood
+from analysis.trials.law_order import LawOrder
+from analysis.trials.trial_statistics import LawScore
 
 
 def friedman_json(reading: Reading) -> Json:
@@ -68,3 +78,89 @@ def pair_json(pair: PairwiseTest) -> Json:
         **why("mean_difference_interval", ends),
         "p_holm": or_null(pair.p_holm),
     }
+
+
+def fit_json(
+    fit: LinearSensitivity | OrdinalSensitivity | TwoStageSensitivity | NotEstimable,
+) -> Json:
+    """Return the fit with the subjects' and the population's lines beside its other numbers."""
+    found: Json = plain(fit)
+    if isinstance(fit, TwoStageSensitivity):
+        del found["ratings"]
+        return {**fit_json(fit.ratings), **found}
+    if isinstance(fit, NotEstimable):
+        return found
+    del found["lines"]
+    return {**_lines_json(fit.lines), **found}
+
+
+def _lines_json(lines: Lines) -> Json:
+    population = {name: value for name, value in plain(lines).items() if name != "subjects"}
+    small = {"below_share_of_gain": SMALL_SPREAD, "p": population.pop("small_gain_sd")}
+    return {
+        "subjects": subjects_json(lines.subjects),
+        "population": {**_line_json(population), "small_gain_sd": small},
+    }
+
+
+def subjects_json(lines: Sequence[SubjectLine]) -> list[Json]:
+    """Return the subjects' lines, with a reason where one cannot be compared with others."""
+    return [
+        _line_json(plain(line))
+        | (
+            {}
+            if line.relative_gain_known
+            else {"relative_gain_reason": "a single subject has no others to compare with"}
+        )
+        for line in lines
+    ]
+
+
+def _line_json(line: Json) -> Json:
+    """Return a line with short names of intervals, and `null` in place of an unbounded JND."""
+    found = {name.replace("interval", "ci"): value for name, value in line.items()}
+    low, high = (None if end == math.inf else end for end in found["jnd_ci"])
+    jnd = None if found["jnd"] == math.inf else found["jnd"]
+    reason = {} if high else {"jnd_reason": "unbounded, because the gain may be 0"}
+    return {**found, "jnd": jnd, "jnd_ci": [low, high], **reason}
+
+
+def law_json(score: LawScore) -> Json:
+    """Return how a law orders the conditions and fits the ratings."""
+    felt: Json = plain(score.likelihood)
+    if isinstance(score.likelihood, LawLikelihood):
+        gain_p = score.likelihood.gain_p
+        errors = score.likelihood.prediction_error
+        felt |= {
+            "gain_p": or_null(gain_p),
+            **why("gain_p", gain_p),
+            "prediction_error": or_null(errors),
+            **why("prediction_error", errors),
+        }
+    return {
+        "law": score.law,
+        **_order_json(score.order),
+        "predicted": plain(score.predicted),
+        "who_felt_what": felt,
+    }
+
+
+def _order_json(order: LawOrder | NotEstimable) -> Json:
+    if isinstance(order, NotEstimable):
+        return {
+            **dict.fromkeys(("spearman", "p", "rho_needed", "r_needed")),
+            "order": [],
+            "order_tied": [],
+            "reason": order.reason,
+        }
+    known: Json = {
+        "spearman": or_null(order.spearman),
+        "order": list(order.order),
+        "order_tied": plain(order.tied),
+        "p": or_null(order.p),
+        "rho_needed": or_null(order.rank_needed),
+        "r_needed": or_null(order.needed),
+    }
+    if isinstance(order.spearman, NotEstimable):
+        known["reason"] = order.spearman.reason
+    return {**known, **why("rho_needed", order.rank_needed)}

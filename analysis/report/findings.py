@@ -5,6 +5,7 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 from analysis.estimates import plain
+from analysis.felt.measured_statistics import MeasuredStatistics
 from analysis.loading.missing_scores import notes, withheld_beside_scores
 from analysis.loading.published import SCALE
 from analysis.loading.records import values
@@ -50,7 +51,10 @@ class Scale(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Findings:
-    """Data and results that the sections of a report present."""
+    """Data and results that the sections of a report present.
+
+    `measured` has those of recorded touches, None where nothing was recorded.
+    """
 
     title: str
     loaded: StudyData
@@ -58,11 +62,25 @@ class Findings:
     origin: Origin
     table: TableStatistics
     trials: TrialStatistics
+    measured: MeasuredStatistics | None
 
     @cached_property
     def trial_records(self) -> list[dict[str, Any]]:
         """A record per trial that counts, with its predictions."""
-        return trial_records(self.loaded, self.trials.contrasts)
+        records = trial_records(self.loaded, self.trials.contrasts)
+        if self.measured is None:
+            return records
+        found = self.measured.trials
+        numbers = zip(records, plain(found.value), plain(found.error), found.why, strict=True)
+        return [
+            {
+                **record,
+                "measured_contrast": value,
+                "measured_contrast_error": error,
+                **({} if why is None else {"measured_contrast_reason": why}),
+            }
+            for record, value, error, why in numbers
+        ]
 
     @property
     def table_notes(self) -> list[str]:

@@ -5,6 +5,7 @@ from functools import cached_property
 from typing import Any
 
 from analysis.cells import json_text
+from analysis.felt.measured_statistics import measured_statistics
 from analysis.loading.missing_scores import withheld
 from analysis.loading.study_data import StudyData
 from analysis.report.blocks import Figure, Section
@@ -12,6 +13,7 @@ from analysis.report.findings import Findings, Origin
 from analysis.report.page import SECTIONS, page_html
 from analysis.statistics.summary import table_statistics
 from analysis.trials.trial_statistics import trial_statistics
+from device.friction.contrasts import LAW
 from protocol.study.study import Study
 
 
@@ -37,13 +39,15 @@ class Report(Findings):
 
 def report(title: str, loaded: StudyData, study: Study, origin: Origin) -> Report:
     """Return the report on the data `loaded` from `study`."""
+    trials = trial_statistics(loaded, study)
     return Report(
         title=title,
         loaded=loaded,
         study=study,
         origin=origin,
         table=table_statistics(loaded.table, withheld(loaded.table, loaded.empty)),
-        trials=trial_statistics(loaded, study),
+        trials=trials,
+        measured=measured_statistics(study, loaded, trials.contrasts.by_law[LAW]),
     )
 
 
@@ -53,8 +57,9 @@ _KEYS = (
     *("interval_coverage", "rank_sums", "pairwise"),
     *("icc", "additive", "gain_heterogeneity", "missing_readings", "ordinal"),
     *("sensitivity_model", "sensitivity_note", "sensitivity", "sensitivity_simple"),
-    *("sensitivity_models", "predictive_checks", "sensitivity_at_places", "recovery"),
+    *("sensitivity_models", "predictive_checks", "sensitivity_at_places", "measured"),
     *(
+        "recovery",
         "contrast_law",
         "contrast_rung",
         "contrast_ranges",

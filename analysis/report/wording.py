@@ -6,7 +6,10 @@ from analysis.estimates import Interval, NotEstimable
 from analysis.statistics.monte_carlo import MonteCarlo
 from analysis.statistics.omnibus import Friedman
 from analysis.statistics.summary import Reading
+from analysis.trials.law_likelihood import LawLikelihood
+from analysis.trials.law_order import LawOrder
 from analysis.trials.trial_checks import Proportion
+from analysis.trials.trial_statistics import LawScore
 
 MISSING = "–"
 UNBOUNDED = "unbounded"
@@ -121,3 +124,32 @@ def share(found: Proportion) -> str:
 def of_all(shown: int, of: int, what: str) -> str:
     """Return a sentence on how much is drawn, or an empty text if everything is."""
     return f" {shown} of {of} {what} are drawn, evenly spaced." if shown < of else ""
+
+
+def law_cells(score: LawScore) -> list[str]:
+    """Return order and fit of a law in the columns of the table of laws."""
+    return [*_order_cells(score.order), *_felt(score.likelihood)]
+
+
+def _order_cells(order: LawOrder | NotEstimable) -> list[str]:
+    if isinstance(order, NotEstimable):
+        return [*[number(None)] * 3, f"not estimable: {order.reason}"]
+    needed = order.rank_needed
+    return [
+        number(order.spearman, 2),
+        p_value(order.p),
+        "none" if isinstance(needed, NotEstimable) else number(needed, 2),
+        " > ".join(" = ".join(group) for group in order.tied),
+    ]
+
+
+def _felt(found: LawLikelihood | NotEstimable) -> list[str]:
+    if isinstance(found, NotEstimable):
+        return [number(None)] * 3
+    gain_p = found.gain_p
+    p = f"not available: {gain_p.reason}" if isinstance(gain_p, NotEstimable) else p_value(gain_p)
+    errors = found.prediction_error
+    if isinstance(errors, NotEstimable):
+        return [number(None), number(None), p]
+    outside = f" ({', '.join(errors.outside_scale)} outside)" if errors.outside_scale else ""
+    return [number(errors.with_law, 2) + outside, number(errors.without, 2), p]

@@ -53,7 +53,7 @@ def trial_contrasts(study: Study, trials: pd.DataFrame, touches: pd.DataFrame) -
         trials: as in `StudyData`, or some of them.
         touches: those of `trials`.
     """
-    changes = _changes(study, trials, touches)
+    changes = trial_changes(study, trials, touches)
     # Trials whose touches were alike share a prediction.
     number_of = {change: number for number, change in enumerate(dict.fromkeys(changes))}
     numbers = [number_of[change] for change in changes]
@@ -73,8 +73,10 @@ _FELT = [
 """The columns of trials and of touches that the felt change depends on."""
 
 
-def _changes(study: Study, trials: pd.DataFrame, touches: pd.DataFrame) -> list[Change | None]:
-    """Return the change that each trial made, None where none is known."""
+def trial_changes(
+    study: Study, trials: pd.DataFrame, touches: pd.DataFrame, *, as_felt: bool = True
+) -> list[Change | None]:
+    """Return the change that each trial made, or was planned to make; None where none is known."""
 
     @cache
     def in_force(text: str | None) -> Study:
@@ -90,7 +92,7 @@ def _changes(study: Study, trials: pd.DataFrame, touches: pd.DataFrame) -> list[
         made[touch.attempt_id].append(touch)
     asked = trials[_ASKED].astype(object).where(trials[_ASKED].notna(), None)
     return [
-        _change(trial, own, planned_change)
+        _change(trial, own, planned_change, as_felt=as_felt)
         for trial, own in zip(asked.itertuples(), made.values(), strict=True)
     ]
 
@@ -114,13 +116,19 @@ def _planned_change(
 
 
 def _change(
-    trial: Any, touches: Sequence[Any], planned_change: Callable[..., Change | None]
+    trial: Any,
+    touches: Sequence[Any],
+    planned_change: Callable[..., Change | None],
+    *,
+    as_felt: bool,
 ) -> Change | None:
     if trial.trial_kind == "published":
         return CONDITIONS.get(trial.condition)
     planned = tuple(touch.planned for touch in touches)
     change = planned_change(trial.study_text, trial.question, trial.expected, planned)
-    return None if change is None else _felt_change(change, touches, trial.resonance_hz)
+    if change is None or not as_felt:
+        return change
+    return _felt_change(change, touches, trial.resonance_hz)
 
 
 def _felt_change(change: Change, touches: Sequence[Any], resonance_hz: float | None) -> Change:

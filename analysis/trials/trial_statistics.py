@@ -198,20 +198,29 @@ def _ordinal(scored: ScoredTrials, link: str) -> OrdinalEffects | NotEstimable:
 
 
 def _laws(data: StudyData, scored: ScoredTrials, scale: Interval) -> tuple[LawScore, ...]:
-    likelihoods = law_likelihoods(scored.ratings, scored.contrasts, scale)
+    found = law_scores(data, scored.ratings, scored.contrasts, scale)
+    if not data.table.conditions or not set(_CLAIMED) <= set(data.table.conditions):
+        return found
+    claimed = np.array([_CLAIMED.get(name, 0.0) for name in data.table.conditions])
+    nobody = NotEstimable("the claim ranks conditions and says nothing of single persons")
     observed = table4(data.table).column_means
-    found, condition = [], scored.ratings.condition
-    counts = np.bincount(condition, minlength=observed.size)
-    for law, values in scored.contrasts.items():
-        sums = np.bincount(condition, weights=values, minlength=observed.size)
+    return (*found, _law_score(PAPERS_RANKING, data, claimed, observed, nobody))
+
+
+def law_scores(
+    data: StudyData, ratings: Ratings, contrasts: Mapping[str, FloatArray], scale: Interval
+) -> tuple[LawScore, ...]:
+    """Return how contrasts of these trials, by law, order the conditions and fit the ratings."""
+    likelihoods = law_likelihoods(ratings, contrasts, scale)
+    observed = table4(data.table).column_means
+    counts = np.bincount(ratings.condition, minlength=observed.size)
+    found = []
+    for law, values in contrasts.items():
+        sums = np.bincount(ratings.condition, weights=values, minlength=observed.size)
         means = np.full(observed.size, np.nan)
         np.divide(sums, counts, out=means, where=counts > 0)
         found.append(_law_score(law, data, means, observed, likelihoods[law]))
-    if not data.table.conditions or not set(_CLAIMED) <= set(data.table.conditions):
-        return tuple(found)
-    claimed = np.array([_CLAIMED.get(name, 0.0) for name in data.table.conditions])
-    nobody = NotEstimable("the claim ranks conditions and says nothing of single persons")
-    return (*found, _law_score(PAPERS_RANKING, data, claimed, observed, nobody))
+    return tuple(found)
 
 
 def _law_score(

@@ -3,14 +3,14 @@
 from collections.abc import Sequence
 from functools import partial
 
-from analysis.estimates import Json, NotEstimable, or_null, plain, why
+from analysis.estimates import NotEstimable, plain
+from analysis.report.as_json import law_json
 from analysis.report.blocks import Column, Figure, Section, Table, columns
 from analysis.report.drawing import scatter_figure
 from analysis.report.figure_data import scatter
 from analysis.report.findings import Findings
-from analysis.report.wording import SKIN_IN_SHORT, number, of_all, p_value, share
+from analysis.report.wording import SKIN_IN_SHORT, law_cells, number, of_all, share
 from analysis.trials.law_likelihood import LawLikelihood, shared_contrasts
-from analysis.trials.law_order import LawOrder
 from analysis.trials.trial_statistics import PAPERS_RANKING, LawScore, TrialStatistics
 from device.friction.contrasts import LAW, RUNG
 
@@ -30,7 +30,7 @@ def section(found: Findings) -> Section:
             _law_table(found.trials.laws),
         ],
         data={
-            "laws": [_law_json(score) for score in found.trials.laws],
+            "laws": [law_json(score) for score in found.trials.laws],
             "signal": plain(found.trials.signal),
             "contrast_law": LAW,
             "contrast_rung": RUNG,
@@ -118,7 +118,7 @@ def _law_table(laws: Sequence[LawScore]) -> Table:
             Column(name="order, strongest first", kind="ranking"),
             *columns("prediction error", "without a law", "p of the fit"),
         ],
-        rows=[[score.law, *_order_cells(score.order), *_felt(score.likelihood)] for score in laws],
+        rows=[[score.law, *law_cells(score)] for score in laws],
     )
 
 
@@ -129,67 +129,3 @@ def _circular(laws: Sequence[LawScore]) -> str:
         " The paper's own ranking (voltage first, pressure last, the others unranked) was derived "
         "from the paper's Table 4: tested on the same data, it is circular and not evidence."
     )
-
-
-def _order_cells(order: LawOrder | NotEstimable) -> list[str]:
-    if isinstance(order, NotEstimable):
-        return [*[number(None)] * 3, f"not estimable: {order.reason}"]
-    needed = order.rank_needed
-    return [
-        number(order.spearman, 2),
-        p_value(order.p),
-        "none" if isinstance(needed, NotEstimable) else number(needed, 2),
-        " > ".join(" = ".join(group) for group in order.tied),
-    ]
-
-
-def _felt(found: LawLikelihood | NotEstimable) -> list[str]:
-    if isinstance(found, NotEstimable):
-        return [number(None)] * 3
-    gain_p = found.gain_p
-    p = f"not available: {gain_p.reason}" if isinstance(gain_p, NotEstimable) else p_value(gain_p)
-    errors = found.prediction_error
-    if isinstance(errors, NotEstimable):
-        return [number(None), number(None), p]
-    outside = f" ({', '.join(errors.outside_scale)} outside)" if errors.outside_scale else ""
-    return [number(errors.with_law, 2) + outside, number(errors.without, 2), p]
-
-
-def _law_json(score: LawScore) -> Json:
-    felt: Json = plain(score.likelihood)
-    if isinstance(score.likelihood, LawLikelihood):
-        gain_p = score.likelihood.gain_p
-        errors = score.likelihood.prediction_error
-        felt |= {
-            "gain_p": or_null(gain_p),
-            **why("gain_p", gain_p),
-            "prediction_error": or_null(errors),
-            **why("prediction_error", errors),
-        }
-    return {
-        "law": score.law,
-        **_order_json(score.order),
-        "predicted": plain(score.predicted),
-        "who_felt_what": felt,
-    }
-
-
-def _order_json(order: LawOrder | NotEstimable) -> Json:
-    if isinstance(order, NotEstimable):
-        return {
-            **dict.fromkeys(("spearman", "p", "rho_needed", "r_needed")),
-            "order": [],
-            "order_tied": [],
-            "reason": order.reason,
-        }
-    known: Json = {
-        "spearman": or_null(order.spearman),
-        "order": list(order.order),
-        "order_tied": plain(order.tied),
-        "p": or_null(order.p),
-        "rho_needed": or_null(order.rank_needed),
-        "r_needed": or_null(order.needed),
-    }
-    if isinstance(order.spearman, NotEstimable):
-        known["reason"] = order.spearman.reason
-    return {**known, **why("rho_needed", order.rank_needed)}

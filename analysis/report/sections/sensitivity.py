@@ -1,10 +1,11 @@
 """Sensitivity of each subject under the models M1, M2 and M3, with the limits of the data."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import partial
 
-from analysis.estimates import Json, NotEstimable, plain, why
+from analysis.estimates import Json, NotEstimable, why
+from analysis.report.as_json import fit_json, subjects_json
 from analysis.report.blocks import Figure, Items, Section, Table, columns
 from analysis.report.drawing import gains_figure
 from analysis.report.figure_data import HEADLINE, SIMPLE, gains
@@ -272,61 +273,17 @@ def _sensitivity_json(trials: TrialStatistics) -> Json:
     return {
         "sensitivity_model": "M2",
         "sensitivity_note": SKIN,
-        "sensitivity": [] if isinstance(m2, NotEstimable) else _subjects_json(m2.lines.subjects),
+        "sensitivity": [] if isinstance(m2, NotEstimable) else subjects_json(m2.lines.subjects),
         **why("sensitivity", m2),
         "sensitivity_simple": {
             "model": "M1",
             "note": SIMPLE_ONLY,
-            "subjects": [] if isinstance(m1, NotEstimable) else _subjects_json(m1.lines.subjects),
+            "subjects": [] if isinstance(m1, NotEstimable) else subjects_json(m1.lines.subjects),
             **({"reason": m1.reason} if isinstance(m1, NotEstimable) else {}),
         },
         "sensitivity_models": {
-            "M1": _fit_json(m1),
-            "M2": _fit_json(m2),
-            "M3": _fit_json(trials.m3),
+            "M1": fit_json(m1),
+            "M2": fit_json(m2),
+            "M3": fit_json(trials.m3),
         },
     }
-
-
-def _fit_json(
-    fit: LinearSensitivity | OrdinalSensitivity | TwoStageSensitivity | NotEstimable,
-) -> Json:
-    """Return the fit with the subjects' and the population's lines beside its other numbers."""
-    found: Json = plain(fit)
-    if isinstance(fit, TwoStageSensitivity):
-        del found["ratings"]
-        return {**_fit_json(fit.ratings), **found}
-    if isinstance(fit, NotEstimable):
-        return found
-    del found["lines"]
-    return {**_lines_json(fit.lines), **found}
-
-
-def _lines_json(lines: Lines) -> Json:
-    population = {name: value for name, value in plain(lines).items() if name != "subjects"}
-    small = {"below_share_of_gain": SMALL_SPREAD, "p": population.pop("small_gain_sd")}
-    return {
-        "subjects": _subjects_json(lines.subjects),
-        "population": {**_line_json(population), "small_gain_sd": small},
-    }
-
-
-def _subjects_json(lines: Sequence[SubjectLine]) -> list[Json]:
-    return [
-        _line_json(plain(line))
-        | (
-            {}
-            if line.relative_gain_known
-            else {"relative_gain_reason": "a single subject has no others to compare with"}
-        )
-        for line in lines
-    ]
-
-
-def _line_json(line: Json) -> Json:
-    """Return a line with short names of intervals, and `null` in place of an unbounded JND."""
-    found = {name.replace("interval", "ci"): value for name, value in line.items()}
-    low, high = (None if end == math.inf else end for end in found["jnd_ci"])
-    jnd = None if found["jnd"] == math.inf else found["jnd"]
-    reason = {} if high else {"jnd_reason": "unbounded, because the gain may be 0"}
-    return {**found, "jnd": jnd, "jnd_ci": [low, high], **reason}

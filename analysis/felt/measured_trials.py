@@ -1,0 +1,206 @@
+"""What each trial compared, as it was measured: contrasts with errors, and touches in numbers."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from analysis.estimates import BoolArray, FloatArray, NotEstimable
+from analysis.friction.borrowing import borrowed_contrasts
+from analysis.friction.jitter import Jitter, jitter_of
+from analysis.friction.measured_contrast import (
+    Compared,
+    Course,
+    MeasuredContrast,
+    Rest,
+    measured_contrast,
+    rest_of,
+)
+from analysis.friction.recorded import TouchForces, zero_drift_n_per_s
+from analysis.friction.touch_measures import PREDICTORS, TouchMeasures, touch_measures
+from analysis.trials.contrasts import trial_changes
+from device.friction.changes import Change
+from device.friction.contrasts import friction_at
+from protocol.study.study import Study
+from protocol.study.touch import Touch
+
+STOPS = 9
+"""Points of a ramp or sweep at which the model gives its course."""
+NOT_RECORDED = "it was not recorded"
+
+Forces = Mapping[int, TouchForces | NotEstimable]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SessionFriction:
+    """The recorded touches of a session, its jitter and its resting friction."""
+
+    touches: Mapping[int, TouchForces]
+    jitter: Jitter | NotEstimable
+    rest: Rest | NotEstimable
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MeasuredTrials:
+    """Measured contrasts of trials, shape (trials,) each, NaN where there is none.
+
+    `value` and `error` are of the trial alone, `best` and `best_error` borrow from others (see
+    `borrowed_contrasts`; of scored trials alone). `predictors` has what else might be felt. `why`
+    has the reason why a trial has no contrast, None where it has one.
+    """
+
+    value: FloatArray
+    error: FloatArray
+    best: FloatArray
+    best_error: FloatArray
+    predictors: Mapping[str, FloatArray]
+    why: tuple[str | None, ...]
+
+    @property
+    def known(self) -> BoolArray:
+        """Which trials have a measured contrast."""
+        return np.isfinite(self.value)
+
+
+def session_friction(
+    trials: pd.DataFrame, touches: pd.DataFrame, forces: Forces
+) -> dict[int, SessionFriction]:
+    """Return what was recorded in each session, the drift of its zeros taken off.
+
+    A session without a touch at one place takes the jitter of all others.
+    """
+    session_of = trials["session_id"]
+    planned, attempts = touches["planned"], touches["attempt_id"]
+    by_session: dict[int, dict[int, TouchForces]] = {}
+    for touch, found in forces.items():
+        if isinstance(found, TouchForces):
+            by_session.setdefault(int(session_of[attempts[touch]]), {})[touch] = found
+    for session, own in by_session.items():
+        drift = zero_drift_n_per_s(list(own.values()))
+        by_session[session] = {touch: found.with_drift(drift) for touch, found in own.items()}
+
+    def held(own: Mapping[int, TouchForces]) -> Iterator[TouchForces]:
+        return (found for touch, found in own.items() if _is_held(planned[touch]))
+
+    everyone = jitter_of(found for own in by_session.values() for found in held(own))
+    known = {}
+    for session, own in by_session.items():
+        jitter = jitter_of(held(own))
+        jitter = everyone if isinstance(jitter, NotEstimable) else jitter
+        unforced = [found for touch, found in own.items() if planned[touch].peak_voltage_v == 0]
+        rest = jitter if isinstance(jitter, NotEstimable) else rest_of(unforced, jitter)
+        known[session] = SessionFriction(touches=own, jitter=jitter, rest=rest)
+    return known
+
+
+def _is_held(planned: Touch) -> bool:
+    return planned.place == "smooth" and planned.programme == "hold"
+
+
+def measures_of_touches(sessions: Mapping[int, SessionFriction]) -> dict[int, TouchMeasures]:
+    """Return the measures of all recorded touches whose jitter is known, by touch."""
+    return {
+        touch: touch_measures(found, session.jitter)
+        for session in sessions.values()
+        if isinstance(session.jitter, Jitter)
+        for touch, found in session.touches.items()
+    }
+
+
+def measured_trials(
+    study: Study, trials: pd.DataFrame, touches: pd.DataFrame, forces: Forces
+) -> MeasuredTrials:
+    """Return the measured contrasts of `trials`; the tables and `forces` are as in `StudyData`.
+
+    Where nothing was driven, nothing changed: the best contrast of such a catch trial is 0. `study`
+    is the present one, for trials whose own the journal does not hold.
+    """
+    sessions = session_friction(trials, touches, forces)
+    changes = trial_changes(study, trials, touches, as_felt=False)
+    made: dict[int, list[int]] = {attempt: [] for attempt in trials.index}
+    for touch, attempt in zip(touches.index, touches["attempt_id"], strict=True):
+        made[attempt].append(touch)
+    found = [
+        _of_trial(change, touches.loc[own, "planned"], forces, sessions.get(session))
+        for change, own, session in zip(changes, made.values(), trials["session_id"], strict=True)
+    ]
+    columns = np.array([_numbers(each) for each in found]).reshape(len(found), -1).T
+    value, error = columns[:2]
+    best, best_error = value.copy(), error.copy()
+    known = np.isfinite(value)
+    scored = known & trials["trial_kind"].eq("trial").to_numpy()
+    if scored.any():
+        chosen = trials[scored]
+        borrowed = borrowed_contrasts(
+            pd.factorize(chosen["participant"])[0],
+            pd.factorize(chosen["condition"])[0],
+            chosen["level"].to_numpy(),
+            value[scored],
+            error[scored],
+        )
+        best[scored], best_error[scored] = borrowed.values, borrowed.errors
+    undriven = known & trials["trial_kind"].eq("catch").to_numpy()
+    best[undriven], best_error[undriven] = 0.0, 0.0
+    return MeasuredTrials(
+        value=value,
+        error=error,
+        best=best,
+        best_error=best_error,
+        predictors=dict(zip(PREDICTORS, columns[2:], strict=True)),
+        why=tuple(each.reason if isinstance(each, NotEstimable) else None for each in found),
+    )
+
+
+def _numbers(found: MeasuredContrast | NotEstimable) -> list[float]:
+    """Return contrast, error and predictors, or as many missing numbers."""
+    if isinstance(found, NotEstimable):
+        return [np.nan] * (2 + len(PREDICTORS))
+    return [found.value, found.error, *found.predictors.values()]
+
+
+def _of_trial(
+    change: Change | None,
+    planned: "pd.Series[Any]",
+    forces: Forces,
+    session: SessionFriction | None,
+) -> MeasuredContrast | NotEstimable:
+    """Return the contrast of one trial from its first and last touch."""
+    if change is None:
+        return NotEstimable("what it compared is not known")
+    first, last = planned.index[0], planned.index[-1]
+    for touch in (first, last):
+        found = forces.get(touch, NotEstimable(NOT_RECORDED))
+        if isinstance(found, NotEstimable):
+            return found
+    assert session is not None
+    if isinstance(session.jitter, NotEstimable):
+        return session.jitter
+    compared = Compared(
+        effect=change.effect,
+        contrary=change.contrary,
+        before=None if first == last else session.touches[first],
+        after=session.touches[last],
+        along_path=len(change.places_m) > 1,
+        contact_m=change.after.contact_m,
+        course=None if planned[last].programme == "hold" else _course(change, planned[last]),
+    )
+    return measured_contrast(compared, session.jitter, session.rest)
+
+
+def _course(change: Change, planned: Touch) -> Course:
+    """Return how the model expects ln μ to change within a touch at one place."""
+    stops = np.linspace(0.0, 1.0, STOPS)
+    course = [
+        friction_at(
+            replace(
+                change.after,
+                voltage_v=planned.voltage_v + stop * (planned.end_voltage_v - planned.voltage_v),
+                frequency=planned.frequency + stop * (planned.end_frequency - planned.frequency),
+            ),
+            change.places_m[:1],
+        )[0]
+        for stop in stops.tolist()
+    ]
+    return stops, np.log(course)

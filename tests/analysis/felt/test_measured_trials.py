@@ -1,0 +1,104 @@
+"""Measured contrasts of simulated sessions: near the truth, zero at rest, and left out with why."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from analysis.felt.measured_statistics import MeasuredStatistics, measured_statistics
+from analysis.felt.measured_trials import (
+    NOT_RECORDED,
+    measured_trials,
+    measures_of_touches,
+    session_friction,
+)
+from analysis.friction.touch_measures import PREDICTORS
+from analysis.loading.study_data import StudyData, load_study_data
+from analysis.trials.contrasts import trial_contrasts
+from device.friction.contrasts import LAW
+from protocol.plan.plan import plan
+from tests.analysis.friction.recorded_sessions import (
+    MeasuredStudy,
+    measured_study,
+    recorded_cohort,
+)
+from tests.analysis.reports import EXTENDED, PAPER, cohort
+
+SKIPPED = next(trial.index for trial in plan(PAPER, 0).trials if trial.kind == "trial")
+
+
+@cache
+def extended() -> MeasuredStudy:
+    return measured_study(EXTENDED, 3, seed=1)
+
+
+@cache
+def paper() -> StudyData:
+    return load_study_data(recorded_cohort(PAPER, 3, skipped=SKIPPED)[0], rehearsals=False)
+
+
+@cache
+def paper_statistics() -> MeasuredStatistics:
+    data = paper()
+    predicted = trial_contrasts(PAPER, data.trials, data.touches).by_law[LAW]
+    found = measured_statistics(PAPER, data, predicted)
+    assert found is not None
+    return found
+
+
+def rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def test_measured_contrasts_are_near_the_truth_and_say_how_near() -> None:
+    study = extended()
+    found, of = study.found, study.scored
+    assert of.sum() == 60
+    assert rms((found.best - study.true)[of]) < 0.012
+    assert rms((found.value - study.true)[of]) < 0.016
+    assert 0.7 < rms(((found.value - study.true) / found.error)[of]) < 1.3
+    # What the model predicts is further off, because skin and rig are not the paper's.
+    assert rms((study.predicted - study.true)[of]) > 0.03
+
+
+def test_where_nothing_was_driven_nothing_changed() -> None:
+    study = extended()
+    catch = study.data.trials["trial_kind"].eq("catch").to_numpy()
+    assert catch.sum() == 12
+    assert (study.found.best[catch] == 0).all()
+    assert 0 < rms(study.found.value[catch]) < 0.05
+
+
+def test_trials_without_a_recording_are_left_out_and_counted() -> None:
+    data, found = paper(), paper_statistics()
+    scored = data.trials["trial_kind"].eq("trial").to_numpy()
+    known = found.trials.known[scored]
+    assert (len(known), known.sum()) == (15, 12)
+    assert found.left_out == {NOT_RECORDED: 3}
+    assert sum(entry.trials for entry in found.conditions) == 12
+    assert {len(values) for values in found.trials.predictors.values()} == {len(data.trials)}
+
+
+def test_all_predictors_are_scored_as_laws_are() -> None:
+    scores = paper_statistics().predictors
+    assert [score.law for score in scores] == list(PREDICTORS)
+
+
+def test_a_study_without_recordings_has_no_measured_statistics() -> None:
+    data = load_study_data(cohort(PAPER, 2), rehearsals=False)
+    assert data.forces == {}
+    assert measured_statistics(PAPER, data, np.zeros(len(data.trials))) is None
+    alone = measured_trials(PAPER, data.trials, data.touches, data.forces)
+    assert not alone.known.any()
+
+
+def test_touches_have_measures() -> None:
+    data = paper()
+    found = measures_of_touches(session_friction(data.trials, data.touches, data.forces))
+    assert found.keys() == data.forces.keys()
+    planned = zip(found, data.touches["planned"][list(found)], strict=True)
+    touch = next(number for number, each in planned if each.place == "path")
+    assert found[touch].speed_m_s == pytest.approx(0.04, rel=0.3)
+    assert found[touch].stick_slip == pytest.approx(0.05, rel=0.6)
+    assert 0.1 < found[touch].friction < 1
+    assert found[touch].friction_error < 0.03 * found[touch].friction

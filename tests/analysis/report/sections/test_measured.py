@@ -1,0 +1,45 @@
+"""The section on measured friction: only where something was recorded, beside the predicted."""
+
+from functools import cache
+
+from analysis.loading.study_data import load_study_data
+from analysis.report.report import Report, report, report_html, report_json
+from tests.analysis.friction.recorded_sessions import recorded_cohort
+from tests.analysis.report.test_report import nulls_without_reason
+from tests.analysis.reports import ORIGIN, PAPER, ReadPage, plain_report
+
+
+@cache
+def measured_report() -> Report:
+    chains, _ = recorded_cohort(PAPER, 4, skipped=2)
+    return report("a study", load_study_data(chains, rehearsals=False), PAPER, ORIGIN)
+
+
+def test_a_report_without_recordings_says_nothing_of_them() -> None:
+    numbers = report_json(plain_report())
+    assert "measured" not in numbers
+    assert not any("measured_contrast" in trial for trial in numbers["trials"])
+    assert "Sensitivity to measured friction" not in report_html(plain_report())
+
+
+def test_measured_contrasts_and_gains_stand_beside_the_predicted_ones() -> None:
+    page = ReadPage(report_html(measured_report()))
+    tables = {attrs.get("id") for tag, attrs in page.tags if tag == "table"}
+    assert {"measured-contrasts", "measured-gains", "measured-spread", "predictors"} <= tables
+    assert "Sensitivity to measured friction" in page.words
+    text = " ".join(page.words)
+    assert "4 scored trials, because it was not recorded" in text
+
+
+def test_json_has_models_predictors_and_a_reason_for_each_missing_number() -> None:
+    numbers = report_json(measured_report())
+    found = numbers["measured"]
+    assert list(found["models"]) == ["M1", "M2", "M3"]
+    assert len(found["predictors"]) == 4
+    assert found["left_out"] == {"it was not recorded": 4}
+    assert [entry["condition"] for entry in found["conditions"]] == list(PAPER.conditions)[:5]
+    assert nulls_without_reason(found) == []
+    trials = [trial for trial in numbers["trials"] if trial["kind"] == "trial"]
+    known = [trial for trial in trials if trial["measured_contrast"] is not None]
+    assert (len(trials), len(known)) == (20, 16)
+    assert all(trial["measured_contrast_error"] > 0 for trial in known)

@@ -1,0 +1,109 @@
+"""Errors of measured contrasts, and coverage of gains on them, over hundreds of sessions.
+
+One part: `pytest -m soak -s tests/soak/test_measured_coverage.py -k contrasts`.
+"""
+
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import astuple, fields
+from functools import cache, partial
+from itertools import repeat
+
+import numpy as np
+import pytest
+
+from analysis.estimates import FloatArray
+from tests.analysis.friction.measured_gains import GainMeasures, gain_measures, rated
+from tests.analysis.friction.recorded_sessions import MeasuredStudy, measured_study
+from tests.analysis.friction.simulated_touches import Sensor
+from tests.analysis.reports import EXTENDED
+
+STUDIES, PEOPLE = 25, 20
+DRAWS = 4
+"""Ratings of each study are drawn anew so many times."""
+TARGET = 0.01
+REQUIRED, ROUGH = Sensor(), Sensor(jitter_sd=0.2)
+
+pytestmark = pytest.mark.soak
+
+
+@cache
+def studies(sensor: Sensor) -> tuple[MeasuredStudy, ...]:
+    one = partial(measured_study, EXTENDED, PEOPLE, sensor=sensor)
+    with ProcessPoolExecutor(2) as pool:
+        return tuple(pool.map(_called, repeat(one), range(STUDIES)))
+
+
+def _called(one: "partial[MeasuredStudy]", seed: int) -> MeasuredStudy:
+    return one(seed=seed)
+
+
+def rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def test_measured_contrasts_are_true_to_a_hundredth() -> None:
+    errors, alone, scores, names = [], [], [], []
+    for study in studies(REQUIRED):
+        of = study.scored
+        errors.append((study.found.best - study.true)[of])
+        alone.append((study.found.value - study.true)[of])
+        scores.append(errors[-1] / study.found.best_error[of])
+        names.append(study.data.trials["condition"].to_numpy()[of])
+    error, single, name = (np.concatenate(each) for each in (errors, alone, names))
+    print(f"\n{STUDIES * PEOPLE} sessions, {len(error)} trials: RMS error of the best estimate ")
+    print(f"{rms(error):.4f}, of a trial alone {rms(single):.4f}; ", end="")
+    print(f"error over its standard error {rms(np.concatenate(scores)):.2f}")
+    for condition in np.unique(name):
+        own = name == condition
+        print(f"{condition}: {rms(error[own]):.4f}, alone {rms(single[own]):.4f}")
+    assert rms(error) <= TARGET
+
+
+def draw(task: tuple[MeasuredStudy, float, int]) -> dict[tuple[str, str], GainMeasures | None]:
+    study, gain_sd, seed = task
+    ratings, gain = rated(study, gain_sd, np.random.default_rng([5, seed]))
+    contrasts = {
+        "measured": study.found.best[study.scored],
+        "predicted": study.predicted[study.scored],
+    }
+    return {
+        (kind, model): gain_measures(ratings, contrast, gain, model)
+        for kind, contrast in contrasts.items()
+        for model in ("M1", "M2")
+    }
+
+
+def coverage(
+    sensor: Sensor, gain_sd: float
+) -> dict[tuple[str, str], dict[str, tuple[float, float]]]:
+    """Return each measure's mean over draws, with its Monte Carlo error, by contrast and model."""
+    tasks = [
+        (study, gain_sd, DRAWS * number + draw)
+        for number, study in enumerate(studies(sensor))
+        for draw in range(DRAWS)
+    ]
+    with ProcessPoolExecutor(2) as pool:
+        found = list(pool.map(draw, tasks, chunksize=DRAWS))
+    table = {}
+    for key in found[0]:
+        fits = [fit for one in found if (fit := one[key]) is not None]
+        rows = np.array([astuple(fit) for fit in fits])
+        errors = rows.std(axis=0) / np.sqrt(len(rows))
+        names = [measure.name for measure in fields(GainMeasures)]
+        table[key] = dict(zip(names, zip(rows.mean(axis=0), errors, strict=True), strict=True))
+        shown = ", ".join(f"{name} {m:.3f} ± {e:.3f}" for name, (m, e) in table[key].items())
+        print(f"\n{key[1]} on {key[0]} contrasts, spread {gain_sd:g}, {len(rows)} fits: {shown}")
+    return table
+
+
+@pytest.mark.parametrize("gain_sd", [0.0, 2.0])
+@pytest.mark.parametrize("sensor", [REQUIRED, ROUGH], ids=["as required", "rough"])
+def test_intervals_on_measured_contrasts_hold_gains(sensor: Sensor, gain_sd: float) -> None:
+    table = coverage(sensor, gain_sd)
+    for model in ("M1", "M2"):
+        found = table["measured", model]
+        covered, error = found["gain"]
+        assert covered >= 0.93 - 2 * error, model
+        if not gain_sd:
+            share, error = found["claimed"]
+            assert share <= 0.05 + 2 * max(error, np.sqrt(0.05 * 0.95 / (STUDIES * DRAWS)))

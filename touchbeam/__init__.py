@@ -101,11 +101,12 @@ class Study:
     def _frames(self) -> "Frames":
         from analysis.export.dataset import asked_questions
         from analysis.export.frames import Frames
+        from analysis.felt.measured_trials import with_measures
 
         sessions = self.recorded.sessions
         rehearsed = sessions["session_kind"].eq("rehearsal")
         return Frames(
-            found=self.recorded,
+            found=with_measures(self.file, self.recorded),
             kept=sessions if self.rehearsals else sessions[~rehearsed],
             questions=asked_questions(self.file, self.recorded.answers),
         )

@@ -107,6 +107,15 @@ _ANSWER = (
     Column("score_reaction_time_s", "From the scale's appearance to the score.", unit="s"),
 )
 
+_FELT = (
+    Column(
+        "measured_contrast",
+        "Change of the logarithm of friction as measured at the finger, positive in the expected "
+        "direction; missing where touches were not recorded.",
+    ),
+    Column("measured_contrast_error", "Standard error of the measured contrast."),
+)
+
 _COURSE = (
     Column(
         "excluded",
@@ -168,6 +177,13 @@ _TOUCHES = (
     _touch("force_ok", "Whether the force was the one asked for.", levels=YES_NO),
     _touch("place_ok", "Whether the finger was, or moved, where it should.", levels=YES_NO),
     _touch("speed_ok", "Whether the finger slid as fast as it should.", levels=YES_NO),
+    _touch("friction", "Friction coefficient as measured, geometric mean over the touch."),
+    _touch("friction_error", "Standard error of the friction coefficient."),
+    _touch("normal_n", "Normal force as recorded, mean over the touch.", unit="N"),
+    _touch("vector_n", "Amplitude of the vector of tangential and normal force, mean.", unit="N"),
+    _touch("speed_m_s", "Speed of the finger as recorded, median.", unit="m/s"),
+    _touch("rate_n_per_s", "Rate of change of the tangential force, rms.", unit="N/s"),
+    _touch("stick_slip", "Stick-slip index: SD of the tangential force in 0.1 s over its mean."),
 )
 
 _SETTING = (
@@ -232,7 +248,7 @@ def _of_question(question: StudyQuestion) -> Iterator[Column]:
     )
 
 
-COLUMNS = (*_SESSION, *_PLAN, *_ANSWER, *_COURSE, *_TOUCHES, *_SETTING)
+COLUMNS = (*_SESSION, *_PLAN, *_ANSWER, *_FELT, *_COURSE, *_TOUCHES, *_SETTING)
 
 
 def known(facts: Mapping[str, Any]) -> dict[str, Any]:

@@ -14,6 +14,7 @@ import pandas as pd
 from analysis.export.columns import COLUMNS, Column, question_columns
 from analysis.export.recordings import RecordedTouch, SessionKey, recorded_touches, session_key
 from analysis.export.trial_table import trial_table
+from analysis.felt.measured_trials import with_measures
 from analysis.loading.records import values
 from analysis.loading.sessions import load_sessions
 from protocol.errors import BadInput
@@ -282,7 +283,7 @@ def dataset(
     """
     digest = sha256()
     recorded: dict[SessionKey, tuple[RecordedTouch, ...]] = {}
-    found = load_sessions(_recorded(_digested(chains, digest), recorded))
+    found = with_measures(study, load_sessions(_recorded(_digested(chains, digest), recorded)))
     rehearsal = found.sessions["session_kind"].eq("rehearsal") & (not rehearsals)
     questions = asked_questions(study, found.answers)
     trials = trial_table(found, found.sessions[~rehearsal], questions)

@@ -1,7 +1,7 @@
 """What each trial compared, as it was measured: contrasts with errors, and touches in numbers."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from analysis.friction.measured_contrast import (
 )
 from analysis.friction.recorded import TouchForces, zero_drift_n_per_s
 from analysis.friction.touch_measures import PREDICTORS, TouchMeasures, touch_measures
+from analysis.loading.sessions import Sessions
 from analysis.trials.contrasts import trial_changes
 from device.friction.changes import Change
 from device.friction.contrasts import friction_at
@@ -99,6 +100,33 @@ def _is_held(planned: Touch) -> bool:
     return planned.place == "smooth" and planned.programme == "hold"
 
 
+def with_measures(study: Study, found: Sessions) -> Sessions:
+    """Return the sessions with what was measured in columns of their own.
+
+    Touches have those of `TouchMeasures`, the last attempt at each trial has `measured_contrast`
+    and `measured_contrast_error`; they are missing where nothing was recorded.
+    """
+    touches = found.touches.assign(**dict.fromkeys(_MEASURES, np.nan))
+    attempts = found.attempts.assign(measured_contrast=np.nan, measured_contrast_error=np.nan)
+    if found.forces:
+        trials = found.trials.join(found.sessions["subject"].rename("participant"), "session_id")
+        own = found.touches[found.touches["attempt_id"].isin(trials.index)]
+        own = own.assign(place_m=found.places_m)
+        forces = {touch: found.forces[touch] for touch in own.index if touch in found.forces}
+        contrasts = measured_trials(study, trials, own, forces)
+        attempts.loc[trials.index, "measured_contrast"] = contrasts.value
+        attempts.loc[trials.index, "measured_contrast_error"] = contrasts.error
+        measures = measures_of_touches(session_friction(trials, own, forces))
+        for name in _MEASURES:
+            touches[name] = touches.index.map(
+                {touch: getattr(each, name) for touch, each in measures.items()}
+            ).astype(float)
+    return replace(found, touches=touches, attempts=attempts)
+
+
+_MEASURES = [entry.name for entry in fields(TouchMeasures)]
+
+
 def measures_of_touches(sessions: Mapping[int, SessionFriction]) -> dict[int, TouchMeasures]:
     """Return the measures of all recorded touches whose jitter is known, by touch."""
     return {
@@ -167,7 +195,7 @@ def _of_trial(
     session: SessionFriction | None,
 ) -> MeasuredContrast | NotEstimable:
     """Return the contrast of one trial from its first and last touch."""
-    if change is None:
+    if change is None or planned.empty:
         return NotEstimable("what it compared is not known")
     first, last = planned.index[0], planned.index[-1]
     for touch in (first, last):

@@ -18,6 +18,8 @@ from protocol.study.touch import Touch, touch_s
 
 PLACES_M = tuple(np.linspace(0.004, 0.086, 165).tolist())
 LEAD_IN_S, BETWEEN_S = 3.0, 4.0
+IDEAL_STEP = 4
+"""An ideal sensor need not sample as often."""
 SCALE = (6e-5, 6e-5, 4e-6)
 RESTING = Structure().friction_coefficient
 
@@ -33,9 +35,6 @@ class Sensor:
     gain_sd: float = 0.02
     jitter_sd: float = 0.05
     jitter_s: float = 0.020
-
-
-IDEAL = Sensor(tangential_noise_n=0, normal_noise_n=0, drift_n_per_min=0, gain_sd=0, jitter_sd=0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -127,14 +126,14 @@ class Channel:
         self.now_s += lead_s + lasts_s
         return (
             self._packed(felt, seen_m, tare, times),
-            self._packed(forces, place_m, np.zeros(2), times),
+            self._packed(forces[:, ::IDEAL_STEP], place_m[::IDEAL_STEP], None, times),
         )
 
     def _packed(
         self,
         forces: FloatArray,
         place_m: FloatArray,
-        tare: FloatArray,
+        tare: FloatArray | None,
         times: tuple[float, tuple[float, float]],
     ) -> Recording:
         values = np.vstack([forces, place_m]) / np.array(SCALE)[:, None]
@@ -142,13 +141,13 @@ class Channel:
         return Recording.packed(
             counts.tobytes(),
             source="board",
-            rate_hz=self.sensor.rate_hz,
+            rate_hz=self.sensor.rate_hz / (IDEAL_STEP if tare is None else 1),
             first_s=0.0,
             scale=SCALE,
             clock_offset_s=times[0],
             clock_error_s=0.001,
             moved_s=times[1],
-            tare_n=tuple(tare.tolist()),
+            tare_n=(0.0, 0.0) if tare is None else tuple(tare.tolist()),
             saturated=0,
         )
 

@@ -21,6 +21,8 @@ try:
 except ImportError:  # Windows
     PORT_ERRORS = (OSError,)
 
+BAUD = 115_200
+"""Of a serial line, 8N1; USB and network ports ignore it."""
 WRITE_TIMEOUT_S = 0.2
 _CHUNK = 65_536
 _IN_USE = "in use by another program; close it first"
@@ -105,7 +107,9 @@ def open_port(url: str) -> SerialPort:
         kind = "file" if Path(url).is_file() else "folder"
         raise AddressError(f"{url}: a device must be a serial port, got a plain {kind}")
     try:
-        port = serial.serial_for_url(url, timeout=0, write_timeout=WRITE_TIMEOUT_S, exclusive=True)
+        port = serial.serial_for_url(
+            url, BAUD, timeout=0, write_timeout=WRITE_TIMEOUT_S, exclusive=True
+        )
     except ValueError as error:
         raise AddressError(f"{url}: not the address of a device ({error})") from error
     except PORT_ERRORS as error:

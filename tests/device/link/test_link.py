@@ -1,6 +1,7 @@
 """The link: in step and within its deadlines, whatever the peer does."""
 
 import errno
+import os
 import re
 
 import pytest
@@ -8,8 +9,20 @@ import pytest
 from device.errors import DeviceError, EmergencyStop, LinkTimeout, ProtocolError
 from device.link.codec import number, switch
 from device.link.link import EVENT_ENABLE, MOST_LINES, Link, Register
-from device.link.port import advice
+from device.link.port import advice, open_port
 from tests.device.scripted import ScriptedPort, ticking
+
+
+def test_a_serial_line_runs_at_115200_baud() -> None:
+    termios = pytest.importorskip("termios", reason="this system has no terminals")
+    ours, theirs = os.openpty()
+    try:
+        port = open_port(os.ttyname(theirs))
+        assert termios.tcgetattr(theirs)[4:6] == [termios.B115200, termios.B115200]
+        port.close()
+    finally:
+        os.close(ours)
+        os.close(theirs)
 
 
 def linked(answers: dict[bytes, bytes], **options: bool) -> tuple[Link, ScriptedPort]:

@@ -12,6 +12,7 @@ from analysis.export.columns import COLUMNS, Column, known
 from analysis.export.dataset import Dataset, language_of
 from analysis.export.readme import readme
 from analysis.export.recordings import DRIVEN, MEASURED, described, tsv_gz
+from analysis.export.trial_events import HED_VERSION, event_files
 from analysis.export.trial_table import cells
 
 BIDS_VERSION = "1.11.1"
@@ -19,7 +20,8 @@ BIDS_VERSION = "1.11.1"
 _TABLES = (
     "This is a BIDS data set. Each session is a table `sub-*/beh/*_beh.tsv` "
     "(`sub-*/ses-*/beh/` if there are several sessions); the JSON file beside it describes its "
-    "columns. `n/a` is a missing value; in a text `\\t`, `\\n` and `\\\\` stand for a tab, a line "
+    "columns. `*_events.tsv` has the trials as events, tagged in words of HED. "
+    "`n/a` is a missing value; in a text `\\t`, `\\n` and `\\\\` stand for a tab, a line "
     "feed and a backslash; an apostrophe before `=`, `+`, `-` or `@` keeps spreadsheets from "
     "taking a text for a formula. `participants.tsv` gives each participant's pseudonym. "
     "`sourcedata/touchbeam/` has the study file and each session's events, traces of the finger "
@@ -66,6 +68,7 @@ def _dataset_description(data: Dataset) -> dict[str, Any]:
         {
             "Name": data.title,
             "BIDSVersion": BIDS_VERSION,
+            "HEDVersion": HED_VERSION,
             "DatasetType": "raw",
             "License": facts.licence,
             "Authors": facts.authors,
@@ -124,17 +127,21 @@ def _stem(data: Dataset, who: str, number: int) -> str:
 
 
 def _sessions(data: Dataset) -> dict[str, str]:
-    """Each session's table and its sidecar."""
+    """Each session's tables of trials and of events, and their sidecars."""
     files: dict[str, str] = {}
-    names = [column.name for column in data.shared_columns]
+    columns = {column.name: _described(column, data) for column in data.shared_columns}
+    names = list(columns)
     for (who, number), trials in data.by_session():
-        stem = f"{_stem(data, who, number)}_beh"
-        files[f"{stem}.tsv"] = tsv_text(names, cells(trials[names]))
-        files[f"{stem}.json"] = json_text(_sidecar(data, trials))
+        stem = _stem(data, who, number)
+        files[f"{stem}_beh.tsv"] = tsv_text(names, cells(trials[names]))
+        task = _task(data, trials)
+        files[f"{stem}_beh.json"] = json_text({**task, **columns})
+        files |= event_files(stem, trials, task)
     return files
 
 
-def _sidecar(data: Dataset, trials: pd.DataFrame) -> dict[str, Any]:
+def _task(data: Dataset, trials: pd.DataFrame) -> dict[str, Any]:
+    """What the sidecars of a session say of its task."""
     facts = data.facts
     task = {
         "TaskName": data.task_name,
@@ -143,8 +150,7 @@ def _sidecar(data: Dataset, trials: pd.DataFrame) -> dict[str, Any]:
         "InstitutionName": facts.institution,
         "InstitutionAddress": facts.institution_address,
     }
-    columns = {column.name: _described(column, data) for column in data.shared_columns}
-    return {**known(task), **columns}
+    return known(task)
 
 
 def _described(column: Column, data: Dataset) -> dict[str, Any]:

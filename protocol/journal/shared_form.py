@@ -1,9 +1,9 @@
 """The events of a session in the form in which they leave the study, and come back.
 
 A session is a text of JSON lines: the first one has the session's place among the others, each
-other one an event: its tag, its time by the clock that never runs backwards, and its payload. The
-time of day, the operator's notes, references of consents, the device's address and how answers
-came about in the window stay behind.
+other one an event: its tag, the seconds since the session began, its time by the clock that never
+runs backwards, and its payload. The time of day, the operator's notes, references of consents, the
+device's address and how answers came about in the window stay behind.
 """
 
 import json
@@ -55,7 +55,8 @@ def shared_text(place: int, events: Sequence[StoredEvent]) -> str:
     for stored in events:
         event = _shared(stored.record)
         if event is not None:
-            lines.append([event.TAG, stored.monotonic_s, event.to_json()])
+            since_s = (stored.utc - events[0].utc).total_seconds()
+            lines.append([event.TAG, since_s, stored.monotonic_s, event.to_json()])
     return "".join(f"{json.dumps(line, ensure_ascii=False, allow_nan=False)}\n" for line in lines)
 
 
@@ -68,8 +69,7 @@ def shared_session(source: str, text: str) -> SharedSession:
     first, *lines = text.split("\n")[:-1] or [""]
     try:
         place = int(json.loads(first)["place"])
-        read = [json.loads(line) for line in lines]
-        events = tuple(_stored(seq, *event, began_s=read[0][1]) for seq, event in enumerate(read))
+        events = tuple(_stored(seq, *json.loads(line)) for seq, line in enumerate(lines))
         opened = folded(events).opened
     except _WRONG as error:
         raise BadInput(f"{source}: cannot be read as a session of touchbeam ({error})") from error
@@ -79,14 +79,14 @@ def shared_session(source: str, text: str) -> SharedSession:
 
 
 def _stored(
-    seq: int, tag: str, monotonic_s: float, given: Mapping[str, Any], *, began_s: float
+    seq: int, tag: str, since_s: float, monotonic_s: float, given: Mapping[str, Any]
 ) -> StoredEvent:
     payload = event_of(tag, given).to_json()
     json.dumps(payload, allow_nan=False)  # refuses what no journal can hold
     return StoredEvent(
         seq=seq,
         tag=tag,
-        utc=UNKNOWN_UTC + timedelta(seconds=monotonic_s - began_s),
+        utc=UNKNOWN_UTC + timedelta(seconds=since_s),
         monotonic_s=float(monotonic_s),
         payload=payload,
     )

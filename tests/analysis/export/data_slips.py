@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 
 ENTITIES = re.compile(
     r"sub-(?P<sub>[0-9A-Za-z]+)/(ses-(?P<ses>[0-9A-Za-z]+)/)?beh/"
-    r"sub-(?P=sub)(_ses-(?P=ses))?_task-(?P<task>[0-9A-Za-z]+)_beh\.(tsv|json)"
+    r"sub-(?P=sub)(_ses-(?P=ses))?_task-(?P<task>[0-9A-Za-z]+)_(beh|events)\.(tsv|json)"
 )
 BIDS_ROOT = {"README.md", "dataset_description.json", "participants.json", "participants.tsv"}
 SOURCE = "sourcedata/touchbeam/"
@@ -55,7 +55,7 @@ def bids_slips(files: Mapping[str, str]) -> Iterator[str]:
     with_data = {
         path.split("/")[0]
         for path, text in tables.items()
-        if path.startswith("sub-") and tsv_rows(text)
+        if path.endswith("_beh.tsv") and tsv_rows(text)
     }
     for who in sorted(listed ^ with_data):
         yield f"{who}: {'no data' if who in listed else 'not in participants.tsv'}"

@@ -33,7 +33,6 @@ VALIDATOR = str(Path(sys.executable).with_name("bids-validator-deno"))
 ONLY_THE_AUTHOR_KNOWS = {
     ("TOO_FEW_AUTHORS", None),
     ("NO_AUTHORS", "Authors"),
-    ("JSON_KEY_RECOMMENDED", "HEDVersion"),
     ("JSON_KEY_RECOMMENDED", "License"),
     ("SIDECAR_KEY_RECOMMENDED", "CogAtlasID"),
     ("SIDECAR_KEY_RECOMMENDED", "CogPOID"),
@@ -43,7 +42,6 @@ ONLY_THE_AUTHOR_KNOWS = {
 }
 """What the validator may miss where the study file does not give it."""
 NOBODY_SAID = {
-    ("JSON_KEY_RECOMMENDED", "HEDVersion"),
     ("SIDECAR_KEY_RECOMMENDED", "CogAtlasID"),
     ("SIDECAR_KEY_RECOMMENDED", "CogPOID"),
     ("SIDECAR_KEY_RECOMMENDED", "InstitutionalDepartmentName"),
@@ -200,7 +198,9 @@ def test_rehearsals_come_only_when_asked_for_and_are_marked() -> None:
     without, asked = bids_export(nasty()), bids_export(nasty(rehearsals=True))
     assert not any("R01" in path for path in without)
     assert "**Rehearsals.**" not in without["README.md"]
-    (table,) = [text for path, text in asked.items() if "sub-R01" in path and path.endswith("tsv")]
+    (table,) = [
+        text for path, text in asked.items() if "sub-R01" in path and path.endswith("_beh.tsv")
+    ]
     assert {row["session_kind"] for row in tsv_rows(table)} == {"rehearsal"}
     assert 0 < asked["README.md"].index("**Rehearsals.**") < 100
 
@@ -255,11 +255,43 @@ def test_every_column_is_described_with_unit_and_levels() -> None:
         assert {f"'{NAMES['frequency']}", "pressure"} <= sidecar["condition"]["Levels"].keys()
 
 
+def test_trials_are_events_in_the_order_of_time() -> None:
+    files = bids_export(nasty())
+    stem = "sub-P01/ses-2/beh/sub-P01_ses-2_task-touch1"
+    events, trials = (tsv_rows(files[f"{stem}_{suffix}.tsv"]) for suffix in ("events", "beh"))
+    assert events[0]["onset"] == "0.0"
+    assert [float(event["onset"]) for event in events] == [
+        float(trial["started_monotonic_s"]) - float(trials[0]["started_monotonic_s"])
+        for trial in trials
+    ]
+    for theirs, ours in {
+        "duration": "duration_s",
+        "trial_type": "trial_kind",
+        "response_time": "reaction_time_s",
+        "trial_index": "trial_index",
+    }.items():
+        assert [event[theirs] for event in events] == [trial[ours] for trial in trials]
+    tagged = json.loads(files[f"{stem}_events.json"])["trial_type"]
+    assert tagged["HED"].keys() == tagged["Levels"].keys() >= {row["trial_kind"] for row in trials}
+
+
+def test_the_validator_judges_the_tags_of_events(tmp_path: Path) -> None:
+    files = bids_export(nasty())
+    told = {name: text.replace("Sensory-event", "Sensory-evnt") for name, text in files.items()}
+    assert {
+        it["code"] for it in complaints(written(told, tmp_path)) if it["severity"] == "error"
+    } == {"HED_ERROR"}
+
+
+def test_published_scores_are_no_events() -> None:
+    assert not [path for path in bids_export(published("1")) if "_events" in path]
+
+
 def test_a_missing_score_is_missing_and_a_zero_is_zero() -> None:
     files = bids_export(nasty())
-    path = next(path for path in files if "p01x3" in path and path.endswith("tsv"))
+    path = next(path for path in files if "p01x3" in path and path.endswith("_beh.tsv"))
     assert {row["score"] for row in tsv_rows(files[path])} == {"n/a"}
-    path = next(path for path in files if "P01x2" in path and path.endswith("tsv"))
+    path = next(path for path in files if "P01x2" in path and path.endswith("_beh.tsv"))
     assert {"0", "10", "7"} <= {row["score"] for row in tsv_rows(files[path])}
 
 

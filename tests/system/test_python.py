@@ -112,9 +112,18 @@ def test_every_column_is_described(study: touchbeam.Study) -> None:
     described = [(name, column) for name, table in tables.items() for column in map(str, table)]
     assert study.columns.index.tolist() == described
     assert study.columns.meaning.notna().all()
-    units = {"s": "s", "v": "V", "per_v": "m/V", "hz": "Hz", "m": "m", "n": "N"}
+    units = {
+        "s": "s",
+        "v": "V",
+        "per_v": "m/V",
+        "hz": "Hz",
+        "m": "m",
+        "m_s": "m/s",
+        "n": "N",
+        "n_per_s": "N/s",
+    }
     for (_, column), unit in zip(described, study.columns.unit, strict=True):
-        ending = re.search(r"_(s|per_v|v|hz|m|n)$", column)
+        ending = re.search(r"_(m_s|n_per_s|s|per_v|v|hz|m|n)$", column)
         assert unit == units[ending[1]] if ending else pd.isna(unit), column
 
 

@@ -38,6 +38,7 @@ class LineGauge(GaugeDriver):
     def start_sampling(self, rate_hz: float) -> Scale:
         """Set the rate and start; samples are numbered from 0. Return the size of one count."""
         self._require_unit()
+        self._switch("STOP", on=False)  # a session that was killed left it on
         self.link.tell(f"RATE {number_text(rate_hz)}")
         kept_hz = self.link.query("RATE?", number)
         if not math.isclose(kept_hz, rate_hz, rel_tol=1e-6):

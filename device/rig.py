@@ -22,8 +22,7 @@ from device.drivers.limits import Limits, Setpoint
 from device.errors import DeviceError, EmergencyStop, ForeignDevice, OutputUnknown
 from device.force_channel.recording import Recording
 from device.force_channel.samples import Forces, Samples
-from device.gauges.owner import GaugeOwner
-from device.link.jobs import Job
+from device.gauges.owner import GaugeOwner, Job
 from device.link.link import open_link
 from device.resonance import Resonance, resonance
 from protocol.errors import BadInput

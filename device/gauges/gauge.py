@@ -10,7 +10,7 @@ from typing import ClassVar
 from device.errors import DeviceError, ProtocolError
 from device.force_channel.blocks import Block
 from device.force_channel.samples import CHANNELS, FULL_SCALE, Scale
-from device.gauges.driver import GaugeDriver
+from device.gauges.gauge_driver import GaugeDriver
 from device.link.codec import fields, number, number_text, switch, whole
 from device.link.link import Register
 

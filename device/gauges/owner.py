@@ -3,18 +3,34 @@
 import queue
 import threading
 from collections.abc import Callable
-from typing import TypeVar
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
 
 from device.errors import DeviceError
 from device.force_channel.recording import Recording
 from device.force_channel.samples import Forces, Samples
-from device.gauges.driver import GaugeDriver
-from device.link.jobs import Job
+from device.gauges.gauge_driver import GaugeDriver
 
 MOST_LATE_S = 0.3
 """How late samples may be fetched before the session waits for them."""
 _LOOK_S = 0.02
 _Result = TypeVar("_Result")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job:
+    """A call to make, and what becomes of it."""
+
+    work: Callable[[], Any]
+    result: "Future[Any]" = field(default_factory=Future)
+
+    def settle(self) -> None:
+        """Make the call; an error is its result, too."""
+        try:
+            self.result.set_result(self.work())
+        except Exception as error:
+            self.result.set_exception(error)
 
 
 class GaugeOwner:

@@ -4,7 +4,7 @@ import json
 from collections.abc import Callable
 
 from device.simulator.faults import NAMES, Broken
-from device.simulator.models.power_stage import DeviceClock
+from device.simulator.hardware.power_stage import DeviceClock
 
 
 class Control:

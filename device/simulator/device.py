@@ -11,10 +11,10 @@ from device.friction.contrasts import LAW, RUNG
 from device.link.codec import text
 from device.simulator.control import Control
 from device.simulator.faults import Broken
-from device.simulator.models.beam_and_finger import SimulatedBeam
+from device.simulator.hardware.beam_and_finger import SimulatedBeam
+from device.simulator.hardware.power_stage import DeviceClock, Instrument
 from device.simulator.models.dialect import Dialect
 from device.simulator.models.gauge_model import GaugeModel
-from device.simulator.models.power_stage import DeviceClock, Instrument
 from device.simulator.models.scpi import ScpiError
 
 Model = Callable[[Instrument, SimulatedBeam], Dialect]

@@ -7,10 +7,10 @@ does to the wire stands in `wire`, what it does to the device in `Broken`.
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from device.simulator.models.beam_and_finger import SimulatedBeam
+from device.simulator.hardware.beam_and_finger import SimulatedBeam
+from device.simulator.hardware.power_stage import MAX_VOLTAGE_V, Instrument
 from device.simulator.models.dialect import Dialect
 from device.simulator.models.gauge_model import GaugeModel
-from device.simulator.models.power_stage import MAX_VOLTAGE_V, Instrument
 from device.simulator.models.scpi import ScpiError
 
 

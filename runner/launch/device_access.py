@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypedDict, Unpack
 
-from device.gauges.discovery import open_gauge
+from device.gauges.known_gauges import open_gauge
 from device.resonance import Resonance
 from device.rig import Rig, open_rig
 from device.simulator.client import ControlClient, simulator_process

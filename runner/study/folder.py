@@ -30,7 +30,7 @@ def _dialects() -> Iterable[str]:
 
 def _gauge_dialects() -> Iterable[str]:
     """Return the dialects of gauges that have a driver."""
-    from device.gauges.discovery import gauges
+    from device.gauges.known_gauges import gauges
 
     return gauges()
 

@@ -15,7 +15,7 @@ from device.link.link import Link, open_link
 from device.simulator.client import ControlClient, Endpoints, simulator_process
 from device.simulator.device import simulated_device
 from device.simulator.faults import FAULTS
-from device.simulator.models.force_sampler import SCALE
+from device.simulator.hardware.force_sampler import SCALE
 from tests.device.rigs import TOUCHBEAM
 
 PAGE = (Path(__file__).parents[2] / "docs" / "wire-protocol.md").read_text(encoding="utf-8")

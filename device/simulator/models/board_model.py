@@ -4,11 +4,9 @@ from collections.abc import Callable, Mapping
 
 from device.force_channel.blocks import encoded
 from device.link.codec import block, number_text
-from device.simulator.models import scpi
-from device.simulator.models.beam_and_finger import SimulatedBeam
-from device.simulator.models.dialect import Dialect, Status, asked
-from device.simulator.models.force_sampler import RATE_RANGE_HZ, SCALE, ForceSampler
-from device.simulator.models.power_stage import (
+from device.simulator.hardware.beam_and_finger import SimulatedBeam
+from device.simulator.hardware.force_sampler import RATE_RANGE_HZ, SCALE, ForceSampler
+from device.simulator.hardware.power_stage import (
     DEFAULT_FREQUENCY_HZ,
     FREQUENCY_RANGE_HZ,
     MAX_VOLTAGE_V,
@@ -17,6 +15,8 @@ from device.simulator.models.power_stage import (
     FrequencySweep,
     Instrument,
 )
+from device.simulator.models import scpi
+from device.simulator.models.dialect import Dialect, Status, asked
 from device.simulator.models.scpi import Call, Handler, ScpiError
 
 IDN = "touchbeam,BOARD,SIM,1.2"

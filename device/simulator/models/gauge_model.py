@@ -5,9 +5,9 @@ import zlib
 from device.errors import DeviceError
 from device.force_channel.samples import CHANNELS, FULL_SCALE
 from device.link.codec import number, number_text
-from device.simulator.models.beam_and_finger import SimulatedBeam
-from device.simulator.models.force_sampler import RATE_RANGE_HZ, SCALE, ForceSampler
-from device.simulator.models.power_stage import Instrument
+from device.simulator.hardware.beam_and_finger import SimulatedBeam
+from device.simulator.hardware.force_sampler import RATE_RANGE_HZ, SCALE, ForceSampler
+from device.simulator.hardware.power_stage import Instrument
 
 IDN = "touchbeam,GAUGE,SIM,1.0"
 AHEAD_S = 1000.0

@@ -8,9 +8,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import ClassVar
 
+from device.simulator.hardware.power_stage import Instrument
 from device.simulator.models import scpi
 from device.simulator.models.keysight_settings import FUNCTIONS
-from device.simulator.models.power_stage import Instrument
 from device.simulator.models.scpi import Call, Handler, ScpiError
 
 SOURCE_OHM = 50.0

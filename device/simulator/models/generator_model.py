@@ -5,11 +5,11 @@ The amplifier has the gain `AMPLIFIER_GAIN` and an open (high impedance) input.
 
 from collections.abc import Callable, Mapping, Sequence
 
+from device.simulator.hardware.power_stage import Instrument
 from device.simulator.models import scpi
 from device.simulator.models.dialect import Dialect, Status
 from device.simulator.models.generator_channels import MOST_EMF_VPP, Channel, Channels, Model
 from device.simulator.models.keysight_settings import Kept
-from device.simulator.models.power_stage import Instrument
 from device.simulator.models.scpi import Call, Handler
 
 AMPLIFIER_GAIN = 20.0

@@ -3,6 +3,7 @@
 Source: Agilent 33220A User's Guide and 33500 Series Operating and Service Guide.
 """
 
+from device.simulator.hardware.power_stage import FrequencySweep, Instrument
 from device.simulator.models.dialect import asked
 from device.simulator.models.generator_channels import Channels, Model
 from device.simulator.models.generator_model import GeneratorDialect, models
@@ -12,7 +13,6 @@ from device.simulator.models.keysight_settings import (
     SETTINGS_33500,
     Kept,
 )
-from device.simulator.models.power_stage import FrequencySweep, Instrument
 from device.simulator.models.scpi import Call, Handler, ScpiError, boolean
 
 _GENERATORS = {

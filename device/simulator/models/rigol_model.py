@@ -6,12 +6,12 @@ Source: Rigol DG800 and DG1000Z Programming Guides. Numbers have seven digits, s
 
 from typing import ClassVar
 
+from device.simulator.hardware.power_stage import Instrument
 from device.simulator.models import scpi
 from device.simulator.models.dialect import asked
 from device.simulator.models.generator_channels import Channels, Model
 from device.simulator.models.generator_model import GeneratorDialect, models
 from device.simulator.models.keysight_settings import Kept
-from device.simulator.models.power_stage import Instrument
 from device.simulator.models.scpi import Call, Handler
 
 _GENERATORS = {

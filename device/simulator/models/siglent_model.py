@@ -10,9 +10,9 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from itertools import pairwise
 
+from device.simulator.hardware.power_stage import Instrument
 from device.simulator.models.generator_channels import Channel, Channels, Model
 from device.simulator.models.generator_model import GeneratorDialect, models
-from device.simulator.models.power_stage import Instrument
 
 _GENERATORS = {
     "siglent": Model(

@@ -12,7 +12,7 @@ from device.beam.modes import natural_frequency_hz
 from device.errors import DeviceError, ForeignDevice
 from device.resonance import Resonance
 from device.simulator.client import ControlClient, Endpoints, simulator_process
-from device.simulator.models.beam_and_finger import SimulatedBeam
+from device.simulator.hardware.beam_and_finger import SimulatedBeam
 from protocol.errors import BadInput
 from protocol.study.rig_settings import Rig as RigSettings
 from protocol.study_file.loading import template

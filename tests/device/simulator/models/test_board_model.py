@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from device.simulator.device import SimulatedDevice, simulated_device
-from device.simulator.models.power_stage import Instrument
+from device.simulator.hardware.power_stage import Instrument
 
 
 @pytest.fixture

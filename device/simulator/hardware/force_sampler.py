@@ -11,8 +11,8 @@ import numpy as np
 from device.beam.modes import FloatArray
 from device.force_channel.blocks import Block
 from device.force_channel.samples import FULL_SCALE, Scale, most_in_block
-from device.simulator.models.beam_and_finger import SimulatedBeam
-from device.simulator.models.power_stage import Instrument
+from device.simulator.hardware.beam_and_finger import SimulatedBeam
+from device.simulator.hardware.power_stage import Instrument
 
 RATE_RANGE_HZ = (50.0, 1_000.0)
 SCALE: Scale = (2.5e-4, 2.5e-4, 5e-6)

@@ -25,8 +25,8 @@ from device.friction.scenes import (
     Scene,
     Structure,
 )
-from device.simulator.models.force_sensor import ForceSensor, Skin
-from device.simulator.models.power_stage import Instrument
+from device.simulator.hardware.force_sensor import ForceSensor, Skin
+from device.simulator.hardware.power_stage import Instrument
 
 MODE = 6
 BODY_HEIGHT_M = 1e-3

@@ -1,0 +1,1 @@
+"""What is inside the simulated device: power stage, beam, finger and sensors."""

@@ -1,5 +1,4 @@
-"""The simulated instruments behind the wire: dialects, power stage and beam.
+"""The simulated instruments behind the wire, one dialect a file.
 
-Public face: `dialect.Dialect`, `board_model.BoardDialect`, `keysight_model.KeysightDialect`,
-`beam_and_finger.SimulatedBeam`.
+Public face: `dialect.Dialect`, `board_model.BoardDialect`, `keysight_model.KeysightDialect`.
 """

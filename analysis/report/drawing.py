@@ -23,13 +23,17 @@ from analysis.report.findings import Scale
 
 @dataclass(frozen=True, kw_only=True)
 class Series:
-    """Curve, or a set of points (optionally named) if `marked`."""
+    """Curve, or a set of points (optionally named) if `marked`.
+
+    A curve with a standard `error` has a band of one on either side.
+    """
 
     label: str
     x: FloatArray
     y: FloatArray
     marked: bool = False
     names: Sequence[str] = ()
+    error: FloatArray | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -196,6 +200,9 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
     for series, colour, dashes in zip(panel.series, _COLOURS, _DASHES, strict=False):
         style = {"marker": "o", "linestyle": "none"} if series.marked else {"linestyle": dashes}
         axes.plot(series.x, series.y, label=series.label, color=colour, linewidth=1.3, **style)
+        if series.error is not None:
+            band = series.y - series.error, series.y + series.error
+            axes.fill_between(series.x, *band, color=colour, alpha=0.3, linewidth=0)
         for name, x, y in zip(series.names, series.x, series.y, strict=False):
             axes.annotate(name, (x, y), xytext=(4, 4), textcoords="offset points", fontsize=7)
     axes.set_title(panel.title, fontsize=9)

@@ -1,0 +1,342 @@
+"""The rig's properties by generalised least squares on all passes, with profile intervals.
+
+A property that the passes do not determine keeps its nominal value, and the fit says why. The
+test is Fisher's information under the noise of these passes; of properties that trade off against
+each other, the one known worst is given up first.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.stats import f as f_distribution
+
+from analysis.estimates import FloatArray, Interval, NotEstimable
+from analysis.sliding.noise import Noise, fitted_noise, whitened
+from analysis.sliding.passes import Course
+from analysis.sliding.rig_model import (
+    PROPERTIES,
+    Places,
+    RigProperties,
+    coordinates,
+    friction_along,
+    property_at,
+    rig_at,
+    slopes,
+)
+
+LIMITS: Mapping[str, float] = {
+    "friction_coefficient": 0.1,
+    "resonance_hz": 0.0008,
+    "damping_ratio": 0.25,
+    "gain": 0.25,
+    "body_height_m": 0.25,
+    "patch_centre_m": 0.0015,
+}
+"""Largest standard error of a property that counts as determined: relative (of the body height:
+relative to the tip's lever), for the patches' place in m."""
+_REACH: Mapping[str, float] = {
+    "friction_coefficient": 1.5,
+    "resonance_hz": 0.03,
+    "damping_ratio": 2.5,
+    "gain": 1.5,
+    "body_height_m": 0.3,
+    "patch_centre_m": 0.008,
+}
+"""How far a property is searched on either side of its nominal value; no interval goes further."""
+_NOISES = 2
+_EVALUATIONS = 30
+_RIDGE = 1e-13  # of scaled information, so that what the passes do not see has a large error
+_NEAR = 0.02  # of the root of the rise, at an end of an interval
+_TRADED = 0.9
+"""Correlation of two estimates from which on one is said to trade off against the other."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """An estimate with its 95 % interval, from the profile of the likelihood."""
+
+    value: float
+    interval: Interval
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RigFit:
+    """A rig fitted to passes.
+
+    Attributes:
+        rig: its properties; those that are not determined have their nominal values.
+        estimates: each property with its interval, or the reason why the passes do not tell it.
+        noise: of the passes about the fitted friction.
+        means: fitted friction in the bins of each pass.
+        deviance: sum of squares of the residuals in units in which they are independent.
+        points: bins fitted.
+    """
+
+    rig: RigProperties
+    estimates: Mapping[str, Estimate | NotEstimable]
+    noise: Noise
+    means: tuple[FloatArray, ...]
+    deviance: float
+    points: int
+
+    @property
+    def determined(self) -> tuple[str, ...]:
+        """Names of the properties that the passes determine."""
+        return tuple(name for name, found in self.estimates.items() if isinstance(found, Estimate))
+
+
+def fitted_rig(courses: Sequence[Course], nominal: RigProperties) -> RigFit:
+    """Return the rig that fits the passes best.
+
+    Args:
+        courses: driven passes, and with the output off.
+        nominal: where the search begins; its resonance is the measured one.
+    """
+    problem = _Problem(courses=tuple(courses), nominal=nominal)
+    found, given_up = coordinates(nominal), dict[str, NotEstimable]()
+    fit = _Fit(problem=problem, noise=Noise(), means=problem.seen, found=found, free=PROPERTIES)
+    for _ in range(_NOISES):
+        fit = fit.kept(given_up).best()
+        means = problem.split(fit.friction(fit.found))
+        fit = replace(fit, noise=fitted_noise(problem.courses, means), means=means)
+    # Once more, so that the patches' slope is that at the best place.
+    fit = fit.kept(given_up).best().best()
+    return RigFit(
+        rig=rig_at(fit.found),
+        estimates={name: given_up.get(name) or fit.estimate(name) for name in PROPERTIES},
+        noise=fit.noise,
+        means=problem.split(fit.friction(fit.found)),
+        deviance=fit.least,
+        points=problem.places.x_m.size,
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Problem:
+    courses: tuple[Course, ...]
+    nominal: RigProperties
+
+    @cached_property
+    def places(self) -> Places:
+        settings, x_m = zip(*((one.setting, one.x_m) for one in self.courses), strict=True)
+        return Places.along(settings, x_m, [one.spread_m for one in self.courses])
+
+    @property
+    def seen(self) -> tuple[FloatArray, ...]:
+        return tuple(one.mu for one in self.courses)
+
+    def split(self, values: FloatArray) -> tuple[FloatArray, ...]:
+        ends = np.cumsum([one.x_m.size for one in self.courses])[:-1]
+        return tuple(np.split(values, ends))
+
+    def detuning(self) -> float:
+        """Return how far the nearest drive is from the resonance, relative to it."""
+        own_hz = self.nominal.resonance_hz
+        driven = [one.setting for one in self.courses if one.setting.voltage_v > 0]
+        return min((abs(one.frequency_hz / own_hz - 1) for one in driven), default=np.inf)
+
+
+_PATCH = PROPERTIES.index("patch_centre_m")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Fit:
+    """A least-squares problem under one noise, and its best coordinates so far.
+
+    Friction is linear in the patches' place about `found`: each step of it would need new modes.
+
+    Attributes:
+        problem: passes and nominal rig.
+        noise: of the passes.
+        means: friction to which jitter is taken in proportion, by pass.
+        found: coordinates of all properties.
+        free: names of those that are fitted.
+    """
+
+    problem: _Problem
+    noise: Noise
+    means: tuple[FloatArray, ...]
+    found: FloatArray
+    free: tuple[str, ...]
+
+    @cached_property
+    def which(self) -> list[int]:
+        return [PROPERTIES.index(name) for name in self.free]
+
+    @cached_property
+    def factors(self) -> tuple[FloatArray, ...]:
+        pairs = zip(self.problem.courses, self.means, strict=True)
+        return tuple(self.noise.factor(one, mean) for one, mean in pairs)
+
+    def white(self, values: FloatArray) -> FloatArray:
+        """Return values in units in which their noise is independent."""
+        parts = zip(self.factors, self.problem.split(values), strict=True)
+        return np.concatenate([whitened(factor, part) for factor, part in parts])
+
+    @cached_property
+    def seen(self) -> FloatArray:
+        return self.white(np.concatenate(self.problem.seen))
+
+    @cached_property
+    def patch_slope(self) -> FloatArray:
+        return np.asarray(slopes(self.problem.places, self.found, ["patch_centre_m"])[:, 0])
+
+    def friction(self, at: FloatArray) -> FloatArray:
+        """Return friction at some coordinates."""
+        here = at.copy()
+        here[_PATCH] = self.found[_PATCH]
+        friction = friction_along(self.problem.places, [rig_at(here)])[0]
+        step = at[_PATCH] - here[_PATCH]
+        return np.asarray(friction + step * self.patch_slope if step else friction)
+
+    def residual(self, at: FloatArray) -> FloatArray:
+        return self.white(self.friction(at)) - self.seen
+
+    def slopes(self, at: FloatArray) -> FloatArray:
+        """Return the derivatives of the residuals by the free coordinates."""
+        here = at.copy()
+        here[_PATCH] = self.found[_PATCH]
+        tuned = [name for name in self.free if name != "patch_centre_m"]
+        found = slopes(self.problem.places, here, tuned)
+        if "patch_centre_m" in self.free:
+            found = np.column_stack([found, self.patch_slope])
+        return self.white(found)
+
+    def whole(self, part: FloatArray) -> FloatArray:
+        """Return all coordinates from the free ones."""
+        found = self.found.copy()
+        found[self.which] = part
+        return found
+
+    def best(self) -> "_Fit":
+        """Return the fit at the least-squares coordinates."""
+        middle = coordinates(self.problem.nominal)[self.which]
+        reach = np.array([_REACH[name] for name in self.free])
+
+        def residual(part: FloatArray) -> FloatArray:
+            return self.residual(self.whole(part))
+
+        def slope(part: FloatArray) -> FloatArray:
+            return self.slopes(self.whole(part))
+
+        solved = least_squares(
+            residual,
+            np.clip(self.found[self.which], middle - 0.99 * reach, middle + 0.99 * reach),
+            jac=slope,
+            bounds=(middle - reach, middle + reach),
+            x_scale=np.array([0.1 * LIMITS[name] for name in self.free]),
+            xtol=1e-6,
+            ftol=1e-6,
+            max_nfev=_EVALUATIONS,
+        )
+        return replace(self, found=self.whole(np.asarray(solved.x)))
+
+    def kept(self, given_up: dict[str, NotEstimable]) -> "_Fit":
+        """Return the fit of what the passes determine; put the other reasons into `given_up`."""
+        fit, slope = self, self.slopes(self.found)
+        nominal = coordinates(self.problem.nominal)
+        while fit.free:
+            size = np.linalg.norm(slope, axis=0)
+            scaled = slope / np.where(size > 0, size, 1.0)
+            inverse = np.linalg.inv(scaled.T @ scaled + _RIDGE * np.eye(len(fit.free)))
+            error = np.sqrt(np.diag(inverse)) / np.where(size > 0, size, 1e-12)
+            excess = error / [LIMITS[name] for name in fit.free]
+            worst = int(np.argmax(excess))
+            if excess[worst] <= 1:
+                break
+            name = fit.free[worst]
+            given_up[name] = fit.reason(name, float(error[worst]), inverse)
+            found = fit.found.copy()
+            found[PROPERTIES.index(name)] = nominal[PROPERTIES.index(name)]
+            free = tuple(each for each in fit.free if each != name)
+            fit, slope = replace(fit, found=found, free=free), np.delete(slope, worst, axis=1)
+        return fit
+
+    def reason(self, name: str, error: float, inverse: FloatArray) -> NotEstimable:
+        """Return why a property with that standard error is not determined."""
+        unit, factor = ("mm", 1e3) if name == "patch_centre_m" else ("%", 100.0)
+        known = f"over 1000 {unit}" if factor * error > 1000 else f"{factor * error:.2g} {unit}"
+        text = f"its standard error would be {known}; {factor * LIMITS[name]:g} {unit} is due"
+        if name == "damping_ratio":
+            nearest = 100 * self.problem.detuning()
+            text += f". The nearest drive is {nearest:.2g} % from the resonance"
+            text += ", where friction hardly depends on the damping" if nearest > 1 else ""
+        size = np.sqrt(np.diag(inverse))
+        place = self.free.index(name)
+        shared = np.abs(inverse[place]) / (size * size[place])
+        shared[place] = 0.0
+        if shared.size and shared.max() > _TRADED:
+            text += f". It trades off against {self.free[int(np.argmax(shared))]}"
+        return NotEstimable(text)
+
+    @cached_property
+    def tangent(self) -> FloatArray:
+        """The residuals' derivatives at the best fit."""
+        return self.slopes(self.found)
+
+    @cached_property
+    def covariance(self) -> FloatArray:
+        return np.asarray(np.linalg.inv(self.tangent.T @ self.tangent))
+
+    @cached_property
+    def least(self) -> float:
+        residual = self.residual(self.found)
+        return float(residual @ residual)
+
+    @cached_property
+    def rise(self) -> float:
+        """The rise of the deviance at the ends of a 95 % interval."""
+        spare = self.problem.places.x_m.size - len(self.free)
+        return float(f_distribution.ppf(0.95, 1, spare)) * max(1.0, self.least / spare)
+
+    def estimate(self, name: str) -> Estimate:
+        """Return a property with its profile interval: the others are at their best throughout."""
+        place, number = self.free.index(name), PROPERTIES.index(name)
+        middle = float(self.found[number])
+        width = float(np.sqrt(self.rise * self.covariance[place, place]))
+        ends = [middle + self._end(name, sign * width) for sign in (-1, 1)]
+        low, high = (property_at(name, end) for end in ends)
+        return Estimate(value=property_at(name, middle), interval=(low, high))
+
+    def _end(self, name: str, width: float) -> float:
+        """Return how far from the best the deviance has risen, about `width`, within the search."""
+        number, target = PROPERTIES.index(name), float(np.sqrt(self.rise))
+        off = coordinates(self.problem.nominal)[number] - self.found[number]
+        most = max(float(off + np.copysign(_REACH[name], width)) / width, 1e-3)
+        first = min(1.0, most) * width
+        inner, outer = (0.0, 0.0), (first, self._rise(name, first))
+        for _ in range(4):
+            slope = (outer[1] - inner[1]) / (outer[0] - inner[0])
+            if slope * width <= 0 or abs(outer[1] - target) < _NEAR * target:
+                break
+            step = (outer[0] + (target - outer[1]) / slope) / width
+            inner, offset = outer, float(np.clip(step, min(0.2, most), min(4.0, most))) * width
+            if offset == inner[0]:
+                break
+            outer = offset, self._rise(name, offset)
+        return outer[0]
+
+    def _rise(self, name: str, offset: float) -> float:
+        """Return the root of the rise of the deviance with one property `offset` from the best."""
+        place = self.free.index(name)
+        part = offset * self.covariance[:, place] / self.covariance[place, place]
+        at = self.whole(self.found[self.which] + part)
+        fit = self
+        if name == "patch_centre_m":
+            fit = replace(self, found=at)
+        others = [index for index in range(len(self.free)) if index != place]
+        pseudo = np.linalg.pinv(self.tangent[:, others])
+        rows = [self.which[index] for index in others]
+        least = np.inf
+        for _ in range(3):
+            residual = fit.residual(at)
+            deviance = float(residual @ residual)
+            if deviance >= least:
+                break
+            least = deviance
+            at = at.copy()
+            at[rows] -= pseudo @ residual
+        return float(np.sqrt(max(least - self.least, 0.0)))

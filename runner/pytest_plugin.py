@@ -127,8 +127,8 @@ def rehearsal(
 
     It uses the calibration beside the study file, if there is one.
     """
-    from runner.launch.device_access import kept_calibration
     from runner.launch.rehearsal import rehearse
+    from runner.study.calibration import kept_calibration
 
     calibration = kept_calibration(Path(str(request.path)).parent)
     return rehearse(study_text, plan, study.study.seed, calibration)

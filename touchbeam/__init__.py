@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from analysis.loading.sessions import Sessions
     from analysis.loading.study_data import StudyData
     from device.beam.eq15 import Overlap
+    from device.friction.calibration import Calibration
     from protocol.study.study import Study as StudyFile
     from runner.study.folder import StudyFolder
 
@@ -96,6 +97,13 @@ class Study:
 
     def __repr__(self) -> str:
         return f"<touchbeam.Study {self.folder.path}: {len(self.sessions)} sessions>"
+
+    @cached_property
+    def _rig(self) -> "Calibration":
+        """The rig as a sliding experiment calibrated it."""
+        from runner.study.calibration import fitted_calibration
+
+        return fitted_calibration(self.folder.path)
 
     @cached_property
     def _frames(self) -> "Frames":
@@ -176,9 +184,11 @@ class Study:
         Measured force, place and drive are taken where they are known (`measured`).
         """
         from analysis.trials.contrasts import trial_contrasts
+        from device.friction.calibration import NOMINAL
 
         counted = self._counted
-        found = trial_contrasts(self.file, counted.trials, counted.touches)
+        rig = NOMINAL if counted.kinds == ("published",) else self._rig
+        found = trial_contrasts(self.file, counted.trials, counted.touches, rig)
         named = counted.trials[["participant", "session", "trial_index", "condition", "score"]]
         return named.assign(measured=found.measured, **found.by_law).reset_index(drop=True)
 
@@ -226,6 +236,7 @@ class Study:
             command=f"touchbeam report {name}{' --rehearsals' if self.rehearsals else ''}",
             study_sha256=text_digest(self.folder.text()),
             broken_chains=self.broken,
+            rig=self._rig,
         )
         title = self.file.publication.title or self.file.study.name
         made = report(title, self._counted, self.file, origin)
@@ -242,11 +253,15 @@ class Study:
         tolerance: float = 0.01,
         eq15_overlap: "Overlap" = "first",
     ) -> "pd.DataFrame":
-        """Return what `touchbeam.predict` does; the study's touch fills missing cells."""
+        """Return what `touchbeam.predict` does, on the study's rig as calibrated.
+
+        The study's touch fills missing cells.
+        """
         from analysis.model.predict import study_defaults
 
         options = {"law": law, "rung": rung, "tolerance": tolerance, "eq15_overlap": eq15_overlap}
-        return _predicted(scenes, study_defaults(self.file), options)
+        defaults = study_defaults(self.file, self._rig)
+        return _predicted(scenes, defaults, {**options, "rig": self._rig})
 
 
 def predict(

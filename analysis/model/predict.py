@@ -12,11 +12,12 @@ from analysis.model.scene_table import COLUMNS, SceneTable, scene_table
 from device.beam.beam import Beam
 from device.beam.eq15 import Overlap
 from device.errors import OutOfRangeError, positive
+from device.friction.calibration import NOMINAL, Calibration
 from device.friction.coefficient import Chosen, auto_prediction, error_bounds
 from device.friction.contact import Contact
 from device.friction.prediction import Batch, LawChoice, Ratio, rung_prediction
-from device.friction.rungs import check_rung
-from device.friction.scenes import Coverage, Direction
+from device.friction.rungs import TOP_RUNG, check_rung, rung_resonance_hz
+from device.friction.scenes import Coverage, Direction, Drive
 from protocol.study.study import Study
 
 OUTPUTS = (
@@ -37,6 +38,7 @@ class PredictOptions:
     rung: str = "auto"
     tolerance: float = 0.01
     eq15_overlap: Overlap = "first"
+    rig: Calibration = NOMINAL
 
     def __post_init__(self) -> None:
         LawChoice(name=self.law, overlap=self.eq15_overlap)
@@ -44,11 +46,21 @@ class PredictOptions:
         if self.rung != "auto":
             check_rung(self.rung)
 
+    def model_hz(self, frequency_hz: FloatArray) -> FloatArray:
+        """Return drives of the rig as drives of the model that are as far from its resonance."""
+        if self.rig.resonance_hz is None:
+            return frequency_hz
+        rung = TOP_RUNG if self.rung == "auto" else self.rung
+        own_hz = rung_resonance_hz(rung, Beam(), Drive().mode)
+        return np.asarray(frequency_hz * (own_hz / self.rig.resonance_hz))
 
-def study_defaults(study: Study) -> dict[str, float]:
-    """A study's touch as defaults for blank cells."""
+
+def study_defaults(study: Study, rig: Calibration = NOMINAL) -> dict[str, float]:
+    """A study's touch, and the rig as calibrated, as defaults for blank cells."""
     touch = study.touch
+    own = {"damping_ratio": rig.damping_ratio, "body_height_m": rig.body_height_m}
     return {
+        **(own if rig.origin else {}),
         "x_m": touch.smooth_place_m,
         "contact_m": touch.contact_m,
         "finger_load_n": touch.force_n,
@@ -61,11 +73,13 @@ def _optional(values: FloatArray) -> FloatArray | None:
     return None if np.isnan(values[:1]).any() else values
 
 
-def _group_batch(table: SceneTable, rows: NDArray[np.intp]) -> Batch:
+def _group_batch(table: SceneTable, rows: NDArray[np.intp], options: PredictOptions) -> Batch:
     """The scenes of one group as a batch."""
     number = {name: values[rows] for name, values in table.numbers.items()}
     mode = int(number.pop("mode")[0])
     driven = {name: number.pop(name) for name in ("voltage_v", "frequency_hz", "damping_ratio")}
+    driven["voltage_v"] = options.rig.gain * driven["voltage_v"]
+    driven["frequency_hz"] = options.model_hz(driven["frequency_hz"])
     contact = Contact(
         beam=Beam(),
         coverage=cast(Coverage, str(table.words["coverage"][rows[0]])),
@@ -138,7 +152,7 @@ def predicted_table(table: SceneTable, options: PredictOptions) -> PredictedTabl
     for rows in _groups(table) if count else ():
         ratio = cast(Ratio, str(table.words["ratio"][rows[0]]))
         try:
-            chosen = _predicted(_group_batch(table, rows), options, ratio)
+            chosen = _predicted(_group_batch(table, rows, options), options, ratio)
         except OutOfRangeError as error:
             raise table.complaint(rows[error.row], error.name, error.rule, error.value) from None
         for name, column in columns.items():

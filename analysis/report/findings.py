@@ -13,6 +13,7 @@ from analysis.loading.study_data import StudyData
 from analysis.statistics.summary import TableStatistics
 from analysis.trials.contrasts import TrialContrasts
 from analysis.trials.trial_statistics import TrialStatistics
+from device.friction.calibration import NOMINAL, Calibration
 from protocol.study.study import Study
 
 
@@ -20,12 +21,14 @@ from protocol.study.study import Study
 class Origin:
     """Command that made the report, and the digest of the study file.
 
-    `broken_chains` names the sessions whose journal was changed after recording.
+    `broken_chains` names the sessions whose journal was changed after recording; `rig` is the rig
+    as it was calibrated.
     """
 
     command: str
     study_sha256: str
     broken_chains: tuple[str, ...] = ()
+    rig: Calibration = NOMINAL
 
 
 class Scale(NamedTuple):

@@ -7,7 +7,7 @@ import numpy as np
 
 from analysis.loading.study_data import StudyData
 from analysis.sensitivity.ratings import Ratings
-from device.beam.beam import Beam
+from device.friction.calibration import NOMINAL, Calibration
 from device.friction.changes import AT_A_PLACE, CONDITIONS, Change, Kind, trial_change
 from device.friction.contrasts import predicted_contrast
 from device.friction.laws import LAWS
@@ -50,23 +50,23 @@ def condition_changes(study: Study, data: StudyData) -> dict[str, Change]:
     return {name: known[name] for name in data.table.conditions if name in known}
 
 
-def contrast_range(condition: str, change: Change) -> ContrastRange:
+def contrast_range(condition: str, change: Change, rig: Calibration = NOMINAL) -> ContrastRange:
     """Return the contrast of a condition with its values under other assumptions."""
-    damping_ratio, speed = Beam().damping_ratio, change.before.sliding_speed_m_s
+    damping_ratio, speed = rig.damping_ratio, change.before.sliding_speed_m_s
     return ContrastRange(
         condition=condition,
         kind=change.kind,
-        value=predicted_contrast(change),
-        by_rung={rung: predicted_contrast(change, rung=rung) for rung in RUNGS},
-        by_law={law: predicted_contrast(change, law) for law in LAWS},
+        value=predicted_contrast(change, rig=rig),
+        by_rung={rung: predicted_contrast(change, rung=rung, rig=rig) for rung in RUNGS},
+        by_law={law: predicted_contrast(change, law, rig=rig) for law in LAWS},
         by_damping={
             f"{factor * damping_ratio:.4g}": predicted_contrast(
-                change, damping_ratio=factor * damping_ratio
+                change, rig=replace(rig, damping_ratio=factor * damping_ratio)
             )
             for factor in FACTORS
         },
         by_speed={
-            f"{factor * speed:.4g}": predicted_contrast(_at_speed(change, factor * speed))
+            f"{factor * speed:.4g}": predicted_contrast(_at_speed(change, factor * speed), rig=rig)
             for factor in FACTORS
         },
     )

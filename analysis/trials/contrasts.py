@@ -11,6 +11,7 @@ import pandas as pd
 
 from analysis.estimates import BoolArray, FloatArray
 from device.beam.beam import Beam
+from device.friction.calibration import NOMINAL, Calibration
 from device.friction.changes import CONDITIONS, Change, Moment, trial_change
 from device.friction.contrasts import predicted_contrast
 from device.friction.laws import LAWS
@@ -40,7 +41,9 @@ class TrialContrasts:
     measured: BoolArray
 
 
-def trial_contrasts(study: Study, trials: pd.DataFrame, touches: pd.DataFrame) -> TrialContrasts:
+def trial_contrasts(
+    study: Study, trials: pd.DataFrame, touches: pd.DataFrame, rig: Calibration = NOMINAL
+) -> TrialContrasts:
     """Return the contrasts of all trials under every law.
 
     The study that was in force (`study` where the journal does not hold it) gives the finger's
@@ -52,6 +55,7 @@ def trial_contrasts(study: Study, trials: pd.DataFrame, touches: pd.DataFrame) -
         study: the present study.
         trials: as in `StudyData`, or some of them.
         touches: those of `trials`.
+        rig: its damping, gain and bodies.
     """
     changes = trial_changes(study, trials, touches)
     # Trials whose touches were alike share a prediction.
@@ -60,7 +64,7 @@ def trial_contrasts(study: Study, trials: pd.DataFrame, touches: pd.DataFrame) -
     measured = touches["attempt_id"][touches["force_n"].notna() | touches["place_m"].notna()]
     by_law = {}
     for law in LAWS:
-        found = [np.nan if it is None else predicted_contrast(it, law) for it in number_of]
+        found = [np.nan if it is None else predicted_contrast(it, law, rig=rig) for it in number_of]
         by_law[law] = np.array(found, float)[numbers]
     return TrialContrasts(by_law=by_law, measured=trials.index.isin(measured))
 

@@ -42,6 +42,7 @@ from analysis.trials.trial_checks import (
     order_effect,
     proportion,
 )
+from device.friction.calibration import NOMINAL, Calibration
 from device.friction.changes import AT_A_PLACE, CONDITIONS, Change
 from device.friction.contrasts import predicted_contrast
 from device.friction.laws import LAWS
@@ -150,9 +151,9 @@ class TrialStatistics:
         return len(np.unique(cells, axis=1).T) < len(ratings.rating)
 
 
-def trial_statistics(data: StudyData, study: Study) -> TrialStatistics:
-    """Return the statistics of the trials that count."""
-    contrasts = trial_contrasts(study, data.trials, data.touches)
+def trial_statistics(data: StudyData, study: Study, rig: Calibration = NOMINAL) -> TrialStatistics:
+    """Return the statistics of the trials that count, felt on that rig."""
+    contrasts = trial_contrasts(study, data.trials, data.touches, rig)
     scored = scored_trials(data, contrasts)
     changes = condition_changes(study, data)
     m2 = checked_ordinal(scored.ratings)
@@ -169,14 +170,14 @@ def trial_statistics(data: StudyData, study: Study) -> TrialStatistics:
         m3=m3.fit,
         predictive={"M2": m2.check, "M3": m3.check},
         place_m2=_place_m2(scored.ratings, changes),
-        ranges=tuple(contrast_range(name, change) for name, change in changes.items()),
+        ranges=tuple(contrast_range(name, change, rig) for name, change in changes.items()),
         laws=_laws(data, scored, scale),
         drift=drift(scored.every, scored.place) if ordered else _UNORDERED,
         order=order_effect(scored.every, scored.place) if ordered else _UNORDERED,
         carry_over=carry_over(scored.every, scored.previous) if ordered else _UNORDERED,
         as_run=order_as_run(data, study),
         catch=catch_answers(data.trials),
-        signal=_signal(data.trials, contrasts),
+        signal=_signal(data.trials, contrasts, rig),
     )
 
 
@@ -240,11 +241,11 @@ def _law_score(
     )
 
 
-def _signal(trials: pd.DataFrame, contrasts: TrialContrasts) -> SignalAnswers:
+def _signal(trials: pd.DataFrame, contrasts: TrialContrasts, rig: Calibration) -> SignalAnswers:
     answered = trials["trial_kind"].eq("signal") & trials["agrees"].notna()
     agreed = int(trials["agrees"][answered].sum())
     if not answered.any():
-        predicted = {law: predicted_contrast(CONDITIONS["signal"], law) for law in LAWS}
+        predicted = {law: predicted_contrast(CONDITIONS["signal"], law, rig=rig) for law in LAWS}
     else:
         by_law = contrasts.by_law
         predicted = {law: float(np.mean(values[answered])) for law, values in by_law.items()}

@@ -7,19 +7,19 @@ import numpy as np
 
 from device.beam.beam import Beam
 from device.beam.modes import FloatArray
+from device.friction.calibration import NOMINAL, Calibration
 from device.friction.changes import Change, Moment
 from device.friction.coefficient import friction_coefficient
 from device.friction.rungs import TOP_RUNG, rung_resonance_hz
 from device.friction.scenes import Drive, FingerContact, Scene, Structure
 
-DAMPING_RATIO = Beam().damping_ratio
 LAW, RUNG = "consistent", TOP_RUNG
 """Under these a contrast is predicted unless others are named. `consistent` alone has the right
 limits, and no rung errs less than the top one, which a few contrasts can afford."""
 
 
 def predicted_contrast(
-    change: Change, law: str = LAW, rung: str = RUNG, damping_ratio: float = DAMPING_RATIO
+    change: Change, law: str = LAW, rung: str = RUNG, rig: Calibration = NOMINAL
 ) -> float:
     """Return the contrast of `change`, positive when the change is the expected one.
 
@@ -31,7 +31,7 @@ def predicted_contrast(
     0.065
     """
     before, after = (
-        friction_at(moment, change.places_m, law, rung, damping_ratio)
+        friction_at(moment, change.places_m, law, rung, rig)
         for moment in (change.before, change.after)
     )
     if min(before.min(), after.min()) <= 0:
@@ -56,17 +56,18 @@ def friction_at(
     places_m: tuple[float, ...],
     law: str = LAW,
     rung: str = RUNG,
-    damping_ratio: float = DAMPING_RATIO,
+    rig: Calibration = NOMINAL,
 ) -> FloatArray:
     """Return the friction coefficient of `moment` at each place (right edge, m), shape (n,)."""
-    beam, drive = Beam(damping_ratio=damping_ratio), Drive(voltage_v=moment.voltage_v)
+    beam = Beam(damping_ratio=rig.damping_ratio)
+    drive = Drive(voltage_v=rig.gain * moment.voltage_v)
     if moment.frequency != 1:
         resonance_hz = rung_resonance_hz(rung, beam, drive.mode)
         drive = replace(drive, frequency_hz=moment.frequency * resonance_hz)
     scene = Scene(
-        structure=Structure(beam=beam)
-        if moment.has_bodies
-        else Structure(beam=beam, body_height_m=0.0),
+        structure=Structure(
+            beam=beam, body_height_m=rig.body_height_m if moment.has_bodies else 0.0
+        ),
         drive=drive,
         touch=FingerContact(
             contact_m=moment.contact_m,

@@ -28,12 +28,14 @@ _SAMPLE_BYTES = {"board": 6, "gauge": 22}
 class Prediction:
     """A model's predictions: its friction law, its rung, and the contrast of a trial.
 
-    `contrast` is `None` for a trial without a question.
+    `contrast` is `None` for a trial without a question. `rig` describes the rig as calibrated; it
+    is empty without a calibration.
     """
 
     law: str
     rung: str
     contrast: Callable[[Trial], float | None]
+    rig: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,6 +143,7 @@ def preview_record(shown: Preview, model: Prediction) -> dict[str, Any]:
         ],
         "contrast_law": model.law,
         "contrast_rung": model.rung,
+        **({"contrast_rig": model.rig} if model.rig else {}),
         **({} if channel.rate_hz is None else {"recorded": recorded}),
         "max_voltage_v": shown.max_voltage_v,
         "max_frequency_hz": shown.max_frequency_hz,

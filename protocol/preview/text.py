@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from math import inf
+from textwrap import wrap
 from typing import get_args
 
 from protocol.plan.trials import Trial
@@ -31,6 +32,8 @@ def preview_lines(shown: Preview, model: Prediction) -> Iterator[str]:
     yield "touches; 0>200: a change during a touch."
     yield "Pred.: predicted change of ln(friction), positive in the expected direction;"
     yield f"friction law {model.law}, rung {model.rung}."
+    if model.rig:
+        yield from wrap(f"Rig: {model.rig}.", 80)
     yield "Finger: what else changes between touches; x1.5: press 1.5 times as hard."
     yield ""
     yield from _session_lines(shown)

@@ -189,11 +189,16 @@ def predict(
     """
     from analysis.model.predict import PredictOptions, study_defaults
     from analysis.model.predict import predict as predicted
+    from device.friction.calibration import NOMINAL
+    from runner.study.calibration import fitted_calibration
     from runner.study.files import bytes_of, is_stream, text_of, write_whole
     from runner.study.folder import StudyFolder
 
-    options = PredictOptions(law=law, rung=rung, tolerance=tolerance, eq15_overlap=eq15_overlap)
-    defaults = study_defaults(StudyFolder(path=study).study()) if study else None
+    rig = fitted_calibration(study) if study else NOMINAL
+    options = PredictOptions(
+        law=law, rung=rung, tolerance=tolerance, eq15_overlap=eq15_overlap, rig=rig
+    )
+    defaults = study_defaults(StudyFolder(path=study).study(), rig) if study else None
     text = predicted(str(scenes), text_of(bytes_of(scenes), scenes), options, defaults)
     to_stdout = str(out) == "-"
     if to_stdout:
@@ -203,7 +208,8 @@ def predict(
     # Keep the message out of a stream that a program reads as a table.
     streamed = to_stdout or is_stream(out)
     if not streamed or at_terminal(sys.stderr):
-        told = f"{counted(text.count(chr(10)) - 1, 'scene')} predicted: {out}"
+        own = f" on the rig with {rig}" if rig.origin else ""
+        told = f"{counted(text.count(chr(10)) - 1, 'scene')} predicted{own}: {out}"
         (complain if streamed else say)(told)
 
 
@@ -266,6 +272,7 @@ def write_report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json:
     from analysis.report.wording import omnibus_line
     from protocol.study_file.loading import text_digest
     from runner.journal.verification import readable_chains
+    from runner.study.calibration import fitted_calibration
     from runner.study.files import write_files
 
     broken: list[str] = []
@@ -279,6 +286,7 @@ def write_report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json:
         command=f"touchbeam report {name}{' --rehearsals' if rehearsals else ''}",
         study_sha256=text_digest(folder.text()),
         broken_chains=tuple(broken),
+        rig=fitted_calibration(folder.path),
     )
     _warn_of_broken(broken, folder.path)
     title = study.publication.title or study.study.name

@@ -1,7 +1,5 @@
-"""The rig of a session: a device at an address or a simulated one, and its calibration."""
+"""The rig of a session: a device at an address or a simulated one."""
 
-import json
-import math
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -15,10 +13,8 @@ from device.rig import Rig, open_rig
 from device.simulator.client import ControlClient, simulator_process
 from device.study_limits import device_limits
 from protocol.address import SIMULATED, AddressError
-from protocol.errors import BadInput
 from protocol.study.rig_settings import ForceChannel
 from protocol.study.rig_settings import Rig as RigSettings
-from runner.study.files import short_text, write_whole
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,47 +85,6 @@ def gauge_address(force_channel: ForceChannel, url: str) -> str | None:
             f"force_channel.gauge = {SIMULATED!r} is for a simulated device, got {url}"
         )
     return gauge
-
-
-FILE = "calibration.json"
-
-
-def keep_calibration(folder: Path, found: Resonance, idn: str, measured_utc: str) -> Path:
-    """Store the result of a sweep in the study's folder; return the file.
-
-    Raises:
-        BadInput: there is no study in `folder`.
-    """
-    if not (folder / "study.toml").is_file():
-        raise BadInput(f"{folder}: no study here (study.toml is missing)")
-    path = folder / FILE
-    measured = {"frequency_hz": found.frequency_hz, "tip_m_per_v": found.tip_m_per_v}
-    record = {**measured, "idn": idn, "measured_utc": measured_utc}
-    write_whole(path, (json.dumps(record, indent=2) + "\n").encode())
-    return path
-
-
-def kept_calibration(folder: Path) -> Resonance | None:
-    """Return the calibration stored in the study's folder, None if there is none.
-
-    Raises:
-        BadInput: `keep_calibration` cannot have written the file.
-    """
-    path = folder / FILE
-    if not path.exists():
-        return None
-    try:
-        kept = json.loads(short_text(path))
-        found = Resonance(
-            frequency_hz=float(kept["frequency_hz"]), tip_m_per_v=float(kept["tip_m_per_v"])
-        )
-    except BadInput:
-        raise
-    except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
-        raise BadInput(f"{path}: not a calibration ({error!r}); measure it again") from error
-    if not (math.isfinite(found.frequency_hz) and found.frequency_hz > 0):
-        raise BadInput(f"{path}: frequency_hz must be above 0, got {found.frequency_hz}")
-    return found
 
 
 def touchbeam_command() -> tuple[str, ...]:

@@ -15,7 +15,8 @@ from device.simulator.client import simulator_process
 from protocol.address import SIMULATED
 from protocol.study.rig_settings import Rig as RigSettings
 from runner.clock import WallClock
-from runner.launch.device_access import keep_calibration, session_rig
+from runner.launch.device_access import session_rig
+from runner.study.calibration import keep_calibration
 
 BLUETOOTH = ("rfcomm", "bluetooth")
 

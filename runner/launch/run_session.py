@@ -24,12 +24,7 @@ from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal, JournalError
 from runner.journal.verification import touchbeam_versions
 from runner.launch.confirmation import Confirm, nearly_the_same, refused
-from runner.launch.device_access import (
-    SessionRig,
-    gauge_address,
-    kept_calibration,
-    session_rig,
-)
+from runner.launch.device_access import SessionRig, gauge_address, session_rig
 from runner.launch.locks import rig_lock, session_lock
 from runner.launch.participant_screen import participants_screen
 from runner.launch.participants import Say, participant_and_operator
@@ -42,6 +37,7 @@ from runner.session.loop import run
 from runner.session.resume import require_resumable
 from runner.session.session import Session, SessionContext, SessionKind, answer_order, versions
 from runner.signals import Stopped
+from runner.study.calibration import kept_calibration
 from runner.study.check import validated_study
 from runner.study.folder import StudyFolder
 from runner.window.client import WindowParticipant

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from functools import cache
 from typing import Any
 
+from device.friction.calibration import Calibration
 from device.friction.changes import trial_change
 from device.study_limits import reach_problems
 from protocol.errors import Problem
@@ -19,6 +20,7 @@ from protocol.study.study import Study
 from protocol.study.touch import Touch
 from protocol.study_file.language_files import located
 from protocol.study_file.loading import StudyError, parsed_study
+from runner.study.calibration import fitted_calibration
 from runner.study.folder import DIALECTS, StudyFolder
 
 
@@ -62,7 +64,7 @@ def checked(
     broken = cohort_problems(study, shown.plans)
     if broken:
         return _refused(source, located(text, broken), as_json=as_json)
-    model = _prediction(study)
+    model = _prediction(study, fitted_calibration(folder.path))
     if as_json:
         return [_json({"ok": True, "problems": [], **preview_record(shown, model)})], [], True
     return list(preview_lines(shown, model)), [], True
@@ -87,7 +89,7 @@ def _json(document: dict[str, Any]) -> str:
     return json.dumps(document, ensure_ascii=False, indent=1, allow_nan=False)
 
 
-def _prediction(study: Study) -> Prediction:
+def _prediction(study: Study, rig: Calibration) -> Prediction:
     """Return the friction model's predictions for trials; loads the model."""
     # One thread is enough for a few places; starting a thread pool takes longer than the work.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -95,11 +97,11 @@ def _prediction(study: Study) -> Prediction:
 
     @cache  # the trials of a cohort share few combinations, which alone determine a prediction
     def contrast(question: Question, expected: str | None, touches: tuple[Touch, ...]) -> float:
-        return predicted_contrast(trial_change(study, question, expected, touches))
+        return predicted_contrast(trial_change(study, question, expected, touches), rig=rig)
 
     def of_trial(trial: Trial) -> float | None:
         if trial.question is None:
             return None
         return contrast(trial.question, trial.expected, trial.touches)
 
-    return Prediction(law=LAW, rung=RUNG, contrast=of_trial)
+    return Prediction(law=LAW, rung=RUNG, contrast=of_trial, rig=str(rig) if rig.origin else "")

@@ -12,10 +12,11 @@ from device.resonance import Resonance
 from protocol.plan.plan import plan
 from protocol.study.questions import ANSWERS
 from protocol.study_file.loading import parsed_study, template, template_tests
-from runner.launch.device_access import SessionRig, keep_calibration
+from runner.launch.device_access import SessionRig
 from runner.launch.rehearsal import Rehearsal, rehearse
 from runner.people.virtual_participant import VirtualParticipant
 from runner.screens import Pacing, ask_change
+from runner.study.calibration import keep_calibration
 
 PYTEST = str(Path(sys.executable).with_name("pytest"))
 SUMMARY = "short test summary info"  # pytest shortens its lines unless CI is set

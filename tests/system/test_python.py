@@ -4,6 +4,7 @@ import doctest
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -14,10 +15,11 @@ import pytest
 
 import touchbeam
 from analysis.export.columns import COLUMNS
-from protocol.journal.events import TrialExcluded, Withdrawn
+from protocol.journal.events import ResonanceMeasured, TrialExcluded, Withdrawn
 from protocol.plan.plan import plan
 from protocol.study_file.loading import parsed_study, template
 from runner.journal.opening import open_journal
+from runner.study.calibration import keep_fit
 from tests.analysis.chains import chain
 from tests.analysis.hostile_study import sessions, study_text
 from tests.analysis.reports import session_events
@@ -216,6 +218,18 @@ def test_friction_has_the_shape_of_its_arguments(study: touchbeam.Study) -> None
     assert predicted.loc["far", "mu_effective"] == table[1, 2]
     assert touchbeam.predict(scenes, law="coulomb").mu_effective.ne(predicted.mu_effective).all()
     assert study.predict(scenes).finger_load_n.eq(study.file.touch.force_n).all()
+
+
+def test_a_calibrated_rig_is_taken(folder: Path, study: touchbeam.Study, tmp_path: Path) -> None:
+    calibrated = shutil.copytree(folder, tmp_path / "calibrated")
+    measured = ResonanceMeasured(frequency_hz=24_140.0, tip_m_per_v=1e-8)
+    known = {"session": "slide/1", "damping_ratio": {"value": 0.004, "low": 0.003, "high": 0.005}}
+    keep_fit(calibrated, measured, "BOARD", known)
+    own = touchbeam.load(calibrated)
+    scenes = pd.DataFrame({"voltage_v": [100]})
+    assert own.predict(scenes).damping_ratio.tolist() == [0.004]
+    assert study.predict(scenes).damping_ratio.tolist() == [0.005]
+    assert own.contrasts.consistent.ne(study.contrasts.consistent).any()
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from analysis.report.wording import SKIN
 from analysis.sensitivity.integration import LEAST_EFFECTIVE
 from analysis.trials.contrasts import FORCE_STEP, PLACE_STEP_M
 from analysis.trials.trial_statistics import TrialStatistics
+from device.friction.calibration import Calibration
 from device.friction.contrasts import LAW, RUNG
 from device.friction.laws import LAWS
 
@@ -17,7 +18,7 @@ def section(found: Findings) -> Section:
     return Section(
         name="methods",
         title="Methods",
-        blocks=[_data(found), _tests(found.trials), _model(found.trials)],
+        blocks=[_data(found), _tests(found.trials), _model(found.trials, found.origin.rig)],
     )
 
 
@@ -72,7 +73,11 @@ _BESIDE = (
 )
 
 
-def _model(trials: TrialStatistics) -> str:
+def _calibrated(rig: Calibration) -> str:
+    return f", with the rig as calibrated: {rig}" if rig.origin else ""
+
+
+def _model(trials: TrialStatistics, rig: Calibration) -> str:
     laws = ("zero", "one", "two", "three", "four", "five", "six")[len(LAWS)]
     measured = int(trials.contrasts.measured.sum())
     touches = (
@@ -85,7 +90,8 @@ def _model(trials: TrialStatistics) -> str:
     )
     return (
         f"Contrasts were predicted trial by trial from the friction model on its rung {RUNG} "
-        f"under {laws} laws; {touches}. Sensitivities were estimated under the law '{LAW}' by "
+        f"under {laws} laws{_calibrated(rig)}; {touches}. "
+        f"Sensitivities were estimated under the law '{LAW}' by "
         "M2, an ordinal mixed model: a latent rating, bias + gain × contrast + an effect of "
         "the condition + noise, is mapped to scores through ordered thresholds common to all "
         "subjects. A relative gain is a subject's gain less the mean gain of the subjects; "

@@ -9,6 +9,7 @@ from analysis.loading.study_data import StudyData, changed_journal
 from analysis.report.blocks import Definitions, Section
 from analysis.report.findings import Findings, Origin
 from analysis.sensitivity.predictive_checks import SEED
+from device.friction.calibration import Calibration
 from device.friction.contrasts import LAW, RUNG
 from device.friction.laws import LAWS
 from device.friction.scenes import REFERENCE_SPEED_M_S, REFERENCE_TIP_SPEED_M_S, Scene
@@ -46,7 +47,7 @@ def _provenance(found: Findings) -> dict[str, str]:
         + (", ".join(map(str, recording.seeds)) or "none")
         + f"; permutations and predictive checks {SEED}",
         "model parameters": ", ".join(
-            f"{name} {value}" for name, value in _model_parameters(study).items()
+            f"{name} {value}" for name, value in _model_parameters(study, origin.rig).items()
         ),
     }
 
@@ -60,7 +61,7 @@ def _recorded_under(origin: Origin, loaded: StudyData) -> str:
     return "also other versions of the study file, SHA-256 " + ", ".join(others)
 
 
-def _model_parameters(study: Study) -> dict[str, str]:
+def _model_parameters(study: Study, rig: Calibration) -> dict[str, str]:
     """Return the parameters of the friction model, with units."""
     scene, finger = Scene(), study.touch
     beam = scene.structure.beam
@@ -70,8 +71,9 @@ def _model_parameters(study: Study) -> dict[str, str]:
         "rung": RUNG,
         "mode": str(scene.drive.mode),
         "beam": f"{beam.length_m:g} m x {beam.width_m:g} m x {beam.thickness_m:g} m",
-        "damping ratio": f"{beam.damping_ratio:g}",
-        "body height": f"{scene.structure.body_height_m:g} m",
+        "damping ratio": f"{rig.damping_ratio:g}",
+        "body height": f"{rig.body_height_m:g} m",
+        **({"gain of the drive": f"{rig.gain:g}", "rig": rig.origin} if rig.origin else {}),
         "body mass": f"{scene.structure.body_mass_kg:g} kg/m",
         "friction coefficient, drive off": f"{scene.structure.friction_coefficient:g}",
         "reference tip speed": f"{REFERENCE_TIP_SPEED_M_S:.6g} m/s",

@@ -9,8 +9,11 @@ from random import Random
 import pytest
 
 from analysis.model.predict import OUTPUTS, PredictOptions, predict, study_defaults
+from device.beam.beam import Beam
+from device.friction.calibration import Calibration
 from device.friction.coefficient import friction_coefficient
 from device.friction.laws import LAWS
+from device.friction.rungs import TOP_RUNG, rung_resonance_hz
 from device.friction.scenes import Drive, FingerContact, Scene
 from protocol.study_file.loading import parsed_study, template
 
@@ -195,3 +198,34 @@ def test_a_sum_without_the_driven_mode_is_refused() -> None:
     assert _rows(predict("s.csv", "mode\n13\n", PredictOptions(rung="modes:13")))
     with pytest.raises(ValueError, match=r"modes:N \(N from 6 to 999\), .* got 'modes:5'"):
         PredictOptions(rung="modes:5")
+
+
+@pytest.mark.parametrize("rung", ["auto", "mode", "timoshenko-patched"])
+def test_a_calibrated_rig_has_its_own_gain_and_resonance(rung: str) -> None:
+    own = Calibration(gain=1.2, resonance_hz=24_163.0, origin="session slide/1")
+    beside = rung_resonance_hz("mode" if rung == "mode" else TOP_RUNG, Beam(), 6) * 0.99
+    rows = _rows(
+        predict(
+            "s.csv",
+            f"voltage_v,frequency_hz\n50,{0.99 * 24_163!r}\n50,resonance\n",
+            PredictOptions(rung=rung, rig=own, tolerance=1e-6),
+        )
+    )
+    due = _rows(
+        predict(
+            "s.csv",
+            f"voltage_v,frequency_hz\n60,{beside!r}\n60,resonance\n",
+            PredictOptions(rung=rung, tolerance=1e-6),
+        )
+    )
+    for row, same in zip(rows, due, strict=True):
+        assert float(row["mu_effective"]) == pytest.approx(float(same["mu_effective"]), rel=1e-9)
+    assert rows[0]["voltage_v"] == "50"
+
+
+def test_a_calibrated_rigs_values_stand_for_blank_cells() -> None:
+    own = Calibration(damping_ratio=0.004, body_height_m=1.2e-3, origin="session slide/1")
+    study = parsed_study(template("paper"))
+    assert study_defaults(study).keys().isdisjoint({"damping_ratio", "body_height_m"})
+    row = _rows(predict("s.csv", "voltage_v\n100\n", None, study_defaults(study, own)))[0]
+    assert (row["damping_ratio"], row["body_height_m"]) == ("0.004", "0.0012")

@@ -16,8 +16,9 @@ from device.simulator.hardware.beam_and_finger import SimulatedBeam
 from protocol.errors import BadInput
 from protocol.study.rig_settings import Rig as RigSettings
 from protocol.study_file.loading import template
-from runner.launch.device_access import keep_calibration, kept_calibration, session_rig
+from runner.launch.device_access import session_rig
 from runner.launch.probe import probed, swept
+from runner.study.calibration import keep_calibration, kept_calibration
 from tests.device.rigs import DRIVE, TOUCHBEAM, opened
 from tests.runner.command_line import typed
 

@@ -8,7 +8,7 @@ import pytest
 
 from protocol.errors import BadInput
 from protocol.study_file.toml import LONGEST_TEXT
-from runner.launch.device_access import kept_calibration
+from runner.study.calibration import kept_calibration
 from runner.study.folder import StudyFolder
 
 READERS: dict[str, Callable[[Path], object]] = {

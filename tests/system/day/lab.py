@@ -32,7 +32,6 @@ from runner.clock import Clock
 from runner.journal.names import session_name
 from runner.journal.opening import journal_if_used, open_journal
 from runner.journal.session_log import SessionLog
-from runner.launch.device_access import keep_calibration, kept_calibration
 from runner.launch.locks import session_lock
 from runner.launch.run_session import (
     Request,
@@ -45,6 +44,7 @@ from runner.people.virtual_participant import swapping
 from runner.session.loop import run
 from runner.session.session import SessionContext
 from runner.signals import signals_raise
+from runner.study.calibration import keep_calibration, kept_calibration
 from runner.study.check import validated_study
 from runner.study.folder import StudyFolder
 from tests.system.day.disk import Disk

@@ -1,0 +1,131 @@
+"""The rig's calibration, kept in the study's folder: a sweep's resonance, and what a slide told.
+
+One file has both. A sweep replaces its own part, a sliding experiment replaces `fitted`.
+"""
+
+import json
+import math
+from collections.abc import Mapping
+from contextlib import suppress
+from hashlib import sha256
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from device.errors import OutOfRangeError
+from device.friction.calibration import NOMINAL, Calibration
+from protocol.errors import BadInput
+from protocol.journal.events import ResonanceMeasured
+from runner.study.files import short_text, write_whole
+
+if TYPE_CHECKING:
+    from device.resonance import Resonance
+
+FILE = "calibration.json"
+FITTED = "fitted"
+PREDICTING = ("damping_ratio", "gain", "body_height_m", "resonance_hz")
+"""The fitted properties that predictions take. Friction at rest is the block's, not the finger's,
+and the certified tables of the model are for patches where the paper's beam has them."""
+
+
+def keep_calibration(folder: Path, found: "Resonance", idn: str, measured_utc: str) -> Path:
+    """Store the result of a sweep in the study's folder; return the file.
+
+    Raises:
+        BadInput: there is no study in `folder`.
+    """
+    measured = {"frequency_hz": found.frequency_hz, "tip_m_per_v": found.tip_m_per_v}
+    return _write(folder, {**measured, "idn": idn, "measured_utc": measured_utc}, {})
+
+
+def keep_fit(
+    folder: Path, measured: ResonanceMeasured, idn: str, fitted: Mapping[str, object]
+) -> Path:
+    """Store what a sliding experiment determined of the rig; return the file.
+
+    Without a sweep's resonance, that of the experiment is kept.
+
+    Args:
+        folder: the study's.
+        measured: the resonance that the experiment began with.
+        idn: of the device.
+        fitted: see `analysis.sliding.experiment.SlidingFindings.calibration_record`.
+
+    Raises:
+        BadInput: there is no study in `folder`.
+    """
+    resonance = {"frequency_hz": measured.frequency_hz, "tip_m_per_v": measured.tip_m_per_v}
+    return _write(folder, {FITTED: dict(fitted)}, {**resonance, "idn": idn})
+
+
+def _write(folder: Path, part: Mapping[str, object], otherwise: Mapping[str, object]) -> Path:
+    """Replace a part of the file, which takes `otherwise` for what it lacks."""
+    if not (folder / "study.toml").is_file():
+        raise BadInput(f"{folder}: no study here (study.toml is missing)")
+    path, kept = folder / FILE, dict[str, Any]()
+    with suppress(BadInput):  # a damaged file is replaced
+        kept = _kept(path) or {}
+    text = json.dumps({**otherwise, **kept, **part}, indent=2) + "\n"
+    write_whole(path, text.encode())
+    return path
+
+
+def kept_calibration(folder: Path) -> "Resonance | None":
+    """Return the resonance stored in the study's folder, None if there is none.
+
+    Raises:
+        BadInput: `keep_calibration` cannot have written the file.
+    """
+    from device.resonance import Resonance
+
+    path = folder / FILE
+    kept = _kept(path)
+    if kept is None:
+        return None
+    try:
+        found = Resonance(
+            frequency_hz=float(kept["frequency_hz"]), tip_m_per_v=float(kept["tip_m_per_v"])
+        )
+    except (ValueError, KeyError, TypeError, OverflowError) as error:
+        raise _damaged(path, error) from error
+    if not (math.isfinite(found.frequency_hz) and found.frequency_hz > 0):
+        raise BadInput(f"{path}: frequency_hz must be above 0, got {found.frequency_hz}")
+    return found
+
+
+def fitted_calibration(folder: Path) -> Calibration:
+    """Return the rig as a sliding experiment determined it; the paper's values without one.
+
+    Raises:
+        BadInput: `keep_fit` cannot have written the file.
+    """
+    path = folder / FILE
+    fitted = (_kept(path) or {}).get(FITTED)
+    if fitted is None:
+        return NOMINAL
+    try:
+        values = {name: float(fitted[name]["value"]) for name in PREDICTING if name in fitted}
+        digest = sha256(json.dumps(fitted, sort_keys=True).encode()).hexdigest()
+        session = f"session {fitted['session']}{', a rehearsal' * bool(fitted.get('rehearsal'))}"
+        origin = f"{session}, calibration SHA-256 {digest[:12]}"
+        return Calibration(**values, origin=origin)
+    except OutOfRangeError as error:
+        raise BadInput(f"{path}: {FITTED}: {error}") from error
+    except (ValueError, KeyError, TypeError, OverflowError) as error:
+        raise _damaged(path, error) from error
+
+
+def _kept(path: Path) -> dict[str, Any] | None:
+    """Return what the file contains, None without a file."""
+    if not path.exists():
+        return None
+    try:
+        kept = json.loads(short_text(path))
+        return dict(kept.items())
+    except BadInput:
+        raise
+    except (ValueError, AttributeError, RecursionError) as error:
+        raise _damaged(path, error) from error
+
+
+def _damaged(path: Path, error: Exception) -> BadInput:
+    return BadInput(f"{path}: not a calibration ({error!r}); measure it again")

@@ -17,6 +17,7 @@ from analysis.sensitivity.predictive_checks import checked_ordinal, checked_two_
 from analysis.sensitivity.two_stage_model import TwoStageSensitivity
 from analysis.trials.arrays import detection_trials, scored_trials
 from analysis.trials.contrasts import TrialContrasts
+from analysis.trials.trial_checks import FTest, gain_differences
 from analysis.trials.trial_statistics import LawScore
 from device.friction.contrasts import LAW
 from protocol.study.study import Study
@@ -45,7 +46,8 @@ class MeasuredStatistics:
     """What the recordings of a study say; the models are those of `TrialStatistics`.
 
     `left_out` counts scored trials without a measured contrast, by reason. `noise_share` is the
-    part of the variance of M1's residuals that the errors of the contrasts explain.
+    part of the variance of M1's residuals that the errors of the contrasts explain, `differences`
+    the test of differences in gain between subjects.
     """
 
     trials: MeasuredTrials
@@ -55,6 +57,7 @@ class MeasuredStatistics:
     m2: OrdinalSensitivity | NotEstimable
     m3: TwoStageSensitivity | NotEstimable
     noise_share: float | NotEstimable
+    differences: FTest | NotEstimable
     predictors: tuple[LawScore, ...]
 
 
@@ -93,6 +96,7 @@ def measured_statistics(
         m2=checked_ordinal(ratings).fit,
         m3=checked_two_stage(detection_trials(data, contrasts, study)).fit,
         noise_share=_noise_share(data, found, m1),
+        differences=gain_differences(ratings),
         predictors=predictor_scores(data, found, (float(rating.minimum), float(rating.maximum))),
     )
 

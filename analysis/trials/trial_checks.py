@@ -126,7 +126,8 @@ def carry_over(ratings: Ratings, previous: IntArray) -> FTest | NotEstimable:
     followed = ~np.isnan(ratings.rating) & (previous >= 0)
     if not followed.any():
         return NotEstimable("no rated trial follows another")
-    return _test_of(ratings.where(followed), previous[followed])
+    rated = ratings.where(followed)
+    return _test_of(rated, _dummies(rated.condition), _dummies(previous[followed]))
 
 
 def order_effect(ratings: Ratings, position: IntArray) -> FTest | NotEstimable:
@@ -134,7 +135,8 @@ def order_effect(ratings: Ratings, position: IntArray) -> FTest | NotEstimable:
     scored = ~np.isnan(ratings.rating)
     if not scored.any():
         return NotEstimable("no trial was rated")
-    return _test_of(ratings.where(scored), position[scored])
+    rated = ratings.where(scored)
+    return _test_of(rated, _dummies(rated.condition), _dummies(position[scored]))
 
 
 def proportion(count: int, trials: int) -> Proportion | NotEstimable:
@@ -185,11 +187,22 @@ class _Fit:
     df: int
 
 
-def _test_of(trials: Ratings, group: IntArray) -> FTest | NotEstimable:
-    """Return the test of `group` as a factor, adjusted for subject and condition."""
-    condition = _dummies(trials.condition)
-    without = _fit(trials, condition)
-    with_effect = _fit(trials, np.column_stack([condition, _dummies(group)]))
+def gain_differences(ratings: Ratings) -> FTest | NotEstimable:
+    """Return the test of slopes of the subjects' own on the contrast, beyond a common one.
+
+    Subjects and conditions have levels of their own, so that what a condition does to all is no
+    difference between subjects.
+    """
+    trials, contrast = ratings.given, ratings.given.contrast[:, None]
+    if not len(contrast):
+        return NotEstimable("no trial was rated")
+    common = np.column_stack([_dummies(trials.condition), contrast])
+    return _test_of(trials, common, _dummies(trials.subject) * contrast)
+
+
+def _test_of(trials: Ratings, common: FloatArray, added: FloatArray) -> FTest | NotEstimable:
+    """Return the test of the columns `added` to those `common` to both fits, within subjects."""
+    without, with_effect = _fit(trials, common), _fit(trials, np.column_stack([common, added]))
     df = (with_effect.rank - without.rank, with_effect.df)
     if df[0] < 1:
         return NotEstimable("subject and condition determine the effect, so it cannot be separated")

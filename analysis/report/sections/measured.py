@@ -7,14 +7,20 @@ from analysis.felt.measured_statistics import MeasuredStatistics
 from analysis.report.as_json import fit_json, law_json
 from analysis.report.blocks import Column, Items, Section, Table, columns
 from analysis.report.findings import Findings
-from analysis.report.wording import MISSING, interval, law_cells, number
+from analysis.report.wording import MISSING, interval, law_cells, number, p_equals
 from analysis.sensitivity.linear_model import LinearSensitivity
 from analysis.sensitivity.lines import SMALL_SPREAD, Lines, SubjectLine
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.sensitivity.two_stage_model import TwoStageSensitivity
+from analysis.trials.trial_checks import FTest
 from analysis.trials.trial_statistics import TrialStatistics
 
-COVERAGE = ""
+COVERAGE = (
+    "In 500 simulated sessions (25 studies of 20 people with the paper's five trials) of rigs, "
+    "sensors and skins that the analysis did not know, best estimates of contrasts had an RMS "
+    "error of .009; 95 % intervals of gains by M1 held the true gain in 98 to 99 % of cases on "
+    "measured contrasts, and in 29 to 35 % on predicted ones."
+)
 """How often intervals on measured contrasts held the truth; `tests/soak` draws it again."""
 
 Fit = LinearSensitivity | OrdinalSensitivity | TwoStageSensitivity | NotEstimable
@@ -34,6 +40,7 @@ def section(found: Findings) -> Section:
             "Friction was measured at the finger in every recorded touch, so that these gains are "
             "of what was felt: skin is not in them. The sensor's gain cancels in a contrast. "
             f"{COVERAGE}",
+            _differences(measured.differences),
             Items(heading="Without a measured contrast.", lines=_left_out(measured)),
             _contrasts_table(measured),
             _gains_table(found.trials, measured),
@@ -68,6 +75,16 @@ def _headline(measured: MeasuredStatistics) -> str:
     return (
         f"By M2, ratings change by {number(lines.gain, 2)} points per unit of measured contrast in "
         f"the group, 95 % interval {interval(lines.gain_interval)}, which {shown} 0."
+    )
+
+
+def _differences(found: FTest | NotEstimable) -> str:
+    """Return whether subjects differ in gain, in a sentence."""
+    if isinstance(found, NotEstimable):
+        return f"Whether subjects differ in gain cannot be tested: {found.reason}."
+    return (
+        f"Slopes of the subjects' own, beyond a common one: F({found.df[0]}, {found.df[1]}) = "
+        f"{number(found.f, 2)}, {p_equals(found.p)}."
     )
 
 
@@ -211,6 +228,7 @@ def _json(measured: MeasuredStatistics) -> Json:
         "models": {name: fit_json(fit) for name, fit in models.items()},
         "noise_share": None if isinstance(share, NotEstimable) else share,
         **why("noise_share", share),
+        "differences": plain(measured.differences),
         "predictors": [
             {"predictor": entry.pop("law"), **entry} for entry in map(law_json, measured.predictors)
         ],

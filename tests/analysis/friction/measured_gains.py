@@ -10,18 +10,22 @@ from analysis.sensitivity.lines import Lines
 from analysis.sensitivity.ordinal_model import ordinal_sensitivity
 from analysis.sensitivity.ratings import Ratings
 from analysis.trials.arrays import ratings_of
+from analysis.trials.trial_checks import gain_differences
 from tests.analysis.friction.recorded_sessions import MeasuredStudy
 from tests.analysis.sensitivity.calibration import EVEN, held
 
 BIAS, BIAS_SD, GAIN, NOISE_SD = 4.0, 1.0, 8.0, 1.0
 CLAIMED = 0.05
-"""A spread of gains is claimed if it is small (see `SMALL_SPREAD`) with less than this chance."""
+"""Differences in gain are claimed at a smaller p."""
 MODELS = {"M1": linear_sensitivity, "M2": ordinal_sensitivity}
 
 
 @dataclass(frozen=True, kw_only=True)
 class GainMeasures:
-    """One fit: the share of gains in their intervals, of relative ones, and the spread."""
+    """One fit: the share of gains in their intervals, of relative ones, and the spread.
+
+    `claimed` is whether the report's test finds differences in gain.
+    """
 
     gain: float
     relative_gain: float
@@ -48,8 +52,9 @@ def gain_measures(
     ratings: Ratings, contrast: FloatArray, gain: FloatArray, model: str
 ) -> GainMeasures | None:
     """Return what a model makes of the ratings with these contrasts; None without a fit."""
-    fit = MODELS[model](replace(ratings, contrast=contrast))
-    if isinstance(fit, NotEstimable):
+    taken = replace(ratings, contrast=contrast)
+    fit, differences = MODELS[model](taken), gain_differences(taken)
+    if isinstance(fit, NotEstimable) or isinstance(differences, NotEstimable):
         return None
     lines: Lines = fit.lines
     intervals = [line.gain_interval for line in lines.subjects]
@@ -58,7 +63,7 @@ def gain_measures(
         gain=held(intervals, gain),
         relative_gain=held(relative, gain - gain.mean()),
         group_gain=held([lines.gain_interval], GAIN),
-        claimed=float(lines.small_gain_sd < CLAIMED),
+        claimed=float(differences.p < CLAIMED),
         spread=lines.gain_sd / lines.gain,
         width=float(np.diff(intervals).mean()),
     )

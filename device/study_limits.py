@@ -30,8 +30,14 @@ def device_limits(rig: Rig) -> Limits:
 def reach_problems(study: Study) -> Iterator[Problem]:
     """Yield a problem for each place of `study` beyond the end of the beam."""
     length_m = Beam().length_m
+    ways: dict[Path, tuple[float, float]] = {("touch", "path_m"): study.touch.path_m}
+    if "slide" in study.model_fields_set:
+        paths_m = enumerate(study.slide.paths_m)
+        ways |= {("slide", "paths_m", number): path_m for number, path_m in paths_m}
     places: list[tuple[Path, float]] = [
-        (("touch", "path_m", number), place_m) for number, place_m in enumerate(study.touch.path_m)
+        ((*path, number), place_m)
+        for path, way_m in ways.items()
+        for number, place_m in enumerate(way_m)
     ]
     for path, place_m in [*places, (("touch", "smooth_place_m"), study.touch.smooth_place_m)]:
         if place_m > length_m:

@@ -32,6 +32,10 @@ class Event(JsonRecord):
     TAG: ClassVar[str]
 
 
+SLIDE = "slide"
+"""Stands for the participant of a sliding experiment; no pseudonym, because it has no digit."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class SessionOpened(Event):
     """A session begins: its participant and the whole plan."""
@@ -40,9 +44,11 @@ class SessionOpened(Event):
     REQUIRED: ClassVar = frozenset({"participant", "session", "kind", "conditions", "trials"})
     """The keys that every reader of a session needs."""
 
-    participant: Annotated[str, Key("pseudonym of the participant")]
+    participant: Annotated[
+        str, Key("pseudonym of the participant; `slide` for the sliding experiment")
+    ]
     session: Annotated[int, Key("number of the session, from 1", missing=1)]
-    kind: Annotated[str, Key("`participant` or `rehearsal`")]
+    kind: Annotated[str, Key("`participant`, `rehearsal` or `slide`")]
     study: Annotated[str, Key("name of the study", missing="")]
     slot: Annotated[int | None, Key("place in the counterbalanced order, from 0", missing=None)]
     sequence: Annotated[tuple[str, ...], Key("conditions in the order of the plan", missing=())]

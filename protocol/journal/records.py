@@ -13,8 +13,8 @@ class PlannedTrial(JsonRecord):
 
     index: Annotated[int, Key("number of the trial in its session, from 0")]
     block: Annotated[int, Key("number of its block, 0 before the first one", missing=0)]
-    kind: Annotated[str, Key("`baseline`, `signal`, `practice`, `trial` or `catch`")]
-    condition: Annotated[str | None, Key("name of its condition, if it has one")]
+    kind: Annotated[str, Key("`baseline`, `signal`, `practice`, `trial`, `catch` or `pass`")]
+    condition: Annotated[str | None, Key("name of its condition, if it has one; drive of a pass")]
     question: Annotated[str | None, Key("the question after it, if any", missing=None)]
     expected: Annotated[str | None, Key("the answer that the study expects", missing=None)]
     scored: Annotated[bool, Key("whether a score may be asked for", missing=False)]

@@ -136,7 +136,8 @@ class SessionState:
                 score = [] if event.score is None else [f"score {event.score}"]
                 if event.index in self.answers:
                     self.answered_twice.append(event.index)
-                self.answers[event.index] = ", ".join([event.change or "felt", *score])
+                done = "drawn" if event.kind == "pass" else event.change or "felt"
+                self.answers[event.index] = ", ".join([done, *score])
 
 
 def folded(chain: Iterable[StoredEvent]) -> SessionState:

@@ -6,9 +6,9 @@ from functools import lru_cache
 from protocol.plan.counterbalancing import Blocks, block_orders
 from protocol.plan.randomisation import Stream
 from protocol.plan.trials import Beams, beams_of, swap_count
+from protocol.plan.variants import opposite_expected
 from protocol.study.design import Grouping
 from protocol.study.study import Study
-from protocol.study.variants import opposite_expected
 
 LEVELS: tuple[Grouping, ...] = ("no", "block", "session")
 MAX_GROUPS = 8

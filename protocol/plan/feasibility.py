@@ -8,10 +8,10 @@ from collections.abc import Iterator
 from protocol.errors import Problem
 from protocol.plan.blocks import MAX_GROUPS, beam_groups, grouping, most_swaps
 from protocol.plan.trials import beams_of, between_trials_s, touches_s
+from protocol.plan.variants import at_level, opposite_expected
 from protocol.study.questions import ANSWERS
 from protocol.study.study import Study
 from protocol.study.touch import Touch
-from protocol.study.variants import at_level, opposite_expected
 
 
 def design_problems(study: Study) -> list[Problem]:

@@ -6,9 +6,9 @@ from dataclasses import replace
 from protocol.plan.blocks import ordered_conditions, practice_pool
 from protocol.plan.randomisation import Name, Stream, spaced_places
 from protocol.plan.trials import Plan, Trial, beams_of
+from protocol.plan.variants import at_level, opposite, opposite_expected
 from protocol.study.questions import no_change
 from protocol.study.study import Condition, Opening, Study
-from protocol.study.variants import at_level, opposite, opposite_expected
 
 
 def level_draws(study: Study, name: Name) -> list[list[float]]:

@@ -9,7 +9,7 @@ from protocol.study.questions import Question
 from protocol.study.study import Study
 from protocol.study.touch import Touch, on_s
 
-TrialKind = Literal["baseline", "signal", "practice", "trial", "catch"]
+TrialKind = Literal["baseline", "signal", "practice", "trial", "catch", "pass"]
 
 
 @dataclass(frozen=True, kw_only=True)

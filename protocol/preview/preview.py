@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from protocol.plan.plan import plan
+from protocol.plan.slide_plan import slide_plan, slide_study
 from protocol.plan.trials import Plan, Trial, plan_swaps, session_s, touches_s
 from protocol.preview.precision import Cohort, Precision, cohort, precisions
 from protocol.preview.session_length import session_lengths
@@ -40,7 +41,10 @@ class Prediction:
 
 @dataclass(frozen=True, kw_only=True)
 class Preview:
-    """A cohort's plans, slot by slot, with their durations, beam swaps and extremes."""
+    """A cohort's plans, slot by slot, with their durations, beam swaps and extremes.
+
+    `slide` is the plan of the sliding experiment, None if the study says nothing of one.
+    """
 
     study: Study
     plans: tuple[Plan, ...]
@@ -51,6 +55,8 @@ class Preview:
     max_frequency_hz: float
     max_slew_v_per_us: float
     max_resonance_hz: float
+    slide: Plan | None
+    slide_s: float
 
 
 def preview(study: Study, participants: int) -> Preview:
@@ -58,6 +64,8 @@ def preview(study: Study, participants: int) -> Preview:
     plans = tuple(plan(study, slot) for slot in range(participants))
     touches = [touch for each in plans for trial in each.trials for touch in trial.touches]
     nominal_hz = study.rig.nominal_resonance_hz
+    sliding = slide_study(study)
+    slide = slide_plan(sliding) if "slide" in study.model_fields_set else None
     return Preview(
         study=study,
         plans=plans,
@@ -71,6 +79,8 @@ def preview(study: Study, participants: int) -> Preview:
             for touch in touches
         ),
         max_resonance_hz=max_resonance_hz(study, touches),
+        slide=slide,
+        slide_s=0.0 if slide is None else session_s(sliding, slide),
     )
 
 
@@ -145,6 +155,7 @@ def preview_record(shown: Preview, model: Prediction) -> dict[str, Any]:
         "contrast_rung": model.rung,
         **({"contrast_rig": model.rig} if model.rig else {}),
         **({} if channel.rate_hz is None else {"recorded": recorded}),
+        **({} if shown.slide is None else {"slide": _slide_record(shown.slide, shown.slide_s)}),
         "max_voltage_v": shown.max_voltage_v,
         "max_frequency_hz": shown.max_frequency_hz,
         "max_slew_v_per_us": shown.max_slew_v_per_us,
@@ -159,6 +170,11 @@ def preview_record(shown: Preview, model: Prediction) -> dict[str, Any]:
         },
         "minutes_buy": [_precision_record(each) for each in precision_by_length(shown, model)],
     }
+
+
+def _slide_record(sliding: Plan, duration_s: float) -> dict[str, Any]:
+    passes = [{"index": trial.index, "drive": trial.condition} for trial in sliding.trials]
+    return {"passes": passes, "duration_s": round(duration_s, 1)}
 
 
 def _trial_record(study: Study, trial: Trial, model: Prediction) -> dict[str, Any]:

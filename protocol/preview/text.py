@@ -134,6 +134,9 @@ def _session_lines(shown: Preview) -> Iterator[str]:
         f"Session     {_span([s / 60 for s in shown.durations_s])} min, "
         f"{_many(touches, 'touch', 'touches')}, {_many(scored, 'scored trial')}, {swaps}"
     )
+    if shown.slide is not None:
+        passes = _many(len(shown.slide.trials), "pass", "passes")
+        yield f"Sliding     {passes} with touchbeam slide, {shown.slide_s / 60:.3g} min"
     yield from _recorded_lines(shown.study.force_channel)
     yield f"Amplitude   up to {shown.max_voltage_v:g} V (peak); limit {rig.max_voltage_v:g} V"
     yield (

@@ -15,6 +15,7 @@ from protocol.study.questions import ANSWERS, Question
 from protocol.study.rating import Forecast, Rating
 from protocol.study.rig_settings import ForceChannel, Rig
 from protocol.study.rules import Exclusions, SessionRules, TouchRules
+from protocol.study.slide import Slide
 from protocol.study.study_question import InstructionPage, StudyQuestion, When
 from protocol.study.touch import Touch, TouchDefaults
 
@@ -106,6 +107,13 @@ class Study(Record):
             "at most 0.05; 0 means none."
         ),
     ] = Field(default_factory=dict)
+    slide: Annotated[
+        Slide,
+        Field(
+            description="The sliding experiment (paper, section 5.1), which `touchbeam slide` runs "
+            "without a participant."
+        ),
+    ] = Slide()
     design: Annotated[Design, Field(description="Which trials there are, and their order.")] = (
         Design()
     )

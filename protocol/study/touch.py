@@ -1,9 +1,9 @@
 """A touch: what finger and device do, how long it takes, what slew and current it needs."""
 
 from math import pi
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field, field_validator
+from pydantic import AfterValidator, Field
 
 from protocol.study.fields import Name, NotNegative, Positive, Record
 from protocol.study.rig_settings import Rig
@@ -14,8 +14,19 @@ Place = Literal["path", "smooth"]
 Programme = Literal["hold", "ramp", "sweep", "ramp and sweep"]
 OnBeam = Annotated[NotNegative, Field(le=1)]
 """On a beam, m, which is never longer than 1 m; `device.study_limits` knows where this one ends."""
-TouchTime = Annotated[Positive, Field(ge=0.1, le=600)]
-"""Of a touch, s: nothing is felt in less than 0.1 s, and nothing may be driven for over 600 s."""
+
+
+def _leads_right(path_m: tuple[float, float]) -> tuple[float, float]:
+    if path_m[0] >= path_m[1]:
+        raise ValueError("must lead from left to right")
+    return path_m
+
+
+Way = Annotated[tuple[OnBeam, OnBeam], AfterValidator(_leads_right)]
+"""From its left end to its right one."""
+SHORTEST_S, LONGEST_S = 0.1, 600.0
+"""Of a touch: nothing is felt in less, and nothing may be driven for longer."""
+TouchTime = Annotated[Positive, Field(ge=SHORTEST_S, le=LONGEST_S)]
 Relative = Annotated[Positive, Field(ge=0.1, le=10)]
 """To a resonance or a force: a tenth or ten times of it is another experiment."""
 
@@ -36,7 +47,7 @@ class TouchDefaults(Record):
         Positive, Field(ge=0.001, le=1, description="of the mark that paces the finger")
     ] = 0.04
     path_m: Annotated[
-        tuple[OnBeam, OnBeam],
+        Way,
         Field(
             description="the finger's way on the beam (0.1 m), right edge of the finger, clamp at 0"
         ),
@@ -60,13 +71,6 @@ class TouchDefaults(Record):
     beam: Annotated[
         Name | None, Field(description="mounted unless a touch names another of `[beams]`")
     ] = None
-
-    @field_validator("path_m")
-    @classmethod
-    def _leads_right(cls, path_m: tuple[float, float]) -> tuple[float, float]:
-        if path_m[0] >= path_m[1]:
-            raise ValueError("must lead from left to right")
-        return path_m
 
 
 class Touch(Record):
@@ -127,6 +131,22 @@ class Touch(Record):
         return max(self.frequency, self.end_frequency)
 
     @property
+    def own_path_m(self) -> tuple[float, float] | None:
+        """Ends of a way of its own, m; None where the finger takes that of the study."""
+        return None
+
+    @property
+    def fixed_hz(self) -> float | None:
+        """Drive that does not follow the resonance, Hz; None where it is relative."""
+        return None
+
+    def at(self, resonance_hz: float) -> Self:
+        """Return the touch on a beam of this resonance: a fixed drive becomes relative to it."""
+        if self.fixed_hz is None:
+            return self
+        return self.model_copy(update={"frequency": self.fixed_hz / resonance_hz})
+
+    @property
     def programme(self) -> Programme:
         """What the device does during the touch."""
         if self.ramp_to_v is None:
@@ -140,7 +160,8 @@ def touch_s(touch: Touch, finger: TouchDefaults) -> float:
         return touch.duration_s
     if touch.place == "smooth":
         return finger.hold_s
-    return (finger.path_m[1] - finger.path_m[0]) / finger.sliding_speed_m_s
+    left_m, right_m = touch.own_path_m or finger.path_m
+    return (right_m - left_m) / finger.sliding_speed_m_s
 
 
 def on_s(touch: Touch, finger: TouchDefaults, rig: Rig) -> float:

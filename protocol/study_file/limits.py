@@ -1,14 +1,17 @@
 """Limits of the rig that a study breaks, at the nominal resonance or at a measured one."""
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from math import inf
 
 from protocol.address import SIMULATED
 from protocol.errors import Path, Problem
 from protocol.plan.feasibility import design_problems
+from protocol.plan.slide_plan import slide_plan, slide_study
+from protocol.plan.trials import session_s
+from protocol.plan.variants import scaled
 from protocol.study.study import Condition, Item, Study
 from protocol.study.touch import Touch, current_ma, driven_s, slew_v_per_us, touch_s
-from protocol.study.variants import scaled
 from protocol.study_file.consistency import name_problems, opening_problems, practice_problems
 from protocol.study_file.question_checks import page_problems, question_problems
 from protocol.study_file.text_checks import instruction_problem, text_problems
@@ -34,6 +37,8 @@ def limit_problems(study: Study) -> list[Problem]:
         for number, touch in enumerate(item.touches):
             place = (f"{where}, touch {number + 1}", (*path, "touches", number))
             found += _touch_problems(study, *place, touch, level)
+    if "slide" in study.model_fields_set:  # a study that says nothing of it need not allow it
+        found += slide_problems(study)
     found += [*opening_problems(study), *practice_problems(study)]
     found += [*_unnamed_beam(study), *_unknown_gain(study), *_unmeasured(study)]
     return [*found, *text_problems(study), *question_problems(study), *page_problems(study)]
@@ -44,6 +49,41 @@ def _items(study: Study) -> Iterator[tuple[str, Path, Item]]:
         yield f"opening {opening.kind}", ("opening", number), opening
     for number, condition in enumerate(study.condition):
         yield f"condition {condition.name}", ("condition", number), condition
+
+
+_OF_A_SLIDE = {
+    "frequency": ("frequencies", ""),
+    "duration_s": ("speeds_m_s", "draw faster or shorten the paths; touch.lead_in_s counts"),
+}
+"""The keys of a touch in the section on sliding, with a hint where that of a touch is wrong."""
+
+
+def slide_problems(study: Study) -> list[Problem]:
+    """Return every limit of the rig that the sliding experiment of `study` breaks."""
+    sliding, path = slide_study(study), ("slide",)
+    found: dict[tuple[str, str], Problem] = {}
+    driven_first = sorted(slide_plan(sliding).trials, key=lambda trial: -trial.touches[0].voltage_v)
+    for trial in driven_first:
+        made = trial.touches[0].at(study.rig.nominal_resonance_hz)
+        for problem in _touch_problems(sliding, f"slide, {trial.condition}", path, made, 1.0):
+            key, hint = _OF_A_SLIDE.get(str(problem.path[-1]), (problem.path[-1], ""))
+            known = replace(problem, path=(*path, key), hint=hint or problem.hint)
+            found.setdefault((problem.rule, problem.value), known)
+    recorded = _unmeasured(sliding) if study.force_channel.rate_hz is None else ()
+    beam = _missing_beam(study, "slide", path, study.slide.beam)
+    return [*recorded, *beam, *found.values(), *_too_long(sliding)]
+
+
+def _too_long(sliding: Study) -> Iterator[Problem]:
+    limit_s, lasts_s = sliding.timing.max_session_s, session_s(sliding, slide_plan(sliding))
+    if lasts_s > limit_s:
+        yield Problem(
+            where="slide",
+            rule=f"a session must not take more than timing.max_session_s = {limit_s:.15g} s",
+            value=f"{_above(lasts_s, limit_s)} s",
+            hint="ask for fewer drives, repeats or references",
+            path=("slide", "repeats"),
+        )
 
 
 def _touch_problems(
@@ -213,10 +253,16 @@ def _missing_beam(study: Study, where: str, path: Path, beam: str | None) -> Ite
         )
 
 
-def problems_at(study: Study, resonance_hz: float) -> list[Problem]:
-    """Return what `study` may not ask of a rig whose beam has its resonance there, in Hz."""
+def problems_at(study: Study, resonance_hz: float, *, sliding: bool = False) -> list[Problem]:
+    """Return what `study` may not ask of a rig whose beam has its resonance there, in Hz.
+
+    What counts is what its participants touch, or with `sliding` its sliding experiment.
+    """
     rig = study.rig.model_copy(update={"nominal_resonance_hz": resonance_hz})
-    return limit_problems(study.model_copy(update={"rig": rig}))
+    there = study.model_copy(update={"rig": rig})
+    if sliding:
+        return slide_problems(there)
+    return [problem for problem in limit_problems(there) if problem.path[:1] != ("slide",)]
 
 
 def max_resonance_hz(study: Study, touches: Iterable[Touch]) -> float:

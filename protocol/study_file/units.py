@@ -39,6 +39,7 @@ _BY_ENDING = {
 }
 _RELATIVE = {
     "frequency": "relative to the resonance: 1.0 drives the beam there",
+    "frequencies": "relative to the resonance: 1.0 drives the beam there",
     "sweep_to": "relative to the resonance: 1.0 drives the beam there",
     "press": "relative to touch.force_n: 1.5 presses half as hard again",
     "levels": "amplitudes are multiplied by it: 0.5 halves them",

@@ -2,10 +2,10 @@
 
 import pytest
 
+from protocol.plan.variants import at_level, opposite, opposite_expected
 from protocol.study.questions import ANSWERS, no_change, opposite_answer
 from protocol.study.rig_settings import Rig
 from protocol.study.touch import Touch, TouchDefaults, driven_s, touch_s
-from protocol.study.variants import at_level, opposite, opposite_expected
 from protocol.study_file.loading import parsed_study, template
 
 FINGER, RIG = TouchDefaults(), Rig()

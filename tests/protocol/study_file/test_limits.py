@@ -7,8 +7,15 @@ import pytest
 
 from protocol.errors import Problem
 from protocol.study.rig_settings import Rig
+from protocol.study.slide import Slide
 from protocol.study.study import Study
-from protocol.study_file.limits import limit_problems, max_resonance_hz, problems, problems_at
+from protocol.study_file.limits import (
+    limit_problems,
+    max_resonance_hz,
+    problems,
+    problems_at,
+    slide_problems,
+)
 from tests.protocol.studies import Document, small, small_document
 
 RESONANCE_HZ = 25_000.0
@@ -233,3 +240,80 @@ def test_no_touch_keeps_any_resonance() -> None:
 def test_the_defaults_of_a_rig_are_within_its_own_limits() -> None:
     assert limit_problems(small()) == []
     assert Rig().max_voltage_v == 200
+
+
+def sliding(**slide: object) -> Study:
+    """A study on a generous rig, with this sliding experiment."""
+    return study_of({"voltage_v": 0}).model_copy(
+        update={"slide": Slide.model_validate({"frequencies": (1.1,), "voltage_v": 90.0, **slide})}
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "rule", "key"),
+    [
+        ("max_voltage_v", 90, "the amplitude", "voltage_v"),
+        ("max_frequency_hz", 27_500, "the drive", "frequencies"),
+        ("max_slew_v_per_us", 2 * pi * 27_500 * 90 * 1e-6, "2 pi f V", "voltage_v"),
+        ("max_current_ma", 2 * pi * 27_500 * 90 * 2e-6, "2 pi f C V", "voltage_v"),
+        ("max_drive_s", 14.2 + 90 / 400, "a touch must not be driven longer", "speeds_m_s"),
+    ],
+)
+def test_a_sliding_experiment_keeps_the_limits_of_touches(
+    name: str, value: float, rule: str, key: str
+) -> None:
+    def found(limit: float) -> list[Problem]:
+        study = sliding()
+        rig = study.rig.model_copy(update={name: limit})
+        return slide_problems(study.model_copy(update={"rig": rig}))
+
+    assert found(value * (1 + 1e-9)) == []
+    (problem,) = found(value * (1 - 1e-9))
+    assert problem.rule.startswith(rule)
+    assert problem.path == ("slide", key)
+    assert problem.where == "slide, 1.1 x resonance"
+
+
+def test_a_fixed_drive_keeps_its_slew_on_every_beam() -> None:
+    study = sliding(frequencies=(), frequencies_hz=(27_500.0,))
+    slew = 2 * pi * 27_500 * 90 * 1e-6
+    rig = study.rig.model_copy(update={"max_slew_v_per_us": slew * (1 + 1e-9)})
+    study = study.model_copy(update={"rig": rig})
+    assert problems_at(study, 20_000.0, sliding=True) == []
+    assert problems_at(study, 40_000.0, sliding=True) == []
+    relative = study.model_copy(update={"slide": sliding().slide})
+    assert problems_at(relative, 25_001.0, sliding=True)
+
+
+def test_a_sliding_experiment_that_is_not_asked_for_forbids_nothing() -> None:
+    document = small_document(1)
+    document["rig"] = {"max_voltage_v": 50.0}
+    for touches in [item["touches"] for item in document["condition"]]:
+        touches[:] = [{"place": "smooth", "voltage_v": 10}] * len(touches)
+    assert not limit_problems(Study.model_validate(document))
+    document["slide"] = {}
+    (problem,) = limit_problems(Study.model_validate(document))
+    assert problem.path == ("slide", "voltage_v")
+    assert problems_at(Study.model_validate(document), 24_221.0) == [], "participants may go on"
+
+
+def test_a_block_is_drawn_on_a_beam_of_the_study() -> None:
+    (problem,) = slide_problems(sliding(beam="other"))
+    assert (problem.path, problem.value) == (("slide", "beam"), "'other'")
+
+
+def test_a_sliding_experiment_needs_something_that_measures_forces() -> None:
+    document = small_document(1)
+    document["rig"] = {"dialect": "keysight", "amplifier_gain": 20.0}
+    document["slide"] = {}
+    (problem,) = limit_problems(Study.model_validate(document))
+    assert problem.rule.startswith("needs a board or a gauge")
+    document["force_channel"] = {"gauge": "/dev/ttyUSB7"}
+    assert not limit_problems(Study.model_validate(document))
+
+
+def test_a_sliding_experiment_is_a_session_of_bounded_length() -> None:
+    study = sliding()
+    timing = study.timing.model_copy(update={"max_session_s": 60.0})
+    (problem,) = slide_problems(study.model_copy(update={"timing": timing}))
+    assert problem.path == ("slide", "repeats")

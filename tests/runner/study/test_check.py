@@ -102,6 +102,23 @@ def test_what_is_recorded_is_shown_with_what_it_takes_of_a_line(
     assert "recorded" not in document(capsys), "nothing is recorded"
 
 
+def test_a_sliding_experiment_is_shown_with_its_length(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    place = study(tmp_path, "paper", ("[touch]", "[slide]\nreferences = 1\n[touch]"))
+    assert typed("check", place) == 0
+    said = "Sliding     9 passes with touchbeam slide, 3.55 min"
+    assert said in capsys.readouterr().out.splitlines()
+    assert typed("check", place, "--json") == 0
+    slide = document(capsys)["slide"]
+    assert slide["duration_s"] == pytest.approx(9 * (0.5 + 4 + 2 + 3 + 14.2), abs=0.1)
+    drives = [made["drive"] for made in slide["passes"]]
+    assert drives[0] == "reference, 0 V"
+    assert "23200 Hz" in drives
+    typed("check", study(tmp_path, "paper"), "--json")
+    assert "slide" not in document(capsys), "nothing is said of one"
+
+
 def test_longer_sessions_and_a_wider_spread_of_contrasts_improve_precision(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

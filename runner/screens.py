@@ -243,7 +243,8 @@ def pacing(touch: Touch, finger: TouchDefaults) -> Pacing:
     """Return the cue for `touch`: a place to hold, or a slide at the study's speed."""
     start_m = end_m = finger.smooth_place_m
     if touch.place == "path":
-        start_m, end_m = finger.path_m if touch.direction == "right" else finger.path_m[::-1]
+        path_m = touch.own_path_m or finger.path_m
+        start_m, end_m = path_m if touch.direction == "right" else path_m[::-1]
     return Pacing(
         text=touch_text(touch),
         start_m=start_m,

@@ -11,7 +11,7 @@ from analysis.estimates import NotEstimable
 from analysis.friction.recorded import TouchForces
 from analysis.loading.course import Course, Rows
 from analysis.loading.records import REHEARSED, Exclusion, Incident
-from protocol.journal.events import StoredEvent, StudyAmended, Withdrawn
+from protocol.journal.events import SLIDE, SessionOpened, StoredEvent, StudyAmended, Withdrawn
 from protocol.journal.records import LIFTED_N
 
 _Told = TypeVar("_Told", Incident, Exclusion)
@@ -116,7 +116,7 @@ def load_sessions(chains: Iterable[Sequence[StoredEvent]]) -> Sessions:
     """Return the sessions whose events `chains` yields, one session at a time.
 
     Events of a withdrawn session are not read, whether they are erased or not. The study's own
-    chain is skipped.
+    chain and sliding experiments are skipped.
     """
     rows = Rows()
     withdrawn = 0
@@ -125,6 +125,9 @@ def load_sessions(chains: Iterable[Sequence[StoredEvent]]) -> Sessions:
             continue
         if any(event.tag == Withdrawn.TAG for event in events):
             withdrawn += 1
+            continue
+        opened = events[0].record
+        if isinstance(opened, SessionOpened) and opened.participant == SLIDE:
             continue
         Course(rows).read(events)
         rows.attempts.pack()

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 
 from protocol.errors import BadInput
 from protocol.journal.events import (
+    SLIDE,
     Event,
     SessionExcluded,
     SessionIncluded,
@@ -145,8 +146,13 @@ def sessions_of(journal: Journal, participant: str, *, rehearsal: bool) -> list[
     With `rehearsal`, return those of the rehearsals only.
 
     Raises:
-        BadInput: there are none.
+        BadInput: there are none, or nobody took part in them.
     """
+    if participant == SLIDE:
+        raise BadInput(
+            "the sliding experiment has no participant who could withdraw; take it out of the "
+            "analysis with touchbeam exclude"
+        )
     sessions = [] if rehearsal else chains_of(journal, participant, rehearsal=False)
     sessions = sessions or chains_of(journal, participant, rehearsal=True)
     if not sessions:

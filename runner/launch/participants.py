@@ -14,8 +14,16 @@ from protocol.study.participant_texts import study_wording
 from runner.clock import Clock, SteppedClock
 from runner.interfaces import Operator, Participant
 from runner.launch.device_access import SessionRig
-from runner.people.operator_console import Display, OperatorConsole, PlainDisplay, line_help
+from runner.people.operator_console import (
+    Display,
+    OperatorConsole,
+    Picture,
+    PlainDisplay,
+    line_help,
+)
 from runner.people.participant_console import ConsoleParticipant, TypedLines
+from runner.people.slide_plot import SlidePlot
+from runner.people.sliding_block import SlidingBlock
 from runner.people.terminal import at_terminal, terminal_keys
 from runner.people.untouched_beam import UntouchedBeam
 from runner.people.virtual_hand import drawn_hand
@@ -50,7 +58,10 @@ def participant_and_operator(
     """
     watched = (lambda: rig.device.reading, lambda: rig.device.forces)
     swap = _swap(session, rig, finger)
-    if finger is not None:
+    if session.slides:
+        with _block_and_operator(session, rig, clock, say, swap) as people:
+            yield people
+    elif finger is not None:
         participant = _virtual_participant(session, finger, clock, rig.control)
         # At a real device somebody mounts the beams, unless nobody is there to ask.
         alone = rig.control is not None or not at_terminal(sys.stdin, sys.stdout)
@@ -66,6 +77,36 @@ def participant_and_operator(
         wording = study_wording(session.study, session.language)
         console_participant = ConsoleParticipant(lines, say, wording)
         yield console_participant, _operator_by_lines(lines, PlainDisplay(say, shared=True), swap)
+
+
+@contextmanager
+def _block_and_operator(
+    session: Session, rig: SessionRig, clock: Clock, say: Say, swap: Callable[[str], None]
+) -> Iterator[tuple[Participant, Operator]]:
+    """Yield the block of a sliding experiment and the operator, who draws it on a real device."""
+    plot = SlidePlot()
+
+    def picture(width: int, rows: int) -> list[str]:
+        return plot.lines(width, rows, clock.monotonic_s())
+
+    with operator_at_terminal(
+        say,
+        (lambda: rig.device.reading, lambda: rig.device.forces),
+        swap,
+        picture,
+        alone=rig.control is not None,
+        quiet=isinstance(clock, SteppedClock),
+    ) as operator:
+        block = SlidingBlock(
+            operator=operator,
+            forces=lambda: rig.device.forces,
+            clock=clock,
+            plan=session.plan,
+            load_n=session.study.touch.force_n,
+            plot=plot,
+            finger=rig.control,
+        )
+        yield block, operator
 
 
 def _swap(session: Session, rig: SessionRig, finger: Finger | None) -> Callable[[str], None]:
@@ -110,23 +151,33 @@ def _operator_by_lines(
 
 @contextmanager
 def operator_at_terminal(
-    say: Say, watched: Watched, swap: Callable[[str], None]
+    say: Say,
+    watched: Watched,
+    swap: Callable[[str], None],
+    picture: Picture | None = None,
+    *,
+    alone: bool = False,
+    quiet: bool = False,
 ) -> Iterator[OperatorConsole]:
-    """Yield an operator who has the terminal alone: keys at a terminal, lines from a pipe."""
-    if not at_terminal(sys.stdin, sys.stdout):
+    """Yield an operator who has the terminal alone: keys at a terminal, lines from a pipe.
+
+    One who is `alone` with a simulated device is asked for nothing, and needs no pipe.
+    """
+    if not alone and not at_terminal(sys.stdin, sys.stdout):
         yield _operator_by_lines(TypedLines(sys.stdin), PlainDisplay(say), swap)
         return
-    with keys_and_display(say, watched) as (typed, display):
-        yield OperatorConsole(typed, display, swap)
+    with keys_and_display(say, watched, picture, quiet=quiet) as (typed, display):
+        yield OperatorConsole(typed, display, swap, alone=alone)
 
 
 @contextmanager
 def keys_and_display(
-    say: Say, watched: Watched, *, quiet: bool = False
+    say: Say, watched: Watched, picture: Picture | None = None, *, quiet: bool = False
 ) -> Iterator[tuple[Callable[[bool], str], Display]]:
     """Yield the operator's keys and display: a screen at a terminal, plain lines elsewhere.
 
-    The screen shows the device's last reading. If `quiet`, display nothing and read no keys.
+    The screen shows the device's last reading and the `picture`, if there is one. If `quiet`,
+    display nothing and read no keys.
     """
     if quiet or not at_terminal(sys.stdin, sys.stdout):
         yield lambda _: "", PlainDisplay((lambda _: None) if quiet else say)
@@ -137,7 +188,7 @@ def keys_and_display(
             return
         from runner.people.operator_screen import LiveDisplay
 
-        display = LiveDisplay(*watched)
+        display = LiveDisplay(*watched, picture)
         try:
             with display:
                 yield typed, display

@@ -11,9 +11,13 @@ from protocol.errors import BadInput, WorkFailed
 from protocol.journal.records import VirtualTruth
 from protocol.journal.state import SessionState
 from protocol.plan.plan import plan
+from protocol.plan.slide_plan import slide_plan, slide_study
 from protocol.pseudonyms import pseudonym
 from protocol.study.participant_texts import Wording, lacking, study_codes, study_wording
 from protocol.study.study import Study
+from protocol.study_file.language_files import located
+from protocol.study_file.limits import slide_problems
+from protocol.study_file.loading import StudyError
 from runner.clock import Clock, Pace, SteppedClock, WallClock
 from runner.interfaces import AnswerSource
 from runner.journal.cohort import slot_for, states
@@ -47,7 +51,10 @@ from runner.window.preflight import study_window
 
 @dataclass(frozen=True, kw_only=True)
 class SessionOptions:
-    """The options of `touchbeam run`."""
+    """The options of `touchbeam run`, and of `touchbeam slide` if the session `slides`.
+
+    A sliding experiment has the participant `SLIDE`.
+    """
 
     folder: StudyFolder
     participant: str
@@ -66,6 +73,7 @@ class SessionOptions:
     windowed: bool = False
     extra: bool = False
     new_name: bool = False
+    slides: bool = False
     touchbeam: Sequence[str] = ("touchbeam",)
 
 
@@ -131,7 +139,12 @@ class Request:
 def _request(options: SessionOptions) -> Request:
     """Check everything that can be checked before anything is opened or changed."""
     text = options.folder.text()
-    study = validated_study(text, str(options.folder.study_file))
+    source = str(options.folder.study_file)
+    study = validated_study(text, source)
+    if options.slides:
+        if found := slide_problems(study):  # a study without [slide] was not asked for it
+            raise StudyError(source, located(text, found))
+        study = slide_study(study)
     url = options.device or study.rig.device
     request = Request(
         options=options,
@@ -142,7 +155,8 @@ def _request(options: SessionOptions) -> Request:
         pace=_pace(options, url),
         kind=_kind(options, study, url),
     )
-    pseudonym(options.participant)
+    if not options.slides:
+        pseudonym(options.participant)
     checked_place(options.folder.path, mounts_of_this_machine())
     if options.ratings != "virtual":
         require_typist(sys.stdin)
@@ -174,6 +188,8 @@ def _kind(options: SessionOptions, study: Study, url: str) -> SessionKind:
     """
     if options.rehearsal or url == SIMULATED or options.ratings == "virtual":
         return "rehearsal"
+    if options.slides:
+        return "slide"
     if study.session.consent_required and not options.consent:
         raise BadInput("this study requires a consent: give its reference with --consent REF")
     return "participant"
@@ -186,6 +202,8 @@ def _require_meant(request: Request, confirm: Confirm) -> None:
         BadInput: it is not confirmed, or a session is requested that the study does not plan.
     """
     options, planned = request.options, request.study.design.sessions
+    if options.slides:  # a name that cannot be mistaken, and as many as anybody wants
+        return
     if options.number > planned and not options.extra:
         raise BadInput(
             f"--session {options.number}: the study plans {planned} for each participant; add "
@@ -288,8 +306,8 @@ def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
 def _finger(
     request: Request, rig: SessionRig, say: Say, resonance_hz: Callable[[], float]
 ) -> Finger | None:
-    """Return what a virtual participant feels with; None for a person."""
-    if request.options.ratings != "virtual":
+    """Return what a virtual participant feels with; None for a person or a block."""
+    if request.options.ratings != "virtual" or request.options.slides:
         return None
     if rig.control is not None:
         return rig.control
@@ -324,14 +342,16 @@ def opened_session(request: Request, journal: Journal, clock: Clock) -> Session:
     options = request.options
     with journal.alone():
         sessions, chain = states(journal), request.chain(journal)
-        slot = slot_for(sessions, options.participant, request.kind)
+        slot = 0 if options.slides else slot_for(sessions, options.participant, request.kind)
         session = Session(
             participant=options.participant,
             number=options.number,
             kind=request.kind,
             study=request.study,
             study_text=request.text,
-            plan=plan(request.study, slot, options.number),
+            plan=slide_plan(request.study, options.number)
+            if options.slides
+            else plan(request.study, slot, options.number),
             language=request.wording.code,
             answer_order=answer_order(request.study, slot, sessions.get(chain)),
             consent=options.consent,
@@ -345,8 +365,8 @@ def opened_session(request: Request, journal: Journal, clock: Clock) -> Session:
 
 
 def _virtual_truth(request: Request) -> VirtualTruth | None:
-    """Return the true parameters of a virtual participant; None for a person."""
-    if request.options.ratings != "virtual":
+    """Return the true parameters of a virtual participant; None for a person or a block."""
+    if request.options.ratings != "virtual" or request.options.slides:
         return None
     from device.friction.contrasts import LAW, RUNG
 

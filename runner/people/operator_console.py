@@ -11,6 +11,11 @@ from typing import Protocol
 from runner.people.operator_keys import EMERGENCY, EXPLAINED, OPERATOR_MARK, OperatorKeys
 from runner.screens import Note, OperatorView, Order
 
+Picture = Callable[[int, int], list[str]]
+"""Draws what stands on the screen instead of bars, plan and log.
+
+Returns as many lines as its second argument says, none wider than the first.
+"""
 DRY_RUN = "DRY RUN: a rehearsal, no participant's data"
 
 

@@ -20,7 +20,7 @@ from rich.text import Text
 from device.drivers.driver import Reading
 from device.errors import UNKNOWN
 from device.force_channel.samples import Forces
-from runner.people.operator_console import DRY_RUN, Frame
+from runner.people.operator_console import DRY_RUN, Frame, Picture
 from runner.people.operator_keys import EMERGENCY, EXPLAINED, TYPING
 from runner.people.terminal import visible
 from runner.screens import Aim, OperatorView
@@ -48,15 +48,18 @@ class LiveDisplay:
     Args:
         reading: returns what the device said last, without asking it.
         forces: likewise the newest forces, None while nothing is recorded.
+        picture: draws what stands in the place of bars, plan and log, None where they do.
     """
 
     def __init__(
         self,
         reading: Callable[[], Reading | None],
         forces: Callable[[], Forces | None] = lambda: None,
+        picture: Picture | None = None,
     ) -> None:
         self._reading = reading
         self._forces = forces
+        self._picture = picture
         self._began_s = self._said_s = time.monotonic()
         self._frame: Frame | None = None
         self._wake = threading.Event()
@@ -135,7 +138,7 @@ class LiveDisplay:
             until=time.strftime("%H:%M", time.localtime(time.time() + frame.view.left_s)),
             forces=self._forces(),
         )
-        return screen_lines(frame, moment, console.width, console.height)
+        return screen_lines(frame, moment, console.width, console.height, self._picture)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,7 +160,9 @@ class Moment:
         return self.now_s - self.reading.at_s if self.reading else 0.0
 
 
-def screen_lines(frame: Frame, moment: Moment, width: int, height: int) -> list[Text]:
+def screen_lines(
+    frame: Frame, moment: Moment, width: int, height: int, picture: Picture | None = None
+) -> list[Text]:
     """Return exactly `height` lines: each thing has its place, whatever else is shown.
 
     What matters most stands at the top and at the bottom; a low terminal loses the middle.
@@ -165,8 +170,12 @@ def screen_lines(frame: Frame, moment: Moment, width: int, height: int) -> list[
     top = [_title(frame.view, moment, width), _output(frame.view, moment, width)]
     bottom = [_alert(frame), *_question(frame, moment, width), *_keys(frame, width)]
     room = max(height - len(top) - len(bottom), 0)
-    body = [*_bars(frame.view, moment, width), *_facts(frame.view, moment)]
-    if room < len(body) + 2:
+    facts = _facts(frame.view, moment)
+    body = [*_bars(frame.view, moment, width), *facts]
+    if picture is not None and not frame.help:
+        shown = picture(width - 1, max(room - len(facts), 0))
+        body = [*(Text(f" {visible(line)}") for line in shown), *facts]
+    elif room < len(body) + 2:
         body = _help_lines() if frame.help else body
     elif frame.help:
         body += [_rule("keys", width), *_help_lines()]

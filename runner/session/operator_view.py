@@ -54,7 +54,7 @@ def update_view(
 
 def _aim(context: SessionContext, trial: Trial) -> Aim:
     study = context.session.study
-    touch = trial.touches[context.log.state.touch or 0]
+    touch = trial.touches[context.log.state.touch or 0].at(context.resonance_hz)
     cue = pacing(touch, study.touch)
     slack_n = study.as_instructed.force_within * cue.force_n
     return Aim(
@@ -86,7 +86,7 @@ def _answer(context: SessionContext, trial: Trial, *, blind: bool) -> str | None
 def _label(trial: Trial) -> str:
     """Return the operator's label of `trial`, such as `voltage, level 0.5`."""
     parts = [trial.condition or trial.kind]
-    if trial.condition and trial.kind != "trial":
+    if trial.condition and trial.kind not in {"trial", "pass"}:
         parts.append(trial.kind)
     elif trial.level != 1:
         parts.append(f"level {trial.level:g}")

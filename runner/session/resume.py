@@ -49,6 +49,8 @@ def require_resumable(
 
 def _instead(session: Session) -> str:
     """Return what to do if the session is over."""
+    if session.slides:
+        return f"--session {session.number + 1} draws the block anew"
     if session.kind == "rehearsal":
         return (
             f"it was a rehearsal, so that {session.participant} can still have the session itself; "
@@ -89,8 +91,9 @@ def _require_fresh(name: str, session: Session, last_event: datetime | None, now
             "check this computer's clock"
         )
     if now - last_event > timedelta(hours=limit_h):
+        other = "" if session.slides else "participant or "
         hours = (now - last_event).total_seconds() / 3600
         raise BadInput(
             f"{name} was interrupted {hours:.0f} h ago and must be resumed within {limit_h:g} h; "
-            f"exclude it (touchbeam exclude) and choose another participant or --session"
+            f"exclude it (touchbeam exclude) and choose another {other}--session"
         )

@@ -6,7 +6,7 @@ from importlib.metadata import version
 from typing import Literal
 
 from protocol.address import SIMULATED
-from protocol.journal.events import SessionOpened, SessionResumed
+from protocol.journal.events import SLIDE, SessionOpened, SessionResumed
 from protocol.journal.records import PlannedTrial, VirtualTruth
 from protocol.journal.state import SessionState
 from protocol.plan.retries import running_order
@@ -17,14 +17,14 @@ from runner.clock import Clock
 from runner.interfaces import Device, Operator, Participant
 from runner.journal.session_log import SessionLog
 
-SessionKind = Literal["participant", "rehearsal"]
+SessionKind = Literal["participant", "rehearsal", "slide"]
 AnswerOrder = Literal["forward", "reversed"]
 """Of the answers to a choice: as in the study file, or from last to first."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Session:
-    """One participant's session, fixed before it starts."""
+    """One participant's session, or a sliding experiment, fixed before it starts."""
 
     participant: str
     number: int
@@ -37,6 +37,11 @@ class Session:
     consent: str | None = None
     seed: int = 1
     virtual: VirtualTruth | None = None
+
+    @property
+    def slides(self) -> bool:
+        """Whether it is a sliding experiment, rehearsed or not."""
+        return self.participant == SLIDE
 
     def resumption(self) -> SessionResumed:
         """Return the event that records the session when it is resumed."""
@@ -58,7 +63,7 @@ class Session:
             session=self.number,
             kind=self.kind,
             study=self.study.study.name,
-            slot=self.plan.slot,
+            slot=None if self.slides else self.plan.slot,
             sequence=self.plan.sequence,
             conditions=self.study.conditions,
             answer_order=self.answer_order,

@@ -51,7 +51,7 @@ def prepare(context: SessionContext) -> None:
     )
     hz = found.frequency_hz
     context.log.append(ResonanceMeasured(frequency_hz=hz, tip_m_per_v=found.tip_m_per_v))
-    for problem in problems_at(study, hz):
+    for problem in problems_at(study, hz, sliding=context.session.slides):
         raise BadInput(f"the resonance of this beam is {hz:.0f} Hz: {problem}")
     context.resonance_hz = hz
     update_view(context, warning=tare(context))  # nobody touches the beam yet

@@ -39,7 +39,7 @@ def touch(context: SessionContext, number: int, to_make: Touch) -> Compliance:
     The output is off before and after the touch. It is switched on only after the journal has
     recorded the commanded setpoint.
     """
-    study = context.session.study
+    study, to_make = context.session.study, to_make.at(context.resonance_hz)
     mount(context, to_make.beam or study.touch.beam)
     if number > 0:
         wait(context, study.timing.between_touches_s)
@@ -219,6 +219,8 @@ def _answers(
     The score is None if the answer disagrees with the expectation and the study asks for a score
     only where it agrees (the paper's rule, section 5.2).
     """
+    if trial.kind == "pass":
+        return None, None, []
     if trial.question is None:
         context.participant.show(Instruction(text="remember"))
         return None, None, [response(context)]

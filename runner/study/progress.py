@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from pathlib import Path
 
-from protocol.journal.events import SessionOpened
+from protocol.journal.events import SLIDE, SessionOpened
 from protocol.journal.state import SessionState
 from protocol.study.study import Study
-from runner.journal.cohort import session_summaries, slot_for
+from runner.journal.cohort import SessionSummary, session_summaries, slot_for
 from runner.journal.names import REHEARSAL, parsed_name, session_name
 
 _OVER = ("completed", "excluded", "withdrawn")
@@ -39,8 +39,13 @@ class Progress:
     @property
     def participants(self) -> list[str]:
         """Everybody who has a session here, in the order of the first one."""
-        known = (s for s in session_summaries(self.sessions) if s.kind != REHEARSAL)
-        return list(dict.fromkeys(summary.participant for summary in known))
+        return list(dict.fromkeys(summary.participant for summary in self._of_people))
+
+    @property
+    def _of_people(self) -> list[SessionSummary]:
+        """The sessions that participants had, without rehearsals and sliding experiments."""
+        apart = {REHEARSAL, SLIDE}
+        return [each for each in session_summaries(self.sessions) if each.kind not in apart]
 
     @property
     def next_participant(self) -> str:
@@ -55,9 +60,7 @@ class Progress:
     @property
     def done(self) -> int:
         """The number of participants with a completed session that counts."""
-        summaries = session_summaries(self.sessions)
-        whole = (s for s in summaries if s.kind != REHEARSAL and s.state == "completed")
-        return len({summary.participant for summary in whole})
+        return len({each.participant for each in self._of_people if each.state == "completed"})
 
     def resume_before(self, state: SessionState) -> datetime | None:
         """Return until when an unfinished session may be resumed."""
@@ -97,9 +100,11 @@ class Progress:
             mark = ["--rehearsal"] if state.opened and state.opened.kind == REHEARSAL else []
             command = self._command("exclude", *who, *mark, "--reason", "not resumed in time")
             return f"; too old to be resumed: {command}"
+        slides = named.participant == SLIDE
+        again = ("slide", *who[2:]) if slides else ("run", *who)
         return (
             f"; go on before {until.astimezone():%A %H:%M} with: "
-            f"{self._command('run', *who, *_options(state))}"
+            f"{self._command(*again, *_options(state))}"
         )
 
     def _cohort(self) -> str:
@@ -124,6 +129,8 @@ def _options(state: SessionState) -> list[str]:
     opened = state.opened
     if not isinstance(opened, SessionOpened):
         return []
+    if opened.participant == SLIDE:
+        return ["--rehearsal"] if opened.kind == REHEARSAL else []
     virtual = ["--ratings", "virtual"] if opened.virtual else []
     console = ["--ratings", "console"] if state.windowless and not opened.virtual else []
     rehearsal = ["--rehearsal"] if opened.kind == REHEARSAL and not opened.virtual else []

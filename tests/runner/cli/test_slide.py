@@ -1,0 +1,154 @@
+"""`touchbeam slide`: a rehearsal, and how the other commands treat a sliding experiment."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from protocol.study_file.loading import template
+from runner.journal.opening import read_journal
+from tests.runner.command_line import everything, typed
+
+SECTION = """
+[slide]
+frequencies = [0.99, 1.0, 1.01]
+frequencies_hz = []
+references = 2
+speeds_m_s = [0.02]
+"""
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Path:
+    text = template("paper").replace("[touch]", f"{SECTION}\n[touch]", 1)
+    (tmp_path / "study.toml").write_text(text, encoding="utf-8")
+    return tmp_path
+
+
+@pytest.fixture
+def slid(study: Path, capsys: pytest.CaptureFixture[str]) -> Path:
+    """A study with a rehearsed sliding experiment."""
+    assert typed("slide", study, "--device", "sim") == 0
+    capsys.readouterr()
+    return study
+
+
+def test_a_rehearsal_on_the_simulated_device(
+    study: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert typed("slide", study, "--device", "sim") == 0
+    shown = capsys.readouterr().out.splitlines()
+    assert shown[0] == (
+        "slide/1 is complete: 5 passes, device off (read back); this was a rehearsal."
+    )
+    with read_journal(study / "study.db") as journal:
+        assert journal.sessions() == ["slide/1 (rehearsal)"]
+    assert typed("slide", study, "--device", "sim") == 2
+    assert "slide/1 is already completed; --session 2 draws the block anew" in (
+        capsys.readouterr().err
+    )
+    assert typed("slide", study, "--device", "sim", "--session", "2") == 0
+    with read_journal(study / "study.db") as journal:
+        assert journal.sessions() == ["slide/1 (rehearsal)", "slide/2 (rehearsal)"]
+
+
+def test_status_lists_it_apart_from_participants(
+    slid: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert typed("status", slid) == 0
+    shown = capsys.readouterr().out
+    assert "slide/1  rehearsal  completed  5 of 5 trials" in shown
+    assert "Done: 0 of 9 participants. The next participant gets slot 0" in shown
+    assert "--participant P01" in shown
+    assert typed("status", slid, "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    (session,) = found["sessions"]
+    assert (session["participant"], session["kind"], session["slot"]) == (
+        "slide",
+        "rehearsal",
+        None,
+    )
+    assert (found["done"], found["next_slot"], found["next_participant"]) == (0, 0, "P01")
+
+
+def test_verify_counts_its_passes(slid: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert typed("verify", slid, "--json") == 0
+    (session,) = json.loads(capsys.readouterr().out)["sessions"]
+    assert session["ok"]
+    assert (session["trials_planned"], session["trials_answered"]) == (5, 5)
+
+
+def test_a_pass_is_excluded_and_included_again(
+    slid: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    one = ("--participant", "slide", "--trial", "3", "--reason", "the block tilted")
+    assert typed("exclude", slid, *one) == 0
+    assert "slide/1 (rehearsal), trial 3 is excluded: the block tilted" in capsys.readouterr().out
+    typed("status", slid)
+    assert "5 of 5 trials, 1 excluded" in capsys.readouterr().out
+    assert typed("include", slid, *one) == 0
+
+
+def test_nobody_can_withdraw_from_it(slid: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert typed("withdraw", slid, "--participant", "slide", "--yes") == 2
+    assert "has no participant who could withdraw" in capsys.readouterr().err
+    assert typed("verify", slid) == 0
+
+
+def test_analyses_of_participants_leave_it_out(
+    slid: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert typed("report", slid, "--rehearsals") == 2
+    assert typed("export", slid, tmp_path / "out", "--format", "csv", "--rehearsals") == 2
+    capsys.readouterr()
+    assert typed("run", slid, "--participant", "P01", "--ratings", "virtual") == 0
+    assert typed("report", slid, "--rehearsals", "--json") == 0
+    found = capsys.readouterr().out
+    found = json.loads(found[found.index("{") :])
+    assert {trial["subject"] for trial in found["trials"]} == {"P01"}
+    assert typed("export", slid, tmp_path / "out", "--format", "csv", "--rehearsals") == 0
+    rows = (tmp_path / "out" / "trials.csv").read_text(encoding="utf-8").splitlines()
+    assert len(rows) == 1 + 7
+    assert not [row for row in rows if "slide" in row]
+
+
+def test_its_name_is_no_participants(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = everything(study)
+    assert typed("run", study, "--participant", "slide", "--ratings", "virtual") == 2
+    assert "a participant must be a pseudonym" in capsys.readouterr().err
+    assert everything(study) == before
+
+
+@pytest.mark.parametrize(
+    ("section", "options", "said"),
+    [
+        ("voltage_v = 250", (), "slide, 23200 Hz: the amplitude must not exceed"),
+        ("voltag_v = 100", (), "unknown key"),
+        ("", ("--device", "sim", "--pace", "wall", "--law", "none"), "'none' is not one of"),
+        ("", ("--device", "socket://localhost:1", "--law", "printed"), "are for --device sim"),
+    ],
+)
+def test_what_cannot_be_done_is_refused_in_one_line(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    section: str,
+    options: tuple[str, ...],
+    said: str,
+) -> None:
+    text = template("paper").replace("[touch]", f"[slide]\n{section}\n[touch]", 1)
+    (tmp_path / "study.toml").write_text(text, encoding="utf-8")
+    assert typed("slide", tmp_path, *options) == 2
+    assert said in capsys.readouterr().err
+    assert everything(tmp_path) == {"study.toml"}
+
+
+def test_a_rig_that_cannot_record_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rig = 'device = "sim"\ndialect = "keysight"\namplifier_gain = 50.0'
+    text = template("paper").replace('device = "sim"', rig, 1)
+    (tmp_path / "study.toml").write_text(text, encoding="utf-8")
+    assert typed("slide", tmp_path) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "needs a board or a gauge" in line
+    assert everything(tmp_path) == {"study.toml"}

@@ -187,13 +187,24 @@ def course_figure(data: Course, words: Words) -> Drawing:
 
 def panels_figure(panels: Sequence[Panel], kind: str = "svg") -> bytes:
     """Return panels, two per row, as reproducible `svg`, `png` or `pdf` bytes."""
+    figure = _panels(panels)
+    if kind == "svg":
+        return _reproducible_svg(figure).encode()
+    return _saved(figure, kind, "Software" if kind == "png" else "CreationDate")
+
+
+def panels_drawing(panels: Sequence[Panel], words: Words) -> Drawing:
+    """Return the same for a page, as SVG and PNG."""
+    figure = _panels(panels)
+    return Drawing(name=words.name, svg=_svg(figure, words), png=_saved(figure))
+
+
+def _panels(panels: Sequence[Panel]) -> Figure:
     rows, columns = -(-len(panels) // 2), min(len(panels), 2)
     figure = Figure(figsize=(4.6 * columns, 3.3 * rows), layout="constrained")
     for place, panel in enumerate(panels, start=1):
         _draw_panel(figure.add_subplot(rows, columns, place), panel)
-    if kind == "svg":
-        return _reproducible_svg(figure).encode()
-    return _saved(figure, kind, "Software" if kind == "png" else "CreationDate")
+    return figure
 
 
 def _draw_panel(axes: Axes, panel: Panel) -> None:

@@ -45,6 +45,12 @@ SECTIONS: tuple[Callable[[Findings], Section], ...] = (
 
 def page_html(found: Findings, sections: Sequence[Section]) -> str:
     """Return the page, with every text escaped."""
+    shown = [each for each in sections if each.blocks]
+    return rendered(found.title, _notices(found), shown)
+
+
+def rendered(title: str, notices: Sequence[tuple[str, str]], sections: Sequence[Section]) -> str:
+    """Return a page of sections with notices, pairs of heading and text, at its top."""
     from jinja2 import Environment
 
     environment = Environment(
@@ -52,11 +58,7 @@ def page_html(found: Findings, sections: Sequence[Section]) -> str:
     )
     environment.globals["zip"] = zip
     source = (files("analysis.report") / "report.html").read_text(encoding="utf-8")
-    return environment.from_string(source).render(
-        title=found.title,
-        notices=_notices(found),
-        sections=[each for each in sections if each.blocks],
-    )
+    return environment.from_string(source).render(title=title, notices=notices, sections=sections)
 
 
 def _printable(value: object) -> object:

@@ -1,18 +1,23 @@
 """The command of the sliding experiment: slide."""
 
+import os
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from protocol.address import SIMULATED
+from protocol.errors import BadInput
 from runner.cli.options import (
     Choosing,
+    JsonOption,
     SimulatedLawOption,
     SimulatedRungOption,
     StudyArgument,
     address,
+    study_journal,
 )
-from runner.cli.output import say
+from runner.cli.output import complain, print_json, say
 from runner.clock import Pace
 
 if TYPE_CHECKING:
@@ -34,6 +39,9 @@ def slide(
     session: Annotated[
         int | None, typer.Option(min=1, help="[default: the last one, 1 if there is none]")
     ] = None,
+    analyse: Annotated[
+        bool, typer.Option("--analyse", help="Draw nothing; analyse what has been drawn.")
+    ] = False,
     pace: Annotated[
         Pace | None,
         typer.Option(help="[default: stepped if the device is simulated, else wall]"),
@@ -44,12 +52,13 @@ def slide(
     seed: Annotated[int | None, typer.Option(min=0, help="[default: the study's]")] = None,
     law: SimulatedLawOption = None,
     rung: SimulatedRungOption = None,
+    as_json: JsonOption = False,
 ) -> None:
-    """Draw a block along the beam and measure its friction.
+    """Draw a block along the beam and fit the rig to its friction.
 
     The sliding experiment of the paper's section 5.1, without a participant: the operator draws
     the block as the screen says. It resumes at the pass in which it stopped. On the simulated
-    device it is a rehearsal.
+    device it is a rehearsal. The result is printed and written to STUDY/slide.
     """
     from protocol.journal.events import SLIDE
     from runner.launch.device_access import touchbeam_command
@@ -57,6 +66,9 @@ def slide(
     from runner.study.folder import StudyFolder
 
     folder = StudyFolder(path=study)
+    if analyse:
+        write_result(folder, session, rehearsal=rehearsal, as_json=as_json)
+        return
     simulated = (device or folder.study().rig.device) == SIMULATED
     rehearsal = rehearsal or simulated
     number = session or _last_session(folder, rehearsal=rehearsal)
@@ -74,21 +86,65 @@ def slide(
         slides=True,
         touchbeam=touchbeam_command(),
     )
-    state = run_session(options, say=say)
-    say(
+    tell = complain if as_json else say
+    state = run_session(options, say=tell)
+    tell(
         f"slide/{number} is complete: {len(state.answered)} passes, device off (read "
         f"back){'; this was a rehearsal' * rehearsal}."
     )
+    write_result(folder, number, rehearsal=rehearsal, as_json=as_json)
 
 
 def _last_session(folder: "StudyFolder", *, rehearsal: bool) -> int:
     """Return the number of the last sliding experiment in the journal, 1 without any."""
     from protocol.journal.events import SLIDE
-    from runner.journal.names import chains_of, parsed_name
+    from runner.journal.names import chains_of
     from runner.journal.opening import read_journal
 
     if not folder.journal.exists():
         return 1
     with read_journal(folder.journal) as journal:
         chains = chains_of(journal, SLIDE, rehearsal=rehearsal)
+    return _last(chains)
+
+
+def _last(chains: Sequence[str]) -> int:
+    from runner.journal.names import parsed_name
+
     return max((parsed_name(chain).number for chain in chains), default=1)
+
+
+def write_result(
+    folder: "StudyFolder", number: int | None, *, rehearsal: bool, as_json: bool
+) -> None:
+    """Analyse a sliding experiment, write the result to the study's folder and print it.
+
+    Without a `number` it is the last one; without a session of it, a rehearsal if there is one.
+    """
+    # With one thread, sums are in the same order on every computer: the same input, same bytes.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    from analysis.sliding.drawn import drawn_session
+    from analysis.sliding.result import sliding_result
+    from protocol.journal.events import SLIDE
+    from runner.journal.names import chains_of, existing_chain
+    from runner.journal.verification import readable_events
+    from runner.study.files import write_files
+
+    with study_journal(folder) as journal:
+        rehearsal = rehearsal or not chains_of(journal, SLIDE, rehearsal=False)
+        chosen = number or _last(chains_of(journal, SLIDE, rehearsal=rehearsal))
+        chain = existing_chain(journal, SLIDE, chosen, rehearsal=rehearsal)
+        if chain not in journal.sessions():
+            raise BadInput(
+                f"no block has been drawn here as slide/{chosen}; draw it with touchbeam slide"
+            )
+        drawn = drawn_session(readable_events(journal, chain))
+    result = sliding_result(drawn)
+    out = folder.path / "slide"
+    write_files(result.files(), out)
+    if as_json:
+        print_json(result.record())
+        return
+    for line in result.lines():
+        say(line)
+    say(f"Written: {out / 'slide.html'} (open it in a browser); beside it JSON and the figure")

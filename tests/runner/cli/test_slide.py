@@ -41,6 +41,10 @@ def test_a_rehearsal_on_the_simulated_device(
     assert shown[0] == (
         "slide/1 is complete: 5 passes, device off (read back); this was a rehearsal."
     )
+    assert shown[1].split() == ["property", "value", "95", "%", "interval"]
+    assert shown[-1].startswith(f"Written: {study / 'slide' / 'slide.html'}")
+    files = {"slide.html", "slide.json", "slide.svg", "slide.png"}
+    assert everything(study / "slide") == files
     with read_journal(study / "study.db") as journal:
         assert journal.sessions() == ["slide/1 (rehearsal)"]
     assert typed("slide", study, "--device", "sim") == 2
@@ -50,6 +54,34 @@ def test_a_rehearsal_on_the_simulated_device(
     assert typed("slide", study, "--device", "sim", "--session", "2") == 0
     with read_journal(study / "study.db") as journal:
         assert journal.sessions() == ["slide/1 (rehearsal)", "slide/2 (rehearsal)"]
+
+
+def test_what_was_drawn_is_analysed_again(slid: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    written = (slid / "slide" / "slide.json").read_text(encoding="utf-8")
+    assert typed("slide", slid, "--analyse", "--json") == 0
+    shown = capsys.readouterr().out
+    found = json.loads(shown)
+    assert found == json.loads(written), "one document, the same as before"
+    assert found.keys() >= {"passes", "mu", "troughs", "peaks", "fit", "models", "rehearsal"}
+    assert found["fit"].keys() >= {"damping_ratio", "resonance_hz"}
+    excluded = ("--participant", "slide", "--trial", "0", "--reason", "the block tilted")
+    assert typed("exclude", slid, *excluded) == 0
+    capsys.readouterr()
+    assert typed("slide", slid, "--analyse") == 0
+    shown = capsys.readouterr().out
+    assert "Left out: pass 1, the block tilted." in shown
+
+
+def test_without_a_pass_there_is_nothing_to_analyse(
+    study: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert typed("slide", study, "--analyse") == 2
+    assert capsys.readouterr().err
+    assert typed("run", study, "--participant", "P01", "--ratings", "virtual") == 0
+    capsys.readouterr()
+    assert typed("slide", study, "--analyse") == 2
+    assert "no block has been drawn here as slide/1" in capsys.readouterr().err
+    assert not (study / "slide").exists()
 
 
 def test_status_lists_it_apart_from_participants(

@@ -1,0 +1,199 @@
+"""The result of a sliding experiment for people and programs: lines, JSON, and a page."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from analysis.cells import json_text
+from analysis.estimates import NotEstimable, plain
+from analysis.report.blocks import Block, Definitions, Figure, Items, Section, Table, columns
+from analysis.report.drawing import Drawing, Words, panels_drawing
+from analysis.report.page import rendered
+from analysis.sliding.drawn import DrawnSession
+from analysis.sliding.experiment import ALWAYS_UNKNOWN, SlidingFindings, sliding_findings
+from analysis.sliding.extremes import Extreme
+from analysis.sliding.fit import Estimate
+from analysis.sliding.passes import Curve
+from protocol.errors import BadInput
+
+_UNKNOWN = "not determined"
+_CAPTION = (
+    "Fig 16 of the paper redrawn: measured friction with a band of one standard error, beside the "
+    "laws and rungs, and beside the fitted rig at every drive."
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SlidingResult:
+    """A sliding experiment and what was found in it."""
+
+    drawn: DrawnSession
+    found: SlidingFindings
+
+    @cached_property
+    def curve(self) -> Curve:
+        """The driven curve nearest the measured resonance, where friction changes most."""
+        driven = [curve for curve in self.found.curves if curve.setting.voltage_v > 0]
+        middle_hz = self.drawn.resonance.frequency_hz
+        return min(driven, key=lambda curve: abs(curve.setting.frequency_hz - middle_hz))
+
+    def record(self) -> dict[str, Any]:
+        """Return the result as JSON; `mu`, `troughs` and `peaks` are those of `curve`."""
+        drawn, found = self.drawn, self.found
+        own = [one for one in found.extremes if one.setting == self.curve.setting]
+        return {
+            "session": drawn.session,
+            "rehearsal": drawn.rehearsal,
+            "data_sha256": found.data_sha256,
+            "passes": [
+                {
+                    "index": each.index,
+                    "drive": each.drive,
+                    "voltage_v": each.made.voltage_v,
+                    "frequency_hz": each.made.frequency_hz,
+                    "direction": each.made.direction,
+                }
+                for each in drawn.passes
+            ],
+            "planned": drawn.planned,
+            "left_out": [{"index": index, "why": why} for index, why in drawn.left_out],
+            "setting": plain(self.curve.setting),
+            "mu": {name: plain(getattr(self.curve, name)) for name in ("x_m", "mu", "error")},
+            "troughs": [_place(one) for one in own if one.kind == "trough"],
+            "peaks": [_place(one) for one in own if one.kind == "peak"],
+            "fit": {
+                **{name: _estimate(each) for name, each in found.estimates.items()},
+                **{name: {"reason": why} for name, why in ALWAYS_UNKNOWN.items()},
+            },
+            "models": [
+                {
+                    "law": one.law,
+                    "rung": one.rung,
+                    "fitted": one.fitted,
+                    "rmse": plain(one.rms),
+                    "mean_absolute": plain(one.mean_absolute),
+                    "places_m": plain(one.places_m),
+                }
+                for one in found.mismatches
+            ],
+            "curves": plain(found.curves),
+            "extremes": plain(found.extremes),
+            "noise": plain(found.fit.noise),
+            "deviance_per_point": plain(found.fit.deviance / found.fit.points),
+        }
+
+    def lines(self) -> Iterator[str]:
+        """Yield the result in a few lines; the page has the rest."""
+        drawn = self.drawn
+        header, *rows = self.found.lines()
+        told = [row for row in rows if row[1] != _UNKNOWN]
+        widths = [max(map(len, cells)) for cells in zip(header, *told, strict=True)]
+        for row in (header, *told):
+            cells = zip(row, widths, strict=True)
+            yield "  ".join(cell.ljust(width) for cell, width in cells).rstrip()
+        if unknown := [row[0] for row in rows if row[1] == _UNKNOWN]:
+            yield f"Not told by these passes: {', '.join(unknown)} (the page says why)."
+        for index, why in drawn.left_out:
+            yield f"Left out: pass {index + 1}, {why}."
+        if len(drawn.passes) + len(drawn.left_out) < drawn.planned:
+            made = len(drawn.passes) + len(drawn.left_out)
+            yield f"Unfinished: {made} of {drawn.planned} passes have been made."
+        best = min(self.found.mismatches, key=lambda one: one.rms)
+        rig = "fitted rig" if best.fitted else "paper's rig"
+        yield f"Closest: law {best.law} on rung {best.rung} for the {rig}, RMS {best.rms:.4f}."
+
+    def files(self) -> dict[str, bytes]:
+        """Return the contents of all files, by name."""
+        texts = {"slide.html": self._page, "slide.json": json_text(self.record())}
+        drawing = self._figure.drawing
+        assert drawing is not None, "there is a driven curve"
+        return {
+            **{name: text.encode() for name, text in texts.items()},
+            "slide.svg": drawing.svg.encode(),
+            "slide.png": drawing.png,
+        }
+
+    @cached_property
+    def _figure(self) -> Figure:
+        def draw(words: Words) -> Drawing:
+            return panels_drawing(self.found.panels, words)
+
+        table = _table("places", "Troughs and peaks", self.found.extreme_lines())
+        return Figure(name="friction", title="mu(x)", caption=_CAPTION, draw=draw, table=table)
+
+    @property
+    def _page(self) -> str:
+        drawn, found = self.drawn, self.found
+        notices = []
+        if drawn.rehearsal:
+            text = "The block was drawn in a rehearsal. This is no evidence about a rig."
+            notices.append(("Rehearsal.", text))
+        facts = {
+            "Session": drawn.session,
+            "Device": drawn.idn,
+            "Measured resonance": f"{drawn.resonance.frequency_hz:.1f} Hz",
+            "Digest of the passes (SHA-256)": found.data_sha256,
+        }
+        left_out = [f"pass {index + 1}: {why}" for index, why in drawn.left_out]
+        blocks: dict[str, list[Block]] = {
+            "The rig": [_table("rig", "What the passes tell of the rig", found.lines())],
+            "Friction along the beam": [self._figure],
+            "Laws and rungs": [
+                _table("models", "Distance from measured friction", found.mismatch_lines())
+            ],
+            "Passes": [
+                _table("passes", "Passes in the order in which they were made", self._passes()),
+                Items(lines=left_out, heading="Left out"),
+            ],
+            "Where this comes from": [Definitions(entries=facts)],
+        }
+        sections = [
+            Section(name=title.lower().replace(" ", "-"), title=title, blocks=content)
+            for title, content in blocks.items()
+        ]
+        return rendered(f"Sliding experiment {drawn.session}", notices, sections)
+
+    def _passes(self) -> list[list[str]]:
+        rows = [
+            [str(each.index + 1), each.drive, f"{each.made.frequency_hz:.1f}", f"{mean:.4f}"]
+            for each in self.drawn.passes
+            for mean in [float(each.made.mu.mean())]
+        ]
+        return [["pass", "drive", "frequency, Hz", "mean μ'"], *rows]
+
+
+def sliding_result(drawn: DrawnSession) -> SlidingResult:
+    """Return the result of a sliding experiment.
+
+    Raises:
+        BadInput: its passes do not tell anything.
+    """
+    made = [each.made for each in drawn.passes]
+    try:
+        found = sliding_findings(made, drawn.resonance.frequency_hz, drawn.session)
+    except np.linalg.LinAlgError as error:
+        raise BadInput(f"{drawn.session}: the passes are too uneven to be fitted") from error
+    if isinstance(found, NotEstimable):
+        raise BadInput(f"{drawn.session}: {found.reason}")
+    return SlidingResult(drawn=drawn, found=found)
+
+
+def _place(one: Extreme) -> dict[str, Any]:
+    if isinstance(one.place_m, NotEstimable) or one.interval_m is None:
+        reason = one.place_m.reason if isinstance(one.place_m, NotEstimable) else "no interval"
+        return {"x_m": None, "ci": None, "reason": reason, "fitted_m": one.expected_m}
+    return {"x_m": one.place_m, "ci": list(one.interval_m), "fitted_m": one.expected_m}
+
+
+def _estimate(found: Estimate | NotEstimable) -> dict[str, Any]:
+    if isinstance(found, NotEstimable):
+        return {"reason": found.reason}
+    return {"value": plain(found.value), "ci": plain(found.interval)}
+
+
+def _table(name: str, caption: str, lines: list[list[str]]) -> Table:
+    header, *rows = lines
+    return Table(name=name, caption=caption, columns=columns(*header, kind="text"), rows=rows)

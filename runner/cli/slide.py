@@ -42,6 +42,10 @@ def slide(
     analyse: Annotated[
         bool, typer.Option("--analyse", help="Draw nothing; analyse what has been drawn.")
     ] = False,
+    calibrate: Annotated[
+        bool,
+        typer.Option("--calibrate", help="Keep the fitted values as the rig's calibration."),
+    ] = False,
     pace: Annotated[
         Pace | None,
         typer.Option(help="[default: stepped if the device is simulated, else wall]"),
@@ -67,7 +71,7 @@ def slide(
 
     folder = StudyFolder(path=study)
     if analyse:
-        write_result(folder, session, rehearsal=rehearsal, as_json=as_json)
+        write_result(folder, session, rehearsal=rehearsal, calibrate=calibrate, as_json=as_json)
         return
     simulated = (device or folder.study().rig.device) == SIMULATED
     rehearsal = rehearsal or simulated
@@ -92,7 +96,7 @@ def slide(
         f"slide/{number} is complete: {len(state.answered)} passes, device off (read "
         f"back){'; this was a rehearsal' * rehearsal}."
     )
-    write_result(folder, number, rehearsal=rehearsal, as_json=as_json)
+    write_result(folder, number, rehearsal=rehearsal, calibrate=calibrate, as_json=as_json)
 
 
 def _last_session(folder: "StudyFolder", *, rehearsal: bool) -> int:
@@ -115,7 +119,7 @@ def _last(chains: Sequence[str]) -> int:
 
 
 def write_result(
-    folder: "StudyFolder", number: int | None, *, rehearsal: bool, as_json: bool
+    folder: "StudyFolder", number: int | None, *, rehearsal: bool, calibrate: bool, as_json: bool
 ) -> None:
     """Analyse a sliding experiment, write the result to the study's folder and print it.
 
@@ -128,6 +132,7 @@ def write_result(
     from protocol.journal.events import SLIDE
     from runner.journal.names import chains_of, existing_chain
     from runner.journal.verification import readable_events
+    from runner.study.calibration import keep_fit
     from runner.study.files import write_files
 
     with study_journal(folder) as journal:
@@ -142,9 +147,16 @@ def write_result(
     result = sliding_result(drawn)
     out = folder.path / "slide"
     write_files(result.files(), out)
+    kept = None
+    if calibrate:
+        fitted = {**result.found.calibration_record(), "rehearsal": drawn.rehearsal}
+        kept = keep_fit(folder.path, drawn.resonance, drawn.idn, fitted)
     if as_json:
         print_json(result.record())
         return
     for line in result.lines():
         say(line)
     say(f"Written: {out / 'slide.html'} (open it in a browser); beside it JSON and the figure")
+    if kept is not None:
+        rehearsed = ", from a rehearsal" if drawn.rehearsal else ""
+        say(f"Kept as the rig's calibration{rehearsed}: {kept}")

@@ -7,6 +7,7 @@ import pytest
 
 from protocol.study_file.loading import template
 from runner.journal.opening import read_journal
+from runner.study.calibration import fitted_calibration, kept_calibration
 from tests.runner.command_line import everything, typed
 
 SECTION = """
@@ -67,9 +68,17 @@ def test_what_was_drawn_is_analysed_again(slid: Path, capsys: pytest.CaptureFixt
     excluded = ("--participant", "slide", "--trial", "0", "--reason", "the block tilted")
     assert typed("exclude", slid, *excluded) == 0
     capsys.readouterr()
-    assert typed("slide", slid, "--analyse") == 0
+    assert not (slid / "calibration.json").exists(), "unless it is asked for"
+    assert typed("slide", slid, "--analyse", "--calibrate") == 0
     shown = capsys.readouterr().out
     assert "Left out: pass 1, the block tilted." in shown
+    assert "Kept as the rig's calibration, from a rehearsal: " in shown
+    kept = json.loads((slid / "calibration.json").read_text(encoding="utf-8"))
+    assert kept["fitted"]["rehearsal"] is True
+    assert fitted_calibration(slid).origin
+    calibration = kept_calibration(slid)
+    assert calibration is not None
+    assert calibration.frequency_hz == pytest.approx(24_069, abs=10)
 
 
 def test_without_a_pass_there_is_nothing_to_analyse(

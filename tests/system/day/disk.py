@@ -7,7 +7,7 @@ before, during or after a commit. What is synchronised survives; the rest may be
 import random
 import sqlite3
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from tests.system.day.process import Dead, Incident, Process
 
 _PAGE = 4096
 _LOG_HEADER, _FRAME = 32, 24 + _PAGE
+_ANSWERS = "SELECT count(*) FROM event WHERE session = ? AND tag = 'answered'"
 _HASHES = "SELECT session, seq, hash FROM event"
 
 Key = tuple[str, int, str]
@@ -136,6 +137,13 @@ class Disk:
         self.committed({key: event for key, event in self.in_flight.items() if key in extra})
         self.in_flight.clear()
         self._sync()
+
+    def answers(self, session: str, access: str = "") -> int:
+        """Return how many answers of a session there are, with the log or in the file alone."""
+        uri = f"{self.path.as_uri()}?mode=ro{access}"
+        with closing(_connect(uri, uri=True)) as connection:
+            row = connection.execute(_ANSWERS, (session,)).fetchone()
+        return int(row[0])
 
     def fill(self, pages: int) -> None:
         """Leave room for no more than some pages, for the connections that are open now."""

@@ -18,6 +18,7 @@ from unittest.mock import patch
 
 import typer
 
+from device.errors import DeviceError
 from protocol.journal.events import NoteTaken, event_of
 from protocol.study_file.loading import text_digest
 from runner.cli import journal as commands
@@ -206,6 +207,28 @@ def _noted(name: str, journal: Journal) -> None:
     log.append(NoteTaken(text="in the evening"))
 
 
+def _lost(evening: Evening) -> None:
+    """The journal or its disk is lost while it is in use."""
+    evening.stream.choice((_deleted, _broken_disk))(evening)
+
+
+def _broken_disk(evening: Evening) -> None:
+    """A disk that breaks as a session fails hides nothing of why the session failed."""
+
+    def fails() -> None:
+        with open_journal(evening.journal) as journal:
+            if name := _open_for_notes(evening, journal):
+                _noted(name, journal)
+            disk.start()
+            raise DeviceError("the beam broke")
+
+    broken = sqlite3.OperationalError("disk I/O error")
+    disk = patch("runner.journal.database.sqlite3.connect", side_effect=broken)
+    line, code = _told(fails)
+    disk.stop()
+    require(11, code == 1 and "the beam broke" in line, f"the beam broke, but: {line}")
+
+
 def _deleted(evening: Evening) -> None:
     """Somebody deletes the journal while it is in use: the next event says so."""
     journal = open_journal(evening.journal)
@@ -265,7 +288,7 @@ def _published(evening: Evening) -> None:
 
 
 EVENINGS = (
-    *(_backed_up, _damaged, _another_schema, _read_only, _deleted, _of_an_earlier_build) * 3,
+    *(_backed_up, _damaged, _another_schema, _read_only, _lost, _of_an_earlier_build) * 3,
     _published,
 )
 """What may be done, what takes long least often."""

@@ -159,6 +159,8 @@ class Lab:
         self.person: Person | None = None
         self.typist: Typist | None = None
         self.rig: Rig | None = None
+        self._block: int | None = None
+        """Of the last trial that this process has begun."""
         self._unwarned = ""
         """The session whose operator has to be told of a touch before its next event."""
         self.answers: dict[tuple[str, int], tuple[str | None, int | None]] = {}
@@ -263,7 +265,7 @@ class Lab:
             self.device.advance(DRIPS_S)
 
     def _ended(self, process: Process, work: Callable[[], str]) -> Outcome:
-        self.disk.process, self._unwarned = process, ""
+        self.disk.process, self._unwarned, self._block = process, "", None
         self.disk.may_crash = process.will_die
         broken_before = set(self.watch.faults_s)
         try:
@@ -385,6 +387,8 @@ class Lab:
             self.touches.setdefault(session, []).append(payload)
         if tag == "touch-ended" and False in json.loads(payload)["judged"].values():
             self._unwarned = session
+        if tag == "trial-started":
+            self._require_copied(session, json.loads(payload)["index"])
         if tag == "paused" and self.typist is not None:
             self.typist.continues_s = self.device.now_s() + self.stream.uniform(0, 1)
         if tag == "answered" and self.person is not None:
@@ -394,6 +398,19 @@ class Lab:
             given = [text for text, _ in self.person.given]
             require(2, said == given, f"{session} {answer['index']}: stored {said}, said {given}")
             self.answers[session, answer["index"]] = (change, score)
+
+    def _require_copied(self, session: str, index: int) -> None:
+        """A block that is over is in the journal's file itself, and not in its log alone."""
+        before, self._block = self._block, self.watch.planned[session][index].block
+        undisturbed = not {"disk full", "disk error", "locked"} & set(self.disk.process.happened)
+        if undisturbed and before not in {None, self._block}:
+            alone, all_of_it = (
+                self.disk.answers(session, "&immutable=1"),
+                self.disk.answers(session),
+            )
+            require(
+                1, alone == all_of_it, f"{session}: the file has {alone} of {all_of_it} answers"
+            )
 
     def _said(self, line: str, process: Process) -> None:
         process.crossing("people")

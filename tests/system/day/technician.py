@@ -33,12 +33,14 @@ _RAMPED_S = 0.5
 def without_thermometer(lab: Lab) -> None:
     """Let the board have none, as some are built."""
     lab.watch.thermometer = False
-    answers = _answering(lab, ScpiError(-113, "Undefined header"))
+    answers = _answering(lab, None, ScpiError(-113, "Undefined header"))
     vars(lab.device.inside.dialect)["_answered"] = answers
 
 
-def _answering(lab: Lab, error: ScpiError | None) -> Callable[[str, str], str | None]:
-    """Return what answers all but the question for the temperature, which may leave an error."""
+def _answering(
+    lab: Lab, warm: str | None, error: ScpiError | None
+) -> Callable[[str, str], str | None]:
+    """Return what answers `warm` to the question for the temperature, or leaves an error."""
     dialect = lab.device.inside.dialect
     answered = dialect._answered
 
@@ -48,7 +50,7 @@ def _answering(lab: Lab, error: ScpiError | None) -> Callable[[str, str], str | 
         require(4, lab.watch.rig.max_temperature_c, "nobody limits the temperature it is asked for")
         if error is not None:
             dialect.status.complain(error)
-        return None
+        return warm
 
     return answers
 
@@ -83,20 +85,22 @@ def _noticed(wrong: bool, work: Callable[[], object], what: str) -> None:
 
 def _thermometer(lab: Lab, stream: random.Random) -> None:
     """A board that must be cool says how warm it is, or that nothing keeps it cool."""
-    limited = lab.watch.rig.max_temperature_c is not None
+    limit_c = lab.watch.rig.max_temperature_c
     with _rig(lab) as rig:
         remarks = rig.arm().remarks
-        lacks = limited and not lab.watch.thermometer
+        lacks = limit_c is not None and not lab.watch.thermometer
         require(11, (NO_TEMPERATURE in remarks) == lacks, f"remarks {remarks}")
-        if not (limited and lab.watch.thermometer):
+        if limit_c is None or not lab.watch.thermometer:
             return
-        if stream.random() < 0.5:
-            lab.device.inside.instrument.hot = True
-            _noticed(True, rig.arm, "that it is hot")
-            lab.device.inside.instrument.hot = False
-        else:
-            with patch.object(lab.device.inside.dialect, "_answered", _answering(lab, None)):
-                _noticed(True, rig.arm, "that it does not say how warm it is")
+        warm, what = stream.choice(
+            (
+                (None, "that it does not say how warm it is"),
+                (f"{limit_c + 0.5:g}", "that it is too warm"),
+                (f"{limit_c - 0.5:g}", ""),
+            )
+        )
+        with patch.object(lab.device.inside.dialect, "_answered", _answering(lab, warm, None)):
+            _noticed(bool(what), rig.arm, what or "a board that is not too warm")
         rig.arm()
 
 

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from contextlib import closing, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from unittest.mock import patch
 
 import typer
@@ -222,8 +222,15 @@ def _broken_disk(evening: Evening) -> None:
             disk.start()
             raise DeviceError("the beam broke")
 
-    broken = sqlite3.OperationalError("disk I/O error")
-    disk = patch("runner.journal.database.sqlite3.connect", side_effect=broken)
+    connect: Any = sqlite3.connect
+
+    def breaks(*place: Any, timeout: float, **options: Any) -> sqlite3.Connection:
+        if timeout == 0:  # merging the log, which is left behind
+            raise sqlite3.OperationalError("disk I/O error")
+        made: sqlite3.Connection = connect(*place, timeout=timeout, **options)
+        return made
+
+    disk = patch("runner.journal.database.sqlite3.connect", breaks)
     line, code = _told(fails)
     disk.stop()
     require(11, code == 1 and "the beam broke" in line, f"the beam broke, but: {line}")

@@ -7,8 +7,7 @@ from unittest.mock import patch
 
 import pytest
 
-from device.drivers.board import MONITOR_ABS_TOL_V, MONITOR_REL_TOL
-from device.drivers.driver import NO_TEMPERATURE, REL_TOL
+from device.drivers.driver import NO_TEMPERATURE
 from device.drivers.limits import Setpoint
 from device.errors import DeviceError
 from device.link.codec import number_text
@@ -23,6 +22,10 @@ from tests.system.day.lab import MORNING, PORT, Lab
 from tests.system.day.watch import LEAK
 
 THERMOMETER = "MEAS:TEMP?"
+MOST_BESIDE_V, MOST_BESIDE = 2.0, 0.05
+"""What the monitor may show beside the drive, V, and relative to it."""
+MOST_DETUNED = 1e-6
+"""How far a frequency may be from the one that is driven, relative to it."""
 _IDLE_S = 0.5
 _CLEAR_V = 0.4
 """The monitor is less noisy than that."""
@@ -107,7 +110,7 @@ def _thermometer(lab: Lab, stream: random.Random) -> None:
 def _beyond_its_drive(lab: Lab, stream: random.Random) -> None:
     """What comes out beyond the drive by more than the tolerance is noticed."""
     volts = stream.choice((0.0, lab.watch.rig.max_voltage_v / 2))
-    most_v = MONITOR_ABS_TOL_V + MONITOR_REL_TOL * volts
+    most_v = MOST_BESIDE_V + MOST_BESIDE * volts
     wrong = stream.random() < 0.5
     beyond_v = most_v + (_CLEAR_V if wrong else -_CLEAR_V)
     instrument = lab.device.inside.instrument
@@ -126,7 +129,7 @@ def _beyond_its_drive(lab: Lab, stream: random.Random) -> None:
 def _beyond_while_off(lab: Lab, stream: random.Random) -> None:
     """What comes out while nothing is driven is noticed, too."""
     wrong = stream.random() < 0.5
-    beyond_v = MONITOR_ABS_TOL_V + (_CLEAR_V if wrong else -_CLEAR_V)
+    beyond_v = MOST_BESIDE_V + (_CLEAR_V if wrong else -_CLEAR_V)
     instrument = lab.device.inside.instrument
 
     def idles() -> None:
@@ -148,7 +151,7 @@ def _beyond_while_off(lab: Lab, stream: random.Random) -> None:
 def _other_frequency(lab: Lab, stream: random.Random) -> None:
     """A frequency that drifts by more than the device's resolution is noticed."""
     wrong = stream.random() < 0.5
-    share = stream.choice((-1.0, 1.0)) * REL_TOL * (1.5 if wrong else 0.5)
+    share = stream.choice((-1.0, 1.0)) * MOST_DETUNED * (1.5 if wrong else 0.5)
     with _rig(lab) as rig:
         _driven(lab, rig, 0.0)
         lab.watch.fault(LEAK)

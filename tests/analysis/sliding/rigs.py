@@ -14,7 +14,7 @@ from device.beam.modes import natural_frequency_hz
 from device.friction.coefficient import friction_coefficient
 from device.friction.rungs import TOP_RUNG, rung_resonance_hz
 from device.friction.scenes import Direction, Drive, FingerContact, Scene, Structure
-from device.simulator.models.beam_and_finger import SPREAD
+from device.simulator.hardware.beam_and_finger import SPREAD
 
 MODE = 6
 RELATIVE = (0.98, 0.99, 0.995, 1.0, 1.005, 1.01, 1.02)

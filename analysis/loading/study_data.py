@@ -34,6 +34,7 @@ class Recording:
     seeds: tuple[int, ...] = ()
     studies: tuple[str, ...] = ()
     sources: tuple[str, ...] = ()
+    devices: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -201,6 +202,7 @@ def _recording(sessions: pd.DataFrame) -> Recording:
         seeds=_once(sessions["seed"].dropna()),
         studies=_once(sessions["study_sha256"].dropna()),
         sources=_once(sessions["imported_from"].dropna()),
+        devices=_once(sessions["device"].dropna()),
     )
 
 

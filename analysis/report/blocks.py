@@ -37,7 +37,7 @@ class Cell:
         label: accessible name of the link, if other than `text`.
         why: reason for a missing value, shown as a tooltip.
         missing: whether `text` marks a missing value.
-        anchor: id of the row, given in its first cell.
+        anchor: id of the cell; that of a first cell is the id of its row.
     """
 
     text: str
@@ -59,6 +59,7 @@ class Table:
         name: id in the page, or empty.
         label: accessible name, if other than the caption.
         footer: whether the last row summarises the others.
+        front: whether it stands among the results, before the sections.
         unbroken: whether column and row headers stay on one line.
     """
 
@@ -71,6 +72,7 @@ class Table:
     label: str = ""
     footer: bool = False
     unbroken: bool = False
+    front: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,6 +93,7 @@ class Figure:
         name: id in the page, and name of its files.
         draw: draws the figure; None if there is nothing to draw.
         instead: paragraph above the table if the figure is not drawn.
+        front: whether it stands among the results, with its table in the section.
     """
 
     kind: ClassVar = "figure"
@@ -101,6 +104,7 @@ class Figure:
     draw: Callable[[Words], Drawing] | None = None
     instead: str = ""
     table: Table | None = None
+    front: bool = False
 
     @cached_property
     def drawing(self) -> Drawing | None:
@@ -111,13 +115,17 @@ class Figure:
 
 @dataclass(frozen=True, kw_only=True)
 class Items:
-    """List with an optional heading; shows nothing if `lines` is empty."""
+    """List with an optional heading; shows nothing if `lines` is empty.
+
+    With `front` it stands among the results, below Table 4.
+    """
 
     kind: ClassVar = "items"
 
     lines: Sequence[str]
     heading: str = ""
     name: str = ""
+    front: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

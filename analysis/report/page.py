@@ -4,8 +4,11 @@ from collections.abc import Callable, Sequence
 from importlib.resources import files
 
 from analysis.loading.study_data import changed_journal
-from analysis.report.blocks import Section
+from analysis.report.blocks import Block, Figure, Section
 from analysis.report.findings import Findings
+from analysis.report.glossary import glossary
+from analysis.report.masthead import Masthead, masthead
+from analysis.report.results import paragraphs
 from analysis.report.sections import (
     differences,
     effects,
@@ -25,32 +28,48 @@ from protocol.study.fields import printable
 
 SECTIONS: tuple[Callable[[Findings], Section], ...] = (
     scores.section,
+    methods.section,
     differences.section,
     effects.section,
-    predictions.section,
     sensitivity.section,
     measured.section,
+    predictions.section,
+    scores.own_questions,
+    left_out.section,
+    session_checks.section,
     model_checks.predictive,
     model_checks.recovery,
     ranges.section,
-    session_checks.section,
-    scores.own_questions,
-    left_out.section,
-    methods.section,
+    glossary,
     provenance.section,
     trials.section,
 )
-"""The sections of the page, in order."""
+"""The sections of the page, in the order in which an author needs them."""
 
 
-def page_html(found: Findings, sections: Sequence[Section]) -> str:
-    """Return the page, with every text escaped."""
-    shown = [each for each in sections if each.blocks]
-    return rendered(found.title, _notices(found), shown)
+def page_html(
+    found: Findings, sections: Sequence[Section], folded: Sequence[Section] | None = None
+) -> str:
+    """Return the page, with every text escaped.
+
+    What stands in front comes from `sections`; `folded` are those below, all without it.
+    """
+    shown = [each for each in folded or sections if any(map(_is_folded, each.blocks))]
+    front = [block for each in sections for block in each.blocks if _is_front(block)]
+    return rendered(masthead(found), _notices(found), shown, list(paragraphs(found)), front)
 
 
-def rendered(title: str, notices: Sequence[tuple[str, str]], sections: Sequence[Section]) -> str:
-    """Return a page of sections with notices, pairs of heading and text, at its top."""
+def rendered(
+    head: Masthead,
+    notices: Sequence[tuple[str, str]],
+    sections: Sequence[Section],
+    results: Sequence[tuple[str, str]] = (),
+    front: Sequence[Block] = (),
+) -> str:
+    """Return a page with notices, pairs of heading and text, at its top.
+
+    Without `results`, pairs of question and answer, its sections are open.
+    """
     from jinja2 import Environment
 
     environment = Environment(
@@ -58,7 +77,18 @@ def rendered(title: str, notices: Sequence[tuple[str, str]], sections: Sequence[
     )
     environment.globals["zip"] = zip
     source = (files("analysis.report") / "report.html").read_text(encoding="utf-8")
-    return environment.from_string(source).render(title=title, notices=notices, sections=sections)
+    return environment.from_string(source).render(
+        masthead=head, notices=notices, sections=sections, paragraphs=results, front=front
+    )
+
+
+def _is_front(block: Block) -> bool:
+    return getattr(block, "front", False)
+
+
+def _is_folded(block: Block) -> bool:
+    """Return whether a section shows something of `block`: of a front figure, its table."""
+    return bool(block) and not (_is_front(block) and not isinstance(block, Figure))
 
 
 def _printable(value: object) -> object:
@@ -70,10 +100,7 @@ def _notices(found: Findings) -> list[tuple[str, str]]:
     """Return the warnings at the top of the page, as pairs of heading and text."""
     notices = []
     if found.rehearsals:
-        text = (
-            "These scores come from rehearsals, not from sessions with participants. They are not "
-            "evidence about participants."
-        )
+        text = "These scores come from rehearsals. They are no evidence about participants."
         notices.append(("Rehearsals.", text))
     if found.origin.broken_chains:
         notices.append(("Changed journal.", changed_journal(found.origin.broken_chains)))

@@ -57,18 +57,44 @@ def p_value(p: float | NotEstimable | None) -> str:
 
 
 def p_equals(p: float | NotEstimable | None) -> str:
-    """Return the same in a sentence.
+    r"""Return the same in a sentence.
 
     >>> p_equals(0.00390625), p_equals(2.71e-5)
-    ('p = .004', 'p < .001')
+    ('p\xa0=\xa0.004', 'p\xa0<\xa0.001')
     """
     text = p_value(p)
-    return f"p {text}" if text[0] in "<>" else f"p = {text}"
+    said = f"p {text}" if text[0] in "<>" else f"p = {text}"
+    return said.replace(" ", "\N{NO-BREAK SPACE}")
 
 
-def interval(ends: Interval, digits: int = 2) -> str:
-    """Return an interval that a line break cannot split."""
-    low, high = (number(end, digits) if end < math.inf else UNBOUNDED for end in ends)
+def bounded(value: float | NotEstimable | None, digits: int = 2) -> str:
+    """Return a number that cannot exceed 1 in size, without the zero before its point.
+
+    >>> bounded(0.48), bounded(-0.3), bounded(1.0)
+    ('.48', '−.30', '1.00')
+    """
+    text = number(value, digits)
+    return text.replace("0.", ".", 1) if text.lstrip("−").startswith("0.") else text
+
+
+_bounded = bounded
+_SMALL = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
+
+
+def count_of(count: int, what: str) -> str:
+    """Return a number of things, in words below ten.
+
+    >>> count_of(9, "participant"), count_of(1, "pair"), count_of(12, "trial")
+    ('nine participants', 'one pair', '12 trials')
+    """
+    size = _SMALL[count] if count < len(_SMALL) else f"{count:,}"
+    return f"{size} {what}" if count == 1 else f"{size} {what}s"
+
+
+def interval(ends: Interval, digits: int = 2, *, bounded: bool = False) -> str:
+    """Return an interval that a line break cannot split; `bounded` ends cannot exceed 1."""
+    written = _bounded if bounded else number
+    low, high = (written(end, digits) if end < math.inf else UNBOUNDED for end in ends)
     return f"[{low},\N{NO-BREAK SPACE}{high}]"
 
 

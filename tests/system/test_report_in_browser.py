@@ -99,8 +99,8 @@ def test_the_page_makes_no_requests_and_logs_no_errors(browser: webdriver.Chrome
 def test_typed_texts_are_escaped(browser: webdriver.Chrome) -> None:
     assert browser.title == f"{TYPED}: report"
     assert browser.find_elements(By.TAG_NAME, "script") == []
-    assert TYPED in browser.find_element(By.ID, "incidents").text
-    assert TYPED in browser.find_element(By.ID, "left-out").text
+    for name in ("incidents", "left-out"):
+        assert TYPED in browser.find_element(By.ID, name).get_property("textContent")
 
 
 def test_a_score_links_to_its_trials_and_their_predictions(browser: webdriver.Chrome) -> None:
@@ -120,10 +120,23 @@ def test_a_score_links_to_its_trials_and_their_predictions(browser: webdriver.Ch
     assert all(re.fullmatch(r"−?\d\.\d{4}", text) for row in cells for text in row[7:10])
 
 
+def test_there_is_a_way_back_to_table_4(browser: webdriver.Chrome) -> None:
+    browser.find_element(By.CSS_SELECTOR, "#trials-2-3 th a").send_keys("\n")
+    assert browser.find_element(By.CSS_SELECTOR, ":target").get_attribute("id") == "cell-2-3"
+
+
+def test_folded_sections_open_by_keyboard(browser: webdriver.Chrome) -> None:
+    section = browser.find_element(By.ID, "h-methods")
+    assert section.get_attribute("open") is None
+    section.find_element(By.TAG_NAME, "summary").send_keys("\n")
+    assert section.get_attribute("open") is not None
+    assert section.find_element(By.TAG_NAME, "p").is_displayed()
+
+
 def test_a_missing_score_links_to_its_trials(browser: webdriver.Chrome) -> None:
     missing = browser.find_elements(By.CSS_SELECTOR, "#table4 td.missing a")
     assert [cell.get_attribute("aria-label") for cell in missing] == ["not given: its trials"]
-    assert browser.find_element(By.ID, "readings").is_displayed()
+    assert browser.find_element(By.ID, "readings")
 
 
 @pytest.mark.parametrize("width", [1200, 400])

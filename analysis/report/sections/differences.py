@@ -94,6 +94,7 @@ def _scores_figure(found: Findings) -> Figure:
         f"scores, bars the interquartile range with the median, and diamonds the means.{drawn}",
         draw=partial(raincloud_figure, data),
         table=_quartile_table(data.table),
+        front=True,
     )
 
 

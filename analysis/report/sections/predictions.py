@@ -64,6 +64,7 @@ def _ratings_figure(found: Findings) -> Figure:
         f"{SKIN_IN_SHORT}{of_all(len(data.ratings.rating), data.of, 'ratings')}",
         draw=partial(scatter_figure, data),
         table=table,
+        front=True,
     )
 
 

@@ -6,7 +6,7 @@ from analysis.report.as_json import friedman_json, pair_json
 from analysis.report.blocks import Cell, Column, Items, Row, Section, Table, columns
 from analysis.report.findings import Findings
 from analysis.report.sections.predictions import PREDICTIONS
-from analysis.report.sections.trials import is_scored, trials_anchor
+from analysis.report.sections.trials import cell_anchor, is_scored, trials_anchor
 from analysis.report.table4_text import table4_csv, table4_lines, table4_tex
 from analysis.report.wording import MISSING, number, omnibus_line
 from analysis.statistics.summary import Reading
@@ -21,10 +21,10 @@ def section(found: Findings) -> Section:
     main = found.table.main.table4
     return Section(
         name="table4",
-        title="Table 4",
+        title="Other readings of withheld scores",
         blocks=[
             _score_table(found),
-            Items(name="table4-notes", lines=found.table_notes),
+            Items(name="table4-notes", lines=found.table_notes, front=True),
             _readings_table(found),
         ],
         data={
@@ -104,6 +104,7 @@ def _score_table(found: Findings) -> Table:
             label=why and f"{why}: its trials",
             why=why,
             missing=bool(why),
+            anchor=cell_anchor(row, column) if has_trials else "",
         )
 
     lines: list[Row] = [
@@ -116,11 +117,11 @@ def _score_table(found: Findings) -> Table:
     return Table(
         name="table4",
         label="Table 4",
-        caption=f"Scores by subject and condition, {found.scale.in_words}. {note}Each score "
-        "links to its trials and their predictions, each average to the predictions.",
+        caption=f"Scores by subject and condition, {found.scale.in_words}. {note}".rstrip(),
         columns=columns(*header),
         rows=lines,
         footer=True,
+        front=True,
     )
 
 

@@ -133,6 +133,7 @@ def _gains_figure(trials: TrialStatistics) -> Figure:
         f"{SKIN_IN_SHORT}{of_all(len(data.shown), data.of, 'subjects')}",
         draw=partial(gains_figure, data),
         table=_gains_table(*next(iter(data.models.items()))),
+        front=True,
     )
 
 

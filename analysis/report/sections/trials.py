@@ -29,6 +29,11 @@ def trials_anchor(row: int, column: int) -> str:
     return f"trials-{row + 1}-{column + 1}"
 
 
+def cell_anchor(row: int, column: int) -> str:
+    """Return the id of a cell of Table 4."""
+    return f"cell-{row + 1}-{column + 1}"
+
+
 def is_scored(record: Mapping[str, Any]) -> bool:
     """Return whether a trial contributes to Table 4."""
     return record["kind"] in SCORED_KINDS
@@ -71,7 +76,9 @@ def _rows(
         column = place(record)
         anchor = "" if column in anchored else trials_anchor(row, column)
         anchored.add(column)
-        rows.append([Cell(text=name, anchor=anchor), *cells])
+        back = cell_anchor(row, column) if anchor else ""
+        label = f"{name}: back to Table 4" if anchor else ""
+        rows.append([Cell(text=name, anchor=anchor, target=back, label=label), *cells])
     return rows
 
 

@@ -1,0 +1,52 @@
+"""What stands above the results: title, authors, and the facts that a reader asks for first."""
+
+from dataclasses import dataclass
+from importlib.metadata import version
+
+from analysis.report.findings import Findings
+from analysis.report.wording import count_of
+
+
+@dataclass(frozen=True, kw_only=True)
+class Masthead:
+    """Title and authors of the study, and its facts by name, those that are known."""
+
+    title: str
+    authors: str
+    facts: dict[str, str]
+
+
+def masthead(found: Findings) -> Masthead:
+    """Return the head of the page."""
+    publication = found.study.publication
+    facts = {
+        "study": found.study.study.name if found.title != found.study.study.name else "",
+        "institution": publication.institution or "",
+        "ethics": "; ".join(publication.ethics_approvals),
+        "participants": _participants(found),
+        "sessions": _sessions(found),
+        "device": "; ".join(found.loaded.recording.devices),
+        "software": f"touchbeam {version('touchbeam')}",
+    }
+    return Masthead(
+        title=found.title,
+        authors=", ".join(publication.authors),
+        facts={name: text for name, text in facts.items() if text},
+    )
+
+
+def _participants(found: Findings) -> str:
+    table = found.loaded.table
+    scored = int(table.given.any(axis=1).sum())
+    trials = len(found.loaded.scored)
+    return f"{scored}, with {count_of(trials, 'rating')} in {len(table.conditions)} conditions"
+
+
+def _sessions(found: Findings) -> str:
+    """Return the days of the sessions, in UTC; of a published table the file it came from."""
+    if found.published:
+        return f"a published table, {'; '.join(found.loaded.recording.sources) or 'no file named'}"
+    days = sorted(found.loaded.trials["answered_utc"].dropna().dt.strftime("%Y-%m-%d").unique())
+    when = "" if not days else days[0] if len(days) == 1 else f"{days[0]} to {days[-1]}"
+    kind = " (rehearsals)" if found.rehearsals else ""
+    return f"{when}{kind}".strip()

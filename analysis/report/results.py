@@ -1,0 +1,174 @@
+"""The results in words to paste: a paragraph for each question that a study asks.
+
+Numbers are written as the American Psychological Association asks (7th edition, section 6.36): two
+decimals, three of a p-value, no zero before the point of a number that cannot exceed 1.
+"""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from analysis.estimates import Interval, NotEstimable
+from analysis.report.findings import Findings
+from analysis.report.wording import bounded, count_of, interval, number, p_equals
+from analysis.sensitivity.lines import SMALL_SPREAD
+from analysis.sensitivity.ordinal_model import OrdinalSensitivity
+from analysis.statistics.omnibus import Friedman, SkillingsMack
+from analysis.statistics.signed_rank import LEVEL, PairwiseTest, SignedRank
+from analysis.statistics.summary import Reading
+from device.friction.contrasts import LAW
+
+_SKIN = "Without measured friction, skin and perception cannot be told apart."
+MOST_PAIRS = 3
+"""Pairs of conditions that are told with all their numbers; the table has the others."""
+
+
+def paragraphs(found: Findings) -> Iterator[tuple[str, str]]:
+    """Yield the questions that these data can answer, each with its answer."""
+    main = found.table.main
+    yield "Do the conditions differ?", f"{_who(found)} {_omnibus(main)}"
+    if any(isinstance(pair.test, SignedRank) for pair in main.pairwise):
+        yield "Which ones?", _pairs(found, main.pairwise)
+    if isinstance(found.trials.m2, OrdinalSensitivity):
+        yield "Do ratings follow the predicted change of friction?", _gain(found.trials.m2)
+        if len(found.trials.m2.lines.subjects) > 1:
+            yield "Are some people more sensitive?", _spread(found)
+    yield from _ranking(found)
+
+
+def _who(found: Findings) -> str:
+    given = found.loaded.table.given
+    subjects, conditions = int(given.any(axis=1).sum()), int(given.any(axis=0).sum())
+    return (
+        f"{count_of(subjects, 'participant')} rated {count_of(conditions, 'condition')} "
+        f"from {found.scale}."
+    ).capitalize()
+
+
+def _omnibus(main: Reading) -> str:
+    test = main.friedman if main.skillings_mack is None else main.skillings_mack
+    if isinstance(test, NotEstimable):
+        return f"No test of all conditions could be computed: {test.reason}."
+    if isinstance(test, SkillingsMack):
+        p = test.monte_carlo.p
+        said = f"Skillings–Mack T({test.df}) = {number(test.statistic, 2)}, {p_equals(p)}"
+        return f"{_differed(p)}, {said} (some scores are missing)."
+    p = _best_p(test)
+    w = f"Kendall's W = {bounded(test.kendall_w)}{_ci(test.kendall_w_interval, bounded=True)}"
+    return f"{_differed(p)}, Friedman's χ²({test.df}) = {number(test.chi2, 2)}, {p_equals(p)}, {w}."
+
+
+def _best_p(test: Friedman) -> float:
+    if test.monte_carlo is not None:
+        return test.monte_carlo.p
+    return test.p if isinstance(test.p_exact, NotEstimable) else test.p_exact
+
+
+def _differed(p: float) -> str:
+    if p < LEVEL:
+        return "Ratings differed between conditions"
+    return "No difference between conditions was found, which does not show that they are equal"
+
+
+def _pairs(found: Findings, pairs: Sequence[PairwiseTest]) -> str:
+    """Tell the largest significant differences, or the largest one if none is."""
+    differ = sorted((pair for pair in pairs if pair.differs), key=_size, reverse=True)
+    told = "; ".join(_pair(found, pair) for pair in differ[:MOST_PAIRS])
+    if not differ:
+        largest = max((pair for pair in pairs if isinstance(pair.test, SignedRank)), key=_size)
+        return (
+            "No two conditions differed significantly (Wilcoxon's signed-rank tests, Holm's "
+            f"correction). The largest difference: {_pair(found, largest)}."
+        )
+    more = len(differ) - MOST_PAIRS
+    others = f" {count_of(more, 'other pair')} differed, too.".capitalize() if more > 0 else ""
+    return f"By Wilcoxon's signed-rank tests with Holm's correction, {told}.{others}"
+
+
+def _size(pair: PairwiseTest) -> float:
+    return abs(pair.test.mean_difference) if isinstance(pair.test, SignedRank) else -1.0
+
+
+def _pair(found: Findings, pair: PairwiseTest) -> str:
+    test = pair.test
+    assert isinstance(test, SignedRank)
+    names, means = found.loaded.table.conditions, found.table.main.table4.column_means
+    mean = dict(zip(names, means, strict=True))
+    higher, lower = (pair.a, pair.b) if test.mean_difference >= 0 else (pair.b, pair.a)
+    sign = 1.0 if higher == pair.a else -1.0
+    ends = test.mean_difference_interval
+    if not isinstance(ends, NotEstimable) and sign < 0:
+        ends = (-ends[1], -ends[0])
+    by = f"{number(sign * test.mean_difference, 2)}{_ci(ends)}"
+    return (
+        f"{higher} (M = {number(mean[higher], 2)}) was rated above {lower} "
+        f"(M = {number(mean[lower], 2)}) by {by}, "
+        f"{p_equals(pair.p_holm)}, r = {bounded(sign * test.rank_biserial)}"
+    )
+
+
+def _gain(fit: OrdinalSensitivity) -> str:
+    lines = fit.lines
+    low, high = lines.gain_interval
+    shown = (
+        "so they do."
+        if low > 0
+        else "so they fall where a larger change is predicted."
+        if high < 0
+        else "so these data do not show that they do."
+    )
+    return (
+        f"Per unit of predicted contrast (change of log friction; law {LAW}), a rating rose by "
+        f"{number(lines.gain, 2)} points in the group{_ci(lines.gain_interval)}, {shown}"
+    )
+
+
+def _spread(found: Findings) -> str:
+    assert isinstance(found.trials.m2, OrdinalSensitivity)
+    lines = found.trials.m2.lines
+    apart = [
+        line
+        for line in lines.subjects
+        if line.relative_gain_interval[0] > 0 or line.relative_gain_interval[1] < 0
+    ]
+    who = (
+        f"{count_of(len(apart), 'participant')} differed from the mean gain of the group "
+        f"({', '.join(line.subject for line in apart[:MOST_PAIRS])}"
+        f"{', …' if len(apart) > MOST_PAIRS else ''})."
+        if apart
+        else "no participant's gain differed from the group's mean gain."
+    )
+    return (
+        f"Gains had an SD of {number(lines.gain_sd, 2)}{_ci(lines.gain_sd_interval)} between "
+        f"participants (P = {bounded(lines.small_gain_sd)} that it is below {SMALL_SPREAD:.0%} of "
+        f"the gain); {who} {_SKIN}"
+    )
+
+
+def _ranking(found: Findings) -> Iterator[tuple[str, str]]:
+    """Yield what the order of the conditions says of the law, if there is anything to say."""
+    for score in found.trials.laws:
+        if score.law != LAW or isinstance(score.order, NotEstimable):
+            continue
+        order, rho, p = score.order, score.order.spearman, score.order.p
+        if isinstance(rho, NotEstimable) or isinstance(p, NotEstimable):
+            continue
+        yield (
+            "Does the model predict the order of the conditions?",
+            f"Predicted contrasts and mean ratings of {count_of(order.rated, 'condition')} "
+            f"correlated by Spearman's ρ = {bounded(rho)}, {p_equals(p)} (law {LAW}): "
+            f"{_evidence(rho, p)}.",
+        )
+
+
+def _evidence(rho: float, p: float) -> str:
+    if p >= LEVEL:
+        return "no evidence for or against the law"
+    return f"evidence {'for' if rho > 0 else 'against'} the law's order"
+
+
+def _ci(ends: Interval | NotEstimable, *, bounded: bool = False) -> str:
+    """Return an interval as APA writes it, or nothing without one."""
+    if isinstance(ends, NotEstimable) or np.isnan(ends).any():
+        return ""
+    return f", 95% CI {interval(ends, bounded=bounded)}"

@@ -33,7 +33,7 @@ def _wavelength_at(frequency_hz: float, *, shear: bool) -> float:
 @CLAIMS.add(
     place="Eq 15, Fig 10",
     claim="the wavelength at the operating mode is 0.0348 m",
-    check="the wavelength of mode 6 or of a travelling wave near 24.2 kHz, within 0.5 %",
+    check="the wavelength of mode 6 or of a travelling wave near 24.2 kHz, within 0.5%",
     expected="0.0348 m",
     remark="the printed λ enters Eq 15 only through 0.87 and 0.0174",
 )
@@ -94,7 +94,7 @@ _BY_LAMBDA = {
 @CLAIMS.add(
     place="Eq 13",
     claim="the largest part moving with the finger is λ/(4 l_s)",
-    check="λ/(4 l_s) for mode 6 against the exact part before 30 mm and beyond, within 1 %; 0.87",
+    check="λ/(4 l_s) for mode 6 against the exact part before 30 mm and beyond, within 1%; 0.87",
     expected="0.87",
     remark="holds beyond the first segment with mode 6's own λ; with the printed λ it fails",
 )

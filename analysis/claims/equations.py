@@ -113,7 +113,7 @@ def _inertial_loads() -> dict[str, float]:
 @CLAIMS.add(
     place="Eqs 8 and 9",
     claim="dense bodies turn Eq 8's sum over bodies into Eq 9's integral over the beam",
-    check="f_p of Eq 8 (sum, or average, over 20 bodies) against Eq 9, within 10 %",
+    check="f_p of Eq 8 (sum, or average, over 20 bodies) against Eq 9, within 10%",
     expected="equal",
     remark="Eq 9 read literally is a force times a length; the bodies are assumed in the "
     "middles of their spacings; the verdict is the same with them at the ends",
@@ -135,7 +135,7 @@ def _rectified_s(limit_s: float, period_s: float) -> float:
 @CLAIMS.add(
     place="Eq 11",
     claim="Eq 9 gives the local inertial load with the inner integral from 0 to L/2",
-    check="the inner integral to L/2, in seconds, against that to Eq 9's T/2, within 1 %",
+    check="the inner integral to L/2, in seconds, against that to Eq 9's T/2, within 1%",
     expected="equal",
     remark="L/2 is a length and the limit a time; if it is a misprint of T/2, which Eq 12 has, "
     "the claim holds",
@@ -151,7 +151,7 @@ def _eq11_inner_limit() -> Finding:
 @CLAIMS.add(
     place="Eq 12",
     claim="the local inertial load f_p over the load uf is the inertial term under one finger",
-    check="f_p/(uf) of Eq 12 against f_p over the load on the bodies covered, within 1 %",
+    check="f_p/(uf) of Eq 12 against f_p over the load on the bodies covered, within 1%",
     expected="equal",
     remark="f_p counts the bodies under the finger, uf all bodies of the beam; with the load on "
     "the covered ones the term is L/l_s times as large",

@@ -124,7 +124,7 @@ def _by_frequency(law: str, *, same_direction: float) -> dict[str, list[float]]:
 @CLAIMS.add(
     place="Section 4.1, Fig 13d",
     claim="μ' under full coverage falls linearly with voltage",
-    check="μ' (a = 10 of 20) at 0 to 200 V falls; its steps are equal to 5 %",
+    check="μ' (a = 10 of 20) at 0 to 200 V falls; its steps are equal to 5%",
     expected="falling, straight",
     remark="a is assumed: the paper gives none for Fig 13d; with a = 20 of 20 μ' falls under "
     "`consistent`, though not on a line, and the claim is partly true; printed, μ' rises at any a",
@@ -158,7 +158,7 @@ def _pressure_lowers_mu(law: str) -> Finding:
 @CLAIMS.add(
     place="Section 4.1, Section 6",
     claim="under full coverage a and the frequency have the greatest influence",
-    check="spread of μ' over a 0-20, frequency ±5 %, u 10-40 and 0-200 V: the two largest",
+    check="spread of μ' over a 0-20, frequency ±5%, u 10-40 and 0-200 V: the two largest",
     expected="a and frequency",
     remark="a = 10 of 20 and these ranges are assumed; with a = 20 the voltage leads the "
     "frequency as well",

@@ -29,7 +29,7 @@ CLAIMS = Claims()
     place="Section 2, Table 3",
     claim="24,221 Hz is near the beam's natural frequency",
     check="within the half-power bandwidth of the nearest resonance of four beam models",
-    expected="within 0.5 %",
+    expected="within 0.5%",
     remark="a damping ratio of 0.005 is assumed, as the paper gives none: holds for the bare Euler "
     "beam; with 0.012 or more also for the Euler beam with sheets, with shear not below 0.12",
 )
@@ -137,7 +137,7 @@ def _bent_by(load_n: float) -> tuple[float, float]:
 
 _COPPER = {"young_gpa": (110.0, 130.0), "density_kg_m3": (8900.0, 8960.0)}
 _BRASS = {"young_gpa": (97.0, 120.0), "density_kg_m3": (8400.0, 8750.0)}
-"""Ranges of handbooks: pure copper, and copper-zinc alloys with 30 to 40 % zinc."""
+"""Ranges of handbooks: pure copper, and copper-zinc alloys with 30 to 40% zinc."""
 
 
 @CLAIMS.add(

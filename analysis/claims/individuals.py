@@ -25,7 +25,7 @@ class GainSpread:
     Attributes:
         f: the F test of equal gains, with `df` and `p`.
         mean: the mean gain.
-        sd_interval: 95 % interval of the standard deviation of the gains between subjects.
+        sd_interval: 95% interval of the standard deviation of the gains between subjects.
         detectable_sd: the standard deviation that the test finds with a power of .8.
     """
 
@@ -117,7 +117,7 @@ def _sensitivity_model(contrasts: FloatArray) -> OrdinalSensitivity:
 @CLAIMS.add(
     place="Section 5.2, after Table 4",
     claim="people differ in the sensitivity of their skin receptors",
-    check="gains of subjects (score per contrast): true if the 95 % interval of their SD excludes "
+    check="gains of subjects (score per contrast): true if the 95% interval of their SD excludes "
     "0, false if it excludes all above a quarter of the mean gain",
     expected="a difference",
     remark="Table 4 can tell that people differ in the level of their scores, which may be their "
@@ -139,8 +139,8 @@ def _receptor_sensitivity_differs(law: str) -> Finding:
     low, high = free.sd_interval
     return human_finding(
         f"equal gains: F({free.df[0]}, {free.df[1]}) = {free.f:.2f}, p = {short(free.p)}; "
-        f"their SD is {100 * low:.0f} to {100 * high:.0f} % of the mean gain (95 % CI), and "
-        f"{100 * free.detectable_sd:.0f} % is found with a power of {_POWER}",
+        f"their SD is {100 * low:.0f} to {100 * high:.0f}% of the mean gain (95% CI), and "
+        f"{100 * free.detectable_sd:.0f}% is found with a power of {_POWER}",
         found.differ,
         gains=found,
         gains_on_condition_effects=free,
@@ -167,7 +167,7 @@ def _table4_third_subject() -> Finding:
 
 
 def prediction_interval(others: FloatArray) -> Interval:
-    """Return the 95 % interval of one more value, as far as the others are normal."""
+    """Return the 95% interval of one more value, as far as the others are normal."""
     spread = others.std(ddof=1) * np.sqrt(1 + 1 / others.size)
     half = float(stdtrit(others.size - 1, 1 - ALPHA / 2) * spread)
     return float(others.mean()) - half, float(others.mean()) + half
@@ -176,7 +176,7 @@ def prediction_interval(others: FloatArray) -> Interval:
 @CLAIMS.add(
     place="Section 5.2, after Table 4",
     claim="elsewhere the third subject's 7 or 8 points are about the scores given by others",
-    check="each of the four scores lies in the 95 % prediction interval of the other eight",
+    check="each of the four scores lies in the 95% prediction interval of the other eight",
     expected="within",
     remark="the four scores are 0.5 to 1.9 below the others' means; 'about' is taken to be within "
     "the scatter between people",
@@ -195,7 +195,7 @@ def _third_subject_like_others() -> Finding:
         if not inside[name]
     ]
     return human_finding(
-        "outside the 95 % prediction interval: " + ("; ".join(outside) or "none"),
+        "outside the 95% prediction interval: " + ("; ".join(outside) or "none"),
         inside.values(),
         below_others=others.mean(axis=0)[:4] - SCORES[2][:4],
         prediction_intervals=intervals,

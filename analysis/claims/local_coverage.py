@@ -154,7 +154,7 @@ def _curves(law: str) -> list[FloatArray]:
 @CLAIMS.add(
     place="Section 4.2, Fig 14a",
     claim="the variation of μ' along the beam grows with voltage",
-    check="swing of μ' beyond 23.1 mm at 50, 100 and 200 V, each step above 5 %",
+    check="swing of μ' beyond 23.1 mm at 50, 100 and 200 V, each step above 5%",
     expected="growing",
 )
 def _swing_grows_with_voltage(law: str) -> Finding:

@@ -28,16 +28,16 @@ def short(p: float) -> str:
 
 
 def in_words(interval: Interval) -> str:
-    """Return a 95 % interval in words.
+    """Return a 95% interval in words.
 
     >>> in_words((7.694, 8.928))
-    '95 % CI 7.69 to 8.93'
+    '95% CI 7.69 to 8.93'
     """
-    return f"95 % CI {interval[0]:.2f} to {interval[1]:.2f}"
+    return f"95% CI {interval[0]:.2f} to {interval[1]:.2f}"
 
 
 def interval_of_all(count: int) -> Interval:
-    """Return the exact 95 % interval of a share, all of `count` having shown it.
+    """Return the exact 95% interval of a share, all of `count` having shown it.
 
     Clopper and Pearson, Biometrika 26, 1934.
 
@@ -88,12 +88,12 @@ class HumanScores:
         }
 
     def mean_interval(self, condition: str) -> Interval:
-        """Return the 95 % interval of a condition's mean score."""
+        """Return the 95% interval of a condition's mean score."""
         return _over_subjects(self.table.scores[:, self.table.conditions.index(condition)])
 
     @property
     def grand_mean_interval(self) -> Interval:
-        """The 95 % interval of the mean of all scores."""
+        """The 95% interval of the mean of all scores."""
         return _over_subjects(self.subject_means)
 
     def p_holm(self, one: str, others: Iterable[str]) -> dict[str, float]:
@@ -199,7 +199,7 @@ def _table4_comprehensive() -> Finding:
     printed = [8.6, 9, 7, 9.6, 7.8, 9, 8.2, 8, 7.6]
     half = np.ptp(PUBLISHED.effects.subject_intervals["1"]) / 2
     return human_finding(
-        f"each ±{half:.2f} relative to the mean of all (95 % CI)",
+        f"each ±{half:.2f} relative to the mean of all (95% CI)",
         _as_printed(PUBLISHED.subject_means, printed, 1),
         rows=PUBLISHED.subject_means,
         intervals_from_mean_of_all=PUBLISHED.effects.subject_intervals,

@@ -118,9 +118,9 @@ def _zones_of_modes() -> dict[int, int]:
 @CLAIMS.add(
     place="Section 2",
     claim="a change of the frequency changes the vibration mode",
-    check="top rung: the number of zones 2 % off the resonance, and at the adjacent resonances",
+    check="top rung: the number of zones 2% off the resonance, and at the adjacent resonances",
     expected="another number",
-    remark="2 % is the study's own change of frequency; up to 10 % off, the mode is the same and "
+    remark="2% is the study's own change of frequency; up to 10% off, the mode is the same and "
     "its zones only shift",
 )
 def _frequency_changes_mode() -> Finding:
@@ -156,7 +156,7 @@ def _next_mode_other_distribution() -> Finding:
 @CLAIMS.add(
     place="Section 2, Fig 5",
     claim="friction varies periodically as the finger travels",
-    check="at least three troughs along the beam, with gaps equal to within 5 %",
+    check="at least three troughs along the beam, with gaps equal to within 5%",
     expected="equal gaps",
 )
 def _periodic_variation(law: str) -> Finding:

@@ -5,7 +5,9 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar, Literal
 
+from analysis.estimates import NotEstimable
 from analysis.report.drawing import Drawing, Words
+from analysis.report.wording import p_value
 
 ColumnKind = Literal["number", "word", "text", "ranking", "sentence"]
 
@@ -35,7 +37,7 @@ class Cell:
         text: the text shown.
         target: id that the cell links to, or empty.
         label: accessible name of the link, if other than `text`.
-        why: reason for a missing value, shown as a tooltip.
+        why: reason for a missing value, or all digits of a rounded one, shown as a tooltip.
         missing: whether `text` marks a missing value.
         anchor: id of the cell; that of a first cell is the id of its row.
     """
@@ -49,6 +51,12 @@ class Cell:
 
 
 Row = Sequence[str | Cell]
+
+
+def p_cell(p: float | NotEstimable | None) -> Cell:
+    """Return a p-value as journals print it, with all its digits as a tooltip."""
+    known = isinstance(p, float)
+    return Cell(text=p_value(p), why=f"p = {p:.6g}" if known else "", missing=not known)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,24 +1,24 @@
-"""Figures of the report, the model and the ladder; the only module that imports matplotlib."""
+"""Axes, styles and files of figures; the only module that imports matplotlib."""
 
 import io
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from html import escape
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from matplotlib import font_manager, rc_context
+from matplotlib import font_manager, rc_context, rcParams
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
-from analysis.estimates import FloatArray, Interval
-from analysis.report.figure_data import Course, Gains, Raincloud, Scatter
+from analysis.estimates import FloatArray, IntArray, Interval
 from analysis.report.findings import Scale
+
+__all__ = ["Axes"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,36 +48,53 @@ class Panel:
 
 
 # Okabe and Ito's palette, which suits colour-blind readers; marker shapes differ as well.
-_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-_MARKERS = ("o", "s", "^", "D", "v", "P", "X")
-_GREY = "#767676"
-_DASHES: tuple[Any, ...] = ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1)), "-")
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+GREY = "#767676"
+DASHES: tuple[Any, ...] = ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1)), "-")
 _FONT = "DejaVu Sans"
-_REPRODUCIBLE: Any = {"svg.hashsalt": "touchbeam", "svg.fonttype": "path", "font.family": _FONT}
+_REPRODUCIBLE: Any = {
+    "svg.hashsalt": "touchbeam",
+    "svg.fonttype": "none",
+    "pdf.fonttype": 42,
+    "font.family": [_FONT, "sans-serif"],
+}
+"""Text stays text: it can be searched and edited, and a PDF embeds its font."""
 _STYLE: Any = {
     **_REPRODUCIBLE,
-    "font.size": 10,
     "axes.spines.top": False,
     "axes.spines.right": False,
     "text.parse_math": False,
 }
-_WIDTH_IN = 7.2
-_HEIGHT_IN = 3.8
-_LEGEND_ROW_IN = 0.22
-_DOTS_PER_INCH = 150
-_CLOUD_SD = 0.04
-"""Standard deviation of the clouds' density kernel, as a share of the scale."""
+HEIGHT_IN = 3.8
+LEGEND_ROW_IN = 0.22
+_DOTS_PER_INCH = 300
+
+
+class Size(NamedTuple):
+    """Width of a figure in inches, its height relative to the widest one's, and its type in pt."""
+
+    width_in: float
+    height: float
+    font_pt: float
+
+
+TWO_COLUMNS = Size(17.8 / 2.54, 1.0, 10.0)
+ONE_COLUMN = Size(8.5 / 2.54, 0.68, 7.0)
+"""Of a journal's page."""
+FORMATS = (".svg", ".pdf", ".png", "-column.pdf")
+"""What is written of each figure: for two columns, and for one."""
 _JITTER = 0.016
 """Offset between equal scores, as a share of the scale."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Drawing:
-    """Figure as SVG text to embed in a page, and as PNG."""
+    """Figure as SVG text to embed in a page, and its files by the ends of their names."""
 
     name: str
     svg: str
-    png: bytes
+    files: Mapping[str, bytes]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,100 +106,25 @@ class Words:
     description: str
 
 
-def raincloud_figure(data: Raincloud, words: Words) -> Drawing:
-    """Return score densities by condition, with a line per subject and means as diamonds."""
-
-    def draw(axes: Axes) -> None:
-        places = np.arange(len(data.table.conditions))
-        for place, column in zip(places, data.table.scores.T, strict=True):
-            _cloud(axes, float(place), column[~np.isnan(column)], data.scale)
-        axes.plot(
-            places,
-            data.lines.T + _jitter(len(data.lines), data.scale),
-            color=_GREY,
-            marker="o",
-            markersize=3,
-            linewidth=0.6,
-            alpha=0.6,
-        )
-        axes.plot(places, data.means, "D", color=_COLOURS[1], markersize=8, label="mean")
-        _name_places(axes, _labels(data.table.conditions, "condition"))
-        axes.set(ylim=_limits(data.scale), ylabel=f"score, {data.scale}")
-        axes.legend(loc="lower left", frameon=False)
-
-    return _drawing(words, draw)
-
-
-def scatter_figure(data: Scatter, words: Words) -> Drawing:
-    """Return ratings against predicted contrasts, with a marker and colour per condition."""
-
-    def draw(axes: Axes) -> None:
-        ratings = data.ratings
-        labels = _labels(ratings.conditions, "condition")
-        for place in np.unique(ratings.condition):
-            own = ratings.condition == place
-            axes.plot(
-                ratings.contrast[own],
-                ratings.rating[own] + _jitter(int(own.sum()), data.scale),
-                linestyle="none",
-                marker=_MARKERS[place % len(_MARKERS)],
-                color=_COLOURS[place % len(_COLOURS)],
-                markersize=5,
-                alpha=0.7,
-                label=labels[place],
-            )
-        for (model, curve), dashes in zip(data.curves.items(), _DASHES, strict=False):
-            axes.plot(data.at, curve, color="black", linestyle=dashes, label=f"group, {model}")
-        axes.set(ylim=_limits(data.scale), ylabel=f"rating, {data.scale}")
-        axes.set_xlabel("predicted contrast, change of log friction")
-        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
-
-    shown = len(np.unique(data.ratings.condition))
-    return _drawing(words, draw, max(_HEIGHT_IN, _LEGEND_ROW_IN * (shown + 3)))
-
-
-def gains_figure(data: Gains, words: Words) -> Drawing:
-    """Return each subject's gain with its 95 % interval, with the models side by side."""
-
-    def draw(axes: Axes) -> None:
-        places = np.arange(len(data.shown))
-        for number, (model, lines) in enumerate(data.models.items()):
-            subjects = [lines.subjects[place] for place in data.shown]
-            gain = np.array([line.gain for line in subjects])
-            low, high = np.array([line.gain_interval for line in subjects]).T
-            axes.errorbar(
-                places + 0.25 * (number - (len(data.models) - 1) / 2),
-                gain,
-                yerr=np.array([gain - low, high - gain]),
-                fmt=_MARKERS[number],
-                color=_COLOURS[number],
-                markersize=5,
-                linewidth=1,
-                label=f"{model}, 95 % interval",
-            )
-            axes.axhline(lines.gain, color=_COLOURS[number], linewidth=0.8, linestyle="--")
-        names = next(iter(data.models.values())).subjects
-        labels = _labels(tuple(names[place].subject for place in data.shown), "subject")
-        _name_places(axes, labels)
-        axes.set_ylabel("gain, points per unit of contrast")
-        axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncol=2, frameon=False)
-
-    return _drawing(words, draw)
-
-
-def course_figure(data: Course, words: Words) -> Drawing:
-    """Return mean scores by place in the session, with their standard errors."""
-
-    def draw(axes: Axes) -> None:
-        errors = np.nan_to_num(data.errors)
-        axes.errorbar(
-            data.places, data.means, yerr=errors, fmt="o-", color=_COLOURS[0], markersize=5
-        )
-        axes.set(ylim=_limits(data.scale), ylabel="mean score ± standard error")
-        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-        axes.set_xlabel("place among the session's scored trials")
-
-    return _drawing(words, draw)
+def intervals(
+    axes: Axes,
+    places: FloatArray | IntArray,
+    middle: FloatArray,
+    ends: FloatArray,
+    number: int = 0,
+    label: str = "",
+) -> None:
+    """Draw values with their intervals, shape (n, 2), in the `number`-th colour and shape."""
+    low, high = ends.T
+    axes.errorbar(
+        places,
+        middle,
+        yerr=np.array([middle - low, high - middle]),
+        fmt=MARKERS[number],
+        color=COLOURS[number],
+        linewidth=1,
+        label=label,
+    )
 
 
 def panels_figure(panels: Sequence[Panel], kind: str = "svg") -> bytes:
@@ -194,9 +136,12 @@ def panels_figure(panels: Sequence[Panel], kind: str = "svg") -> bytes:
 
 
 def panels_drawing(panels: Sequence[Panel], words: Words) -> Drawing:
-    """Return the same for a page, as SVG and PNG."""
-    figure = _panels(panels)
-    return Drawing(name=words.name, svg=_svg(figure, words), png=_saved(figure))
+    """Return the same for a page, as SVG, PDF and PNG."""
+    with rc_context(_REPRODUCIBLE):
+        figure = _panels(panels)
+        svg = _svg(figure, words)
+        files = {".svg": svg.encode(), ".pdf": _saved_pdf(figure), ".png": _saved(figure)}
+    return Drawing(name=words.name, svg=svg, files=files)
 
 
 def _panels(panels: Sequence[Panel]) -> Figure:
@@ -208,7 +153,7 @@ def _panels(panels: Sequence[Panel]) -> Figure:
 
 
 def _draw_panel(axes: Axes, panel: Panel) -> None:
-    for series, colour, dashes in zip(panel.series, _COLOURS, _DASHES, strict=False):
+    for series, colour, dashes in zip(panel.series, COLOURS, DASHES, strict=False):
         style = {"marker": "o", "linestyle": "none"} if series.marked else {"linestyle": dashes}
         axes.plot(series.x, series.y, label=series.label, color=colour, linewidth=1.3, **style)
         if series.error is not None:
@@ -225,28 +170,12 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
         axes.legend(frameon=False, fontsize=7)
 
 
-def _limits(scale: Scale) -> Interval:
+def limits(scale: Scale) -> Interval:
     """Return the ends of an axis with the whole scale and a margin for points at its ends."""
     return scale.lowest - 0.05 * scale.span, scale.highest + 0.07 * scale.span
 
 
-def _cloud(axes: Axes, place: float, scores: FloatArray, scale: Scale) -> None:
-    """Draw half a violin (normal kernel) right of `place`, and median and quartiles left of it."""
-    if scores.size < 2:
-        return
-    values, counts = np.unique(scores, return_counts=True)
-    grid = np.linspace(scale.lowest, scale.highest, 201)
-    density = np.exp(-(((grid[:, None] - values) / (_CLOUD_SD * scale.span)) ** 2) / 2) @ counts
-    width = 0.38 * density / density.max()
-    axes.fill_betweenx(
-        grid, place + 0.06, place + 0.06 + width, color=_COLOURS[5], alpha=0.5, linewidth=0
-    )
-    low, middle, high = np.quantile(scores, [0.25, 0.5, 0.75])
-    axes.plot([place - 0.06] * 2, [low, high], color=_COLOURS[0], linewidth=4, alpha=0.8)
-    axes.plot([place - 0.06], [middle], "_", color="black", markersize=9)
-
-
-def _jitter(count: int, scale: Scale) -> FloatArray:
+def jitter(count: int, scale: Scale) -> FloatArray:
     """Return small, reproducible offsets that keep equal scores apart."""
     # Multiples of the golden ratio, modulo 1, spread evenly without random numbers.
     return np.asarray(_JITTER * scale.span * ((np.arange(count) * 0.6180339887) % 1.0 - 0.5))
@@ -258,7 +187,12 @@ def _known_characters() -> frozenset[int]:
     return frozenset(font.get_charmap())
 
 
-def _labels(names: tuple[str, ...], what: str) -> list[str]:
+def marker(times: float) -> float:
+    """Return a marker's size, pt, relative to that of a point."""
+    return times * float(rcParams["lines.markersize"])
+
+
+def labels_of(names: tuple[str, ...], what: str) -> list[str]:
     """Return axis labels, with a number in place of a name that the font cannot draw."""
     return [
         (name if len(name) <= 16 else f"{name[:15]}…")
@@ -268,17 +202,57 @@ def _labels(names: tuple[str, ...], what: str) -> list[str]:
     ]
 
 
-def _name_places(axes: Axes, labels: Sequence[str]) -> None:
+def name_places(axes: Axes, labels: Sequence[str]) -> None:
     """Write `labels` below the places 0, 1, …, upright if there is no room side by side."""
-    crowded = sum(map(len, labels)) > 60
+    crowded = sum(len(part) for label in labels for part in label.split("\n")[:1]) > 60
     axes.set_xticks(np.arange(len(labels)), labels, rotation=90 if crowded else 0)
 
 
-def _drawing(words: Words, draw: Callable[[Axes], None], height_in: float = _HEIGHT_IN) -> Drawing:
-    with rc_context(_STYLE):
-        figure = Figure(figsize=(_WIDTH_IN, height_in), layout="constrained")
-        draw(figure.add_subplot())
-        return Drawing(name=words.name, svg=_svg(figure, words), png=_saved(figure))
+def drawing(words: Words, draw: Callable[[Axes], None], height_in: float = HEIGHT_IN) -> Drawing:
+    """Return what `draw` draws into axes, for two columns and for one."""
+    return grid_drawing(words, lambda grid: draw(grid[0]), 1, 1, height_in)
+
+
+def grid_drawing(
+    words: Words,
+    draw: Callable[[Sequence[Axes]], None],
+    rows: int,
+    columns: int,
+    height_in: float = HEIGHT_IN,
+) -> Drawing:
+    """Return what `draw` draws into `rows` x `columns` axes with shared scales, row by row."""
+
+    def figure(size: Size) -> Figure:
+        made = Figure(figsize=(size.width_in, size.height * height_in), layout="constrained")
+        grid = made.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
+        draw(list(grid.ravel()))
+        made.draw_without_rendering()
+        made.set_layout_engine("none")  # else each file would arrange the figure again
+        return made
+
+    with rc_context(_sized(TWO_COLUMNS)):
+        wide = figure(TWO_COLUMNS)
+        svg = _svg(wide, words)
+        files = {".svg": svg.encode(), ".pdf": _saved_pdf(wide), ".png": _saved(wide)}
+    with rc_context(_sized(ONE_COLUMN)):
+        files["-column.pdf"] = _saved_pdf(figure(ONE_COLUMN))
+    return Drawing(name=words.name, svg=svg, files=files)
+
+
+def _sized(size: Size) -> Any:
+    """Return the style, in which markers and lines shrink with the type."""
+    share = size.font_pt / TWO_COLUMNS.font_pt
+    return {
+        **_STYLE,
+        "font.size": size.font_pt,
+        "lines.linewidth": 1.3 * share,
+        "lines.markersize": 5 * share,
+        "axes.linewidth": 0.8 * share,
+    }
+
+
+def _saved_pdf(figure: Figure) -> bytes:
+    return _saved(figure, "pdf", "CreationDate")
 
 
 def _saved(figure: Figure, kind: str = "png", stamp: str = "Software") -> bytes:

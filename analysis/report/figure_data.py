@@ -1,5 +1,6 @@
 """Data of the report's figures, thinned where a figure would be too dense to read."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,10 +13,12 @@ from analysis.sensitivity.lines import Lines
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.sensitivity.ratings import Ratings
 from analysis.trials.trial_statistics import TrialStatistics
+from device.friction.contrasts import LAW
 
 MOST_LINES = 100
 MOST_POINTS = 2_000
 MOST_INTERVALS = 40
+MOST_PEOPLE = 60
 CURVE_POINTS = 101
 HEADLINE, SIMPLE = "M2", "M1 (simple comparison)"
 """Names of the models in figures and tables."""
@@ -66,6 +69,39 @@ class Course:
     means: FloatArray
     errors: FloatArray
     counts: IntArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ByLevel:
+    """Scores of one condition by level; `mean`, `error` and M2's `expected` go with levels `at`."""
+
+    condition: str
+    level: FloatArray
+    score: FloatArray
+    at: FloatArray
+    mean: FloatArray
+    error: FloatArray
+    counts: IntArray
+    expected: FloatArray | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Levels:
+    """The conditions that have several levels."""
+
+    conditions: tuple[ByLevel, ...]
+    scale: Scale
+
+
+@dataclass(frozen=True, kw_only=True)
+class People:
+    """Scores of each trial of the subjects shown, by condition, and the means of all subjects."""
+
+    conditions: tuple[str, ...]
+    scores: Mapping[str, tuple[FloatArray, ...]]
+    means: FloatArray
+    scale: Scale
+    of: int
 
 
 def thinned(count: int, most: int) -> IntArray:
@@ -127,3 +163,76 @@ def course(found: Findings) -> Course | None:
     with np.errstate(invalid="ignore", divide="ignore"):
         errors = np.sqrt(squares / (counts - 1) / counts)
     return Course(places=places, scale=found.scale, means=means, errors=errors, counts=counts)
+
+
+def levels(found: Findings) -> Levels | None:
+    """Return the scores by level, or None if no condition was scored at several levels."""
+    scored = found.loaded.scored.assign(contrast=_contrasts(found)).dropna(subset=["score"])
+    several = scored.groupby("condition")["level"].nunique().gt(1)
+    names = [name for name in found.loaded.table.conditions if several.get(name, False)]
+    if not names:
+        return None
+    m2 = found.trials.m2
+    made = []
+    for name in names:
+        own = scored[scored["condition"] == name]
+        by_level = own.groupby("level")
+        at = by_level["contrast"].mean().to_numpy()
+        known = None if isinstance(m2, NotEstimable) or not np.isfinite(at).all() else m2
+        made.append(
+            ByLevel(
+                condition=name,
+                level=own["level"].to_numpy(float),
+                score=own["score"].to_numpy(float),
+                at=np.array(by_level["score"].mean().index, float),
+                mean=by_level["score"].mean().to_numpy(),
+                error=np.asarray(by_level["score"].sem(), np.float64),
+                counts=np.asarray(by_level["score"].count(), np.int64),
+                expected=None if known is None else known.expected_ratings(at),
+            )
+        )
+    return Levels(conditions=tuple(made), scale=found.scale)
+
+
+def _contrasts(found: Findings) -> FloatArray:
+    """Return the predicted contrast of each scored trial."""
+    return found.trials.contrasts.by_law[LAW][
+        found.loaded.trials.index.isin(found.loaded.scored.index)
+    ]
+
+
+def people(found: Findings) -> People:
+    """Return all subjects, or of more than `MOST_PEOPLE` the most extreme ones.
+
+    Extreme are the two with the lowest and with the highest means, and those with the smallest
+    and with the largest spread of their scores.
+    """
+    table = found.loaded.table
+    scored = found.loaded.scored.dropna(subset=["score"])
+    cells = {
+        key: own.to_numpy(float)
+        for key, own in scored.groupby(["participant", "condition"])["score"]
+    }
+    empty = np.array([])
+    return People(
+        conditions=table.conditions,
+        scores={
+            table.subjects[row]: tuple(
+                cells.get((table.subjects[row], name), empty) for name in table.conditions
+            )
+            for row in _shown_people(table)
+        },
+        means=found.table.main.table4.column_means,
+        scale=found.scale,
+        of=len(table.subjects),
+    )
+
+
+def _shown_people(table: ScoreTable) -> list[int]:
+    if len(table.subjects) <= MOST_PEOPLE:
+        return list(range(len(table.subjects)))
+    rated = np.flatnonzero(table.given.any(axis=1))
+    by_mean = rated[np.argsort(np.nanmean(table.scores[rated], axis=1), kind="stable")]
+    by_spread = rated[np.argsort(np.nanstd(table.scores[rated], axis=1), kind="stable")]
+    ends = [*by_mean[:2], *by_mean[-2:], *by_spread[:2], *by_spread[-2:]]
+    return list(dict.fromkeys(int(row) for row in ends))

@@ -17,7 +17,6 @@ from analysis.report.sections import (
     methods,
     model_checks,
     predictions,
-    provenance,
     ranges,
     scores,
     sensitivity,
@@ -41,7 +40,7 @@ SECTIONS: tuple[Callable[[Findings], Section], ...] = (
     model_checks.recovery,
     ranges.section,
     glossary,
-    provenance.section,
+    methods.provenance,
     trials.section,
 )
 """The sections of the page, in the order in which an author needs them."""

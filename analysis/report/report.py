@@ -9,12 +9,14 @@ from analysis.felt.measured_statistics import measured_statistics
 from analysis.loading.missing_scores import withheld
 from analysis.loading.study_data import StudyData
 from analysis.report.blocks import Figure, Section
+from analysis.report.drawing import FORMATS
 from analysis.report.findings import Findings, Origin
 from analysis.report.page import SECTIONS, page_html
 from analysis.statistics.summary import table_statistics
 from analysis.trials.trial_statistics import trial_statistics
 from device.friction.calibration import NOMINAL
 from device.friction.contrasts import LAW
+from protocol.errors import BadInput
 from protocol.study.study import Study
 
 
@@ -22,10 +24,28 @@ from protocol.study.study import Study
 class Report(Findings):
     """Findings of a study and the sections that present them."""
 
+    shown: tuple[str, ...] | None = None
+    """Names of the sections that the page shows, in their order; None for all."""
+
     @cached_property
     def sections(self) -> tuple[Section, ...]:
-        """Sections in the order of the page."""
+        """All sections, shown or not."""
         return tuple(section(self) for section in SECTIONS)
+
+    @property
+    def chosen(self) -> tuple[Section, ...]:
+        """Sections of the page, in its order.
+
+        Raises:
+            BadInput: there is no section of that name.
+        """
+        if self.shown is None:
+            return self.sections
+        known = {section.name: section for section in self.sections}
+        for name in self.shown:
+            if name not in known:
+                raise BadInput(f"no section {name!r}; there are {', '.join(known)}")
+        return tuple(known[name] for name in self.shown)
 
     @property
     def figures(self) -> list[Figure]:
@@ -38,8 +58,14 @@ class Report(Findings):
         return frozenset(path for figure in self.figures for path in _figure_paths(figure))
 
 
-def report(title: str, loaded: StudyData, study: Study, origin: Origin) -> Report:
-    """Return the report on the data `loaded` from `study`.
+def report(
+    title: str,
+    loaded: StudyData,
+    study: Study,
+    origin: Origin,
+    shown: tuple[str, ...] | None = None,
+) -> Report:
+    """Return the report on the data `loaded` from `study`; its page shows the sections `shown`.
 
     Scores of a published table were felt on a rig of their own, which no calibration describes.
     """
@@ -54,6 +80,7 @@ def report(title: str, loaded: StudyData, study: Study, origin: Origin) -> Repor
         table=table_statistics(loaded.table, withheld(loaded.table, loaded.empty)),
         trials=trials,
         measured=measured_statistics(study, loaded, trials.contrasts.by_law[LAW]),
+        shown=shown,
     )
 
 
@@ -101,7 +128,7 @@ def _place(key: str) -> int:
 
 def report_html(result: Report) -> str:
     """Return the report as one page that needs no network."""
-    return page_html(result, result.sections)
+    return page_html(result, result.sections, result.chosen)
 
 
 def report_files(result: Report) -> dict[str, bytes]:
@@ -112,10 +139,10 @@ def report_files(result: Report) -> dict[str, bytes]:
     found = {name: text.encode() for name, text in texts.items()}
     for figure in result.figures:
         if figure.drawing is not None:
-            svg, png = _figure_paths(figure)
-            found |= {svg: figure.drawing.svg.encode(), png: figure.drawing.png}
+            paths = _figure_paths(figure)
+            found |= dict(zip(paths, figure.drawing.files.values(), strict=True))
     return found
 
 
-def _figure_paths(figure: Figure) -> tuple[str, str]:
-    return f"figures/{figure.name}.svg", f"figures/{figure.name}.png"
+def _figure_paths(figure: Figure) -> list[str]:
+    return [f"figures/{figure.name}{end}" for end in FORMATS]

@@ -1,7 +1,7 @@
 """Table 4 as text: rows of cells, CSV, and LaTeX for the booktabs package."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 from analysis.cells import csv_cell, csv_text
@@ -79,10 +79,27 @@ def table4_csv(result: Table4) -> str:
     return csv_text([csv_cell(name) for name in header], rows)
 
 
-def table4_tex(result: Table4) -> str:
-    """Return a LaTeX table to include; it requires the packages booktabs and fontenc (T1)."""
+def table4_tex(result: Table4, scale: str = "", notes: Sequence[str] = ()) -> str:
+    """Return a LaTeX table to include; it requires the packages booktabs and fontenc (T1).
+
+    Args:
+        result: the table.
+        scale: the ends of the scale in words, for the caption.
+        notes: sentences below the table.
+    """
     header, *rows, averages = table4_lines(result, _LATEX_MISSING)
+    of_scale = f" ({scale})" if scale else ""
+    caption = f"Scores{of_scale} by subject and condition. The last column and row are means."
+    below = (
+        [r"\\[0.5ex] {\footnotesize \textit{Note.} " + escaped(" ".join(notes)) + "}"]
+        if notes
+        else []
+    )
     lines = [
+        r"\begin{table}",
+        r"\centering",
+        rf"\caption{{{escaped(caption)}}}",
+        r"\label{tab:scores}",
         r"\begin{tabular}{l" + "r" * (len(header) - 1) + "}",
         r"\toprule",
         _line(header),
@@ -92,6 +109,8 @@ def table4_tex(result: Table4) -> str:
         _line(averages),
         r"\bottomrule",
         r"\end{tabular}",
+        *below,
+        r"\end{table}",
     ]
     return "\n".join(lines) + "\n"
 
@@ -103,7 +122,7 @@ def _line(cells: list[str]) -> str:
 def escaped(text: str) -> str:
     r"""Return `text` escaped for LaTeX; U+FFFD replaces characters that cannot be printed.
 
-    >>> escaped("50 % of P_1")
+    >>> escaped("50% of P_1")
     '50 \\% of P\\_1'
     """
     return "".join(_ESCAPED.get(letter, letter) for letter in printable(text))

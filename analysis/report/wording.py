@@ -19,9 +19,9 @@ SKIN = (
     "dry one, so people with different skin differ in gain although they perceive alike. In "
     "simulated studies of 20 people and 20 trials each, fitted by M1, people perceived alike, but "
     "the logarithm of the friction effect differed between their skins with a standard deviation "
-    "of .35: 95 % intervals of gains on predicted contrasts held the true gain in 60 % of cases "
-    "only, and the spread of gains was reported as 31 % of the gain, all of it skin. On measured "
-    "contrasts they held it in 99 %, and the spread reported was 4 %."
+    "of .35: 95% intervals of gains on predicted contrasts held the true gain in 60% of cases "
+    "only, and the spread of gains was reported as 31% of the gain, all of it skin. On measured "
+    "contrasts they held it in 99%, and the spread reported was 4%."
 )
 SIMPLE_ONLY = (
     "M1 is a simple comparison. Do not use it where scores reach the highest possible or "

@@ -52,7 +52,7 @@ class WeightedPoints:
         return np.asarray(np.tensordot(self.weights, values, axes=1), dtype=np.float64)
 
     def interval_95(self, values: FloatArray) -> Interval:
-        """Return the central 95 % interval of values at the points."""
+        """Return the central 95% interval of values at the points."""
         low, high = (weighted_quantile(self.weights, values, p) for p in (0.025, 0.975))
         return low, high
 
@@ -181,7 +181,7 @@ class Marginals:
         )
 
     def interval_95(self, weights: FloatArray) -> list[Interval]:
-        """Return the central 95 % interval of each quantity over all points."""
+        """Return the central 95% interval of each quantity over all points."""
         return intervals_95(weights, self.means, self.sds, self.skews)
 
     def quantile(self, weights: FloatArray, probability: float) -> FloatArray:
@@ -250,7 +250,7 @@ def _normal_scores(
 def intervals_95(
     weights: FloatArray, means: FloatArray, sds: FloatArray, skews: FloatArray | None = None
 ) -> list[Interval]:
-    """Return the central 95 % interval of each mixture."""
+    """Return the central 95% interval of each mixture."""
     low = mixture_quantile(weights, means, sds, 0.025, skews)
     high = mixture_quantile(weights, means, sds, 0.975, skews)
     return list(zip(low.tolist(), high.tolist(), strict=True))

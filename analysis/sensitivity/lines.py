@@ -43,10 +43,10 @@ class SubjectLine:
 
 @dataclass(frozen=True, kw_only=True)
 class Lines:
-    """Lines of all subjects and of the population, and the SDs between subjects; 95 % intervals.
+    """Lines of all subjects and of the population, and the SDs between subjects; 95% intervals.
 
     The prior of an SD has no mass at 0, so that its interval never includes 0: beside it stand the
-    prior's interval, the value that the SD is below with 95 % probability, and the probability
+    prior's interval, the value that the SD is below with 95% probability, and the probability
     `small_gain_sd` that it is less than `SMALL_SPREAD` of the population's gain.
     """
 

@@ -163,7 +163,7 @@ def _products(left: FloatArray, right: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True)
 class ChangeDetection:
-    """How well one subject notices changes, with 95 % intervals.
+    """How well one subject notices changes, with 95% intervals.
 
     `d_prime` is the reference contrast over the SD of the noise; `criterion` is the felt contrast,
     in the same unit, above which the subject reports the expected change. Both are posterior

@@ -32,7 +32,7 @@ FEWEST_CONDITIONS = 3
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """A posterior mean with its 95 % interval."""
+    """A posterior mean with its 95% interval."""
 
     value: float
     interval: Interval

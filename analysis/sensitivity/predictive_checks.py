@@ -33,7 +33,7 @@ LEVEL = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class PredictiveStatistic:
-    """Distance of the study from the model, and median and 95 % interval of that of replicates.
+    """Distance of the study from the model, and median and 95% interval of that of replicates.
 
     The distance of tables of counts is Σ (n - e)² / (e + ½), e being the count expected at a draw
     of the parameters; of shares it is |share - expected share|. `observed` is its median over

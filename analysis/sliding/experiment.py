@@ -132,11 +132,11 @@ class SlidingFindings:
 
     def lines(self) -> list[list[str]]:
         """Return a header and a row per property, for a table in the terminal."""
-        return [["property", "value", "95 % interval"], *_rows(self.estimates)]
+        return [["property", "value", "95% interval"], *_rows(self.estimates)]
 
     def extreme_lines(self) -> list[list[str]]:
         """Return a header and a row per trough and peak."""
-        header = ["drive, Hz", "direction", "kind", "place, mm", "95 % interval", "fitted, mm"]
+        header = ["drive, Hz", "direction", "kind", "place, mm", "95% interval", "fitted, mm"]
         return [header, *map(_extreme_row, self.extremes)]
 
     def mismatch_lines(self) -> list[list[str]]:

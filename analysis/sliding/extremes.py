@@ -8,7 +8,7 @@ how far it must be moved, with a level and a swing of their own:
     μ(x) = a + b m(x - δ),  b > 0
 
 The interval of the place contains every δ whose sum of squares, with a and b at their best, is
-within the 95 % point of the best one's.
+within the 95% point of the best one's.
 """
 
 from collections.abc import Sequence
@@ -42,7 +42,7 @@ class Extreme:
         setting: drive, direction, load and speed.
         expected_m: its place in the fitted friction.
         place_m: its place in the passes, or why they do not tell it.
-        interval_m: the 95 % interval of that, None without a place.
+        interval_m: the 95% interval of that, None without a place.
     """
 
     kind: Kind

@@ -56,7 +56,7 @@ _TRADED = 0.9
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """An estimate with its 95 % interval, from the profile of the likelihood."""
+    """An estimate with its 95% interval, from the profile of the likelihood."""
 
     value: float
     interval: Interval
@@ -288,7 +288,7 @@ class _Fit:
 
     @cached_property
     def rise(self) -> float:
-        """The rise of the deviance at the ends of a 95 % interval."""
+        """The rise of the deviance at the ends of a 95% interval."""
         spare = self.problem.places.x_m.size - len(self.free)
         return float(f_distribution.ppf(0.95, 1, spare)) * max(1.0, self.least / spare)
 

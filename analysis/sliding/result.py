@@ -11,6 +11,7 @@ from analysis.cells import json_text
 from analysis.estimates import NotEstimable, plain
 from analysis.report.blocks import Block, Definitions, Figure, Items, Section, Table, columns
 from analysis.report.drawing import Drawing, Words, panels_drawing
+from analysis.report.masthead import Masthead
 from analysis.report.page import rendered
 from analysis.sliding.drawn import DrawnSession
 from analysis.sliding.experiment import ALWAYS_UNKNOWN, SlidingFindings, sliding_findings
@@ -112,8 +113,7 @@ class SlidingResult:
         assert drawing is not None, "there is a driven curve"
         return {
             **{name: text.encode() for name, text in texts.items()},
-            "slide.svg": drawing.svg.encode(),
-            "slide.png": drawing.png,
+            **{f"slide{end}": content for end, content in drawing.files.items()},
         }
 
     @cached_property
@@ -154,7 +154,8 @@ class SlidingResult:
             Section(name=title.lower().replace(" ", "-"), title=title, blocks=content)
             for title, content in blocks.items()
         ]
-        return rendered(f"Sliding experiment {drawn.session}", notices, sections)
+        head = Masthead(title=f"Sliding experiment {drawn.session}", authors="", facts={})
+        return rendered(head, notices, sections)
 
     def _passes(self) -> list[list[str]]:
         rows = [

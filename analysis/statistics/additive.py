@@ -19,7 +19,7 @@ class AdditiveEffects:
     the moment estimate of the standard deviation between subjects (0 if they differ less than
     expected by chance). `shrinkage` is the shrinkage factor of a subject with every condition
     scored; `subject_shrinkage` is that of each subject with the scores the subject gave. The
-    95 % intervals are over subjects for conditions, and over residuals for subjects.
+    95% intervals are over subjects for conditions, and over residuals for subjects.
     """
 
     grand_mean: float

@@ -1,4 +1,4 @@
-"""95 % intervals of effect sizes over subjects, and how often they cover the truth."""
+"""95% intervals of effect sizes over subjects, and how often they cover the truth."""
 
 from collections.abc import Mapping
 from typing import Final

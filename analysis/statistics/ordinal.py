@@ -29,7 +29,7 @@ class Interaction:
     """The same model with a random level of each subject under each condition.
 
     `sd` is the standard deviation of those levels, 0 if the likelihood is largest there, with the
-    95 % interval of the profile likelihood. `p` tests that it is 0 by the likelihood ratio, which
+    95% interval of the profile likelihood. `p` tests that it is 0 by the likelihood ratio, which
     then is 0 or chi-square with one degree of freedom, with equal probability (Self and Liang,
     Journal of the American Statistical Association 82, 1987).
     """
@@ -186,7 +186,7 @@ def _interaction(
 def _interval(
     best: Maximum, ratio: float, spread: float, data: ScoreCounts, link: Link
 ) -> Interval | NotEstimable:
-    """Return the 95 % interval of the last SD by the profile likelihood.
+    """Return the 95% interval of the last SD by the profile likelihood.
 
     Parameters:
         best: the maximum.

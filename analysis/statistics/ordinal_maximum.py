@@ -119,7 +119,7 @@ def covariance_at(
 def profile_limit(
     best: Maximum, side: float, first: float, data: ScoreCounts, link: Link
 ) -> float | None:
-    """Return the end of the last parameter's 95 % interval by the profile likelihood, at least 0.
+    """Return the end of the last parameter's 95% interval by the profile likelihood, at least 0.
 
     Parameters:
         best: the maximum.

@@ -174,7 +174,7 @@ class IntraclassCorrelation:
     `agreement_single` is ICC(2,1), `consistency_single` ICC(3,1) and `consistency_mean` ICC(3,k)
     of Shrout and Fleiss (Psychological Bulletin 86, 1979). With `target` "subjects" they measure
     how well the score under one condition represents a person; with "conditions", how well one
-    person's score represents a condition. `intervals` has the 95 % interval of each, by its name.
+    person's score represents a condition. `intervals` has the 95% interval of each, by its name.
     """
 
     target: Target

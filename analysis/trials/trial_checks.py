@@ -34,7 +34,7 @@ class FTest:
 
 @dataclass(frozen=True, kw_only=True)
 class Proportion:
-    """A share of independent trials with its exact 95 % interval (Clopper and Pearson 1934)."""
+    """A share of independent trials with its exact 95% interval (Clopper and Pearson 1934)."""
 
     count: int
     trials: int

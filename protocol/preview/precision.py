@@ -35,7 +35,7 @@ Contrasts = Mapping[str, Sequence[float]]
 class Precision(SessionLength):
     """A session and the precision it gives, from the scores of `trials` trials a person.
 
-    `half_width` is that of the 95 % interval of a gain relative to the group's mean, and
+    `half_width` is that of the 95% interval of a gain relative to the group's mean, and
     `gain_half_width` that of the gain itself, in score points per unit of predicted contrast;
     `relative` is the share of `half_width` in the gain that would use the whole scale, from no
     contrast to the largest. They are infinite if the trials do not determine them.
@@ -97,7 +97,7 @@ def precisions(
 
 
 def relative_gain_half_width(contrasts: Contrasts, share: float, people: Cohort) -> float:
-    """Return half the 95 % interval of a gain less the group's mean, infinite if undetermined.
+    """Return half the 95% interval of a gain less the group's mean, infinite if undetermined.
 
     A participant has `share` times the trials of `contrasts`.
     """
@@ -112,7 +112,7 @@ def relative_gain_half_width(contrasts: Contrasts, share: float, people: Cohort)
 
 
 def _mean_gain_half_width(contrasts: Contrasts, share: float, people: Cohort) -> float:
-    """Return half the 95 % interval of the group's mean gain, infinite if it is undetermined."""
+    """Return half the 95% interval of the group's mean gain, infinite if it is undetermined."""
     groups = [own for own in contrasts.values() if own]
     means = [sum(own) / len(own) for own in groups]
     between, within = squared_spread(means), sum(squared_spread(own) for own in groups)

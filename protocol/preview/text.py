@@ -198,7 +198,7 @@ def _advice(shown: Preview) -> str:
 
 def _precision_lines(shown: Preview, model: Prediction) -> Iterator[str]:
     people = assumed_cohort(shown)
-    yield "Precision by session length: half-widths of the 95 % intervals that the report gives"
+    yield "Precision by session length: half-widths of the 95% intervals that the report gives"
     yield f"each of {people.participants} participants, in points per unit of predicted change."
     yield "Relative gain: the participant's sensitivity less the group's mean."
     rows: list[tuple[str, ...]] = [

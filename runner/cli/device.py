@@ -75,7 +75,7 @@ def device_sweep(
 ) -> None:
     """Find the resonance of the untouched beam at 10 V.
 
-    Searches within 5 % of --near, then turns the output off.
+    Searches within 5% of --near, then turns the output off.
     """
     from runner.launch.device_access import touchbeam_command
     from runner.launch.locks import rig_lock

@@ -98,6 +98,14 @@ def report(
     rehearsals: Annotated[
         bool, typer.Option("--rehearsals", help="Include rehearsals, marked as such.")
     ] = False,
+    sections: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAMES",
+            help="Sections of the page, by commas; else those of report.toml, or all.",
+        ),
+    ] = None,
+    show: Annotated[bool, typer.Option("--open", help="Open the page in a browser.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Report Table 4, statistics and figures.
@@ -107,7 +115,13 @@ def report(
     from runner.study.folder import StudyFolder
 
     folder = StudyFolder(path=study)
-    write_report(folder, out or folder.report, rehearsals=rehearsals, as_json=as_json)
+    chosen = folder.report_sections() if sections is None else tuple(sections.split(","))
+    where = out or folder.report
+    write_report(folder, where, rehearsals=rehearsals, as_json=as_json, shown=chosen)
+    if show:
+        import webbrowser
+
+        webbrowser.open((where / "report.html").resolve().as_uri())
 
 
 @app.command(cls=Choosing)
@@ -258,8 +272,18 @@ def claims(as_json: JsonOption = False) -> None:
     say(summary_line(results))
 
 
-def write_report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json: bool) -> None:
-    """Write the report on the study in `folder` to the folder `out` and print Table 4."""
+def write_report(
+    folder: "StudyFolder",
+    out: Path,
+    *,
+    rehearsals: bool,
+    as_json: bool,
+    shown: tuple[str, ...] | None = None,
+) -> None:
+    """Write the report on the study in `folder` to the folder `out` and print Table 4.
+
+    Its page shows the sections `shown`, None for all.
+    """
     # With one thread, sums are in the same order on every computer: the same input, same bytes.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from analysis.loading.missing_scores import marks
@@ -290,7 +314,7 @@ def write_report(folder: "StudyFolder", out: Path, *, rehearsals: bool, as_json:
     )
     _warn_of_broken(broken, folder.path)
     title = study.publication.title or study.study.name
-    result = made_report(title, found, study, origin)
+    result = made_report(title, found, study, origin, shown)
     if out.exists() and not out.is_dir():
         raise BadInput(f"{out}: must be a folder for the report, got a file")
     files = report_files(result)

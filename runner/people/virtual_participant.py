@@ -52,7 +52,7 @@ class Character:
 def drawn_character(random_stream: random.Random) -> Character:
     """Return a character from a population like the nine people of the paper's Table 4.
 
-    The criteria give false alarms on 5 to 10 % of catch trials.
+    The criteria give false alarms on 5 to 10% of catch trials.
     """
     return Character(
         bias=random_stream.gauss(6.6, 0.7),

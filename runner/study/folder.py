@@ -4,6 +4,7 @@ import json
 import os
 import re
 import shlex
+import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -66,6 +67,26 @@ class StudyFolder:
     def report(self) -> Path:
         """The default folder of reports."""
         return self.path / "report"
+
+    def report_sections(self) -> tuple[str, ...] | None:
+        """Return the sections that `report.toml` chooses for the report's page, None for all.
+
+        The file is about presentation alone: it is no part of the study and of its digest.
+
+        Raises:
+            BadInput: the file is no TOML, or has other keys than `sections`, a list of texts.
+        """
+        path = self.path / "report.toml"
+        if not path.exists():
+            return None
+        try:
+            given = tomllib.loads(short_text(path))
+        except (OSError, ValueError) as error:
+            raise BadInput(f"{path}: {error}") from error
+        names = given.pop("sections", [])
+        if given or not isinstance(names, list) or not all(isinstance(it, str) for it in names):
+            raise BadInput(f'{path}: must have one key, such as sections = ["methods", "trials"]')
+        return tuple(names) or None
 
     @property
     def languages(self) -> Path:

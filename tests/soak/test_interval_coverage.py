@@ -1,4 +1,4 @@
-"""Coverage of the 95 % intervals of effect sizes, as the report states it."""
+"""Coverage of the 95% intervals of effect sizes, as the report states it."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""Coverage of 95 % intervals over hundreds of studies of each kind.
+"""Coverage of 95% intervals over hundreds of studies of each kind.
 
 One cell: `pytest -m soak -s tests/soak/test_sensitivity_coverage.py -k "calibrated and 9x5x1 and
 ceiling"`.

@@ -1,4 +1,4 @@
-"""Coverage of M3's 95 % intervals, and how often the predictive checks reject true models.
+"""Coverage of M3's 95% intervals, and how often the predictive checks reject true models.
 
 One cell: `pytest -m soak -s tests/soak/test_two_stage_coverage.py -k "ceiling and 9x5x4"`.
 """

@@ -216,7 +216,7 @@ def test_the_headline_is_the_ordinal_model_with_the_simple_one_beside_it(
     assert group["gain_sd"] < group["gain_sd_upper"] < group["gain_sd_ci"][1]
     assert 0.1 < group["small_gain_sd"]["p"] < 0.2
     page = unescape((folder / "report" / "report.html").read_text())
-    assert "95 % interval [−9.70,\N{NO-BREAK SPACE}22.02], which includes 0." in page
+    assert "95% interval [−9.70,\N{NO-BREAK SPACE}22.02], which includes 0." in page
     assert "Simple comparison: bias and gain by M1" in page
 
 
@@ -238,7 +238,7 @@ def test_skin_is_named_wherever_a_gain_stands(folder: Path, numbers: Any) -> Non
     with_gains = [text for text in captions if text.startswith(about)]
     assert len(with_gains) == 5
     assert all(short in text for text in with_gains)
-    numbers_said = "held the true gain in 60 % of cases only"
+    numbers_said = "held the true gain in 60% of cases only"
     assert page.count(numbers_said) == 2
     assert numbers_said in numbers["sensitivity_note"]
 

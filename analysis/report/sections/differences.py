@@ -8,11 +8,11 @@ import numpy as np
 from analysis.estimates import Json, NotEstimable, or_null, why
 from analysis.loading.score_table import ScoreTable
 from analysis.report.as_json import friedman_json, pair_json, skillings_mack_json
-from analysis.report.blocks import Figure, Section, Table, columns
-from analysis.report.drawing import raincloud_figure
+from analysis.report.blocks import Cell, Figure, Section, Table, columns, p_cell
 from analysis.report.figure_data import raincloud
+from analysis.report.figures.score_figures import raincloud_figure
 from analysis.report.findings import Findings
-from analysis.report.wording import beside, number, of_all, omnibus_line, p_value
+from analysis.report.wording import beside, number, of_all, omnibus_line
 from analysis.statistics.intervals import COVERAGE, DESIGN
 from analysis.statistics.omnibus import Friedman
 from analysis.statistics.signed_rank import LEVEL, PairwiseTest, SignedRank
@@ -38,7 +38,7 @@ def section(found: Findings) -> Section:
 
 def _coverage_line() -> str:
     measured = ", ".join(f"{name} {share:.3f}" for name, share in COVERAGE.items())
-    return f"Share of 95 % intervals that covered the truth in simulations ({DESIGN}): {measured}."
+    return f"Share of 95% intervals that covered the truth in simulations ({DESIGN}): {measured}."
 
 
 def _pairs_line(pairs: Sequence[PairwiseTest]) -> str:
@@ -61,14 +61,14 @@ def _pairwise_table(pairs: Sequence[PairwiseTest]) -> Table:
         name="pairwise",
         caption="Two-sided Wilcoxon signed-rank test of each pair of conditions. V is the sum of "
         "the ranks of positive differences; zero differences are dropped and counted; p (Holm) is "
-        "corrected for the number of pairs that could be tested. In brackets: 95 % intervals.",
+        "corrected for the number of pairs that could be tested. In brackets: 95% intervals.",
         columns=columns("pair", *numbers, "method"),
         rows=[[f"{pair.a} − {pair.b}", *_pair_cells(pair)] for pair in pairs],
         unbroken=True,
     )
 
 
-def _pair_cells(pair: PairwiseTest) -> list[str]:
+def _pair_cells(pair: PairwiseTest) -> list[str | Cell]:
     test = pair.test
     if not isinstance(test, SignedRank):
         return [*[number(None)] * 7, test.reason]
@@ -78,8 +78,8 @@ def _pair_cells(pair: PairwiseTest) -> list[str]:
         str(test.n),
         str(test.n_zero),
         number(test.rank_biserial, 2) + beside(test.rank_biserial_interval),
-        p_value(test.p),
-        p_value(pair.p_holm),
+        p_cell(test.p),
+        p_cell(pair.p_holm),
         test.method,
     ]
 
@@ -90,8 +90,9 @@ def _scores_figure(found: Findings) -> Figure:
     return Figure(
         name="scores",
         title="Scores by condition",
-        caption="Scores by condition. Lines with circles show subjects, clouds the density of the "
-        f"scores, bars the interquartile range with the median, and diamonds the means.{drawn}",
+        caption="Scores by condition. Lines with circles show subjects, clouds the density of "
+        "eight scores or more, bars the interquartile range with the median, and diamonds the "
+        f"means.{drawn}",
         draw=partial(raincloud_figure, data),
         table=_quartile_table(data.table),
         front=True,

@@ -1,9 +1,12 @@
 """Agreement between subjects, and effects of conditions and subjects."""
 
 from collections.abc import Mapping
+from functools import partial
 
 from analysis.estimates import Json, NotEstimable, or_null, plain, why
-from analysis.report.blocks import Section, Table, columns
+from analysis.report.blocks import Figure, Section, Table, columns
+from analysis.report.figure_data import people
+from analysis.report.figures.score_figures import people_figure
 from analysis.report.findings import Findings
 from analysis.report.wording import beside, number, p_equals
 from analysis.statistics.additive import AdditiveEffects
@@ -24,6 +27,7 @@ def section(found: Findings) -> Section:
             _ordinal_line(found.trials),
             _condition_table(found),
             _subject_table(found.table),
+            _people_figure(found),
         ],
         data={
             "icc": {
@@ -47,7 +51,7 @@ def _icc_table(table: TableStatistics) -> Table:
         name="icc",
         caption="Intraclass correlations by target (Shrout and Fleiss): (2,1) absolute agreement "
         "of single scores, (3,1) consistency of single scores, (3,k) consistency of means. In "
-        "brackets: 95 % intervals.",
+        "brackets: 95% intervals.",
         columns=columns("target", *(f"ICC({kind})" for kind in _ICC)),
         rows=[[target, *_icc_cells(icc)] for target, icc in targets.items()],
     )
@@ -126,7 +130,7 @@ def _condition_table(found: Findings) -> Table:
     return Table(
         name="conditions",
         caption="Effects of conditions: additive, in points relative to the grand mean, "
-        "with 95 % intervals; and in the ordinal mixed model with a random intercept per subject"
+        "with 95% intervals; and in the ordinal mixed model with a random intercept per subject"
         f"{', and per subject and condition,' if found.trials.has_repeats else ','} on its latent "
         f"scale relative to {conditions[0]}, ± standard error.",
         columns=columns("condition", "additive", *(f"ordinal, {link}" for link in ordinal)),
@@ -162,7 +166,7 @@ def _subject_table(table: TableStatistics) -> Table | None:
     slopes: Mapping[str, float] = {} if isinstance(gains, NotEstimable) else gains.gains
     return Table(
         name="subjects",
-        caption="Each subject's additive effect in points with its 95 % interval, the "
+        caption="Each subject's additive effect in points with its 95% interval, the "
         "shrinkage factor, and the slope of the subject's scores on the condition "
         "effects (1 on average).",
         columns=columns("subject", "additive", "shrinkage", "slope"),
@@ -175,6 +179,25 @@ def _subject_table(table: TableStatistics) -> Table | None:
             ]
             for name, effect in effects.subjects.items()
         ],
+    )
+
+
+def _people_figure(found: Findings) -> Figure:
+    data = people(found)
+    if not data.scores:
+        return Figure(name="people")
+    some = (
+        f" Of {data.of} subjects, those with the lowest and the highest means and the smallest and "
+        "the largest spread are drawn; the trials of all are listed below."
+        if len(data.scores) < data.of
+        else ""
+    )
+    return Figure(
+        name="people",
+        title="Every subject",
+        caption="Scores of each subject's trials by condition (points), and the mean of all "
+        f"subjects (grey line).{some}",
+        draw=partial(people_figure, data),
     )
 
 

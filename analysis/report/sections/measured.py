@@ -18,8 +18,8 @@ from analysis.trials.trial_statistics import TrialStatistics
 COVERAGE = (
     "In 500 simulated sessions (25 studies of 20 people with the paper's five trials) of rigs, "
     "sensors and skins that the analysis did not know, best estimates of contrasts had an RMS "
-    "error of .009; 95 % intervals of gains by M1 held the true gain in 98 to 99 % of cases on "
-    "measured contrasts, and in 29 to 35 % on predicted ones."
+    "error of .009; 95% intervals of gains by M1 held the true gain in 98 to 99% of cases on "
+    "measured contrasts, and in 29 to 35% on predicted ones."
 )
 """How often intervals on measured contrasts held the truth; `tests/soak` draws it again."""
 
@@ -74,7 +74,7 @@ def _headline(measured: MeasuredStatistics) -> str:
     shown = "includes" if lines.gain_interval[0] <= 0 <= lines.gain_interval[1] else "excludes"
     return (
         f"By M2, ratings change by {number(lines.gain, 2)} points per unit of measured contrast in "
-        f"the group, 95 % interval {interval(lines.gain_interval)}, which {shown} 0."
+        f"the group, 95% interval {interval(lines.gain_interval)}, which {shown} 0."
     )
 
 
@@ -133,12 +133,12 @@ def _gains_table(trials: TrialStatistics, measured: MeasuredStatistics) -> Table
     by_name: Mapping[str, SubjectLine] = (
         {} if nominal is None else {line.subject: line for line in nominal.subjects}
     )
-    names = ("predicted: gain", "95 %", "relative gain", "95 %")
-    others = ("measured: gain", "95 %", "relative gain", "95 %")
+    names = ("predicted: gain", "95%", "relative gain", "95%")
+    others = ("measured: gain", "95%", "relative gain", "95%")
     return Table(
         name="measured-gains",
         caption="Gain of each subject by M2, in rating points per unit of contrast, on predicted "
-        "and on measured contrasts, with 95 % intervals. The former mixes skin with perception, "
+        "and on measured contrasts, with 95% intervals. The former mixes skin with perception, "
         "the latter does not.",
         columns=columns("subject", *names, *others),
         rows=[
@@ -177,12 +177,10 @@ def _spread_table(fits: Mapping[str, tuple[Fit, Fit]]) -> Table:
     return Table(
         name="measured-spread",
         caption="The group's gain and the spread of gains between subjects (posterior median) on "
-        "predicted and on measured contrasts, with 95 % intervals, and the value that the spread "
-        "is below with 95 % probability. P(small): the probability that the spread is less than "
+        "predicted and on measured contrasts, with 95% intervals, and the value that the spread "
+        "is below with 95% probability. P(small): the probability that the spread is less than "
         f"{SMALL_SPREAD:.0%} of the gain.",
-        columns=columns(
-            *("model", "contrasts", "gain", "95 %", "spread", "95 % below", "P(small)")
-        ),
+        columns=columns(*("model", "contrasts", "gain", "95%", "spread", "95% below", "P(small)")),
         rows=[
             [model, kind, *_spread_cells(_lines(fit))]
             for model, both in fits.items()

@@ -2,11 +2,13 @@
 
 from collections.abc import Iterable
 from dataclasses import replace
+from functools import partial
 
 from analysis.estimates import Json, NotEstimable, plain
-from analysis.report.blocks import Block, Section, Table, columns
+from analysis.report.blocks import Block, Figure, Section, Table, columns, p_cell
+from analysis.report.figures.model_figures import predictive_figure
 from analysis.report.findings import Findings, Scale
-from analysis.report.wording import interval, number, p_value
+from analysis.report.wording import interval, number
 from analysis.sensitivity.lines import SubjectLine
 from analysis.sensitivity.predictive_checks import LEVEL, PredictiveCheck
 from device.friction.contrasts import LAW, RUNG
@@ -26,31 +28,43 @@ def predictive(found: Findings) -> Section:
             "Each model simulates the study with parameters drawn from its posterior. A model "
             "whose simulated studies differ from the real one is not shown. The rule, set in "
             f"advance, is p < {LEVEL:g} for any of its statistics after Holm's correction.",
-            *(_check_table(model, check) for model, check in checks.items()),
+            *(_check_figure(model, check) for model, check in checks.items()),
         ],
         data={"predictive_checks": {model: _check_json(check) for model, check in checks.items()}},
     )
 
 
-def _check_table(model: str, check: PredictiveCheck | NotEstimable) -> Table | str:
+def _check_figure(model: str, check: PredictiveCheck | NotEstimable) -> Figure:
     if isinstance(check, NotEstimable):
-        return f"{model} has no check: {check.reason}."
+        instead = f"{model} has no check: {check.reason}."
+        return Figure(name=f"predictive-{model.lower()}", instead=instead)
+    return Figure(
+        name=f"predictive-{model.lower()}",
+        title=f"Posterior predictive check of {model}",
+        caption=f"Distance of the study from what {model} expects (diamonds), and of studies that "
+        "the model itself simulates (median and 95% interval), relative to their median.",
+        draw=partial(predictive_figure, check.statistics),
+        table=_check_table(model, check),
+    )
+
+
+def _check_table(model: str, check: PredictiveCheck) -> Table:
     verdict = "is not shown" if check.refusal else "is not rejected"
     return Table(
         name=f"predictive-{model.lower()}",
         caption=f"{model} {verdict}. Distance between observed and expected counts or shares, in "
         f"the study (median over {check.draws} draws of the parameters) and in a study simulated "
-        "at each draw (median and 95 % interval); p is the share of draws at which the simulated "
+        "at each draw (median and 95% interval); p is the share of draws at which the simulated "
         "study is at least as far from what the model expects.",
-        columns=columns("statistic", "study", "simulated", "95 %", "p", "p (Holm)"),
+        columns=columns("statistic", "study", "simulated", "95%", "p", "p (Holm)"),
         rows=[
             [
                 each.name,
                 number(each.observed, 3),
                 number(each.predicted, 3),
                 interval(each.predicted_interval, 3),
-                p_value(each.p),
-                p_value(each.p_holm),
+                p_cell(each.p),
+                p_cell(each.p_holm),
             ]
             for each in check.statistics
         ],
@@ -118,9 +132,9 @@ def _table(pairs: Iterable[tuple[SubjectLine, VirtualTruth]]) -> Table:
     return Table(
         name="recovered",
         caption="Bias and gain that each virtual participant was given, and M2's estimates with "
-        "95 % intervals.",
+        "95% intervals.",
         columns=columns(
-            *("subject", "true bias", "bias", "95 %", "true gain", "gain", "95 %", "gain covered")
+            *("subject", "true bias", "bias", "95%", "true gain", "gain", "95%", "gain covered")
         ),
         rows=[
             [

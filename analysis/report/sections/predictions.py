@@ -6,8 +6,9 @@ from functools import partial
 from analysis.estimates import NotEstimable, plain
 from analysis.report.as_json import law_json
 from analysis.report.blocks import Column, Figure, Section, Table, columns
-from analysis.report.drawing import scatter_figure
-from analysis.report.figure_data import scatter
+from analysis.report.figure_data import Levels, levels, scatter
+from analysis.report.figures.model_figures import scatter_figure
+from analysis.report.figures.score_figures import levels_figure
 from analysis.report.findings import Findings
 from analysis.report.wording import SKIN_IN_SHORT, law_cells, number, of_all, share
 from analysis.trials.law_likelihood import LawLikelihood, shared_contrasts
@@ -26,6 +27,7 @@ def section(found: Findings) -> Section:
         blocks=[
             _signal_line(found.trials),
             _ratings_figure(found),
+            _levels_figure(found),
             _laws_line(found.trials),
             _law_table(found.trials.laws),
         ],
@@ -65,6 +67,35 @@ def _ratings_figure(found: Findings) -> Figure:
         draw=partial(scatter_figure, data),
         table=table,
         front=True,
+    )
+
+
+def _levels_figure(found: Findings) -> Figure:
+    data = levels(found)
+    if data is None:
+        return Figure(name="levels")
+    return Figure(
+        name="levels",
+        title="Scores by level",
+        caption="Scores against the level of each condition: small points are single scores, "
+        "large ones means with standard errors. The line is the mean rating that M2 expects of "
+        "the group's average subject at the predicted contrasts.",
+        draw=partial(levels_figure, data),
+        table=_levels_table(data),
+    )
+
+
+def _levels_table(data: Levels) -> Table:
+    rows = [
+        [own.condition, f"{at:g}", str(count), number(mean, 2), number(error, 2)]
+        for own in data.conditions
+        for at, count, mean, error in zip(own.at, own.counts, own.mean, own.error, strict=True)
+    ]
+    return Table(
+        name="levels",
+        caption="Numbers shown in the figure: mean score by level.",
+        columns=columns("condition", "level", "scores", "mean score", "standard error"),
+        rows=rows,
     )
 
 

@@ -85,8 +85,8 @@ def _place_gains(
     return Table(
         name="place-gains",
         caption="Gain by M2 from all conditions, and from the conditions at a place alone, whose "
-        "contrasts are of one kind; with 95 % intervals.",
-        columns=columns("subject", "all conditions", "95 %", "at a place", "95 %"),
+        "contrasts are of one kind; with 95% intervals.",
+        columns=columns("subject", "all conditions", "95%", "at a place", "95%"),
         rows=[
             [
                 name,

@@ -31,7 +31,10 @@ def section(found: Findings) -> Section:
             "table4": {**_means_json(main), **_empty_json(found)},
             "missing_readings": _readings_json(found.table.readings),
         },
-        files={"table4.csv": table4_csv(main), "table4.tex": table4_tex(main)},
+        files={
+            "table4.csv": table4_csv(main),
+            "table4.tex": table4_tex(main, found.scale.in_words, found.table_notes),
+        },
     )
 
 

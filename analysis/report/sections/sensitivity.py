@@ -7,8 +7,8 @@ from functools import partial
 from analysis.estimates import Json, NotEstimable, why
 from analysis.report.as_json import fit_json, subjects_json
 from analysis.report.blocks import Figure, Items, Section, Table, columns
-from analysis.report.drawing import gains_figure
 from analysis.report.figure_data import HEADLINE, SIMPLE, gains
+from analysis.report.figures.model_figures import gains_figure, relative_gains_figure
 from analysis.report.findings import Findings
 from analysis.report.wording import (
     MISSING,
@@ -47,6 +47,7 @@ def section(found: Findings) -> Section:
                 for model, fit in (("M2", trials.m2), ("M1", trials.m1))
                 if isinstance(fit, NotEstimable)
             ),
+            _relative_figure(trials),
             _gains_figure(trials),
             _fits_table(_fits(trials)),
             _simple_table(trials.m1),
@@ -64,7 +65,7 @@ def _headline(fit: OrdinalSensitivity | NotEstimable) -> str:
     shown = "includes" if gain[0] <= 0 <= gain[1] else "excludes"
     return (
         f"By M2, ratings change by {number(fit.lines.gain, 2)} points per unit of predicted "
-        f"contrast in the group, 95 % interval {interval(gain)}, which {shown} 0."
+        f"contrast in the group, 95% interval {interval(gain)}, which {shown} 0."
     )
 
 
@@ -129,20 +130,37 @@ def _gains_figure(trials: TrialStatistics) -> Figure:
     return Figure(
         name="sensitivity",
         title="Sensitivity of each subject",
-        caption="Sensitivity of each subject with its 95 % interval; dashed lines show the group. "
+        caption="Sensitivity of each subject with its 95% interval; dashed lines show the group. "
         f"{SKIN_IN_SHORT}{of_all(len(data.shown), data.of, 'subjects')}",
         draw=partial(gains_figure, data),
         table=_gains_table(*next(iter(data.models.items()))),
+    )
+
+
+def _relative_figure(trials: TrialStatistics) -> Figure:
+    """Return who is more sensitive than whom, if there are several subjects."""
+    data = gains(trials)
+    known = data is not None and next(iter(data.models.values())).subjects[0].relative_gain_known
+    if data is None or not known:
+        return Figure(name="relative-gains")
+    model = next(iter(data.models))
+    return Figure(
+        name="relative-gains",
+        title="Who is more sensitive than whom",
+        caption=f"Relative gain of each subject by {model}: the gain less the mean gain of the "
+        f"subjects (dashed), with its 95% interval. {SKIN_IN_SHORT}"
+        f"{of_all(len(data.shown), data.of, 'subjects')}",
+        draw=partial(relative_gains_figure, data),
         front=True,
     )
 
 
 def _gains_table(model: str, lines: Lines) -> Table:
     """Return each subject's bias, gain, relative gain and JND, with intervals."""
-    names = ("bias", "95 %", "gain", "95 %", "relative gain", "95 %", "JND", "95 %", "own share")
+    names = ("bias", "95%", "gain", "95%", "relative gain", "95%", "JND", "95%", "own share")
     return Table(
         name="gains",
-        caption=f"Sensitivity by {model}, with 95 % intervals. Bias: rating at no contrast. Gain: "
+        caption=f"Sensitivity by {model}, with 95% intervals. Bias: rating at no contrast. Gain: "
         "rating points per unit of contrast. Relative gain: the subject's gain less the mean gain "
         "of the subjects, which tells who is more sensitive than whom and is known better than the "
         "gain itself. JND (just noticeable difference): the contrast that changes a rating by the "
@@ -193,12 +211,12 @@ def _fits_table(fits: Mapping[str, LinearSensitivity | OrdinalSensitivity]) -> T
     """Return the spread of gains between subjects under each model, or None without a fit."""
     if not fits:
         return None
-    names = ("SD", "95 %", "prior 95 %", "95 % below", "P(small)", "SD of noise")
+    names = ("SD", "95%", "prior 95%", "95% below", "P(small)", "SD of noise")
     return Table(
         name="spread",
         caption="Spread of gains between subjects, in points per unit of contrast: its posterior "
-        "median and 95 % interval, the 95 % interval of its prior, and the value that it is below "
-        "with 95 % probability. The prior excludes 0, so the interval does too and does not show "
+        "median and 95% interval, the 95% interval of its prior, and the value that it is below "
+        "with 95% probability. The prior excludes 0, so the interval does too and does not show "
         "that subjects differ. P(small): the probability that the spread is less than "
         f"{SMALL_SPREAD:.0%} of the group's gain, about as much as differences of skin alone "
         "produce. Effective points: how well the fit is integrated, at least "
@@ -226,9 +244,9 @@ def _simple_table(fit: LinearSensitivity | NotEstimable) -> Table | None:
         return None
     return Table(
         name="simple",
-        caption=f"Simple comparison: bias and gain by M1, with 95 % intervals. {SIMPLE_ONLY} "
+        caption=f"Simple comparison: bias and gain by M1, with 95% intervals. {SIMPLE_ONLY} "
         f"{SKIN_IN_SHORT}",
-        columns=columns("subject", "bias", "95 %", "gain", "95 %", "own share"),
+        columns=columns("subject", "bias", "95%", "gain", "95%", "own share"),
         rows=[
             ["group", *_line_cells(fit.lines), ""],
             *(
@@ -246,11 +264,11 @@ def _detection_table(fit: TwoStageSensitivity) -> Table:
         caption="Change detection and rating of the changes that were noticed (M3): d′ at a "
         f"contrast of {fit.reference_contrast:.3f}; the criterion for the expected change, in SDs "
         "of the noise; the false-alarm rate, the probability that a change in either direction is "
-        "reported without one; gain in rating points; with 95 % intervals. "
+        "reported without one; gain in rating points; with 95% intervals. "
         f"{SKIN_IN_SHORT}",
         columns=columns(
-            *("subject", "d′", "95 %", "criterion", "95 %"),
-            *("false alarms", "95 %", "gain", "95 %"),
+            *("subject", "d′", "95%", "criterion", "95%"),
+            *("false alarms", "95%", "gain", "95%"),
         ),
         rows=[
             [

@@ -1,13 +1,19 @@
 """Checks of sessions: order, carry-over, drift and catch trials."""
 
+from collections.abc import Mapping
 from functools import partial
+from typing import Any
+
+import numpy as np
 
 from analysis.estimates import Json, NotEstimable, or_null, plain, why
 from analysis.report.blocks import Figure, Items, Section, Table, columns
-from analysis.report.drawing import course_figure
-from analysis.report.figure_data import Course, course
+from analysis.report.figure_data import MOST_INTERVALS, Course, course, thinned
+from analysis.report.figures.score_figures import course_figure
+from analysis.report.figures.touch_figures import strips_figure
 from analysis.report.findings import Findings
 from analysis.report.wording import interval, number, p_equals, share
+from analysis.trials.contrasts import FORCE_STEP, PLACE_STEP_M
 from analysis.trials.order_as_run import OrderAsRun
 from analysis.trials.trial_checks import Discrimination, Drift, FTest
 from analysis.trials.trial_statistics import CatchAnswers
@@ -18,7 +24,7 @@ def section(found: Findings) -> Section:
     trials = found.trials
     return Section(
         name="checks",
-        title="Order, carry-over, drift, catch trials",
+        title="Sessions, touches and reaction times",
         blocks=[
             Items(
                 lines=[
@@ -31,6 +37,9 @@ def section(found: Findings) -> Section:
             ),
             _follower_table(found),
             _course_figure(found),
+            _reaction_times(found),
+            _forces(found),
+            _places(found),
             _catch_table(trials.catch) if trials.catch.subjects else None,
         ],
         data={
@@ -106,7 +115,7 @@ def _drift_line(drift: Drift | NotEstimable) -> str:
         return f"Drift: not estimable ({drift.reason})."
     return (
         f"Drift, mean of the subjects' slopes: {number(drift.points_per_trial)} points per trial, "
-        f"95 % interval {interval(drift.interval, 3)}, t({drift.df}), {p_equals(drift.p)}."
+        f"95% interval {interval(drift.interval, 3)}, t({drift.df}), {p_equals(drift.p)}."
     )
 
 
@@ -136,6 +145,95 @@ def _course_figure(found: Findings) -> Figure:
     )
 
 
+def _reaction_times(found: Findings) -> Figure:
+    trials = found.loaded.scored
+    times = trials[["condition", "reaction_time_s"]].dropna()
+    return _strips(
+        "reaction-times",
+        "Reaction times",
+        "Time from the question to the first answer of each scored trial; bars show medians.",
+        {
+            name: times["reaction_time_s"][times["condition"] == name]
+            for name in found.study.conditions
+        },
+        ("reaction time, s", "condition"),
+        logarithmic=True,
+    )
+
+
+def _forces(found: Findings) -> Figure:
+    """Return the measured force of each touch over the one that was asked for."""
+    touches = _felt(found, "force_n")
+    made = touches["force_n"] / (found.study.touch.force_n * touches["press"])
+    in_steps = (made / FORCE_STEP).round() * FORCE_STEP
+    return _strips(
+        "forces",
+        "Force of the touches",
+        "Median force of each touch over the force that was asked for (dashed), in steps of "
+        f"{FORCE_STEP:.0%}, by subject; bars show medians.",
+        _by_subject(found, in_steps, touches),
+        ("force, made / asked", "subject"),
+        asked=1.0,
+    )
+
+
+def _places(found: Findings) -> Figure:
+    """Return the measured place of each touch at a place, less the one that was asked for."""
+    touches = _felt(found, "place_m")
+    apart_m = touches["place_m"] - found.study.touch.smooth_place_m
+    in_steps_mm = (apart_m / PLACE_STEP_M).round() * PLACE_STEP_M * 1e3
+    return _strips(
+        "places",
+        "Places of the touches",
+        "Median place of each touch less the place that was asked for (dashed), in steps of "
+        f"{1e3 * PLACE_STEP_M:g} mm, by subject; bars show medians.",
+        _by_subject(found, in_steps_mm, touches),
+        ("place, made − asked, mm", "subject"),
+        asked=0.0,
+    )
+
+
+def _felt(found: Findings, column: str) -> Any:
+    """Return the touches of the trials that count in which something was measured."""
+    names = found.loaded.trials["participant"]
+    touches = found.loaded.touches.dropna(subset=[column])
+    return touches.assign(participant=touches["attempt_id"].map(names))
+
+
+def _by_subject(found: Findings, values: Any, touches: Any) -> dict[str, Any]:
+    subjects = found.loaded.table.subjects
+    shown = [subjects[place] for place in thinned(len(subjects), MOST_INTERVALS)]
+    return {name: values[touches["participant"] == name] for name in shown}
+
+
+def _strips(
+    name: str,
+    title: str,
+    caption: str,
+    groups: Mapping[str, Any],
+    axes: tuple[str, str],
+    **style: Any,
+) -> Figure:
+    """Return the figure of values in groups, with a table; none without values."""
+    given = {group: np.asarray(own, np.float64) for group, own in groups.items() if len(own)}
+    if not given:
+        return Figure(name=name)
+    axis, across = axes
+    draw = partial(strips_figure, given, axis=axis, across=across, **style)
+    rows = [
+        [group, str(len(own)), *(number(q, 2) for q in np.quantile(own, [0, 0.25, 0.5, 0.75, 1]))]
+        for group, own in given.items()
+    ]
+    spread = ("lowest", "quartile", "median", "quartile", "highest")
+    table = Table(
+        name=name,
+        caption=f"Numbers shown in the figure: {axis}.",
+        columns=columns(across, "n", *spread),
+        rows=rows,
+    )
+    return Figure(name=name, title=title, caption=caption, draw=draw, table=table)
+
+
 def _course_table(data: Course) -> Table:
     """Return the mean score by place in the session."""
     return Table(
@@ -156,7 +254,7 @@ def _catch_table(catch: CatchAnswers) -> Table:
     return Table(
         name="catch",
         caption="Trials on which a change in either direction was reported: scored trials (hits) "
-        "and catch trials at 0 V (false alarms), with exact 95 % intervals; d′ and criterion are "
+        "and catch trials at 0 V (false alarms), with exact 95% intervals; d′ and criterion are "
         "computed from the counts alone, so that few trials limit d′; those of M3 are at a "
         "contrast.",
         columns=columns("subject", "hits", "false alarms", "d′", "criterion"),

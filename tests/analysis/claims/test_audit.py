@@ -148,7 +148,7 @@ def test_human_claims_have_their_uncertainty_in_the_sentence(
         if result.claim.id in human:
             numbers = json.dumps(result.record()["computed"])
             assert "_interval" in numbers or '"interval' in numbers or '"p_holm"' in numbers
-            assert any(sign in result.sentence for sign in ("Holm p", "95 %", "p = "))
+            assert any(sign in result.sentence for sign in ("Holm p", "95%", "p = "))
 
 
 def test_claims_that_are_not_testable_give_the_reason(results: tuple[Audited, ...]) -> None:

@@ -88,7 +88,7 @@ def test_smoother_at_the_smooth_place_is_not_smoother_along_the_path(find: Find)
     signal = predicted_contrast(CONDITIONS["signal"], "consistent")
     assert np.log(0.4 / numbers["mu_at_smooth_place"]) == pytest.approx(signal)
     assert numbers["mean_mu_along_path"] == pytest.approx(0.507, abs=5e-4)
-    assert found["consistent"].evidence == "9 of 9 people, 95 % CI 0.66 to 1.00"
+    assert found["consistent"].evidence == "9 of 9 people, 95% CI 0.66 to 1.00"
 
 
 @pytest.mark.parametrize(
@@ -130,7 +130,7 @@ def test_all_answers_agreed_with_what_each_law_expects_or_not(
     found = {law: find("all-as-expected", law) for law in LAWS}
     assert [of.verdict for of in found.values()] == ["partly", "holds", "partly"]
     assert found["coulomb"].details == (True, True, True, True, False)  # load plays no role in it
-    assert found["printed"].evidence.startswith("45 of 45 answers; 9 of 9 people, 95 % CI 0.66")
+    assert found["printed"].evidence.startswith("45 of 45 answers; 9 of 9 people, 95% CI 0.66")
     withheld = published_scores.SCORES.copy()
     withheld[2, 4] = 0
     monkeypatch.setattr(human_factors, "SCORES", withheld)

@@ -112,7 +112,7 @@ def test_the_third_subject_stands_out_in_voltage_alone(
     found = find("third-subject-like-others")
     assert found.scope == (True, True, False, True)
     assert found.verdict == "partly"
-    assert found.evidence == "outside the 95 % prediction interval: voltage 8, others 9.0 to 10.8"
+    assert found.evidence == "outside the 95% prediction interval: voltage 8, others 9.0 to 10.8"
     alike = SCORES.copy()
     alike[2, 2] = 10
     monkeypatch.setattr(individuals, "SCORES", alike)

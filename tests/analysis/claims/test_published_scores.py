@@ -44,7 +44,7 @@ def test_the_intervals_are_those_of_the_t_distribution() -> None:
     column = PUBLISHED.table.scores[:, 1]
     expected = stats.t.interval(0.95, 8, column.mean(), stats.sem(column))
     assert PUBLISHED.mean_interval("structure") == pytest.approx(expected)
-    assert PUBLISHED.mean_in_words("structure") == "mean score 8.89, 95 % CI 8.08 to 9.70"
+    assert PUBLISHED.mean_in_words("structure") == "mean score 8.89, 95% CI 8.08 to 9.70"
 
 
 @pytest.mark.parametrize("count", [9, 45])

@@ -5,8 +5,10 @@ import re
 import numpy as np
 import pytest
 
-from analysis.report.drawing import Words, raincloud_figure, scatter_figure
+from analysis.report.drawing import Words
 from analysis.report.figure_data import Raincloud, Scatter
+from analysis.report.figures.model_figures import scatter_figure
+from analysis.report.figures.score_figures import raincloud_figure
 from analysis.report.findings import Scale
 from analysis.sensitivity.ratings import Ratings
 from tests.analysis.reports import SCORES, imported, made
@@ -15,13 +17,13 @@ from tests.analysis.reports import SCORES, imported, made
 def test_names_missing_from_the_font_are_numbered_and_dollars_do_not_start_formulas() -> None:
     drawing = made(SCORES[:1], names=("电压", "$a^$", "pressure")).figures[0].drawing
     assert drawing is not None
-    assert "<!-- condition 1 -->" in drawing.svg
-    assert "<!-- $a^$ -->" in drawing.svg
+    assert ">condition 1</text>" in drawing.svg
+    assert ">$a^$</text>" in drawing.svg
 
 
 def cloud(highest: float) -> list[float]:
     """Return the first cloud's outline for scores on a scale from 0 to `highest`."""
-    table = imported(np.array(SCORES) * highest / 10).table
+    table = imported(np.tile(SCORES, (2, 1)) * highest / 10).table
     scale = Scale(0, highest)
     data = Raincloud(table=table, scale=scale, lines=table.scores, means=table.scores.mean(axis=0))
     svg = raincloud_figure(data, Words(name="scores", title="", description="")).svg
@@ -56,4 +58,4 @@ def test_many_conditions_have_room(count: int) -> None:
     at = np.array([0.0, 1.0])
     data = Scatter(ratings=ratings, scale=scale, of=4, at=at, curves={"M2": at, "M1": 2 * at})
     svg = scatter_figure(data, words).svg
-    assert len(set(re.findall("<!-- condition [0-9]+ -->", svg))) == count
+    assert len(set(re.findall(">condition [0-9]+</text>", svg))) == count

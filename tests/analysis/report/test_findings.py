@@ -43,8 +43,8 @@ def test_captions_methods_and_figures_name_the_studys_scale() -> None:
     page = report_html(of_a_hundred())
     assert "condition, 0 (no effect) to 100 (very effective)." in page
     assert "strength of the effect from 0 (no effect) to 100 (very effective)." in page
-    assert "<!-- score, 0 to 100 -->" in page
-    assert "<!-- rating, 0 to 100 -->" in page
+    assert ">score, 0 to 100</text>" in page
+    assert ">rating, 0 to 100</text>" in page
     assert "to 10 (very effective)" not in page
     assert "0 to 10 -->" not in page
 

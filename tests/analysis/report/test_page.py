@@ -1,6 +1,7 @@
 """The page: warnings at the top, its parts, and escaping of texts."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 
@@ -48,3 +49,10 @@ def test_control_characters_appear_neither_in_the_page_nor_in_latex() -> None:
         )
         assert "vol\ufffdtage" in text
     assert "<svg" in page
+
+
+def test_the_documentation_names_every_section() -> None:
+    docs = (Path(__file__).parents[3] / "docs" / "report.md").read_text(encoding="utf-8")
+    _, _, listed = docs.partition("The sections are ")
+    known = [section.name for section in plain_report().sections]
+    assert [name for name in known if f"`{name}`" not in listed.partition("\n\n")[0]] == []

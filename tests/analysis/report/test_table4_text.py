@@ -23,16 +23,23 @@ def test_a_missing_score_is_an_empty_cell_of_the_csv_file() -> None:
 
 
 def test_the_latex_table_has_the_rules_of_booktabs_and_escapes_names() -> None:
-    assert table4_tex(table4(imported(SCORES[:1], who="50 % of P_").table)).splitlines() == [
+    scores = table4(imported(SCORES[:1], who="50% of P_").table)
+    assert table4_tex(scores, "0 to 10", ["– no score"]).splitlines() == [
+        r"\begin{table}",
+        r"\centering",
+        r"\caption{Scores (0 to 10) by subject and condition. The last column and row are means.}",
+        r"\label{tab:scores}",
         r"\begin{tabular}{lrrrr}",
         r"\toprule",
         r"subject & voltage & structure & pressure & comprehensive \\",
         r"\midrule",
-        r"50 \% of P\_0 & 5 & 7 & 9 & 7.00 \\",
+        r"50\% of P\_0 & 5 & 7 & 9 & 7.00 \\",
         r"\midrule",
         r"average & 5.00 & 7.00 & 9.00 & 7.00 \\",
         r"\bottomrule",
         r"\end{tabular}",
+        r"\\[0.5ex] {\footnotesize \textit{Note.} – no score}",
+        r"\end{table}",
     ]
 
 

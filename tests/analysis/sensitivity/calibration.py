@@ -1,4 +1,4 @@
-"""Simulated studies of known truth, and how often the models' 95 % intervals hold it."""
+"""Simulated studies of known truth, and how often the models' 95% intervals hold it."""
 
 from dataclasses import dataclass, replace
 

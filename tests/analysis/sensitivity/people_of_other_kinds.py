@@ -29,7 +29,7 @@ def users_of_few_numbers(rng: np.random.Generator) -> Ratings:
 
 
 def ceiling_mixture(rng: np.random.Generator) -> Ratings:
-    """Twice as many ratings; some people rate 10 in 60 or 30 % of them, whatever they feel."""
+    """Twice as many ratings; some people rate 10 in 60 or 30% of them, whatever they feel."""
     ratings = own_people(rng, repeats=8)
     share = np.array([0.0, 0.6, 0.3])[ratings.subject % 3]
     tens = rng.random(len(share)) < share

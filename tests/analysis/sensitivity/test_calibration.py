@@ -35,7 +35,7 @@ def test_intervals_hold_biases_gains_and_relative_gains(name: str) -> None:
 
 def test_a_group_without_gain_seldom_has_one() -> None:
     found = over_studies("no gain", "9x5x4")
-    # Of 8 studies 3 or fewer, but for a chance of .0004 at 5 %.
+    # Of 8 studies 3 or fewer, but for a chance of .0004 at 5%.
     assert sum(one.group_excludes_0 for one in found) <= 3
 
 

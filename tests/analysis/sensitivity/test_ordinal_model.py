@@ -131,7 +131,7 @@ def test_gains_are_recovered_and_covered_despite_a_ceiling(extended_study: Study
         at_ceiling.append((study.ratings.rating == 10).mean())
     bias, gain = np.mean(covered, axis=0)
     assert np.mean(at_ceiling) > 0.15
-    # A dozen studies estimate coverage to about 3 %; the soak test does so to half a percent.
+    # A dozen studies estimate coverage to about 3%; the soak test does so to half a percent.
     assert 0.88 < bias <= 1.0
     assert 0.88 < gain <= 1.0
     assert abs(np.mean(ordinal)) < 1.0

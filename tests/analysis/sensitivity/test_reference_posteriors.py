@@ -24,7 +24,7 @@ STUDIES = ("table_4", "middle_9x5x1", "ceiling_9x5x4", "off_the_line_20x5x8")
 # Largest departure of a limit, in widths of the reference's interval.
 LARGEST = 0.05
 # Points that integrate the long upper tail of the SD of discrepancies, which only five conditions
-# tell about: with 2,000, its limit has an error of 1 to 5 % of the width. No report shows it.
+# tell about: with 2,000, its limit has an error of 1 to 5% of the width. No report shows it.
 FINE = 10_000
 Fit = tuple[PreparedTrials, LatentPosterior, OrdinalSensitivity]
 
@@ -57,7 +57,7 @@ def prepared(study: str) -> PreparedTrials:
 
 
 def limits(study: str) -> dict[str, Interval]:
-    """The 95 % limits of every quantity that the reference has."""
+    """The 95% limits of every quantity that the reference has."""
     ready, posterior, result = fit(study)
     points = posterior.points
     lines = result.lines

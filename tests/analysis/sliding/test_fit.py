@@ -63,7 +63,7 @@ def test_the_default_plan_determines_every_property(seed: int) -> None:
         assert isinstance(found, Estimate)
         low, high = found.interval
         assert low < found.value < high
-        # Half as far again as 95 % lie: the soak test counts what lies inside.
+        # Half as far again as 95% lie: the soak test counts what lies inside.
         assert abs(found.value - getattr(true, name)) < 0.75 * (high - low)
 
 

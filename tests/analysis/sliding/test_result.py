@@ -69,7 +69,7 @@ def test_the_result_is_told_in_a_few_lines(result: SlidingResult) -> None:
 
 def test_the_page_and_its_figure_need_no_network(result: SlidingResult) -> None:
     files = result.files()
-    assert set(files) == {"slide.html", "slide.json", "slide.svg", "slide.png"}
+    assert set(files) == {f"slide.{end}" for end in ("html", "json", "svg", "pdf", "png")}
     page = files["slide.html"].decode()
     HTMLParser().feed(page)
     assert "http-equiv" in page

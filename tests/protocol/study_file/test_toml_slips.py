@@ -20,7 +20,7 @@ def problem(text: str) -> Problem:
         ("path_m = [0,010, 0,081]", "decimal numbers have a point, and a comma stands between"),
         ("force_n = 0.5 N", "a number stands alone, without its unit: force_n = 0.5"),
         ("force_n = 5e", "a number stands alone, without its unit: force_n = 5"),
-        ("share = 50 %", "a number stands alone, without its unit: share = 50"),
+        ("share = 50%", "a number stands alone, without its unit: share = 50"),
         ("seed = 01", "a number must not begin with 0: seed = 1"),
         ("force_n = .5", "a number must begin with a digit: force_n = 0.5"),
         ("flag = True", "write flag = true, in small letters"),

@@ -44,7 +44,7 @@ def test_a_rehearsal_on_the_simulated_device(
     )
     assert shown[1].split() == ["property", "value", "95", "%", "interval"]
     assert shown[-1].startswith(f"Written: {study / 'slide' / 'slide.html'}")
-    files = {"slide.html", "slide.json", "slide.svg", "slide.png"}
+    files = {f"slide.{end}" for end in ("html", "json", "svg", "pdf", "png")}
     assert everything(study / "slide") == files
     with read_journal(study / "study.db") as journal:
         assert journal.sessions() == ["slide/1 (rehearsal)"]

@@ -41,7 +41,7 @@ def drawn(plot: SlidePlot, drawing: Drawing, depth: float, share: float = 1.0) -
 
 @pytest.fixture
 def plot() -> SlidePlot:
-    """A second pass at 70 % of its way, after a reference."""
+    """A second pass at 70% of its way, after a reference."""
     made = SlidePlot()
     drawn(made, REFERENCE, 0.0).end(driven=False)
     return drawn(made, TO_THE_RIGHT, 0.08, 0.7)

@@ -139,7 +139,7 @@ def test_precision_by_session_length_is_explained_in_whole_sentences(
     table = next(n for n, line in enumerate(lines) if line.startswith("repeats"))
     above, below = " ".join(lines[table - 3 : table]), " ".join(lines[-6:])
     assert above == (
-        "Precision by session length: half-widths of the 95 % intervals that the report gives each "
+        "Precision by session length: half-widths of the 95% intervals that the report gives each "
         "of 9 participants, in points per unit of predicted change. Relative gain: the "
         "participant's sensitivity less the group's mean."
     )

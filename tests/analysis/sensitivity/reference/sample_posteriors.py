@@ -208,7 +208,7 @@ def in_rating_points(drawn: Any, units: dict[str, float]) -> dict[str, FloatArra
 
 
 def summary(draws: FloatArray) -> dict[str, float]:
-    """Return mean, SD, 95 % limits and convergence of draws (chains, draws)."""
+    """Return mean, SD, 95% limits and convergence of draws (chains, draws)."""
     low, high = np.quantile(draws, [0.025, 0.975])
     found = {
         "mean": draws.mean(),

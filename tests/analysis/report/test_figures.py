@@ -1,0 +1,37 @@
+"""Figures of single trials: what is drawn of levels, people, touches and reaction times."""
+
+import numpy as np
+
+from analysis.report.figure_data import MOST_PEOPLE, levels, people
+from tests.analysis.reports import imported, made, plain_report, study_report
+
+
+def test_conditions_with_several_levels_are_drawn_against_them() -> None:
+    found = levels(study_report())
+    assert found is not None
+    several = {entry.name for entry in study_report().study.condition if len(entry.levels) > 1}
+    assert {own.condition for own in found.conditions} == several
+    for own in found.conditions:
+        assert own.counts.sum() == len(own.score)
+        for at, mean in zip(own.at, own.mean, strict=True):
+            np.testing.assert_allclose(own.score[own.level == at].mean(), mean)
+        assert own.expected is None or len(own.expected) == len(own.at)
+    assert levels(plain_report()) is None
+
+
+def test_each_subject_has_a_panel_with_all_scores() -> None:
+    found = people(study_report())
+    scored = study_report().loaded.scored.dropna(subset=["score"])
+    shown = sum(len(own) for scores in found.scores.values() for own in scores)
+    assert shown == len(scored)
+
+
+def test_of_many_subjects_the_extreme_ones_are_drawn() -> None:
+    scores = np.clip(np.arange(70)[:, None] * 0.1 + np.array([0.0, 1.0, 2.0]), 0, 10)
+    scores[5] = [0, 10, 0]
+    found = people(made(scores))
+    assert found.of == 70
+    assert MOST_PEOPLE < 70
+    assert {"P00", "P05", "P069"} <= found.scores.keys()
+    assert len(found.scores) <= 8
+    assert imported(scores).table.subjects[0] == "P00"

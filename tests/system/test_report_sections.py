@@ -1,0 +1,57 @@
+"""Which sections the report's page shows: all, those of report.toml, or those that are named."""
+
+import webbrowser
+from pathlib import Path
+
+import pytest
+
+from tests.runner.command_line import typed
+
+PUBLISHED = Path(__file__).parents[1] / "data" / "published_scores.csv"
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = tmp_path_factory.mktemp("chosen") / "study"
+    assert typed("import", PUBLISHED, made) == 0
+    return made
+
+
+def shown(study: Path) -> list[str]:
+    page = (study / "report" / "report.html").read_text(encoding="utf-8")
+    return [part.partition('"')[0] for part in page.split('<details id="h-')[1:]]
+
+
+def test_sections_are_chosen_by_file_and_by_name(
+    study: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[str] = []
+    monkeypatch.setattr(webbrowser, "open", opened.append)
+    assert typed("report", study, "--open") == 0
+    whole = (study / "report" / "report.json").read_bytes()
+    assert {"methods", "glossary", "trials"} < set(shown(study))
+    assert opened == [(study / "report" / "report.html").resolve().as_uri()]
+    (study / "report.toml").write_text('sections = ["trials", "methods"]\n')
+    assert typed("report", study) == 0
+    assert shown(study) == ["trials", "methods"]
+    assert (study / "report" / "report.json").read_bytes() == whole
+    assert typed("report", study, "--sections", "glossary") == 0
+    assert shown(study) == ["glossary"]
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ("sections = [", "report.toml"),
+        ('titles = ["a"]', "must have one key"),
+        ('sections = ["metods"]', "no section 'metods'; there are table4, methods"),
+    ],
+)
+def test_a_wrong_choice_is_refused_in_one_line(
+    study: Path, given: str, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (study / "report.toml").write_text(given)
+    assert typed("report", study) == 2
+    told = capsys.readouterr().err
+    assert said in told
+    assert told.count("\n") == 1

@@ -123,6 +123,6 @@ def escaped(text: str) -> str:
     r"""Return `text` escaped for LaTeX; U+FFFD replaces characters that cannot be printed.
 
     >>> escaped("50% of P_1")
-    '50 \\% of P\\_1'
+    '50\\% of P\\_1'
     """
     return "".join(_ESCAPED.get(letter, letter) for letter in printable(text))

@@ -5,23 +5,32 @@ from contextlib import suppress
 
 from device.errors import OutputUnknown
 from protocol.errors import BadInput, WorkFailed
-from protocol.journal.events import DeviceOff, PracticeRenewed, SessionCompleted, TrialStarted
+from protocol.journal.events import (
+    DeviceOff,
+    PracticeRenewed,
+    SessionCompleted,
+    TrialDeferred,
+    TrialStarted,
+)
 from protocol.journal.records import Compliance
+from protocol.plan.randomisation import Stream
+from protocol.plan.retries import deferral
 from protocol.plan.trials import Trial
 from runner.journal.session_log import abort_trial, close_interrupted
 from runner.screens import Notice
 from runner.session.operator_view import update_view
 from runner.session.orders import RepeatTrial
 from runner.session.questions import ask_due, introduce, read_pages
-from runner.session.retries import deferred, renew_practice
 from runner.session.session import SessionContext
 from runner.session.setup import prepare
 from runner.session.trial import ask, touch
-from runner.session.waiting import pause_if_wanted
+from runner.session.waiting import pause_if_wanted, wait
 from runner.signals import errors_are_last, stops_allowed, stops_deferred
 
 _OFF = "output off, read back"
 _RESUMABLE = "run the same command again to resume"
+_NOTICE_S = 3.0
+"""How long participants are told that a touch does not count."""
 
 
 def run(context: SessionContext) -> None:
@@ -146,3 +155,34 @@ def _turn_off(
         raise
     if unknown is not None:
         raise unknown
+
+
+def deferred(context: SessionContext, trial: Trial, made: Compliance) -> bool:
+    """Defer the running `trial` if a touch, just made, was not as instructed; return whether.
+
+    Practice is renewed as a whole instead. After the last attempt that the study allows, the trial
+    goes on.
+    """
+    session, state = context.session, context.log.state
+    before = sum(index == trial.index for index, _ in state.deferred)
+    allowed = session.study.as_instructed.retries
+    if trial.kind == "practice" or not made.missed or before >= allowed:
+        return False
+    place = (session.plan.session, session.plan.slot, trial.index, before)
+    stream = Stream(session.study.study.seed, "again", *place)
+    index, after = deferral(session.study, context.order, trial, state.beam, stream)
+    context.log.append(TrialDeferred(index=index, missed=made.missed, after=after))
+    context.participant.show(Notice(text=f"again.{made.missed[0]}"))
+    wait(context, _NOTICE_S)
+    return True
+
+
+def renew_practice(context: SessionContext) -> None:
+    """Repeat practice once it is over, if too few of its last touches were as instructed."""
+    rules, state = context.session.study.as_instructed, context.log.state
+    practice = [trial.index for trial in context.order if trial.kind == "practice"]
+    is_over = state.answered >= set(practice)
+    recent = state.practised[-rules.practise_of :]
+    lacking = bool(recent) and sum(recent) < rules.practise_until
+    if is_over and lacking and state.practice_rounds < rules.practice_rounds:
+        context.log.append(PracticeRenewed(indices=tuple(practice)))

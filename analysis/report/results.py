@@ -11,7 +11,7 @@ import numpy as np
 from analysis.estimates import Interval, NotEstimable
 from analysis.report.findings import Findings
 from analysis.report.wording import bounded, count_of, interval, number, p_equals
-from analysis.sensitivity.lines import SMALL_SPREAD
+from analysis.sensitivity.lines import SMALL_SPREAD, Lines
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.statistics.omnibus import Friedman, SkillingsMack
 from analysis.statistics.signed_rank import LEVEL, PairwiseTest, SignedRank
@@ -30,9 +30,16 @@ def paragraphs(found: Findings) -> Iterator[tuple[str, str]]:
     if any(isinstance(pair.test, SignedRank) for pair in main.pairwise):
         yield "Which ones?", _pairs(found, main.pairwise)
     if isinstance(found.trials.m2, OrdinalSensitivity):
-        yield "Do ratings follow the predicted change of friction?", _gain(found.trials.m2)
-        if len(found.trials.m2.lines.subjects) > 1:
-            yield "Are some people more sensitive?", _spread(found)
+        predicted = f"predicted contrast (change of log friction; law {LAW})"
+        asked = "Do ratings follow the predicted change of friction?"
+        yield asked, _gain(found.trials.m2.lines, predicted)
+    felt = None if found.measured is None else found.measured.m2
+    if isinstance(felt, OrdinalSensitivity):
+        contrast = "measured contrast (change of log friction at the finger)"
+        yield "Do they follow the change that was measured?", _gain(felt.lines, contrast)
+        yield from _spread(felt.lines, "Friction was measured, so this is not a matter of skin.")
+    elif isinstance(found.trials.m2, OrdinalSensitivity):
+        yield from _spread(found.trials.m2.lines, _SKIN)
     yield from _ranking(found)
 
 
@@ -107,8 +114,7 @@ def _pair(found: Findings, pair: PairwiseTest) -> str:
     )
 
 
-def _gain(fit: OrdinalSensitivity) -> str:
-    lines = fit.lines
+def _gain(lines: Lines, contrast: str) -> str:
     low, high = lines.gain_interval
     shown = (
         "so they do."
@@ -118,14 +124,15 @@ def _gain(fit: OrdinalSensitivity) -> str:
         else "so these data do not show that they do."
     )
     return (
-        f"Per unit of predicted contrast (change of log friction; law {LAW}), a rating rose by "
-        f"{number(lines.gain, 2)} points in the group{_ci(lines.gain_interval)}, {shown}"
+        f"Per unit of {contrast}, a rating rose by {number(lines.gain, 2)} points in the group"
+        f"{_ci(lines.gain_interval)}, {shown}"
     )
 
 
-def _spread(found: Findings) -> str:
-    assert isinstance(found.trials.m2, OrdinalSensitivity)
-    lines = found.trials.m2.lines
+def _spread(lines: Lines, skin: str) -> Iterator[tuple[str, str]]:
+    """Yield how much gains differ between subjects, if there are several."""
+    if len(lines.subjects) < 2:
+        return
     apart = [
         line
         for line in lines.subjects
@@ -138,10 +145,11 @@ def _spread(found: Findings) -> str:
         if apart
         else "no participant's gain differed from the group's mean gain."
     )
-    return (
+    yield (
+        "Are some people more sensitive?",
         f"Gains had an SD of {number(lines.gain_sd, 2)}{_ci(lines.gain_sd_interval)} between "
         f"participants (P = {bounded(lines.small_gain_sd)} that it is below {SMALL_SPREAD:.0%} of "
-        f"the gain); {who} {_SKIN}"
+        f"the gain); {who} {skin}",
     )
 
 

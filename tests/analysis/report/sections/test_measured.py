@@ -4,9 +4,10 @@ from functools import cache
 
 from analysis.loading.study_data import load_study_data
 from analysis.report.report import Report, report, report_html, report_json
+from analysis.report.results import paragraphs
 from tests.analysis.friction.recorded_sessions import recorded_cohort
 from tests.analysis.report.test_report import nulls_without_reason
-from tests.analysis.reports import ORIGIN, PAPER, ReadPage, plain_report
+from tests.analysis.reports import ORIGIN, PAPER, ReadPage, plain_report, study_report
 
 
 @cache
@@ -29,6 +30,15 @@ def test_measured_contrasts_and_gains_stand_beside_the_predicted_ones() -> None:
     assert "Sensitivity to measured friction" in page.words
     text = " ".join(page.words)
     assert "4 scored trials, because it was not recorded" in text
+
+
+def test_the_results_in_words_take_the_measured_gains() -> None:
+    told = dict(paragraphs(measured_report()))
+    assert "of measured contrast" in told["Do they follow the change that was measured?"]
+    assert "not a matter of skin" in told["Are some people more sensitive?"]
+    assert (
+        "skin and perception" in dict(paragraphs(study_report()))["Are some people more sensitive?"]
+    )
 
 
 def test_json_has_models_predictors_and_a_reason_for_each_missing_number() -> None:

@@ -8,6 +8,7 @@ from scipy.signal import lfilter
 
 from analysis.estimates import FloatArray
 from analysis.friction.recorded import TARE_S, TouchForces, reduced
+from device.friction.calibration import Calibration
 from device.friction.changes import Moment, trial_change
 from device.friction.contrasts import friction_at
 from device.friction.scenes import Structure
@@ -52,10 +53,11 @@ class Finger:
 
     def friction(self, moment: Moment, voltage_v: float, frequency: float) -> FloatArray:
         """Return ln μ at `PLACES_M`."""
-        driven = replace(moment, voltage_v=self.drive_gain * voltage_v, frequency=frequency)
+        driven = replace(moment, voltage_v=voltage_v, frequency=frequency)
         key = (moment, voltage_v, frequency)
         if key not in self.friction_of:
-            nominal = friction_at(driven, PLACES_M, rung="mode", damping_ratio=self.damping_ratio)
+            rig = Calibration(damping_ratio=self.damping_ratio, gain=self.drive_gain)
+            nominal = friction_at(driven, PLACES_M, rung="mode", rig=rig)
             self.friction_of[key] = np.asarray(np.log(nominal / RESTING))
         return np.asarray(np.log(self.resting) + self.skin * self.friction_of[key])
 

@@ -1,5 +1,11 @@
 """Long runs: thousands of simulated studies, skipped unless they are asked for."""
 
+import os
+
+# As the commands that compute: one thread is faster for small matrices, and sums in one order.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+
 import shutil
 from collections.abc import Iterator
 

@@ -90,11 +90,11 @@ _JITTER = 0.016
 
 @dataclass(frozen=True, kw_only=True)
 class Drawing:
-    """Figure as SVG text to embed in a page, and its files by the ends of their names."""
+    """Figure as SVG text to embed in a page; `files` makes its files by the ends of their names."""
 
     name: str
     svg: str
-    files: Mapping[str, bytes]
+    files: Callable[[], Mapping[str, bytes]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,8 +140,7 @@ def panels_drawing(panels: Sequence[Panel], words: Words) -> Drawing:
     with rc_context(_REPRODUCIBLE):
         figure = _panels(panels)
         svg = _svg(figure, words)
-        files = {".svg": svg.encode(), ".pdf": _saved_pdf(figure), ".png": _saved(figure)}
-    return Drawing(name=words.name, svg=svg, files=files)
+    return Drawing(name=words.name, svg=svg, files=lambda: _two_columns(figure, svg))
 
 
 def _panels(panels: Sequence[Panel]) -> Figure:
@@ -230,13 +229,20 @@ def grid_drawing(
         made.set_layout_engine("none")  # else each file would arrange the figure again
         return made
 
+    def files() -> Mapping[str, bytes]:
+        with rc_context(_sized(ONE_COLUMN)):
+            narrow = _saved_pdf(figure(ONE_COLUMN))
+        return {**_two_columns(wide, svg), "-column.pdf": narrow}
+
     with rc_context(_sized(TWO_COLUMNS)):
         wide = figure(TWO_COLUMNS)
         svg = _svg(wide, words)
-        files = {".svg": svg.encode(), ".pdf": _saved_pdf(wide), ".png": _saved(wide)}
-    with rc_context(_sized(ONE_COLUMN)):
-        files["-column.pdf"] = _saved_pdf(figure(ONE_COLUMN))
     return Drawing(name=words.name, svg=svg, files=files)
+
+
+def _two_columns(figure: Figure, svg: str) -> dict[str, bytes]:
+    with rc_context(_REPRODUCIBLE):
+        return {".svg": svg.encode(), ".pdf": _saved_pdf(figure), ".png": _saved(figure)}
 
 
 def _sized(size: Size) -> Any:

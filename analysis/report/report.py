@@ -140,7 +140,7 @@ def report_files(result: Report) -> dict[str, bytes]:
     for figure in result.figures:
         if figure.drawing is not None:
             paths = _figure_paths(figure)
-            found |= dict(zip(paths, figure.drawing.files.values(), strict=True))
+            found |= dict(zip(paths, figure.drawing.files().values(), strict=True))
     return found
 
 

@@ -113,7 +113,7 @@ class SlidingResult:
         assert drawing is not None, "there is a driven curve"
         return {
             **{name: text.encode() for name, text in texts.items()},
-            **{f"slide{end}": content for end, content in drawing.files.items()},
+            **{f"slide{end}": content for end, content in drawing.files().items()},
         }
 
     @cached_property

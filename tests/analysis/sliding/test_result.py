@@ -59,7 +59,7 @@ def test_the_json_has_what_others_rely_on(result: SlidingResult) -> None:
 
 def test_the_result_is_told_in_a_few_lines(result: SlidingResult) -> None:
     lines = list(result.lines())
-    assert lines[0].split() == ["property", "value", "95", "%", "interval"]
+    assert lines[0].split() == ["property", "value", "95%", "interval"]
     assert any(line.startswith("damping ratio ") for line in lines)
     assert any(line.startswith("Not told by these passes: ") for line in lines)
     assert "Left out: pass 5, the block <tilted>." in lines

@@ -55,7 +55,8 @@ def device_probe(url: UrlArgument, as_json: JsonOption = False) -> None:
         print_json(status)
         return
     for name, value in status.items():
-        label, shown = named_quantity(name, value)
+        label, shown = named_quantity(name, "0" if value is None else value)
+        shown = "not measured" if value is None else shown
         is_switch = name == "output" and shown in {"0", "1"}
         say(f"{label:15} {('off', 'on')[int(shown)] if is_switch else shown}")
 

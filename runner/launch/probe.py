@@ -8,7 +8,7 @@ from typing import Any
 
 from device.drivers.discovery import driver_for, driver_of
 from device.errors import LinkTimeout
-from device.link.link import HANDSHAKE_S, open_link
+from device.link.link import HANDSHAKE_S, Link, open_link
 from device.link.port import described_ports
 from device.resonance import Resonance
 from device.simulator.client import simulator_process
@@ -54,8 +54,25 @@ def probed(url: str, touchbeam: Sequence[str]) -> dict[str, Any]:
         driver = driver_for(idn)
         if not driver.register.is_a_setting:
             link.synchronise()
-        health = {name: link.ask(query) for name, query in driver.health.items()}
+        health = {name: answered(link, query) for name, query in driver.health.items()}
     return {"url": url, "idn": idn, "dialect": driver.dialect, **health}
+
+
+def answered(link: Link, query: str) -> str | None:
+    """Return the answer to `query`, None of a device that has nothing to say to it.
+
+    A board without a thermometer, for example, answers nothing when asked for its temperature.
+
+    Raises:
+        DeviceError: the device answers nothing at all.
+    """
+    try:
+        return link.ask(query)
+    except LinkTimeout:
+        if link.register.is_a_setting:
+            raise
+        link.synchronise()
+        return None
 
 
 def swept(

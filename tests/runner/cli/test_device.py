@@ -10,6 +10,7 @@ import pytest
 
 from device.beam.modes import natural_frequency_hz
 from device.errors import DeviceError, ForeignDevice
+from device.link.link import Link
 from device.resonance import Resonance
 from device.simulator.client import ControlClient, Endpoints, simulator_process
 from device.simulator.hardware.beam_and_finger import SimulatedBeam
@@ -17,9 +18,10 @@ from protocol.errors import BadInput
 from protocol.study.rig_settings import Rig as RigSettings
 from protocol.study_file.loading import template
 from runner.launch.device_access import session_rig
-from runner.launch.probe import probed, swept
+from runner.launch.probe import answered, probed, swept
 from runner.study.calibration import keep_calibration, kept_calibration
 from tests.device.rigs import DRIVE, TOUCHBEAM, opened
+from tests.device.scripted import ScriptedPort, ticking
 from tests.runner.command_line import typed
 
 FOUND = Resonance(frequency_hz=24_180.5, tip_m_per_v=2e-8)
@@ -52,6 +54,13 @@ def test_a_probe_reports_identity_and_status_and_changes_nothing(endpoints: Endp
         assert said["output"] == output
         assert control.state()["output"] is True
         assert other in said
+
+
+def test_a_question_that_a_device_does_not_know_has_no_answer_and_the_next_one_has() -> None:
+    port = ScriptedPort({b"VOLT?\n": b"0\n", b"BOOT?\n": b"1\n"})
+    link = Link(port, monotonic=ticking())
+    asked = {query: answered(link, query) for query in ("VOLT?", "MEAS:TEMP?", "BOOT?")}
+    assert asked == {"VOLT?": "0", "MEAS:TEMP?": None, "BOOT?": "1"}
 
 
 def test_a_probe_of_an_unknown_device_shows_expected_and_actual_identity(

@@ -213,7 +213,7 @@ def test_a_changed_journal_is_reported_and_exported_with_a_warning(
     assert found["broken_chains"] == ["P-01/1", "P01/2"]
     assert "broken in P-01/1, P01/2;" in found["provenance"]["journal"]
     page = (study / "report" / "report.html").read_text()
-    assert page.index("<strong>Changed journal.</strong>") < page.index("<nav")
+    assert page.index("<strong>Changed journal.</strong>") < page.index("<h2")
 
 
 def test_an_intact_journal_gives_no_warning(

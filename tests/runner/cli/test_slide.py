@@ -42,7 +42,7 @@ def test_a_rehearsal_on_the_simulated_device(
     assert shown[0] == (
         "slide/1 is complete: 5 passes, device off (read back); this was a rehearsal."
     )
-    assert shown[1].split() == ["property", "value", "95", "%", "interval"]
+    assert shown[1].split() == ["property", "value", "95%", "interval"]
     assert shown[-1].startswith(f"Written: {study / 'slide' / 'slide.html'}")
     files = {f"slide.{end}" for end in ("html", "json", "svg", "pdf", "png")}
     assert everything(study / "slide") == files

@@ -35,7 +35,8 @@ FORGETS = {SLACK, "limits-lost", "panel-changed", "panel-on", "brown-out"}
 TELLS = {
     HOT: "must not be hotter than|too hot",
     SLACK: "SYST:WATC was set to",
-    "brown-out": "the device restarted",
+    # In the middle of an exchange, a restart is first seen as an answer that does not fit.
+    "brown-out": "the device restarted|the device must answer",
     "endless-errors": "error queue does not end",
     "error-after-set": "was refused by the device: -310 System error",
     "monitor-wrong": "the monitor must show",

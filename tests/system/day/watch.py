@@ -34,7 +34,7 @@ FORGETS = {SLACK, "limits-lost", "panel-changed", "panel-on", "brown-out"}
 """Faults in which it forgets its limit or its watchdog, or goes on by itself."""
 TELLS = {
     HOT: "must not be hotter than|too hot",
-    SLACK: "SYST:WATC was set to",
+    SLACK: "SYST:WATC was set to|watchdog did not trip",
     # In the middle of an exchange, a restart is first seen as an answer that does not fit.
     "brown-out": "the device restarted|the device must answer",
     "endless-errors": "error queue does not end",

@@ -49,6 +49,9 @@ TELLS = {
 """What the operator is told of a fault of a board that stands alone."""
 CUT_OFF = {"vanish", "dead-peer", "deaf"}
 """Faults in which the host does not reach the device: its watchdog must end the output."""
+_UNGUARDED = {*CUT_OFF, "brown-out"}
+"""Faults in which a generator gives something else: it has no watchdog that a restart forgets, so
+that it takes the rest of a drive in whose middle it restarted."""
 DEAD_WATCHDOG = {SLACK, "watchdog-dead"}
 """Faults in which nothing ends what a process has switched on that is killed."""
 NO_WATCHDOG = {*DEAD_WATCHDOG, "relay-stuck", "stage-shorted"}
@@ -277,7 +280,7 @@ class Watch:
         cool = not (instrument.hot and self.rig.max_temperature_c and self.thermometer)
         if output_v <= allowed_v + _TOLERANCE_V and least_hz <= hertz <= allowed_hz and cool:
             self._wrong_from_s = None
-        elif faults & (STAYS_ON | EXCEEDS) or (faults & CUT_OFF and not self.is_board):
+        elif faults & (STAYS_ON | EXCEEDS) or (faults & _UNGUARDED and not self.is_board):
             self._wrong_for_long()
         else:
             cut_off = faults & CUT_OFF and output_v <= self.rig.max_voltage_v

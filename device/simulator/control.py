@@ -17,6 +17,7 @@ class Control:
         self._clock = clock
         self._commands: dict[str, Callable[..., object]] = {
             "state": self._state,
+            "truth": self._beam.truth,
             "touch": self._touch,
             "lift": self._beam.lift,
             "sensor": lambda name, value: self._beam.change(name, float(value)),

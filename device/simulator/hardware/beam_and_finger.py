@@ -12,7 +12,7 @@ import numpy as np
 
 from device.beam.beam import Beam
 from device.beam.modes import FloatArray, modal_displacement_m, natural_frequency_hz
-from device.friction.coefficient import scene_batch
+from device.friction.coefficient import friction_coefficient, scene_batch
 from device.friction.contrasts import LAW, RUNG
 from device.friction.laws import law_by_name
 from device.friction.prediction import LawChoice, rung_prediction
@@ -142,6 +142,30 @@ class SimulatedBeam:
                 return
         known = ", ".join((*vars(self.skin), *vars(self.sensor)))
         raise ValueError(f"a sensor or skin has {known}, got {name!r}")
+
+    def truth(self) -> dict[str, object]:
+        """Return what this beam hides, for those who test whether it is found.
+
+        The troughs of its friction are those that a block of 0.56 N feels, drawn to the right at
+        100 V and at resonance (paper, section 5.1), by the block's right edge.
+        """
+        from scipy.signal import find_peaks
+
+        resonance_hz = float(natural_frequency_hz(self.beam, MODE))
+        block = Finger(force_n=0.56, position_m=0.0, direction="right")
+        places_m = np.linspace(0.0, self.beam.length_m, 4001)
+        scene = self._scene(block, self.gain * 100.0, resonance_hz)
+        friction = friction_coefficient(scene, law=self.law, rung=self.rung, x_m=places_m)
+        return {
+            "law": self.law,
+            "rung": self.rung,
+            "resonance_hz": resonance_hz,
+            "damping_ratio": self.beam.damping_ratio,
+            "gain": self.gain,
+            "troughs_m": [
+                round(float(place_m), 6) for place_m in places_m[find_peaks(-friction)[0]]
+            ],
+        }
 
     def lift(self) -> None:
         """Take the finger off."""

@@ -37,6 +37,16 @@ def test_the_friction_at_resonance_is_that_of_the_law_on_the_rung(law: str, rung
     assert felt(law, rung) == pytest.approx(friction_coefficient(scene, law=law, rung=rung)[0])
 
 
+def test_the_truth_is_what_a_session_has_to_find() -> None:
+    beam = SimulatedBeam(3)
+    told = beam.truth()
+    assert told["resonance_hz"] == natural_frequency_hz(beam.beam, MODE)
+    assert (told["law"], told["rung"], told["gain"]) == (LAW, RUNG, beam.gain)
+    troughs_m = told["troughs_m"]
+    assert isinstance(troughs_m, list)
+    assert [round(1e3 * place_m) for place_m in troughs_m[:3]] == [22, 41, 59]
+
+
 def test_laws_and_rungs_differ_under_a_voltage_and_not_at_rest() -> None:
     assert len({felt(*each) for each in SCENES}) == 3
     assert {felt(*each, voltage_v=0.0) for each in SCENES} == {0.4}

@@ -64,13 +64,18 @@ def session_summaries(sessions: Mapping[str, SessionState]) -> list[SessionSumma
     return [_summary(name, state) for name, state in sessions.items()]
 
 
-def slot_for(sessions: Mapping[str, SessionState], participant: str, kind: str) -> int:
+def slot_for(
+    sessions: Mapping[str, SessionState], participant: str, kind: str, chain: str = ""
+) -> int:
     """Return the slot of `participant` among the sessions of `kind`.
 
-    A participant keeps the slot of an earlier session; a new participant takes the first slot that
-    is neither in use nor finished. Rehearsals have slots of their own and use up none of a
-    participant's.
+    The session of the name `chain`, if it has been opened, keeps its own. Else a participant keeps
+    the slot of an earlier session; a new participant takes the first slot that is neither in use
+    nor finished. Rehearsals have slots of their own and use up none of a participant's.
     """
+    own = sessions[chain].opened if chain in sessions else None
+    if own is not None and own.slot is not None:
+        return own.slot
     taken: dict[int, SlotState] = {}
     for state in sessions.values():
         opened = state.opened

@@ -342,7 +342,7 @@ def opened_session(request: Request, journal: Journal, clock: Clock) -> Session:
     options = request.options
     with journal.alone():
         sessions, chain = states(journal), request.chain(journal)
-        slot = 0 if options.slides else slot_for(sessions, options.participant, request.kind)
+        slot = 0 if options.slides else slot_for(sessions, options.participant, request.kind, chain)
         session = Session(
             participant=options.participant,
             number=options.number,

@@ -3,12 +3,13 @@
 import json
 import sqlite3
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from protocol.errors import BadInput
-from protocol.journal.events import NoteTaken, Withdrawn, event_of
+from protocol.journal.events import NoteTaken, SessionOpened, Withdrawn, event_of
 from protocol.study_file.loading import template
 from runner.clock import WallClock
 from runner.journal.amendments import (
@@ -104,6 +105,19 @@ def test_the_slot_of_a_dropout_is_reused_and_that_of_a_finished_session_is_not(
     with finished(finished_folder) as journal:
         exclude_session(journal, CLOCK, "P01/1", "ill")
         assert slot_for(states(journal), "P02", "participant") == 1
+
+
+def test_an_opened_session_keeps_its_slot_when_an_earlier_one_is_included_again(
+    tmp_path: Path,
+) -> None:
+    with finished(tmp_path) as journal:
+        exclude_session(journal, CLOCK, "P01/1", "ill")
+        opened = journal.events("P01/1")[0].record
+        assert isinstance(opened, SessionOpened)
+        SessionLog(journal, "P01/2", CLOCK).append(replace(opened, session=2, slot=1))
+        include_session(journal, CLOCK, "P01/1", "the wrong one")
+        assert slot_for(states(journal), "P01", "participant", "P01/2") == 1
+        assert slot_for(states(journal), "P01", "participant", "P01/3") == 0
 
 
 def test_rehearsals_do_not_use_up_participants_slots(tmp_path: Path) -> None:

@@ -161,9 +161,7 @@ class Day:
         if outcome.killed:
             return False
         if outcome.code == 2:
-            back = any(other.startswith(f"{participant}/") for other in self.returned)
-            # A session that is included again may give its participant's others another slot.
-            why = name in self.gone or participant in self.doubtful or back
+            why = name in self.gone or participant in self.doubtful
             stale = self.unamended or "study changed" in outcome.process.happened
             changed = "study.toml has changed" in outcome.line and stale
             done = "is already completed" in outcome.line

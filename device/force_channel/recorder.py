@@ -101,8 +101,8 @@ class Recorder:
         elif now_s > self._heard_s + SILENT_S:
             raise DeviceError(f"the force channel gave no samples for {SILENT_S:g} s")
         ready_s = self.began_s + self.count / self.rate_hz + self._block_s
-        is_whole = block.count == self._most
-        self.due_s = ready_s if is_whole else max(ready_s, now_s + self._block_s / 4)
+        is_short = 2 * block.count < self._most  # a line of a gauge may hold less than a block
+        self.due_s = max(ready_s, now_s + self._block_s / 4) if is_short else ready_s
 
     def samples(self, offset: ClockOffset) -> Samples:
         """Return the recording; `offset` is that of the clocks at its end."""

@@ -81,9 +81,8 @@ class GaugeOwner:
         self._recording = None
 
     def keep_up(self) -> None:
-        """Wait for the owner if samples are fetched too late."""
-        recording = self._recording
-        if recording is not None and recording.wait_s() < -MOST_LATE_S:
+        """Wait for the owner until samples are not fetched too late."""
+        while (recording := self._recording) is not None and recording.wait_s() < -MOST_LATE_S:
             self._owned(lambda: None)
 
     def require_sound(self) -> None:

@@ -78,6 +78,18 @@ def test_an_honest_gauge_loses_nothing() -> None:
     assert samples.clock_error_s < 1e-3
 
 
+def test_a_session_that_steps_faster_than_its_gauge_waits_for_it() -> None:
+    with gauge() as (owner, port):
+        owner.meet()
+        owner.record(1000, port.clock)
+        for _ in range(10):
+            port.clock.advance(0.9)
+            owner.keep_up()
+            owner.require_sound()
+        samples = owner.recorded()
+    assert len(samples.counts) / 6 == pytest.approx(9000, rel=0.1)
+
+
 def _digested(body: str) -> str:
     return f"{body};{zlib.crc32(body.encode('ascii')):08X}"
 

@@ -87,8 +87,10 @@ class Slide(Record):
         if not self.frequencies and not self.frequencies_hz:
             raise ValueError("frequencies must hold some where frequencies_hz has none, got none")
         listed = ("frequencies", "frequencies_hz", "directions", "speeds_m_s", "paths_m")
-        if twice := [key for key in listed if len({*getattr(self, key)}) < len(getattr(self, key))]:
-            raise ValueError(f"{twice[0]} must hold no value twice (repeats draws all again)")
+        for key in listed:
+            values = getattr(self, key)
+            if twice := [value for value in values if values.count(value) > 1]:
+                raise ValueError(f"{key} must hold no value twice, got {twice[0]} twice")
         if self.passes > MOST_PASSES:
             raise ValueError(f"must have at most {MOST_PASSES} passes, got {self.passes}")
         lengths_m = [right_m - left_m for left_m, right_m in self.paths_m]

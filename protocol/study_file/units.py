@@ -37,13 +37,14 @@ _BY_ENDING = {
     "_ma": Unit(name="mA", mistaken="A", worth=1e3, example=0.1),
     "_vpp": Unit(name="V", mistaken="mV", worth=1e-3, example=500),
 }
-_RELATIVE = {
+_HINTS = {
     "frequency": "relative to the resonance: 1.0 drives the beam there",
     "frequencies": "relative to the resonance: 1.0 drives the beam there",
     "sweep_to": "relative to the resonance: 1.0 drives the beam there",
     "press": "relative to touch.force_n: 1.5 presses half as hard again",
     "levels": "amplitudes are multiplied by it: 0.5 halves them",
     "amplifier_gain": "volts out per volt in: 26 dB is 20",
+    "rate_hz": "samples per second",
 }
 
 
@@ -55,8 +56,8 @@ def unit_hint(path: Path, value: object = None, *, too_large: bool = True) -> st
     if path[0] == "beams":
         return METRE.hint(value, too_large=too_large)
     key = next((part for part in reversed(path) if isinstance(part, str)), "")
-    if key in _RELATIVE:
-        return _RELATIVE[key]
+    if key in _HINTS:
+        return _HINTS[key]
     found = (unit for ending, unit in _BY_ENDING.items() if key.endswith(ending))
     unit = None if key.endswith("_per_s") else next(found, None)
     return unit.hint(value, too_large=too_large) if unit else ""

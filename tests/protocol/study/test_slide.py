@@ -22,7 +22,7 @@ def test_the_default_is_the_papers_block_at_drives_around_the_resonance() -> Non
         ({"speeds_m_s": (1.0,), "paths_m": ((0.01, 0.02),)}, r"0\.1 to 600 s, got 0\.01"),
         ({"speeds_m_s": (0.001,), "paths_m": ((0.0, 0.9),)}, r"0\.1 to 600 s, got 900"),
         ({"paths_m": ((0.08, 0.01),)}, "lead from left to right"),
-        ({"directions": ("left", "left")}, "directions must hold no value twice"),
+        ({"directions": ("left", "left")}, "directions must hold no value twice, got left"),
         ({"directions": ()}, "at least 1 item"),
         ({"load_n": 56.0}, "less than or equal to 10"),
         ({"frequencies_hz": (23.2,)}, "greater than or equal to 1000"),

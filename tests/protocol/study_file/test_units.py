@@ -62,6 +62,7 @@ def test_a_number_in_another_unit_is_refused_with_the_right_one(
         ("rig", "max_current_ma = 0.05", "at least 0.1, got 0.05; in mA: 0.05 A is 50"),
         ("rig", "generator_max_vpp = 10_000", "at most 100, got 10000; in V: 10000 mV is 10"),
         ("rig", "amplifier_gain = 20_000", "at most 1000, got 20000; volts out per volt in"),
+        ("force_channel", "rate_hz = 5000", "at most 1000, got 5000; samples per second"),
         ("design", "break_s = 60_000", "at most 3600, got 60000; in s: 60000 ms is 60"),
         ("timing", "inter_trial_s = 2_000", "at most 600, got 2000; in s: 2000 ms is 2"),
         ("timing", "beam_swap_s = 60_000", "at most 3600, got 60000; in s: 60000 ms is 60"),

@@ -48,7 +48,7 @@ def rig_lock(url: str, common: Path = COMMON) -> Iterator[None]:
         RigInUse: another process holds the rig; the message gives its command.
         UnsafeFolder: other users can open the folder of the locks.
     """
-    lock = _lock(url, _address(url), common) if url != SIMULATED else nullcontext()
+    lock = _lock(url, real_address(url), common) if url != SIMULATED else nullcontext()
     with lock:
         yield
 
@@ -130,7 +130,7 @@ def _boot() -> str:
         return ""
 
 
-def _address(url: str) -> str:
+def real_address(url: str) -> str:
     """Return the numeric host and port, or the real path of the device, that `url` leads to.
 
     All spellings of an address of this machine are one: a device that listens there, such as a

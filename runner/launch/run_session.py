@@ -6,7 +6,7 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager, nullco
 from dataclasses import dataclass
 
 from device.resonance import Resonance
-from protocol.address import SIMULATED
+from protocol.address import SIMULATED, AddressError
 from protocol.errors import BadInput, WorkFailed
 from protocol.journal.records import VirtualTruth
 from protocol.journal.state import SessionState
@@ -29,7 +29,7 @@ from runner.journal.store import Journal, JournalError
 from runner.journal.verification import touchbeam_versions
 from runner.launch.confirmation import Confirm, nearly_the_same, refused
 from runner.launch.device_access import SessionRig, gauge_address, session_rig
-from runner.launch.locks import rig_lock, session_lock
+from runner.launch.locks import real_address, rig_lock, session_lock
 from runner.launch.participant_screen import participants_screen
 from runner.launch.participants import Say, participant_and_operator
 from runner.people.participant_console import require_typist
@@ -254,7 +254,12 @@ def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
     # Also of the rehearsal of that name: nobody runs both at once.
     stack.enter_context(session_lock(name, options.folder.path))
     gauge = gauge_address(request.study.force_channel, request.url)
-    for url in (request.url, *([gauge] if gauge and request.url != SIMULATED else [])):
+    gauge = gauge if request.url != SIMULATED else None
+    if gauge and real_address(gauge) == real_address(request.url):
+        raise AddressError(
+            f"force_channel.gauge must have a port of its own, got {gauge}, the device's"
+        )
+    for url in filter(None, (request.url, gauge)):
         stack.enter_context(rig_lock(url))
     # The window before the rig: without a window to instruct the participant nothing is driven.
     window = stack.enter_context(_window(request, say))

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -168,6 +169,21 @@ def test_two_sessions_cannot_share_a_gauge(tmp_path: Path) -> None:
         rig_lock("/dev/some-gauge"),
         pytest.raises(RigInUse, match=r"^/dev/some-gauge is in use by"),
     ):
+        run_session(options, lambda _: None)
+
+
+@pytest.mark.parametrize(
+    ("device", "gauge"),
+    [
+        ("socket://127.0.0.1:5999", "socket://localhost:5999"),
+        ("/dev/no-such-device", "/dev/../dev/no-such-device"),
+    ],
+)
+def test_another_spelling_of_the_devices_port_is_no_gauges(
+    device: str, gauge: str, tmp_path: Path
+) -> None:
+    options = replace(study_with_gauge(tmp_path, gauge), device=device)
+    with pytest.raises(AddressError, match=r"must have a port of its own, got \S+, the device's"):
         run_session(options, lambda _: None)
 
 

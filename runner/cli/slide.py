@@ -118,6 +118,10 @@ def _last(chains: Sequence[str]) -> int:
     return max((parsed_name(chain).number for chain in chains), default=1)
 
 
+def _nothing_drawn(number: int) -> BadInput:
+    return BadInput(f"no block has been drawn here as slide/{number}; draw it with touchbeam slide")
+
+
 def write_result(
     folder: "StudyFolder", number: int | None, *, rehearsal: bool, calibrate: bool, as_json: bool
 ) -> None:
@@ -135,14 +139,14 @@ def write_result(
     from runner.study.calibration import keep_fit
     from runner.study.files import write_files
 
+    if folder.study_file.is_file() and not folder.journal.is_file():
+        raise _nothing_drawn(number or 1)
     with study_journal(folder) as journal:
         rehearsal = rehearsal or not chains_of(journal, SLIDE, rehearsal=False)
         chosen = number or _last(chains_of(journal, SLIDE, rehearsal=rehearsal))
         chain = existing_chain(journal, SLIDE, chosen, rehearsal=rehearsal)
         if chain not in journal.sessions():
-            raise BadInput(
-                f"no block has been drawn here as slide/{chosen}; draw it with touchbeam slide"
-            )
+            raise _nothing_drawn(chosen)
         drawn = drawn_session(readable_events(journal, chain))
     result = sliding_result(drawn)
     out = folder.path / "slide"

@@ -85,7 +85,7 @@ def test_without_a_pass_there_is_nothing_to_analyse(
     study: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert typed("slide", study, "--analyse") == 2
-    assert capsys.readouterr().err
+    assert "no block has been drawn here as slide/1" in capsys.readouterr().err
     assert typed("run", study, "--participant", "P01", "--ratings", "virtual") == 0
     capsys.readouterr()
     assert typed("slide", study, "--analyse") == 2

@@ -34,7 +34,7 @@ def keep_calibration(folder: Path, found: "Resonance", idn: str, measured_utc: s
         BadInput: there is no study in `folder`.
     """
     measured = {"frequency_hz": found.frequency_hz, "tip_m_per_v": found.tip_m_per_v}
-    return _write(folder, {**measured, "idn": idn, "measured_utc": measured_utc}, {})
+    return _write(folder, {**measured, "idn": idn, "measured_utc": measured_utc})
 
 
 def keep_fit(
@@ -42,7 +42,8 @@ def keep_fit(
 ) -> Path:
     """Store what a sliding experiment determined of the rig; return the file.
 
-    Without a sweep's resonance, that of the experiment is kept.
+    Without a sweep's resonance, that of the experiment is kept. A rehearsal replaces nothing but
+    what a rehearsal told.
 
     Args:
         folder: the study's.
@@ -51,20 +52,28 @@ def keep_fit(
         fitted: see `analysis.sliding.experiment.SlidingFindings.calibration_record`.
 
     Raises:
-        BadInput: there is no study in `folder`.
+        BadInput: there is no study in `folder`, or a rehearsal would replace the fit of a rig.
     """
-    resonance = {"frequency_hz": measured.frequency_hz, "tip_m_per_v": measured.tip_m_per_v}
-    return _write(folder, {FITTED: dict(fitted)}, {**resonance, "idn": idn})
+    kept, is_rehearsal = _kept_or_nothing(folder / FILE), bool(fitted.get("rehearsal"))
+    before = kept.get(FITTED)
+    if is_rehearsal and isinstance(before, dict) and not before.get("rehearsal"):
+        raise BadInput(
+            f"{folder / FILE}: the fit of session {before.get('session')} is not replaced by a "
+            "rehearsal's; move the file away if it should be"
+        )
+    part: dict[str, object] = {FITTED: dict(fitted)}
+    if "measured_utc" not in kept and not (is_rehearsal and "frequency_hz" in kept):
+        resonance = {"frequency_hz": measured.frequency_hz, "tip_m_per_v": measured.tip_m_per_v}
+        part = {**resonance, "idn": idn, **part}
+    return _write(folder, part)
 
 
-def _write(folder: Path, part: Mapping[str, object], otherwise: Mapping[str, object]) -> Path:
-    """Replace a part of the file, which takes `otherwise` for what it lacks."""
+def _write(folder: Path, part: Mapping[str, object]) -> Path:
+    """Replace a part of the file."""
     if not (folder / "study.toml").is_file():
         raise BadInput(f"{folder}: no study here (study.toml is missing)")
-    path, kept = folder / FILE, dict[str, Any]()
-    with suppress(BadInput):  # a damaged file is replaced
-        kept = _kept(path) or {}
-    text = json.dumps({**otherwise, **kept, **part}, indent=2) + "\n"
+    path = folder / FILE
+    text = json.dumps({**_kept_or_nothing(path), **part}, indent=2) + "\n"
     write_whole(path, text.encode())
     return path
 
@@ -112,6 +121,13 @@ def fitted_calibration(folder: Path) -> Calibration:
         raise BadInput(f"{path}: {FITTED}: {error}") from error
     except (ValueError, KeyError, TypeError, OverflowError) as error:
         raise _damaged(path, error) from error
+
+
+def _kept_or_nothing(path: Path) -> dict[str, Any]:
+    """Return what the file contains; a damaged one counts as empty, because it is replaced."""
+    with suppress(BadInput):
+        return _kept(path) or {}
+    return {}
 
 
 def _kept(path: Path) -> dict[str, Any] | None:

@@ -78,6 +78,22 @@ def test_a_rehearsal_is_named_as_one(folder: Path) -> None:
     assert fitted_calibration(folder).origin.startswith("session slide/1, a rehearsal, ")
 
 
+def test_a_rehearsal_replaces_no_fit_of_a_rig(folder: Path) -> None:
+    keep_fit(folder, SLID, "BOARD", FITTED)
+    before = (folder / FILE).read_bytes()
+    with pytest.raises(BadInput, match="the fit of session slide/1 is not replaced by a rehearsal"):
+        keep_fit(folder, SLID, "SIM", {**FITTED, "rehearsal": True})
+    assert (folder / FILE).read_bytes() == before
+
+
+def test_the_resonance_of_a_rehearsal_gives_way_to_that_of_a_rig(folder: Path) -> None:
+    rehearsed = ResonanceMeasured(frequency_hz=24_000.0, tip_m_per_v=1e-8)
+    keep_fit(folder, rehearsed, "SIM", {**FITTED, "rehearsal": True})
+    keep_fit(folder, SLID, "BOARD", FITTED)
+    assert kept_calibration(folder) == Resonance(frequency_hz=24_140.0, tip_m_per_v=2e-8)
+    assert json.loads((folder / FILE).read_text())["idn"] == "BOARD"
+
+
 def test_a_damaged_file_is_replaced(folder: Path) -> None:
     (folder / FILE).write_text("{")
     keep_calibration(folder, FOUND, "BOARD", WHEN)

@@ -155,6 +155,8 @@ def _session_lines(shown: Preview) -> Iterator[str]:
 
 def _recorded_lines(channel: ForceChannel) -> Iterator[str]:
     if channel.rate_hz is None:
+        if channel.gauge is not None:
+            yield "Recorded    nothing: the gauge needs force_channel.rate_hz"
         return
     measures, share = "board" if channel.gauge is None else "gauge", line_share(channel)
     yield (

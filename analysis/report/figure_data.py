@@ -73,7 +73,10 @@ class Course:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ByLevel:
-    """Scores of one condition by level; `mean`, `error` and M2's `expected` go with levels `at`."""
+    """Scores of one condition by level, thinned if there are very many.
+
+    `mean`, `error` and M2's `expected` go with levels `at`.
+    """
 
     condition: str
     level: FloatArray
@@ -178,12 +181,13 @@ def levels(found: Findings) -> Levels | None:
         own = scored[scored["condition"] == name]
         by_level = own.groupby("level")
         at = by_level["contrast"].mean().to_numpy()
+        drawn = own.iloc[thinned(len(own), MOST_POINTS // len(names))]
         known = None if isinstance(m2, NotEstimable) or not np.isfinite(at).all() else m2
         made.append(
             ByLevel(
                 condition=name,
-                level=own["level"].to_numpy(float),
-                score=own["score"].to_numpy(float),
+                level=drawn["level"].to_numpy(float),
+                score=drawn["score"].to_numpy(float),
                 at=np.array(by_level["score"].mean().index, float),
                 mean=by_level["score"].mean().to_numpy(),
                 error=np.asarray(by_level["score"].sem(), np.float64),

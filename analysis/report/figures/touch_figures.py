@@ -1,6 +1,6 @@
 """Figures of trials and touches as made: reaction times, and force and place against the plan."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from analysis.report.drawing import (
 
 def strips_figure(
     groups: Mapping[str, FloatArray],
+    medians: Sequence[float],
     words: Words,
     axis: str,
     *,
@@ -26,14 +27,14 @@ def strips_figure(
     logarithmic: bool = False,
     asked: float | None = None,
 ) -> Drawing:
-    """Return all values of each group as points beside their median; `asked` is a dashed line."""
+    """Return values of each group as points beside its median; `asked` is a dashed line."""
 
     def draw(axes: Axes) -> None:
-        for place, values in enumerate(groups.values()):
+        for place, (values, median) in enumerate(zip(groups.values(), medians, strict=True)):
             # Multiples of the golden ratio spread points evenly without random numbers.
             beside = place + 0.3 * ((np.arange(len(values)) * 0.6180339887) % 1.0 - 0.5)
             axes.plot(beside, values, ".", color=COLOURS[0], alpha=0.5)
-            axes.plot([place - 0.25, place + 0.25], [np.median(values)] * 2, color="black")
+            axes.plot([place - 0.25, place + 0.25], [median] * 2, color="black")
         if asked is not None:
             axes.axhline(asked, color=GREY, linestyle="--", linewidth=0.8)
         if logarithmic:

@@ -8,11 +8,11 @@ import numpy as np
 
 from analysis.estimates import Json, NotEstimable, or_null, plain, why
 from analysis.report.blocks import Figure, Items, Section, Table, columns
-from analysis.report.figure_data import MOST_INTERVALS, Course, course, thinned
+from analysis.report.figure_data import MOST_INTERVALS, MOST_POINTS, Course, course, thinned
 from analysis.report.figures.score_figures import course_figure
 from analysis.report.figures.touch_figures import strips_figure
 from analysis.report.findings import Findings
-from analysis.report.wording import interval, number, p_equals, share
+from analysis.report.wording import interval, number, of_all, p_equals, share
 from analysis.trials.contrasts import FORCE_STEP, PLACE_STEP_M
 from analysis.trials.order_as_run import OrderAsRun
 from analysis.trials.trial_checks import Discrimination, Drift, FTest
@@ -219,7 +219,11 @@ def _strips(
     if not given:
         return Figure(name=name)
     axis, across = axes
-    draw = partial(strips_figure, given, axis=axis, across=across, **style)
+    most = MOST_POINTS // len(given)
+    drawn = {group: own[thinned(len(own), most)] for group, own in given.items()}
+    medians = [float(np.median(own)) for own in given.values()]
+    draw = partial(strips_figure, drawn, medians, axis=axis, across=across, **style)
+    count, of = (sum(map(len, groups.values())) for groups in (drawn, given))
     rows = [
         [group, str(len(own)), *(number(q, 2) for q in np.quantile(own, [0, 0.25, 0.5, 0.75, 1]))]
         for group, own in given.items()
@@ -231,6 +235,7 @@ def _strips(
         columns=columns(across, "n", *spread),
         rows=rows,
     )
+    caption += of_all(count, of, "points")
     return Figure(name=name, title=title, caption=caption, draw=draw, table=table)
 
 

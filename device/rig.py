@@ -22,7 +22,7 @@ from device.drivers.limits import Limits, Setpoint
 from device.errors import DeviceError, EmergencyStop, ForeignDevice, OutputUnknown
 from device.force_channel.recording import Recording
 from device.force_channel.samples import Forces, Samples
-from device.gauges.owner import GaugeOwner, Job
+from device.gauges.owner import MOST_LATE_S, GaugeOwner, Job
 from device.link.link import open_link
 from device.resonance import Resonance, resonance
 from protocol.errors import BadInput
@@ -32,8 +32,6 @@ FEEDS_PER_WATCHDOG = 5
 RAMP_STEP_S = 0.02
 MOST_BLOCKS = 4
 """Most blocks of samples that are asked for between two calls."""
-MOST_LATE_S = 0.3
-"""How late samples may be fetched before the session waits for them."""
 
 _Result = TypeVar("_Result")
 

@@ -8,7 +8,6 @@ docs/python.md shows the rest. Nothing here runs a session or writes to a journa
 """
 
 import os
-import shlex
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -226,20 +225,19 @@ class Study:
         Args:
             out: its folder; by default `report` in the study's folder.
         """
-        from analysis.report.findings import Origin
+        from analysis.report.findings import origin_of, title_of
         from analysis.report.report import report, report_files
-        from protocol.study_file.loading import text_digest
         from runner.study.files import write_files
 
-        name = shlex.quote(self.folder.path.resolve().name)
-        origin = Origin(
-            command=f"touchbeam report {name}{' --rehearsals' if self.rehearsals else ''}",
-            study_sha256=text_digest(self.folder.text()),
-            broken_chains=self.broken,
+        origin = origin_of(
+            self.folder.path.resolve().name,
+            self.folder.text(),
+            rehearsals=self.rehearsals,
+            broken=self.broken,
             rig=self._rig,
         )
-        title = self.file.publication.title or self.file.study.name
-        made = report(title, self._counted, self.file, origin)
+        shown = self.folder.report_sections()
+        made = report(title_of(self.file), self._counted, self.file, origin, shown)
         folder = self.folder.report if out is None else Path(out)
         write_files(report_files(made), folder, replaced=made.figure_files)
         return folder / "report.html"

@@ -1,5 +1,7 @@
 """Findings of a study: its data and all results computed from them for the report."""
 
+import shlex
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -15,6 +17,7 @@ from analysis.trials.contrasts import TrialContrasts
 from analysis.trials.trial_statistics import TrialStatistics
 from device.friction.calibration import NOMINAL, Calibration
 from protocol.study.study import Study
+from protocol.study_file.loading import text_digest
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,6 +32,23 @@ class Origin:
     study_sha256: str
     broken_chains: tuple[str, ...] = ()
     rig: Calibration = NOMINAL
+
+
+def origin_of(
+    name: str, study_text: str, *, rehearsals: bool, broken: Sequence[str], rig: Calibration
+) -> Origin:
+    """Return the origin of a report on the study whose folder has this name."""
+    return Origin(
+        command=f"touchbeam report {shlex.quote(name)}{' --rehearsals' if rehearsals else ''}",
+        study_sha256=text_digest(study_text),
+        broken_chains=tuple(broken),
+        rig=rig,
+    )
+
+
+def title_of(study: Study) -> str:
+    """Return the heading of a report: the publication's title, or the study's name."""
+    return study.publication.title or study.study.name
 
 
 class Scale(NamedTuple):

@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass
 
-CHANNELS = 3
-"""Tangential force, normal force, position."""
-FULL_SCALE = 32_767
-"""A count of this size, of either sign, may be a sensor at its limit."""
+from protocol.journal import recordings
+
+CHANNELS = len(recordings.CHANNELS)
+FULL_SCALE = recordings.FULL_SCALE
 BLOCKS_PER_S = 20
 """A block holds at most 50 ms, so that nothing waits longer than that for the port."""
 

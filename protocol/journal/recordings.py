@@ -38,7 +38,8 @@ class Recording(JsonRecord):
     ]
     clock_offset_s: Annotated[float, Key("the session's clock minus the source's, s")]
     clock_error_s: Annotated[
-        float, Key("largest error of that: half the shortest round trip in which it was asked, s")
+        float,
+        Key("largest error of that, by the shortest round trips at beginning and end, s"),
     ]
     moved_s: Annotated[
         tuple[float, ...],

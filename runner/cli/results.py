@@ -288,13 +288,12 @@ def write_report(
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from analysis.loading.missing_scores import marks
     from analysis.loading.study_data import load_study_data
-    from analysis.report.findings import Origin
+    from analysis.report.findings import origin_of, title_of
     from analysis.report.report import report as made_report
     from analysis.report.report import report_files
     from analysis.report.sections.left_out import left_out_lines
     from analysis.report.table4_text import table4_lines
     from analysis.report.wording import omnibus_line
-    from protocol.study_file.loading import text_digest
     from runner.journal.verification import readable_chains
     from runner.study.calibration import fitted_calibration
     from runner.study.files import write_files
@@ -305,16 +304,11 @@ def write_report(
         readable, sessions = readable_chains(journal, broken), len(journal.sessions())
         chains = followed("sessions", readable, sessions, alone=as_json)
         found = load_study_data(chains, rehearsals=rehearsals, rules=study.exclusions)
-    name = shlex.quote(folder.path.resolve().name)
-    origin = Origin(
-        command=f"touchbeam report {name}{' --rehearsals' if rehearsals else ''}",
-        study_sha256=text_digest(folder.text()),
-        broken_chains=tuple(broken),
-        rig=fitted_calibration(folder.path),
-    )
+    rig = fitted_calibration(folder.path)
+    name = folder.path.resolve().name
+    origin = origin_of(name, folder.text(), rehearsals=rehearsals, broken=broken, rig=rig)
     _warn_of_broken(broken, folder.path)
-    title = study.publication.title or study.study.name
-    result = made_report(title, found, study, origin, shown)
+    result = made_report(title_of(study), found, study, origin, shown)
     if out.exists() and not out.is_dir():
         raise BadInput(f"{out}: must be a folder for the report, got a file")
     files = report_files(result)

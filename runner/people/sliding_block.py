@@ -1,4 +1,4 @@
-"""The block of a sliding experiment, in the participant's place: whoever draws it follows a mark.
+"""The block of a sliding experiment, in the participant's place: it is drawn along with a mark.
 
 At a rig the operator draws it. On a simulated device a simulated finger does.
 """

@@ -18,7 +18,7 @@ from runner.journal.store import JournalError
 MOST_FILES = 20_000
 MOST_BYTES = 512 * 2**20
 _TABLES = {".csv", ".tsv"}
-_TEXTS = {".json", ".html", ".svg", ".tex", ".md", ".txt"}
+_TEXTS = {".json", ".jsonl", ".html", ".svg", ".tex", ".md", ".txt"}
 _WHO = {"participant", "pseudonym", "subject"}
 """The columns of reports and exports that name a participant."""
 _TOPS = ("report.json", "trials.csv", "dataset_description.json")

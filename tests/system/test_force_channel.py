@@ -8,6 +8,7 @@ import threading
 import time
 from array import array
 from collections.abc import Iterator
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -31,12 +32,19 @@ def simulator(request: pytest.FixtureRequest) -> Iterator[Endpoints]:
         yield endpoints
 
 
-@pytest.fixture
-def control(simulator: Endpoints) -> Iterator[ControlClient]:
+@contextmanager
+def noiseless(simulator: Endpoints) -> Iterator[ControlClient]:
+    """Control a device whose sensors show what is there."""
     with ControlClient(simulator.control) as control:
         control.reset()
         for noise in NOISES:
             control.sensor(noise, 0.0)
+        yield control
+
+
+@pytest.fixture
+def control(simulator: Endpoints) -> Iterator[ControlClient]:
+    with noiseless(simulator) as control:
         yield control
 
 

@@ -21,7 +21,7 @@ from runner.launch.locks import RigInUse, rig_lock
 from runner.launch.run_session import SessionOptions, run_session
 from runner.study.folder import StudyFolder
 from tests.device.rigs import DRIVE, LIMITS, TOUCHBEAM, driven_on, until
-from tests.system.test_force_channel import NOISES, recorded, require_complete
+from tests.system.test_force_channel import noiseless, recorded, require_complete
 
 
 @pytest.fixture(scope="module", params=[("board", "pty"), ("keysight", "tcp")], ids=str)
@@ -39,10 +39,7 @@ def dialect(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture
 def control(simulator: Endpoints) -> Iterator[ControlClient]:
-    with ControlClient(simulator.control) as control:
-        control.reset()
-        for noise in NOISES:
-            control.sensor(noise, 0.0)
+    with noiseless(simulator) as control:
         yield control
         control.reset()
 

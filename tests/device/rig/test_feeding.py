@@ -1,0 +1,116 @@
+"""When the rig feeds the device, and when it turns it off because the session is silent."""
+
+from typing import cast
+
+import pytest
+
+from device.drivers.driver import Driver
+from device.errors import (
+    DeviceError,
+)
+from device.rig import FEEDS_PER_WATCHDOG, RAMP_STEP_S, Rig
+from tests.device.rig.bench import DRIVE, FEED_S, IDENTITY, LIMITS, SHOWN, Bench, RecordedDriver
+
+
+def test_a_new_rig_waits_for_calls_alone() -> None:
+    bench = Bench(RecordedDriver())
+    assert bench.rig.idle_s() is None
+    assert bench.after(10) == []
+
+
+def test_an_armed_rig_says_who_answered_and_is_fed_five_times_in_its_watchdogs_time(
+    bench: Bench,
+) -> None:
+    assert FEEDS_PER_WATCHDOG == 5
+    assert bench.rig.arm() is IDENTITY
+    bench.calls()
+    assert bench.rig.idle_s() == pytest.approx(FEED_S)
+    assert bench.after(0.75 * FEED_S) == []
+    assert bench.rig.idle_s() == pytest.approx(0.25 * FEED_S)
+    bench.clock.advance(FEED_S)
+    assert bench.rig.idle_s() == 0
+    assert bench.after(0.0) == ["check"]
+    assert bench.after(0.75 * FEED_S) == []
+    assert bench.after(0.3 * FEED_S) == ["check"]
+
+
+def test_a_feed_is_due_at_its_moment_and_not_only_after_it() -> None:
+    bench = Bench(RecordedDriver())
+    bench.clock.advance(-100)  # 0.2 s is 0.2 s here, without rounding
+    bench.rig = Rig(cast(Driver, bench.driver), LIMITS, None, bench.clock)
+    bench.rig.arm()
+    bench.calls()
+    assert bench.after(FEED_S) == ["check"]
+
+
+def test_each_is_limited_by_its_own_watchdog() -> None:
+    assert Bench(RecordedDriver(has_watchdog=True)).rig.has_watchdog is True
+    assert Bench(RecordedDriver(has_watchdog=False)).rig.has_watchdog is False
+
+
+def test_what_is_driven_is_fed_only_while_the_session_moves(driven: Bench) -> None:
+    assert driven.after(FEED_S) == ["check"]
+    assert driven.after(FEED_S, beats=False) == []
+    assert driven.after(FEED_S, beats=False) == []
+    assert driven.after(FEED_S) == ["check"]
+
+
+def test_what_is_off_is_looked_at_although_the_session_stands(bench: Bench) -> None:
+    assert bench.after(FEED_S, beats=False) == ["check"]
+    assert bench.after(FEED_S, beats=False) == ["check"]
+
+
+def test_a_device_without_a_watchdog_is_turned_off_once_the_session_is_silent(
+    unwatched: Bench,
+) -> None:
+    for _ in range(4):
+        assert unwatched.after(FEED_S, beats=False) == []
+    assert unwatched.after(0.3 * FEED_S, beats=False) == []
+    assert unwatched.after(FEED_S, beats=False) == ["send_off", "confirm_off"]
+    message = r"^the session did not move for 0\.5 s; output off, read back$"
+    with pytest.raises(DeviceError, match=message):
+        unwatched.rig.beat()
+
+
+def test_a_session_that_is_silent_for_its_watchdogs_time_and_no_longer_goes_on() -> None:
+    bench = Bench(RecordedDriver(has_watchdog=False))
+    bench.clock.advance(-100)
+    bench.rig = Rig(cast(Driver, bench.driver), LIMITS, None, bench.clock)
+    bench.rig.arm()
+    bench.rig.drive(DRIVE)
+    bench.calls()
+    assert bench.after(0.5) == ["check"]
+    assert bench.after(LIMITS.watchdog_s, beats=False) == []
+
+
+def test_a_drive_moves_the_session(unwatched: Bench) -> None:
+    unwatched.clock.advance(0.9 * LIMITS.watchdog_s)
+    unwatched.rig.drive(DRIVE)
+    unwatched.calls()
+    assert unwatched.after(0.9 * LIMITS.watchdog_s, beats=False) == []
+
+
+def test_a_device_with_a_watchdog_is_left_to_it(driven: Bench) -> None:
+    for _ in range(20):
+        assert driven.after(FEED_S, beats=False) == []
+    driven.rig.beat()
+
+
+def test_a_ramp_is_carried_on_until_it_is_done(bench: Bench) -> None:
+    steps = iter([True, True, False])
+    bench.driver.does["carry_on"] = lambda: next(steps)
+    assert bench.rig.drive(DRIVE) is SHOWN
+    assert bench.driver.asked == [DRIVE]
+    assert bench.rig.idle_s() == RAMP_STEP_S == 0.02
+    assert bench.calls() == ["drive", "carry_on"]
+    assert bench.after(0.0) == ["carry_on"]
+    assert bench.after(0.0) == ["carry_on"]
+    assert bench.after(0.0) == []
+    assert bench.rig.idle_s() == pytest.approx(FEED_S)
+
+
+@pytest.mark.parametrize("call", ["drive", "watchdog_trips"])
+def test_a_call_that_switches_on_is_a_beat(bench: Bench, call: str) -> None:
+    beats = bench.rig._beats
+    _ = bench.rig.drive(DRIVE) if call == "drive" else bench.rig.watchdog_trips()
+    assert bench.rig._beats == beats + 1

@@ -33,12 +33,12 @@ CHOICES = [
     (("run", "--ratings"), get_args(AnswerSource)),
     (("run", "--pace"), get_args(Pace)),
     (("run", "--language"), built_in_codes()),
-    (("export", "--format"), EXPORTS),
-    (("predict", "--law"), LAWS),
+    (("export", "--format"), tuple(EXPORTS)),
+    (("predict", "--law"), tuple(LAWS)),
     (("predict", "--eq15-overlap"), get_args(Overlap)),
     (("simulate-device", "wire"), get_args(LineKind)),
-    (("simulate-device", "--dialect"), dialects()),
-    (("device", "sweep", "--dialect"), dialects()),
+    (("simulate-device", "--dialect"), tuple(dialects())),
+    (("device", "sweep", "--dialect"), tuple(dialects())),
 ]
 
 
@@ -54,10 +54,10 @@ def test_help_lists_the_choices(
 @pytest.mark.parametrize(
     ("command", "names"),
     [
-        (("predict", "scenes.csv", "-o", "-", "--law", "frob"), LAWS),
+        (("predict", "scenes.csv", "-o", "-", "--law", "frob"), tuple(LAWS)),
         (("predict", "scenes.csv", "-o", "-", "--eq15-overlap", "frob"), get_args(Overlap)),
-        (("device", "sweep", "sim", "--dialect", "frob"), dialects()),
-        (("export", "study", "out", "--format", "frob"), EXPORTS),
+        (("device", "sweep", "sim", "--dialect", "frob"), tuple(dialects())),
+        (("export", "study", "out", "--format", "frob"), tuple(EXPORTS)),
     ],
     ids=str,
 )

@@ -3,6 +3,7 @@
 Brain Imaging Data Structure 1.11.1, "Behavioral experiments (with no neural recordings)".
 """
 
+from collections.abc import Mapping
 from typing import Any
 
 import pandas as pd
@@ -12,10 +13,12 @@ from analysis.export.columns import COLUMNS, Column, known
 from analysis.export.dataset import Dataset, language_of
 from analysis.export.readme import readme
 from analysis.export.recordings import DRIVEN, MEASURED, described, tsv_gz
-from analysis.export.trial_events import HED_VERSION, event_files
 from analysis.export.trial_table import cells
+from analysis.loading.records import values
 
 BIDS_VERSION = "1.11.1"
+HED_VERSION = "8.3.0"
+"""Of Hierarchical Event Descriptors, which say the kind of an event in words of programs."""
 
 _TABLES = (
     "This is a BIDS data set. Each session is a table `sub-*/beh/*_beh.tsv` "
@@ -42,6 +45,31 @@ _PARTICIPANT_COLUMNS = {
         "Delimiter": BETWEEN_TOUCHES,
         "Levels": next(column for column in COLUMNS if column.name == "session_kind").levels,
     },
+}
+
+_TOUCH = "Sensory-event, Tactile-presentation"
+_HED = {
+    "baseline": f"{_TOUCH}, Label/Baseline",
+    "signal": f"{_TOUCH}, Label/Signal",
+    "practice": f"{_TOUCH}, Label/Practice",
+    "trial": f"{_TOUCH}, Experimental-stimulus, Target",
+    "catch": f"{_TOUCH}, Experimental-stimulus, Non-target",
+}
+"""By kind of trial."""
+_KINDS = next(column for column in COLUMNS if column.name == "trial_kind")
+_EVENT_COLUMNS: dict[str, dict[str, Any]] = {
+    "onset": {"Description": "When the trial began, from the first one's beginning.", "Units": "s"},
+    "duration": {
+        "Description": "From the trial's beginning to its last answer; missing without one.",
+        "Units": "s",
+    },
+    "trial_type": {
+        "Description": _KINDS.description,
+        "Levels": {kind: _KINDS.levels[kind] for kind in _HED},
+        "HED": _HED,
+    },
+    "response_time": {"Description": "From the question to the answer.", "Units": "s"},
+    "trial_index": {"Description": "Place of the trial in the session's plan, from 0."},
 }
 
 
@@ -136,8 +164,32 @@ def _sessions(data: Dataset) -> dict[str, str]:
         files[f"{stem}_beh.tsv"] = tsv_text(names, cells(trials[names]))
         task = _task(data, trials)
         files[f"{stem}_beh.json"] = json_text({**task, **columns})
-        files |= event_files(stem, trials, task)
+        files |= _event_files(stem, trials, task)
     return files
+
+
+def _event_files(stem: str, trials: pd.DataFrame, task: Mapping[str, Any]) -> dict[str, str]:
+    """Return the table of a session's events, in the order of time, and its sidecar.
+
+    Published scores are no events. `task` is what each sidecar of the session says of it.
+    """
+    timed = trials[trials["started_utc"].notna()]
+    if timed.empty:
+        return {}
+    began = pd.to_datetime(timed["started_utc"])
+    table = timed.assign(onset=(began - began.min()).dt.total_seconds()).sort_values("onset")
+    names = ["onset", "duration_s", "trial_kind", "reaction_time_s", "trial_index"]
+    rows = zip(*(values(table[name]) for name in names), strict=True)
+    software = {
+        "SoftwareName": "touchbeam",
+        "SoftwareVersion": values(table["touchbeam_version"])[0],
+    }
+    return {
+        f"{stem}_events.tsv": tsv_text(list(_EVENT_COLUMNS), rows),
+        f"{stem}_events.json": json_text(
+            {**task, "StimulusPresentation": known(software), **_EVENT_COLUMNS}
+        ),
+    }
 
 
 def _task(data: Dataset, trials: pd.DataFrame) -> dict[str, Any]:

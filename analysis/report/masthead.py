@@ -5,6 +5,7 @@ from importlib.metadata import version
 
 from analysis.report.findings import Findings
 from analysis.report.wording import count_of
+from protocol.journal.shared_form import UNKNOWN_UTC
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,10 +44,12 @@ def _participants(found: Findings) -> str:
 
 
 def _sessions(found: Findings) -> str:
-    """Return the days of the sessions, in UTC; of a published table the file it came from."""
+    """Return the known days of the sessions, in UTC; of a published table the file it came from."""
     if found.published:
         return f"a published table, {'; '.join(found.loaded.recording.sources) or 'no file named'}"
-    days = sorted(found.loaded.trials["answered_utc"].dropna().dt.strftime("%Y-%m-%d").unique())
+    answered = found.loaded.trials["answered_utc"].dropna()
+    known = answered[answered.dt.year > UNKNOWN_UTC.year]
+    days = sorted(known.dt.strftime("%Y-%m-%d").unique())
     when = "" if not days else days[0] if len(days) == 1 else f"{days[0]} to {days[-1]}"
     kind = " (rehearsals)" if found.rehearsals else ""
     return f"{when}{kind}".strip()

@@ -3,13 +3,15 @@
 import os
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from protocol.errors import BadInput
+from protocol.journal.shared_form import SUFFIX
 from runner.cli.options import (
     Choosing,
     FormatOption,
@@ -33,6 +35,9 @@ from runner.cli.output import (
 from runner.people.terminal import at_terminal
 
 if TYPE_CHECKING:
+    from analysis.export.dataset import Dataset
+    from analysis.loading.study_data import StudyData
+    from analysis.report.report import Report
     from runner.study.folder import StudyFolder
 
 app = typer.Typer()
@@ -142,10 +147,11 @@ def export(
 
     Withdrawn participants are omitted; excluded trials are included and flagged.
     """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as for a report
     from importlib.metadata import version
 
     from analysis.export.dataset import dataset
-    from analysis.export.formats import EXPORTS, RECORDINGS
+    from analysis.export.formats import EXPORTS, RECORDINGS, WITH_SOURCE
     from analysis.export.source_data import source_files
     from runner.journal.verification import readable_chains
     from runner.study.files import write_new_folder
@@ -165,13 +171,44 @@ def export(
             broken_chains=broken,
         )
         texts = EXPORTS[as_format](data)
-        if as_format == "bids":
+        if as_format in WITH_SOURCE:
             again = readable_chains(journal, [], participant)
             texts |= source_files(data, again, source.text())
     _warn_of_broken(broken, study)
-    files = {name: text.encode() for name, text in texts.items()}
-    write_new_folder({**files, **RECORDINGS[as_format](data)}, folder)
+    files = {name: text.encode() for name, text in texts.items()} | RECORDINGS[as_format](data)
+    if as_format == "rocrate":
+        files |= _report_in_crate(source, files, broken, rehearsals=rehearsals)
+        files |= _crate_metadata(data, files)
+    write_new_folder(files, folder)
     say(f"Written: {folder}, {data.summary()}")
+
+
+def _report_in_crate(
+    source: "StudyFolder", files: Mapping[str, bytes], broken: Sequence[str], *, rehearsals: bool
+) -> dict[str, bytes]:
+    """Return the report on the events among `files`: on what others get, and on nothing else."""
+    from analysis.export.rocrate import REPORT
+    from analysis.loading.study_data import NothingToReport, load_study_data
+    from analysis.report.report import report_files
+    from runner.study.data_set import shared_sessions
+
+    texts = {name: content.decode() for name, content in files.items() if name.endswith(SUFFIX)}
+    chains = [session.events for session in shared_sessions(texts)]
+    rules = source.study().exclusions
+    try:
+        found = load_study_data(chains, rehearsals=rehearsals, rules=rules)
+    except NothingToReport as error:
+        complain(f"touchbeam: warning: there is no report in it: {error}")
+        return {}
+    shown = source.report_sections()
+    result = _report_on(source, found, broken, rehearsals=rehearsals, shown=shown)
+    return {f"{REPORT}/{name}": content for name, content in report_files(result).items()}
+
+
+def _crate_metadata(data: "Dataset", files: Mapping[str, bytes]) -> dict[str, bytes]:
+    from analysis.export.rocrate import METADATA, crate_metadata
+
+    return {METADATA: crate_metadata(data, files, datetime.now(UTC).date()).encode()}
 
 
 def _require_known(participant: str | None, sessions: Sequence[str]) -> None:
@@ -288,14 +325,11 @@ def write_report(
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from analysis.loading.missing_scores import marks
     from analysis.loading.study_data import load_study_data
-    from analysis.report.findings import origin_of, title_of
-    from analysis.report.report import report as made_report
     from analysis.report.report import report_files
     from analysis.report.sections.left_out import left_out_lines
     from analysis.report.table4_text import table4_lines
     from analysis.report.wording import omnibus_line
     from runner.journal.verification import readable_chains
-    from runner.study.calibration import fitted_calibration
     from runner.study.files import write_files
 
     broken: list[str] = []
@@ -304,11 +338,8 @@ def write_report(
         readable, sessions = readable_chains(journal, broken), len(journal.sessions())
         chains = followed("sessions", readable, sessions, alone=as_json)
         found = load_study_data(chains, rehearsals=rehearsals, rules=study.exclusions)
-    rig = fitted_calibration(folder.path)
-    name = folder.path.resolve().name
-    origin = origin_of(name, folder.text(), rehearsals=rehearsals, broken=broken, rig=rig)
     _warn_of_broken(broken, folder.path)
-    result = made_report(title_of(study), found, study, origin, shown)
+    result = _report_on(folder, found, broken, rehearsals=rehearsals, shown=shown)
     if out.exists() and not out.is_dir():
         raise BadInput(f"{out}: must be a folder for the report, got a file")
     files = report_files(result)
@@ -328,6 +359,24 @@ def write_report(
         f"Written: {out / 'report.html'} (open it in a browser); beside it {', '.join(beside)}",
     ):
         say(line)
+
+
+def _report_on(
+    folder: "StudyFolder",
+    found: "StudyData",
+    broken: Sequence[str],
+    *,
+    rehearsals: bool,
+    shown: tuple[str, ...] | None,
+) -> "Report":
+    """Return the report on `found`, data of the study in `folder`."""
+    from analysis.report.findings import origin_of, title_of
+    from analysis.report.report import report
+    from runner.study.calibration import fitted_calibration
+
+    name, rig, study = folder.path.resolve().name, fitted_calibration(folder.path), folder.study()
+    origin = origin_of(name, folder.text(), rehearsals=rehearsals, broken=broken, rig=rig)
+    return report(title_of(study), found, study, origin, shown)
 
 
 def _warn_of_broken(sessions: "Sequence[str]", study: Path) -> None:

@@ -22,7 +22,7 @@ class DataSet:
 
 
 def read_data_set(source: Path) -> DataSet:
-    """Return the study in the folder `source`, which is a BIDS data set.
+    """Return the study in the folder `source`, which is a BIDS or an RO-Crate data set.
 
     Raises:
         BadInput: touchbeam has not exported it, or a file was changed so that it cannot be read.
@@ -31,17 +31,27 @@ def read_data_set(source: Path) -> DataSet:
     study_file = place / STUDY_FILE
     if not study_file.is_file():
         raise BadInput(
-            f"{source}: must be a data set that touchbeam export --format bids wrote; "
+            f"{source}: must be what touchbeam export --format bids or rocrate wrote; "
             f"{FOLDER}/{STUDY_FILE} is missing"
         )
     text = text_of(bytes_of(study_file), study_file)
     parsed_study(text, str(study_file), dialects=DIALECTS)
     files = sorted(place.glob(f"*{SUFFIX}"))
-    found = [shared_session(str(file), text_of(bytes_of(file), file)) for file in files]
-    sessions = {_name(session): session for session in sorted(found, key=lambda it: it.place)}
+    texts = {str(file): text_of(bytes_of(file), file) for file in files}
+    sessions = {_name(session): session for session in shared_sessions(texts)}
     if len(sessions) != len(files):
         raise BadInput(f"{place}: must hold each session once")
     return DataSet(study_text=text, sessions=sessions)
+
+
+def shared_sessions(texts: Mapping[str, str]) -> list[SharedSession]:
+    """Return the sessions in `texts`, by the names of their files, in the order of the study.
+
+    Raises:
+        BadInput: one of the texts is no session.
+    """
+    found = (shared_session(name, text) for name, text in texts.items())
+    return sorted(found, key=lambda session: session.place)
 
 
 def import_data_set(folder: StudyFolder, data: DataSet) -> None:

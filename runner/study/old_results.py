@@ -95,13 +95,14 @@ def _log_holds(path: Path, participant: str) -> bool:
 
 
 def _result(path: Path, study: Path) -> Path:
-    """Return the folder of the report or export that contains `path`, or `path` itself."""
-    for folder in path.parents:
-        if folder == study:
-            break
-        if any((folder / top).is_file() for top in _TOPS):
-            return folder
-    return path
+    """Return the folder of the report or export that contains `path`, or `path` itself.
+
+    An export may contain a report.
+    """
+    inside = reversed(path.relative_to(study).parents[:-1])
+    folders = (study / folder for folder in inside)
+    with_tops = (each for each in folders if any((each / top).is_file() for top in _TOPS))
+    return next(with_tops, path)
 
 
 def _names(path: Path, participant: str) -> bool:

@@ -148,6 +148,22 @@ def test_what_is_private_stays_behind(original: Path, exported: Path) -> None:
             assert not [secret for secret in SECRETS if secret.encode() in file.read_bytes()], file
 
 
+def test_a_crate_has_the_same_sessions_and_the_report_on_them(
+    original: Path, exported: Path, restored: Path, tmp_path: Path
+) -> None:
+    crate = tmp_path / "crate"
+    assert typed("export", original, crate, "--format", "rocrate") == 0
+    assert typed("report", restored) == 0
+    test_what_is_private_stays_behind(original, crate)
+    for file in (exported / SESSIONS).iterdir():
+        assert (crate / SESSIONS / file.name).read_bytes() == file.read_bytes()
+    for name in ("table4.csv", "report.json", "report.html"):
+        own, theirs = (crate / "report" / name).read_bytes(), restored / "report" / name
+        assert own == theirs.read_bytes(), name
+    assert b"1970" not in (crate / "report" / "report.html").read_bytes()
+    assert typed("import", crate, tmp_path / "back") == 0
+
+
 def test_every_kind_of_session_comes_back_but_those_that_left(tmp_path: Path) -> None:
     (tmp_path / "study").mkdir()
     (tmp_path / "study" / "study.toml").write_text(study_text(), encoding="utf-8")
@@ -184,7 +200,7 @@ def test_a_folder_that_touchbeam_has_not_exported_is_refused(
 ) -> None:
     assert typed("import", tmp_path, tmp_path / "study") == 2
     said = capsys.readouterr().err
-    assert "must be a data set that touchbeam export --format bids wrote" in said
+    assert "must be what touchbeam export --format bids or rocrate wrote" in said
     assert not (tmp_path / "study").exists()
 
 

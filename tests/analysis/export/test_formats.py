@@ -14,7 +14,7 @@ import pytest
 from analysis.export.bids import bids_export
 from analysis.export.columns import COLUMNS
 from analysis.export.dataset import Dataset, dataset
-from analysis.export.formats import EXPORTS, csv_export, trials_csv
+from analysis.export.formats import EXPORTS, csv_export
 from analysis.export.psychds import psychds_export
 from analysis.loading.study_data import load_study_data
 from protocol.journal.events import StoredEvent
@@ -171,7 +171,7 @@ def test_the_scores_come_back_from_the_table() -> None:
     told = load_study_data(chains, rehearsals=False)
     rows = [
         row
-        for row in csv_rows(trials_csv(nasty()))
+        for row in csv_rows(csv_export(nasty())["trials.csv"])
         if row["trial_kind"] == "trial" and row["excluded"] == "no" and row["score"]
     ]
     written = [f"'{name}" if name.startswith("=") else name for name in told.table.conditions]
@@ -315,7 +315,7 @@ def test_nothing_is_invented_where_it_does_not(export: Callable[[Dataset], dict[
 
 
 def test_the_words_of_the_operator_arrive() -> None:
-    rows = csv_rows(trials_csv(nasty()))
+    rows = csv_rows(csv_export(nasty())["trials.csv"])
     by_index = {row["trial_index"]: row for row in rows if row["participant"] == "P-01"}
     assert by_index["0"]["notes"] == 'said "no",\tthen\nleft\n<script>alert(1)</script>'
     assert by_index["1"]["notes"].startswith("'=cmd()")
@@ -333,7 +333,7 @@ def test_notes_and_the_time_of_day_stay_out_of_what_is_shared(
 
 
 def test_a_published_table_says_what_it_knows_and_no_more() -> None:
-    rows = csv_rows(trials_csv(published("1")))
+    rows = csv_rows(csv_export(published("1"))["trials.csv"])
     known = [{name: value for name, value in row.items() if value} for row in rows]
     assert known[0] == {
         "participant": "1",

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from analysis.export.bids import bids_export, bids_recordings
+from analysis.export.csv_tables import csv_recordings
 from analysis.export.dataset import Dataset, dataset
-from analysis.export.formats import EXPORTS, RECORDINGS, csv_recordings
+from analysis.export.formats import EXPORTS, RECORDINGS
 from analysis.export.recordings import DRIVEN, MEASURED
 from protocol.journal.events import TouchRecorded
 from protocol.journal.recordings import CHANNELS

@@ -53,7 +53,7 @@ def contents(folder: Path) -> dict[str, str]:
     return {
         path.relative_to(folder).as_posix(): path.read_bytes().decode()
         for path in sorted(folder.rglob("*"))
-        if path.is_file()
+        if path.is_file() and path.suffix not in {".pdf", ".png"}
     }
 
 
@@ -122,7 +122,7 @@ def test_withdrawn_participants_are_left_out(study: Path) -> None:
     assert {row["participant"] for row in rows} == {"P-01", "p_01", "D01", "E01"}
 
 
-@pytest.mark.parametrize("form", ["csv", "bids", "psychds"])
+@pytest.mark.parametrize("form", ["csv", "bids", "psychds", "rocrate"])
 def test_one_participant_gets_their_own_data_and_nothing_of_others(study: Path, form: str) -> None:
     assert typed("export", study, "all", "--format", "csv") == 0
     assert typed("export", study, "mine", "--format", form, "--participant", "P01") == 0
@@ -132,7 +132,11 @@ def test_one_participant_gets_their_own_data_and_nothing_of_others(study: Path, 
     others = {row["participant"] for row in everybody} - {"P01"}
     assert mine
     assert others
-    tables = [text for name, text in texts.items() if name.endswith((".csv", "_beh.tsv"))]
+    tables = [
+        text
+        for name, text in texts.items()
+        if name.endswith((".csv", "_beh.tsv")) and not name.startswith("report/")
+    ]
     assert sum(len(text.splitlines()) - 1 for text in tables) == len(mine)
     for other in others:
         assert not any(re.search(rf"(?<![\w-]){other}(?![\w-])", text) for text in texts.values())
@@ -251,7 +255,10 @@ def test_many_changed_sessions_give_one_short_line(
         ),
         (("study", "file", "--format", "csv"), "file: must be a new or empty folder, got a file"),
         (("study", "file/out", "--format", "csv"), "file/out: Not a directory"),
-        (("study", "out", "--format", "xlsx"), "'xlsx' is not one of 'csv', 'bids', 'psychds'"),
+        (
+            ("study", "out", "--format", "xlsx"),
+            "'xlsx' is not one of 'csv', 'bids', 'psychds', 'rocrate'",
+        ),
         (("study", "out"), "Missing option '--format'"),
         (("study", "--format", "csv"), "Missing argument 'DIR'"),
     ],

@@ -24,7 +24,7 @@ def somewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def make_results(where: str) -> None:
     assert typed("report", "study", "--out", f"study/{where}/report") == 0
-    for form in ("csv", "bids", "psychds"):
+    for form in ("csv", "bids", "psychds", "rocrate"):
         assert typed("export", "study", f"study/{where}/{form}", "--format", form) == 0
 
 
@@ -33,7 +33,8 @@ def test_reports_and_exports_made_before_are_named(capsys: pytest.CaptureFixture
     make_results("before")
     capsys.readouterr()
     assert typed("withdraw", "study", "--participant", "3", "--yes") == 0
-    old = ("before/bids", "before/csv", "before/psychds", "before/report")
+    made = ("bids", "csv", "psychds", "report", "rocrate")
+    old = tuple(f"before/{name}" for name in made)
     assert capsys.readouterr().out.splitlines() == [
         "Erased: 3/1.",
         *(f"Still contains 3: {result}. Make it again or delete it." for result in old),

@@ -2,12 +2,13 @@
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from enum import StrEnum
 
 import numpy as np
 import pandas as pd
 
-from analysis.estimates import BoolArray
+from analysis.estimates import FloatArray
 from analysis.loading.score_table import ScoreTable
 from analysis.loading.sessions import is_scored
 
@@ -70,12 +71,35 @@ def _scored_cells(trials: pd.DataFrame) -> Iterable[tuple[str, str]]:
     return zip(scored["participant"], scored["condition"], strict=True)
 
 
-def withheld(table: ScoreTable, empty: EmptyCells) -> BoolArray:
-    """Return which cells may be read as no effect or as the lowest score: see `missing_scores`."""
-    found = np.zeros(table.scores.shape, dtype=np.bool_)
-    for cell, why in empty.items():
-        found[cell] = why in _READ
-    return found
+def withheld(table: ScoreTable, trials: pd.DataFrame) -> FloatArray:
+    """Return the share of each cell's scores that was not given, shape (subjects, conditions).
+
+    Blank cells of a published table count. Cells without a trial that counts have a share of 0.
+    """
+    counted = trials[is_scored(trials)]
+    cell = [counted["participant"], counted["condition"]]
+    shares = counted["score"].isna().groupby(cell).mean().unstack()
+    return shares.reindex(index=table.subjects, columns=table.conditions).fillna(0.0).to_numpy()
+
+
+def readings(table: ScoreTable, trials: pd.DataFrame) -> dict[str, ScoreTable]:
+    """Return the table with withheld scores left "missing", as "zero" and as the "lowest" score.
+
+    A score is withheld when the answer disagrees with the expectation (paper, section 5.2). This
+    can mean nothing, no effect (0), or an effect no stronger than the weakest reported. A cell
+    with other scores is the mean of all, those that were withheld among them; one that is empty
+    for another reason stays missing. A complete table without withheld scores, and one without any
+    score, has the first reading only.
+    """
+    shares = withheld(table, trials)
+    if not table.given.any() or (table.is_complete and not shares.any()):
+        return {"missing": table}
+    given = np.nan_to_num(table.scores) * (1 - shares)
+    fills = {"zero": 0.0, "lowest": float(trials["score"][is_scored(trials)].min())}
+    return {"missing": table} | {
+        name: replace(table, scores=np.where(shares > 0, given + shares * score, table.scores))
+        for name, score in fills.items()
+    }
 
 
 def marks(empty: EmptyCells) -> dict[tuple[int, int], str]:
@@ -103,8 +127,8 @@ def withheld_beside_scores(trials: pd.DataFrame) -> list[str]:
     by_condition = ", ".join(f"{name} {n}" for name, n in Counter(partly).items())
     return [
         f"Not given in cells with other scores: {len(partly)} of {len(counted)} scores "
-        f"({by_condition}). The mean of the others stands in such a cell under every reading; it "
-        "is too high if weaker changes were not noticed."
+        f"({by_condition}). Table 4 has the mean of the others, which is too high if weaker "
+        "changes were not noticed; the scores are also read as 0 and as the lowest score."
     ]
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import chain
 from typing import TypeVar
 
@@ -10,7 +11,7 @@ import pandas as pd
 from analysis.estimates import NotEstimable
 from analysis.friction.recorded import TouchForces
 from analysis.loading.exclusions import excluded_by_rule
-from analysis.loading.missing_scores import EmptyCells, empty_cells
+from analysis.loading.missing_scores import EmptyCells, empty_cells, readings
 from analysis.loading.records import Exclusion, Incident, values
 from analysis.loading.score_table import ScoreTable
 from analysis.loading.sessions import Sessions, is_scored, load_sessions
@@ -87,6 +88,11 @@ class StudyData:
     def scored(self) -> pd.DataFrame:
         """The trials that count for Table 4."""
         return self.trials[is_scored(self.trials)]
+
+    @cached_property
+    def readings(self) -> dict[str, ScoreTable]:
+        """The table under each reading of withheld scores, by name."""
+        return readings(self.table, self.trials)
 
 
 def load_study_data(

@@ -6,7 +6,6 @@ from typing import Any
 
 from analysis.cells import json_text
 from analysis.felt.measured_statistics import measured_statistics
-from analysis.loading.missing_scores import withheld
 from analysis.loading.study_data import StudyData
 from analysis.report.blocks import Figure, Section
 from analysis.report.drawing import FORMATS
@@ -77,7 +76,7 @@ def report(
         loaded=loaded,
         study=study,
         origin=origin,
-        table=table_statistics(loaded.table, withheld(loaded.table, loaded.empty)),
+        table=table_statistics(loaded.readings),
         trials=trials,
         measured=measured_statistics(study, loaded, trials.contrasts.by_law[LAW]),
         shown=shown,

@@ -1,10 +1,9 @@
 """Statistics of the score table, under each reading of its withheld scores."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 
-import numpy as np
-
-from analysis.estimates import BoolArray, NotEstimable
+from analysis.estimates import NotEstimable
 from analysis.loading.score_table import ScoreTable
 from analysis.statistics.additive import (
     AdditiveEffects,
@@ -16,35 +15,6 @@ from analysis.statistics.omnibus import Friedman, SkillingsMack, friedman, skill
 from analysis.statistics.signed_rank import PairwiseTest, pairwise_signed_ranks
 from analysis.statistics.table4 import Table4, table4
 from analysis.statistics.two_way import IntraclassCorrelation, intraclass_correlation
-
-
-def withheld_readings(table: ScoreTable, withheld: BoolArray) -> dict[str, ScoreTable]:
-    """Return the table with withheld scores left "missing", as "zero" and as the "lowest" score.
-
-    A score is withheld when the answer disagrees with the expectation (paper, section 5.2). This
-    can mean nothing, no effect (0), or an effect no stronger than the weakest reported. A cell
-    that is empty for another reason stays missing. A complete table, and one without any score,
-    has the first reading only.
-
-    Parameters:
-        table: the scores.
-        withheld: shape (subjects, conditions), the empty cells whose answer disagreed.
-
-    Raises:
-        ValueError: a shape that differs from the table's, or a cell that has a score.
-    """
-    if withheld.shape != table.scores.shape:
-        raise ValueError(f"withheld must have shape {table.scores.shape}, got {withheld.shape}")
-    if (withheld & table.given).any():
-        scored = int((withheld & table.given).sum())
-        raise ValueError(f"a withheld cell must have no score, got {scored} with one")
-    if table.is_complete or not table.given.any():
-        return {"missing": table}
-    fills = {"missing": np.nan, "zero": 0.0, "lowest": table.scores[table.given].min()}
-    return {
-        name: replace(table, scores=np.where(withheld, score, table.scores))
-        for name, score in fills.items()
-    }
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,11 +47,11 @@ class TableStatistics:
         return self.readings[0]
 
 
-def table_statistics(table: ScoreTable, withheld: BoolArray) -> TableStatistics:
-    """Return the statistics of the table; for `withheld` see `withheld_readings`."""
-    readings = withheld_readings(table, withheld)
+def table_statistics(readings: Mapping[str, ScoreTable]) -> TableStatistics:
+    """Return the statistics of a table, given by reading of its withheld scores."""
+    table = readings["missing"]
     return TableStatistics(
-        readings=tuple(_reading(name, filled) for name, filled in readings.items()),
+        readings=tuple(reading(name, filled) for name, filled in readings.items()),
         icc_subjects=intraclass_correlation(table, target="subjects"),
         icc_conditions=intraclass_correlation(table, target="conditions"),
         additive=additive_effects(table),
@@ -89,7 +59,8 @@ def table_statistics(table: ScoreTable, withheld: BoolArray) -> TableStatistics:
     )
 
 
-def _reading(name: str, table: ScoreTable) -> Reading:
+def reading(name: str, table: ScoreTable) -> Reading:
+    """Return the tests of the conditions of one table, a reading of that name."""
     return Reading(
         name=name,
         table4=table4(table),

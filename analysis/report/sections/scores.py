@@ -135,7 +135,7 @@ def _mean(text: str, target: str = "") -> Cell:
 def _readings_table(found: Findings) -> Table | None:
     """Return means and omnibus test by reading of withheld scores, or None without any."""
     readings, table = found.table.readings, found.loaded.table
-    if len(readings) == 1 or not withheld(table, found.loaded.empty).any():
+    if len(readings) == 1 or not withheld(table, found.loaded.trials).any():
         return None
     words = {"missing": "left missing", "zero": "as 0", "lowest": "as the lowest observed score"}
     numbers = (*table.conditions, "all", "pairs that differ (Holm)")

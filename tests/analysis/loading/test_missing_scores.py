@@ -67,6 +67,32 @@ def test_only_a_withheld_score_is_read_as_0_or_as_the_lowest() -> None:
     assert means["lowest"]["pressure"] == pytest.approx(16 / 3)
 
 
+def test_a_score_withheld_beside_others_is_one_of_the_scores_that_are_averaged() -> None:
+    """P01 withheld one of three scores of voltage; the lowest of single scores is 4."""
+    repeated = [("voltage", 9), ("voltage", None), ("voltage", 6), ("structure", 4)]
+    found = loaded(
+        scored_session("P01", [*repeated, ("structure", 8), ("pressure", 5)], NAMES),
+        session("P02", [7, 8, 9]),
+    )
+    assert found.table.is_complete
+    first = {name: table.scores[0].tolist() for name, table in found.readings.items()}
+    assert first == {
+        "missing": [7.5, 6, 5],
+        "zero": [pytest.approx(15 / 3), 6, 5],
+        "lowest": [pytest.approx(19 / 3), 6, 5],
+    }
+    assert all(table.scores[1].tolist() == [7, 8, 9] for table in found.readings.values())
+    numbers = report_json(reported(found))["missing_readings"]
+    assert numbers["zero"]["column_means"]["voltage"] == pytest.approx(6)
+    assert 'id="readings"' in report_html(reported(found))
+
+
+@pytest.mark.parametrize("score", [None, 7])
+def test_an_empty_and_a_complete_table_have_one_reading(score: int | None) -> None:
+    found = loaded(session("P01", [score] * 3))
+    assert found.readings == {"missing": found.table}
+
+
 def test_a_blank_cell_of_a_published_table_is_read_as_withheld() -> None:
     numbers = report_json(made([[5, 7, np.nan], [8, 6, 7], [6, 6, 10]]))
     blank = {"subject": "P00", "condition": "pressure", "why": "blank"}
@@ -124,6 +150,7 @@ def test_scores_withheld_in_cells_with_other_scores_are_counted() -> None:
     )
     page = report_html(reported(found))
     assert "Not given in cells with other scores: 2 of 7 scores (structure 2)." in page
+    assert "also read as 0 and as the lowest score." in page
     assert "Notes below distinguish" in page, "of pressure, which nobody scored"
     assert withheld_beside_scores(found.trials[found.trials["score"].notna()]) == []
     assert withheld_beside_scores(a_study().trials) == []

@@ -31,6 +31,12 @@ class LatentDraws:
     shared: FloatArray
     own: FloatArray
 
+    def part(self, draws: slice) -> "LatentDraws":
+        """Return some of the draws."""
+        return LatentDraws(
+            residual_sd=self.residual_sd[draws], shared=self.shared[draws], own=self.own[draws]
+        )
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LatentPosterior:
@@ -61,13 +67,15 @@ class LatentPosterior:
         modes = self.modes.at(np.isin(np.arange(len(self.residual_sds)), points))
         root = np.linalg.cholesky(np.linalg.inv(modes.curvature.shared_precision))[of_point]
         away = (root @ rng.standard_normal((count, root.shape[-1], 1)))[..., 0]
-        own_root = np.linalg.cholesky(modes.curvature.own_covariance)[of_point]
-        own = (own_root @ rng.standard_normal((*own_root.shape[:-1], 1)))[..., 0]
-        follows = (modes.curvature.response[of_point] @ away[:, None, :, None])[..., 0]
+        own_root = np.linalg.cholesky(modes.curvature.own_covariance)
+        own = rng.standard_normal((count, *own_root.shape[1:3]))
+        for draw, point in enumerate(of_point):  # all at once take too much memory
+            own[draw] = modes.own[point] + (own_root[point] @ own[draw][..., None])[..., 0]
+            own[draw] -= modes.curvature.response[point] @ away[draw]
         return LatentDraws(
             residual_sd=self.residual_sds[chosen],
             shared=modes.shared[of_point] + away,
-            own=modes.own[of_point] + own - follows,
+            own=own,
         )
 
 

@@ -1,13 +1,14 @@
 """Posterior predictive checks: does a model produce answers like those that were given?"""
 
+from collections.abc import Callable
+from copy import deepcopy
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from scipy.special import ndtr
 
 from analysis.estimates import BoolArray, FloatArray, IntArray, Interval, NotEstimable
-from analysis.sensitivity.latent_posterior import LatentPosterior
+from analysis.sensitivity.latent_posterior import LatentDraws, LatentPosterior
 from analysis.sensitivity.noticing import LEAN, Noticing
 from analysis.sensitivity.ordinal_model import (
     OrdinalSensitivity,
@@ -27,6 +28,8 @@ from analysis.statistics.signed_rank import holm
 SEED = 1
 MOST_DRAWS, FEWEST_DRAWS, DRAWN_TRIALS = 1000, 200, 10_000_000
 """Number of replicated studies: as many as DRAWN_TRIALS allows, within limits."""
+CELLS = 200_000
+"""Number of trials times draws that are compared at once."""
 LEVEL = 0.05
 """A model is withheld if one of its statistics has a smaller p after Holm's correction."""
 
@@ -131,42 +134,81 @@ def _compared_scores(
     ready: PreparedTrials, posterior: LatentPosterior, ratings: Ratings, rng: np.random.Generator
 ) -> dict[str, _Compared]:
     trials, known, axes = ratings.given, ready.trials, ready.axes
-    draws = posterior.draws(_draws(len(trials.rating)), rng)
-    lines = draws.own + draws.shared[:, None, known.line_columns]
+    count = _draws(len(trials.rating))
+    draws = posterior.draws(count, rng)
+    streams = _streams(rng, 3, count * len(trials.rating))
     x = (trials.contrast - axes.x_mean) / axes.x_sd
-    place = lines[:, trials.subject, 0] + lines[:, trials.subject, 1] * x
-    if known.conditions:
-        place += draws.shared[:, known.line_columns.stop :][:, trials.condition]
-    # The normal approximation allows thresholds out of order.
-    edges = np.sort(known.edges(draws.shared)[:, 1:-1], axis=1)
-    below = [ndtr((edge[:, None] - place) / draws.residual_sd[:, None]) for edge in edges.T]
     given = np.unique(trials.rating, return_inverse=True)[1]
-    return _tables("scores", trials, given, below, rng) | {
-        "spread of scores by subject": _spread(trials, given, below, rng),
-        "share of the highest score": _share(given == given.max(), 1 - below[-1], rng),
-    }
+
+    def compared(part: LatentDraws) -> dict[str, _Compared]:
+        lines = part.own + part.shared[:, None, known.line_columns]
+        place = lines[:, trials.subject, 0] + lines[:, trials.subject, 1] * x
+        if known.conditions:
+            place += part.shared[:, known.line_columns.stop :][:, trials.condition]
+        # The normal approximation allows thresholds out of order.
+        edges = np.sort(known.edges(part.shared)[:, 1:-1], axis=1)
+        below = [ndtr((edge[:, None] - place) / part.residual_sd[:, None]) for edge in edges.T]
+        return _tables("scores", trials, given, below, streams[0]) | {
+            "spread of scores by subject": _spread(trials, given, below, streams[1]),
+            "share of the highest score": _share(given == given.max(), 1 - below[-1], streams[2]),
+        }
+
+    return _in_parts(compared, draws, len(given))
 
 
 def _compared_answers(
     noticed: Noticing, trials: AnsweredTrials, rng: np.random.Generator
 ) -> dict[str, _Compared]:
     known, ratings = noticed.trials, trials.ratings
-    draws = noticed.posterior.draws(_draws(len(trials.answer)), rng)
-    lines = draws.own + draws.shared[:, None, known.line_columns]
-    criterion, slope = np.moveaxis(lines[:, ratings.subject], -1, 0)
-    criterion = np.maximum(criterion, 0.0)
     sign = np.sign(ratings.contrast)
-    felt = LEAN * draws.shared[:, [0]] + slope * (ratings.contrast / noticed.reference)
-    if known.conditions:
-        felt += sign * draws.shared[:, known.line_columns.stop :][:, ratings.condition]
-    below = [np.where(trials.two_sided, ndtr(-criterion - felt), 0.0), ndtr(criterion - felt)]
     # Trials with the change, without it and with its opposite count as different conditions.
     kinds = replace(
         ratings,
         condition=3 * ratings.condition + sign.astype(np.int64) + 1,
         conditions=tuple(f"{name} {kind}" for name in ratings.conditions for kind in "-0+"),
     )
-    return _tables("answers", kinds, trials.answer + 1, below, rng)
+
+    def compared(part: LatentDraws) -> dict[str, _Compared]:
+        lines = part.own + part.shared[:, None, known.line_columns]
+        criterion, slope = np.moveaxis(lines[:, ratings.subject], -1, 0)
+        criterion = np.maximum(criterion, 0.0)
+        felt = LEAN * part.shared[:, [0]] + slope * (ratings.contrast / noticed.reference)
+        if known.conditions:
+            felt += sign * part.shared[:, known.line_columns.stop :][:, ratings.condition]
+        lower = np.where(trials.two_sided, ndtr(-criterion - felt), 0.0)
+        return _tables("answers", kinds, trials.answer + 1, [lower, ndtr(criterion - felt)], rng)
+
+    draws = noticed.posterior.draws(_draws(len(trials.answer)), rng)
+    return _in_parts(compared, draws, len(trials.answer))
+
+
+def _streams(rng: np.random.Generator, count: int, size: int) -> list[np.random.Generator]:
+    """Return generators that yield the next numbers of `rng`, `size` each, and skip them in it."""
+    bits = rng.bit_generator
+    assert isinstance(bits, np.random.PCG64)
+    found = []
+    for _ in range(count):
+        found.append(np.random.Generator(deepcopy(bits)))
+        bits.advance(size)
+    return found
+
+
+def _in_parts(
+    compared: Callable[[LatentDraws], dict[str, _Compared]], draws: LatentDraws, trials: int
+) -> dict[str, _Compared]:
+    """Compare few draws at a time, so that memory does not grow with the number of draws."""
+    at_once = max(CELLS // trials, 1)
+    parts = [
+        compared(draws.part(slice(first, first + at_once)))
+        for first in range(0, len(draws.residual_sd), at_once)
+    ]
+    return {
+        name: _Compared(
+            observed=np.concatenate([part[name].observed for part in parts]),
+            replicated=np.concatenate([part[name].replicated for part in parts]),
+        )
+        for name in parts[0]
+    }
 
 
 def _tables(
@@ -180,41 +222,59 @@ def _tables(
 
     `below` has the probability of each category or a lower one, (draws, trials), but for the last.
     """
-    drawn = _drawn(below, rng)
-    cumulative = [np.zeros(drawn.shape), *below, np.ones(drawn.shape)]
+    drawn, categories = _drawn(below, rng), len(below) + 1
     found = {}
     for of, group in (("condition", trials.condition), ("subject", trials.subject)):
         present, place = np.unique(group, return_inverse=True)
-        member = (place[:, None] == np.arange(len(present))).astype(np.float64)
-        distances = np.zeros((2, len(drawn)))
-        for category, (low, high) in enumerate(pairwise(cumulative)):
-            expected = (high - low) @ member
-            for row, own in enumerate((given[None] == category, drawn == category)):
-                counts = own.astype(np.float64) @ member
-                distances[row] += ((counts - expected) ** 2 / (expected + 0.5)).sum(axis=1)
-        found[f"{name} by {of}"] = _Compared(observed=distances[0], replicated=distances[1])
+        sizes = np.bincount(place)
+        sums = [_sums(each, place, len(present)) for each in below]
+        ends = np.stack([0.0 * sums[0], *sums, 0.0 * sums[0] + sizes], axis=-1)
+        expected = np.diff(ends, axis=-1).reshape(len(drawn), -1)
+        observed, replicated = (
+            ((_counts(scores, place * categories, expected.shape[1]) - expected) ** 2)
+            / (expected + 0.5)
+            for scores in (given[None], drawn)
+        )
+        found[f"{name} by {of}"] = _Compared(
+            observed=observed.sum(axis=1), replicated=replicated.sum(axis=1)
+        )
     return found
+
+
+def _sums(values: FloatArray, group: IntArray, groups: int) -> FloatArray:
+    """Return the sums of values (draws, trials) over each group of trials, (draws, groups)."""
+    return np.stack([np.bincount(group, weights=row, minlength=groups) for row in values])
+
+
+def _counts(scores: IntArray, first: IntArray, cells: int) -> IntArray:
+    """Return how often each category occurs in each group; `first` is the group's first cell."""
+    return np.stack([np.bincount(first + row, minlength=cells) for row in scores])
 
 
 def _spread(
     trials: Ratings, given: IntArray, below: list[FloatArray], rng: np.random.Generator
 ) -> _Compared:
     """Return the distance of each subject's squared residuals, in categories, from expected."""
-    member = (trials.subject[:, None] == np.unique(trials.subject)).astype(np.float64)
-    mean = sum((1 - each for each in below), np.zeros(below[0].shape))
-    square = sum(((2 * k + 1) * (1 - each) for k, each in enumerate(below)), 0 * mean)
-    expected = (square - mean**2) @ member
+    present, place = np.unique(trials.subject, return_inverse=True)
+    mean, square = np.zeros(below[0].shape), np.zeros(below[0].shape)
+    for k, each in enumerate(below):
+        mean += 1 - each
+        square += (2 * k + 1) * (1 - each)
+    expected = _sums(square - mean**2, place, len(present))
     observed, replicated = (
-        ((((scores - mean) ** 2) @ member - expected) ** 2 / (expected + 0.5)).sum(axis=1)
+        ((_sums((scores - mean) ** 2, place, len(present)) - expected) ** 2) / (expected + 0.5)
         for scores in (given, _drawn(below, rng))
     )
-    return _Compared(observed=observed, replicated=replicated)
+    return _Compared(observed=observed.sum(axis=1), replicated=replicated.sum(axis=1))
 
 
 def _drawn(below: list[FloatArray], rng: np.random.Generator) -> IntArray:
     """Return a category for each draw and trial."""
     chance = rng.random(below[0].shape)
-    return sum(((chance > each).astype(np.int64) for each in below), np.zeros(chance.shape, int))
+    drawn = np.zeros(chance.shape, dtype=np.int64)
+    for each in below:
+        drawn += chance > each
+    return drawn
 
 
 def _share(given: BoolArray, probability: FloatArray, rng: np.random.Generator) -> _Compared:

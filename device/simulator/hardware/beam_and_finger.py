@@ -12,11 +12,12 @@ import numpy as np
 
 from device.beam.beam import Beam
 from device.beam.modes import FloatArray, modal_displacement_m, natural_frequency_hz
-from device.friction.coefficient import friction_coefficient, scene_batch
+from device.friction.coefficient import friction_coefficient
+from device.friction.contact import contact_of
 from device.friction.contrasts import LAW, RUNG
 from device.friction.laws import law_by_name
-from device.friction.prediction import LawChoice, rung_prediction
-from device.friction.rungs import rung_resonance_hz
+from device.friction.prediction import LawChoice, law_state
+from device.friction.rungs import rung_field, rung_resonance_hz
 from device.friction.scenes import (
     REFERENCE_SPEED_M_S,
     Direction,
@@ -88,7 +89,10 @@ class SimulatedBeam:
     sensor: ForceSensor = field(init=False)
     beam: Beam = field(init=False)
     gain: float = field(init=False)
+    _model: Beam = field(init=False)
+    """The beam as the rung takes it, its resonance where the rung has it."""
     _model_hz_per_hz: float = field(init=False)
+    _moment: random.Random = field(init=False, default_factory=random.Random)
 
     def __post_init__(self) -> None:
         hidden = random.Random(f"beam/{self.seed}")
@@ -96,6 +100,7 @@ class SimulatedBeam:
             frequency_scale=1 + hidden.gauss(0, SPREAD["resonance"]),
             damping_ratio=Beam().damping_ratio * (1 + hidden.gauss(0, SPREAD["damping"])),
         )
+        self._model = replace(self.beam, frequency_scale=1.0)
         self.sensor = ForceSensor.of(self.seed)
         law_by_name(self.law)
         # The rung's own resonance is where the sensor at the tip shows it.
@@ -187,29 +192,33 @@ class SimulatedBeam:
         """Return what the finger feels, None without a finger."""
         if self.finger is None:
             return None
-        return float(self._friction(self.finger, np.array([instrument.time_s]), instrument)[0])
+        friction = self._friction(self.finger, *_present(instrument))
+        return float(friction[0])
 
-    def forces(self, times_s: FloatArray, instrument: Instrument) -> list[FloatArray]:
-        """Return tangential force, normal force and position at times to come, each of shape (n,).
+    def forces(
+        self, times_s: FloatArray, voltage_v: FloatArray, frequency_hz: float
+    ) -> list[FloatArray]:
+        """Return tangential force, normal force and position at some times, each of shape (n,).
 
-        `instrument` goes on as it is until then.
+        `voltage_v`, shape (n,), is what is on the beam then.
         """
         if self.finger is None:
             return [np.zeros(times_s.size) for _ in range(3)]
-        friction = self._friction(self.finger, times_s, instrument)
+        friction = self._friction(self.finger, times_s, voltage_v, frequency_hz)
         normal_n = np.full(times_s.size, self.finger.force_n)
         return [friction * normal_n, normal_n, self._places_m(self.finger, times_s)]
 
-    def _friction(self, finger: Finger, times_s: FloatArray, instrument: Instrument) -> FloatArray:
-        """Return the friction coefficient of this finger's skin at times to come."""
-        voltage_v = self.gain * instrument.output_at(times_s)
-        scene = self._scene(finger, 1.0, instrument.frequency_hz)
-        batch = scene_batch(scene, self._places_m(finger, times_s))
-        # At rest all rungs agree, and the cheapest need not be set up for a frequency.
-        rung = self.rung if voltage_v.any() else "mode"
-        choice = LawChoice(name=self.law)
-        driven = rung_prediction(replace(batch, voltage_v=voltage_v), rung, choice).mu_effective
-        resting = scene.structure.friction_coefficient
+    def _friction(
+        self, finger: Finger, times_s: FloatArray, voltage_v: FloatArray, frequency_hz: float
+    ) -> FloatArray:
+        """Return the friction coefficient of this finger's skin, as `forces`."""
+        choice, resting = LawChoice(name=self.law), Structure().friction_coefficient
+        if not (voltage_v.any() or choice.law.as_printed):  # at rest no rung need be set up
+            return np.full(times_s.size, self.skin.mu0 * resting)
+        scene = self._scene(finger, self.gain, frequency_hz)
+        field = rung_field(self.rung, scene.structure.beam, scene.drive).scaled(voltage_v)
+        contact = contact_of(scene, self._places_m(finger, times_s))
+        driven = choice.law(law_state(contact, field, self.rung, choice).terms)
         size = np.abs(driven / resting) ** self.skin.skin
         return np.asarray(self.skin.mu0 * resting * np.copysign(size, driven))
 
@@ -227,7 +236,7 @@ class SimulatedBeam:
 
     def measured_tangential_n(self, instrument: Instrument) -> float:
         """Return the reading of the tangential force sensor."""
-        force_n, *_ = self.forces(np.array([instrument.time_s]), instrument)
+        force_n, *_ = self.forces(*_present(instrument))
         return float(force_n[0]) + self._noise("tangential_n", instrument)
 
     def measured_position_m(self, instrument: Instrument) -> float:
@@ -243,10 +252,9 @@ class SimulatedBeam:
         return float(tip_m) * (1 + self._noise("vibration", instrument))
 
     def _scene(self, finger: Finger, voltage_v: float, frequency_hz: float) -> Scene:
-        beam = replace(self.beam, frequency_scale=1.0)
         model_hz = frequency_hz * self._model_hz_per_hz
         return Scene(
-            structure=Structure(beam=beam, body_height_m=self.body_height_m),
+            structure=Structure(beam=self._model, body_height_m=self.body_height_m),
             drive=Drive(voltage_v=voltage_v, frequency_hz=model_hz, mode=MODE),
             touch=FingerContact(
                 x_m=finger.position_m,
@@ -257,5 +265,11 @@ class SimulatedBeam:
         )
 
     def _noise(self, channel: str, instrument: Instrument) -> float:
-        moment = random.Random(f"{self.seed}/{channel}/{instrument.time_s:.6f}")
-        return moment.gauss(0, SENSOR_NOISE[channel])
+        self._moment.seed(f"{self.seed}/{channel}/{instrument.time_s:.6f}")
+        return self._moment.gauss(0, SENSOR_NOISE[channel])
+
+
+def _present(instrument: Instrument) -> tuple[FloatArray, FloatArray, float]:
+    """Return what `SimulatedBeam.forces` takes of the present moment."""
+    time_s, voltage_v = np.array([[instrument.time_s], [instrument.output_v]])
+    return time_s, voltage_v, instrument.frequency_hz

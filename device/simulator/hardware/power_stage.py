@@ -6,10 +6,6 @@ The stage has no clock of its own: device time and wall time are handed in.
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-
-from device.beam.modes import FloatArray
-
 MAX_VOLTAGE_V = 200.0
 FREQUENCY_RANGE_HZ = (1.0, 100_000.0)
 RAMP_RANGE_V_PER_S = (1e-3, 2_000.0)
@@ -82,13 +78,16 @@ class Instrument:
         """The amplitude that is on the beam in truth, V."""
         return self.stage_gain * self.meant_v + self.left_v
 
-    def output_at(self, times_s: FloatArray) -> FloatArray:
-        """Return the amplitude on the beam at device times to come, if nothing else happens, V."""
-        voltage_v = np.full(times_s.size, self.voltage_v)
-        if self.output:
-            step_v = self.ramp_v_per_s * np.maximum(times_s - self.time_s, 0.0)
-            voltage_v += np.clip(self.target_v - self.voltage_v, -step_v, step_v)
-        return self.stage_gain * self.scale * voltage_v + self.left_v
+    def output_at(self, time_s: float) -> float:
+        """Return the amplitude on the beam at a device time to come, if nothing else happens, V."""
+        return self.stage_gain * self.scale * self._moved_v(time_s) + self.left_v
+
+    def _moved_v(self, time_s: float) -> float:
+        """Return the amplitude that the slew has reached at a device time to come."""
+        if not self.output:
+            return self.voltage_v
+        step_v = self.ramp_v_per_s * max(time_s - self.time_s, 0.0)
+        return self.voltage_v + max(-step_v, min(step_v, self.target_v - self.voltage_v))
 
     @property
     def temperature_c(self) -> float:
@@ -97,13 +96,10 @@ class Instrument:
 
     def advance_to(self, time_s: float) -> None:
         """Let device time pass: the amplitude moves on its slew, the frequency on its sweep."""
-        step_v = self.ramp_v_per_s * max(time_s - self.time_s, 0.0)
+        self.voltage_v = self._moved_v(time_s)
         self.time_s = max(time_s, self.time_s)
         if self.sweep is not None:
             self.frequency_hz = self.sweep.at(self.time_s)
-        if self.output:
-            change_v = self.target_v - self.voltage_v
-            self.voltage_v += max(-step_v, min(step_v, change_v))
 
     def switch(self, on: bool) -> None:
         """Control the output; off is immediate, on starts from 0 V."""

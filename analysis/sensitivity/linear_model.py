@@ -137,6 +137,12 @@ def linear_sensitivity(ratings: Ratings) -> LinearSensitivity | NotEstimable:
     The model has no ceiling: if many ratings are the largest possible, it underestimates gains.
     `ordinal_sensitivity` is for such ratings.
     """
+    found = linear_posterior(ratings)
+    return found if isinstance(found, NotEstimable) else found[0]
+
+
+def linear_posterior(ratings: Ratings) -> tuple[LinearSensitivity, LineMixture] | NotEstimable:
+    """Return the same fit, with the posteriors of which it has the means and intervals."""
     trials = ratings.given
     axes = axes_of(trials)
     if isinstance(axes, NotEstimable):
@@ -167,7 +173,7 @@ def _components(points: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def _result(
     ratings: Ratings, sums: LineSums, posterior: WeightedPoints, axes: Axes
-) -> LinearSensitivity:
+) -> tuple[LinearSensitivity, LineMixture]:
     residual_sd, between = _components(posterior.points)
     known = line_posterior(sums, residual_sd, between)
     turn = turn_of(axes)
@@ -187,11 +193,12 @@ def _result(
         residual_sd=residual_sd * axes.y_sd,
         gain_unit=float(turn[1, 1]),
     )
-    return LinearSensitivity(
+    fit = LinearSensitivity(
         lines=summary(ratings.subjects, sums.counts, mixture),
         residual_sd=float(posterior.mean(residual_sd)) * axes.y_sd,
         effective_points=posterior.effective,
     )
+    return fit, mixture
 
 
 def _relative_gains(known: LinePosterior, rated: BoolArray, unit: float) -> Marginals:

@@ -97,11 +97,17 @@ def ordinal_sensitivity(ratings: Ratings) -> OrdinalSensitivity | NotEstimable:
     its skewness; over these three it is integrated (nested Laplace approximation: Rue, Martino and
     Chopin, Journal of the Royal Statistical Society B 71, 2009).
     """
+    found = ordinal_posterior(ratings)
+    return found if isinstance(found, NotEstimable) else found[0]
+
+
+def ordinal_posterior(ratings: Ratings) -> tuple[OrdinalSensitivity, LineMixture] | NotEstimable:
+    """Return the same fit, with the posteriors of which it has the means and intervals."""
     ready = prepared_ratings(ratings)
     if isinstance(ready, NotEstimable):
         return ready
     posterior = latent_posterior(ready)
-    return posterior.points.refusal or fitted(ready, posterior)
+    return posterior.points.refusal or _fit_and_lines(ready, posterior)
 
 
 def prepared_ratings(ratings: Ratings) -> PreparedTrials | NotEstimable:
@@ -169,6 +175,12 @@ def _log_prior(points: FloatArray) -> FloatArray:
 
 def fitted(ready: PreparedTrials, known: LatentPosterior) -> OrdinalSensitivity:
     """Return lines, thresholds and discrepancies of the posterior, in rating points."""
+    return _fit_and_lines(ready, known)[0]
+
+
+def _fit_and_lines(
+    ready: PreparedTrials, known: LatentPosterior
+) -> tuple[OrdinalSensitivity, LineMixture]:
     points, trials, axes = known.points, ready.trials, ready.axes
     bias, gain = turn_of(axes)
     counts = np.bincount(trials.subject, weights=trials.weight, minlength=trials.subjects)
@@ -193,7 +205,7 @@ def fitted(ready: PreparedTrials, known: LatentPosterior) -> OrdinalSensitivity:
         gain_unit=gain_unit,
     )
     thresholds = trials.edges((points.weights @ known.modes.shared)[None])[0, 1:-1]
-    return OrdinalSensitivity(
+    fit = OrdinalSensitivity(
         lines=summary(ready.subjects, counts.astype(np.float64), mixture),
         residual_sd=float(points.mean(known.residual_sds)) * axes.y_sd,
         categories=ready.categories,
@@ -201,6 +213,7 @@ def fitted(ready: PreparedTrials, known: LatentPosterior) -> OrdinalSensitivity:
         discrepancies=_discrepancies(ready, points.weights, found.part(departures)),
         effective_points=points.effective,
     )
+    return fit, mixture
 
 
 def _discrepancies(

@@ -159,6 +159,50 @@ def skillings_mack(table: ScoreTable) -> SkillingsMack | NotEstimable:
     subject i (Skillings and Mack, Technometrics 23, 1981, 171-177). Differs from the paper: Σ has
     the variance of each subject's tied ranks instead of that of k_i distinct ones.
     """
+    found = _tied_ranks(table)
+    if isinstance(found, NotEstimable):
+        return found
+    scores, deviations, inverse = found.scores, found.deviations, found.inverse
+    total = deviations.sum(axis=0)
+    untied, _ = _inverse(_covariance(scores, np.ones(len(scores))))
+    return SkillingsMack(
+        statistic=found.statistic,
+        df=found.rank,
+        p=float(chdtrc(found.rank, found.statistic)),
+        # Rearranging a subject's scores leaves their covariance as it is.
+        monte_carlo=monte_carlo_p(
+            deviations, ~np.isnan(scores), lambda sums: ((sums @ inverse) * sums).sum(axis=1)
+        ),
+        untied=float(total @ untied @ total),
+        left_out=tuple(name for name in table.conditions if name not in found.conditions),
+    )
+
+
+def skillings_mack_p(table: ScoreTable) -> float:
+    """Return the chi-square p of the Skillings-Mack test alone, NaN where it is not possible."""
+    found = _tied_ranks(table)
+    if isinstance(found, NotEstimable):
+        return float("nan")
+    return float(chdtrc(found.rank, found.statistic))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _TiedRanks:
+    """Scores of the subjects who compare conditions, their weighted ranks, and Σ⁻ with its rank."""
+
+    conditions: tuple[str, ...]
+    scores: FloatArray
+    deviations: FloatArray
+    inverse: FloatArray
+    rank: int
+
+    @property
+    def statistic(self) -> float:
+        total = self.deviations.sum(axis=0)
+        return float(total @ self.inverse @ total)
+
+
+def _tied_ranks(table: ScoreTable) -> _TiedRanks | NotEstimable:
     kept = without_empty(table)
     if isinstance(kept, NotEstimable):
         return kept
@@ -171,22 +215,15 @@ def skillings_mack(table: ScoreTable) -> SkillingsMack | NotEstimable:
         return refusal
     deviations, counts = _weighted_ranks(scores)
     variances = (deviations**2).sum(axis=1) / (counts - 1)
-    total = deviations.sum(axis=0)
     if not variances.any():
         return NotEstimable("every subject gave all conditions the same score")
     inverse, rank = _inverse(_covariance(scores, variances / counts))
-    untied, _ = _inverse(_covariance(scores, np.ones(len(scores))))
-    tied = float(total @ inverse @ total)
-    return SkillingsMack(
-        statistic=tied,
-        df=rank,
-        p=float(chdtrc(rank, tied)),
-        # Rearranging a subject's scores leaves their covariance as it is.
-        monte_carlo=monte_carlo_p(
-            deviations, ~np.isnan(scores), lambda sums: ((sums @ inverse) * sums).sum(axis=1)
-        ),
-        untied=float(total @ untied @ total),
-        left_out=tuple(name for name in table.conditions if name not in kept.conditions),
+    return _TiedRanks(
+        conditions=kept.conditions,
+        scores=scores,
+        deviations=deviations,
+        inverse=inverse,
+        rank=rank,
     )
 
 

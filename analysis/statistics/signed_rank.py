@@ -97,14 +97,12 @@ def signed_rank(differences: FloatArray) -> SignedRank | NotEstimable:
         return NotEstimable(f"no difference in any subject (zeros: {scored.size})")
     ranks = doubled_midranks(np.abs(changed))
     positive, total = int(ranks[changed > 0].sum()), int(ranks.sum())
-    exact = len(ranks) <= LARGEST_EXACT
-    deviation = abs(positive - total / 2) / (np.sqrt((ranks**2).sum()) / 2)
     return SignedRank(
         statistic=positive / 2,
         n=len(ranks),
         n_zero=len(scored) - len(ranks),
-        p=_exact_p(ranks, positive) if exact else float(2 * ndtr(-deviation)),
-        method="exact" if exact else "normal",
+        p=p_of_ranks(ranks, positive),
+        method="exact" if len(ranks) <= LARGEST_EXACT else "normal",
         rank_biserial=(2 * positive - total) / total,
         rank_biserial_interval=rank_biserial_interval((2 * positive - total) / total, len(ranks)),
         mean_difference=float(scored.mean()),
@@ -146,9 +144,22 @@ def holm(p_values: Sequence[float]) -> list[float]:
     return [float(p) for p in corrected]
 
 
-def _exact_p(doubled_ranks: IntArray, positive: int) -> float:
-    """Return the share of all sign patterns whose V is at least as far from its middle."""
+def p_of_ranks(doubled_ranks: IntArray, positive: int) -> float:
+    """Return the p of a signed rank test; NaN without ranks.
+
+    It is the share of all sign patterns whose V is at least as far from its middle, or, for more
+    than 200 ranks, the normal approximation to it.
+
+    Parameters:
+        doubled_ranks: twice the midranks of the non-zero differences.
+        positive: their sum over the positive differences, 2 V.
+    """
+    if not len(doubled_ranks):
+        return float("nan")
     total = int(doubled_ranks.sum())
+    if len(doubled_ranks) > LARGEST_EXACT:
+        deviation = abs(positive - total / 2) / (np.sqrt((doubled_ranks**2).sum()) / 2)
+        return float(2 * ndtr(-deviation))
     chances = np.zeros(total + 1)
     chances[0] = 1.0
     for rank in doubled_ranks:

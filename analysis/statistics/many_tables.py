@@ -1,0 +1,160 @@
+"""The tests of the score table for many tables at once, as simulations of whole studies need them.
+
+The numbers are those of `omnibus` and `signed_rank`, table by table.
+"""
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from scipy.special import chdtrc
+
+from analysis.estimates import FloatArray, IntArray, NotEstimable
+from analysis.loading.score_table import ScoreTable
+from analysis.statistics.omnibus import exact_p, skillings_mack_p
+from analysis.statistics.signed_rank import DECIMALS, p_of_ranks
+
+# Cells compared at once: some 100 MB.
+LARGEST_BATCH = 4_000_000
+MOST_CONDITIONS_EXACT = 3
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ManyPairs:
+    """Signed rank tests of every pair of conditions in every table, shape (tables, pairs) each.
+
+    `mean` and `standard_error` are those of the differences of the `subjects` with both scores. NaN
+    stands where there is none.
+    """
+
+    p: FloatArray
+    p_holm: FloatArray
+    mean: FloatArray
+    standard_error: FloatArray
+    subjects: IntArray
+
+
+def pairs_of(conditions: int) -> list[tuple[int, int]]:
+    """Return the pairs of conditions, in the order of `pairwise_signed_ranks`."""
+    return list(combinations(range(conditions), 2))
+
+
+def pairwise_of_tables(scores: FloatArray) -> ManyPairs:
+    """Return the pairwise tests of tables (tables, subjects, conditions); NaN is a missing score.
+
+    >>> tables = np.array([[[1.0, 2.0], [3.0, 5.0], [2.0, 4.0]]])
+    >>> pairwise_of_tables(tables).p
+    array([[0.25]])
+    """
+    first, second = np.transpose(pairs_of(scores.shape[2]))
+    differences = np.moveaxis(scores[:, :, first] - scores[:, :, second], 1, 2)
+    p = _signed_rank_p(differences)
+    given = ~np.isnan(differences)
+    subjects = given.sum(axis=2)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        known = np.where(given, differences, 0.0)
+        mean = known.sum(axis=2) / subjects
+        squares = (np.where(given, differences - mean[..., None], 0.0) ** 2).sum(axis=2)
+        error = np.sqrt(squares / (subjects - 1) / subjects)
+    return ManyPairs(
+        p=p,
+        p_holm=holm_of_rows(p),
+        mean=mean,
+        standard_error=np.where(subjects > 1, error, np.nan),
+        subjects=subjects.astype(np.int64),
+    )
+
+
+def holm_of_rows(p: FloatArray) -> FloatArray:
+    """Return Holm's correction within each row; NaN is left out of it.
+
+    >>> holm_of_rows(np.array([[0.01, np.nan, 0.04, 0.03]]))
+    array([[0.03,  nan, 0.06, 0.06]])
+    """
+    order = np.argsort(p, axis=1, kind="stable")  # NaN comes last
+    factors = (~np.isnan(p)).sum(axis=1)[:, None] - np.arange(p.shape[1])
+    stepped = np.maximum.accumulate(np.take_along_axis(p, order, axis=1) * factors, axis=1)
+    corrected = np.empty_like(p)
+    np.put_along_axis(corrected, order, np.minimum(stepped, 1.0), axis=1)
+    return np.where(np.isnan(p), np.nan, corrected)
+
+
+def omnibus_p(scores: FloatArray) -> FloatArray:
+    """Return the p of equal conditions of each table (tables, subjects, conditions); NaN if none.
+
+    Up to three conditions it is Friedman's exact p, where there is one: chi-square would reject
+    too often there. With four and more it is chi-square's, which for so small tables rejects too
+    seldom, and a table with missing scores has that of the Skillings-Mack test.
+    """
+    complete = ~np.isnan(scores).any(axis=(1, 2))
+    p = np.full(len(scores), np.nan)
+    p[complete] = _friedman_p(scores[complete])
+    for number in np.flatnonzero(~complete):
+        p[number] = skillings_mack_p(unnamed_table(scores[number]))
+    return p
+
+
+def unnamed_table(scores: FloatArray) -> ScoreTable:
+    """Return scores (subjects, conditions) as a table whose names are numbers."""
+    subjects, conditions = (tuple(map(str, range(size))) for size in scores.shape)
+    return ScoreTable(subjects=subjects, conditions=conditions, scores=scores)
+
+
+def _friedman_p(scores: FloatArray) -> FloatArray:
+    subjects, conditions = scores.shape[1:]
+    if subjects < 2 or conditions < 2 or not len(scores):
+        return np.full(len(scores), np.nan)
+    ranks, middle = ranks_of_rows(scores), conditions + 1
+    between = ((ranks.sum(axis=1) - subjects * middle) ** 2).sum(axis=1)
+    within = ((ranks - middle) ** 2).sum(axis=(1, 2))
+    with np.errstate(invalid="ignore"):
+        p = np.asarray(chdtrc(conditions - 1, (conditions - 1) * between / within))
+    if conditions <= MOST_CONDITIONS_EXACT:
+        p = _exact_of_tables(ranks, between, p)
+    return np.where(within > 0, p, np.nan)
+
+
+def _exact_of_tables(ranks: IntArray, between: IntArray, otherwise: FloatArray) -> FloatArray:
+    """Return exact p; it depends on the ties of the rows and on how unequal the sums are."""
+    known: dict[tuple[bytes, int], float] = {}
+    p = otherwise.copy()
+    for number, table in enumerate(ranks):
+        rows = np.sort(table, axis=1)
+        key = rows[np.lexsort(rows.T)].tobytes(), int(between[number])
+        if key not in known:
+            found = exact_p(table)
+            known[key] = otherwise[number] if isinstance(found, NotEstimable) else found
+        p[number] = known[key]
+    return p
+
+
+def ranks_of_rows(values: FloatArray) -> IntArray:
+    """Return twice the midrank of each value along the last axis, as `doubled_midranks` does."""
+    rounded = np.round(values, DECIMALS)
+    shape = rounded.shape
+    rows = rounded.reshape(-1, shape[-1])
+    step = max(1, LARGEST_BATCH // shape[-1] ** 2)
+    batches = [_ranks_of_batch(rows[at : at + step]) for at in range(0, len(rows), step)]
+    return np.concatenate(batches).reshape(shape) if batches else np.zeros(shape, np.int64)
+
+
+def _ranks_of_batch(rows: FloatArray) -> IntArray:
+    below = (rows[:, None, :] < rows[:, :, None]).sum(axis=2)
+    not_above = (rows[:, None, :] <= rows[:, :, None]).sum(axis=2)
+    return np.where(np.isnan(rows), 0, below + not_above + 1).astype(np.int64)
+
+
+def _signed_rank_p(differences: FloatArray) -> FloatArray:
+    """Return the p of the signed rank test along the last axis, NaN without a difference.
+
+    Tests whose ranks and whose sum of positive ranks are the same have the same p.
+    """
+    rounded = np.round(differences, DECIMALS)
+    sizes = np.where(rounded == 0, np.nan, np.abs(differences))
+    ranks = ranks_of_rows(sizes).reshape(-1, sizes.shape[-1])
+    positive = np.where(rounded.reshape(ranks.shape) > 0, ranks, 0).sum(axis=1)
+    cases, which = np.unique(
+        np.column_stack([np.sort(ranks, axis=1), positive]), axis=0, return_inverse=True
+    )
+    p = [p_of_ranks(case[:-1][case[:-1] > 0], int(case[-1])) for case in cases]
+    return np.array(p, dtype=np.float64)[which.ravel()].reshape(differences.shape[:-1])

@@ -125,6 +125,11 @@ class Study:
         return study_data(self.recorded, rehearsals=self.rehearsals, rules=self.file.exclusions)
 
     @property
+    def participants(self) -> "pd.DataFrame":
+        """A row per participant: sessions, and answers given once, such as age or handedness."""
+        return self._frames.participants
+
+    @property
     def sessions(self) -> "pd.DataFrame":
         """A row per session: participant, language, device, what the operator noted."""
         return self._frames.sessions

@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from analysis.cells import BETWEEN_TOUCHES, Cell, json_text, tsv_cell, tsv_text
+from analysis.cells import BETWEEN_TOUCHES, json_text, tsv_cell, tsv_text
 from analysis.export.columns import COLUMNS, Column, known
 from analysis.export.dataset import Dataset, language_of
 from analysis.export.readme import readme
@@ -26,7 +26,8 @@ _TABLES = (
     "columns. `*_events.tsv` has the trials as events, tagged in words of HED. "
     "`n/a` is a missing value; in a text `\\t`, `\\n` and `\\\\` stand for a tab, a line "
     "feed and a backslash; an apostrophe before `=`, `+`, `-` or `@` keeps spreadsheets from "
-    "taking a text for a formula. `participants.tsv` gives each participant's pseudonym. "
+    "taking a text for a formula. `participants.tsv` gives each participant's pseudonym, and the "
+    "answers that were given once. "
     "`sourcedata/touchbeam/` has the study file and each session's events, traces of the finger "
     "among them: `touchbeam import` makes a study of them again."
 )
@@ -36,16 +37,6 @@ _RECORDINGS = (
     "`*_physio.tsv.gz`, the drive in `*_stim.tsv.gz`; `recording-trial3touch0` is the first touch "
     "of the trial with the index 3."
 )
-
-_PARTICIPANT_COLUMNS = {
-    "pseudonym": {"Description": "What the study called the participant."},
-    "sessions": {"Description": "How many of the participant's sessions are here."},
-    "session_kinds": {
-        "Description": "Who gave the answers; several kinds with semicolons between.",
-        "Delimiter": BETWEEN_TOUCHES,
-        "Levels": next(column for column in COLUMNS if column.name == "session_kind").levels,
-    },
-}
 
 _TOUCH = "Sensory-event, Tactile-presentation"
 _HED = {
@@ -82,8 +73,7 @@ def bids_export(data: Dataset) -> dict[str, str]:
     return {
         "README.md": readme(data, _TABLES + _RECORDINGS * any(data.recorded.values())),
         "dataset_description.json": json_text(_dataset_description(data)),
-        "participants.json": json_text(_participant_columns(data)),
-        "participants.tsv": _participants(data),
+        **_participants(data),
         **_sessions(data),
     }
 
@@ -111,23 +101,15 @@ def _dataset_description(data: Dataset) -> dict[str, Any]:
     )
 
 
-def _participants(data: Dataset) -> str:
-    kinds = data.sessions.groupby("subject", sort=False)["session_kind"].agg(list)
-    said = data.said_once
-    lines: list[list[Cell]] = [
-        [
-            *(f"sub-{name}", who, len(kinds[who]), tuple(dict.fromkeys(kinds[who]))),
-            *(answers.get(who) for answers in said.values()),
-        ]
-        for who, name in data.subject_labels.items()
-    ]
-    return tsv_text(["participant_id", *_participant_columns(data)], lines)
-
-
-def _participant_columns(data: Dataset) -> dict[str, Any]:
-    columns = {column.name: column for column in data.columns}
-    own = {name: _described(columns[name], data) for name in data.said_once}
-    return {**_PARTICIPANT_COLUMNS, **own}
+def _participants(data: Dataset) -> dict[str, str]:
+    """The table of participants and its sidecar; the participant's label stands first."""
+    first, *others = data.participant_columns
+    named = {"pseudonym": first} | {column.name: column for column in others}
+    rows = [(f"sub-{data.subject_labels[str(row[0])]}", *row) for row in cells(data.participants)]
+    return {
+        "participants.json": json_text({name: _described(it, data) for name, it in named.items()}),
+        "participants.tsv": tsv_text(["participant_id", *named], rows),
+    }
 
 
 def bids_recordings(data: Dataset) -> dict[str, bytes]:

@@ -4,7 +4,7 @@ Every export of a format has the same columns in the same order, whatever a stud
 """
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -248,6 +248,12 @@ def _of_question(question: StudyQuestion) -> Iterator[Column]:
     )
 
 
+PARTICIPANT_COLUMNS = (
+    _SESSION[0],
+    Column("sessions", "How many of the participant's sessions are here."),
+    replace(_SESSION[2], name="session_kinds", several=True),
+)
+"""Of a table of participants; the answers that each of them gave once follow."""
 COLUMNS = (*_SESSION, *_PLAN, *_ANSWER, *_FELT, *_COURSE, *_TOUCHES, *_SETTING)
 
 

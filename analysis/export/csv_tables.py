@@ -1,5 +1,9 @@
 """Tables as CSV, each with a JSON file that describes its columns."""
 
+from collections.abc import Sequence
+
+import pandas as pd
+
 from analysis.cells import BETWEEN_TOUCHES, csv_text, json_text
 from analysis.export.columns import Column, known
 from analysis.export.dataset import Dataset
@@ -8,17 +12,26 @@ from analysis.export.trial_table import cells
 
 
 def csv_tables(data: Dataset, *, shared: bool = False) -> dict[str, str]:
-    """Return `trials.csv`, and `trials.json` that describes each of its columns.
+    """Return the tables of trials and of participants, each with what describes its columns.
 
     Args:
         data: what is exported.
         shared: whether others are to have it, who get no private columns.
     """
     columns = data.shared_columns if shared else data.columns
+    return {
+        **_table("trials", data.trials, columns, data),
+        **_table("participants", data.participants, data.participant_columns, data),
+    }
+
+
+def _table(
+    name: str, table: pd.DataFrame, columns: Sequence[Column], data: Dataset
+) -> dict[str, str]:
     names = [column.name for column in columns]
     return {
-        "trials.csv": csv_text(names, cells(data.trials[names])),
-        "trials.json": json_text({column.name: _described(column, data) for column in columns}),
+        f"{name}.csv": csv_text(names, cells(table[names])),
+        f"{name}.json": json_text({column.name: _described(column, data) for column in columns}),
     }
 
 

@@ -11,9 +11,9 @@ from typing import Any, cast
 
 import pandas as pd
 
-from analysis.export.columns import COLUMNS, Column, question_columns
+from analysis.export.columns import COLUMNS, PARTICIPANT_COLUMNS, Column, question_columns
 from analysis.export.recordings import RecordedTouch, SessionKey, recorded_touches, session_key
-from analysis.export.trial_table import trial_table
+from analysis.export.trial_table import participant_table, trial_table
 from analysis.felt.measured_trials import with_measures
 from analysis.loading.records import values
 from analysis.loading.sessions import load_sessions
@@ -124,16 +124,15 @@ class Dataset:
         return tuple(column for column in self.columns if not column.private)
 
     @cached_property
-    def said_once(self) -> dict[str, dict[str, Any]]:
-        """By question, each participant's answer if nobody was asked more than once."""
-        found = {}
-        for question in self.questions:
-            if question.when in {"before", "after"}:
-                by_session = self.trials.groupby(["participant", "session"])[question.name].first()
-                answers = by_session.dropna().reset_index("session", drop=True)
-                if answers.index.is_unique:
-                    found[question.name] = dict(zip(answers.index, values(answers), strict=True))
-        return found
+    def participants(self) -> pd.DataFrame:
+        """A row per participant, with the answers that were given once."""
+        return participant_table(self.sessions, self.trials, self.questions)
+
+    @property
+    def participant_columns(self) -> tuple[Column, ...]:
+        """The columns of `participants`."""
+        known = {column.name: column for column in (*self.columns, *PARTICIPANT_COLUMNS)}
+        return tuple(known[str(name)] for name in self.participants)
 
     @cached_property
     def kinds(self) -> tuple[str, ...]:
@@ -166,7 +165,7 @@ class Dataset:
         return labels(self.sessions["subject"])
 
     @property
-    def participants(self) -> int:
+    def people(self) -> int:
         """The number of people; one who was in a rehearsal, too, counts once."""
         return int(self.sessions["participant"].nunique())
 
@@ -199,7 +198,7 @@ class Dataset:
         """Return in one line what is here and what is not."""
         return (
             f"{_counted(len(self.trials), 'trial')} of "
-            f"{_counted(self.participants, 'participant')} "
+            f"{_counted(self.people, 'participant')} "
             f"({_counted(self.trials_excluded, 'trial')} excluded, marked); left out: "
             f"{_counted(self.rehearsals_left_out, 'rehearsal')}, "
             f"{_counted(self.sessions_withdrawn, 'withdrawn session')}"

@@ -11,8 +11,8 @@ from typing import Any
 
 import pandas as pd
 
-from analysis.export.columns import COLUMNS, Column, question_columns
-from analysis.export.trial_table import session_table, trials_with_answers
+from analysis.export.columns import COLUMNS, PARTICIPANT_COLUMNS, Column, question_columns
+from analysis.export.trial_table import participant_table, session_table, trials_with_answers
 from analysis.loading.sessions import Sessions
 from protocol.journal.records import PlannedTrial, TraceSample
 from protocol.plan.trials import Trial
@@ -70,6 +70,11 @@ class Frames:
         return session_table(self.kept)
 
     @cached_property
+    def participants(self) -> pd.DataFrame:
+        """A row per participant, with the answers that were given once."""
+        return participant_table(self.kept, self._trials, self.questions).infer_objects()
+
+    @cached_property
     def trials(self) -> pd.DataFrame:
         """A row per trial that was begun, of its last attempt."""
         return self._trials.reset_index(drop=True)
@@ -109,7 +114,9 @@ class Frames:
         known = _BY_NAME | {"score": score}
         own = {column.name: column for column in question_columns(self.questions)}
         sampled = {column.name: column for column in _OF_TOUCHES}
+        people = {column.name: column for column in PARTICIPANT_COLUMNS}
         tables: Sequence[tuple[str, Iterable[Any], Mapping[str, Column]]] = (
+            ("participants", self.participants, known | own | people),
             ("sessions", _SESSION, known),
             ("trials", self._trials, known | own),
             ("touches", self._touches, sampled | known),

@@ -39,7 +39,7 @@ def readme(data: Dataset, tables: str) -> str:
         f"{_line(data.description())}\n",
         f"{tables}\n",
         _PUBLISHED_ROWS if data.published else _ROWS,
-        f"- {data.participants} participants, {len(data.sessions)} sessions, "
+        f"- {data.people} participants, {len(data.sessions)} sessions, "
         f"{len(data.trials)} trials\n"
         f"- excluded: {data.trials_excluded} trials\n"
         f"- not here: {data.rehearsals_left_out} rehearsals, {data.sessions_withdrawn} sessions "

@@ -105,6 +105,26 @@ def _answers(
     return table
 
 
+def participant_table(
+    sessions: pd.DataFrame, trials: pd.DataFrame, questions: Sequence[StudyQuestion]
+) -> pd.DataFrame:
+    """Return a row per participant of `sessions`, of which `trials` are the trials.
+
+    A question that was asked before or after sessions has a column, unless somebody gave it
+    different answers. A rehearsal that has a participant's name is a participant of its own.
+    """
+    keys = ["participant", "session", "session_kind"]
+    kinds = sessions.groupby("subject", sort=False)["session_kind"]
+    several = {who: tuple(dict.fromkeys(each)) for who, each in kinds}
+    table = pd.DataFrame({"sessions": kinds.size(), "session_kinds": pd.Series(several)})
+    said = trials.merge(sessions[[*keys, "subject"]], on=keys)
+    for name in (each.name for each in questions if each.when in {"before", "after"}):
+        given = said[["subject", name]].dropna().drop_duplicates().set_index("subject")[name]
+        if given.index.is_unique:
+            table[name] = given.reindex(table.index)
+    return table.rename_axis("participant").reset_index()
+
+
 def _scores(scores: "pd.Series[float]", whole: "pd.Series[bool]") -> "pd.Series[Any]":
     """Return the scores as given: whole numbers in a session, any in a published table."""
     given = zip(values(scores), whole, strict=True)

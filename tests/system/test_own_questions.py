@@ -80,6 +80,14 @@ def test_an_answer_is_a_cell_of_the_exported_table(study: Path, tmp_path: Path) 
     block = {row["block"] for row in rows if row["sensations"]}
     assert block == {"1"}
     assert all(float(row["age_reaction_time_s"]) > 0 for row in rows)
+    with (tmp_path / "csv" / "participants.csv").open(encoding="utf-8", newline="") as table:
+        people = {row["participant"]: row for row in csv.DictReader(table)}
+    assert {who: row["age"] for who, row in people.items()} == {
+        who: str(recorded(study, who)["age"][0]) for who in ("R1", "R2")
+    }
+    of_people = json.loads((tmp_path / "csv" / "participants.json").read_text(encoding="utf-8"))
+    assert of_people.keys() == people["R1"].keys()
+    assert of_people["age"]["unit"] == "years"
     described = json.loads((tmp_path / "csv" / "trials.json").read_text(encoding="utf-8"))
     assert described["age"]["unit"] == "years"
     assert described["hand"]["levels"]["both"] == "both"

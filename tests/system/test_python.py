@@ -106,6 +106,7 @@ def test_a_trace_is_found_by_its_trial(study: touchbeam.Study) -> None:
 
 def test_every_column_is_described(study: touchbeam.Study) -> None:
     tables = {
+        "participants": study.participants,
         "sessions": study.sessions,
         "trials": study.trials,
         "touches": study.touches,
@@ -129,6 +130,11 @@ def test_every_column_is_described(study: touchbeam.Study) -> None:
         assert unit == units[ending[1]] if ending else pd.isna(unit), column
 
 
+def test_participants_stand_with_what_they_said_once(study: touchbeam.Study) -> None:
+    assert study.participants.participant.tolist() == ["P01", "P02", "P03"]
+    assert study.participants.sessions.tolist() == [1, 1, 1]
+
+
 def test_own_questions_have_columns(tmp_path: Path) -> None:
     """Braces in the words of a study are no places for numbers."""
     (tmp_path / "study.toml").write_text(study_text(), encoding="utf-8")
@@ -139,6 +145,7 @@ def test_own_questions_have_columns(tmp_path: Path) -> None:
     hostile = touchbeam.load(tmp_path, rehearsals=True)
     assert list(hostile.trials) == hostile.columns.loc["trials"].index.tolist()
     assert not hostile.touches.empty
+    assert hostile.participants.participant.is_unique
 
 
 def test_scores_are_those_of_table_4(study: touchbeam.Study) -> None:

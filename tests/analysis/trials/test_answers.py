@@ -3,6 +3,8 @@
 from dataclasses import replace
 from typing import Any
 
+import pandas as pd
+
 from analysis.export.columns import COLUMNS
 from analysis.export.dataset import dataset
 from analysis.loading.study_data import load_study_data
@@ -18,11 +20,12 @@ STUDY = parsed_study(template("paper") + OWN_QUESTIONS)
 CONDITIONS = ("voltage", "frequency")
 
 
-def session(who: str, pleasant: list[Any], **apart: Any) -> list[StoredEvent]:
+def session(who: str, pleasant: list[Any], number: int = 1, **apart: Any) -> list[StoredEvent]:
     """A session with an answer to `pleasantness` after each trial, and others apart."""
     given = iter(pleasant)
     events: list[Event] = []
-    for event in scored_session(who, [("voltage", 5), ("frequency", 6)], CONDITIONS):
+    scores = [("voltage", 5), ("frequency", 6)]
+    for event in scored_session(who, scores, CONDITIONS, session=number):
         told: dict[str, Any] = {"reaction_time_s": 1.0, "trace": None}
         if isinstance(event, Answered):
             about = QuestionAnswer(name="pleasantness", answer=next(given), **told)
@@ -83,4 +86,29 @@ def test_no_question_may_have_the_name_of_an_exported_column() -> None:
 def test_a_question_that_the_study_file_no_longer_has_is_exported() -> None:
     data = dataset([session("A", [1, 1], shoe_size=42)], STUDY, "0", rehearsals=False)
     assert data.trials["shoe_size"].tolist() == [42, 42]
-    assert data.said_once["shoe_size"] == {"A": 42}
+    assert data.participants["shoe_size"].tolist() == [42]
+
+
+def people(*chains: list[StoredEvent]) -> pd.DataFrame:
+    return dataset(chains, STUDY, "0", rehearsals=False).participants
+
+
+def test_answers_given_once_stand_with_the_participants() -> None:
+    found = people(
+        session("A", [1, 1], age=30, sensations=["warmth", "sticking"]),
+        session("B", [1, 1], hand="left"),
+    ).set_index("participant")
+    assert found["age"].dropna().to_dict() == {"A": 30}
+    assert found["hand"].dropna().to_dict() == {"B": "left"}
+    assert found["sessions"].tolist() == [1, 1]
+    assert found["session_kinds"].tolist() == [("participant",)] * 2
+    assert "sensations" not in found
+    assert "age_reaction_time_s" not in found
+
+
+def test_a_second_session_may_repeat_an_answer_but_not_change_it() -> None:
+    first, other = session("A", [1, 1], age=30, hand="left"), session("B", [1, 1], age=40)
+    found = people(first, session("A", [1, 1], number=2, age=30, hand="right"), other)
+    assert found["sessions"].tolist() == [2, 1]
+    assert found["age"].tolist() == [30, 40]
+    assert "hand" not in found

@@ -120,6 +120,8 @@ def test_withdrawn_participants_are_left_out(study: Path) -> None:
     assert typed("export", study, "csv", "--format", "csv") == 0
     rows = csv_rows(contents(Path("csv"))["trials.csv"])
     assert {row["participant"] for row in rows} == {"P-01", "p_01", "D01", "E01"}
+    people = csv_rows(contents(Path("csv"))["participants.csv"])
+    assert [row["participant"] for row in people] == ["P-01", "p_01", "D01", "E01"]
 
 
 @pytest.mark.parametrize("form", ["csv", "bids", "psychds", "rocrate"])
@@ -135,7 +137,7 @@ def test_one_participant_gets_their_own_data_and_nothing_of_others(study: Path, 
     tables = [
         text
         for name, text in texts.items()
-        if name.endswith((".csv", "_beh.tsv")) and not name.startswith("report/")
+        if name.endswith(("trials.csv", "_data.csv", "_beh.tsv"))
     ]
     assert sum(len(text.splitlines()) - 1 for text in tables) == len(mine)
     for other in others:
@@ -225,7 +227,8 @@ def test_an_intact_journal_gives_no_warning(
 ) -> None:
     assert typed("export", study, "csv", "--format", "csv") == 0
     assert capsys.readouterr().err == ""
-    assert set(contents(Path("csv"))) == {"trials.csv", "trials.json"}
+    tables = ("trials", "participants")
+    assert set(contents(Path("csv"))) == {f"{it}.{end}" for it in tables for end in ("csv", "json")}
     assert typed("report", study, "--json") == 0
     shown = capsys.readouterr()
     assert (shown.err, json.loads(shown.out)["broken_chains"]) == ("", [])

@@ -1,0 +1,214 @@
+"""Diagnosands: power, bias, RMSE, coverage, type S and M errors, each with its Monte Carlo error.
+
+Every one is a ratio of two sums over independent studies, so that the number of estimates in a
+study may differ and its subjects may resemble each other.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.special import stdtr, stdtrit
+
+from analysis.estimates import BoolArray, FloatArray
+from analysis.power.designs import Design
+from analysis.power.diagnosis import ESTIMATES, RANK, columns
+from analysis.statistics.many_tables import holm_of_rows, pairs_of
+
+LEVEL = 0.05
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A diagnosand with its Monte Carlo standard error; both NaN where nothing determines it."""
+
+    value: float
+    error: float
+
+
+def ratio(above: FloatArray, below: FloatArray) -> Measured:
+    """Return the ratio of two sums over studies and its standard error (delta method).
+
+    r = Σ a / Σ b; its error is √(Σ (a - r b)²) / Σ b.
+
+    >>> ratio(np.array([1.0, 0.0, 1.0, 0.0]), np.ones(4))
+    Measured(value=0.5, error=0.25)
+    """
+    total = float(below.sum())
+    if not total > 0:
+        return Measured(float("nan"), float("nan"))
+    value = float(above.sum()) / total
+    return Measured(value, float(np.sqrt(((above - value * below) ** 2).sum())) / total)
+
+
+def share(happened: FloatArray | BoolArray) -> Measured:
+    """Return the share of studies with its standard error."""
+    return ratio(happened.astype(np.float64), np.ones(len(happened)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class TestPower:
+    """How often a test rejects at 5%, and how often the family's rule lets it be claimed."""
+
+    __test__ = False  # no test of pytest's
+
+    name: str
+    power: Measured
+    supported: Measured
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EstimateQuality:
+    """How an estimate errs; `ranks` are the truths' places in their posteriors, from 0 to 1.
+
+    `power` is the share of intervals without 0, `type_s` the share of those estimates with the
+    wrong sign, `type_m` their mean size relative to the truth's.
+    """
+
+    name: str
+    bias: Measured
+    rmse: Measured
+    coverage: Measured
+    width: Measured
+    power: Measured
+    type_s: Measured
+    type_m: Measured
+    estimable: float
+    ranks: FloatArray = field(repr=False)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Findings:
+    """What simulations tell of one design; `false_claims` are by test, in null cohorts."""
+
+    design: Design
+    studies: int
+    null_studies: int
+    omnibus: str
+    tests: tuple[TestPower, ...]
+    estimates: tuple[EstimateQuality, ...]
+    any_false_claim: Measured
+    false_claims: dict[str, Measured]
+
+
+def findings(
+    design: Design, conditions: Sequence[str], rows: FloatArray, null_rows: FloatArray
+) -> Findings:
+    """Return the diagnosands of a design.
+
+    Args:
+        design: the design.
+        conditions: names.
+        rows: of the simulated studies, shape (studies, numbers).
+        null_rows: of null cohorts.
+    """
+    models = rows.shape[1] == len(columns(len(conditions), models=True))
+    table = _Table(rows, columns(len(conditions), models=models))
+    null = _Table(null_rows, columns(len(conditions), models=False))
+    names, null_claims = _names(conditions), _claims(null, len(conditions))
+    p, claimed = _p_values(table, len(conditions)), _claims(table, len(conditions))
+    return Findings(
+        design=design,
+        studies=len(rows),
+        null_studies=len(null_rows),
+        omnibus="Friedman" if (table["complete"] == 1).all() else "Friedman or Skillings-Mack",
+        tests=tuple(
+            TestPower(name=name, power=share(p[:, place] < LEVEL), supported=share(made))
+            for place, (name, made) in enumerate(zip(names, claimed.T, strict=True))
+        ),
+        estimates=(
+            *(_of_model(table, name) for name in ESTIMATES if models),
+            *(_of_difference(table, pair, name) for pair, name in enumerate(names[2:])),
+        ),
+        any_false_claim=share(np.asarray(null_claims.any(axis=1))),
+        false_claims={name: share(made) for name, made in zip(names, null_claims.T, strict=True)},
+    )
+
+
+OMNIBUS, GAINS = "conditions differ", "gains differ"
+
+
+def _names(conditions: Sequence[str]) -> list[str]:
+    pairs = [f"{conditions[a]} - {conditions[b]}" for a, b in pairs_of(len(conditions))]
+    return [OMNIBUS, GAINS, *pairs]
+
+
+@dataclass(frozen=True, eq=False)
+class _Table:
+    """Rows of numbers whose columns have names."""
+
+    rows: FloatArray
+    names: list[str]
+
+    def __getitem__(self, name: str) -> FloatArray:
+        return np.asarray(self.rows[:, self.names.index(name)])
+
+
+def _p_values(table: _Table, conditions: int) -> FloatArray:
+    pairs = [table[f"pair p {pair}"] for pair in range(len(pairs_of(conditions)))]
+    return np.column_stack([table["omnibus p"], table["gains p"], *pairs])
+
+
+def _claims(table: _Table, conditions: int) -> BoolArray:
+    """Return which tests the family's rule lets a report claim, shape (studies, tests).
+
+    The two questions - do the conditions differ, do people's gains differ - are one family with
+    Holm's correction. A pair is claimed only if the conditions differ, by its own p after Holm's
+    correction over all pairs. So any false claim has a chance of at most 5%.
+    """
+    p = _p_values(table, conditions)
+    questions = holm_of_rows(p[:, :2]) < LEVEL
+    return np.column_stack([questions, questions[:, :1] & (p[:, 2:] < LEVEL)])
+
+
+def _of_model(table: _Table, name: str) -> EstimateQuality:
+    def sums(what: str) -> FloatArray:
+        return table[f"{name} {what}"]
+
+    count, significant = sums("count"), sums("significant")
+    ranks = sums(RANK)
+    return EstimateQuality(
+        name=name,
+        bias=ratio(sums("error"), count),
+        rmse=_root(ratio(sums("squared error"), count)),
+        coverage=ratio(sums("covered"), count),
+        width=ratio(sums("width"), count),
+        power=ratio(significant, count),
+        type_s=ratio(sums("wrong sign"), significant),
+        type_m=ratio(sums("estimated size"), sums("true size")),
+        estimable=float((count > 0).mean()),
+        ranks=ranks[~np.isnan(ranks)],
+    )
+
+
+def _of_difference(table: _Table, pair: int, name: str) -> EstimateQuality:
+    """Return the quality of a mean difference; its truth is the mean over all studies."""
+    mean, error, subjects = (table[f"pair {what} {pair}"] for what in ("mean", "error", "subjects"))
+    known = subjects > 1
+    mean, error, df = mean[known], error[known], subjects[known] - 1
+    if not len(mean):
+        mean = error = df = np.zeros(0)
+    truth = float(mean.mean()) if len(mean) else float("nan")
+    half = stdtrit(df, 0.975) * error
+    significant, off = np.abs(mean) > half, mean - truth
+    scale = np.where(error > 0, error, 1.0)
+    return EstimateQuality(
+        name=f"mean difference {name}",
+        bias=share(off),
+        rmse=_root(share(off**2)),
+        coverage=share(np.abs(off) <= half),
+        width=share(2 * half),
+        power=share(significant),
+        type_s=ratio(
+            (significant & (np.sign(mean) != np.sign(truth))).astype(np.float64),
+            significant.astype(np.float64),
+        ),
+        type_m=ratio(np.abs(mean) * significant, abs(truth) * significant.astype(np.float64)),
+        estimable=float(known.mean()),
+        ranks=stdtr(df, (truth - mean) / scale)[error > 0],
+    )
+
+
+def _root(squares: Measured) -> Measured:
+    value = float(np.sqrt(squares.value))
+    return Measured(value, squares.error / (2 * value) if value > 0 else 0.0)

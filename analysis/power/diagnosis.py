@@ -1,0 +1,163 @@
+"""What the report's tests and estimators make of simulated cohorts, one row of numbers each.
+
+Rows are added up to diagnosands later. Their columns depend on the study's conditions alone.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from analysis.estimates import FloatArray, NotEstimable
+from analysis.power.cohorts import Cohort
+from analysis.sensitivity.integration import Marginals
+from analysis.sensitivity.linear_model import linear_posterior
+from analysis.sensitivity.lines import LineMixture, Lines
+from analysis.sensitivity.ordinal_model import ordinal_posterior
+from analysis.statistics.additive import gain_heterogeneity
+from analysis.statistics.many_tables import omnibus_p, pairs_of, pairwise_of_tables, unnamed_table
+
+ESTIMATES = (
+    *("M2 bias", "M2 gain", "M2 relative gain", "M2 group's gain"),
+    *("M1 gain", "M1 relative gain", "M1 group's gain"),
+)
+SUMS = (
+    *("count", "error", "squared error", "covered", "width"),
+    *("significant", "wrong sign", "estimated size", "true size"),
+)
+"""Of one study's estimates of a kind; the last three over the significant ones alone."""
+RANK = "rank"
+"""The posterior probability below the truth, of the study's first subject with ratings."""
+
+
+def columns(conditions: int, *, models: bool) -> list[str]:
+    """Return the names of a row's numbers."""
+    pairs = range(len(pairs_of(conditions)))
+    tests = ["omnibus p", "gains p", "complete"]
+    of_pairs = [
+        f"{what} {pair}"
+        for what in ("pair p", "pair mean", "pair error", "pair subjects")
+        for pair in pairs
+    ]
+    sums = [f"{name} {what}" for name, what in product(ESTIMATES, (*SUMS, RANK))]
+    return [*tests, *of_pairs, *(sums if models else [])]
+
+
+def rows_of_tables(tables: Sequence[FloatArray]) -> FloatArray:
+    """Return a row per table of scores; tables of one shape are tested together.
+
+    Subjects without any score count for nothing.
+    """
+    left = [table[~np.isnan(table).all(axis=1)] for table in tables]
+    width = len(columns(tables[0].shape[1], models=False))
+    found = np.full((len(left), width), np.nan)
+    for shape in {table.shape for table in left}:
+        which = [number for number, table in enumerate(left) if table.shape == shape]
+        if shape[0]:
+            found[which] = _rows(np.array([left[number] for number in which]))
+    return found
+
+
+def _rows(scores: FloatArray) -> FloatArray:
+    pairs = pairwise_of_tables(scores)
+    return np.column_stack(
+        [
+            omnibus_p(scores),
+            [_gains_p(one) for one in scores],
+            ~np.isnan(scores).any(axis=(1, 2)),
+            *(pairs.p_holm, pairs.mean, pairs.standard_error, pairs.subjects),
+        ]
+    )
+
+
+def rows_of_cohorts(cohorts: Sequence[Cohort]) -> FloatArray:
+    """Return a row per cohort: its tests, then what the sensitivity models estimate."""
+    tests = rows_of_tables([cohort.scores for cohort in cohorts])
+    return np.column_stack([tests, [_estimated(cohort) for cohort in cohorts]])
+
+
+def _gains_p(scores: FloatArray) -> float:
+    found = gain_heterogeneity(unnamed_table(scores))
+    return float("nan") if isinstance(found, NotEstimable) else found.p
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Estimated:
+    """Estimates of a kind with intervals (n, 2), the truth, and the first one's posterior."""
+
+    value: FloatArray
+    interval: FloatArray
+    truth: FloatArray
+    posterior: Marginals
+    weights: FloatArray
+
+
+def _estimated(cohort: Cohort) -> list[float]:
+    found = {**_of_model("M2", cohort), **_of_model("M1", cohort)}
+    empty = [0.0] * len(SUMS) + [float("nan")]
+    return [
+        number for name in ESTIMATES for number in (_sums(found[name]) if name in found else empty)
+    ]
+
+
+def _of_model(model: str, cohort: Cohort) -> Mapping[str, _Estimated]:
+    fit = (ordinal_posterior if model == "M2" else linear_posterior)(cohort.ratings)
+    if isinstance(fit, NotEstimable):
+        return {}
+    lines, mixture = fit[0].lines, fit[1]
+    rated = np.array([line.trials > 0 for line in lines.subjects])
+    found = _of_subjects(cohort, lines, mixture, rated)
+    found["group's gain"] = _Estimated(
+        value=np.array([lines.gain]),
+        interval=np.array([lines.gain_interval]),
+        truth=np.array([cohort.population_gain]),
+        posterior=mixture.gain.part(slice(-1, None)),
+        weights=mixture.weights,
+    )
+    return {f"{model} {name}": each for name, each in found.items()}
+
+
+def _of_subjects(
+    cohort: Cohort, lines: Lines, mixture: LineMixture, rated: FloatArray
+) -> dict[str, _Estimated]:
+    first, weights = int(np.argmax(rated)), mixture.weights
+    chosen = [line for line in lines.subjects if line.trials > 0]
+    gain = cohort.gain[rated]
+    truths = {"bias": cohort.bias[rated], "gain": gain, "relative gain": gain - gain.mean()}
+    found = {}
+    for name, posterior in (
+        ("bias", mixture.bias),
+        ("gain", mixture.gain),
+        ("relative gain", mixture.relative),
+    ):
+        attribute = name.replace(" ", "_")
+        if name == "relative gain" and len(chosen) < 2:
+            continue
+        found[name] = _Estimated(
+            value=np.array([getattr(line, attribute) for line in chosen]),
+            interval=np.array([getattr(line, f"{attribute}_interval") for line in chosen]),
+            truth=truths[name],
+            posterior=posterior.part(slice(first, first + 1)),
+            weights=weights,
+        )
+    return found
+
+
+def _sums(found: _Estimated) -> list[float]:
+    error = found.value - found.truth
+    low, high = found.interval.T
+    significant = (low > 0) | (high < 0)
+    below = 1 - found.posterior.plus(-found.truth[0]).above_zero(found.weights)[0]
+    return [
+        len(error),
+        float(error.sum()),
+        float((error**2).sum()),
+        float(((low <= found.truth) & (found.truth <= high)).sum()),
+        float((high - low).sum()),
+        float(significant.sum()),
+        float((significant & (np.sign(found.value) != np.sign(found.truth))).sum()),
+        float(np.abs(found.value[significant]).sum()),
+        float(np.abs(found.truth[significant]).sum()),
+        float(below),
+    ]

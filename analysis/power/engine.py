@@ -1,0 +1,151 @@
+"""Where tasks are computed: on the cores of this machine, or on a Dask cluster."""
+
+import io
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import closing, contextmanager
+from typing import TYPE_CHECKING, Protocol
+from zipfile import BadZipFile
+
+import numpy as np
+
+from analysis.estimates import FloatArray
+from analysis.power.job import Job, Task, numbers
+from protocol.errors import BadInput, WorkFailed
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+_ANSWER_WITHIN_S = 10
+_WORKERS_WITHIN_S = 30
+
+
+class Chunks(Protocol):
+    """Kept results of tasks."""
+
+    def load(self, name: str) -> bytes | None:
+        """Return what was kept under a name, if anything."""
+        ...
+
+    def save(self, name: str, content: bytes) -> None:
+        """Keep it: all of it or, after a power cut, nothing."""
+        ...
+
+
+def completed(
+    job: Job, wanted: Sequence[Task], chunks: Chunks, workers: int, scheduler: str | None = None
+) -> Generator[tuple[Task, FloatArray], None, None]:
+    """Yield every task with its numbers as soon as they are there, kept ones first.
+
+    Each result is kept before it is yielded, so that a run that is interrupted goes on.
+
+    Args:
+        job: what is simulated.
+        wanted: the tasks.
+        chunks: where results are kept.
+        workers: processes on this machine.
+        scheduler: address of a Dask cluster that computes in their place.
+
+    Raises:
+        BadInput: the address is none, or the package for clusters is missing.
+        WorkFailed: the cluster cannot be reached or does not work.
+    """
+    left = []
+    for task in wanted:
+        found = _kept(chunks.load(task.name))
+        if found is None or len(found) != task.count:
+            left.append(task)
+        else:
+            yield task, found
+    if not left:
+        return
+    with closing(_computed(job, left, workers, scheduler)) as results:
+        for task, found in results:
+            content = io.BytesIO()
+            np.save(content, found, allow_pickle=False)
+            chunks.save(task.name, content.getvalue())
+            yield task, found
+
+
+def _kept(content: bytes | None) -> FloatArray | None:
+    """Return kept numbers; None if there are none, or none that can be read."""
+    if content is None:
+        return None
+    try:
+        found = np.load(io.BytesIO(content), allow_pickle=False)
+    except (ValueError, OSError, EOFError, BadZipFile):
+        return None
+    return found if isinstance(found, np.ndarray) and found.ndim == 2 else None
+
+
+Results = Generator[tuple[Task, FloatArray], None, None]
+
+
+def _computed(job: Job, left: Sequence[Task], workers: int, scheduler: str | None) -> Results:
+    if scheduler is not None:
+        return _on_cluster(job, left, scheduler)
+    if workers == 1:
+        return (_numbered(job, task) for task in left)
+    return _on_cores(job, left, min(workers, len(left)))
+
+
+def _numbered(job: Job, task: Task) -> tuple[Task, FloatArray]:
+    return task, numbers(job, task)
+
+
+def _on_cores(job: Job, left: Sequence[Task], workers: int) -> Results:
+    from joblib import Parallel, delayed, parallel_config
+
+    with parallel_config(backend="loky", inner_max_num_threads=1):
+        parallel = Parallel(n_jobs=workers, return_as="generator_unordered", batch_size=1)
+        yield from parallel(delayed(_numbered)(job, task) for task in left)
+
+
+def _on_cluster(job: Job, left: Sequence[Task], scheduler: str) -> Results:
+    from distributed import KilledWorker, as_completed
+
+    with connected(scheduler) as client:
+        futures = [client.submit(_numbered, job, task, pure=False) for task in left]
+        try:
+            for future in as_completed(futures):
+                yield future.result()
+                future.release()
+        except KilledWorker as error:
+            raise WorkFailed(f"{scheduler}: a task ended its workers again and again") from error
+
+
+@contextmanager
+def connected(scheduler: str) -> Iterator["Client"]:
+    """Yield a connection to a Dask cluster that has workers.
+
+    Raises:
+        BadInput: the address is none, or the package for clusters is missing.
+        WorkFailed: nobody answers there, or the cluster has no workers.
+    """
+    if not scheduler.startswith(("tcp://", "tls://")):
+        raise BadInput(f"--scheduler must be an address such as tcp://HOST:8786, got {scheduler!r}")
+    try:
+        from distributed import Client
+    except ImportError:
+        raise BadInput(
+            "--scheduler needs the package distributed; install touchbeam[cluster]"
+        ) from None
+    try:
+        client = Client(scheduler, timeout=_ANSWER_WITHIN_S, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise WorkFailed(
+            f"{scheduler}: no Dask scheduler answers there; start one with: dask scheduler"
+        ) from error
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=_WORKERS_WITHIN_S)
+        except TimeoutError:
+            raise WorkFailed(
+                f"{scheduler}: the cluster has no workers; start one with: dask worker {scheduler}"
+            ) from None
+        yield client
+
+
+def cluster_size(scheduler: str) -> int:
+    """Return the number of a cluster's threads."""
+    with connected(scheduler) as client:
+        return int(sum(client.nthreads().values()))

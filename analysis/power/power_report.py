@@ -1,0 +1,294 @@
+"""Power and precision as JSON, as lines of a terminal, in words and as figures."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from analysis.estimates import Json
+from analysis.power.designs import Design
+from analysis.power.diagnosands import (
+    GAINS,
+    OMNIBUS,
+    EstimateQuality,
+    Findings,
+    Measured,
+    TestPower,
+)
+from analysis.report.drawing import Panel, Series, panels_figure
+from protocol.study.study import Study
+
+ENOUGH = 0.8
+RELATIVE = "M2 relative gain"
+FAMILY = (
+    "Supported is what holds for the whole report at 5%: that the conditions differ and that gains "
+    "differ are one family with Holm's correction; a pair counts only if the conditions differ, by "
+    "its p after Holm's correction over all pairs."
+)
+KOLMOGOROV = 1.358
+"""The 95% quantile of √n times the largest distance of an empirical distribution from its own."""
+_DIAGNOSANDS = ("bias", "rmse", "coverage", "width", "power", "type_s", "type_m")
+
+
+def power_record(found: Sequence[Findings], study: Study, seed: int) -> Json:
+    """Return everything that is found as JSON; the first design is the one in the foreground."""
+    first = found[0]
+    designs = [_design_record(each, study) for each in found]
+    return {
+        "studies": first.studies,
+        "seed": seed,
+        **designs[0],
+        "answer": answer(found),
+        "family": FAMILY,
+        "designs": designs,
+    }
+
+
+def _design_record(found: Findings, study: Study) -> Json:
+    return {
+        "design": {
+            "participants": found.design.participants,
+            "repeats": found.design.repeats,
+            "levels": found.design.levels or _own_levels(study),
+            "sessions": study.design.sessions,
+            "conditions": list(study.conditions),
+        },
+        "omnibus": found.omnibus,
+        "tests": [_test_record(test) for test in found.tests],
+        "estimates": [_estimate_record(estimate) for estimate in found.estimates],
+        "null": {
+            "studies": found.null_studies,
+            "any_supported": _number(found.any_false_claim.value),
+            "mc_error": _number(found.any_false_claim.error),
+            "supported": {
+                name: {"share": _number(each.value), "mc_error": _number(each.error)}
+                for name, each in found.false_claims.items()
+            },
+        },
+        "answer": design_answer(found),
+    }
+
+
+def _own_levels(study: Study) -> int:
+    return max(len(condition.levels) for condition in study.condition)
+
+
+def _test_record(test: TestPower) -> Json:
+    return {
+        "name": test.name,
+        "power": _number(test.power.value),
+        "mc_error": _number(test.power.error),
+        "supported": _number(test.supported.value),
+        "supported_mc_error": _number(test.supported.error),
+    }
+
+
+def _estimate_record(estimate: EstimateQuality) -> Json:
+    measured: dict[str, Measured] = {name: getattr(estimate, name) for name in _DIAGNOSANDS}
+    return {
+        "name": estimate.name,
+        **{name: _number(each.value) for name, each in measured.items()},
+        "mc_error": _number(estimate.coverage.error),
+        "mc_errors": {name: _number(each.error) for name, each in measured.items()},
+        "estimable": estimate.estimable,
+        "calibration": _calibration(estimate),
+    }
+
+
+def _calibration(estimate: EstimateQuality) -> Json:
+    """Return how far the ranks of the truth are from a uniform distribution, and how far may be."""
+    count = len(estimate.ranks)
+    if not count:
+        return {"studies": 0, "largest_difference": None, "band": None}
+    return {
+        "studies": count,
+        "largest_difference": _number(float(np.abs(_ecdf_difference(estimate.ranks)).max())),
+        "band": KOLMOGOROV / math.sqrt(count),
+    }
+
+
+def _number(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def answer(found: Sequence[Findings]) -> str:
+    """Return the answer in words: of the one design, or of the smallest one that does."""
+    if len(found) == 1:
+        return design_answer(found[0])
+    enough = [each for each in found if _power_of(each, OMNIBUS) >= ENOUGH]
+    if not enough:
+        return f"No design has 80 % power; the largest: {design_answer(_largest(found))}"
+    smallest = min(enough, key=lambda each: (_size(each.design), each.design))
+    return (
+        f"The smallest design with 80 % power to tell that the conditions differ: "
+        f"{design_answer(smallest)}"
+    )
+
+
+def _largest(found: Sequence[Findings]) -> Findings:
+    return max(found, key=lambda each: (_size(each.design), each.design))
+
+
+def _size(design: Design) -> int:
+    return design.participants * design.repeats
+
+
+def _power_of(found: Findings, name: str) -> float:
+    return next(test.supported.value for test in found.tests if test.name == name)
+
+
+def design_answer(found: Findings) -> str:
+    """Return what one design can tell, in words."""
+    parts = [
+        f"relative gains to within ±{estimate.width.value / 2:.1f}"
+        for estimate in found.estimates
+        if estimate.name == RELATIVE and math.isfinite(estimate.width.value)
+    ]
+    pairs = [test for test in found.tests if test.name not in {OMNIBUS, GAINS}]
+    strong = [test.name.replace(" - ", " and ") for test in pairs if _enough(test)]
+    told = [f"{_percent(_power_of(found, OMNIBUS))} power to tell that the conditions differ"]
+    told += [f"80 % power or more to tell apart {', '.join(strong[:4])}{_rest(strong[4:])}"]
+    parts += told if strong else [told[0], "80 % power for no pair of conditions"]
+    return f"{found.design}: {', '.join(parts)}."
+
+
+def _enough(test: TestPower) -> bool:
+    return test.supported.value >= ENOUGH
+
+
+def _rest(names: Sequence[str]) -> str:
+    return f" and {len(names)} more pairs" if len(names) > 1 else "".join(f", {n}" for n in names)
+
+
+def _percent(value: float) -> str:
+    return f"{100 * value:.0f} %" if math.isfinite(value) else "unknown"
+
+
+def lines_of_tests(found: Findings) -> list[list[str]]:
+    """Return the table of tests: a header, rows, and a footer."""
+    rows = [
+        [test.name, *map(_with_error, (test.power, test.supported, found.false_claims[test.name]))]
+        for test in found.tests
+    ]
+    footer = ["anything", "", "", _with_error(found.any_false_claim)]
+    return [["test", "power", "supported", "without any effect"], *rows, footer]
+
+
+def lines_of_estimates(found: Findings) -> list[list[str]]:
+    """Return the table of the models' estimates: a header, rows, and an empty footer."""
+    names = ("bias", "rmse", "coverage", "width", "type_s", "type_m")
+    header = ["estimate", "bias", "RMSE", "coverage", "width", "type S", "type M"]
+    rows = [
+        [each.name, *(_with_error(getattr(each, name)) for name in names)]
+        for each in found.estimates
+    ]
+    return [header, *rows, [""] * len(header)]
+
+
+def _with_error(measured: Measured) -> str:
+    if not math.isfinite(measured.value):
+        return "–"
+    return f"{measured.value:.3f} ±{measured.error:.3f}"
+
+
+def figures(found: Sequence[Findings]) -> dict[str, bytes]:
+    """Return the figure files by name: curves over the designs, and calibration of intervals."""
+    panels = {"power": _curves(found), "calibration": _calibration_panels(found[0])}
+    return {
+        f"{name}.{kind}": panels_figure(drawn, kind)
+        for name, drawn in panels.items()
+        if drawn
+        for kind in ("svg", "png")
+    }
+
+
+def _curves(found: Sequence[Findings]) -> list[Panel]:
+    lines: dict[str, list[Findings]] = {}
+    for each in sorted(found, key=lambda one: one.design):
+        lines.setdefault(str(each.design).partition(" x ")[2], []).append(each)
+    panels = [
+        _curve(f"Power: {name}", "share of studies", lines, {"test": name})
+        for name in (OMNIBUS, GAINS)
+    ]
+    if any(estimate.name == RELATIVE for estimate in found[0].estimates):
+        name = "Half-width of relative gains"
+        panels.append(_curve(name, "points per unit of contrast", lines, {}))
+    return [*panels, _weakest_pair(lines)]
+
+
+def _curve(
+    title: str, y_label: str, lines: Mapping[str, Sequence[Findings]], what: Mapping[str, str]
+) -> Panel:
+    def measured(found: Findings) -> Measured:
+        if "test" in what:
+            return next(test.supported for test in found.tests if test.name == what["test"])
+        width = next(each.width for each in found.estimates if each.name == RELATIVE)
+        return Measured(width.value / 2, width.error / 2)
+
+    return _panel(title, y_label, {name: _points(own, measured) for name, own in lines.items()})
+
+
+def _weakest_pair(lines: Mapping[str, Sequence[Findings]]) -> Panel:
+    """Return the power for the pairs: the mean over all of them."""
+
+    def measured(found: Findings) -> Measured:
+        pairs = [test.supported for test in found.tests if test.name not in {OMNIBUS, GAINS}]
+        value = float(np.mean([each.value for each in pairs]))
+        # The pairs share their studies: the error of the mean is at most the mean of the errors.
+        return Measured(value, float(np.mean([each.error for each in pairs])))
+
+    points = {name: _points(own, measured) for name, own in lines.items()}
+    return _panel("Share of pairs told apart", "share of pairs", points)
+
+
+def _points(found: Sequence[Findings], measured: Any) -> list[tuple[int, Measured]]:
+    return [(each.design.participants, measured(each)) for each in found]
+
+
+def _panel(title: str, y_label: str, lines: Mapping[str, Sequence[tuple[int, Measured]]]) -> Panel:
+    return Panel(
+        title=title,
+        x_label="participants",
+        y_label=y_label,
+        series=tuple(
+            Series(
+                label=name,
+                x=np.array([size for size, _ in points], dtype=np.float64),
+                y=np.array([each.value for _, each in points]),
+                error=np.array([1.96 * each.error for _, each in points]),
+                marked=len(points) == 1,
+            )
+            for name, points in lines.items()
+        ),
+    )
+
+
+_GRID = np.linspace(0.0, 1.0, 101)
+
+
+def _ecdf_difference(ranks: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Return the empirical distribution of the ranks less the uniform one, on a grid."""
+    return np.searchsorted(np.sort(ranks), _GRID, side="right") / len(ranks) - _GRID
+
+
+def _calibration_panels(found: Findings) -> list[Panel]:
+    """Return, for each interval, the distribution of the truth's rank less the uniform one."""
+    return [
+        Panel(
+            title=estimate.name,
+            x_label="posterior probability below the truth",
+            y_label="difference from uniform",
+            series=(
+                Series(
+                    label="95% band of a calibrated interval",
+                    x=_GRID,
+                    y=np.zeros(len(_GRID)),
+                    error=np.full(len(_GRID), KOLMOGOROV / math.sqrt(len(estimate.ranks))),
+                ),
+                Series(label="found", x=_GRID, y=_ecdf_difference(estimate.ranks)),
+            ),
+        )
+        for estimate in found.estimates
+        if len(estimate.ranks)
+    ]

@@ -1,0 +1,166 @@
+"""The command `power`: power and precision of a study by simulation."""
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from protocol.errors import BadInput
+from runner.cli.options import JsonOption, StudyArgument
+from runner.cli.output import followed, print_json, print_table, say
+
+if TYPE_CHECKING:
+    from analysis.power.designs import Design
+    from analysis.power.diagnosands import Findings
+    from analysis.power.job import Job, Kind, Task
+    from runner.study.power_folder import PowerFolder
+
+app = typer.Typer()
+
+
+def _numbers(given: str | None, option: str) -> list[int]:
+    """Return whole numbers given by commas."""
+    texts = [] if given is None else given.split(",")
+    if not all(text.strip().isdecimal() and int(text) > 0 for text in texts):
+        raise BadInput(
+            f"{option} must be whole numbers above 0 by commas, such as 9,12,20, got {given!r}"
+        )
+    return sorted({int(text) for text in texts})
+
+
+def _cores() -> int:
+    """Return the number of cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+@app.command()
+def power(
+    study: StudyArgument,
+    studies: Annotated[
+        int, typer.Option(min=2, max=1_000_000, help="Simulated studies of each design.")
+    ] = 500,
+    null_studies: Annotated[
+        int | None,
+        typer.Option(
+            min=2, max=1_000_000, help="Of them without any effect. [default: twice the others]"
+        ),
+    ] = None,
+    participants: Annotated[
+        str | None, typer.Option(metavar="N,…", help="[default: the study's, or 9]")
+    ] = None,
+    repeats: Annotated[str | None, typer.Option(metavar="N,…", help="[default: the study's]")] = (
+        None
+    ),
+    levels: Annotated[
+        str | None, typer.Option(metavar="N,…", help="Of every amplitude. [default: the study's]")
+    ] = None,
+    tests_only: Annotated[
+        bool, typer.Option("--tests-only", help="Leave out the sensitivity models: much faster.")
+    ] = False,
+    workers: Annotated[
+        int | None, typer.Option(min=1, max=1024, help="Processes. [default: one per core]")
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="URL", help="Compute on this Dask cluster, such as tcp://HOST:8786."),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0)] = 1,
+    as_json: JsonOption = False,
+) -> None:
+    """Simulate a study again and again: power of its tests, precision of its estimates.
+
+    Results are kept in STUDY/power, so that an interrupted run goes on and a longer one goes
+    further. docs/power.md explains every number.
+    """
+    # With one thread, sums are in the same order on every computer: the same input, same numbers.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    from importlib.metadata import version
+    from time import perf_counter
+
+    from analysis.cells import json_text
+    from analysis.power.designs import designed, designs
+    from analysis.power.engine import cluster_size
+    from analysis.power.job import Job, tasks
+    from analysis.power.power_report import figures, power_record
+    from runner.study.calibration import fitted_calibration
+    from runner.study.folder import StudyFolder
+    from runner.study.power_folder import PowerFolder
+
+    begun_s = perf_counter()
+    folder = StudyFolder(path=study)
+    file = folder.study()
+    wanted = designs(
+        file,
+        _numbers(participants, "--participants"),
+        _numbers(repeats, "--repeats"),
+        _numbers(levels, "--levels"),
+    )
+    for design in wanted:
+        designed(file, design)
+    if len(file.conditions) < 2:
+        raise BadInput(f"{study}: a power analysis needs at least 2 conditions, got 1")
+    job = Job(
+        study=folder.text(),
+        version=version("touchbeam"),
+        seed=seed,
+        rig=fitted_calibration(folder.path),
+    )
+    used = cluster_size(scheduler) if scheduler else workers or _cores()
+    kind: Kind = "tested" if tests_only else "fitted"
+    to_do = {
+        design: (
+            tasks(design, kind, studies),
+            tasks(design, "null", null_studies or 2 * studies),
+        )
+        for design in wanted
+    }
+    place = PowerFolder(study=folder.path, digest=job.digest)
+    found = _found(job, to_do, place, used, scheduler, as_json=as_json)
+    record = power_record(found, file, seed)
+    # What lies on the disk does not depend on the machine.
+    place.write({"power.json": json_text(record).encode(), **figures(found)})
+    if as_json:
+        print_json({**record, "elapsed_s": round(perf_counter() - begun_s, 3), "workers": used})
+        return
+    _print(found, record["answer"], place.path)
+
+
+def _found(
+    job: "Job",
+    to_do: "dict[Design, tuple[list[Task], list[Task]]]",
+    place: "PowerFolder",
+    workers: int,
+    scheduler: str | None,
+    *,
+    as_json: bool,
+) -> "list[Findings]":
+    """Return the findings of each design, with a progress bar on a terminal."""
+    import numpy as np
+
+    from analysis.power.diagnosands import findings
+    from analysis.power.engine import completed
+    from protocol.study_file.loading import parsed_study
+
+    every = [task for pair in to_do.values() for own in pair for task in own]
+    results = completed(job, every, place, workers, scheduler)
+    rows = dict(followed("studies", results, len(every), alone=as_json))
+    conditions = parsed_study(job.study).conditions
+    return [
+        findings(design, conditions, *(np.concatenate([rows[it] for it in own]) for own in pair))
+        for design, pair in to_do.items()
+    ]
+
+
+def _print(found: "list[Findings]", answer: str, place: Path) -> None:
+    from analysis.power.power_report import FAMILY, lines_of_estimates, lines_of_tests
+
+    for each in found:
+        print_table(f"Tests: {each.design}", lines_of_tests(each))
+        print_table(f"Estimates: {each.design}", lines_of_estimates(each))
+    say(FAMILY)
+    say(f"Simulated: {found[0].studies} studies, {found[0].null_studies} without any effect.")
+    say(answer)
+    say(f"Written: {place / 'power.json'}; beside it power.svg and calibration.svg")

@@ -1,0 +1,47 @@
+"""Designs of a study, and those that it cannot have."""
+
+import pytest
+
+from analysis.power.designs import Design, designed, designs
+from protocol.errors import BadInput
+from protocol.study.study import Study
+from protocol.study_file.loading import parsed_study, template
+
+
+@pytest.fixture
+def paper() -> Study:
+    return parsed_study(template("paper"))
+
+
+def test_every_combination_is_a_design(paper: Study) -> None:
+    found = designs(paper, [9, 12], [1, 2], [])
+    assert [(one.participants, one.repeats, one.levels) for one in found] == [
+        (9, 1, 0),
+        (9, 2, 0),
+        (12, 1, 0),
+        (12, 2, 0),
+    ]
+
+
+def test_without_options_it_is_the_study_s_own(paper: Study) -> None:
+    own = paper.design.participants or 9
+    assert designs(paper, [], [], []) == [Design(participants=own, repeats=1)]
+
+
+def test_levels_are_spread_evenly_up_to_the_whole_amplitude(paper: Study) -> None:
+    made = designed(paper, Design(participants=9, repeats=4, levels=2))
+    assert {condition.levels for condition in made.condition} == {(0.5, 1.0)}
+    assert (made.design.repeats, made.design.participants) == (4, 9)
+
+
+@pytest.mark.parametrize(
+    ("design", "message"),
+    [
+        (Design(participants=1, repeats=1), r"participants must lie in \[2, 1000\], got 1"),
+        (Design(participants=9, repeats=30), "9 participants x 30 repeats cannot be planned"),
+        (Design(participants=9, repeats=3, levels=2), "must divide design.repeats = 3"),
+    ],
+)
+def test_what_the_study_cannot_have_is_refused(paper: Study, design: Design, message: str) -> None:
+    with pytest.raises(BadInput, match=message):
+        designed(paper, design)

@@ -1,0 +1,100 @@
+"""Diagnosands of studies whose numbers are known, and their Monte Carlo errors."""
+
+import numpy as np
+import pytest
+
+from analysis.estimates import FloatArray
+from analysis.power.designs import Design
+from analysis.power.diagnosands import Findings, findings, ratio
+from analysis.power.diagnosis import ESTIMATES, columns, rows_of_tables
+
+DESIGN = Design(participants=9, repeats=1)
+NAMES = ("a", "b", "c", "d", "e")
+
+
+def tables(seed: int, studies: int, effects: tuple[float, ...] = (0, 0, 0, 0, 0)) -> FloatArray:
+    """Whole scores from 0 to 10 with people of their own bias, on a ceiling for some."""
+    rng = np.random.default_rng(seed)
+    bias = rng.normal(7.5, 1.0, (studies, 9, 1))
+    noise = rng.normal(0, 1.2, (studies, 9, 5))
+    return np.asarray(np.clip(np.round(bias + np.array(effects) + noise), 0, 10))
+
+
+def found(rows: FloatArray, null: FloatArray) -> Findings:
+    return findings(DESIGN, NAMES, rows, null)
+
+
+def test_a_ratio_has_the_error_of_independent_studies() -> None:
+    rng = np.random.default_rng(3)
+    below = rng.integers(1, 10, (2000, 400)).astype(float)
+    above = rng.binomial(below.astype(int), 0.9).astype(float)
+    several = [ratio(a, b) for a, b in zip(above, below, strict=True)]
+    spread = np.std([one.value for one in several])
+    assert np.mean([one.error for one in several]) == pytest.approx(spread, rel=0.05)
+    assert np.isnan(ratio(np.zeros(3), np.zeros(3)).value)
+
+
+def test_no_null_cohort_in_twenty_has_a_false_claim() -> None:
+    null = rows_of_tables(list(tables(5, 2000)))
+    claimed = found(null[:10], null).any_false_claim
+    assert claimed.value <= 0.05 + 2 * claimed.error
+    assert claimed.error == pytest.approx(np.sqrt(0.05 * 0.95 / 2000), rel=0.3)
+    # Each test on its own would have made more: 5% of each of two, and pairs beside them.
+    alone = (null[:, :2] < 0.05).any(axis=1).mean()
+    assert alone > claimed.value
+
+
+def test_power_is_the_share_of_studies_and_pairs_wait_for_the_omnibus_test() -> None:
+    rows = rows_of_tables(list(tables(6, 400, (0, 0, 0, 0, 2.5))))
+    made = found(rows, rows[:10])
+    by_name = {test.name: test for test in made.tests}
+    differ = by_name["conditions differ"]
+    assert differ.power.value == pytest.approx((rows[:, 0] < 0.05).mean())
+    assert differ.power.value > 0.9
+    for test in made.tests[2:]:
+        assert test.supported.value <= min(test.power.value, differ.supported.value)
+    assert by_name["a - e"].power.value > by_name["a - b"].power.value
+    assert made.omnibus == "Friedman"
+
+
+def test_t_intervals_of_differences_cover_and_have_the_right_sign() -> None:
+    rows = rows_of_tables(list(tables(7, 1500, (0, 0, 0, 0, 2.0))))
+    made = {one.name: one for one in found(rows, rows[:10]).estimates}
+    big, none = made["mean difference a - e"], made["mean difference a - b"]
+    for one in (big, none):
+        assert abs(one.coverage.value - 0.95) < 4 * one.coverage.error
+        assert one.bias.value == pytest.approx(0, abs=1e-9)
+    assert big.type_s.value == 0
+    # Only the larger ones of a few are significant, and so are those of a difference that is none.
+    assert 1 <= big.type_m.value < 1.2 < none.type_m.value
+    assert none.power.value < 0.1
+
+
+def test_estimates_add_up_over_studies() -> None:
+    names = columns(5, models=True)
+    rows = np.zeros((2, len(names)))
+    gain = ESTIMATES[1]
+    for what, values in {
+        "count": (9, 1),
+        "error": (9.0, 1.0),
+        "squared error": (36.0, 4.0),
+        "covered": (9, 0),
+        "width": (18.0, 2.0),
+        "significant": (3, 1),
+        "wrong sign": (1, 0),
+        "estimated size": (6.0, 2.0),
+        "true size": (3.0, 1.0),
+    }.items():
+        rows[:, names.index(f"{gain} {what}")] = values
+    null = rows_of_tables(list(tables(8, 10)))
+    one = next(each for each in found(rows, null).estimates if each.name == gain)
+    assert (one.bias.value, one.rmse.value, one.width.value) == (1.0, 2.0, 2.0)
+    assert (one.coverage.value, one.power.value) == (0.9, 0.4)
+    assert (one.type_s.value, one.type_m.value) == (0.25, 2.0)
+
+
+def test_subjects_who_are_left_out_count_for_nothing() -> None:
+    scores = tables(9, 4, (0, 0, 0, 1, 2))
+    with_empty = np.concatenate([scores, np.full((4, 2, 5), np.nan)], axis=1)
+    np.testing.assert_array_equal(rows_of_tables(list(with_empty)), rows_of_tables(list(scores)))
+    assert np.isnan(rows_of_tables([np.full((9, 5), np.nan)])).all()

@@ -1,0 +1,60 @@
+"""The engine: the same numbers by any number of workers, and from where it was stopped."""
+
+import numpy as np
+import pytest
+
+from analysis.power.engine import completed, connected
+from analysis.power.job import Job, numbers
+from protocol.errors import BadInput, WorkFailed
+from tests.analysis.power.kept_in_memory import Memory, job, numbers_by, wanted
+
+
+def test_one_two_and_four_workers_give_the_same_bits() -> None:
+    alone = numbers_by(1)
+    assert alone.tobytes() == numbers_by(2).tobytes()
+    assert alone.tobytes() == numbers_by(4).tobytes()
+
+
+def test_a_run_that_stops_goes_on_from_there() -> None:
+    memory, whole = Memory(), numbers_by(1)
+    stopped = completed(job(), wanted(), memory, 1)
+    next(stopped)
+    stopped.close()
+    assert len(memory.kept) == 1
+    kept = dict(memory.kept)
+    assert numbers_by(1, kept=memory).tobytes() == whole.tobytes()
+    assert {name: memory.kept[name] for name in kept} == kept
+
+
+@pytest.mark.parametrize("content", [b"", b"no numbers", b"\x93NUMPY\x01\x00"])
+def test_a_chunk_that_cannot_be_read_is_computed_again(content: bytes) -> None:
+    (task,) = wanted(fitted=0)
+    memory = Memory({task.name: content})
+    ((_, found),) = completed(job(), [task], memory, 1)
+    assert found.tobytes() == numbers(job(), task).tobytes()
+    assert memory.kept[task.name] != content
+
+
+def test_a_longer_run_has_the_studies_of_a_shorter_one() -> None:
+    (short, *_), (long, *_) = wanted(fitted=2), wanted(fitted=4)
+    np.testing.assert_array_equal(numbers(job(), short), numbers(job(), long)[:2])
+
+
+def test_another_seed_gives_other_studies() -> None:
+    task = wanted()[-1]
+    assert (numbers(job(1), task) != numbers(job(2), task)).any()
+    assert job(1).digest != job(2).digest
+
+
+def test_a_worker_of_another_version_is_refused() -> None:
+    other = Job(study=job().study, version="0.0.1", seed=1)
+    with pytest.raises(WorkFailed, match=r"0\.0\.1 asks"):
+        numbers(other, wanted()[0])
+
+
+def test_an_address_that_is_none_is_refused() -> None:
+    with (
+        pytest.raises(BadInput, match="must be an address such as tcp://HOST:8786, got 'nowhere'"),
+        connected("nowhere"),
+    ):
+        pass

@@ -1,0 +1,137 @@
+"""The command `power`: its document, what it keeps, and what it refuses."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.runner.command_line import typed
+
+FEW = ("--participants", "4", "--workers", "1")
+QUICK = (*FEW, "--studies", "30", "--null-studies", "20", "--tests-only")
+
+
+@pytest.fixture
+def folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Path:
+    assert typed("new", tmp_path / "mine") == 0
+    capsys.readouterr()
+    return tmp_path / "mine"
+
+
+def document(folder: Path, capsys: pytest.CaptureFixture[str], *options: str) -> dict[str, object]:
+    assert typed("power", folder, *options, "--json") == 0
+    found: dict[str, object] = json.loads(capsys.readouterr().out)
+    return found
+
+
+def test_the_document_has_what_others_rely_on(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = document(folder, capsys, *FEW, "--studies", "2", "--null-studies", "20", "--seed", "3")
+    assert (found["studies"], found["seed"], found["workers"]) == (2, 3, 1)
+    assert found["design"] == {
+        "participants": 4,
+        "repeats": 1,
+        "levels": 1,
+        "sessions": 1,
+        "conditions": ["frequency", "structure", "voltage", "direction", "pressure"],
+    }
+    assert {"any_supported", "mc_error"} <= dict(found["null"]).keys()  # type: ignore[call-overload]
+    tests, estimates = found["tests"], found["estimates"]
+    assert isinstance(tests, list)
+    assert isinstance(estimates, list)
+    assert [test["name"] for test in tests[:3]] == [
+        "conditions differ",
+        "gains differ",
+        "frequency - structure",
+    ]
+    assert all({"power", "mc_error"} <= test.keys() for test in tests)
+    wanted = {"name", "bias", "rmse", "coverage", "width", "type_s", "type_m", "mc_error"}
+    assert all(wanted <= estimate.keys() for estimate in estimates)
+    assert "M2 relative gain" in [estimate["name"] for estimate in estimates]
+    assert str(found["answer"]).startswith("4 participants x 1 repeat: relative gains to within ±")
+    names = {path.name for path in (folder / "power").iterdir()}
+    assert names == {
+        *("power.json", "power.svg", "power.png"),
+        *("calibration.svg", "calibration.png", "chunks"),
+    }
+
+
+def test_only_time_and_workers_depend_on_the_machine(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first = document(folder, capsys, *QUICK)
+    kept = (folder / "power" / "power.json").read_bytes()
+    second = document(folder, capsys, *QUICK)
+    for found in (first, second):
+        found.pop("elapsed_s")
+        found.pop("workers")
+    assert first == second
+    assert json.loads(kept) == first
+
+
+def test_several_designs_make_a_curve(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    options = ("--participants", "4,8", "--repeats", "1,2", "--studies", "30", "--tests-only")
+    found = document(folder, capsys, *options, "--workers", "1")
+    designs = found["designs"]
+    assert isinstance(designs, list)
+    sizes = [(each["design"]["participants"], each["design"]["repeats"]) for each in designs]
+    assert sizes == [(4, 1), (4, 2), (8, 1), (8, 2)]
+    assert found["design"] == designs[0]["design"]
+    assert "design" in str(found["answer"])
+    power = [each["tests"][0]["power"] for each in designs]
+    assert power[0] < power[-1]
+
+
+def test_people_read_tables_and_an_answer(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert typed("power", folder, *QUICK) == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    assert "Tests: 4 participants x 1 repeat" in out
+    assert "conditions differ" in out
+    assert "Simulated: 30 studies, 20 without any effect." in out
+    assert "power to tell that the conditions differ" in out
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--participants", "nine"), "--participants must be whole numbers above 0 by commas"),
+        (("--repeats", "1,0"), "--repeats must be whole numbers above 0 by commas"),
+        (("--participants", "1"), r"participants must lie in [2, 1000], got 1"),
+        (("--repeats", "30"), "9 participants x 30 repeats cannot be planned"),
+        (("--scheduler", "nowhere"), "--scheduler must be an address such as tcp://HOST:8786"),
+        (("--workers", "0"), "Invalid value for '--workers'"),
+        (("--studies", "1"), "Invalid value for '--studies'"),
+    ],
+)
+def test_what_is_wrong_is_said_in_one_line(
+    folder: Path,
+    capsys: pytest.CaptureFixture[str],
+    options: tuple[str, ...],
+    message: str,
+) -> None:
+    assert typed("power", folder, *options) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert message in err
+    assert err.count("\n") == 1
+    assert not (folder / "power").exists()
+
+
+def test_a_study_of_one_condition_has_nothing_to_tell_apart(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = folder / "study.toml"
+    before, condition, *_ = file.read_text().split("[[condition]]")
+    file.write_text(f"{before}[[condition]]{condition}")
+    assert typed("power", folder) == 2
+    assert "needs at least 2 conditions, got 1" in capsys.readouterr().err
+
+
+def test_nobody_at_the_scheduler_s_address_is_a_failure(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("analysis.power.engine._ANSWER_WITHIN_S", 0.5)
+    assert typed("power", folder, "--scheduler", "tcp://127.0.0.1:9") == 1
+    assert "no Dask scheduler answers there" in capsys.readouterr().err

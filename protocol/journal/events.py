@@ -20,6 +20,7 @@ from protocol.journal.records import (
     PlannedTrial,
     QuestionAnswer,
     ReadBack,
+    RigCalibration,
     TraceSample,
     VirtualTruth,
 )
@@ -68,6 +69,14 @@ class SessionOpened(Event):
     answer_order: Annotated[
         str, Key("of the answers to choose from: `forward` or `reversed`", missing="forward")
     ] = "forward"
+    registration: Annotated[
+        str | None,
+        Key("digest of the registration that seeds the plan, if any", missing=None, sparse=True),
+    ] = None
+    calibration: Annotated[
+        RigCalibration | None,
+        Key("the rig's calibration in force, if there is one", missing=None, sparse=True),
+    ] = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,6 +97,14 @@ class SessionResumed(Event):
         VirtualTruth | None, Key("the true parameters, if the participant is virtual", missing=None)
     ] = None
     versions: Annotated[Mapping[str, str], Key("of touchbeam and Python", missing={})]
+    registration: Annotated[
+        str | None,
+        Key("digest of the registration that seeds the plan, if any", missing=None, sparse=True),
+    ] = None
+    calibration: Annotated[
+        RigCalibration | None,
+        Key("the rig's calibration in force, if there is one", missing=None, sparse=True),
+    ] = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -356,6 +373,21 @@ class StudyAmended(Event):
 
     study_sha256: Annotated[str, Key("digest of the changed file")]
     reason: Annotated[str, Key("why", missing="")]
+    breaks: Annotated[
+        str | None,
+        Key("digest of the registration whose lock it breaks, if any", missing=None, sparse=True),
+    ] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudyRegistered(Event):
+    """Plan and analysis are locked; recorded in the chain `@study`."""
+
+    TAG: ClassVar = "study-registered"
+
+    registration: Annotated[str, Key("digest of the registration")]
+    study_sha256: Annotated[str, Key("digest of the study file")]
+    text: Annotated[str, Key("the file `registration.toml`")]
 
 
 @dataclass(frozen=True, kw_only=True)

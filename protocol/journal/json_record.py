@@ -14,11 +14,13 @@ _Reader = Callable[[Any], Any]
 class Key:
     """The meaning of a payload key, and its value where an earlier build did not write it.
 
-    A key without `missing` is required: every build has written it.
+    A key without `missing` is required: every build has written it. A `sparse` one is left out
+    where it has the value `missing`.
     """
 
     meaning: str
     missing: Any = _REQUIRED
+    sparse: bool = False
 
     @property
     def required(self) -> bool:
@@ -45,7 +47,12 @@ class JsonRecord:
 
     def to_json(self) -> dict[str, Any]:
         """Return the record as a JSON object of dicts, lists and plain values."""
-        return {key.name: as_json(getattr(self, key.name)) for key in self.json_keys()}
+        keys = [(key, getattr(self, key.name)) for key in self.json_keys()]
+        return {
+            key.name: as_json(value)
+            for key, value in keys
+            if not (key.key.sparse and value == key.key.missing)
+        }
 
     @classmethod
     def from_json(cls, payload: Mapping[str, Any]) -> Self:

@@ -56,6 +56,17 @@ class VirtualTruth(JsonRecord):
 
 
 @dataclass(frozen=True, kw_only=True)
+class RigCalibration(JsonRecord):
+    """What predictions take of the rig, as a sliding experiment determined it."""
+
+    damping_ratio: Annotated[float, Key("damping ratio of the beam")]
+    gain: Annotated[float, Key("volts at the beam per volt of the drive")]
+    body_height_m: Annotated[float, Key("height of the ciliary bodies, m")]
+    resonance_hz: Annotated[float | None, Key("resonance, Hz; null if not determined")]
+    origin: Annotated[str, Key("session and digest of the calibration")]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Identity(JsonRecord):
     """The device's identity, boot count and clock, and remarks for the operator."""
 

@@ -16,6 +16,8 @@ _TABLE: dict[tuple[str, type[Event]], str] = {
     ("new", events.ScoresImported): "completed",
     ("new", events.StudyAmended): "amended",
     ("amended", events.StudyAmended): "amended",
+    ("registered", events.StudyAmended): "amended",
+    **{(state, events.StudyRegistered): "registered" for state in ("new", "amended", "registered")},
     ("idle", events.SessionResumed): "idle",
     ("idle", events.PracticeRenewed): "idle",
     ("idle", events.DeviceArmed): "armed",

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from itertools import groupby, pairwise
 from typing import Literal
 
+from protocol.journal.records import PlannedTrial
 from protocol.study.questions import Question
 from protocol.study.study import Study
 from protocol.study.touch import Touch, on_s
@@ -33,6 +34,12 @@ class Trial:
     level: float = 1.0
     opposite: bool = False
     break_s: float = 0.0
+
+
+def planned_trial(trial: Trial) -> PlannedTrial:
+    """Return the record of a trial that the journal keeps."""
+    touches = tuple(touch.model_dump(exclude_none=True) for touch in trial.touches)
+    return PlannedTrial(**{**vars(trial), "touches": touches})
 
 
 @dataclass(frozen=True, kw_only=True)

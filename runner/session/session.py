@@ -7,10 +7,10 @@ from typing import Literal
 
 from protocol.address import SIMULATED
 from protocol.journal.events import SLIDE, SessionOpened, SessionResumed
-from protocol.journal.records import PlannedTrial, VirtualTruth
+from protocol.journal.records import RigCalibration, VirtualTruth
 from protocol.journal.state import SessionState
 from protocol.plan.retries import running_order
-from protocol.plan.trials import Plan, Trial
+from protocol.plan.trials import Plan, Trial, planned_trial
 from protocol.study.study import Study
 from protocol.study_file.loading import text_digest
 from runner.clock import Clock
@@ -37,6 +37,10 @@ class Session:
     consent: str | None = None
     seed: int = 1
     virtual: VirtualTruth | None = None
+    registration: str | None = None
+    """Digest of the study's registration, which seeds the plan."""
+    calibration: RigCalibration | None = None
+    """The rig as a sliding experiment determined it, None for the paper's values."""
 
     @property
     def slides(self) -> bool:
@@ -48,12 +52,14 @@ class Session:
         return SessionResumed(
             study_sha256=text_digest(self.study_text),
             study_text=self.study_text,
-            trials=tuple(map(_planned, self.plan.trials)),
+            trials=tuple(map(planned_trial, self.plan.trials)),
             language=self.language,
             consent=self.consent,
             seed=self.seed,
             virtual=self.virtual,
             versions=versions(),
+            registration=self.registration,
+            calibration=self.calibration,
         )
 
     def opening(self) -> SessionOpened:
@@ -85,11 +91,6 @@ def answer_order(study: Study, slot: int, before: SessionState | None) -> Answer
 def versions() -> dict[str, str]:
     """Return the versions of touchbeam and Python."""
     return {"touchbeam": version("touchbeam"), "python": platform.python_version()}
-
-
-def _planned(trial: Trial) -> PlannedTrial:
-    touches = tuple(touch.model_dump(exclude_none=True) for touch in trial.touches)
-    return PlannedTrial(**{**vars(trial), "touches": touches})
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -30,7 +30,7 @@ from protocol.journal.records import (
     TraceSample,
 )
 from protocol.plan.plan import plan
-from protocol.plan.trials import Trial
+from protocol.plan.trials import planned_trial
 from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study, template
 from tests.analysis.chains import answer, chain, opened, published_chain
@@ -79,7 +79,7 @@ def session_events(
     measured: bool = True,
 ) -> list[Event]:
     """The events of one session in which a virtual person answered every planned trial."""
-    trials = [_planned(trial) for trial in plan(study, slot).trials]
+    trials = [planned_trial(trial) for trial in plan(study, slot).trials]
     name = who or f"P{slot + 1:02d}"
     events: list[Event] = [
         opened(name, study.conditions, trials, kind=kind, slot=slot),
@@ -93,11 +93,6 @@ def session_events(
             events += _touched(number, touch, study, rng, measured=measured)
         events.append(_answer(trial, level, rng))
     return [*events, DeviceOff(confirmed=True, why="the session is over"), SessionCompleted()]
-
-
-def _planned(trial: Trial) -> PlannedTrial:
-    touches = tuple(touch.model_dump(exclude_none=True) for touch in trial.touches)
-    return PlannedTrial(**{**vars(trial), "touches": touches})
 
 
 def _touched(

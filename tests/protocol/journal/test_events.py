@@ -206,6 +206,11 @@ PAYLOADS: dict[str, dict[str, Any]] = {
     "session-included": {"reason": "fell asleep"},
     "withdrawn": {},
     "study-amended": {"study_sha256": "1" * 64, "reason": "shorter ramp"},
+    "study-registered": {
+        "registration": "3" * 64,
+        "study_sha256": "1" * 64,
+        "text": "a file",
+    },
     "scores-imported": {
         "participant": "S1",
         "session": 1,

@@ -21,7 +21,9 @@ FORBIDDEN = sorted((s, t) for s in STATES for t in TAGS if (s, t) not in TRANSIT
 
 DRAWN = """
 new        session-opened idle          scores-imported completed    study-amended amended
-amended    study-amended amended
+new        study-registered registered
+amended    study-amended amended        study-registered registered
+registered study-amended amended        study-registered registered
 idle       session-resumed idle         practice-renewed idle        trial-excluded idle
 idle       device-armed armed           session-completed completed  session-excluded dropped
 idle       trial-included idle

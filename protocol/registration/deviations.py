@@ -1,0 +1,159 @@
+"""Deviations of a study from its registration: all that was done otherwise, one line each."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import NamedTuple
+
+from protocol.registration.registration import Registration, Setting
+
+PAPER = "the paper's values"
+
+
+class Deviation(NamedTuple):
+    """A departure from the registration; `kind` is what it concerns."""
+
+    kind: str
+    text: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class SessionRun:
+    """A session as it was run: under which registration, study file, version and calibration.
+
+    `calibration` is its origin, empty for the paper's values.
+    """
+
+    name: str
+    number: int
+    registration: str | None
+    study_sha256: str | None
+    touchbeam: str
+    calibration: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Amendment:
+    """A change of the study file that was accepted after the registration."""
+
+    utc: datetime
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Conduct:
+    """How a registered study was conducted and is reported.
+
+    Attributes:
+        sessions: those that are reported.
+        amendments: in their order.
+        participants: how many completed all their sessions.
+        by_hand: what was excluded without a rule, and why.
+        study_sha256: digest of the present study file.
+        law, rung: under which contrasts are predicted.
+        analysis: the settings of this analysis.
+        touchbeam: the version that reports.
+        later: the origin of a calibration made since the last session, empty without one.
+        broken_file: what is wrong with the file of the registration.
+    """
+
+    sessions: Sequence[SessionRun]
+    amendments: Sequence[Amendment]
+    participants: int
+    by_hand: Sequence[str]
+    study_sha256: str
+    law: str
+    rung: str
+    analysis: Mapping[str, Setting]
+    touchbeam: str
+    later: str = ""
+    broken_file: str = ""
+
+
+def deviations(registered: Registration, conduct: Conduct) -> list[Deviation]:
+    """Return every deviation from what was registered; an empty list if there is none."""
+    return [
+        *_of_files(registered, conduct),
+        *_of_sessions(registered, conduct.sessions),
+        *_of_numbers(registered, conduct),
+        *_of_analysis(registered, conduct),
+    ]
+
+
+def _of_files(registered: Registration, conduct: Conduct) -> Iterator[Deviation]:
+    if conduct.broken_file:
+        yield Deviation("registration", conduct.broken_file)
+    for change in conduct.amendments:
+        yield Deviation(
+            "study file",
+            f"amended at {change.utc:%Y-%m-%d %H:%M} UTC, which broke the lock: {change.reason}",
+        )
+    if conduct.study_sha256 != registered.study_sha256:
+        yield Deviation("study file", "the present study file is not the registered one")
+
+
+def _of_sessions(registered: Registration, sessions: Sequence[SessionRun]) -> Iterator[Deviation]:
+    digest, rig = registered.digest, str(registered.calibration.get("origin", ""))
+
+    yield from _named(
+        ("registration", "sessions without it or under another one"),
+        [run.name for run in sessions if run.registration != digest],
+    )
+    yield from _named(
+        ("study file", "sessions under another study file"),
+        [run.name for run in sessions if run.study_sha256 != registered.study_sha256],
+    )
+    yield from _named(
+        ("version", f"sessions by a touchbeam other than {registered.touchbeam}"),
+        [run.name for run in sessions if run.touchbeam != registered.touchbeam],
+    )
+    for other in dict.fromkeys(run.calibration for run in sessions if run.calibration != rig):
+        yield from _named(
+            ("calibration", f"registered: {rig or PAPER}; in force: {other or PAPER}, in sessions"),
+            [run.name for run in sessions if run.calibration == other],
+        )
+    yield from _named(
+        ("sessions", f"more than the {registered.sessions} registered for each"),
+        [run.name for run in sessions if run.number > registered.sessions],
+    )
+
+
+def _named(deviation: tuple[str, str], sessions: Sequence[str]) -> Iterator[Deviation]:
+    kind, text = deviation
+    if sessions:
+        yield Deviation(kind, f"{text}: {', '.join(sessions)}")
+
+
+def _of_numbers(registered: Registration, conduct: Conduct) -> Iterator[Deviation]:
+    if conduct.participants != registered.participants:
+        less = "fewer" if conduct.participants < registered.participants else "more"
+        yield Deviation(
+            "participants",
+            f"{conduct.participants} completed, {less} than the {registered.participants} "
+            "registered",
+        )
+    for left_out in conduct.by_hand:
+        yield Deviation("exclusion", f"without a registered rule: {left_out}")
+
+
+def _of_analysis(registered: Registration, conduct: Conduct) -> Iterator[Deviation]:
+    if (conduct.law, conduct.rung) != (registered.law, registered.rung):
+        yield Deviation(
+            "prediction",
+            f"law {conduct.law} on rung {conduct.rung}; registered: {registered.law} on "
+            f"{registered.rung}",
+        )
+    if conduct.touchbeam != registered.touchbeam:
+        yield Deviation(
+            "version", f"reported by touchbeam {conduct.touchbeam}, not {registered.touchbeam}"
+        )
+    for name in sorted({*registered.analysis, *conduct.analysis}):
+        settled, used = registered.analysis.get(name), conduct.analysis.get(name)
+        if settled != used:
+            yield Deviation("analysis", f"{name}: {used}; registered: {settled}")
+    if conduct.later:
+        yield Deviation(
+            "calibration",
+            f"{conduct.later} is later than the sessions; what it predicts stands beside the "
+            "registered prediction",
+        )

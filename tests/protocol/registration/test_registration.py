@@ -1,0 +1,149 @@
+"""A registration as a file: it comes back as it was written, and no character can be changed."""
+
+import re
+from collections import Counter
+from dataclasses import replace
+from hashlib import sha256
+
+import pytest
+
+from protocol.errors import BadInput
+from protocol.plan.plan import plan
+from protocol.plan.slide_plan import slide_plan, slide_study
+from protocol.proof.cohort import cohort_problems
+from protocol.registration.hypotheses import hypotheses, require_known
+from protocol.registration.registration import Registration, locked, registration_in
+from protocol.registration.registry_text import registry_text
+from protocol.study_file.loading import parsed_study, template
+
+PAPER = parsed_study(template("paper"))
+EXTENDED = parsed_study(template("extended"))
+REGISTERED = Registration(
+    study="a study",
+    study_sha256="1" * 64,
+    primary="conditions differ",
+    secondary=("voltage above structure",),
+    law="consistent",
+    rung="mode",
+    calibration={"damping_ratio": 0.0071, "gain": 1.02, "origin": "session slide/1"},
+    participants=20,
+    sessions=1,
+    exclusions=("a trial answered sooner than 0.3 s is left out",),
+    analysis={"significance level": 0.05, "correction": "Holm"},
+    power={"answer": "80 % for \x7f „voltage above structure“\nwith 20 participants"},
+    touchbeam="0.1.0",
+)
+
+
+def test_a_registration_comes_back_as_it_was_written() -> None:
+    text = REGISTERED.text()
+    assert registration_in(text) == REGISTERED
+    assert registration_in(text).digest == REGISTERED.digest
+
+
+def test_the_digest_is_that_of_everything_below_its_line() -> None:
+    first, _, body = REGISTERED.text().partition("\n")
+    assert first == f'digest = "{sha256(body.encode()).hexdigest()}"'
+
+
+def test_the_digest_of_a_file_stays_when_a_later_version_reads_it() -> None:
+    body = REGISTERED.text().partition("\n")[2] + "\n[unheard_of]\nkey = 1\n"
+    text = f'digest = "{sha256(body.encode()).hexdigest()}"\n{body}'
+    read = registration_in(text)
+    assert read.text() == text
+    assert read.digest == sha256(body.encode()).hexdigest()
+
+
+def test_every_changed_character_is_noticed() -> None:
+    text = REGISTERED.text()
+    for place in range(len(text)):
+        for other in ("x" if text[place] != "x" else "y", ""):
+            with pytest.raises(BadInput, match="was changed after touchbeam register wrote it"):
+                registration_in(text[:place] + other + text[place + 1 :])
+
+
+def test_a_file_of_another_form_is_refused() -> None:
+    body = "schema = 9\n"
+    text = f'digest = "{sha256(body.encode()).hexdigest()}"\n{body}'
+    with pytest.raises(BadInput, match="cannot be read by this version"):
+        registration_in(text)
+
+
+def test_every_setting_changes_the_digest() -> None:
+    changes = [
+        {"study_sha256": "2" * 64},
+        {"primary": "ratings follow the prediction"},
+        {"secondary": ()},
+        {"law": "printed"},
+        {"rung": "eq15"},
+        {"calibration": {}},
+        {"participants": 21},
+        {"sessions": 2},
+        {"exclusions": ()},
+        {"analysis": {"significance level": 0.1, "correction": "Holm"}},
+        {"power": {}},
+        {"touchbeam": "0.2.0"},
+    ]
+    digests = [replace(REGISTERED, **change).digest for change in changes]  # type: ignore[arg-type]
+    assert len({REGISTERED.digest, *digests}) == len(changes) + 1
+
+
+def test_every_stream_changes_with_the_digest() -> None:
+    first, other = (locked(EXTENDED, digit * 64) for digit in "ab")
+    plans = [[plan(study, slot) for slot in range(20)] for study in (EXTENDED, first, other)]
+
+    def drawn(what: str) -> list[object]:
+        kinds = {"practice": "practice", "catch": "catch"}
+        return [
+            [
+                (trial.index, trial.condition)
+                for made in cohort
+                for trial in made.trials
+                if trial.kind == kinds[what]
+            ]
+            if what in kinds
+            else [
+                [(trial.condition, getattr(trial, what)) for trial in made.trials]
+                for made in cohort
+            ]
+            for cohort in plans
+        ]
+
+    for what in ("practice", "catch", "level", "opposite", "condition"):
+        before, one, two = drawn(what)
+        assert before != one != two != before, what
+    passes = [slide_plan(slide_study(study)).trials for study in (EXTENDED, first, other)]
+    assert len({tuple(trial.condition for trial in trials) for trials in passes}) == 3
+
+
+@pytest.mark.parametrize("study", [PAPER, EXTENDED], ids=["paper", "extended"])
+@pytest.mark.parametrize("digit", "0a7f")
+def test_registered_orders_keep_every_promise(study: object, digit: str) -> None:
+    """The proof uses nothing of what drew the plan."""
+    assert isinstance(study, type(PAPER))
+    under = locked(study, digit * 64)
+    plans = [plan(under, slot) for slot in range(2 * len(study.condition))]
+    assert cohort_problems(under, plans) == []
+    firsts = Counter(made.sequence[0] for made in plans)
+    assert set(firsts.values()) == {2}
+
+
+def test_hypotheses_are_known_by_name() -> None:
+    known = hypotheses(("voltage", "structure"))
+    require_known("voltage above structure", known)
+    with pytest.raises(BadInput, match=re.escape("no hypothesis 'voltage'; there are 'conditions")):
+        require_known("voltage", known)
+
+
+def test_the_text_for_a_registry_names_all_that_is_settled() -> None:
+    text = registry_text(EXTENDED, REGISTERED)
+    for named in (
+        *("Hypotheses\n", "Sample size and stopping rule\n", "Data exclusion\n", "20 participants"),
+        *REGISTERED.hypotheses,
+        *REGISTERED.exclusions,
+        *REGISTERED.power.values(),
+        *("law consistent, rung mode", "session slide/1", "significance level: 0.05"),
+        *(REGISTERED.digest, REGISTERED.study_sha256, REGISTERED.analysis_sha256),
+        *EXTENDED.conditions,
+    ):
+        assert named in text

@@ -212,9 +212,11 @@ class Study:
         """
         from analysis.export.frames import plan_frame
         from protocol.plan.plan import plan
+        from protocol.registration.registration import locked
         from runner.journal.cohort import planned_trials, slot_for, states
         from runner.journal.names import chain_name, existing_chain
         from runner.journal.opening import read_journal
+        from runner.study.registered import registration_of
 
         with read_journal(self.folder.existing_journal()) as journal:
             named = existing_chain if self.rehearsals else chain_name
@@ -222,7 +224,9 @@ class Study:
             if chain in journal.sessions():
                 return plan_frame(planned_trials(journal, chain))
             slot = slot_for(states(journal), participant, "participant")
-        return plan_frame(plan(self.file, slot, session).trials)
+        registered = registration_of(self.folder.path)
+        file = self.file if registered is None else locked(self.file, registered.digest)
+        return plan_frame(plan(file, slot, session).trials)
 
     def report(self, out: "str | os.PathLike[str] | None" = None) -> Path:
         """Write the report that `touchbeam report` writes; return the path of its page.

@@ -22,6 +22,8 @@ from analysis.loading.records import (
     Table,
     TouchRow,
 )
+from analysis.loading.study_lock import rig_in_force
+from device.friction.calibration import Calibration
 from protocol.journal.events import (
     Answered,
     BeamMounted,
@@ -96,6 +98,7 @@ class Course:
         self._resonance: ResonanceMeasured | None = None
         self._study_sha256: str | None = None
         self._study_text: str | None = None
+        self._rig: Calibration | None = None
 
     @property
     def _session(self) -> SessionRow:
@@ -163,6 +166,7 @@ class Course:
     def _under(self, event: SessionOpened | SessionResumed) -> None:
         """Continue with the study and the plan with which the session was opened or resumed."""
         self._session.virtual = event.virtual or self._session.virtual
+        self._rig = self._session.calibration = rig_in_force(event)
         self._planned |= {trial.index: trial for trial in event.trials}
         self._study_sha256 = event.study_sha256 or self._study_sha256
         if event.study_text is not None:
@@ -212,6 +216,7 @@ class Course:
             resonance_tip_m_per_v=resonance.tip_m_per_v if resonance else None,
             study_sha256=self._study_sha256,
             study_text=self._study_text,
+            rig=self._rig,
         )
         self._early_notes = []
         attempts.append(attempt)

@@ -44,7 +44,8 @@ class SessionRow:
     `session_kind` is participant, rehearsal or published; `exclusion` is the operator's reason for
     excluding the whole session, `inclusion` the one for taking an exclusion back, `study_sha256`
     the digest of the study file at its beginning, and `imported_from` the file of a published
-    table, with its digest.
+    table, with its digest. `registration` is the digest that seeded the plan, and `calibration` the
+    rig in force in a registered session.
     """
 
     participant: str
@@ -63,6 +64,8 @@ class SessionRow:
     versions: Mapping[str, str] = field(default_factory=dict)
     virtual: Any = None  # a `VirtualTruth`
     device: str | None = None
+    registration: str | None = None
+    calibration: Any = None  # a `Calibration`
     operator_noted: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -78,6 +81,7 @@ class AttemptRow:
     - `exclusion`, `inclusion`: the operator's reasons for excluding the trial and for taking that
       back.
     - `study_sha256`, `study_text`: the study file in force.
+    - `rig`: as calibrated at that time, in a registered session.
     """
 
     session_id: int
@@ -108,6 +112,7 @@ class AttemptRow:
     resonance_tip_m_per_v: float | None = None
     study_sha256: str | None = None
     study_text: Any = None
+    rig: Any = None  # a `Calibration`
 
 
 @dataclass(kw_only=True, slots=True)

@@ -11,7 +11,15 @@ from analysis.estimates import NotEstimable
 from analysis.friction.recorded import TouchForces
 from analysis.loading.course import Course, Rows
 from analysis.loading.records import REHEARSED, Exclusion, Incident
-from protocol.journal.events import SLIDE, SessionOpened, StoredEvent, StudyAmended, Withdrawn
+from analysis.loading.study_lock import Decisions
+from protocol.journal.events import (
+    SLIDE,
+    SessionOpened,
+    StoredEvent,
+    StudyAmended,
+    StudyRegistered,
+    Withdrawn,
+)
 from protocol.journal.records import LIFTED_N
 
 _Told = TypeVar("_Told", Incident, Exclusion)
@@ -42,6 +50,7 @@ class Sessions:
     - `forces`: by `touch_id`, what is kept of the recordings, or why one says nothing.
     - `incidents`, `exclusions`: in the order of the journal; exclusions are the operator's.
     - `withdrawn`: the number of withdrawn sessions, which are not in the tables.
+    - `decisions`: on the study as a whole, each with its UTC.
     """
 
     sessions: pd.DataFrame
@@ -53,6 +62,7 @@ class Sessions:
     incidents: tuple[Incident, ...]
     exclusions: tuple[Exclusion, ...]
     withdrawn: int
+    decisions: Decisions = ()
 
     @cached_property
     def trials(self) -> pd.DataFrame:
@@ -115,13 +125,17 @@ def _lines(attempts: pd.DataFrame, column: str) -> "pd.Series[str]":
 def load_sessions(chains: Iterable[Sequence[StoredEvent]]) -> Sessions:
     """Return the sessions whose events `chains` yields, one session at a time.
 
-    Events of a withdrawn session are not read, whether they are erased or not. The study's own
-    chain and sliding experiments are skipped.
+    Events of a withdrawn session are not read, whether they are erased or not. Sliding experiments
+    are skipped.
     """
     rows = Rows()
     withdrawn = 0
+    decisions: Decisions = ()
     for events in chains:
-        if not events or events[0].tag == StudyAmended.TAG:
+        if not events:
+            continue
+        if events[0].tag in {StudyAmended.TAG, StudyRegistered.TAG}:
+            decisions = [(event.utc, event.record) for event in events]
             continue
         if any(event.tag == Withdrawn.TAG for event in events):
             withdrawn += 1
@@ -154,4 +168,5 @@ def load_sessions(chains: Iterable[Sequence[StoredEvent]]) -> Sessions:
         incidents=tuple(map(told, rows.incidents)),
         exclusions=tuple(map(told, rows.exclusions)),
         withdrawn=withdrawn,
+        decisions=decisions,
     )

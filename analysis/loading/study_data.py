@@ -15,6 +15,7 @@ from analysis.loading.missing_scores import EmptyCells, empty_cells, readings
 from analysis.loading.records import Exclusion, Incident, values
 from analysis.loading.score_table import ScoreTable
 from analysis.loading.sessions import Sessions, is_scored, load_sessions
+from analysis.loading.study_lock import StudyLock, study_lock
 from protocol.errors import BadInput
 from protocol.journal.events import StoredEvent
 from protocol.journal.records import VirtualTruth
@@ -64,6 +65,7 @@ class StudyData:
     - `empty`: why a cell of the table has no score.
     - `orders`: of the sessions that count, excluded trials among them; none of published scores.
     - `virtual`: true parameters of the virtual participants, by name; of their last sessions.
+    - `lock`: the registration, None of a study without one.
     """
 
     table: ScoreTable
@@ -83,6 +85,7 @@ class StudyData:
     empty: EmptyCells
     orders: tuple[SessionOrder, ...]
     virtual: Mapping[str, VirtualTruth]
+    lock: StudyLock | None = None
 
     @property
     def scored(self) -> pd.DataFrame:
@@ -174,6 +177,7 @@ def study_data(found: Sessions, *, rehearsals: bool, rules: Exclusions | None = 
             for name, truth in zip(sessions["participant"], sessions["virtual"], strict=True)
             if isinstance(truth, VirtualTruth) and name in subjects
         },
+        lock=study_lock(found.decisions, sessions),
     )
 
 

@@ -49,22 +49,28 @@ def trial_contrasts(
     The study that was in force (`study` where the journal does not hold it) gives the finger's
     force, place, path and speed; where the rig measured force, place, amplitude and frequency
     (relative to its own resonance), those are taken instead, force and place in steps. For
-    published scores nothing of this is known: the condition's standard scenes are taken.
+    published scores nothing of this is known: the condition's standard scenes are taken. Trials of
+    registered sessions were felt on the rig as it was calibrated then.
 
     Args:
         study: the present study.
         trials: as in `StudyData`, or some of them.
         touches: those of `trials`.
-        rig: its damping, gain and bodies.
+        rig: its damping, gain and bodies, where no calibration was in force.
     """
     changes = trial_changes(study, trials, touches)
+    rigs = [own if isinstance(own, Calibration) else rig for own in trials["rig"]]
     # Trials whose touches were alike share a prediction.
-    number_of = {change: number for number, change in enumerate(dict.fromkeys(changes))}
-    numbers = [number_of[change] for change in changes]
+    felt = list(zip(changes, rigs, strict=True))
+    number_of = {each: number for number, each in enumerate(dict.fromkeys(felt))}
+    numbers = [number_of[each] for each in felt]
     measured = touches["attempt_id"][touches["force_n"].notna() | touches["place_m"].notna()]
     by_law = {}
     for law in LAWS:
-        found = [np.nan if it is None else predicted_contrast(it, law, rig=rig) for it in number_of]
+        found = [
+            np.nan if change is None else predicted_contrast(change, law, rig=own)
+            for change, own in number_of
+        ]
         by_law[law] = np.array(found, float)[numbers]
     return TrialContrasts(by_law=by_law, measured=trials.index.isin(measured))
 

@@ -1,13 +1,14 @@
 """Commands for a study's journal: status, verify, backup, exclude, include, amend, withdraw."""
 
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from protocol.errors import BadInput
 from runner.cli.options import (
     JsonOption,
     OfRehearsalOption,
@@ -84,7 +85,8 @@ def verify(study: StudyOrBackupArgument, as_json: JsonOption = False) -> None:
     path = study if study.is_file() else StudyFolder(path=study).existing_journal()
     with read_journal(path, to_verify=True) as journal:
         found, lacking = verdicts(journal), journal.lacking_triggers
-    result = _verification(lacking, found)
+        unlocked = "" if study.is_file() else _registration_problem(journal, study)
+    result = _verification(lacking, found, unlocked)
     if as_json:
         print_json(result)
     else:
@@ -93,6 +95,8 @@ def verify(study: StudyOrBackupArgument, as_json: JsonOption = False) -> None:
                 f"FAIL  trigger {name} is missing: events may have been changed or deleted; "
                 "restore the file from a backup"
             )
+        if unlocked:
+            say(f"FAIL  {unlocked}")
         for line in [verdict.line() for verdict in found] or ["The journal contains no sessions."]:
             say(line)
     if not result["ok"]:
@@ -125,12 +129,30 @@ def backup(
         raise typer.Exit(1)
 
 
-def _verification(lacking: Sequence[str], found: "Sequence[SessionVerdict]") -> dict[str, Any]:
+def _registration_problem(journal: "Journal", study: Path) -> str:
+    """Return how the file of the registration differs from what the journal holds."""
+    from runner.journal.registrations import in_force
+    from runner.journal.verification import IMPOSSIBLE
+    from runner.study.registered import file_problem, registration_of
+
+    with suppress(*IMPOSSIBLE):  # a damaged event, which the verdicts tell
+        recorded = in_force(journal)
+        try:
+            return file_problem(recorded, registration_of(study))
+        except BadInput as error:
+            return str(error)
+    return ""
+
+
+def _verification(
+    lacking: Sequence[str], found: "Sequence[SessionVerdict]", unlocked: str = ""
+) -> dict[str, Any]:
     """Return the result of verifying a journal for programs."""
     from runner.journal.names import STUDY_CHAIN
 
     return {
-        "ok": not lacking and all(verdict.ok for verdict in found),
+        "ok": not (lacking or unlocked) and all(verdict.ok for verdict in found),
+        **({"registration_problem": unlocked} if unlocked else {}),
         "events": sum(verdict.events for verdict in found),
         "lacking_triggers": list(lacking),
         "sessions": [v.record() for v in found if v.participant != STUDY_CHAIN],
@@ -219,8 +241,13 @@ def amend(study: StudyArgument, reason: ReasonOption) -> None:
     text = folder.text()
     validated_study(text, str(folder.study_file))
     with study_journal(folder, to_write=True) as journal:
-        accept(journal, WallClock(), text, reason)
+        broken = accept(journal, clock := WallClock(), text, reason)
     say("The changed study.toml is accepted; sessions continue with it.")
+    if broken is not None:
+        say(
+            f"This breaks the lock of registration {broken.registration[:12]} as of "
+            f"{clock.utc():%Y-%m-%d %H:%M} UTC; reports list it as a deviation."
+        )
 
 
 @app.command()

@@ -14,6 +14,7 @@ from protocol.journal.events import (
     SessionIncluded,
     SessionOpened,
     StudyAmended,
+    StudyRegistered,
     TrialExcluded,
     TrialIncluded,
     Withdrawn,
@@ -23,18 +24,20 @@ from protocol.journal.transitions import NotAllowed
 from protocol.study_file.loading import text_digest
 from runner.clock import Clock
 from runner.journal.names import STUDY_CHAIN, chains_of
+from runner.journal.registrations import in_force
 from runner.journal.session_log import SessionLog, close_interrupted
 from runner.journal.store import Journal
 
 
 def accepted_digests(journal: Journal) -> list[str]:
     """Return the digests of the study files accepted so far, the current one last."""
-    events = journal.events_of(SessionOpened, StudyAmended)
+    events = journal.events_of(SessionOpened, StudyAmended, StudyRegistered)
     records = [event.record for event in events if not event.erased]
     return [
         record.study_sha256
         for record in records
-        if isinstance(record, SessionOpened | StudyAmended) and record.study_sha256 is not None
+        if isinstance(record, SessionOpened | StudyAmended | StudyRegistered)
+        and record.study_sha256 is not None
     ]
 
 
@@ -93,8 +96,11 @@ def include_session(journal: Journal, clock: Clock, session: str, reason: str) -
     _append(log, session, SessionIncluded(reason=reason))
 
 
-def amend(journal: Journal, clock: Clock, study_text: str, reason: str) -> None:
+def amend(journal: Journal, clock: Clock, study_text: str, reason: str) -> StudyRegistered | None:
     """Accept a study file that has changed since the last session.
+
+    Returns:
+        The registration whose lock this breaks, if there is one.
 
     Raises:
         BadInput: the study file has not changed.
@@ -103,8 +109,11 @@ def amend(journal: Journal, clock: Clock, study_text: str, reason: str) -> None:
     accepted = accepted_digests(journal)
     if accepted and digest == accepted[-1]:
         raise BadInput("study.toml has not changed since it was accepted; nothing to amend")
+    broken = in_force(journal)
     log = SessionLog(journal, STUDY_CHAIN, clock)
-    log.append(StudyAmended(study_sha256=digest, reason=reason))
+    breaks = None if broken is None else broken.registration
+    log.append(StudyAmended(study_sha256=digest, reason=reason, breaks=breaks))
+    return broken
 
 
 def withdraw(

@@ -17,9 +17,10 @@ from protocol.journal.state import SessionState, folded
 from protocol.journal.transitions import NotAllowed
 from runner.journal.chain import FIRST_HASH, ChainLink, chain_hash, event_fields, payload_digest
 from runner.journal.names import REHEARSAL, STUDY_CHAIN, parsed_name
+from runner.journal.registrations import Registrations, registrations, session_problem
 from runner.journal.store import Journal, JournalError
 
-_IMPOSSIBLE = (
+IMPOSSIBLE = (
     NotAllowed, ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError,
 )  # fmt: skip
 """What reading the payloads of an edited or damaged journal can raise."""
@@ -74,15 +75,25 @@ class SessionVerdict:
 
 def verdicts(journal: Journal) -> list[SessionVerdict]:
     """Return a verdict on each chain of `journal`."""
-    return [_verdict(journal, name) for name in journal.sessions()]
-
-
-def _verdict(journal: Journal, name: str) -> SessionVerdict:
     try:
-        return session_verdict(name, list(journal.chain(name)))
+        known = registrations(journal)
+    except (JournalError, *IMPOSSIBLE):  # the verdict on the study's own chain tells
+        known = []
+    return [_verdict(journal, name, known) for name in journal.sessions()]
+
+
+def _verdict(journal: Journal, name: str, known: Registrations) -> SessionVerdict:
+    try:
+        verdict = session_verdict(name, list(journal.chain(name)))
     except JournalError as error:
         verdict = session_verdict(name, [])
         return replace(verdict, state="unreadable", problem=str(error))
+    if verdict.problem:
+        return verdict
+    try:
+        return replace(verdict, problem=session_problem(journal, name, known))
+    except IMPOSSIBLE as error:
+        return replace(verdict, problem=str(error))
 
 
 def session_verdict(name: str, chain: list[ChainLink]) -> SessionVerdict:
@@ -115,7 +126,7 @@ def touchbeam_versions(events: Iterable[StoredEvent]) -> tuple[str, ...]:
 def _touchbeam_version(event: StoredEvent) -> str:
     """Return the version of touchbeam in `event`; '' if it has none or is damaged."""
     if event.tag in {SessionOpened.TAG, SessionResumed.TAG}:
-        with suppress(*_IMPOSSIBLE):
+        with suppress(*IMPOSSIBLE):
             record = event.record
             assert isinstance(record, SessionOpened | SessionResumed)
             version = record.versions.get("touchbeam")
@@ -167,7 +178,7 @@ def _require_readable(session: str, events: list[StoredEvent]) -> None:
         raise JournalError(f"session {session} has no opening event; run touchbeam verify")
     try:
         folded(events)
-    except _IMPOSSIBLE as error:
+    except IMPOSSIBLE as error:
         raise JournalError(f"session {session} is damaged; run touchbeam verify") from error
 
 
@@ -208,7 +219,7 @@ def _folded(chain: list[ChainLink]) -> tuple[SessionState, set[int], str]:
     try:
         state = folded(link.event for link in chain)
         planned = state.planned
-    except _IMPOSSIBLE as error:
+    except IMPOSSIBLE as error:
         return SessionState(name="impossible"), set(), str(error)
     if state.name == "withdrawn" and not all(link.event.erased and not link.salt for link in chain):
         return state, planned, "withdrawn but not erased; run touchbeam withdraw again"

@@ -5,14 +5,16 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 
+from device.friction.calibration import NOMINAL
 from device.resonance import Resonance
 from protocol.address import SIMULATED, AddressError
 from protocol.errors import BadInput, WorkFailed
-from protocol.journal.records import VirtualTruth
+from protocol.journal.records import RigCalibration, VirtualTruth
 from protocol.journal.state import SessionState
 from protocol.plan.plan import plan
 from protocol.plan.slide_plan import slide_plan, slide_study
 from protocol.pseudonyms import pseudonym
+from protocol.registration.registration import Registration, locked
 from protocol.study.participant_texts import Wording, lacking, study_codes, study_wording
 from protocol.study.study import Study
 from protocol.study_file.language_files import located
@@ -41,9 +43,10 @@ from runner.session.loop import run
 from runner.session.resume import require_resumable
 from runner.session.session import Session, SessionContext, SessionKind, answer_order, versions
 from runner.signals import Stopped
-from runner.study.calibration import kept_calibration
+from runner.study.calibration import fitted_calibration, kept_calibration
 from runner.study.check import validated_study
 from runner.study.folder import StudyFolder
+from runner.study.registered import registration_of, require_registered
 from runner.window.client import WindowParticipant
 from runner.window.messages import Settings
 from runner.window.preflight import study_window
@@ -114,6 +117,7 @@ class Request:
     url: str
     pace: Pace
     kind: SessionKind
+    registration: Registration | None = None
 
     @property
     def name(self) -> str:
@@ -132,7 +136,7 @@ class Request:
 
     @property
     def seed(self) -> int:
-        """The seed of all that is simulated."""
+        """The seed of all that is simulated; a registration seeds the plan alone."""
         return self.study.study.seed if self.options.seed is None else self.options.seed
 
 
@@ -154,6 +158,7 @@ def _request(options: SessionOptions) -> Request:
         url=url,
         pace=_pace(options, url),
         kind=_kind(options, study, url),
+        registration=registration_of(options.folder.path),
     )
     if not options.slides:
         pseudonym(options.participant)
@@ -344,29 +349,40 @@ def opened_session(request: Request, journal: Journal, clock: Clock) -> Session:
 
     A slot is taken by opening the session; choosing and opening must therefore not be separated.
     """
-    options = request.options
+    options, registered = request.options, request.registration
+    digest = None if registered is None else registered.digest
+    study = request.study if digest is None else locked(request.study, digest)
     with journal.alone():
+        require_registered(journal, registered, rehearsal=request.rehearsal)
         sessions, chain = states(journal), request.chain(journal)
         slot = 0 if options.slides else slot_for(sessions, options.participant, request.kind, chain)
         session = Session(
             participant=options.participant,
             number=options.number,
             kind=request.kind,
-            study=request.study,
+            study=study,
             study_text=request.text,
-            plan=slide_plan(request.study, options.number)
+            plan=slide_plan(study, options.number)
             if options.slides
-            else plan(request.study, slot, options.number),
+            else plan(study, slot, options.number),
             language=request.wording.code,
-            answer_order=answer_order(request.study, slot, sessions.get(chain)),
+            answer_order=answer_order(study, slot, sessions.get(chain)),
             consent=options.consent,
             seed=request.seed,
             virtual=_virtual_truth(request),
+            registration=digest,
+            calibration=_calibration(options),
         )
         require_resumable(journal, session, sessions.get(chain), clock.utc())
         if chain not in sessions:
             SessionLog(journal, chain, clock).append(session.opening())
     return session
+
+
+def _calibration(options: SessionOptions) -> RigCalibration | None:
+    """Return the calibration in force; a sliding experiment, which predicts nothing, has none."""
+    rig = NOMINAL if options.slides else fitted_calibration(options.folder.path)
+    return RigCalibration(**vars(rig)) if rig.origin else None
 
 
 def _virtual_truth(request: Request) -> VirtualTruth | None:

@@ -14,14 +14,16 @@ from protocol.plan.trials import Trial
 from protocol.preview.preview import Prediction, preview, preview_record
 from protocol.preview.text import preview_lines
 from protocol.proof.cohort import cohort_problems
+from protocol.registration.registration import Registration, locked
 from protocol.study.participant_texts import worded_as_built
 from protocol.study.questions import Question
 from protocol.study.study import Study
 from protocol.study.touch import Touch
 from protocol.study_file.language_files import located
-from protocol.study_file.loading import StudyError, parsed_study
+from protocol.study_file.loading import StudyError, parsed_study, text_digest
 from runner.study.calibration import fitted_calibration
 from runner.study.folder import DIALECTS, StudyFolder
+from runner.study.registered import registration_of
 
 
 def validated_study(text: str, source: str) -> Study:
@@ -59,6 +61,8 @@ def checked(
         study = validated_study(text, source)
     except StudyError as error:
         return _refused(source, error.problems, as_json=as_json)
+    registered = registration_of(folder.path)
+    study = study if registered is None else locked(study, registered.digest)
     size = participants or study.design.participants or 1
     shown = preview(study, size)
     broken = cohort_problems(study, shown.plans)
@@ -66,8 +70,18 @@ def checked(
         return _refused(source, located(text, broken), as_json=as_json)
     model = _prediction(study, fitted_calibration(folder.path))
     if as_json:
-        return [_json({"ok": True, "problems": [], **preview_record(shown, model)})], [], True
-    return list(preview_lines(shown, model)), [], True
+        record = {"ok": True, "problems": [], **preview_record(shown, model)}
+        lock = {} if registered is None else {"registration": registered.digest}
+        return [_json({**record, **lock})], [], True
+    return [*preview_lines(shown, model), *_lock_lines(registered, text)], [], True
+
+
+def _lock_lines(registered: Registration | None, text: str) -> Iterator[str]:
+    """Yield that the study is registered, and whether it still is the registered one."""
+    if registered is not None:
+        yield f"Registered: {registered.digest}, which seeds the orders."
+        if text_digest(text) != registered.study_sha256:
+            yield "study.toml is not the registered one: restore it, or accept it with amend."
 
 
 def _refused(

@@ -1,0 +1,92 @@
+"""The lock of a study, from its journal: the registration, what broke it, who ran under it."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+import pandas as pd
+
+from device.friction.calibration import NOMINAL, Calibration
+from protocol.journal.events import (
+    Event,
+    SessionOpened,
+    SessionResumed,
+    StudyAmended,
+    StudyRegistered,
+)
+from protocol.registration.deviations import Amendment, SessionRun
+from protocol.registration.registration import Registration, registration_in
+
+Decisions = Sequence[tuple[datetime, Event]]
+"""Decisions on the study as a whole, each with its UTC, in their order."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudyLock:
+    """A registration, what happened to it, and the sessions that are reported.
+
+    `completed` counts the participants with as many completed sessions as were registered.
+    """
+
+    registration: Registration
+    utc: datetime
+    amendments: tuple[Amendment, ...]
+    sessions: tuple[SessionRun, ...]
+    completed: int
+
+    @property
+    def rig(self) -> Calibration:
+        """The calibration that was registered."""
+        values = self.registration.calibration
+        numbers = {name: float(value) for name, value in values.items() if name != "origin"}
+        return Calibration(**numbers, origin=str(values["origin"])) if values else NOMINAL
+
+
+def study_lock(decisions: Decisions, sessions: pd.DataFrame) -> StudyLock | None:
+    """Return the lock of a study, None if it is not registered.
+
+    Args:
+        decisions: on the study.
+        sessions: those that are reported.
+
+    Raises:
+        BadInput: the registration in the journal was changed.
+    """
+    registered = [(utc, event) for utc, event in decisions if isinstance(event, StudyRegistered)]
+    if not registered:
+        return None
+    utc, event = registered[-1]
+    found = registration_in(event.text, "the registration in the journal")
+    completed = Counter(sessions["participant"][sessions["session_completed"]])
+    return StudyLock(
+        registration=found,
+        utc=utc,
+        amendments=tuple(
+            Amendment(utc=when, reason=change.reason)
+            for when, change in decisions
+            if isinstance(change, StudyAmended) and change.breaks == found.digest
+        ),
+        sessions=tuple(map(_run, sessions.to_dict("records"))),
+        completed=sum(number >= found.sessions for number in completed.values()),
+    )
+
+
+def _run(session: Mapping[Any, Any]) -> SessionRun:
+    rig, digest, study = (session[key] for key in ("calibration", "registration", "study_sha256"))
+    return SessionRun(
+        name=f"{session['participant']}/{session['session']}",
+        number=session["session"],
+        registration=digest if isinstance(digest, str) else None,  # NaN where it is missing
+        study_sha256=study if isinstance(study, str) else None,
+        touchbeam=session["versions"].get("touchbeam", ""),
+        calibration=rig.origin if isinstance(rig, Calibration) else "",
+    )
+
+
+def rig_in_force(event: SessionOpened | SessionResumed) -> Calibration | None:
+    """Return the rig under which a registered session predicts, None for any other session."""
+    if event.registration is None:
+        return None
+    return NOMINAL if event.calibration is None else Calibration(**vars(event.calibration))

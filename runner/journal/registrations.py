@@ -1,0 +1,85 @@
+"""The registrations in a journal, and the check that its sessions follow from them."""
+
+from collections.abc import Iterable
+from datetime import datetime
+
+from protocol.errors import BadInput
+from protocol.journal.events import (
+    SLIDE,
+    SessionOpened,
+    SessionResumed,
+    StoredEvent,
+    StudyRegistered,
+)
+from protocol.registration.order_proof import order_problem
+from protocol.registration.registration import registration_in
+from runner.journal.names import STUDY_CHAIN, chains_of, is_rehearsal, parsed_name
+from runner.journal.store import Journal
+
+Registrations = list[tuple[datetime, StudyRegistered]]
+
+
+def registrations(journal: Journal) -> Registrations:
+    """Return the registrations of the study, each with its UTC, the one in force last."""
+    events = [event for event in journal.events_of(StudyRegistered) if not event.erased]
+    records = [(event.utc, event.record) for event in events]
+    return [(utc, record) for utc, record in records if isinstance(record, StudyRegistered)]
+
+
+def in_force(journal: Journal) -> StudyRegistered | None:
+    """Return the registration that sessions follow now, None if the study is not registered."""
+    return next((record for _, record in reversed(registrations(journal))), None)
+
+
+def real_sessions(journal: Journal) -> list[str]:
+    """Return the sessions that participants had; rehearsals and sliding experiments are none."""
+    people = dict.fromkeys(parsed_name(chain).participant for chain in journal.sessions())
+    return [
+        chain
+        for person in people
+        if person not in {SLIDE, STUDY_CHAIN}
+        for chain in chains_of(journal, person, rehearsal=False)
+    ]
+
+
+def session_problem(journal: Journal, chain: str, known: Registrations) -> str:
+    """Return why the session of `chain` does not follow from its registration; '' if it does.
+
+    Args:
+        journal: its journal.
+        chain: the session's name; its events can be read.
+        known: `registrations(journal)`.
+    """
+    events = journal.events(chain)
+    if chain == STUDY_CHAIN:
+        return _registered_problem(known)
+    opened = events[0].record if events and not events[0].erased else None
+    if not isinstance(opened, SessionOpened):
+        return ""
+    before = any(utc <= events[0].utc for utc, _ in known)
+    if before and opened.registration is None and not is_rehearsal(journal, chain):
+        return "it is not registered, although the study was registered before it"
+    found = (_under_problem(opened, event, known) for event in events)
+    return next(filter(None, found), "")
+
+
+def _under_problem(opened: SessionOpened, event: StoredEvent, known: Registrations) -> str:
+    if event.tag not in {SessionOpened.TAG, SessionResumed.TAG} or event.erased:
+        return ""
+    under = event.record
+    assert isinstance(under, SessionOpened | SessionResumed)
+    # A journal made from exported data has sessions alone.
+    if known and under.registration not in {None, *(record.registration for _, record in known)}:
+        return "its registration is none that the journal holds"
+    return order_problem(opened, under)
+
+
+def _registered_problem(known: Iterable[tuple[datetime, StudyRegistered]]) -> str:
+    for _, record in known:
+        try:
+            found = registration_in(record.text, "a registration in the journal")
+        except BadInput as error:
+            return str(error)
+        if (found.digest, found.study_sha256) != (record.registration, record.study_sha256):
+            return "a registration in the journal does not have its digest"
+    return ""

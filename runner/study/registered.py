@@ -1,0 +1,201 @@
+"""The registration of a study on disk: made, read, and compared with the journal."""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+from importlib.metadata import version
+from pathlib import Path
+
+from device.friction.calibration import Calibration
+from protocol.errors import BadInput
+from protocol.journal.events import StudyRegistered
+from protocol.registration.hypotheses import hypotheses, require_known
+from protocol.registration.registration import FILE, Registration, Setting, registration_in
+from protocol.registration.registry_text import registry_text
+from protocol.study.study import Study
+from protocol.study_file.loading import text_digest
+from runner.clock import Clock
+from runner.journal.names import STUDY_CHAIN
+from runner.journal.opening import journal_if_used
+from runner.journal.registrations import in_force, real_sessions
+from runner.journal.session_log import SessionLog
+from runner.journal.store import Journal
+from runner.study.files import bytes_of, short_text, write_whole
+from runner.study.folder import StudyFolder
+
+REGISTRY_FILE = "registration.txt"
+_MOST_TESTS = 50
+
+
+def registration_of(folder: Path) -> Registration | None:
+    """Return the registration in a study's folder, None if it is not registered.
+
+    Raises:
+        BadInput: the file was changed after it was written.
+    """
+    path = folder / FILE
+    if not path.exists():
+        return None
+    # As it is: line ends and a byte order mark, too, would change the digest.
+    return registration_in(bytes_of(path).decode(errors="replace"), str(path))
+
+
+def require_registered(journal: Journal, kept: Registration | None, *, rehearsal: bool) -> None:
+    """Require that the file of the registration is the one that the journal holds.
+
+    A rehearsal may run in a copy of the folder without its journal.
+
+    Raises:
+        BadInput: it is another one, or only one of them is there.
+    """
+    if problem := file_problem(in_force(journal), kept, rehearsal=rehearsal):
+        raise BadInput(problem)
+
+
+def file_problem(
+    recorded: StudyRegistered | None, kept: Registration | None, *, rehearsal: bool = False
+) -> str:
+    """Return how the file of a registration differs from what the journal holds; '' if it fits."""
+    if recorded is None:
+        return (
+            f"the journal does not hold the registration in {FILE}; run touchbeam register again"
+            if kept and not rehearsal
+            else ""
+        )
+    if kept is None:
+        return f"{FILE} is missing, but the study is registered; touchbeam register restores it"
+    if kept.digest != recorded.registration:
+        return (
+            f"{FILE} has digest {kept.digest[:12]}, but the journal holds registration "
+            f"{recorded.registration[:12]}; restore that file from a copy, or move it away and run "
+            "touchbeam register"
+        )
+    return ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Choice:
+    """What the author of a study chooses to register beside the study file.
+
+    `analysis` are the settings of the analysis, `power` is the result of a power analysis.
+    """
+
+    primary: str
+    secondary: Sequence[str]
+    law: str
+    rung: str
+    analysis: Mapping[str, Setting]
+    exclusions: Sequence[str]
+    power: Path | None = None
+
+
+def new_registration(study: Study, text: str, choice: Choice, rig: Calibration) -> Registration:
+    """Return the registration of a study with a file of this text.
+
+    Raises:
+        BadInput: a hypothesis is unknown, the study has no planned size, or the result of the
+            power analysis cannot be read.
+    """
+    known = hypotheses(study.conditions)
+    for name in (choice.primary, *choice.secondary):
+        require_known(name, known)
+    participants = study.design.participants
+    if participants is None:
+        raise BadInput(
+            "design.participants must be set in study.toml: it is the registered stopping rule"
+        )
+    values = {name: value for name, value in vars(rig).items() if value is not None}
+    return Registration(
+        study=study.study.name,
+        study_sha256=text_digest(text),
+        primary=choice.primary,
+        secondary=tuple(name for name in dict.fromkeys(choice.secondary) if name != choice.primary),
+        law=choice.law,
+        rung=choice.rung,
+        calibration=values if rig.origin else {},
+        participants=participants,
+        sessions=study.design.sessions,
+        exclusions=tuple(choice.exclusions),
+        analysis=choice.analysis,
+        power=power_result(choice.power) if choice.power else {},
+        touchbeam=version("touchbeam"),
+    )
+
+
+def power_result(path: Path) -> dict[str, str]:
+    """Return what the JSON of a power analysis says: its answer, each test's power, its digest.
+
+    Raises:
+        BadInput: it is no JSON object.
+    """
+    content = bytes_of(path)
+    try:
+        found = json.loads(short_text(path))
+        said = {"answer": str(found["answer"])} if "answer" in found else {}
+        tests = {str(test["name"]): f"{test['power']}" for test in found.get("tests", [])}
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+        raise BadInput(f"{path}: not the result of a power analysis ({error!r})") from error
+    listed = list(tests.items())[:_MOST_TESTS]
+    return {
+        **said,
+        **{f"power of {name}": power for name, power in listed},
+        "file": f"SHA-256 {sha256(content).hexdigest()}",
+    }
+
+
+def register(folder: StudyFolder, study: Study, made: Registration, clock: Clock) -> Registration:
+    """Write `made` into the study's folder and its journal; return the registration in force.
+
+    A study that is registered already stays as it is; a lost file is restored.
+
+    Raises:
+        BadInput: a session has been recorded, or the study is registered otherwise.
+    """
+    with journal_if_used(folder.journal) as journal, journal.alone():
+        recorded, kept = in_force(journal), registration_of(folder.path)
+        begun = real_sessions(journal)
+        if recorded is not None and kept is None and begun:
+            made = registration_in(recorded.text)
+        elif recorded is None or recorded.registration != made.digest:
+            _require_new(recorded, kept, made, begun)
+            event = StudyRegistered(
+                registration=made.digest, study_sha256=made.study_sha256, text=made.text()
+            )
+            SessionLog(journal, STUDY_CHAIN, clock).append(event)
+        elif kept is not None and kept.digest != made.digest:
+            raise BadInput(file_problem(recorded, kept))
+    write_whole(folder.path / FILE, made.text().encode())
+    write_whole(folder.path / REGISTRY_FILE, registry_text(study, made).encode())
+    return made
+
+
+def _require_new(
+    recorded: StudyRegistered | None,
+    kept: Registration | None,
+    made: Registration,
+    begun: Sequence[str],
+) -> None:
+    """Refuse to register after a session, or otherwise than before."""
+    if begun:
+        raise BadInput(
+            f"{begun[0]} is recorded: a study must be registered before its first session "
+            "(rehearsals do not count)"
+            if recorded is None
+            else f"{begun[0]} is recorded under registration {recorded.registration[:12]}, which "
+            "cannot be replaced; touchbeam amend accepts a changed study file"
+        )
+    if kept is not None and kept.digest != made.digest:
+        raise BadInput(
+            f"already registered with digest {kept.digest[:12]}, and changed since: "
+            f"{', '.join(_differences(kept, made))}; take that back, or move {FILE} away to "
+            "register anew while no session is recorded"
+        )
+
+
+def _differences(kept: Registration, made: Registration) -> Iterator[str]:
+    """Yield what was settled otherwise; the text as it was read says nothing more."""
+    named = {"study_sha256": "study file", "touchbeam": "version of touchbeam"}
+    for name, before in vars(kept).items():
+        if name != "written" and before != vars(made)[name]:
+            yield named.get(name, name)

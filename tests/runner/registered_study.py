@@ -1,0 +1,72 @@
+"""A registered study with sessions that count, run in this process without a real device."""
+
+from pathlib import Path
+from typing import Any
+
+from protocol.journal.events import StoredEvent
+from protocol.study.participant_texts import study_wording
+from protocol.study_file.loading import template
+from runner.journal.opening import journal_if_used, read_journal
+from runner.journal.session_log import SessionLog
+from runner.launch.run_session import Request, SessionOptions, opened_session
+from runner.session.loop import run
+from runner.session.session import SessionContext
+from runner.study.folder import StudyFolder
+from runner.study.registered import registration_of
+from tests.runner.command_line import typed
+from tests.runner.fakes import FakeClock, FakeDevice, FakeOperator, FakeParticipant
+
+LATER_S = 3e8
+"""After every registration: fake clocks begin in January 2026."""
+
+
+def study_in(folder: Path, name: str = "paper", *changes: tuple[str, str]) -> Path:
+    text = template(name)
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new, 1)
+    folder.mkdir(exist_ok=True)
+    (folder / "study.toml").write_text(text, encoding="utf-8")
+    return folder
+
+
+def registered_in(folder: Path, name: str = "paper", *changes: tuple[str, str]) -> Path:
+    assert typed("register", study_in(folder, name, *changes)) == 0
+    return folder
+
+
+def run_session(
+    place: Path, participant: str, *, kind: Any = "participant", device: FakeDevice | None = None
+) -> None:
+    """Run a session as `touchbeam run` does; without `device` to its end."""
+    folder = StudyFolder(path=place)
+    options = SessionOptions(folder=folder, participant=participant, rehearsal=kind == "rehearsal")
+    study, clock = folder.study(), FakeClock(LATER_S)
+    request = Request(
+        options=options,
+        study=study,
+        text=folder.text(),
+        wording=study_wording(study, "en"),
+        url="sim",
+        pace="stepped",
+        kind=kind,
+        registration=registration_of(place),
+    )
+    device = device or FakeDevice()
+    with journal_if_used(folder.journal) as journal:
+        session = opened_session(request, journal, clock)
+        context = SessionContext(
+            session=session,
+            device=device,
+            participant=FakeParticipant(),
+            operator=FakeOperator(device),
+            clock=clock,
+            log=SessionLog(journal, request.chain(journal), clock),
+            opened_now=True,
+        )
+        run(context)
+
+
+def events_of(place: Path, chain: str) -> list[StoredEvent]:
+    with read_journal(place / "study.db") as journal:
+        return journal.events(chain)

@@ -119,6 +119,8 @@ class LineBuffer:
         Raises:
             ProtocolError: a line is longer than `LONGEST_LINE`; the pending bytes are discarded.
         """
+        if not chunk:
+            return []
         if b"\r" in chunk:
             chunk = chunk.replace(b"\r", b"\n")
         *whole, self._pending = (self._pending + chunk).split(b"\n")

@@ -66,7 +66,8 @@ class SimulatedDevice:
         """Bring the device to the present moment of its clock."""
         now_s = self.clock.now_s()
         self.dialect.passes(now_s)
-        self.gauge.sampler.take_until(now_s, self.instrument)
+        if self.gauge.sampler.on:
+            self.gauge.sampler.take_until(now_s, self.instrument)
         self.instrument.advance_to(now_s)
         self.dialect.follow()
 

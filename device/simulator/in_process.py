@@ -9,7 +9,6 @@ import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from datetime import datetime, timedelta
-from itertools import pairwise
 
 from device.drivers.discovery import driver_of
 from device.drivers.limits import Limits
@@ -72,11 +71,12 @@ class InProcessDevice(BeamControl):
 
     def step_towards(self, end_s: float) -> None:
         """Let time pass until something happens, or until `end_s`."""
-        now_s = self._now_s
-        idle_s = self._server.idle_s(end_s - now_s)
-        device_s = min(now_s + idle_s, self._line.to_device.next_s(now_s))
-        host_s = self._line.to_host.next_s(now_s)
-        self._now_s = min(max(min(device_s, host_s), now_s + _MOMENT_S), end_s)
+        now_s, line = self._now_s, self._line
+        device_s = now_s + self._server.idle_s(end_s - now_s)
+        if line.to_device.waiting:
+            device_s = min(device_s, line.to_device.next_s(now_s))
+        next_s = min(device_s, line.to_host.next_s(now_s)) if line.to_host.waiting else device_s
+        self._now_s = min(max(next_s, now_s + _MOMENT_S), end_s)
         if device_s <= self._now_s:
             self.happen()
 
@@ -111,10 +111,11 @@ class InProcessPort:
 
     def receive(self, timeout_s: float) -> bytes:
         """Return the bytes received, waiting at most `timeout_s`; empty if none arrived."""
-        end_s = self._device.now_s() + timeout_s
+        device, to_host = self._device, self._line.to_host
+        end_s = device.now_s() + timeout_s
         self._require_open()
-        while not (data := self._line.to_host.arrived()) and self._device.now_s() < end_s:
-            self._device.step_towards(end_s)
+        while not (data := to_host.arrived()) and device.now_s() < end_s:
+            device.step_towards(end_s)
             self._require_open()
         return data
 
@@ -133,7 +134,8 @@ class InProcessPort:
         self._opening = -1
 
     def _require_open(self) -> None:
-        if not (self._line.there and self._opening == self._line.openings):
+        line = self._line
+        if self._opening != line.openings or not line.there:
             raise OSError("the port is closed or has vanished")
 
 
@@ -199,10 +201,11 @@ class _Pieces:
     def add(self, data: bytes) -> None:
         if not data:
             return
-        now_s = self._now_s()
-        for begin, end in pairwise((0, *self._cuts(len(data)), len(data))):
-            earliest_s = self._pieces[-1][0] if self._pieces else 0.0
-            self._pieces.append((max(now_s + self._delay_s(), earliest_s), data[begin:end]))
+        pieces, now_s, begin = self._pieces, self._now_s(), 0
+        for end in (*self._cuts(len(data)), len(data)):
+            at_s = now_s + self._delay_s()
+            pieces.append((max(at_s, pieces[-1][0]) if pieces else at_s, data[begin:end]))
+            begin = end
         self.waiting += len(data)
 
     def next_s(self, now_s: float) -> float:
@@ -216,11 +219,9 @@ class _Pieces:
         return bool(self._pieces) and self._pieces[0][0] <= self._now_s()
 
     def arrived(self) -> bytes:
-        if not self._pieces:
-            return b""
-        now_s, data = self._now_s(), b""
-        while self._pieces and self._pieces[0][0] <= now_s:
-            data += self._pieces.popleft()[1]
+        pieces, now_s, data = self._pieces, self._now_s(), b""
+        while pieces and pieces[0][0] <= now_s:
+            data += pieces.popleft()[1]
         self.waiting -= len(data)
         return data
 

@@ -47,11 +47,14 @@ class Wire:
 
     def reply(self, query: str, answer: str) -> None:
         """Send `answer`, a letter for each byte, as far as the faults let it."""
+        is_block = answer.startswith("#")
+        if not (self._active or is_block):
+            self._send(answer.encode("latin-1") + b"\n")
+            return
         opc = "opc-silent" in self._active and "*OPC?" in query.upper()
         if opc or self._active & {"silent", "dead-peer"}:
             return
         data = self._stood_in(query, answer).encode("latin-1")
-        is_block = answer.startswith("#")
         if self._taken("garbled") or (is_block and self._taken("block-garbled")):
             data = bytes(byte ^ 0x80 if place % 3 == 0 else byte for place, byte in enumerate(data))
         if "truncated-reply" in self._active or (is_block and self._taken("block-truncated")):
@@ -82,12 +85,13 @@ class Wire:
         """Return how long nothing is due, `longest_s` at most."""
         if "flood" in self._active:
             return 0.001
-        left_s = self._due[0][0] - self._wall_s() if self._due else longest_s
-        return min(max(left_s, 0.0), longest_s)
+        if not self._due:
+            return longest_s
+        return min(max(self._due[0][0] - self._wall_s(), 0.0), longest_s)
 
     def _send(self, data: bytes) -> None:
         """Answers keep their order, however late one of them is."""
-        late_s = LATE_S if self._taken("late-reply") else 0.0
+        late_s = LATE_S if self._active and self._taken("late-reply") else 0.0
         drip = "slow-drip" in self._active
         if not (late_s or drip or self._due):
             self._line.send(data)

@@ -96,7 +96,8 @@ class Instrument:
 
     def advance_to(self, time_s: float) -> None:
         """Let device time pass: the amplitude moves on its slew, the frequency on its sweep."""
-        self.voltage_v = self._moved_v(time_s)
+        if self.output:
+            self.voltage_v = self._moved_v(time_s)
         self.time_s = max(time_s, self.time_s)
         if self.sweep is not None:
             self.frequency_hz = self.sweep.at(self.time_s)

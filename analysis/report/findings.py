@@ -89,20 +89,17 @@ class Findings:
 
     @cached_property
     def trial_records(self) -> list[dict[str, Any]]:
-        """A record per trial that counts, with its predictions."""
+        """A record per trial that counts, with its predicted contrasts and the measured one."""
         records = trial_records(self.loaded, self.trials.contrasts)
         if self.measured is None:
-            return records
+            return [{**record, "measured": None} for record in records]
         found = self.measured.trials
         numbers = zip(records, plain(found.value), plain(found.error), found.why, strict=True)
         return [
-            {
-                **record,
-                "measured_contrast": value,
-                "measured_contrast_error": error,
-                **({} if why is None else {"measured_contrast_reason": why}),
-            }
-            for record, value, error, why in numbers
+            {**record, "measured": {"contrast": contrast, "error": error}}
+            if why is None
+            else {**record, "measured": None, "measured_reason": why}
+            for record, contrast, error, why in numbers
         ]
 
     @property
@@ -146,13 +143,16 @@ _TRIAL_COLUMNS = {
 
 
 def trial_records(loaded: StudyData, contrasts: TrialContrasts) -> list[dict[str, Any]]:
-    """Return a record per trial that counts, with the contrast that each law predicts."""
+    """Return a record per trial that counts, with the contrast that each law predicts.
+
+    `touch_measured` says whether the prediction is for force or place as measured.
+    """
     trials = zip(*(values(loaded.trials[name]) for name in _TRIAL_COLUMNS.values()), strict=True)
     by_law = zip(*(plain(contrast) for contrast in contrasts.by_law.values()), strict=True)
     return [
         {
             **dict(zip(_TRIAL_COLUMNS, trial, strict=True)),
-            "measured": measured,
+            "touch_measured": measured,
             "predicted": dict(zip(contrasts.by_law, predicted, strict=True)),
         }
         for trial, measured, predicted in zip(

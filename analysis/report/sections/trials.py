@@ -102,4 +102,4 @@ def _touch(record: Mapping[str, Any]) -> str:
     """Return the source of the touch for which the contrast is predicted."""
     if record["kind"] == "published":
         return "standard"
-    return "measured" if record["measured"] else "as planned"
+    return "measured" if record["touch_measured"] else "as planned"

@@ -19,7 +19,7 @@ def measured_report() -> Report:
 def test_a_report_without_recordings_says_nothing_of_them() -> None:
     numbers = report_json(plain_report())
     assert "measured" not in numbers
-    assert not any("measured_contrast" in trial for trial in numbers["trials"])
+    assert {trial["measured"] for trial in numbers["trials"]} == {None}
     assert "Sensitivity to measured friction" not in report_html(plain_report())
 
 
@@ -50,6 +50,8 @@ def test_json_has_models_predictors_and_a_reason_for_each_missing_number() -> No
     assert [entry["condition"] for entry in found["conditions"]] == list(PAPER.conditions)[:5]
     assert nulls_without_reason(found) == []
     trials = [trial for trial in numbers["trials"] if trial["kind"] == "trial"]
-    known = [trial for trial in trials if trial["measured_contrast"] is not None]
+    known = [trial["measured"] for trial in trials if trial["measured"] is not None]
     assert (len(trials), len(known)) == (20, 16)
-    assert all(trial["measured_contrast_error"] > 0 for trial in known)
+    assert all(each.keys() == {"contrast", "error"} and each["error"] > 0 for each in known)
+    unknown = [trial["measured_reason"] for trial in trials if trial["measured"] is None]
+    assert unknown == ["it was not recorded"] * 4

@@ -1,7 +1,8 @@
 """HTML page of the report: one file that needs no network."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib.resources import files
+from types import MappingProxyType
 
 from analysis.loading.study_data import changed_journal
 from analysis.report.blocks import Block, Figure, Section
@@ -23,27 +24,41 @@ from analysis.report.sections import (
     session_checks,
     trials,
 )
+from protocol.errors import BadInput
 from protocol.study.fields import printable
 
-SECTIONS: tuple[Callable[[Findings], Section], ...] = (
-    scores.section,
-    methods.section,
-    differences.section,
-    effects.section,
-    sensitivity.section,
-    measured.section,
-    predictions.section,
-    scores.own_questions,
-    left_out.section,
-    session_checks.section,
-    model_checks.predictive,
-    model_checks.recovery,
-    ranges.section,
-    glossary,
-    methods.provenance,
-    trials.section,
+SECTIONS: Mapping[str, Callable[[Findings], Section]] = MappingProxyType(
+    {
+        "table4": scores.section,
+        "methods": methods.section,
+        "tests": differences.section,
+        "agreement": effects.section,
+        "sensitivity": sensitivity.section,
+        "measured": measured.section,
+        "model": predictions.section,
+        "questions": scores.own_questions,
+        "left-out": left_out.section,
+        "checks": session_checks.section,
+        "predictive": model_checks.predictive,
+        "recovery": model_checks.recovery,
+        "contrasts": ranges.section,
+        "glossary": glossary,
+        "provenance": methods.provenance,
+        "trials": trials.section,
+    }
 )
-"""The sections of the page, in the order in which an author needs them."""
+"""The sections of the page by name, in the order in which an author needs them."""
+
+
+def require_sections(names: Iterable[str]) -> None:
+    """Refuse a name that no section has.
+
+    Raises:
+        BadInput: there is such a name.
+    """
+    for name in names:
+        if name not in SECTIONS:
+            raise BadInput(f"no section {name!r}; there are {', '.join(SECTIONS)}")
 
 
 def page_html(

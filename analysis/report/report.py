@@ -10,12 +10,11 @@ from analysis.loading.study_data import StudyData
 from analysis.report.blocks import Figure, Section
 from analysis.report.drawing import FORMATS
 from analysis.report.findings import Findings, Origin
-from analysis.report.page import SECTIONS, page_html
+from analysis.report.page import SECTIONS, page_html, require_sections
 from analysis.statistics.summary import table_statistics
 from analysis.trials.trial_statistics import trial_statistics
 from device.friction.calibration import NOMINAL
 from device.friction.contrasts import LAW
-from protocol.errors import BadInput
 from protocol.study.study import Study
 
 
@@ -29,22 +28,13 @@ class Report(Findings):
     @cached_property
     def sections(self) -> tuple[Section, ...]:
         """All sections, shown or not."""
-        return tuple(section(self) for section in SECTIONS)
+        return tuple(section(self) for section in SECTIONS.values())
 
     @property
     def chosen(self) -> tuple[Section, ...]:
-        """Sections of the page, in its order.
-
-        Raises:
-            BadInput: there is no section of that name.
-        """
-        if self.shown is None:
-            return self.sections
-        known = {section.name: section for section in self.sections}
-        for name in self.shown:
-            if name not in known:
-                raise BadInput(f"no section {name!r}; there are {', '.join(known)}")
-        return tuple(known[name] for name in self.shown)
+        """Sections of the page, in its order."""
+        known = dict(zip(SECTIONS, self.sections, strict=True))
+        return tuple(known[name] for name in self.shown or known)
 
     @property
     def figures(self) -> list[Figure]:
@@ -67,7 +57,11 @@ def report(
     """Return the report on the data `loaded` from `study`; its page shows the sections `shown`.
 
     Scores of a published table were felt on a rig of their own, which no calibration describes.
+
+    Raises:
+        BadInput: there is no section of a name in `shown`.
     """
+    require_sections(shown or ())
     if loaded.kinds == ("published",):
         origin = replace(origin, rig=NOMINAL)
     trials = trial_statistics(loaded, study, origin.rig)

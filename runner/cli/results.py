@@ -325,6 +325,7 @@ def write_report(
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from analysis.loading.missing_scores import marks
     from analysis.loading.study_data import load_study_data
+    from analysis.report.page import require_sections
     from analysis.report.report import report_files
     from analysis.report.sections.left_out import left_out_lines
     from analysis.report.table4_text import table4_lines
@@ -332,6 +333,7 @@ def write_report(
     from runner.journal.verification import readable_chains
     from runner.study.files import write_files
 
+    require_sections(shown or ())
     broken: list[str] = []
     with study_journal(folder) as journal:
         study = folder.study()

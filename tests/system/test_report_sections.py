@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from analysis.report.page import SECTIONS
+from tests.analysis.reports import study_report
 from tests.runner.command_line import typed
 
 PUBLISHED = Path(__file__).parents[1] / "data" / "published_scores.csv"
@@ -55,3 +57,20 @@ def test_a_wrong_choice_is_refused_in_one_line(
     told = capsys.readouterr().err
     assert said in told
     assert told.count("\n") == 1
+
+
+def test_an_unknown_section_is_refused_before_anything_is_read(
+    study: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (study / "report.toml").unlink(missing_ok=True)
+    (study / "study.toml").rename(study / "away.toml")
+    try:
+        assert typed("report", study, "--sections", "trials,metods") == 2
+    finally:
+        (study / "away.toml").rename(study / "study.toml")
+    assert "no section 'metods'; there are table4, methods" in capsys.readouterr().err
+
+
+def test_sections_have_the_names_by_which_they_are_chosen() -> None:
+    made = study_report()
+    assert [section.name for section in made.sections] == list(SECTIONS)

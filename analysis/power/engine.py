@@ -106,7 +106,7 @@ def _on_cluster(job: Job, left: Sequence[Task], scheduler: str) -> Results:
     with connected(scheduler) as client:
         futures = [client.submit(_numbered, job, task, pure=False) for task in left]
         try:
-            for future in as_completed(futures):
+            for future in as_completed(futures, loop=client.loop):
                 yield future.result()
                 future.release()
         except KilledWorker as error:

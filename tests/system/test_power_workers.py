@@ -1,0 +1,105 @@
+"""Power analyses on real workers, of joblib and of Dask, that are killed half-way."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import pytest
+
+from analysis.power.engine import completed
+from protocol.study_file.loading import template
+from tests.analysis.power.kept_in_memory import Memory, job, numbers_by, wanted
+from tests.runner.command_line import TOUCHBEAM
+
+DASK = str(Path(sys.executable).with_name("dask"))
+WITHIN_S = 120
+
+
+def wait_for(there: Callable[[], bool], process: subprocess.Popen[bytes]) -> None:
+    until = time.monotonic() + WITHIN_S
+    while not there():
+        assert process.poll() is None, "it ended before"
+        assert time.monotonic() < until, "it takes too long"
+        time.sleep(0.02)
+
+
+@contextmanager
+def running(*command: str, folder: Path) -> Iterator[subprocess.Popen[bytes]]:
+    """A program with its children, all of which are ended afterwards."""
+    with (folder / "out.txt").open("ab") as out:
+        process = subprocess.Popen(
+            command, cwd=folder, stdout=out, stderr=out, start_new_session=True
+        )
+    try:
+        yield process
+    finally:
+        end(process)
+
+
+def end(process: subprocess.Popen[bytes]) -> None:
+    """Kill a program with its children, which are in its session."""
+    if process.returncode is None:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+
+
+@pytest.fixture
+def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    """A scheduler's address and two workers, on this machine alone."""
+    file, here = tmp_path / "scheduler.json", ("--host", "127.0.0.1", "--no-dashboard")
+    with ExitStack() as stack:
+        started = running(
+            *(DASK, "scheduler", *here, "--port", "0", "--scheduler-file", str(file)),
+            folder=tmp_path,
+        )
+        scheduler = stack.enter_context(started)
+        wait_for(file.exists, scheduler)
+        address = json.loads(file.read_text())["address"]
+        workers = [
+            stack.enter_context(
+                running(*(DASK, "worker", address, *here, "--nthreads", "1"), folder=tmp_path)
+            )
+            for _ in range(2)
+        ]
+        yield address, workers
+
+
+def test_a_cluster_gives_the_same_bits_though_a_worker_is_killed(
+    cluster: tuple[str, list[subprocess.Popen[bytes]]],
+) -> None:
+    address, (first, _) = cluster
+    alone = numbers_by(1)
+    assert numbers_by(1, address).tobytes() == alone.tobytes()
+    memory, found = Memory(), {}
+    for task, numbers in completed(job(), wanted(), memory, 1, address):
+        found[task] = numbers
+        end(first)
+    assert b"".join(found[task].tobytes() for task in wanted()) == alone.tobytes()
+    assert memory.kept.keys() == {task.name for task in wanted()}
+
+
+OPTIONS = ("--participants", "4", "--studies", "16", "--null-studies", "20", "--workers", "2")
+
+
+def test_a_killed_run_goes_on_and_ends_with_the_same_numbers(tmp_path: Path) -> None:
+    killed, whole = tmp_path / "killed", tmp_path / "whole"
+    for folder in (killed, whole):
+        folder.mkdir()
+        (folder / "study.toml").write_text(template("paper"))
+    chunks = killed / "power" / "chunks"
+    with running(TOUCHBEAM, "power", str(killed), *OPTIONS, folder=tmp_path) as process:
+        wait_for(lambda: len(list(chunks.rglob("*.npy"))) >= 1, process)
+    assert not (killed / "power" / "power.json").exists(), "it was killed too late"
+    kept = {path: path.stat().st_mtime_ns for path in chunks.rglob("*.npy")}
+    for folder in (killed, whole):
+        subprocess.run([TOUCHBEAM, "power", str(folder), *OPTIONS], check=True, capture_output=True)
+    assert {path: path.stat().st_mtime_ns for path in kept} == kept, "it went on from there"
+    numbers = [(folder / "power" / "power.json").read_bytes() for folder in (killed, whole)]
+    assert numbers[0] == numbers[1]
+    assert not list(killed.rglob(".touchbeam-*"))

@@ -236,14 +236,19 @@ class Study:
         """
         from analysis.report.findings import origin_of, title_of
         from analysis.report.report import report, report_files
+        from runner.journal.opening import read_journal
         from runner.study.files import write_files
+        from runner.study.registered import registration_problem
 
+        with read_journal(self.folder.existing_journal()) as journal:
+            unlocked = registration_problem(journal, self.folder.path)
         origin = origin_of(
             self.folder.path.resolve().name,
             self.folder.text(),
             rehearsals=self.rehearsals,
             broken=self.broken,
             rig=self._rig,
+            unlocked=unlocked,
         )
         shown = self.folder.report_sections()
         made = report(title_of(self.file), self._counted, self.file, origin, shown)

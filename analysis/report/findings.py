@@ -2,7 +2,7 @@
 
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -12,6 +12,7 @@ from analysis.loading.missing_scores import notes, withheld_beside_scores
 from analysis.loading.published import SCALE
 from analysis.loading.records import values
 from analysis.loading.study_data import StudyData
+from analysis.loading.study_lock import StudyLock
 from analysis.statistics.summary import TableStatistics
 from analysis.trials.contrasts import TrialContrasts
 from analysis.trials.trial_statistics import TrialStatistics
@@ -25,17 +26,32 @@ class Origin:
     """Command that made the report, and the digest of the study file.
 
     `broken_chains` names the sessions whose journal was changed after recording; `rig` is the rig
-    as it was calibrated.
+    as it was calibrated. Of a registered study, `rig` is the registered one, `later` a calibration
+    made since the sessions, and `unlocked` says what is wrong with the file of the registration.
     """
 
     command: str
     study_sha256: str
     broken_chains: tuple[str, ...] = ()
     rig: Calibration = NOMINAL
+    later: Calibration | None = None
+    unlocked: str = ""
+
+    def under(self, lock: StudyLock) -> "Origin":
+        """Return the origin of the report on a registered study."""
+        in_force = {run.calibration for run in lock.sessions}
+        is_later = self.rig.origin and self.rig.origin not in in_force
+        return replace(self, rig=lock.rig, later=self.rig if is_later else None)
 
 
 def origin_of(
-    name: str, study_text: str, *, rehearsals: bool, broken: Sequence[str], rig: Calibration
+    name: str,
+    study_text: str,
+    *,
+    rehearsals: bool,
+    broken: Sequence[str],
+    rig: Calibration,
+    unlocked: str = "",
 ) -> Origin:
     """Return the origin of a report on the study whose folder has this name."""
     return Origin(
@@ -43,6 +59,7 @@ def origin_of(
         study_sha256=text_digest(study_text),
         broken_chains=tuple(broken),
         rig=rig,
+        unlocked=unlocked,
     )
 
 

@@ -9,7 +9,8 @@ from analysis.report.blocks import Block, Figure, Section
 from analysis.report.findings import Findings
 from analysis.report.glossary import glossary
 from analysis.report.masthead import Masthead, masthead
-from analysis.report.results import paragraphs
+from analysis.report.registration import registered
+from analysis.report.registration.named_results import marked
 from analysis.report.sections import (
     differences,
     effects,
@@ -30,6 +31,7 @@ from protocol.study.fields import printable
 SECTIONS: Mapping[str, Callable[[Findings], Section]] = MappingProxyType(
     {
         "table4": scores.section,
+        "registration": registered.section,
         "methods": methods.section,
         "tests": differences.section,
         "agreement": effects.section,
@@ -70,7 +72,7 @@ def page_html(
     """
     shown = [each for each in folded or sections if any(map(_is_folded, each.blocks))]
     front = [block for each in sections for block in each.blocks if _is_front(block)]
-    return rendered(masthead(found), _notices(found), shown, list(paragraphs(found)), front)
+    return rendered(masthead(found), _notices(found), shown, list(marked(found)), front)
 
 
 def rendered(

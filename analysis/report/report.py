@@ -64,6 +64,8 @@ def report(
     require_sections(shown or ())
     if loaded.kinds == ("published",):
         origin = replace(origin, rig=NOMINAL)
+    if loaded.lock is not None:
+        origin = origin.under(loaded.lock)
     trials = trial_statistics(loaded, study, origin.rig)
     return Report(
         title=title,
@@ -95,6 +97,7 @@ _KEYS = (
         "questions",
         "trials",
         "provenance",
+        "registration",
     ),
 )
 """Order of the keys of `report.json`, fixed so that two reports can be compared; others follow."""

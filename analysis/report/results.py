@@ -19,6 +19,10 @@ from analysis.statistics.summary import Reading
 from device.friction.contrasts import LAW
 
 _SKIN = "Without measured friction, skin and perception cannot be told apart."
+DIFFER = "Do the conditions differ?"
+WHICH = "Which ones?"
+FOLLOW = "Do ratings follow the predicted change of friction?"
+ORDERED = "Does the model predict the order of the conditions?"
 MOST_PAIRS = 3
 """Pairs of conditions that are told with all their numbers; the table has the others."""
 
@@ -26,13 +30,12 @@ MOST_PAIRS = 3
 def paragraphs(found: Findings) -> Iterator[tuple[str, str]]:
     """Yield the questions that these data can answer, each with its answer."""
     main = found.table.main
-    yield "Do the conditions differ?", f"{_who(found)} {_omnibus(main)}"
+    yield DIFFER, f"{_who(found)} {_omnibus(main)}"
     if any(isinstance(pair.test, SignedRank) for pair in main.pairwise):
-        yield "Which ones?", _pairs(found, main.pairwise)
+        yield WHICH, _pairs(found, main.pairwise)
     if isinstance(found.trials.m2, OrdinalSensitivity):
         predicted = f"predicted contrast (change of log friction; law {LAW})"
-        asked = "Do ratings follow the predicted change of friction?"
-        yield asked, _gain(found.trials.m2.lines, predicted)
+        yield FOLLOW, _gain(found.trials.m2.lines, predicted)
     felt = None if found.measured is None else found.measured.m2
     if isinstance(felt, OrdinalSensitivity):
         contrast = "measured contrast (change of log friction at the finger)"
@@ -50,6 +53,14 @@ def _who(found: Findings) -> str:
         f"{count_of(subjects, 'participant')} rated {count_of(conditions, 'condition')} "
         f"from {found.scale}."
     ).capitalize()
+
+
+def omnibus_p(main: Reading) -> float | NotEstimable:
+    """Return p of the test of all conditions, as the first paragraph gives it."""
+    test = main.friedman if main.skillings_mack is None else main.skillings_mack
+    if isinstance(test, NotEstimable):
+        return test
+    return test.monte_carlo.p if isinstance(test, SkillingsMack) else _best_p(test)
 
 
 def _omnibus(main: Reading) -> str:
@@ -162,7 +173,7 @@ def _ranking(found: Findings) -> Iterator[tuple[str, str]]:
         if isinstance(rho, NotEstimable) or isinstance(p, NotEstimable):
             continue
         yield (
-            "Does the model predict the order of the conditions?",
+            ORDERED,
             f"Predicted contrasts and mean ratings of {count_of(order.rated, 'condition')} "
             f"correlated by Spearman's ρ = {bounded(rho)}, {p_equals(p)} (law {LAW}): "
             f"{_evidence(rho, p)}.",

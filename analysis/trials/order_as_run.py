@@ -8,6 +8,7 @@ from protocol.plan.plan import plan
 from protocol.plan.trials import Plan
 from protocol.proof.cohort import CarryOver, carry_over
 from protocol.proof.order_checks import order_problems
+from protocol.registration.registration import locked
 from protocol.study.study import Study
 
 
@@ -28,6 +29,8 @@ def order_as_run(data: StudyData, study: Study) -> OrderAsRun | NotEstimable:
     """Return the order in which the trials of all sessions were answered."""
     if not data.orders:
         return NotEstimable("the order of published scores is not known")
+    if data.lock is not None:
+        study = locked(study, data.lock.registration.digest)
     planned = [plan(study, order.slot, order.session) for order in data.orders]
     if not all(map(_is_planned, data.orders, planned)):
         return NotEstimable("some sessions ran under another version of the study file")

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from protocol.errors import BadInput
 from runner.cli.options import (
     JsonOption,
     OfRehearsalOption,
@@ -130,17 +129,12 @@ def backup(
 
 
 def _registration_problem(journal: "Journal", study: Path) -> str:
-    """Return how the file of the registration differs from what the journal holds."""
-    from runner.journal.registrations import in_force
+    """Return what is wrong with the file of the registration."""
     from runner.journal.verification import IMPOSSIBLE
-    from runner.study.registered import file_problem, registration_of
+    from runner.study.registered import registration_problem
 
     with suppress(*IMPOSSIBLE):  # a damaged event, which the verdicts tell
-        recorded = in_force(journal)
-        try:
-            return file_problem(recorded, registration_of(study))
-        except BadInput as error:
-            return str(error)
+        return registration_problem(journal, study)
     return ""
 
 

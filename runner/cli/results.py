@@ -326,6 +326,7 @@ def write_report(
     from analysis.loading.missing_scores import marks
     from analysis.loading.study_data import load_study_data
     from analysis.report.page import require_sections
+    from analysis.report.registration.registered import registered_lines
     from analysis.report.report import report_files
     from analysis.report.sections.left_out import left_out_lines
     from analysis.report.table4_text import table4_lines
@@ -357,6 +358,7 @@ def write_report(
     for line in (
         *result.table_notes,
         omnibus_line(result.table.main),
+        *registered_lines(result),
         *left_out_lines(found),
         f"Written: {out / 'report.html'} (open it in a browser); beside it {', '.join(beside)}",
     ):
@@ -375,9 +377,14 @@ def _report_on(
     from analysis.report.findings import origin_of, title_of
     from analysis.report.report import report
     from runner.study.calibration import fitted_calibration
+    from runner.study.registered import registration_problem
 
+    with study_journal(folder) as journal:
+        unlocked = registration_problem(journal, folder.path)
     name, rig, study = folder.path.resolve().name, fitted_calibration(folder.path), folder.study()
-    origin = origin_of(name, folder.text(), rehearsals=rehearsals, broken=broken, rig=rig)
+    origin = origin_of(
+        name, folder.text(), rehearsals=rehearsals, broken=broken, rig=rig, unlocked=unlocked
+    )
     return report(title_of(study), found, study, origin, shown)
 
 

@@ -74,6 +74,15 @@ def file_problem(
     return ""
 
 
+def registration_problem(journal: Journal, folder: Path) -> str:
+    """Return what is wrong with the file of a study's registration, if anything; '' otherwise."""
+    recorded = in_force(journal)
+    try:
+        return file_problem(recorded, registration_of(folder))
+    except BadInput as error:
+        return str(error)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Choice:
     """What the author of a study chooses to register beside the study file.

@@ -142,13 +142,18 @@ def _facts(found: Findings) -> dict[str, str]:
         "versions": ", ".join(f"{name} {version(name)}" for name in _LIBRARIES)
         + f", python {platform.python_version()}",
         "versions that recorded": "; ".join(recording.versions) or "none: imported",
-        "seeds": f"design {study.study.seed}; sessions "
+        "seeds": f"design {_design_seed(found)}; sessions "
         + (", ".join(map(str, recording.seeds)) or "none")
         + f"; permutations and predictive checks {SEED}",
         "model parameters": ", ".join(
             f"{name} {value}" for name, value in _model_parameters(study, origin.rig).items()
         ),
     }
+
+
+def _design_seed(found: Findings) -> str:
+    lock = found.loaded.lock
+    return str(found.study.study.seed) if lock is None else "by the registration's digest"
 
 
 def _recorded_under(origin: Origin, loaded: StudyData) -> str:

@@ -1,0 +1,230 @@
+"""The report of a registered study: results marked, deviations listed, calibrations in force."""
+
+from dataclasses import replace
+from datetime import UTC, datetime
+from functools import cache
+from importlib.metadata import version
+
+import numpy as np
+import pytest
+
+from analysis.estimates import NotEstimable
+from analysis.loading.study_data import StudyData, load_study_data
+from analysis.loading.study_lock import StudyLock
+from analysis.report.findings import Origin
+from analysis.report.registration.analysis_settings import analysis_settings
+from analysis.report.registration.named_results import NamedResult, gated, marked, named_results
+from analysis.report.registration.registered import conduct, registered_lines
+from analysis.report.report import Report, report, report_html, report_json
+from analysis.trials.order_as_run import order_as_run
+from device.friction.calibration import NOMINAL, Calibration
+from device.friction.contrasts import LAW, RUNG
+from protocol.journal.events import (
+    Event,
+    SessionExcluded,
+    SessionOpened,
+    StoredEvent,
+    StudyAmended,
+    StudyRegistered,
+)
+from protocol.journal.records import RigCalibration
+from protocol.registration.deviations import deviations
+from protocol.registration.registration import Registration, locked
+from tests.analysis.chains import chain
+from tests.analysis.reports import PAPER, plain_report, session_events
+
+SHA256 = "7" * 64
+OLD, NEW = (
+    RigCalibration(
+        damping_ratio=damping,
+        gain=1.05,
+        body_height_m=NOMINAL.body_height_m,
+        resonance_hz=None,
+        origin=origin,
+    )
+    for damping, origin in ((0.004, "session slide/1"), (0.008, "session slide/2"))
+)
+REGISTERED = Registration(
+    study="a study",
+    study_sha256=SHA256,
+    primary="conditions differ",
+    secondary=("voltage above pressure", "ratings follow the prediction"),
+    law=LAW,
+    rung=RUNG,
+    calibration={name: value for name, value in vars(OLD).items() if value is not None},
+    participants=4,
+    sessions=1,
+    analysis=analysis_settings(),
+    touchbeam=version("touchbeam"),
+)
+ORIGIN = Origin(command="touchbeam report study", study_sha256=SHA256, rig=Calibration(**vars(OLD)))
+ORDERED = locked(PAPER, REGISTERED.digest)
+
+
+def session(slot: int, rig: RigCalibration | None = OLD) -> list[Event]:
+    opened, *others = session_events(ORDERED, slot, np.random.default_rng(slot))
+    assert isinstance(opened, SessionOpened)
+    under = replace(
+        opened,
+        registration=REGISTERED.digest,
+        study_sha256=SHA256,
+        versions={"touchbeam": version("touchbeam")},
+        calibration=rig,
+    )
+    return [under, *others]
+
+
+def data(*further: Event, sessions: list[list[Event]] | None = None) -> StudyData:
+    decided: list[Event] = [
+        StudyRegistered(
+            registration=REGISTERED.digest, study_sha256=SHA256, text=REGISTERED.text()
+        ),
+        *further,
+    ]
+    run = [session(slot) for slot in range(4)] if sessions is None else sessions
+    chains: list[list[StoredEvent]] = [chain(decided), *map(chain, run)]
+    return load_study_data(chains, rehearsals=False)
+
+
+@cache
+def registered_report() -> Report:
+    return report("a study", data(), PAPER, ORIGIN)
+
+
+def lock_of(loaded: StudyData) -> StudyLock:
+    assert loaded.lock is not None
+    return loaded.lock
+
+
+def told(loaded: StudyData, origin: Origin = ORIGIN) -> list[tuple[str, str]]:
+    """Return the deviations that a report on these data lists, without its estimates."""
+    lock = lock_of(loaded)
+    found = replace(registered_report(), loaded=loaded, origin=origin.under(lock))
+    listed = deviations(lock.registration, conduct(found, lock))
+    return [(each.kind, each.text) for each in listed]
+
+
+def test_a_study_without_registration_has_no_word_of_it() -> None:
+    plain = plain_report()
+    assert "registration" not in report_json(plain)
+    assert "egist" not in report_html(plain)
+    assert list(registered_lines(plain)) == []
+
+
+def test_registered_and_other_results_are_kept_apart() -> None:
+    found = registered_report()
+    (asked, answer), *others = marked(found)
+    assert asked == "What was registered?"
+    assert answer.startswith(
+        "Registered: conditions differ (primary), voltage above pressure, ratings follow the "
+        "prediction. Not registered: every other result"
+    )
+    questions = dict(others)
+    assert "Do the conditions differ? (registered: conditions differ)" in questions
+    assert "Which ones? (registered: voltage above pressure)" in questions
+    assert "Does the model predict the order of the conditions? (not registered)" in questions
+    assert all(
+        question.endswith("registered)") or "(registered: " in question for question in questions
+    )
+    assert answer in report_html(found)
+
+
+def test_each_registered_result_is_that_of_the_report() -> None:
+    found = registered_report()
+    record = report_json(found)
+    omnibus, pair, gain = record["registration"]["results"]
+    assert (omnibus["name"], omnibus["primary"]) == ("conditions differ", True)
+    tested = next(it for it in record["pairwise"] if {it["a"], it["b"]} == {"voltage", "pressure"})
+    assert pair["p"] == tested["p_holm"]
+    fitted = found.trials.m2
+    if isinstance(fitted, NotEstimable):
+        assert gain["found"] == fitted.reason
+    else:
+        assert gain["supported"] in {False, fitted.lines.gain_interval[0] > 0}
+    assert record["registration"]["deviations"] == []
+    assert record["registration"]["participants"] == {"registered": 4, "completed": 4}
+    assert "The study did not deviate from its registration." in report_html(found)
+    lines = list(registered_lines(found))
+    assert [line.split(": ")[1] for line in lines] == list(REGISTERED.hypotheses)
+
+
+@pytest.mark.parametrize(
+    ("primary", "other", "expected"),
+    [(True, True, True), (False, True, False), (None, True, False), (True, False, False)],
+)
+def test_a_secondary_hypothesis_counts_only_after_the_primary_one(
+    primary: bool | None, other: bool, expected: bool
+) -> None:
+    first = NamedResult(name="a", primary=True, found="", p=None, supported=primary)
+    second = NamedResult(name="b", primary=False, found="p = .01", p=0.01, supported=other)
+    made = gated(first, second)
+    assert made.supported is expected
+    assert ("does not count" in made.found) == (other and not expected)
+
+
+def test_the_order_as_run_is_that_of_the_digest() -> None:
+    found = registered_report().trials.as_run
+    assert not isinstance(found, NotEstimable)
+    assert found.problems == ()
+    unlocked = replace(data(), lock=None)
+    assert isinstance(order_as_run(unlocked, PAPER), NotEstimable), "not that of the study's seed"
+
+
+def test_deviations_come_from_the_journal() -> None:
+    amended = StudyAmended(study_sha256="8" * 64, reason="a slip", breaks=REGISTERED.digest)
+    (change,) = told(data(amended))
+    assert change[0] == "study file"
+    assert "which broke the lock: a slip" in change[1]
+    fewer = data(sessions=[session(slot) for slot in range(3)])
+    assert told(fewer) == [("participants", "3 completed, fewer than the 4 registered")]
+    left_out = [session(slot) for slot in range(5)]
+    left_out[2].append(SessionExcluded(reason="asleep"))
+    assert told(data(sessions=left_out)) == [
+        ("exclusion", "without a registered rule: P03, session 1: asleep")
+    ]
+    other = replace(ORIGIN, study_sha256="9" * 64)
+    assert told(data(), other) == [
+        ("study file", "the present study file is not the registered one")
+    ]
+    broken = replace(ORIGIN, unlocked="registration.toml is missing")
+    assert told(data(), broken) == [("registration", "registration.toml is missing")]
+
+
+def test_each_session_is_predicted_under_the_calibration_in_force() -> None:
+    rigs = [OLD, OLD, NEW, NEW]
+    mixed = data(sessions=[session(slot, rig) for slot, rig in enumerate(rigs)])
+    assert mixed.trials["rig"].map(lambda rig: rig.origin).groupby(
+        mixed.trials["participant"]
+    ).first().tolist() == [rig.origin for rig in rigs]
+    assert told(mixed) == [
+        (
+            "calibration",
+            "registered: session slide/1; in force: session slide/2, in sessions: P03/1, P04/1",
+        )
+    ]
+    nominal = data(sessions=[session(slot, None) for slot in range(4)])
+    assert set(nominal.trials["rig"]) == {NOMINAL}
+
+
+def test_a_later_calibration_stands_beside_it_not_registered() -> None:
+    later = replace(ORIGIN, rig=Calibration(**vars(NEW)))
+    lock = lock_of(data())
+    assert later.under(lock).rig == Calibration(**vars(OLD)), "what was registered predicts"
+    assert later.under(lock).later == Calibration(**vars(NEW))
+    assert ORIGIN.under(lock).later is None
+    found = replace(registered_report(), origin=later.under(lock))
+    (deviation,) = told(data(), later)
+    assert deviation[0] == "calibration"
+    assert "session slide/2 is later than the sessions" in deviation[1]
+    beside = report_json(found)["registration"]["later_calibration"]
+    assert set(beside) == set(PAPER.conditions)
+    assert beside["voltage"]["later"] < beside["voltage"]["in_force"], "more damping"
+    assert report_json(registered_report())["registration"]["later_calibration"] == {}
+
+
+def test_the_time_of_registration_is_told() -> None:
+    assert lock_of(data()).utc == datetime(2026, 1, 1, tzinfo=UTC)
+    assert "registered at 2026-01-01 00:00 UTC" in report_html(registered_report())
+    assert [each.name for each in named_results(registered_report(), lock_of(data()))] == list(
+        REGISTERED.hypotheses
+    )

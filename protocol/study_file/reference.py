@@ -33,8 +33,9 @@ _DESIGN = """\
   meets across the end of a block is counted apart.
 - Where wishes conflict, limits come first, then beam swaps, then carry-over.
 - Each purpose (order, levels, opposite, catch and practice trials, groups) draws from a random
-  stream of its own, which follows from `study.seed`: changing one leaves the others alone. The same
-  file gives the same plan on every platform.
+  stream of its own, which follows from `study.seed`, or from the digest of the study's
+  [registration](registration.md): changing one leaves the others alone. The same file gives the
+  same plan on every platform.
 - A catch trial is a condition at 0 V. It follows a trial on one beam, takes a condition on the same
   beam, and never opens a block.
 - A trial in the opposite order runs the touches, ramps and sweeps backwards and expects the

@@ -25,7 +25,10 @@ def register(
     ] = None,
     power: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="The JSON that `touchbeam power --json` printed."),
+        typer.Option(
+            metavar="FILE",
+            help="Result of `touchbeam power`. [default: STUDY/power/power.json, if it is there]",
+        ),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -59,7 +62,7 @@ def register(
         rung=RUNG,
         analysis=analysis_settings(),
         exclusions=rules_in_words(checked.exclusions),
-        power=power,
+        power=power or (kept if (kept := study / "power" / "power.json").is_file() else None),
     )
     made = new_registration(checked, text, choice, fitted_calibration(study))
     made = write(folder, checked, made, WallClock())

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 from device.friction.calibration import Calibration
 from protocol.errors import BadInput
@@ -142,7 +143,7 @@ def power_result(path: Path) -> dict[str, str]:
     try:
         found = json.loads(short_text(path))
         said = {"answer": str(found["answer"])} if "answer" in found else {}
-        tests = {str(test["name"]): f"{test['power']}" for test in found.get("tests", [])}
+        tests = {str(test["name"]): _power(test) for test in found.get("tests", [])}
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
         raise BadInput(f"{path}: not the result of a power analysis ({error!r})") from error
     listed = list(tests.items())[:_MOST_TESTS]
@@ -151,6 +152,11 @@ def power_result(path: Path) -> dict[str, str]:
         **{f"power of {name}": power for name, power in listed},
         "file": f"SHA-256 {sha256(content).hexdigest()}",
     }
+
+
+def _power(test: Mapping[str, Any]) -> str:
+    error = test.get("mc_error")
+    return f"{test['power']}" if error is None else f"{test['power']} (Monte Carlo error {error})"
 
 
 def register(folder: StudyFolder, study: Study, made: Registration, clock: Clock) -> Registration:

@@ -6,7 +6,7 @@ PYTHON ?= $(or $(shell command -v python3.11),$(shell command -v python3.12),pyt
 BIN := .venv/bin
 READY := .venv/.ready
 
-.PHONY: demo test check bench pictures soak mutants day-mutants clean
+.PHONY: demo test check bench docs pictures soak mutants day-mutants clean
 .DELETE_ON_ERROR:
 
 demo: $(READY)
@@ -25,10 +25,16 @@ check: $(READY)
 bench: $(READY)
 	$(BIN)/pytest benchmarks --benchmark-only
 
-# Pictures of every page of the participant's window, for the documentation.
+# Pictures of every page of the participant's window and of the console, for the documentation.
 pictures: $(READY)
 	@.ci/system-packages
 	$(BIN)/python -m tests.runner.window.pictures docs/window
+	$(BIN)/python -m tests.runner.people.picture docs/pictures/console.svg
+
+# The documentation as a site, site/index.html: it needs no server and no network.
+docs: $(READY)
+	$(BIN)/python -m handbook.reference
+	$(BIN)/python -m handbook.build
 
 soak: $(READY)
 	$(BIN)/pytest -m soak -s
@@ -43,11 +49,11 @@ day-mutants: $(READY)
 	$(BIN)/python -m tests.system.day.mutants
 
 clean:
-	rm -rf .venv .uv .mutants dist
+	rm -rf .venv .uv .mutants dist site
 
 # Compiled here once, so that no command starts slowly where Python may not write beside its modules.
 $(READY): pyproject.toml uv.lock | $(UV)
-	@echo "Installing the packages that touchbeam needs into .venv, about 860 MB ..."
+	@echo "Installing the packages that touchbeam needs into .venv, about 950 MB ..."
 	@[ -t 2 ] || quiet=--quiet; $(UV) sync --frozen $$quiet --compile-bytecode
 	@$(BIN)/python -m compileall -q protocol device runner analysis touchbeam
 	@touch $@

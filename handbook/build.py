@@ -1,0 +1,33 @@
+"""The documentation's site: `python -m handbook.build`, which is `make docs`.
+
+Zensical builds it from `docs/` after `zensical.toml`. Its search on pages that are opened as files
+loads a script from the internet; here it gets one of our own, so that nothing needs a network.
+"""
+
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+_LOADED = "https://unpkg.com/iframe-worker/shim"
+_OWN = "assets/offline.js"
+
+
+def build(root: Path = ROOT) -> Path:
+    """Build the site of the pages in `root/docs` anew and return its folder.
+
+    Raises:
+        subprocess.CalledProcessError: a link in a page leads nowhere; Zensical has said which.
+    """
+    zensical = [sys.executable, "-m", "zensical", "build", "--clean", "--strict"]
+    subprocess.run(zensical, cwd=root, check=True)
+    site = root / "site"
+    for page in site.rglob("*.html"):
+        up = "../" * (len(page.relative_to(site).parts) - 1)
+        text = page.read_text(encoding="utf-8")
+        page.write_text(text.replace(_LOADED, up + _OWN), encoding="utf-8")
+    return site
+
+
+if __name__ == "__main__":
+    print(f"open {build() / 'index.html'}")

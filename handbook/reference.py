@@ -1,0 +1,178 @@
+"""Reference pages written from the code: `python -m handbook.reference` writes them anew.
+
+Commands with their options, the Python package, and the statistics with formula and source.
+"""
+
+import inspect
+import re
+from collections.abc import Callable, Iterator
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import typer
+from typer.testing import CliRunner
+
+import touchbeam
+from handbook.build import ROOT
+from runner.cli.app import app
+
+FOLDER = ROOT / "docs" / "reference"
+
+_STATISTICS = {
+    "Differences between conditions": (
+        "statistics.omnibus.friedman",
+        "statistics.omnibus.skillings_mack",
+        "statistics.omnibus.exact_p",
+        "statistics.monte_carlo.monte_carlo_p",
+        "statistics.signed_rank.signed_rank",
+        "statistics.signed_rank.pairwise_signed_ranks",
+        "statistics.signed_rank.holm",
+    ),
+    "Sizes of effects and agreement": (
+        "statistics.intervals.mean_interval",
+        "statistics.intervals.rank_biserial_interval",
+        "statistics.intervals.concordance_interval",
+        "statistics.additive.additive_effects",
+        "statistics.additive.gain_heterogeneity",
+        "statistics.two_way.intraclass_correlation",
+        "statistics.ordinal.ordinal_effects_of_trials",
+    ),
+    "Sensitivity of each person": (
+        "sensitivity.linear_model.linear_sensitivity",
+        "sensitivity.ordinal_model.ordinal_sensitivity",
+        "sensitivity.two_stage_model.two_stage_sensitivity",
+        "sensitivity.noticing.noticing",
+        "sensitivity.lines.log_prior_of_spread",
+        "sensitivity.predictive_checks.checked_ordinal",
+        "sensitivity.predictive_checks.checked_two_stage",
+    ),
+}
+
+
+def commands_page() -> str:
+    """Return the page of all commands: what `--help` says of each."""
+    sections = "\n".join(_help_of(path) for path in _commands(typer.main.get_command(app), ()))
+    return (
+        "# Commands\n\nThis page is written from the program by `python -m handbook.reference`. "
+        "`touchbeam COMMAND --help` shows\nthe same. Every command takes `--debug`, which shows "
+        "the traceback of an error.\n\nExit code 0 means that all is well, 1 that the work failed, "
+        f"2 wrong usage or bad input. An error is one line on\nstandard error.\n\n{sections}"
+    )
+
+
+def _commands(command: Any, path: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
+    """Yield the words of each command below this one."""
+    for name, child in getattr(command, "commands", {}).items():
+        yield from _commands(child, (*path, name))
+    if not hasattr(command, "commands"):
+        yield path
+
+
+def _help_of(path: tuple[str, ...]) -> str:
+    said = CliRunner().invoke(app, [*path, "--help"], prog_name="touchbeam", terminal_width=100)
+    return f"## `touchbeam {' '.join(path)}`\n\n```text\n{said.output.strip()}\n```\n"
+
+
+def python_page() -> str:
+    """Return the page of the package `touchbeam`."""
+    parts = [
+        "# The Python package\n\nThis page is written from the package by `python -m "
+        "handbook.reference`. [touchbeam in Python](../python.md) shows\nhow it is used. Only what "
+        "stands here is meant to be used from outside.\n"
+    ]
+    for name in sorted(touchbeam.__all__, key=lambda name: (name[0].isupper(), name)):
+        thing = getattr(touchbeam, name)
+        if callable(thing) and not inspect.isclass(thing):
+            parts.append(_callable_section(f"touchbeam.{name}", thing))
+    parts.append(f"## `touchbeam.Study`\n\n{_prose(touchbeam.Study)}\n")
+    for name, member in vars(touchbeam.Study).items():
+        if name.startswith("_") or not getattr(member, "__doc__", None):
+            continue
+        if isinstance(member, property):
+            parts.append(f"### `study.{name}`\n\n{_prose(member)}\n")
+        elif hasattr(member, "func"):
+            parts.append(f"### `study.{name}`\n\n{_prose(member.func)}\n")
+        elif callable(member):
+            parts.append(_callable_section(f"study.{name}", member, level="###"))
+    return "\n".join(parts)
+
+
+def _callable_section(name: str, thing: Callable[..., Any], level: str = "##") -> str:
+    signature = inspect.signature(thing)
+    parameters = [p for p in signature.parameters.values() if p.name != "self"]
+    shown = str(signature.replace(parameters=parameters)).replace("'", "").replace('"', "")
+    short = name.rpartition(".")[2]
+    return f"{level} `{name}`\n\n```text\n{short}{shown}\n```\n\n{_prose(thing)}\n"
+
+
+def _prose(thing: Any) -> str:
+    """Return the docstring as Markdown; indented lists below a heading become items."""
+    text = inspect.getdoc(thing) or ""
+    text = re.split(r"\n\n(?=>>>)", text)[0]
+    lines = []
+    for line in text.splitlines():
+        if re.fullmatch(r"(Args|Parameters|Raises|Returns|Yields):", line):
+            lines += [f"**{line[:-1]}**", ""]
+        elif re.match(r" {4}\S", line):
+            lines.append(f"- {line.strip()}")
+        else:
+            lines.append(line if not line.startswith("        ") else f"  {line.strip()}")
+    return "\n".join(lines)
+
+
+def statistics_page() -> str:
+    """Return the page of the statistics, with the formula and the source of each."""
+    parts = [
+        "# Statistics\n\nThis page is written from the program by `python -m handbook.reference`: "
+        "formula and source of each statistic of\nthe report, as they stand beside the code. [The "
+        "report](../report.md) says when each is used and how to read it.\n"
+    ]
+    for title, names in _STATISTICS.items():
+        parts.append(f"## {title}\n")
+        for name in names:
+            module, _, function = f"analysis.{name}".rpartition(".")
+            thing = getattr(import_module(module), function)
+            parts.append(f"### {_words(function)}\n\n{_formulae(thing)}\n")
+            parts.append(f"`{module.replace('.', '/')}.py`\n")
+    return "\n".join(parts)
+
+
+def _words(name: str) -> str:
+    known = {
+        "friedman": "Friedman's test",
+        "skillings_mack": "Skillings-Mack test",
+        "exact_p": "Exact permutation p",
+        "monte_carlo_p": "Permutation p from random shufflings",
+        "holm": "Holm's correction",
+        "linear_sensitivity": "M1, linear model",
+        "ordinal_sensitivity": "M2, ordinal model",
+        "two_stage_sensitivity": "M3, noticing and rating",
+    }
+    return known.get(name, name.replace("_", " ").capitalize())
+
+
+def _formulae(thing: Any) -> str:
+    """Return what the docstring says of the quantity, without parameters and errors."""
+    text = inspect.getdoc(thing) or ""
+    text = re.split(r"\n\n(?=>>>|Args:|Parameters:|Raises:)", text)[0]
+    text = re.sub(r"([*_])", r"\\\1", text).removeprefix("Return ").removeprefix("the ")
+    return text[0].upper() + text[1:]
+
+
+PAGES: dict[str, Callable[[], str]] = {
+    "commands.md": commands_page,
+    "python-package.md": python_page,
+    "statistics.md": statistics_page,
+}
+
+
+def main() -> None:
+    """Write the pages."""
+    FOLDER.mkdir(exist_ok=True)
+    for name, page in PAGES.items():
+        Path(FOLDER / name).write_text(f"{page().rstrip()}\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,134 @@
+"""The documentation's site in a browser without a network, opened as files."""
+
+import json
+import shutil
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from axe_core_python.selenium import Axe  # type: ignore[import-untyped]
+from selenium import webdriver
+
+from handbook.build import ROOT, build
+
+NEEDED = ("chromium", "chromedriver")
+pytestmark = pytest.mark.skipif(
+    not all(map(shutil.which, NEEDED)), reason="no browser: install chromium and chromium-driver"
+)
+FLAGS = (
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--host-resolver-rules=MAP * ~NOTFOUND",
+)
+# Of each kind one: text, outputs, wide tables, pictures, definitions, generated pages.
+LOOKED_AT = (
+    "index.html",
+    "tutorials/first-study.html",
+    "study-file.html",
+    "rig.html",
+    "glossary.html",
+    "reference/statistics.html",
+)
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("documentation")
+    shutil.copytree(ROOT / "docs", root / "docs")
+    shutil.copy(ROOT / "zensical.toml", root)
+    return build(root)
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[webdriver.Chrome]:
+    options = webdriver.ChromeOptions()
+    options.binary_location = shutil.which("chromium") or ""
+    for flag in (*FLAGS, f"--user-data-dir={tmp_path_factory.mktemp('profile')}"):
+        options.add_argument(flag)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    service = webdriver.ChromeService(executable_path=shutil.which("chromedriver"))
+    with webdriver.Chrome(options=options, service=service) as driver:
+        driver.get("about:blank")
+        yield driver
+
+
+def opened(browser: webdriver.Chrome, page: Path, width: int) -> None:
+    size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    browser.get(f"file://{page}")
+
+
+def asked(browser: webdriver.Chrome) -> list[str]:
+    """The addresses that pages asked for since the last time."""
+    messages = [json.loads(entry["message"])["message"] for entry in browser.get_log("performance")]  # type: ignore[no-untyped-call]
+    return [
+        message["params"]["request"]["url"]
+        for message in messages
+        if message["method"] == "Network.requestWillBeSent"
+    ]
+
+
+def violations(browser: webdriver.Chrome) -> list[tuple[str, str]]:
+    found = Axe().run(browser)["violations"]
+    return [(rule["id"], node["html"][:200]) for rule in found for node in rule["nodes"]]
+
+
+@pytest.mark.parametrize("width", [1200, 400])
+@pytest.mark.parametrize("name", LOOKED_AT)
+def test_a_page_can_be_used_by_everybody(
+    browser: webdriver.Chrome, site: Path, name: str, width: int
+) -> None:
+    opened(browser, site / name, width)
+    assert violations(browser) == []
+    assert not browser.execute_script("return document.documentElement.scrollWidth > innerWidth"), (
+        "the page scrolls sideways"
+    )
+
+
+@pytest.mark.soak
+def test_every_page_can_be_used_by_everybody(browser: webdriver.Chrome, site: Path) -> None:
+    for page in sorted(site.rglob("*.html")):
+        for width in (1200, 400):
+            opened(browser, page, width)
+            assert violations(browser) == [], (page, width)
+
+
+def test_no_page_asks_the_network_for_anything(browser: webdriver.Chrome, site: Path) -> None:
+    asked(browser)
+    for name in LOOKED_AT:
+        opened(browser, site / name, 1200)
+    found = asked(browser)
+    assert found
+    assert [url for url in found if not url.startswith(("file:", "data:", "blob:"))] == []
+    assert browser.get_log("browser") == []  # type: ignore[no-untyped-call]
+
+
+def test_no_page_names_a_script_or_a_style_of_another_place(site: Path) -> None:
+    for page in site.rglob("*.html"):
+        text = page.read_text(encoding="utf-8")
+        assert 'src="http' not in text
+        assert 'rel="stylesheet" href="http' not in text
+
+
+def test_the_search_finds_a_word_in_files(browser: webdriver.Chrome, site: Path) -> None:
+    opened(browser, site / "index.html", 1200)
+    browser.execute_script("document.querySelector('label[for=__search]').click()")
+    typed = """
+        const place = [...document.querySelectorAll("*")].find(e => e.shadowRoot)?.shadowRoot;
+        const input = place?.querySelector("input");
+        if (input && input.value !== "vibrometer") {
+          input.value = "vibrometer";
+          input.dispatchEvent(new Event("input", { bubbles: true, composed: true }));
+        }
+        return place?.textContent ?? "";
+    """
+    until = time.monotonic() + 30
+    while "The resonance with a generator" not in browser.execute_script(typed):
+        assert time.monotonic() < until, browser.execute_script(typed)

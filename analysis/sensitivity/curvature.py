@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -13,6 +14,7 @@ from analysis.statistics.ordinal_likelihood import log_interval
 # Below this probability its logarithm is computed in the tail, which costs more.
 SMALLEST = 1e-280
 LOG_ROOT_2_PI = np.log(2 * np.pi) / 2
+Loadings: TypeAlias = tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -84,33 +86,36 @@ class OrdinalTrials:
         return (edges[self.category] - place) / sd, (edges[self.category + 1] - place) / sd
 
     @cached_property
-    def loadings(self) -> tuple[FloatArray, FloatArray]:
-        """How upper and lower edge of each trial depend on the parameters: (trials, parameters)."""
+    def loadings(self) -> "Loadings":
+        """How upper and lower edge depend on shared (trials, G) and own (trials, 2) parameters."""
         size, trials = len(self.shared_start), np.arange(len(self.x))
-        place = np.zeros((len(trials), size + 2 * self.subjects))
-        for first in (self.line_columns.start, size + 2 * self.subject):
-            place[trials, first], place[trials, first + 1] = 1.0, self.x
-        if self.conditions:
-            place[trials, self.line_columns.stop + self.condition] = 1.0
-        edges = np.zeros((self.categories + 1, place.shape[1]))
-        edges[1:-1][self.free, self.threshold_columns] = np.eye(int(self.free.sum()))
-        return edges[self.category + 1] - place, edges[self.category] - place
+        own = -np.stack([np.ones_like(self.x), self.x], axis=1)
+        found = []
+        for category in (self.category + 1, self.category):
+            edges = np.zeros((self.categories + 1, size))
+            edges[1:-1][self.free, self.threshold_columns] = np.eye(int(self.free.sum()))
+            shared = edges[category]
+            shared[:, self.line_columns] = own
+            if self.conditions:
+                shared[trials, self.line_columns.stop + self.condition] = -1.0
+            found.append((shared, own))
+        return found[0], found[1]
 
     def curvature(self, slopes: "EdgeSlopes", residual_sd: FloatArray) -> "Curvature":
         """Return the likelihood's derivatives with respect to the parameters."""
         return curvature_of(self, slopes, residual_sd)
 
+    def some(self, step: int) -> "OrdinalTrials":
+        """Return the trials of each `step`-th subject."""
+        chosen = self.subject % step == 0
+        names = ("condition", "x", "category", "weight")
+        parts = {name: getattr(self, name)[chosen] for name in names}
+        subjects, subject = -(-self.subjects // step), self.subject[chosen] // step
+        return replace(self, subjects=subjects, subject=subject, **parts)
+
     def totals(self, group: IntArray, groups: int, powers: int) -> csr_array:
         """Return the matrix that sums values of trials, times x^0, x^1, …, in each group."""
-        trials = np.arange(len(self.x))
-        if not groups:
-            return csr_array((0, len(trials)))
-        parts = [self.weight * self.x**power for power in range(powers)]
-        rows = np.concatenate([group * powers + power for power in range(powers)])
-        return csr_array(
-            (np.concatenate(parts), (rows, np.tile(trials, powers))),
-            shape=(groups * powers, len(trials)),
-        )
+        return sums(group, groups, self.weight, self.x, powers)
 
     @cached_property
     def by_category(self) -> csr_array:
@@ -139,6 +144,19 @@ class OrdinalTrials:
         """Sums per condition and category."""
         cell = self.condition * self.categories + self.category
         return self.totals(cell, self.conditions * self.categories, 1)
+
+
+def sums(group: IntArray, groups: int, weight: FloatArray, x: FloatArray, powers: int) -> csr_array:
+    """Return the matrix that sums weighted values, times x^0, x^1, …, in each group."""
+    trials = np.arange(len(x))
+    if not groups:
+        return csr_array((0, len(trials)))
+    parts = [weight * x**power for power in range(powers)]
+    rows = np.concatenate([group * powers + power for power in range(powers)])
+    return csr_array(
+        (np.concatenate(parts), (rows, np.tile(trials, powers))),
+        shape=(groups * powers, len(trials)),
+    )
 
 
 def counted(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -214,7 +232,7 @@ class Curvature:
             whole=whole,
         )
 
-    def at(self, points: BoolArray) -> "Curvature":
+    def at(self, points: BoolArray | IntArray) -> "Curvature":
         """Return the curvature at some of the points."""
         return Curvature(**{part.name: getattr(self, part.name)[points] for part in fields(self)})
 

@@ -26,10 +26,14 @@ LEAST_SKEW = 1e-3
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WeightedPoints:
-    """A discretised posterior: points (count, dimensions) and weights that sum to 1."""
+    """A discretised posterior: points (count, dimensions) and weights that sum to 1.
+
+    It represents the density if at least `least` points are effective.
+    """
 
     points: FloatArray
     weights: FloatArray
+    least: float = LEAST_EFFECTIVE
 
     @property
     def effective(self) -> float:
@@ -39,12 +43,12 @@ class WeightedPoints:
     @property
     def refusal(self) -> NotEstimable | None:
         """Why the points do not represent the density, or None if they do."""
-        if self.effective >= LEAST_EFFECTIVE:
+        if self.effective >= self.least:
             return None
         return NotEstimable(
             "the integration over the differences between people reached "
             f"{self.effective:.0f} effective points, and intervals need at least "
-            f"{LEAST_EFFECTIVE:.0f}"
+            f"{self.least:.0f}"
         )
 
     def mean(self, values: FloatArray) -> FloatArray:
@@ -57,26 +61,28 @@ class WeightedPoints:
         return low, high
 
 
-def weighted_points(log_density: LogDensity, start: FloatArray, count: int) -> WeightedPoints:
+def weighted_points(
+    log_density: LogDensity, start: FloatArray, count: int, least: float = LEAST_EFFECTIVE
+) -> WeightedPoints:
     """Return at least `count` weighted points that represent the density.
 
     Importance sampling from a t distribution with 5 degrees of freedom, first about the mode and
     scaled by the curvature there, then with the mean and covariance of the points so far, until
-    the effective sample size is at least 200 or four times as many points do not reach it. The
+    the effective sample size is at least `least` or four times as many points do not reach it. The
     points are those of an additive low-discrepancy sequence instead of random ones, so that the
     same input gives the same result.
     """
     log_density = _within_reach(log_density)
-    centre, spread = _mode(log_density, start)
+    centre, spread = mode_of(log_density, start)
     for number in (PILOT, count, 2 * count, 4 * count):
         points, log_proposal = _t_points(centre, spread, number)
         log_weights = log_density(points) - log_proposal
         weights = np.exp(log_weights - logsumexp(log_weights))
-        found = WeightedPoints(points=points, weights=weights)
-        if number >= count and found.effective >= LEAST_EFFECTIVE:
+        found = WeightedPoints(points=points, weights=weights, least=least)
+        if number >= count and found.effective >= least:
             break
         centre, spread = _adapted(found, spread)
-    return WeightedPoints(points=np.clip(points, -REACH, REACH), weights=weights)
+    return replace(found, points=np.clip(points, -REACH, REACH))
 
 
 def _adapted(found: WeightedPoints, spread: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -109,7 +115,7 @@ def low_discrepancy(count: int, dimensions: int) -> FloatArray:
     return np.asarray((0.5 + np.arange(1.0, count + 1)[:, None] * steps) % 1.0)
 
 
-def _mode(log_density: LogDensity, start: FloatArray) -> tuple[FloatArray, FloatArray]:
+def mode_of(log_density: LogDensity, start: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the mode, and a matrix whose columns are uncorrelated steps of one SD there.
 
     Found by Newton's method with differences over steps so long that small errors of the density

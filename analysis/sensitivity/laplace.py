@@ -1,19 +1,24 @@
 """Laplace's approximation of ordered answers with partially pooled latent lines."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 
 from analysis.estimates import BoolArray, FloatArray, IntArray
-from analysis.sensitivity.curvature import Curvature, EdgeSlopes, edge_slopes
+from analysis.sensitivity.curvature import Curvature, EdgeSlopes, Loadings, edge_slopes
 
 STEPS = 60
 # Prior SD of thresholds and population line, in SDs of the ratings. It is so wide that it only
 # keeps them finite if the answers do not overlap.
 WIDE = 10.0
-# Newton's method makes its last step if that is expected to raise the log posterior by less.
-RISE = 1e-4
+# Newton's method makes its last step if that is expected to raise the log posterior by less; with
+# more than LARGE different trials, by less than LARGE_RISE.
+RISE, LARGE_RISE = 1e-4, 1e-2
+LARGE = 8_000
+# Trials times points whose derivatives are in memory at once.
+CELLS = 500_000
 
 
 class LatentTrials(Protocol):
@@ -26,6 +31,11 @@ class LatentTrials(Protocol):
     @property
     def subjects(self) -> int:
         """Their number."""
+        ...
+
+    @property
+    def subject(self) -> IntArray:
+        """Position of each trial's subject; the trials are sorted by it."""
         ...
 
     @property
@@ -49,8 +59,12 @@ class LatentTrials(Protocol):
         ...
 
     @property
-    def loadings(self) -> tuple[FloatArray, FloatArray]:
-        """How upper and lower edge depend on the parameters, (trials, parameters)."""
+    def loadings(self) -> Loadings:
+        """How upper and lower edge depend on shared (trials, G) and own (trials, 2) parameters."""
+        ...
+
+    def some(self, step: int) -> Self:
+        """Return the trials of each `step`-th subject."""
         ...
 
     def bounds(
@@ -121,6 +135,25 @@ class LatentModes:
             ),
         )
 
+    @classmethod
+    def joined(cls, parts: Iterable["LatentModes"]) -> "LatentModes":
+        """Return the modes at the points of all parts."""
+        every = list(parts)
+        if len(every) == 1:
+            return every[0]
+        return cls(
+            **{
+                name: np.concatenate([getattr(part, name) for part in every])
+                for name in ("shared", "own", "value")
+            },
+            curvature=Curvature(
+                **{
+                    part.name: np.concatenate([getattr(one.curvature, part.name) for one in every])
+                    for part in fields(Curvature)
+                }
+            ),
+        )
+
     @property
     def log_evidence(self) -> FloatArray:
         """Log marginal likelihood at these components, up to a constant."""
@@ -157,11 +190,20 @@ class LatentField:
 
     def modes(self, components: Components, start: tuple[FloatArray, FloatArray]) -> LatentModes:
         """Return the mode at each of the given components by Newton's method from `start`."""
+        at_once = max(CELLS // len(self.trials.x), 1)
+        every = np.arange(len(start[0]))
+        return LatentModes.joined(
+            self._modes(components.at(part), (start[0][part], start[1][part]))
+            for part in (every[first : first + at_once] for first in every[::at_once])
+        )
+
+    def _modes(self, components: Components, start: tuple[FloatArray, FloatArray]) -> LatentModes:
         current = self.evaluated(*start, components)
         (shared, own), rise = _newton(current)
         length = np.ones(len(rise))
+        least = RISE if len(self.trials.x) <= LARGE else LARGE_RISE
         for _ in range(STEPS):
-            active = np.flatnonzero(rise >= RISE)
+            active = np.flatnonzero(rise >= least)
             if not active.size:
                 break
             size = length[active]

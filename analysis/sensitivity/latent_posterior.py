@@ -10,15 +10,20 @@ from analysis.sensitivity.integration import (
     LogDensity,
     Marginals,
     WeightedPoints,
+    mode_of,
     weighted_points,
 )
-from analysis.sensitivity.laplace import Components, LatentField, LatentModes, LatentTrials
-from analysis.sensitivity.marginals import marginals
+from analysis.sensitivity.laplace import LARGE, Components, LatentField, LatentModes, LatentTrials
+from analysis.sensitivity.marginals import Combinations, marginals
 
 # A study of few trials leaves the variance components uncertain, so that it needs more points to
 # integrate over them; each costs less.
 FEWEST_POINTS, MOST_POINTS = 400, 2000
 POINTS_BY_TRIALS = 6e7
+# From LARGE different trials on, the components are known so well that few points suffice. The
+# search for their mode begins at that of about so many trials.
+LARGE_POINTS, LARGE_EFFECTIVE = 100, 50.0
+MODE_TRIALS = 2_000
 # Modes are foreseen by a parabola, up to this distance from the middle of the known ones.
 FARTHEST = 2.5
 
@@ -47,18 +52,24 @@ class LatentPosterior:
     residual_sds: FloatArray
     modes: LatentModes
 
-    def marginals(self, combinations: FloatArray) -> Marginals:
-        """Return posteriors of combinations (quantities, parameters) of the latent parameters."""
+    def marginals(self, combinations: Combinations) -> Marginals:
+        """Return posteriors of combinations of the latent parameters."""
         points, weights = self.points.points, self.points.weights
         return marginals(self.trials, self.modes, points, weights, self.residual_sds, combinations)
 
-    def of_lines(self, of_line: FloatArray) -> FloatArray:
-        """Return combinations: of_line · line of each subject and, last, of the population."""
+    def of_lines(self, of_line: FloatArray) -> Combinations:
+        """Return of_line · line of each subject."""
         subjects, size = self.trials.subjects, len(self.trials.shared_start)
-        rows = np.zeros((subjects + 1, size + 2 * subjects))
-        rows[:, self.trials.line_columns] = of_line
-        rows[:-1, size:] = np.kron(np.eye(subjects), of_line)
-        return rows
+        shared = np.zeros((subjects, size))
+        shared[:, self.trials.line_columns] = of_line
+        rated = np.bincount(self.trials.subject, minlength=subjects) > 0
+        return Combinations(
+            shared=shared,
+            subject=np.arange(subjects),
+            own=np.tile(of_line, (subjects, 1)),
+            common=np.zeros((subjects, 2)),
+            mean=rated / rated.sum(),
+        )
 
     def draws(self, count: int, rng: np.random.Generator) -> LatentDraws:
         """Return draws of the normal approximation about the modes."""
@@ -79,6 +90,28 @@ class LatentPosterior:
         )
 
 
+class _Density:
+    """The log posterior of the components, which keeps the modes at its last points."""
+
+    def __init__(
+        self,
+        trials: LatentTrials,
+        start: FloatArray,
+        components: Callable[[FloatArray], Components],
+        log_prior: LogDensity,
+    ) -> None:
+        self._field, self._components, self._log_prior = LatentField(trials), components, log_prior
+        first = self._field.modes(components(start[None]), self._field.start(1))
+        self.known = start[None], first
+
+    def __call__(self, points: FloatArray) -> FloatArray:
+        """Return the log posterior at each of the points."""
+        foreseen = _foreseen(self._field, self.known, points)
+        modes = self._field.modes(self._components(points), foreseen)
+        self.known = points, modes
+        return modes.log_evidence + self._log_prior(points)
+
+
 def integrated(
     trials: LatentTrials,
     start: FloatArray,
@@ -86,21 +119,17 @@ def integrated(
     log_prior: LogDensity,
 ) -> LatentPosterior:
     """Return the posterior of the trials' parameters, integrated from `start` over `components`."""
-    field = LatentField(trials)
-    known = start[None], field.modes(components(start[None]), field.start(1))
-
-    def log_posterior(points: FloatArray) -> FloatArray:
-        nonlocal known
-        modes = field.modes(components(points), _foreseen(field, known, points))
-        known = points, modes
-        return modes.log_evidence + log_prior(points)
-
-    wanted = int(POINTS_BY_TRIALS / len(trials.x) ** 2)
-    count = min(max(wanted, FEWEST_POINTS), MOST_POINTS)
-    points = weighted_points(log_posterior, start, count)
+    density = _Density(trials, start, components, log_prior)
+    if len(trials.x) > LARGE:
+        few = trials.some(-(-len(trials.x) // MODE_TRIALS))
+        start, _ = mode_of(_Density(few, start, components, log_prior), start)
+        points = weighted_points(density, start, LARGE_POINTS, LARGE_EFFECTIVE)
+    else:
+        wanted = int(POINTS_BY_TRIALS / len(trials.x) ** 2)
+        points = weighted_points(density, start, min(max(wanted, FEWEST_POINTS), MOST_POINTS))
     # The last evaluation was at the returned points, so these are their modes.
     sds = components(points.points).residual_sd
-    return LatentPosterior(trials=trials, points=points, residual_sds=sds, modes=known[1])
+    return LatentPosterior(trials=trials, points=points, residual_sds=sds, modes=density.known[1])
 
 
 def _foreseen(

@@ -203,11 +203,13 @@ def _result(
 
 def _relative_gains(known: LinePosterior, rated: BoolArray, unit: float) -> Marginals:
     """Return each subject's gain less the mean gain of the subjects that `rated`."""
-    of_each = np.eye(len(rated)) - rated / rated.sum()
-    kept = np.einsum("sr,prj->psj", of_each, known.kept[:, :, 1])
-    variances = known.own_covariances[..., 1, 1] @ of_each.T**2
-    variances += np.einsum("psi,pij,psj->ps", kept, known.population_covariance, kept)
-    means = known.means[..., 1] @ of_each.T
+    mean = rated / rated.sum()
+    slopes, kept = known.means[..., 1], known.kept[:, :, 1]
+    kept = kept - np.einsum("s,psi->pi", mean, kept)[:, None]
+    own = known.own_covariances[..., 1, 1]
+    variances = own * (1 - 2 * mean) + (own @ mean**2)[:, None]
+    variances += ((kept @ known.population_covariance) * kept).sum(axis=2)
+    means = slopes - (slopes @ mean)[:, None]
     return Marginals(means=unit * means, sds=unit * np.sqrt(np.maximum(variances, SMALLEST)))
 
 

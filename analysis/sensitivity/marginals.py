@@ -1,10 +1,10 @@
 """Posteriors of linear combinations of the latent parameters, with their skewness."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.estimates import FloatArray
+from analysis.estimates import FloatArray, IntArray
 from analysis.sensitivity.curvature import Curvature, EdgeSlopes, edge_slopes
 from analysis.sensitivity.integration import Marginals
 from analysis.sensitivity.laplace import LatentModes, LatentTrials
@@ -16,6 +16,8 @@ SKEW_EVALUATIONS = 8_000
 # no noise is left.
 MOST_SHIFT, MOST_SKEW = 1.0, 1.5
 LEAST_VARIANCE = 1e-12
+# Points times quantities, and trials, whose arrays are in memory at once.
+CELLS, TRIALS_AT_ONCE = 50_000, 4_000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -29,13 +31,53 @@ class Skewness:
     skew: FloatArray
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Combinations:
+    """Linear combinations of the latent parameters, each of few of them.
+
+    `shared` (quantities, G) multiplies the shared parameters, `own` (quantities, 2) those of
+    `subject` (quantities,) and `common` (quantities, 2) the mean of the own parameters over
+    subjects with the weights `mean` (subjects,).
+    """
+
+    shared: FloatArray
+    subject: IntArray
+    own: FloatArray
+    common: FloatArray
+    mean: FloatArray
+
+    def of(self, shared: FloatArray, own: FloatArray) -> FloatArray:
+        """Return the combinations of parameters (points, G) and (points, subjects, 2)."""
+        mean = np.einsum("s,psi->pi", self.mean, own)
+        each = (own[:, self.subject] * self.own).sum(axis=2)
+        return np.asarray(shared @ self.shared.T + mean @ self.common.T + each)
+
+    def times(self, factor: float) -> "Combinations":
+        """Return the combinations times `factor`."""
+        parts = {name: factor * getattr(self, name) for name in ("shared", "own", "common")}
+        return replace(self, **parts)
+
+    def shared_only(self, shared: FloatArray) -> "Combinations":
+        """Return combinations of the shared parameters alone."""
+        none = np.zeros((len(shared), 2))
+        subject = np.zeros(len(shared), dtype=np.int64)
+        return replace(self, shared=shared, subject=subject, own=none, common=none)
+
+    def followed_by(self, *others: "Combinations") -> "Combinations":
+        """Return these combinations and then others, of the same mean."""
+        names = ("shared", "subject", "own", "common")
+        every = [self, *others]
+        parts = {name: np.concatenate([getattr(one, name) for one in every]) for name in names}
+        return replace(self, **parts)
+
+
 def marginals(
     trials: LatentTrials,
     modes: LatentModes,
     points: FloatArray,
     weights: FloatArray,
     residual_sd: FloatArray,
-    combinations: FloatArray,
+    combinations: Combinations,
 ) -> Marginals:
     """Return mean, SD and skewness of combinations of the parameters at each point.
 
@@ -48,7 +90,7 @@ def marginals(
         points: shape (points, dimensions).
         weights: shape (points,).
         residual_sd: shape (points,), σ.
-        combinations: shape (quantities, parameters).
+        combinations: of the parameters.
     """
     sds = standard_deviations(modes.curvature, combinations)
     known = SKEW_EVALUATIONS // len(trials.x)
@@ -58,55 +100,129 @@ def marginals(
     everywhere = _interpolated(points, weights, np.concatenate([found.shift, found.skew], axis=1))
     shift, skew = np.split(everywhere, 2, axis=1)
     return Marginals(
-        means=modes.parameters @ combinations.T + shift * sds,
+        means=combinations.of(modes.shared, modes.own) + shift * sds,
         sds=sds,
         skews=skew,
     )
 
 
-def standard_deviations(curvature: Curvature, combinations: FloatArray) -> FloatArray:
+def standard_deviations(curvature: Curvature, combinations: Combinations) -> FloatArray:
     """Return the SD of each combination of the parameters, shape (points, quantities)."""
-    size = curvature.whole.shape[-1]
-    of_shared, of_own = combinations[:, :size], combinations[:, size:]
-    response = curvature.response.reshape(len(curvature.response), -1, size)
-    reach = of_shared - of_own @ response
-    variance = ((reach @ np.linalg.inv(curvature.shared_precision)) * reach).sum(axis=2)
-    own = of_own.reshape(len(of_own), -1, 2)
-    squares = np.stack([own[..., 0] ** 2, 2 * own[..., 0] * own[..., 1], own[..., 1] ** 2])
-    blocks = curvature.own_covariance
-    for square, (row, column) in zip(squares, ((0, 0), (0, 1), (1, 1)), strict=True):
-        variance += blocks[..., row, column] @ square.T
-    return np.asarray(np.sqrt(np.maximum(variance, LEAST_VARIANCE)))
+    own, common, mean = combinations.own, combinations.common, combinations.mean
+    subject = combinations.subject
+    at_once = max(CELLS // len(subject), 1)
+    found = []
+    for first in range(0, len(curvature.whole), at_once):
+        part = curvature.at(np.arange(first, min(first + at_once, len(curvature.whole))))
+        blocks, reach = part.own_covariance, _reach(part, combinations)
+        variance = ((reach @ np.linalg.inv(part.shared_precision)) * reach).sum(axis=2)
+        of_mean = np.einsum("s,psij->pij", mean**2, blocks)
+        variance += np.einsum("qi,pij,qj->pq", common, of_mean, common)
+        # A combination's own subject is also part of the mean.
+        both = own + 2 * mean[subject, None] * common
+        for i, j in ((0, 0), (0, 1), (1, 0), (1, 1)):
+            variance += blocks[:, subject, i, j] * (own[:, i] * both[:, j])
+        found.append(np.sqrt(np.maximum(variance, LEAST_VARIANCE)))
+    return np.concatenate(found)
+
+
+def _reach(curvature: Curvature, combinations: Combinations) -> FloatArray:
+    """Return how the combinations depend on the shared parameters, (points, quantities, G).
+
+    The own parameters follow the shared ones, but for departures that are independent of these.
+    """
+    response = curvature.response
+    mean = np.einsum("s,psig->pig", combinations.mean, response)
+    reach = combinations.shared - combinations.common @ mean
+    for i in range(2):
+        reach -= combinations.own[:, [i]] * response[:, combinations.subject, i]
+    return np.asarray(reach)
 
 
 # A far point's derivatives may overflow; it then has no shift and no skewness.
 @np.errstate(over="ignore", invalid="ignore")
 def skewness(
-    trials: LatentTrials, modes: LatentModes, residual_sd: FloatArray, combinations: FloatArray
+    trials: LatentTrials, modes: LatentModes, residual_sd: FloatArray, combinations: Combinations
 ) -> Skewness:
     """Return shift and skewness of each combination at each point."""
-    upper, lower = trials.loadings
-    covariance = np.linalg.inv(_whole(modes.curvature))
     slopes = edge_slopes(*trials.bounds(modes.shared, modes.own, residual_sd))
     thirds = third_derivatives(slopes) * (trials.weight[:, None] / residual_sd**3)
-    spread = combinations @ covariance
-    sds = np.sqrt(np.maximum((spread * combinations).sum(axis=2), LEAST_VARIANCE))
+    sds, reach = (
+        standard_deviations(modes.curvature, combinations),
+        _reach(modes.curvature, combinations),
+    )
+    shared = np.linalg.inv(modes.curvature.shared_precision)
+    own_quantities, own_trials = _own_pairs(trials, combinations)
+    mean, own = combinations.mean[trials.subject, None], combinations.own[own_quantities]
     shift, skew = np.empty_like(sds), np.empty_like(sds)
-    # Point by point, because the arrays of one point fit into the processor's cache.
-    for point, (each, by_sd) in enumerate(zip(covariance, spread / sds[..., None], strict=True)):
-        a, b, c, d = thirds[..., point]
-        up, down = by_sd @ upper.T, by_sd @ lower.T  # (quantities, trials)
-        by_upper, by_lower = upper @ each, lower @ each
-        pairs = ((by_upper, upper), (by_upper, lower), (by_lower, lower))
-        uu, ul, ll = (np.einsum("ij,ij->i", one, other) for one, other in pairs)
-        pull_up, pull_down = a * uu + 2 * b * ul + c * ll, b * uu + 2 * c * ul + d * ll
-        shift[point] = (up @ pull_up + down @ pull_down) / 2
-        cubes = (a * up + 3 * b * down) * up**2 + (3 * c * up + d * down) * down**2
-        skew[point] = cubes.sum(axis=1)
+    for point, covariance in enumerate(shared):
+        by_own = modes.curvature.own_covariance[point, trials.subject]
+        response = modes.curvature.response[point, trials.subject]
+        # Covariances of an edge and a combination are the product of `along` and `by_shared`, and
+        # of `departs` and the combination's own part for the subject's own trials.
+        by_shared = np.hstack([reach[point] @ covariance, combinations.common])
+        along, departs, pairs = [], [], []
+        for of_shared, of_own in trials.loadings:
+            free = of_shared - (of_own[:, None] @ response)[:, 0]
+            departs.append((by_own @ of_own[..., None])[..., 0])
+            along.append(np.hstack([free, mean * departs[-1]]))
+            pairs.append((free, of_own))
+        uu, ul, ll = (
+            ((pairs[one][0] @ covariance) * pairs[other][0]).sum(axis=1)
+            + (departs[one] * pairs[other][1]).sum(axis=1)
+            for one, other in ((0, 0), (0, 1), (1, 1))
+        )
+        a, b, c, d = third = thirds[..., point]
+        pulls = a * uu + 2 * b * ul + c * ll, b * uu + 2 * c * ul + d * ll
+        total = by_shared @ sum(pull @ part for pull, part in zip(pulls, along, strict=True))
+        cubes = _all_cubes(along, third, by_shared)
+        up, down = ((part[own_trials] * by_shared[own_quantities]).sum(axis=1) for part in along)
+        own_up, own_down = ((part[own_trials] * own).sum(axis=1) for part in departs)
+        pulled = own_up * pulls[0][own_trials] + own_down * pulls[1][own_trials]
+        of_own_trials = third[:, own_trials]
+        more = _cube(of_own_trials, up + own_up, down + own_down) - _cube(of_own_trials, up, down)
+        count = len(total)
+        shift[point] = (total + np.bincount(own_quantities, pulled, count)) / (2 * sds[point])
+        skew[point] = (cubes + np.bincount(own_quantities, more, count)) / sds[point] ** 3
     return Skewness(
         shift=np.clip(np.nan_to_num(shift), -MOST_SHIFT, MOST_SHIFT),
         skew=np.clip(np.nan_to_num(skew), -MOST_SKEW, MOST_SKEW),
     )
+
+
+def _own_pairs(trials: LatentTrials, combinations: Combinations) -> tuple[IntArray, IntArray]:
+    """Return each combination of a subject's own parameters with each trial of that subject."""
+    quantities = np.flatnonzero(combinations.own.any(axis=1))
+    counts = np.bincount(trials.subject, minlength=len(combinations.mean))
+    first = np.cumsum(counts) - counts
+    subject = combinations.subject[quantities]
+    sizes = counts[subject]
+    place = np.arange(sizes.sum()) - np.repeat(np.cumsum(sizes) - sizes, sizes)
+    return np.repeat(quantities, sizes), np.repeat(first[subject], sizes) + place
+
+
+def _cube(thirds: FloatArray, up: FloatArray, down: FloatArray) -> FloatArray:
+    """Return the third derivative of the log likelihood along these changes of the edges."""
+    a, b, c, d = thirds
+    return np.asarray((a * up + 3 * b * down) * up**2 + (3 * c * up + d * down) * down**2)
+
+
+def _all_cubes(along: list[FloatArray], thirds: FloatArray, by_shared: FloatArray) -> FloatArray:
+    """Return the sum of `_cube` over all trials, for each combination."""
+    size = by_shared.shape[1]
+    sums = np.zeros((size * size, size))
+    for first in range(0, len(along[0]), TRIALS_AT_ONCE):
+        part = slice(first, first + TRIALS_AT_ONCE)
+        up, down = (each[part] for each in along)
+        a, b, c, d = thirds[:, part, None]
+        sums += _squares(up).T @ (a * up + 3 * b * down)
+        sums += _squares(down).T @ (3 * c * up + d * down)
+    return np.asarray(((_squares(by_shared) @ sums) * by_shared).sum(axis=1))
+
+
+def _squares(rows: FloatArray) -> FloatArray:
+    """Return the products of the values of each row, (rows, columns²)."""
+    return (rows[:, :, None] * rows[:, None, :]).reshape(len(rows), -1)
 
 
 def third_derivatives(slopes: EdgeSlopes) -> FloatArray:
@@ -120,18 +236,6 @@ def third_derivatives(slopes: EdgeSlopes) -> FloatArray:
             b * ((v * v - 1) + b * (3 * v + 2 * b)),
         ]
     )
-
-
-def _whole(curvature: Curvature) -> FloatArray:
-    """Return the whole curvature as one matrix per point, the subjects' own parameters last."""
-    points, subjects, _, size = curvature.cross.shape
-    cross = curvature.cross.reshape(points, -1, size)
-    own = np.zeros((points, subjects, 2, subjects, 2))
-    each = np.arange(subjects)
-    own[:, each, :, each] = np.swapaxes(curvature.own_precision, 0, 1)
-    square = own.reshape(points, 2 * subjects, 2 * subjects)
-    whole = [[curvature.whole, np.swapaxes(cross, 1, 2)], [cross, square]]
-    return np.asarray(np.block(whole), dtype=np.float64)
 
 
 def _interpolated(points: FloatArray, weights: FloatArray, values: FloatArray) -> FloatArray:

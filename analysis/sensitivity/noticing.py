@@ -1,6 +1,6 @@
 """Noticing of changes: a probit model in contrast, with each subject's noise and criterion."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -8,7 +8,7 @@ from scipy.sparse import csr_array
 from scipy.special import ndtr
 
 from analysis.estimates import BoolArray, FloatArray, IntArray, Interval
-from analysis.sensitivity.curvature import Curvature, EdgeSlopes, counted
+from analysis.sensitivity.curvature import Curvature, EdgeSlopes, Loadings, counted, sums
 from analysis.sensitivity.laplace import WIDE, Components
 from analysis.sensitivity.latent_posterior import LatentDraws, LatentPosterior, integrated
 from analysis.sensitivity.lines import covariance_matrices, log_prior_of_spread
@@ -85,7 +85,7 @@ class NoticingTrials:
         )
 
     @cached_property
-    def edges(self) -> list[tuple[FloatArray, FloatArray]]:
+    def loadings(self) -> Loadings:
         """How upper and lower edge depend on shared (trials, G) and own (trials, 2) parameters."""
         found = []
         for sign in self.signs:
@@ -96,69 +96,76 @@ class NoticingTrials:
                 shared[trials, self.line_columns.stop + self.condition] = -np.sign(self.x)
             shared[sign == 0] = 0.0
             found.append((shared, shared[:, self.line_columns]))
-        return found
+        return found[0], found[1]
+
+    def some(self, step: int) -> "NoticingTrials":
+        """Return the trials of each `step`-th subject."""
+        chosen = self.subject % step == 0
+        names = ("condition", "x", "answer", "two_sided", "weight")
+        parts = {name: getattr(self, name)[chosen] for name in names}
+        subjects, subject = -(-self.subjects // step), self.subject[chosen] // step
+        return replace(self, subjects=subjects, subject=subject, **parts)
 
     @cached_property
-    def loadings(self) -> tuple[FloatArray, FloatArray]:
-        """How upper and lower edge of each trial depend on the parameters: (trials, parameters)."""
-        of_subject = np.eye(self.subjects)[self.subject]
-        upper, lower = (
-            np.hstack([shared, (of_subject[:, :, None] * own[:, None]).reshape(len(own), -1)])
-            for shared, own in self.edges
-        )
-        return upper, lower
+    def by_subject(self) -> csr_array:
+        """Sums per subject, times 1, x and x²."""
+        return sums(self.subject, self.subjects, self.weight, self.x, 3)
+
+    @cached_property
+    def by_cell(self) -> csr_array:
+        """Sums per subject and condition of what a discrepancy changes, times 1 and x."""
+        cell, cells = self.subject * self.conditions + self.condition, self.subjects
+        weight = self.weight * np.sign(self.x)
+        return sums(cell, cells * self.conditions, weight, self.x, 2)
 
     def curvature(self, slopes: EdgeSlopes, residual_sd: FloatArray) -> Curvature:
-        """Return the likelihood's derivatives with respect to the parameters."""
+        """Return the likelihood's derivatives with respect to the parameters.
+
+        A trial depends on the criterion and on its place, which lean, d′ and discrepancy move.
+        """
         up, down = slopes.up / residual_sd, slopes.down / residual_sd
-        upper, lower = slopes.upper / residual_sd, slopes.lower / residual_sd
-        weight = self.weight[:, None]
-        second = tuple(
-            weight * part for part in (up * (upper + up), down * (lower + down), up * down)
+        both = up * down
+        above = up * (slopes.upper / residual_sd + up) + both
+        beneath = down * (slopes.lower / residual_sd + down) + both
+        upper, lower = (sign[:, None] for sign in self.signs)
+        place, criterion = -(up + down), upper * up + lower * down
+        by_place, mixed = above + beneath, -(upper * above + lower * beneath)
+        by_criterion = upper**2 * above + lower**2 * beneath - (upper - lower) ** 2 * both
+        points, subjects, conditions = len(residual_sd), self.subjects, self.conditions
+
+        def of_subjects(values: FloatArray) -> FloatArray:
+            return np.asarray((self.by_subject @ values).T.reshape(points, subjects, 3))
+
+        def of_cells(values: FloatArray) -> FloatArray:
+            return np.asarray((self.by_cell @ values).T.reshape(points, subjects, conditions, 2))
+
+        c, b = of_subjects(by_place), of_subjects(mixed)
+        crossed = np.stack([b[..., 1], c[..., 2]], axis=-1)
+        pulls = np.stack([of_subjects(criterion)[..., 0], of_subjects(place)[..., 1]], axis=-1)
+        own = np.stack(
+            [np.stack([of_subjects(by_criterion)[..., 0], b[..., 1]], axis=-1), crossed], axis=-2
         )
-        up, down = weight * up, weight * down
-        (shared_up, own_up), (shared_down, own_down) = self.edges
-        by_subject = csr_array(
-            (np.ones(len(self.x)), (self.subject, np.arange(len(self.x)))),
-            shape=(self.subjects, len(self.x)),
-        )
-
-        def of_subjects(left: FloatArray, right: FloatArray) -> FloatArray:
-            """Return sums of first derivatives over each subject's trials."""
-            columns = [left[:, [i]] * up + right[:, [i]] * down for i in range(left.shape[1])]
-            return np.stack([np.asarray(by_subject @ column).T for column in columns], axis=-1)
-
-        def crossed(right_up: FloatArray, right_down: FloatArray) -> FloatArray:
-            """Return (points, subjects, 2, columns) of second derivatives."""
-            rows = []
-            for i in range(2):
-                left = own_up[:, [i]] * second[0] + own_down[:, [i]] * second[2]
-                other = own_down[:, [i]] * second[1] + own_up[:, [i]] * second[2]
-                columns = [
-                    np.asarray(
-                        by_subject @ (left * right_up[:, [j]] + other * right_down[:, [j]])
-                    ).T
-                    for j in range(right_up.shape[1])
-                ]
-                rows.append(np.stack(columns, axis=-1))
-            return np.stack(rows, axis=2)
-
-        mixed = _products(shared_up, shared_down) + _products(shared_down, shared_up)
-        outer = (_products(shared_up, shared_up), _products(shared_down, shared_down), mixed)
-        size = shared_up.shape[1]
-        whole = sum(part.T @ pairs for part, pairs in zip(second, outer, strict=True))
+        with_lean = LEAN * np.stack([b[..., 0], c[..., 1]], axis=-1)[..., None]
+        cells, pulled = of_cells(by_place), of_cells(place)[..., 0].sum(axis=1)
+        with_effects = np.stack([of_cells(mixed)[..., 0], cells[..., 1]], axis=2)
+        cross = np.concatenate([with_lean, own, with_effects], axis=3)
+        line, rest = self.line_columns, np.arange(3, 3 + conditions)
+        whole = np.zeros((points, 3 + conditions, 3 + conditions))
+        whole[:, line] = cross.sum(axis=1)
+        whole[:, :, line] = np.swapaxes(whole[:, line], 1, 2)
+        whole[:, 0, 0] = LEAN**2 * c[..., 0].sum(axis=1)
+        whole[:, 0, 3:] = whole[:, 3:, 0] = LEAN * cells[..., 0].sum(axis=1)
+        weight = self.weight * np.abs(np.sign(self.x))
+        of_conditions = sums(self.condition, conditions, weight, self.x, 1)
+        whole[:, rest, rest] = (of_conditions @ by_place).T
+        lean = LEAN * of_subjects(place)[..., :1].sum(axis=1)
         return Curvature(
-            shared_gradient=up.T @ shared_up + down.T @ shared_down,
-            own_gradient=of_subjects(own_up, own_down),
-            own_precision=crossed(own_up, own_down),
-            cross=crossed(shared_up, shared_down),
-            whole=np.asarray(whole).reshape(-1, size, size),
+            shared_gradient=np.concatenate([lean, pulls.sum(axis=1), pulled], axis=1),
+            own_gradient=pulls,
+            own_precision=own,
+            cross=cross,
+            whole=whole,
         )
-
-
-def _products(left: FloatArray, right: FloatArray) -> FloatArray:
-    """Return the products of each row's values, (trials, columns²)."""
-    return np.asarray(left[:, :, None] * right[:, None, :]).reshape(len(left), -1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -193,10 +200,10 @@ class Noticing:
     def detection(self) -> tuple[ChangeDetection, ...]:
         """d′, criterion and false-alarm rate of each subject."""
         posterior, weights = self.posterior, self.posterior.points.weights
-        d_primes = posterior.of_lines(np.array([0.0, 1.0]))[:-1]
-        criteria = posterior.of_lines(np.array([1.0, 0.0]))[:-1]
-        criteria[:, 0] = -LEAN
-        found = posterior.marginals(np.vstack([d_primes, criteria]))
+        d_primes = posterior.of_lines(np.array([0.0, 1.0]))
+        criteria = posterior.of_lines(np.array([1.0, 0.0]))
+        criteria.shared[:, 0] = -LEAN
+        found = posterior.marginals(d_primes.followed_by(criteria))
         medians, intervals = found.quantile(weights, 0.5), found.interval_95(weights)
         rates = _false_alarm_rates(posterior.draws(RATE_DRAWS, np.random.default_rng(0)))
         low, high = np.quantile(rates, [0.025, 0.975], axis=0)

@@ -1,7 +1,7 @@
 """M2: ordinal mixed model of ratings, with thresholds, a ceiling and condition effects."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import ndtr
@@ -185,20 +185,30 @@ def _fit_and_lines(
     bias, gain = turn_of(axes)
     counts = np.bincount(trials.subject, weights=trials.weight, minlength=trials.subjects)
     lines, first = trials.subjects + 1, len(trials.shared_start) - trials.conditions
-    effects = axes.y_sd * np.eye(trials.conditions, known.modes.parameters.shape[1], first)
-    slopes, gain_unit = known.of_lines(np.array([0.0, 1.0])), float(gain[1])
-    relative = gain_unit * (slopes[:-1] - slopes[:-1][counts > 0].mean(axis=0))
-    found = known.marginals(
-        np.vstack([known.of_lines(bias), gain_unit * slopes, effects, relative])
+    biases, slopes = (known.of_lines(of) for of in (bias, np.array([0.0, 1.0])))
+    gain_unit = float(gain[1])
+    departures = replace(slopes, shared=0 * slopes.shared)
+    relative = replace(departures, common=-slopes.own)
+    effects = biases.shared_only(
+        axes.y_sd * np.eye(trials.conditions, first + trials.conditions, first)
     )
-    own_sds = standard_deviations(known.modes.curvature, slopes[:-1] - slopes[-1])
+    found = known.marginals(
+        biases.followed_by(
+            biases.shared_only(biases.shared[:1]),
+            slopes.times(gain_unit),
+            slopes.shared_only(gain_unit * slopes.shared[:1]),
+            effects,
+            relative.times(gain_unit),
+        )
+    )
+    own_sds = standard_deviations(known.modes.curvature, departures)
     between = covariance_matrices(points.points[:, 1:4])
-    departures = slice(2 * lines, 2 * lines + trials.conditions)
+    others = slice(2 * lines, 2 * lines + trials.conditions)
     mixture = LineMixture(
         weights=points.weights,
         bias=found.part(slice(lines)).plus(axes.y_mean),
         gain=found.part(slice(lines, 2 * lines)),
-        relative=found.part(slice(departures.stop, None)),
+        relative=found.part(slice(others.stop, None)),
         own_variance=own_sds**2 / between[:, None, 1, 1],
         spread=spread_of(between, axes),
         residual_sd=known.residual_sds * axes.y_sd,
@@ -210,7 +220,7 @@ def _fit_and_lines(
         residual_sd=float(points.mean(known.residual_sds)) * axes.y_sd,
         categories=ready.categories,
         thresholds=tuple((axes.y_mean + axes.y_sd * thresholds).tolist()),
-        discrepancies=_discrepancies(ready, points.weights, found.part(departures)),
+        discrepancies=_discrepancies(ready, points.weights, found.part(others)),
         effective_points=points.effective,
     )
     return fit, mixture

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from analysis.estimates import BoolArray, FloatArray, IntArray, Interval, NotEstimable
+from analysis.sensitivity.laplace import LARGE
 from analysis.sensitivity.latent_posterior import LatentDraws, LatentPosterior
 from analysis.sensitivity.noticing import LEAN, Noticing
 from analysis.sensitivity.ordinal_model import (
@@ -26,8 +27,8 @@ from analysis.sensitivity.two_stage_model import (
 from analysis.statistics.signed_rank import holm
 
 SEED = 1
-MOST_DRAWS, FEWEST_DRAWS, DRAWN_TRIALS = 1000, 200, 10_000_000
-"""Number of replicated studies: as many as DRAWN_TRIALS allows, within limits."""
+MOST_DRAWS, LARGE_DRAWS = 1000, 150
+"""Number of replicated studies: the second from LARGE trials on."""
 CELLS = 200_000
 """Number of trials times draws that are compared at once."""
 LEVEL = 0.05
@@ -285,7 +286,7 @@ def _share(given: BoolArray, probability: FloatArray, rng: np.random.Generator) 
 
 
 def _draws(trials: int) -> int:
-    return min(max(DRAWN_TRIALS // trials, FEWEST_DRAWS), MOST_DRAWS)
+    return MOST_DRAWS if trials <= LARGE else LARGE_DRAWS
 
 
 def _check(compared: dict[str, _Compared]) -> PredictiveCheck:

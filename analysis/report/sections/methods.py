@@ -12,6 +12,8 @@ from analysis.report.blocks import Definitions, Section
 from analysis.report.findings import Findings, Origin
 from analysis.report.wording import SKIN
 from analysis.sensitivity.integration import LEAST_EFFECTIVE
+from analysis.sensitivity.laplace import LARGE
+from analysis.sensitivity.latent_posterior import LARGE_EFFECTIVE
 from analysis.sensitivity.predictive_checks import SEED
 from analysis.trials.contrasts import FORCE_STEP, PLACE_STEP_M
 from analysis.trials.trial_statistics import TrialStatistics
@@ -89,6 +91,14 @@ def _calibrated(rig: Calibration) -> str:
 def _model(trials: TrialStatistics, rig: Calibration) -> str:
     laws = ("zero", "one", "two", "three", "four", "five", "six")[len(LAWS)]
     measured = int(trials.contrasts.measured.sum())
+    large = len(trials.scored.ratings.given.rating) > LARGE
+    least = LARGE_EFFECTIVE if large else LEAST_EFFECTIVE
+    error = (
+        "; in a study of this size limits of the standard deviations between subjects have a "
+        "numerical error of up to a third of their posterior standard deviation"
+        if large
+        else ""
+    )
     touches = (
         f"in {measured} of {len(trials.contrasts.measured)} trials, measured force or place "
         f"replaced the planned value, in steps of {FORCE_STEP:.0%} and "
@@ -110,7 +120,7 @@ def _model(trials: TrialStatistics, rig: Calibration) -> str:
         "trials, by a probit model with noise and criterion of each subject, and then, by M2,"
         " how noticed changes are rated. Intervals are integrated over the variance "
         "parameters instead of fixing these at their best-fitting values; a fit with fewer "
-        f"than {LEAST_EFFECTIVE:.0f} effective points of this integration is withheld. {SKIN}"
+        f"than {least:.0f} effective points of this integration is withheld{error}. {SKIN}"
     )
 
 

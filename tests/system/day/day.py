@@ -403,6 +403,7 @@ def day(seed: int) -> Day:
                 done = Day(lab, stream, aside)
                 done.run()
                 at_the_end(done)
+                technician.tried_in_the_evening(lab, random.Random(f"technician/{seed}"))
                 technician.asked(lab)
                 for name in lab.watch.planned:
                     with session_lock(name, folder):

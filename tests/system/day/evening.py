@@ -12,6 +12,7 @@ import tempfile
 from collections.abc import Callable
 from contextlib import closing, redirect_stdout
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from unittest.mock import patch
@@ -294,8 +295,53 @@ def _published(evening: Evening) -> None:
     require(6, code == 0, line[:300])
 
 
+def _withdrawn(evening: Evening) -> None:
+    """What is withdrawn is in no file, whoever else has the journal open.
+
+    While somebody reads an old copy, the command says so; the second run of it finishes.
+    """
+    with closing(sqlite3.connect(evening.journal)) as other:
+        rows = other.execute(
+            "SELECT session, payload FROM event WHERE tag = 'touch-ended' AND payload NOT NULL"
+        ).fetchall()
+        if not rows:
+            return
+        someone = evening.stream.choice(rows)[0].partition("/")[0]
+        withdraw = partial(commands.withdraw, evening.folder, someone, yes=True)
+        reads = evening.stream.random() < 0.5
+        if reads:
+            other.execute("BEGIN").execute("SELECT count(*) FROM event").fetchone()
+            line, code = _told(withdraw)
+            told = code == 1 and "an old copy remains" in line
+            require(10, told, f"somebody reads an old copy, but: {line}")
+            other.execute("ROLLBACK")
+        line, code = _told(withdraw)
+        require(11, code == 0 and ("Nothing was left" in line) == reads, line)
+        files = evening.folder.glob(f"{evening.journal.name}*")
+        content = b"".join(path.read_bytes() for path in files)
+        ends = [(session, payload[-80:].encode()) for session, payload in rows]
+        kept = {end for session, end in ends if not session.startswith(f"{someone}/")}
+        left = [end for _, end in ends if end not in kept and end in content]
+        require(10, not left, f"{someone} has withdrawn, but is in the files: {left}")
+
+
+def _checkpointed(evening: Evening) -> None:
+    """A checkpoint waits for another that writes, and for nothing else."""
+    with (
+        open_journal(evening.journal) as journal,
+        closing(sqlite3.connect(evening.journal, isolation_level=None)) as other,
+    ):
+        require(1, journal.checkpoint(), "a log that nobody else uses is not copied")
+        other.execute("BEGIN IMMEDIATE")
+        journal._connection.execute("PRAGMA busy_timeout = 0")
+        require(1, not journal.checkpoint(), "the log was copied while another was writing")
+        other.execute("ROLLBACK")
+        require(1, journal.checkpoint(), "a log that nobody else uses any more is not copied")
+
+
 EVENINGS = (
     *(_backed_up, _damaged, _another_schema, _read_only, _lost, _of_an_earlier_build) * 3,
+    *(_withdrawn, _checkpointed) * 3,
     _published,
 )
 """What may be done, what takes long least often."""

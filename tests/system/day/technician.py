@@ -1,6 +1,7 @@
 """What a technician tries in the morning, and asks in the evening."""
 
 import random
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from unittest.mock import patch
@@ -9,7 +10,7 @@ import pytest
 
 from device.drivers.driver import NO_TEMPERATURE
 from device.drivers.limits import Setpoint
-from device.errors import DeviceError
+from device.errors import CannotRecord, DeviceError
 from device.link.codec import number_text
 from device.link.link import Link
 from device.rig import Rig
@@ -26,6 +27,22 @@ MOST_BESIDE_V, MOST_BESIDE = 2.0, 0.05
 """What the monitor may show beside the drive, V, and relative to it."""
 MOST_DETUNED = 1e-6
 """How far a frequency may be from the one that is driven, relative to it."""
+RATE_HZ = 200
+FIRMWARES = {"1.1": False, "0.9": False, "beta": False, "1.2": True, "1.10": True, "2.0": True}
+"""Versions of a board's firmware, and whether such a board samples forces."""
+SCALES = {
+    "2.5E-4,2.5E-4,5E-6": True, "2.5E-4,2.5E-4": False, "2.5E-4,0,5E-6": False,
+    "-2.5E-4,2.5E-4,5E-6": False, "1,1,1,1": False,
+}  # fmt: skip
+"""Sizes of one count, and whether a force channel may have them."""
+SWITCHED_OFF = "switched-off"
+BY_ITSELF = {
+    "watchdog-trip": "its watchdog tripped: nothing was heard",
+    "over-temperature": "its protection tripped: over-temperature",
+    "panel-on": "output is on, and nobody here switched it on",
+    SWITCHED_OFF: "turned its output off by itself",
+}
+"""How an output changes by itself, and what is told of it."""
 _IDLE_S = 0.5
 _CLEAR_V = 0.4
 """The monitor is less noisy than that."""
@@ -36,24 +53,25 @@ _RAMPED_S = 0.5
 def without_thermometer(lab: Lab) -> None:
     """Let the board have none, as some are built."""
     lab.watch.thermometer = False
-    answers = _answering(lab, None, ScpiError(-113, "Undefined header"))
+    answers = _answering(lab, THERMOMETER, None, ScpiError(-113, "Undefined header"))
     vars(lab.device.inside.dialect)["_answered"] = answers
 
 
 def _answering(
-    lab: Lab, warm: str | None, error: ScpiError | None
+    lab: Lab, asked: str, answer: str | None, error: ScpiError | None = None
 ) -> Callable[[str, str], str | None]:
-    """Return what answers `warm` to the question for the temperature, or leaves an error."""
+    """Return what answers `answer` to the question `asked`, or leaves an error."""
     dialect = lab.device.inside.dialect
     answered = dialect._answered
 
     def answers(header: str, argument: str) -> str | None:
-        if header != THERMOMETER:
+        if header != asked:
             return answered(header, argument)
-        require(4, lab.watch.rig.max_temperature_c, "nobody limits the temperature it is asked for")
+        limited = asked != THERMOMETER or lab.watch.rig.max_temperature_c
+        require(4, limited, "nobody limits the temperature it is asked for")
         if error is not None:
             dialect.status.complain(error)
-        return warm
+        return answer
 
     return answers
 
@@ -102,7 +120,9 @@ def _thermometer(lab: Lab, stream: random.Random) -> None:
                 (f"{limit_c - 0.5:g}", ""),
             )
         )
-        with patch.object(lab.device.inside.dialect, "_answered", _answering(lab, warm, None)):
+        with patch.object(
+            lab.device.inside.dialect, "_answered", _answering(lab, THERMOMETER, warm)
+        ):
             _noticed(bool(what), rig.arm, what or "a board that is not too warm")
         rig.arm()
 
@@ -178,6 +198,55 @@ def _uncalibrated(lab: Lab, _stream: random.Random) -> None:
         rig._calibration = None
         with pytest.raises(DeviceError, match="keep it as the rig's calibration"):
             rig.resonance(lab.watch.rig.nominal_resonance_hz, lab.device.advance)
+
+
+def tried_in_the_evening(lab: Lab, stream: random.Random) -> None:
+    """Try what a board says of itself and of its force channel."""
+    for tries in (_by_itself, _records) if lab.watch.is_board else ():
+        lab.repair()
+        tries(lab, stream)
+
+
+def _by_itself(lab: Lab, stream: random.Random) -> None:
+    """The operator is told why an output is off, or on, that nobody here has switched."""
+    how = stream.choice(list(BY_ITSELF))
+    with _rig(lab) as rig:
+        if how == SWITCHED_OFF or (how != "panel-on" and stream.random() < 0.5):
+            _driven(lab, rig, 0.0)
+        else:
+            rig.arm()
+        if how == SWITCHED_OFF:
+            lab.device.inside.instrument.switch(on=False)
+        else:
+            lab.watch.fault(how)
+        rig.beat()
+        InProcessClock(MORNING, lab.device, rig).sleep(_IDLE_S)
+        with pytest.raises(DeviceError) as told:
+            rig.beat()
+    require(11, re.search(BY_ITSELF[how], str(told.value)), f"{how}, but told: {told.value}")
+
+
+def _records(lab: Lab, stream: random.Random) -> None:
+    """A board records if its firmware can and its counts have a size."""
+    firmware, answer = stream.choice(list(FIRMWARES)), stream.choice(list(SCALES))
+    sound = FIRMWARES[firmware] and SCALES[answer]
+    refusal = DeviceError if FIRMWARES[firmware] else CannotRecord
+    dialect = lab.device.inside.dialect
+    with (
+        patch.object(dialect, "idn", f"touchbeam,BOARD,SIM,{firmware}"),
+        patch.object(dialect, "_answered", _answering(lab, "TRAC:SCAL?", answer)),
+        _rig(lab) as rig,
+    ):
+        rig.arm()
+        try:
+            rig.record(RATE_HZ)
+        except refusal:
+            require(13, not sound, f"firmware {firmware} with {answer} does not record")
+        else:
+            require(13, sound, f"firmware {firmware} records with {answer}")
+            InProcessClock(MORNING, lab.device, rig).sleep(_IDLE_S)
+            count = len(rig.recorded().counts) // 6  # two bytes of each of three channels
+            require(13, count >= _IDLE_S * RATE_HZ, f"only {count} samples are recorded")
 
 
 def asked(lab: Lab) -> None:

@@ -9,6 +9,7 @@ import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -46,7 +47,7 @@ class Disk:
     open: list["LabConnection"] = field(default_factory=list)
     _locker: sqlite3.Connection | None = None
 
-    @property
+    @cached_property
     def log(self) -> Path:
         """The write-ahead log."""
         return self.path.with_name(f"{self.path.name}-wal")

@@ -10,6 +10,7 @@ from contextlib import ExitStack, contextmanager, redirect_stdout
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cache, partial
+from importlib.metadata import version
 from pathlib import Path
 from unittest.mock import patch
 
@@ -67,6 +68,10 @@ LONGEST_S = 3600.0
 def checked_study(text: str) -> Study:
     """Return the study in `text`; checking it takes longer than anything else here."""
     return validated_study(text, "study.toml")
+
+
+_version = cache(version)
+"""Each session asks for it, and it is read from a file."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,6 +151,7 @@ class Lab:
             dialect=model,
             delay_s=lambda: late_s * stream.uniform(0.2, 1.0),
             cuts=lambda length: (stream.randrange(length),) if stream.random() < 0.1 else (),
+            rung="mode",  # nothing here depends on the friction that is felt
         )
         self.watch = Watch(self.device, checked_study(text))
         self.watch.late_s = late_s
@@ -182,6 +188,7 @@ class Lab:
             patch("runner.clock.WallClock", lambda: _Calendar(self.device)),
             patch("runner.journal.opening.open_journal", partial(open_journal, random_bytes=salts)),
             patch("device.resonance._POINTS", SEARCHED_POINTS),
+            patch("runner.session.session.version", _version),
             patch("runner.launch.locks.COMMON", self.folder.path),
         ):
             yield

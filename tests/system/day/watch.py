@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 from device.drivers.board import MONITOR_ABS_TOL_V
@@ -101,12 +102,12 @@ class Watch:
     _set_s: float = 0.0
     """When the amplitude began to move to `_target_v`, in the device's time."""
 
-    @property
+    @cached_property
     def is_board(self) -> bool:
         """Whether the device has a watchdog, a monitor and sensors; a generator has none."""
         return self.rig.dialect == "board"
 
-    @property
+    @cached_property
     def rig(self) -> Rig:
         """The rig of the study."""
         return self.study.rig

@@ -158,6 +158,18 @@ class Aim:
     force_range_n: tuple[float, float]
 
 
+PlanUnit = Literal["trial", "pass"]
+
+
+def said_of(unit: PlanUnit, text: str) -> str:
+    """Return what `text` says of trials, said of `unit`.
+
+    >>> said_of("pass", "2 of 7 trials, and this trial")
+    '2 of 7 passes, and this pass'
+    """
+    return text if unit == "trial" else text.replace("trials", "passes").replace("trial", unit)
+
+
 @dataclass(frozen=True, kw_only=True)
 class OperatorView:
     """The session's progress and the device's last read-back.
@@ -166,7 +178,8 @@ class OperatorView:
     session is idle and the device has not been asked yet. `busy` says what the output is on for
     while no participant touches the beam. `aim` is None unless a touch is in progress. While the
     operator is `blind`, labels and answers say nothing, and figures of the drive are not shown.
-    `records` says that touches are recorded; `zero_n` are the forces of the untouched beam.
+    `records` says that touches are recorded; `zero_n` are the forces of the untouched beam. The
+    lines of the plan are each a trial, or a `pass` of a block.
     """
 
     session: str
@@ -186,6 +199,7 @@ class OperatorView:
     blind: bool = False
     records: bool = False
     zero_n: tuple[float, float] = (0.0, 0.0)
+    unit: PlanUnit = "trial"
 
     @property
     def trial(self) -> str:
@@ -201,7 +215,7 @@ class OperatorView:
     @property
     def place(self) -> str:
         """The session, what happens in it, and the running trial, in words."""
-        phase = _PHASES.get(self.state, self.state)
+        phase = said_of(self.unit, _PHASES.get(self.state, self.state))
         return f"{self.session} {phase}" + (f": {self.trial}" if self.trial else "")
 
     def progress(self) -> str:
@@ -209,7 +223,8 @@ class OperatorView:
         done = sum(line.answer is not None for line in self.plan)
         minutes = round(self.left_s / 60)
         left = f"about {minutes} min left" if minutes else "less than 1 min left"
-        return f"{done} of {len(self.plan)} trials" + (f", {left}" if self.left_s > 0 else "")
+        shown = said_of(self.unit, f"{done} of {len(self.plan)} trials")
+        return shown + (f", {left}" if self.left_s > 0 else "")
 
     def output(self) -> str:
         """Return the state of the output in words."""

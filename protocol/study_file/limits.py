@@ -222,7 +222,7 @@ def _unknown_gain(study: Study) -> Iterator[Problem]:
 
 
 def _unmeasured(study: Study) -> Iterator[Problem]:
-    """Only a board or a gauge measures forces, and a gauge has a port to itself."""
+    """Only a board or a gauge measures forces; a gauge has a port to itself, and feels a finger."""
     rig, channel = study.rig, study.force_channel
     if channel.rate_hz is not None and rig.dialect != "board" and channel.gauge is None:
         yield Problem(
@@ -238,6 +238,14 @@ def _unmeasured(study: Study) -> Iterator[Problem]:
             rule="must have a port of its own, other than rig.device",
             value=repr(channel.gauge),
             hint="a board that measures forces itself needs no gauge",
+            path=("force_channel", "gauge"),
+        )
+    if channel.rate_hz is not None and channel.gauge == SIMULATED != rig.device:
+        yield Problem(
+            where="force_channel.gauge",
+            rule="is simulated, and that is for a simulated device only",
+            value=f"rig.device = {rig.device!r}",
+            hint="the address of a gauge; run --device sim simulates both",
             path=("force_channel", "gauge"),
         )
 

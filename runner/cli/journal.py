@@ -220,7 +220,10 @@ def _decided(
 
 
 def _place(name: str, trial: int | None) -> str:
-    return name if trial is None else f"{name}, trial {trial}"
+    from protocol.journal.events import SLIDE
+
+    unit = "pass" if name.startswith(f"{SLIDE}/") else "trial"
+    return name if trial is None else f"{name}, {unit} {trial}"
 
 
 @app.command()

@@ -7,6 +7,7 @@ from itertools import groupby
 from typing import Any
 
 from protocol.journal.events import (
+    SLIDE,
     ScoresImported,
     SessionOpened,
     SessionResumed,
@@ -62,9 +63,10 @@ class SessionVerdict:
         if self.participant == STUDY_CHAIN:
             return f"the study itself  {self.state}  {self.events} event{'s' * (self.events != 1)}"
         rehearsed = f" ({REHEARSAL})" if self.kind == REHEARSAL else ""
+        done = "passes drawn" if self.participant == SLIDE else "trials answered"
         return (
             f"{self.participant}/{self.session}{rehearsed}  {self.state}  "
-            f"{self.trials_answered} of {self.trials_planned} trials answered, "
+            f"{self.trials_answered} of {self.trials_planned} {done}, "
             f"{self.trials_aborted} aborted, {self.duplicates} answered twice"
         )
 

@@ -176,7 +176,10 @@ class OperatorConsole:
     def pausing(self, wanted: bool) -> None:
         """Show until further notice whether the session pauses before the next trial."""
         self._pausing = wanted
-        self.notify("pausing before the next trial" if wanted else "no pause: the session goes on")
+        unit = self._view.unit if self._view else "trial"
+        self.notify(
+            f"pausing before the next {unit}" if wanted else "no pause: the session goes on"
+        )
 
     def participant_called(self) -> None:
         """Show that the participant calls, until the operator answers the call."""

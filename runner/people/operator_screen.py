@@ -23,7 +23,7 @@ from device.force_channel.samples import Forces
 from runner.people.operator_console import DRY_RUN, Frame, Picture
 from runner.people.operator_keys import EMERGENCY, EXPLAINED, TYPING
 from runner.people.terminal import visible
-from runner.screens import Aim, OperatorView
+from runner.screens import Aim, OperatorView, PlanUnit, said_of
 
 REDRAW_S = 0.1
 """Longest time between two drawings; the age of a reading and the clock go on by themselves."""
@@ -176,9 +176,9 @@ def screen_lines(
         shown = picture(width - 1, max(room - len(facts), 0))
         body = [*(Text(f" {visible(line)}") for line in shown), *facts]
     elif room < len(body) + 2:
-        body = _help_lines() if frame.help else body
+        body = _help_lines(frame.view.unit) if frame.help else body
     elif frame.help:
-        body += [_rule("keys", width), *_help_lines()]
+        body += [_rule("keys", width), *_help_lines(frame.view.unit)]
     else:
         body += _plan_and_log(frame, width, room - len(body))
     body += [Text()] * (room - len(body))
@@ -390,7 +390,7 @@ def _alert(frame: Frame) -> Text:
     if frame.view.state == "paused":
         alerts.append(" PAUSED: p continues ", "bold black on cyan")
     elif frame.pausing:
-        alerts.append(" PAUSE after this trial: p cancels ", "bold black on cyan")
+        alerts.append(f" PAUSE after this {frame.view.unit}: p cancels ", "bold black on cyan")
     return alerts
 
 
@@ -409,7 +409,7 @@ def _question(frame: Frame, moment: Moment, width: int) -> list[Text]:
 def _keys(frame: Frame, width: int) -> list[Text]:
     if frame.typed is not None:
         return [Text(), *_legend(TYPING, width)]
-    keys = [f"{key} {short}" for key, short, _ in EXPLAINED]
+    keys = [f"{key} {said_of(frame.view.unit, short)}" for key, short, _ in EXPLAINED]
     return [*_legend(keys, width), Text(" EMERGENCY STOP: e, space, Ctrl-E", "bold red")]
 
 
@@ -423,8 +423,8 @@ def _legend(keys: Iterable[str], width: int) -> list[Text]:
     return [Text(f" {line}", "dim") for line in lines]
 
 
-def _help_lines() -> list[Text]:
-    keys = [(key, long) for key, _, long in EXPLAINED]
+def _help_lines(unit: PlanUnit) -> list[Text]:
+    keys = [(key, said_of(unit, long)) for key, _, long in EXPLAINED]
     return [Text(f" {key:<18}{long}") for key, long in [*keys, ("e, space, Ctrl-E", EMERGENCY)]]
 
 

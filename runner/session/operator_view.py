@@ -48,6 +48,7 @@ def update_view(
             blind=blind,
             records=session.study.force_channel.rate_hz is not None,
             zero_n=context.zero.forces_n if context.zero else (0.0, 0.0),
+            unit=session.unit,
         )
     )
 

@@ -42,11 +42,11 @@ def obey(context: SessionContext) -> None:
 
 def _repeat(context: SessionContext) -> None:
     """Repeat the running trial, unless it has just begun to be repeated."""
-    state = context.log.state
+    state, unit = context.log.state, context.session.unit
     if state.trial is None:
-        context.operator.notify("there is no running trial to repeat")
+        context.operator.notify(f"there is no running {unit} to repeat")
     elif state.touch is None and state.aborted[-1:] == [state.trial]:
-        context.operator.notify("this trial is being repeated already")
+        context.operator.notify(f"this {unit} is being repeated already")
     else:
-        context.operator.notify("the trial is broken off and will be repeated")
+        context.operator.notify(f"the {unit} is broken off and will be repeated")
         raise RepeatTrial

@@ -16,6 +16,7 @@ from protocol.study_file.loading import text_digest
 from runner.clock import Clock
 from runner.interfaces import Device, Operator, Participant
 from runner.journal.session_log import SessionLog
+from runner.screens import PlanUnit
 
 SessionKind = Literal["participant", "rehearsal", "slide"]
 AnswerOrder = Literal["forward", "reversed"]
@@ -46,6 +47,11 @@ class Session:
     def slides(self) -> bool:
         """Whether it is a sliding experiment, rehearsed or not."""
         return self.participant == SLIDE
+
+    @property
+    def unit(self) -> PlanUnit:
+        """What its plan consists of."""
+        return "pass" if self.slides else "trial"
 
     def resumption(self) -> SessionResumed:
         """Return the event that records the session when it is resumed."""

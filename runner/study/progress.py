@@ -75,10 +75,11 @@ class Progress:
         for chain, summary in zip(self.sessions, session_summaries(self.sessions), strict=True):
             state = self.sessions[chain]
             name = session_name(summary.participant, summary.session)
+            unit = "passes" if summary.participant == SLIDE else "trials"
             excluded = f", {summary.excluded_trials} excluded" if summary.excluded_trials else ""
             yield (
                 f"{name}  {summary.kind}  {self._state(chain, state)}  "
-                f"{summary.answered} of {summary.planned} trials{excluded}"
+                f"{summary.answered} of {summary.planned} {unit}{excluded}"
                 f"{self._advice(chain, state)}"
             )
         yield self._cohort()

@@ -160,6 +160,11 @@ def test_a_bad_study_is_refused_in_one_line(right: str, wrong: str, message: str
     [
         ('dialect = "keysight"', "rate_hz = 500", "rate_hz: needs a board or a gauge, and rig.dia"),
         ('device = "COM1"', "gauge = 'COM1'", "gauge: must have a port of its own, .* got 'COM1'"),
+        (
+            'device = "COM1"',
+            "gauge = 'sim'\nrate_hz = 500",
+            "gauge: is simulated, .* simulated device only, got rig.device = 'COM1'",
+        ),
     ],
 )
 def test_what_cannot_be_recorded_is_refused(rig: str, channel: str, message: str) -> None:
@@ -167,7 +172,8 @@ def test_what_cannot_be_recorded_is_refused(rig: str, channel: str, message: str
     text = PAPER.replace('device = "sim"', given, 1) + f"\n[force_channel]\n{channel}\n"
     with pytest.raises(StudyError, match=message):
         parsed_study(text)
-    parsed_study(text.replace("'COM1'", "'COM2'") + "gauge = 'COM2'\n" * ("gauge" not in channel))
+    text = text.replace("'COM1'", "'COM2'").replace("'sim'", "'COM2'")
+    parsed_study(text + "gauge = 'COM2'\n" * ("gauge" not in channel))
 
 
 def test_a_dialect_is_a_name_where_nobody_says_which_there_are() -> None:

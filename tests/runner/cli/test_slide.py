@@ -98,7 +98,7 @@ def test_status_lists_it_apart_from_participants(
 ) -> None:
     assert typed("status", slid) == 0
     shown = capsys.readouterr().out
-    assert "slide/1  rehearsal  completed  5 of 5 trials" in shown
+    assert "slide/1  rehearsal  completed  5 of 5 passes" in shown
     assert "Done: 0 of 9 participants. The next participant gets slot 0" in shown
     assert "--participant P01" in shown
     assert typed("status", slid, "--json") == 0
@@ -116,6 +116,8 @@ def test_verify_counts_its_passes(slid: Path, capsys: pytest.CaptureFixture[str]
     assert typed("verify", slid, "--json") == 0
     (session,) = json.loads(capsys.readouterr().out)["sessions"]
     assert session["ok"]
+    assert typed("verify", slid) == 0
+    assert "5 of 5 passes drawn" in capsys.readouterr().out
     assert (session["trials_planned"], session["trials_answered"]) == (5, 5)
 
 
@@ -124,9 +126,9 @@ def test_a_pass_is_excluded_and_included_again(
 ) -> None:
     one = ("--participant", "slide", "--trial", "3", "--reason", "the block tilted")
     assert typed("exclude", slid, *one) == 0
-    assert "slide/1 (rehearsal), trial 3 is excluded: the block tilted" in capsys.readouterr().out
+    assert "slide/1 (rehearsal), pass 3 is excluded: the block tilted" in capsys.readouterr().out
     typed("status", slid)
-    assert "5 of 5 trials, 1 excluded" in capsys.readouterr().out
+    assert "5 of 5 passes, 1 excluded" in capsys.readouterr().out
     assert typed("include", slid, *one) == 0
 
 

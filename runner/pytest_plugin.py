@@ -12,6 +12,7 @@ import pytest
 
 if TYPE_CHECKING:
     from protocol.plan.trials import Plan
+    from protocol.registration.registration import Registration
     from protocol.study.study import Study
     from runner.launch.device_access import SessionRig
     from runner.launch.rehearsal import Rehearsal
@@ -72,11 +73,26 @@ def study(study_text: str) -> "Study":
 
 
 @pytest.fixture(scope="module")
-def cohort(study: "Study") -> "tuple[Plan, ...]":
+def registration(request: pytest.FixtureRequest) -> "Registration | None":
+    """Return the registration beside the test, None if the study is not registered."""
+    from protocol.errors import BadInput
+    from runner.study.registered import registration_of
+
+    try:
+        return registration_of(Path(str(request.path)).parent)
+    except BadInput as error:
+        found = str(error)
+    pytest.fail(f"{UNUSABLE} {found}", pytrace=False)  # outside of `except` as above
+
+
+@pytest.fixture(scope="module")
+def cohort(study: "Study", registration: "Registration | None") -> "tuple[Plan, ...]":
     """Return the session-1 plans of all participants: the study's number of them, or 40."""
     from protocol.plan.plan import plan as drawn
+    from protocol.registration.registration import locked
 
-    return tuple(drawn(study, slot) for slot in range(study.design.participants or 40))
+    seeded = study if registration is None else locked(study, registration.digest)
+    return tuple(drawn(seeded, slot) for slot in range(study.design.participants or 40))
 
 
 @pytest.fixture(scope="module")
@@ -121,7 +137,11 @@ def virtual_participant(simulated_rig: "SessionRig", study: "Study") -> "Virtual
 
 @pytest.fixture(scope="module")
 def rehearsal(
-    request: pytest.FixtureRequest, study: "Study", study_text: str, plan: "Plan"
+    request: pytest.FixtureRequest,
+    study: "Study",
+    study_text: str,
+    plan: "Plan",
+    registration: "Registration | None",
 ) -> "Rehearsal":
     """Return a rehearsal: a whole session in stepped time, simulated device, virtual participant.
 
@@ -131,4 +151,4 @@ def rehearsal(
     from runner.study.calibration import kept_calibration
 
     calibration = kept_calibration(Path(str(request.path)).parent)
-    return rehearse(study_text, plan, study.study.seed, calibration)
+    return rehearse(study_text, plan, study.study.seed, calibration, registration)

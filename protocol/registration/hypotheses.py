@@ -6,6 +6,7 @@ from itertools import permutations
 from protocol.errors import BadInput
 
 OMNIBUS = "conditions differ"
+GAINS = "gains differ"
 FOLLOWS = "ratings follow the prediction"
 ORDER = "order of conditions as predicted"
 """Names of the hypotheses that every study has, beside one for each ordered pair of conditions."""
@@ -30,6 +31,7 @@ def hypotheses(conditions: Iterable[str]) -> dict[str, str]:
             "method over all pairs of conditions; p < .05 and a mean difference above 0"
             for higher, lower in pairs
         },
+        GAINS: "F test of the participants' slopes on the conditions' effects (Mandel); p < .05",
         FOLLOWS: "gain of the ordinal mixed model M2; its 95 % interval lies above 0",
         ORDER: "Spearman's correlation of predicted contrasts and mean ratings of the conditions; "
         "p < .05 and a correlation above 0",

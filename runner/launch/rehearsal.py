@@ -11,6 +11,7 @@ from protocol.address import SIMULATED
 from protocol.journal.events import Answered, DeviceOff, Event, StoredEvent, TouchEnded
 from protocol.journal.state import SessionState
 from protocol.plan.trials import Plan
+from protocol.registration.registration import FILE, Registration
 from runner.journal.names import chain_name
 from runner.journal.opening import open_journal
 from runner.launch.device_access import touchbeam_command
@@ -63,7 +64,11 @@ class Rehearsal:
 
 
 def rehearse(
-    study_text: str, plan: Plan, seed: int = 1, calibration: Resonance | None = None
+    study_text: str,
+    plan: Plan,
+    seed: int = 1,
+    calibration: Resonance | None = None,
+    registration: Registration | None = None,
 ) -> Rehearsal:
     """Run a rehearsal of the study in a temporary folder and return it.
 
@@ -72,6 +77,7 @@ def rehearse(
         plan: the plan of the first slot, to compare the events with.
         seed: seed of the virtual participant and the simulated device.
         calibration: the rig's resonance, for a device that cannot measure it.
+        registration: of the study, if it is registered; it seeds the orders.
 
     Raises:
         StudyError: the study cannot be used.
@@ -80,6 +86,8 @@ def rehearse(
     with tempfile.TemporaryDirectory(prefix="touchbeam-") as place:
         folder = StudyFolder(path=Path(place))
         folder.study_file.write_text(study_text, encoding="utf-8")
+        if registration is not None:
+            (folder.path / FILE).write_bytes(registration.text().encode())
         options = SessionOptions(
             folder=folder,
             participant="P01",

@@ -17,6 +17,7 @@ from runner.launch.rehearsal import Rehearsal, rehearse
 from runner.people.virtual_participant import VirtualParticipant
 from runner.screens import Pacing, ask_change
 from runner.study.calibration import keep_calibration
+from tests.runner.command_line import typed
 
 PYTEST = str(Path(sys.executable).with_name("pytest"))
 SUMMARY = "short test summary info"  # pytest shortens its lines unless CI is set
@@ -52,6 +53,27 @@ def test_a_new_study_passes_its_own_tests(tmp_path: Path) -> None:
     done = pytest_run(tmp_path, PAPER)
     assert done.returncode == 0, done.stdout
     assert "5 passed" in done.stdout
+
+
+_ORDERS = """
+def test_orders(cohort, registration, rehearsal):
+    opened = rehearsal.events[0].payload
+    assert opened["registration"] == registration.digest
+    assert tuple(opened["sequence"]) == cohort[0].sequence
+"""
+
+
+def test_a_registered_study_is_tested_with_its_own_orders(tmp_path: Path) -> None:
+    (tmp_path / "study.toml").write_text(PAPER, encoding="utf-8")
+    assert typed("register", tmp_path) == 0
+    (tmp_path / "test_orders.py").write_text(_ORDERS, encoding="utf-8")
+    done = pytest_run(tmp_path, PAPER)
+    assert "6 passed" in done.stdout, done.stdout
+    file = tmp_path / "registration.toml"
+    file.write_text(file.read_text(encoding="utf-8") + "\n", encoding="utf-8")
+    done = pytest_run(tmp_path, PAPER)
+    assert "registration.toml: was changed after touchbeam register wrote it" in done.stdout
+    assert "Traceback" not in done.stdout
 
 
 @pytest.mark.usefixtures("where")

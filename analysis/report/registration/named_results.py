@@ -10,7 +10,7 @@ from analysis.report.results import DIFFER, FOLLOW, ORDERED, WHICH, omnibus_p, p
 from analysis.report.wording import interval, number, p_equals
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.statistics.signed_rank import LEVEL, SignedRank
-from protocol.registration.hypotheses import FOLLOWS, OMNIBUS, ORDER, above
+from protocol.registration.hypotheses import FOLLOWS, GAINS, OMNIBUS, ORDER, above
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,13 +73,19 @@ _Computed = tuple[str, float | None, bool | None]
 
 def _computed(found: Findings, lock: StudyLock, name: str) -> _Computed:
     if name == OMNIBUS:
-        p = omnibus_p(found.table.main)
-        return _missing(p) if isinstance(p, NotEstimable) else (p_equals(p), p, p < LEVEL)
+        return _tested(omnibus_p(found.table.main))
+    if name == GAINS:
+        test = found.table.heterogeneity
+        return _tested(test if isinstance(test, NotEstimable) else test.p)
     if name == FOLLOWS:
         return _gain(found)
     if name == ORDER:
         return _order(found, lock.registration.law)
     return _pair(found, name)
+
+
+def _tested(p: float | NotEstimable) -> _Computed:
+    return _missing(p) if isinstance(p, NotEstimable) else (p_equals(p), p, p < LEVEL)
 
 
 def _missing(reason: NotEstimable) -> _Computed:
@@ -129,7 +135,7 @@ def marked(found: Findings) -> Iterator[tuple[str, str]]:
         yield from paragraphs(found)
         return
     names = lock.registration.hypotheses
-    others = {OMNIBUS, FOLLOWS, ORDER}
+    others = {OMNIBUS, GAINS, FOLLOWS, ORDER}
     asked = {
         DIFFER: [name for name in names if name == OMNIBUS],
         WHICH: [name for name in names if name not in others],

@@ -48,7 +48,7 @@ REGISTERED = Registration(
     study="a study",
     study_sha256=SHA256,
     primary="conditions differ",
-    secondary=("voltage above pressure", "ratings follow the prediction"),
+    secondary=("voltage above pressure", "ratings follow the prediction", "gains differ"),
     law=LAW,
     rung=RUNG,
     calibration={name: value for name, value in vars(OLD).items() if value is not None},
@@ -117,7 +117,7 @@ def test_registered_and_other_results_are_kept_apart() -> None:
     assert asked == "What was registered?"
     assert answer.startswith(
         "Registered: conditions differ (primary), voltage above pressure, ratings follow the "
-        "prediction. Not registered: every other result"
+        "prediction, gains differ. Not registered: every other result"
     )
     questions = dict(others)
     assert "Do the conditions differ? (registered: conditions differ)" in questions
@@ -132,10 +132,11 @@ def test_registered_and_other_results_are_kept_apart() -> None:
 def test_each_registered_result_is_that_of_the_report() -> None:
     found = registered_report()
     record = report_json(found)
-    omnibus, pair, gain = record["registration"]["results"]
+    omnibus, pair, gain, spread = record["registration"]["results"]
     assert (omnibus["name"], omnibus["primary"]) == ("conditions differ", True)
     tested = next(it for it in record["pairwise"] if {it["a"], it["b"]} == {"voltage", "pressure"})
     assert pair["p"] == tested["p_holm"]
+    assert spread["p"] == record["gain_heterogeneity"]["p"]
     fitted = found.trials.m2
     if isinstance(fitted, NotEstimable):
         assert gain["found"] == fitted.reason

@@ -3,7 +3,6 @@
 Imports are inside the fixtures, so that the tests of other projects are not slowed down.
 """
 
-import random
 from collections.abc import Generator, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -121,17 +120,18 @@ def virtual_participant(simulated_rig: "SessionRig", study: "Study") -> "Virtual
     """Return a virtual participant with a finger on the simulated device, in stepped time."""
     from datetime import UTC, datetime
 
+    from device.people.population import DEFAULT, drawn_person
     from runner.clock import SteppedClock
-    from runner.people.virtual_participant import VirtualParticipant, drawn_character
+    from runner.people.virtual_participant import VirtualParticipant
 
     control = simulated_rig.control
     assert control is not None
-    stream = random.Random(f"test/{study.study.seed}")
+    name = f"test/{study.study.seed}"
     return VirtualParticipant(
         control=control,
         clock=SteppedClock(datetime(2026, 1, 1, tzinfo=UTC), control.advance),
-        character=drawn_character(stream),
-        random_stream=stream,
+        person=drawn_person(DEFAULT, name),
+        name=name,
     )
 
 

@@ -14,7 +14,7 @@ from protocol.study.questions import Question
 from protocol.study.rating import Band, Rating
 from protocol.study.rig_settings import Rig
 from protocol.study.study_question import StudyQuestion, change_question, score_question
-from protocol.study.touch import Touch, TouchDefaults, touch_s
+from protocol.study.touch import Direction, Mark, Touch, TouchDefaults, mark_of
 
 Order = Literal["pause", "stop", "repeat", "emergency stop"]
 
@@ -82,7 +82,12 @@ class Pacing(FingerPath):
     text: str = "touch.now"
     duration_s: float
     force_n: float
-    direction: str
+    direction: Direction
+
+    @property
+    def mark(self) -> Mark:
+        """The mark alone, which a virtual finger follows."""
+        return Mark(**{entry.name: getattr(self, entry.name) for entry in fields(Mark)})
 
     @property
     def touch(self) -> FingerPath:
@@ -256,20 +261,8 @@ _PHASES = {
 
 def pacing(touch: Touch, finger: TouchDefaults) -> Pacing:
     """Return the cue for `touch`: a place to hold, or a slide at the study's speed."""
-    start_m = end_m = finger.smooth_place_m
-    if touch.place == "path":
-        path_m = touch.own_path_m or finger.path_m
-        start_m, end_m = path_m if touch.direction == "right" else path_m[::-1]
-    return Pacing(
-        text=touch_text(touch),
-        start_m=start_m,
-        end_m=end_m,
-        duration_s=touch_s(touch, finger),
-        force_n=finger.force_n * touch.press,
-        direction=touch.direction,
-        harder=touch.press > 1,
-        several=touch.coverage == "full",
-    )
+    mark, several = mark_of(touch, finger), touch.coverage == "full"
+    return Pacing(text=touch_text(touch), several=several, **vars(mark))
 
 
 def lead_in(cue: Pacing, finger: TouchDefaults) -> LeadIn:

@@ -6,11 +6,11 @@ import socket
 import subprocess
 import tempfile
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, TypedDict, Unpack
 
 from device.errors import DeviceError
 
@@ -76,6 +76,11 @@ class BeamControl(ABC):
         return dict(answer)
 
 
+def swapping(control: BeamControl, body_spacing_m: Mapping[str, float]) -> Callable[[str], None]:
+    """Return a function that mounts one of the study's beams, by name."""
+    return lambda beam: control.swap_beam(body_spacing_m[beam])
+
+
 class ControlClient(BeamControl):
     """The hand on a device in another process, through its control socket."""
 
@@ -127,6 +132,17 @@ class Endpoints:
     gauge: str
 
 
+class Friction(TypedDict, total=False):
+    """Law and rung of a simulated beam's friction, and its damping.
+
+    Without them law and rung are those of the report, and the damping follows from the seed.
+    """
+
+    law: str | None
+    rung: str | None
+    damping: float | None
+
+
 @contextmanager
 def simulator_process(
     touchbeam: Sequence[str],
@@ -135,8 +151,7 @@ def simulator_process(
     dialect: str = "board",
     wire: str | None = None,
     keep: bool = False,
-    law: str | None = None,
-    rung: str | None = None,
+    **friction: Unpack[Friction],
 ) -> Iterator[Endpoints]:
     """Start `touchbeam simulate-device` and end it, by its process, on the way out.
 
@@ -153,7 +168,8 @@ def simulator_process(
         place = str(Path(folder, "port")) if wire == "pty" else "0"
         options = ["--control", str(control), "--seed", str(seed), "--dialect", dialect]
         options += ["--gauge", str(Path(folder, "gauge")) if wire == "pty" else "0"]
-        options += [*(("--law", law) if law else ()), *(("--rung", rung) if rung else ())]
+        given = {name: str(value) for name, value in friction.items() if value is not None}
+        options += [word for name in given for word in (f"--{name}", given[name])]
         complaints = Path(folder, "complaints")
         with (
             complaints.open("wb") as stderr,

@@ -86,9 +86,10 @@ def simulated_device(
     *,
     law: str = LAW,
     rung: str = RUNG,
+    damping_ratio: float | None = None,
 ) -> SimulatedDevice:
     """Return a device with a beam as in `SimulatedBeam`."""
-    instrument, beam = Instrument(), SimulatedBeam(seed, law, rung)
+    instrument, beam = Instrument(), SimulatedBeam(seed, law, rung, damping_ratio)
     clock = DeviceClock(wall_s)
     spoken = dialects()[dialect](instrument, beam)
     gauge = GaugeModel(instrument, beam)

@@ -31,7 +31,8 @@ class PlannedTrial(JsonRecord):
 class VirtualTruth(JsonRecord):
     """Parameters of a virtual participant and of the simulated beam that it touches.
 
-    score = bias + gain · |felt change of log friction| + noise, on the paper's scale of 0 to 10.
+    score = bias + gain · |felt change of log friction| + what this kind of change adds + noise, on
+    the paper's scale of 0 to 10.
     """
 
     bias: Annotated[float, Key("its score of no change")]
@@ -53,6 +54,56 @@ class VirtualTruth(JsonRecord):
         float, Key("what its skin multiplies the change of log friction by", missing=1.0)
     ] = 1.0
     mu0: Annotated[float, Key("what its skin multiplies friction at rest by", missing=1.0)] = 1.0
+    damping_ratio: Annotated[
+        float | None, Key("damping ratio of the simulated beam, if that is known", missing=None)
+    ] = None
+    beam_gain: Annotated[
+        float | None, Key("part of the amplitude that reaches it, likewise", missing=None)
+    ] = None
+    criterion_less: Annotated[
+        float | None,
+        Key("as `criterion`, of a change the other way; none: the same", missing=None),
+    ] = None
+    lapse: Annotated[float, Key("share of answers at random", missing=0.0)] = 0.0
+    beyond_swing: Annotated[
+        float, Key("points added to a change of the swing along the path", missing=0.0)
+    ] = 0.0
+    beyond_strength: Annotated[
+        float, Key("points added to a change of strength at a place", missing=0.0)
+    ] = 0.0
+    beyond_ramp: Annotated[float, Key("points added to a change during a touch", missing=0.0)] = 0.0
+    beyond_swap: Annotated[float, Key("points added to places that swap", missing=0.0)] = 0.0
+    beyond_press: Annotated[
+        float, Key("points added to a change under a harder press", missing=0.0)
+    ] = 0.0
+    ceiling: Annotated[float, Key("the highest score that it gives", missing=10.0)] = 10.0
+    number_step: Annotated[float, Key("its scores are multiples of it", missing=1.0)] = 1.0
+    end_aversion: Annotated[
+        float, Key("share of scores moved inwards from an end of the scale", missing=0.0)
+    ] = 0.0
+    serial: Annotated[float, Key("weight of the previous score", missing=0.0)] = 0.0
+    adaptation: Annotated[
+        float, Key("by how much of the previous change one feels smaller", missing=0.0)
+    ] = 0.0
+    drift: Annotated[float, Key("score points added per trial", missing=0.0)] = 0.0
+    fatigue: Annotated[float, Key("growth of its noise per trial", missing=0.0)] = 0.0
+    force_error: Annotated[
+        float, Key("SD of the force from touch to touch, relative to its mean", missing=0.0)
+    ] = 0.0
+    speed_error: Annotated[float, Key("SD of the speed, likewise", missing=0.0)] = 0.0
+    reaction_shift_s: Annotated[float | None, Key("shortest reaction time, s", missing=None)] = None
+    reaction_median_s: Annotated[
+        float | None, Key("median of what a reaction time has beyond that, s", missing=None)
+    ] = None
+    reaction_spread: Annotated[float | None, Key("SD of the logarithm of that", missing=None)] = (
+        None
+    )
+    dropout: Annotated[float, Key("chance of leaving at a question", missing=0.0)] = 0.0
+
+    @property
+    def sensitivity(self) -> float:
+        """Score points per unit of predicted change, of which its skin makes a felt one."""
+        return self.gain * self.skin
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,5 +1,6 @@
 """A touch: what finger and device do, how long it takes, what slew and current it needs."""
 
+from dataclasses import dataclass
 from math import pi
 from typing import Annotated, Literal, Self
 
@@ -162,6 +163,43 @@ def touch_s(touch: Touch, finger: TouchDefaults) -> float:
         return finger.hold_s
     left_m, right_m = touch.own_path_m or finger.path_m
     return (right_m - left_m) / finger.sliding_speed_m_s
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mark:
+    """The touch that a participant is shown: a place to hold or a slide to follow, and its force.
+
+    The mark is at `start_m` and, `duration_s` later, at `end_m`; places are of the finger's right
+    edge.
+    """
+
+    start_m: float
+    end_m: float
+    duration_s: float
+    force_n: float
+    direction: Direction
+    harder: bool
+
+    @property
+    def slides(self) -> bool:
+        """Whether the finger is to move."""
+        return self.start_m != self.end_m
+
+
+def mark_of(touch: Touch, finger: TouchDefaults) -> Mark:
+    """Return the mark for `touch`: a place to hold, or a slide at the study's speed."""
+    start_m = end_m = finger.smooth_place_m
+    if touch.place == "path":
+        path_m = touch.own_path_m or finger.path_m
+        start_m, end_m = path_m if touch.direction == "right" else path_m[::-1]
+    return Mark(
+        start_m=start_m,
+        end_m=end_m,
+        duration_s=touch_s(touch, finger),
+        force_n=finger.force_n * touch.press,
+        direction=touch.direction,
+        harder=touch.press > 1,
+    )
 
 
 def on_s(touch: Touch, finger: TouchDefaults, rig: Rig) -> float:

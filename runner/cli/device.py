@@ -9,6 +9,7 @@ from runner.cli.options import (
     Choosing,
     DialectOption,
     JsonOption,
+    SimulatedDampingOption,
     SimulatedLawOption,
     SimulatedRungOption,
     UrlArgument,
@@ -120,6 +121,7 @@ def simulate_device(
     seed: Annotated[int, typer.Option(min=0)] = 0,
     law: SimulatedLawOption = None,
     rung: SimulatedRungOption = None,
+    damping: SimulatedDampingOption = None,
     gauge: Annotated[
         str | None,
         typer.Option(metavar="LINK|PORT", help="Also a force gauge, at a path or loopback port."),
@@ -134,7 +136,9 @@ def simulate_device(
     from device.simulator.server import simulate
 
     def device() -> "SimulatedDevice":
-        return simulated_device(seed, dialect=dialect, law=law or LAW, rung=rung or RUNG)
+        return simulated_device(
+            seed, dialect=dialect, law=law or LAW, rung=rung or RUNG, damping_ratio=damping
+        )
 
     simulate(wire, place, control, device, gauge=gauge, keep=keep, say=say)
 

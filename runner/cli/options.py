@@ -133,6 +133,31 @@ SimulatedRungOption = Annotated[
         "[default: the report's rung]",
     ),
 ]
+
+
+def _damping(given: str) -> float:
+    ratio = float(given)
+    if not 0 < ratio < 1:
+        raise ValueError(f"{given} does not lie strictly between 0 and 1.")
+    return ratio
+
+
+SimulatedDampingOption = Annotated[
+    float | None,
+    typer.Option(
+        "--damping",
+        parser=_damping,
+        metavar="RATIO",
+        help="Damping ratio of the simulated beam. [default: near 0.005, from the seed]",
+    ),
+]
+PeopleOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="Virtual people: one person, or a population to draw from (docs/people.md).",
+    ),
+]
 OverlapOption = Annotated[
     Overlap,
     typer.Option(

@@ -12,6 +12,8 @@ from runner.cli.options import (
     ConsentOption,
     JsonOption,
     LanguageOption,
+    PeopleOption,
+    SimulatedDampingOption,
     SimulatedLawOption,
     SimulatedRungOption,
     StudyArgument,
@@ -38,6 +40,7 @@ def demo(
     ] = None,
     participants: Annotated[int, typer.Option(min=1, max=99)] = 9,
     seed: Annotated[int, typer.Option(min=0)] = 1,
+    people: PeopleOption = None,
 ) -> None:
     """Run and report the paper's study in simulation.
 
@@ -47,10 +50,12 @@ def demo(
     from runner.launch.device_access import touchbeam_command
     from runner.launch.rehearsal import rehearse_cohort
     from runner.study.folder import StudyFolder, new_study, numbered
+    from runner.study.people_file import people_file
 
+    population = None if people is None else people_file(people)
     folder = StudyFolder(path=out or numbered(Path("demo")))
     with new_study(folder, template("paper")), progress("participants", participants) as step:
-        rehearse_cohort(folder, participants, seed, touchbeam_command(), step)
+        rehearse_cohort(folder, participants, seed, touchbeam_command(), step, population)
     write_report(folder, folder.report, rehearsals=True, as_json=False)
     sessions = "the session" if participants == 1 else f"each of {participants} sessions"
     say(f"Device off, read back after {sessions}.")
@@ -147,6 +152,8 @@ def run(
     seed: Annotated[int | None, typer.Option(min=0, help="[default: the study's]")] = None,
     law: SimulatedLawOption = None,
     rung: SimulatedRungOption = None,
+    damping: SimulatedDampingOption = None,
+    people: PeopleOption = None,
 ) -> None:
     """Run or resume a session.
 
@@ -156,6 +163,7 @@ def run(
     from runner.launch.device_access import touchbeam_command
     from runner.launch.run_session import SessionOptions, run_session
     from runner.study.folder import StudyFolder
+    from runner.study.people_file import people_file
 
     options = SessionOptions(
         folder=StudyFolder(path=study),
@@ -174,6 +182,8 @@ def run(
         seed=seed,
         law=law,
         rung=rung,
+        damping=damping,
+        people=None if people is None else people_file(people),
         touchbeam=touchbeam_command(),
     )
     state = run_session(options, say=say, confirm=require_confirmation)

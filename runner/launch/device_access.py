@@ -5,12 +5,12 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypedDict, Unpack
+from typing import Unpack
 
 from device.gauges.known_gauges import open_gauge
 from device.resonance import Resonance
 from device.rig import Rig, open_rig
-from device.simulator.client import ControlClient, simulator_process
+from device.simulator.client import ControlClient, Friction, simulator_process
 from device.study_limits import device_limits
 from protocol.address import SIMULATED, AddressError
 from protocol.study.rig_settings import ForceChannel
@@ -23,13 +23,6 @@ class SessionRig:
 
     device: Rig
     control: ControlClient | None
-
-
-class Friction(TypedDict, total=False):
-    """Law and rung of a simulated beam's friction; those of the report without them."""
-
-    law: str | None
-    rung: str | None
 
 
 @contextmanager
@@ -52,7 +45,7 @@ def session_rig(
         calibration: the rig's resonance, for a device that cannot measure it.
         force_channel: the study's, whose gauge is opened as well; that of a simulated device is
             simulated.
-        friction: law and rung of the simulated beam.
+        friction: law, rung and damping of the simulated beam.
 
     Raises:
         AddressError: `url` is not the address of a device, or that of the gauge of none.

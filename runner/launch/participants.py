@@ -1,15 +1,14 @@
 """The participant and the operator of a session: at the window, at the terminal, or simulated."""
 
 import os
-import random
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from device.drivers.driver import Reading
 from device.force_channel.samples import Forces
-from device.simulator.client import BeamControl
+from device.simulator.client import BeamControl, swapping
 from protocol.study.participant_texts import study_wording
 from runner.clock import Clock, SteppedClock
 from runner.interfaces import Operator, Participant
@@ -26,10 +25,11 @@ from runner.people.slide_plot import SlidePlot
 from runner.people.sliding_block import SlidingBlock
 from runner.people.terminal import at_terminal, terminal_keys
 from runner.people.untouched_beam import UntouchedBeam
-from runner.people.virtual_hand import drawn_hand
-from runner.people.virtual_participant import Finger, VirtualParticipant, drawn_person, swapping
 from runner.session.session import Session
 from runner.window.client import WindowParticipant
+
+if TYPE_CHECKING:
+    from runner.people.virtual_participant import Finger
 
 Say = Callable[[str], None]
 """Prints a line."""
@@ -44,7 +44,7 @@ def participant_and_operator(
     clock: Clock,
     say: Say,
     window: WindowParticipant | None,
-    finger: Finger | None,
+    finger: "Finger | None",
 ) -> Iterator[tuple[Participant, Operator]]:
     """Yield the participant and the operator of `session`; restore the terminal afterwards.
 
@@ -109,7 +109,7 @@ def _block_and_operator(
         yield block, operator
 
 
-def _swap(session: Session, rig: SessionRig, finger: Finger | None) -> Callable[[str], None]:
+def _swap(session: Session, rig: SessionRig, finger: "Finger | None") -> Callable[[str], None]:
     """Return what else happens when the operator is asked to mount a beam."""
     if rig.control is not None:
         return swapping(rig.control, session.study.beams)
@@ -117,25 +117,20 @@ def _swap(session: Session, rig: SessionRig, finger: Finger | None) -> Callable[
 
 
 def _virtual_participant(
-    session: Session, finger: Finger, clock: Clock, control: BeamControl | None
-) -> VirtualParticipant:
-    """Return the participant; on a simulated beam that is recorded it has a hand of its own."""
-    character, stream = drawn_person(session.seed, session.participant, session.number)
-    # A stream of its own, so that a further question leaves touches and scores alone.
-    name = f"questions/{session.seed}/{session.participant}/{session.number}"
-    virtual = VirtualParticipant(
-        control=finger,
-        clock=clock,
-        character=character,
-        random_stream=stream,
-        questions_stream=random.Random(name),
-    )
-    if control is None or session.study.force_channel.rate_hz is None:
-        return virtual
-    hand, tremor = drawn_hand(session.seed, session.participant, session.number)
-    control.sensor("skin", hand.skin)
-    control.sensor("mu0", hand.mu0)
-    return replace(virtual, hand=hand, tremor_stream=tremor)
+    session: Session, finger: "Finger", clock: Clock, control: BeamControl | None
+) -> Participant:
+    """Return the participant that the journal describes; a simulated beam gets its skin."""
+    from device.people.population import session_name
+    from device.people.truth import person_of
+    from runner.people.virtual_participant import VirtualParticipant
+
+    assert session.virtual is not None, "a virtual participant has parameters"
+    person = person_of(session.virtual)
+    if control is not None:
+        control.sensor("skin", person.skin)
+        control.sensor("mu0", person.mu0)
+    name = session_name(session.seed, session.participant, session.number)
+    return VirtualParticipant(control=finger, clock=clock, person=person, name=name)
 
 
 def _operator_by_lines(

@@ -2,9 +2,10 @@
 
 import tempfile
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from device.resonance import Resonance
 from protocol.address import SIMULATED
@@ -17,6 +18,9 @@ from runner.journal.opening import open_journal
 from runner.launch.device_access import touchbeam_command
 from runner.launch.run_session import SessionOptions, run_session
 from runner.study.folder import StudyFolder
+
+if TYPE_CHECKING:
+    from device.people.population import Population
 
 _Kind = TypeVar("_Kind", bound=Event)
 
@@ -112,16 +116,21 @@ def rehearse_cohort(
     seed: int,
     touchbeam: Sequence[str],
     after_each: Callable[[], None],
+    people: "Population | None" = None,
 ) -> None:
     """Run one session for each of `participants` virtual participants, from P01 on.
 
     Args:
         folder: the study's folder, with its study file.
         participants: the number of participants.
-        seed: seed of the participants' characters and the simulated device.
+        seed: seed of the participants and the simulated device.
         touchbeam: the command that starts touchbeam.
         after_each: called after each session.
+        people: whom the participants are drawn from; the default population without it. One who
+            drops out leaves the session unfinished.
     """
+    from runner.people.virtual_participant import VirtualParticipantLeft
+
     for number in range(1, participants + 1):
         options = SessionOptions(
             folder=folder,
@@ -129,7 +138,9 @@ def rehearse_cohort(
             device=SIMULATED,
             ratings="virtual",
             seed=seed,
+            people=people,
             touchbeam=touchbeam,
         )
-        run_session(options, say=lambda _: None)
+        with suppress(VirtualParticipantLeft):
+            run_session(options, say=lambda _: None)
         after_each()

@@ -3,7 +3,8 @@
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 from device.friction.calibration import NOMINAL
 from device.resonance import Resonance
@@ -37,8 +38,6 @@ from runner.launch.participants import Say, participant_and_operator
 from runner.people.participant_console import require_typist
 from runner.people.terminal import said_in_background
 from runner.people.untouched_beam import UntouchedBeam
-from runner.people.virtual_hand import Hand, drawn_hand
-from runner.people.virtual_participant import Finger, drawn_person
 from runner.session.loop import run
 from runner.session.resume import require_resumable
 from runner.session.session import Session, SessionContext, SessionKind, answer_order, versions
@@ -50,6 +49,11 @@ from runner.study.registered import registration_of, require_registered
 from runner.window.client import WindowParticipant
 from runner.window.messages import Settings
 from runner.window.preflight import study_window
+
+if TYPE_CHECKING:
+    from device.people.person import Person
+    from device.people.population import Population
+    from runner.people.virtual_participant import Finger
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,6 +76,8 @@ class SessionOptions:
     calibration: Resonance | None = None
     law: str | None = None
     rung: str | None = None
+    damping: float | None = None
+    people: "Population | None" = None
     screen: int | None = None
     windowed: bool = False
     extra: bool = False
@@ -172,11 +178,13 @@ def _pace(options: SessionOptions, url: str) -> Pace:
     """Return the requested pace, or the default for the kind of ratings.
 
     Raises:
-        BadInput: pace, device, its law or rung, and ratings do not go together.
+        BadInput: pace, device, its law, rung or damping, people and ratings do not go together.
     """
     simulated = url == SIMULATED
-    if not simulated and (options.law or options.rung):
-        raise BadInput(f"--law and --rung are for --device sim, got {url}")
+    if not simulated and (options.law or options.rung or options.damping):
+        raise BadInput(f"--law, --rung and --damping are for --device sim, got {url}")
+    if options.people is not None and options.ratings != "virtual":
+        raise BadInput(f"--people is for --ratings virtual, got {options.ratings}")
     unattended = simulated and options.ratings == "virtual"
     if options.pace == "stepped" and not unattended:
         raise BadInput(
@@ -278,6 +286,7 @@ def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
             calibration,
             law=options.law,
             rung=options.rung,
+            damping=options.damping,
             force_channel=request.study.force_channel,
         )
     )
@@ -315,7 +324,7 @@ def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
 
 def _finger(
     request: Request, rig: SessionRig, say: Say, resonance_hz: Callable[[], float]
-) -> Finger | None:
+) -> "Finger | None":
     """Return what a virtual participant feels with; None for a person or a block."""
     if request.options.ratings != "virtual" or request.options.slides:
         return None
@@ -386,19 +395,30 @@ def _calibration(options: SessionOptions) -> RigCalibration | None:
 
 
 def _virtual_truth(request: Request) -> VirtualTruth | None:
-    """Return the true parameters of a virtual participant; None for a person or a block."""
-    if request.options.ratings != "virtual" or request.options.slides:
-        return None
-    from device.friction.contrasts import LAW, RUNG
+    """Return the true parameters of a virtual participant; None for a person or a block.
 
+    Those of the beam are known if it is simulated.
+    """
     options = request.options
-    character, _ = drawn_person(request.seed, options.participant, options.number)
-    hand = Hand()
-    if request.study.force_channel.rate_hz is not None and request.url == SIMULATED:
-        hand, _ = drawn_hand(request.seed, options.participant, options.number)
-    return VirtualTruth(
-        **vars(character), **vars(hand), law=options.law or LAW, rung=options.rung or RUNG
-    )
+    if options.ratings != "virtual" or options.slides:
+        return None
+    from device.people.truth import truth_of
+    from device.people.world import World
+    from device.simulator.hardware.beam_and_finger import SimulatedBeam
+
+    person = _person(options.people, request.seed, options.participant)
+    if request.url != SIMULATED:
+        return replace(truth_of(person, World()), damping_ratio=None, beam_gain=None)
+    chosen = {"law": options.law, "rung": options.rung, "damping_ratio": options.damping}
+    given: dict[str, Any] = {name: each for name, each in chosen.items() if each is not None}
+    return truth_of(person, SimulatedBeam(request.seed, **given).world)
+
+
+def _person(people: "Population | None", seed: int, participant: str) -> "Person":
+    """Return a virtual participant: the same one in each of the study's sessions."""
+    from device.people.population import DEFAULT, drawn_person, person_name
+
+    return drawn_person(people or DEFAULT, person_name(seed, participant))
 
 
 @contextmanager

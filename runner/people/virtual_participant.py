@@ -1,21 +1,29 @@
-"""A virtual participant, who touches a beam, feels its friction, answers and rates.
+"""A virtual participant, who touches a beam, feels its friction, answers and scores.
 
 It feels the friction that the simulated device really produces, through a control connection, or on
-a real device a predicted one (`untouched_beam`). It knows neither the plan nor the drive.
+a real device a predicted one (`untouched_beam`). It knows neither the plan nor the drive. What it
+is like, feels and answers is in `device.people`.
 """
 
 import math
 import random
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
-from device.simulator.client import BeamControl
+import numpy as np
+
+from device.beam.modes import FloatArray
+from device.people.answering import QUESTION_NUMBERS, Answering, answer_of, on_scale
+from device.people.perceiving import Felt, beyond, felt_contrast, kind_of_change
+from device.people.person import People, Person
+from device.people.random_numbers import uniforms
+from device.people.touching import TOUCH_NUMBERS, Course, course, fractions
+from protocol.errors import WorkFailed
 from protocol.study.questions import ANSWERS, QUESTIONS, Question
-from protocol.study.rating import PAPERS_SCALE
 from protocol.study.study_question import BETWEEN, SCORE, StudyQuestion
+from protocol.study.touch import Mark
 from runner.clock import Clock
-from runner.people.virtual_hand import Hand
 from runner.screens import (
     Ask,
     Instruction,
@@ -30,41 +38,12 @@ from runner.screens import (
 _SKIPPED, _CHOSEN = 0.1, 0.4
 """How often a question is skipped that may be, and how often one of several labels is chosen."""
 _REMARKS = ("nothing", "quite smooth", "rough at first", "hard to tell")
-_SLIGHT = 0.01
-"""Change of log friction within a touch below which the touch counts as constant."""
+_LEAST_FORCE = 0.5
+"""Of a trembling finger, relative to its mean force."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Character:
-    """Parameters of a virtual participant: score = bias + gain · |felt contrast| + noise.
-
-    On the paper's scale, whatever the study's. A felt contrast (with noise of SD `felt_noise`)
-    below `criterion` is answered as no change.
-    """
-
-    bias: float
-    gain: float
-    felt_noise: float = 0.01
-    criterion: float = 0.018
-    rating_noise: float = 0.8
-
-
-def drawn_character(random_stream: random.Random) -> Character:
-    """Return a character from a population like the nine people of the paper's Table 4.
-
-    The criteria give false alarms on 5 to 10% of catch trials.
-    """
-    return Character(
-        bias=random_stream.gauss(6.6, 0.7),
-        gain=random_stream.gauss(5.0, 1.0),
-        criterion=random_stream.uniform(0.0165, 0.0195),
-    )
-
-
-def drawn_person(seed: int, participant: str, session: int) -> tuple[Character, random.Random]:
-    """Return the character of a session's virtual participant, and the stream of its answers."""
-    stream = random.Random(f"virtual/{seed}/{participant}/{session}")
-    return drawn_character(stream), stream
+class VirtualParticipantLeft(WorkFailed):
+    """A virtual participant has dropped out."""
 
 
 class Finger(Protocol):
@@ -81,56 +60,90 @@ class Finger(Protocol):
         ...
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Felt:
-    """Friction coefficient felt at a position."""
+class _Touch:
+    """A touch in progress: its course, and what the finger has felt of it so far."""
 
-    position_m: float
-    friction: float
+    def __init__(self, control: Finger, way: Course, tremor: Callable[[], float] | None) -> None:
+        self._control = control
+        self._way = way
+        self._tremor = tremor
+        self._parts = fractions(way.mark)
+        self._friction: list[float] = []
+
+    def go_on(self, part: float) -> None:
+        """Feel what is due at this part of the touch's time, and put the finger where it is.
+
+        The end is felt anew as long as the touch lasts.
+        """
+        way, last = self._way, len(self._parts) - 1
+        due = self._parts[
+            min(len(self._friction), last) : np.searchsorted(self._parts, part, "right")
+        ]
+        if due.size:
+            del self._friction[last:]
+            places_m, speed_m_s = way.places_m(due)[0], float(way.speed_m_s[0])
+            self._friction += [self._put(float(place_m), speed_m_s) for place_m in places_m]
+        if way.mark.slides or self._tremor:
+            moves = float(way.speed_factor[0]) * part < 1
+            place_m = float(way.places_m(np.array([part]))[0, 0])
+            self._put(place_m, float(way.speed_m_s[0]) * moves, self._tremor)
+
+    def _put(
+        self, place_m: float, speed_m_s: float, tremor: Callable[[], float] | None = None
+    ) -> float:
+        force_n = float(self._way.force_n[0]) * (tremor() if tremor else 1.0)
+        return self._control.touch(force_n, place_m, self._way.mark.direction, speed_m_s)
+
+    @property
+    def felt(self) -> Felt:
+        """What was felt; a touch that was cut short felt to its end as it did last."""
+        rest = [self._friction[-1]] * (len(self._parts) - len(self._friction))
+        return Felt(mark=self._way.mark, friction=np.array([self._friction + rest]))
 
 
 @dataclass
 class VirtualParticipant:
     """A participant who answers at once.
 
-    It compares the last touch of a trial with the first. If there is only one touch, it compares
-    the end with the beginning, or, if they feel the same, with the remembered beam at rest. A
-    touch for which `slips` returns True is pressed twice as hard as instructed.
-
-    With a `hand` its finger moves smoothly, as that hand does, trembling by `tremor_stream`.
-    Without one it jumps along with the mark, exactly as instructed.
+    A touch for which `slips` returns True is pressed twice as hard as instructed. `name` determines
+    all random numbers: see `device.people.population.session_name`.
     """
 
     control: Finger
     clock: Clock
-    character: Character
-    random_stream: random.Random
+    person: Person
+    name: str
     slips: Callable[[], bool] = lambda: False
-    questions_stream: random.Random = field(default_factory=lambda: random.Random(1))
-    hand: Hand | None = None
-    tremor_stream: random.Random = field(default_factory=lambda: random.Random(1))
+    _people: People = field(init=False)
+    _answering: Answering = field(init=False)
+    _streams: dict[str, random.Random] = field(init=False)
     _screen: Screen | None = field(default=None, init=False)
     _pacing_from_s: float = field(default=0.0, init=False)
-    _touches: list[list[_Felt]] = field(default_factory=list, init=False)
-    _resting: float | None = field(default=None, init=False)
-    _contrast: float = field(default=0.0, init=False)
-    _presses: float = field(default=1.0, init=False)
+    _touches: list[_Touch] = field(default_factory=list, init=False)
+    _resting: FloatArray | None = field(default=None, init=False)
+    _touched: int = field(default=0, init=False)
+    _asked: int = field(default=0, init=False)
+
+    def __post_init__(self) -> None:
+        self._people = People.of([self.person])
+        self._answering = Answering(self._people)
+        # One for each purpose, so that a further question leaves touches and scores alone.
+        purposes = ("ready", "own questions", "tremor")
+        self._streams = {each: random.Random(f"{each}/{self.name}") for each in purposes}
 
     def show(self, screen: Screen) -> None:
         """Receive `screen`; a pacing cue puts the finger on the beam."""
         self._screen = screen
         if isinstance(screen, Pacing):
             self._pacing_from_s = self.clock.monotonic_s()
-            self._touches.append([])
-            self._presses = 2.0 if self.slips() else 1.0
-            self._feel(screen)
+            self._touches.append(self._begun(screen.mark))
+            self._touches[-1].go_on(0.0)
         elif isinstance(screen, Notice) and screen.text == "touch.end":
             self.control.lift()
-        elif isinstance(screen, Notice) and screen.text.startswith("again."):
-            self._touches.clear()
 
-    def progress(self, number: int, total: int) -> None:
-        """Do nothing, because a virtual participant needs no encouragement."""
+    def progress(self, number: int, total: int) -> None:  # noqa: ARG002 - it counts itself
+        """Forget the touches of a trial that is begun anew."""
+        self._touches.clear()
 
     def felt(self, finger: OwnFinger) -> None:
         """A virtual finger needs no picture of itself."""
@@ -139,32 +152,74 @@ class VirtualParticipant:
         """Do nothing, because a virtual participant needs no confirmation."""
 
     def poll(self) -> Response | None:
-        """Return the answer to the current screen; while touching, move the finger."""
+        """Return the answer to the current screen; while touching, move the finger.
+
+        Raises:
+            VirtualParticipantLeft: it has dropped out.
+        """
         match self._screen:
             case Pacing() as pacing:
-                self._feel(pacing)
+                passed_s = self.clock.monotonic_s() - self._pacing_from_s
+                self._touches[-1].go_on(min(passed_s / pacing.duration_s, 1.0))
                 return None
             case Instruction(text="remember"):
-                self._resting = self._touches[-1][-1].friction
+                self._resting = self._touches[-1].felt.friction[:, -1]
                 self._touches.clear()
-                return self._respond("ready")
+                return self._respond("ready", self._seconds("ready"))
             case Instruction() | Welcome():
-                return self._respond("ready")
-            case Ask(question=question) if question.name in {*QUESTIONS, SCORE}:
-                return self._respond(self._answer(question))
+                return self._respond("ready", self._seconds("ready"))
             case Ask(question=question):
-                return self._respond(self._own(question), self.questions_stream)
+                return self._answer(question)
         return None
 
-    def _answer(self, question: StudyQuestion) -> str:
+    def _answer(self, question: StudyQuestion) -> Response:
         for change in QUESTIONS:
             if question.name == change:
                 return self._change(change)
-        return str(self._score(question))
+        if question.name == SCORE:
+            score, seconds = self._answering.score()
+            lowest, highest, _ = question.scale
+            return self._respond(f"{on_scale(score, lowest, highest)[0]:.0f}", seconds[0])
+        return self._respond(self._own(question), self._seconds("own questions"))
+
+    def _respond(self, answer: str, seconds: float) -> Response:
+        self._screen = None
+        return Response(answer=answer, reaction_time_s=float(seconds))
+
+    def _seconds(self, purpose: str) -> float:
+        return round(self._streams[purpose].uniform(0.4, 2), 3)
+
+    def _begun(self, mark: Mark) -> _Touch:
+        u = uniforms(f"touches/{self.name}", self._touched + 1, TOUCH_NUMBERS)[-1:]
+        self._touched += 1
+        way = course(self._people, u, mark)
+        if self.slips():
+            way = replace(way, force_n=2 * way.force_n)
+        return _Touch(self.control, way, self._tremor if self.person.tremor else None)
+
+    def _tremor(self) -> float:
+        return max(1 + self._streams["tremor"].gauss(0, self.person.tremor), _LEAST_FORCE)
+
+    def _change(self, question: Question) -> Response:
+        felt = [touch.felt for touch in self._touches]
+        marks = [touch.mark for touch in felt]
+        resting = felt[0].friction[:, 0] if self._resting is None else self._resting
+        self._touches.clear()
+        u = uniforms(f"questions/{self.name}", self._asked + 1, QUESTION_NUMBERS)[-1:]
+        self._asked += 1
+        answer, seconds = self._answering.change(
+            felt_contrast(question, felt, resting),
+            beyond(kind_of_change(question, marks), self._people),
+            np.array([len(ANSWERS[question]) > 2]),
+            u,
+        )
+        if self._answering.left[0]:
+            raise VirtualParticipantLeft(f"the virtual participant {self.name} has left")
+        return self._respond(answer_of(question, int(answer[0])), seconds[0])
 
     def _own(self, question: StudyQuestion) -> str:
         """Return an answer to a question of the study's own, at random but plausible."""
-        stream = self.questions_stream
+        stream = self._streams["own questions"]
         if not question.required and stream.random() < _SKIPPED:
             return ""
         match question.kind:
@@ -181,63 +236,6 @@ class VirtualParticipant:
         # Most people avoid the ends of a scale.
         return str(question.place(round(stream.betavariate(2, 2) * question.places)))
 
-    def _respond(self, answer: str, stream: random.Random | None = None) -> Response:
-        self._screen = None
-        seconds = (stream or self.random_stream).uniform(0.4, 2)
-        return Response(answer=answer, reaction_time_s=round(seconds, 3))
-
-    def _feel(self, pacing: Pacing) -> None:
-        passed_s = self.clock.monotonic_s() - self._pacing_from_s
-        force_n = pacing.force_n * self._presses
-        if self.hand is None:
-            fraction = min(passed_s / pacing.duration_s, 1.0)
-            position_m = pacing.start_m + fraction * (pacing.end_m - pacing.start_m)
-            friction = self.control.touch(force_n, position_m, pacing.direction)
-        else:
-            position_m, speed_m_s = self.hand.place_m(pacing, passed_s)
-            trembles = max(1 + self.tremor_stream.gauss(0, self.hand.tremor), 0.5)
-            force_n *= self.hand.force_factor * trembles
-            friction = self.control.touch(force_n, position_m, pacing.direction, speed_m_s)
-        self._touches[-1].append(_Felt(position_m=position_m, friction=friction))
-
-    def _change(self, question: Question) -> str:
-        noise = self.random_stream.gauss(0, self.character.felt_noise)
-        felt = self._felt_contrast(question) + noise
-        self._touches.clear()
-        self._contrast = felt
-        more, *less, same = ANSWERS[question]
-        if abs(felt) < self.character.criterion:
-            return same
-        return more if felt > 0 else (*less, same)[0]
-
-    def _felt_contrast(self, question: Question) -> float:
-        """Return the change of log friction that `question` asks about."""
-        first, last = self._touches[0], self._touches[-1]
-        effect = QUESTIONS[question].effect
-        if effect == "places":
-            return _swap(first, last)
-        resting = self._resting or first[0].friction
-        if effect == "depth":
-            return _depth(last, resting) - _depth(first, resting)
-        return math.log(self._before(resting) / last[-1].friction)
-
-    def _before(self, resting: float) -> float:
-        """Return the friction to compare the last touch with."""
-        first = self._touches[0]
-        if len(self._touches) > 1:
-            return first[-1].friction
-        changed = abs(math.log(first[0].friction / first[-1].friction)) > _SLIGHT
-        return first[0].friction if changed else resting
-
-    def _score(self, question: StudyQuestion) -> int:
-        """Return the score of the size of the change, as far between the ends of this scale."""
-        character = self.character
-        score = character.bias + character.gain * abs(self._contrast)
-        score += self.random_stream.gauss(0, character.rating_noise)
-        above = min(max(score, PAPERS_SCALE.minimum), PAPERS_SCALE.maximum) - PAPERS_SCALE.minimum
-        lowest, highest, _ = question.scale
-        return round(lowest + above * ((highest - lowest) / PAPERS_SCALE.span))
-
 
 def _range(question: StudyQuestion) -> tuple[float, float, int]:
     """Return between which ends, and with how many decimals, a number is drawn."""
@@ -247,25 +245,3 @@ def _range(question: StudyQuestion) -> tuple[float, float, int]:
     high = low + 50.0 if high is None else high
     steps = 10**decimals
     return math.ceil(low * steps) / steps, math.floor(high * steps) / steps, decimals
-
-
-def _depth(touch: list[_Felt], resting: float) -> float:
-    """Return the root mean square of the log friction relative to the beam at rest."""
-    logs = [math.log(felt.friction / resting) for felt in touch]
-    return math.sqrt(sum(log * log for log in logs) / len(logs))
-
-
-def _swap(there: list[_Felt], back: list[_Felt]) -> float:
-    """Return the root mean square difference of log friction between two slides, by position."""
-    returned = sorted(back, key=lambda felt: felt.position_m)
-    logs = [math.log(felt.friction / _nearest(returned, felt.position_m)) for felt in there]
-    return math.sqrt(sum(log * log for log in logs) / len(logs))
-
-
-def _nearest(touch: list[_Felt], position_m: float) -> float:
-    return min(touch, key=lambda felt: abs(felt.position_m - position_m)).friction
-
-
-def swapping(control: BeamControl, body_spacing_m: Mapping[str, float]) -> Callable[[str], None]:
-    """Return a function that mounts one of the study's beams, by name, on the simulated device."""
-    return lambda beam: control.swap_beam(body_spacing_m[beam])

@@ -103,7 +103,7 @@ def recovery(found: Findings) -> Section:
 
 
 def _on_scale(truth: VirtualTruth, scale: Scale) -> VirtualTruth:
-    """Return the parameters in points of the study's scale; a character has them on the paper's."""
+    """Return the parameters in points of the study's scale; a person has them on the paper's."""
     points = scale.span / PAPERS_SCALE.span
     return replace(
         truth,
@@ -132,7 +132,8 @@ def _table(pairs: Iterable[tuple[SubjectLine, VirtualTruth]]) -> Table:
     return Table(
         name="recovered",
         caption="Bias and gain that each virtual participant was given, and M2's estimates with "
-        "95% intervals.",
+        "95% intervals. The true gain is that against predicted contrasts: what the skin "
+        "multiplies changes by is part of it.",
         columns=columns(
             *("subject", "true bias", "bias", "95%", "true gain", "gain", "95%", "gain covered")
         ),
@@ -142,7 +143,7 @@ def _table(pairs: Iterable[tuple[SubjectLine, VirtualTruth]]) -> Table:
                 number(truth.bias, 2),
                 number(line.bias, 2),
                 interval(line.bias_interval),
-                number(truth.gain, 2),
+                number(truth.sensitivity, 2),
                 number(line.gain, 2),
                 interval(line.gain_interval),
                 "yes" if _covers(line, truth) else "no",
@@ -154,7 +155,7 @@ def _table(pairs: Iterable[tuple[SubjectLine, VirtualTruth]]) -> Table:
 
 def _covers(line: SubjectLine, truth: VirtualTruth) -> bool:
     low, high = line.gain_interval
-    return low <= truth.gain <= high
+    return low <= truth.sensitivity <= high
 
 
 def _model_json(law: str, rung: str) -> Json:
@@ -166,6 +167,7 @@ def _subject_json(line: SubjectLine, truth: VirtualTruth) -> Json:
     return {
         "subject": line.subject,
         "true": {name: value for name, value in true.items() if name not in {"law", "rung"}},
+        "sensitivity": truth.sensitivity,
         "bias": line.bias,
         "bias_ci": plain(line.bias_interval),
         "gain": line.gain,

@@ -13,11 +13,8 @@ import numpy as np
 from device.beam.beam import Beam
 from device.beam.modes import FloatArray, modal_displacement_m, natural_frequency_hz
 from device.friction.coefficient import friction_coefficient
-from device.friction.contact import contact_of
 from device.friction.contrasts import LAW, RUNG
 from device.friction.laws import law_by_name
-from device.friction.prediction import LawChoice, law_state
-from device.friction.rungs import rung_field, rung_resonance_hz
 from device.friction.scenes import (
     REFERENCE_SPEED_M_S,
     Direction,
@@ -26,11 +23,10 @@ from device.friction.scenes import (
     Scene,
     Structure,
 )
+from device.people.world import BODY_HEIGHT_M, MODE, Fingers, World, felt_friction
 from device.simulator.hardware.force_sensor import ForceSensor, Skin
 from device.simulator.hardware.power_stage import Instrument
 
-MODE = 6
-BODY_HEIGHT_M = 1e-3
 SPREAD = {"resonance": 0.005, "damping": 0.1, "gain": 0.03}
 """Relative standard deviations of what the seed moves."""
 SENSOR_NOISE = {
@@ -71,12 +67,14 @@ class SimulatedBeam:
     """A beam whose hidden properties follow from `seed`, and its friction from a law and a rung.
 
     Raises:
-        OutOfRangeError: the law or the rung does not exist.
+        OutOfRangeError: the law or the rung does not exist, or the damping ratio is impossible.
     """
 
     seed: int
     law: str = LAW
     rung: str = RUNG
+    damping_ratio: float | None = None
+    """Of the beam; None: the seed moves it, too."""
     finger: Finger | None = None
     skin: Skin = field(default_factory=Skin)
     body_height_m: float = BODY_HEIGHT_M
@@ -89,8 +87,8 @@ class SimulatedBeam:
     sensor: ForceSensor = field(init=False)
     beam: Beam = field(init=False)
     gain: float = field(init=False)
-    _model: Beam = field(init=False)
-    """The beam as the rung takes it, its resonance where the rung has it."""
+    world: World = field(init=False)
+    """What the friction obeys."""
     _model_hz_per_hz: float = field(init=False)
     _moment: random.Random = field(init=False, default_factory=random.Random)
 
@@ -100,13 +98,16 @@ class SimulatedBeam:
             frequency_scale=1 + hidden.gauss(0, SPREAD["resonance"]),
             damping_ratio=Beam().damping_ratio * (1 + hidden.gauss(0, SPREAD["damping"])),
         )
-        self._model = replace(self.beam, frequency_scale=1.0)
+        if self.damping_ratio is not None:
+            self.beam = replace(self.beam, damping_ratio=self.damping_ratio)
         self.sensor = ForceSensor.of(self.seed)
         law_by_name(self.law)
         # The rung's own resonance is where the sensor at the tip shows it.
-        resonance_hz = rung_resonance_hz(self.rung, Beam(), MODE)
-        self._model_hz_per_hz = resonance_hz / natural_frequency_hz(self.beam, MODE)
         self.gain = 1 + hidden.gauss(0, SPREAD["gain"])
+        self.world = World(
+            law=self.law, rung=self.rung, damping_ratio=self.beam.damping_ratio, gain=self.gain
+        )
+        self._model_hz_per_hz = self.world.resonance_hz / natural_frequency_hz(self.beam, MODE)
 
     def touch(
         self,
@@ -212,15 +213,17 @@ class SimulatedBeam:
         self, finger: Finger, times_s: FloatArray, voltage_v: FloatArray, frequency_hz: float
     ) -> FloatArray:
         """Return the friction coefficient of this finger's skin, as `forces`."""
-        choice, resting = LawChoice(name=self.law), Structure().friction_coefficient
-        if not (voltage_v.any() or choice.law.as_printed):  # at rest no rung need be set up
-            return np.full(times_s.size, self.skin.mu0 * resting)
-        scene = self._scene(finger, self.gain, frequency_hz)
-        field = rung_field(self.rung, scene.structure.beam, scene.drive).scaled(voltage_v)
-        contact = contact_of(scene, self._places_m(finger, times_s))
-        driven = choice.law(law_state(contact, field, self.rung, choice).terms)
-        size = np.abs(driven / resting) ** self.skin.skin
-        return np.asarray(self.skin.mu0 * resting * np.copysign(size, driven))
+        fingers = Fingers(
+            place_m=self._places_m(finger, times_s),
+            force_n=finger.force_n,
+            speed_m_s=finger.speed_m_s or REFERENCE_SPEED_M_S,
+            voltage_v=voltage_v,
+            body_height_m=self.body_height_m,
+            skin=self.skin.skin,
+            mu0=self.skin.mu0,
+        )
+        model_hz = frequency_hz * self._model_hz_per_hz
+        return felt_friction(self.world, fingers, model_hz, finger.direction)
 
     def _places_m(self, finger: Finger, times_s: FloatArray) -> FloatArray:
         return finger.places_m(times_s, self.beam.length_m)
@@ -254,7 +257,7 @@ class SimulatedBeam:
     def _scene(self, finger: Finger, voltage_v: float, frequency_hz: float) -> Scene:
         model_hz = frequency_hz * self._model_hz_per_hz
         return Scene(
-            structure=Structure(beam=self._model, body_height_m=self.body_height_m),
+            structure=Structure(beam=self.world.beam, body_height_m=self.body_height_m),
             drive=Drive(voltage_v=voltage_v, frequency_hz=model_hz, mode=MODE),
             touch=FingerContact(
                 x_m=finger.position_m,

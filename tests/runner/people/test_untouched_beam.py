@@ -1,16 +1,16 @@
 """A dry run on a device that nobody touches: answers follow what the device reports."""
 
-import random
 from pathlib import Path
 
 import pytest
 
 from device.drivers.driver import Reading
+from device.people.person import Person
 from protocol.journal.events import Answered
 from protocol.study_file.loading import parsed_study, template
 from runner.journal.opening import open_journal
 from runner.people.untouched_beam import UntouchedBeam
-from runner.people.virtual_participant import Character, VirtualParticipant
+from runner.people.virtual_participant import VirtualParticipant
 from runner.session.loop import run
 from tests.runner.fakes import FakeDevice, FakeParticipant, context
 
@@ -50,8 +50,8 @@ def test_a_whole_dry_run_is_answered_by_what_was_driven(tmp_path: Path, deaf: bo
         session.participant = VirtualParticipant(
             control=UntouchedBeam(STUDY, reading, lambda: session.resonance_hz),
             clock=session.clock,
-            character=Character(bias=5, gain=10, felt_noise=0.0),
-            random_stream=random.Random(1),
+            person=Person(bias=5, gain=10, felt_noise=0.0, criterion=0.02, criterion_less=0.02),
+            name="1/P01/1",
         )
         run(session)
         records = [event.record for event in journal.events("P01/1 (rehearsal)")]

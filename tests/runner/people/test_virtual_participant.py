@@ -1,36 +1,45 @@
 """Virtual participants: answers and scores follow from the friction they feel."""
 
 import math
-import random
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import pytest
 
+from device.people.person import Person
 from protocol.study.questions import ANSWERS, Question
 from protocol.study.rating import PAPERS_SCALE, Rating
 from protocol.study.study_question import StudyQuestion
 from protocol.study_file.loading import parsed_study, template
-from runner.people.virtual_participant import Character, VirtualParticipant, drawn_character
+from runner.people.virtual_participant import VirtualParticipant, VirtualParticipantLeft
 from runner.screens import Ask, Instruction, Notice, Pacing, ask_change, ask_score
 from tests.protocol.studies import OWN_QUESTIONS
 from tests.runner.fakes import FakeClock
 
-EXACT = Character(bias=2.0, gain=5.0, felt_noise=0.0, rating_noise=0.0, criterion=0.01)
+EXACT = Person(
+    bias=2.0, gain=5.0, felt_noise=0.0, rating_noise=0.0, criterion=0.01, criterion_less=0.01
+)
 
 
 class FakeHand:
-    """A hand that feels the friction of `feels`, a function of the share of the path."""
+    """A hand that feels the friction of `feels`, a function of the share of a touch of 1 s."""
 
     def __init__(self) -> None:
+        self.clock = FakeClock()
+        self.began_s = 0.0
         self.feels: Any = lambda fraction: 0.4
 
     def touch(
         self, force_n: float, position_m: float, direction: str, speed_m_s: float = 0.0
     ) -> float:
-        fraction = (position_m - 0.01) / 0.07
-        return float(self.feels(fraction if direction == "right" else 1 - fraction))
+        return float(self.feels(self.clock.monotonic_s() - self.began_s))
 
     def lift(self) -> None: ...
+
+
+def participant(control: Any, person: Person = EXACT, seed: int = 1) -> VirtualParticipant:
+    name = f"{seed}/P01/1"
+    return VirtualParticipant(control=control, clock=control.clock, person=person, name=name)
 
 
 def felt(
@@ -38,22 +47,17 @@ def felt(
     question: Question,
     resting: float = 0.4,
     scale: Rating = PAPERS_SCALE,
-    character: Character = EXACT,
+    person: Person = EXACT,
     seed: int = 1,
 ) -> tuple[str, int]:
     """Let a participant feel the resting beam, then `touches`, then ask."""
-    control, clock = FakeHand(), FakeClock()
-    virtual = VirtualParticipant(
-        control=control,
-        clock=clock,
-        character=character,
-        random_stream=random.Random(seed),
-    )
-    _touch(virtual, control, clock, lambda _: resting)
+    control = FakeHand()
+    virtual = participant(control, person, seed)
+    _touch(virtual, control, lambda _: resting)
     virtual.show(Instruction(text="remember"))
     assert virtual.poll() is not None
     for touch in touches:
-        _touch(virtual, control, clock, touch)
+        _touch(virtual, control, touch)
     virtual.show(ask_change(question))
     change = virtual.poll()
     virtual.show(ask_score(scale))
@@ -64,12 +68,20 @@ def felt(
     return change.answer, int(score.answer)
 
 
-def _touch(virtual: VirtualParticipant, control: FakeHand, clock: FakeClock, feels: Any) -> None:
-    control.feels = feels
-    way = Pacing(start_m=0.01, end_m=0.08, duration_s=1.0, force_n=0.5, direction="right")
-    virtual.show(way)
+RIGHT = Pacing(
+    start_m=0.01, end_m=0.08, duration_s=1.0, force_n=0.5, direction="right", harder=False
+)
+LEFT = replace(RIGHT, start_m=0.08, end_m=0.01, direction="left")
+HELD = replace(RIGHT, start_m=0.04, end_m=0.04)
+
+
+def _touch(
+    virtual: VirtualParticipant, control: FakeHand, feels: Any, pacing: Pacing = HELD
+) -> None:
+    control.feels, control.began_s = feels, control.clock.monotonic_s()
+    virtual.show(pacing)
     for _ in range(20):
-        clock.sleep(0.05)
+        control.clock.sleep(0.05)
         assert virtual.poll() is None
     virtual.show(Notice(text="touch.end"))
     assert virtual.poll() is None
@@ -117,33 +129,118 @@ def test_a_change_in_the_opposite_direction_has_the_same_score() -> None:
     assert there[1] == back[1] == round(2 + 5 * math.log(2))
 
 
-def test_false_alarms_are_as_rare_as_those_of_people() -> None:
-    characters = [drawn_character(random.Random(seed)) for seed in range(1000)]
-    rates = [math.erfc(who.criterion / who.felt_noise / math.sqrt(2)) for who in characters]
-    assert min(rates) > 0.05
-    assert max(rates) < 0.1
-    answers = [
-        felt([lambda _: 0.4, lambda _: 0.4], "roughness", character=who, seed=seed)[0]
-        for seed, who in enumerate(characters)
-    ]
-    assert 1 - answers.count("same") / len(answers) == pytest.approx(0.073, abs=0.02)
-
-
 @pytest.mark.parametrize("question", parsed_study(template("paper") + OWN_QUESTIONS).question)
 def test_a_studys_own_question_gets_an_answer_that_it_allows(question: StudyQuestion) -> None:
     answers = set()
     for seed in range(60):
-        virtual = VirtualParticipant(
-            control=FakeHand(),
-            clock=FakeClock(),
-            character=EXACT,
-            random_stream=random.Random(1),
-            questions_stream=random.Random(seed),
-        )
+        virtual = participant(FakeHand(), seed=seed)
         virtual.show(Ask(question=question))
         response = virtual.poll()
         assert response is not None
         answers.add(question.answer(response.answer))
-        assert virtual.random_stream.random() == random.Random(1).random()
     assert len(answers) >= 3
     assert (None in answers) == (not question.required)
+
+
+def test_a_further_question_leaves_answers_and_scores_alone() -> None:
+    own = parsed_study(template("paper") + OWN_QUESTIONS).question[0]
+    noisy = replace(EXACT, felt_noise=0.2, rating_noise=2.0)
+    plain, asked = (participant(FakeHand(), noisy) for _ in range(2))
+    for _ in range(5):
+        asked.show(Ask(question=own))
+        asked.poll()
+        assert answered(plain) == answered(asked)
+
+
+def answered(virtual: VirtualParticipant) -> tuple[str, str]:
+    said = []
+    for touch in (lambda _: 0.4, lambda _: 0.35):
+        assert isinstance(virtual.control, FakeHand)
+        _touch(virtual, virtual.control, touch)
+    for ask in (ask_change("roughness"), ask_score(PAPERS_SCALE)):
+        virtual.show(ask)
+        response = virtual.poll()
+        assert response is not None
+        said.append(response.answer)
+    return said[0], said[1]
+
+
+def test_one_who_drops_out_leaves_at_a_question() -> None:
+    virtual = participant(FakeHand(), replace(EXACT, dropout=1.0))
+    with pytest.raises(VirtualParticipantLeft, match="1/P01/1 has left"):
+        answered(virtual)
+
+
+WRONG = replace(EXACT, force_factor=1.2, speed_factor=0.8, place_offset_m=1e-3)
+
+
+@dataclass
+class Beam:
+    """A beam that notes every touch: force, place, direction, speed."""
+
+    clock: FakeClock = field(default_factory=FakeClock)
+    felt: list[tuple[float, float, str, float]] = field(default_factory=list)
+
+    def touch(
+        self, force_n: float, position_m: float, direction: str, speed_m_s: float = 0.0
+    ) -> float:
+        self.felt.append((force_n, position_m, direction, speed_m_s))
+        return 0.4
+
+    def lift(self) -> None: ...
+
+
+def followed(pacing: Pacing, person: Person, tick_s: float = 0.05) -> Beam:
+    beam = Beam()
+    virtual = participant(beam, person)
+    virtual.show(pacing)
+    for _ in range(round(pacing.duration_s / tick_s)):
+        beam.clock.sleep(tick_s)
+        virtual.poll()
+    virtual.show(Notice(text="touch.end"))
+    return beam
+
+
+@pytest.mark.parametrize("pacing", [RIGHT, LEFT, HELD])
+def test_the_finger_is_wrong_as_it_says(pacing: Pacing) -> None:
+    felt = followed(pacing, WRONG).felt
+    sign = {"right": 1, "left": -1}[pacing.direction]
+    way_m = pacing.end_m - pacing.start_m
+    assert felt[0][1] == pytest.approx(pacing.start_m + 1e-3)
+    assert felt[-1][1] == pytest.approx(pacing.start_m + 1e-3 + 0.8 * way_m)
+    assert {force for force, *_ in felt} == {0.6}
+    assert {round(speed, 9) for *_, speed in felt} == {round(0.8 * sign * way_m, 9)}
+
+
+def test_a_fast_finger_stops_where_the_mark_will() -> None:
+    assert followed(RIGHT, replace(EXACT, speed_factor=1.5)).felt[-1][1::2] == (0.08, 0.0)
+
+
+def test_a_trembling_finger_presses_about_its_mean() -> None:
+    forces = [force for force, *_ in followed(HELD, replace(WRONG, tremor=0.05)).felt]
+    mean = sum(forces) / len(forces)
+    assert mean == pytest.approx(0.6, rel=0.03)
+    assert max(forces) > 1.03 * mean > 0.97 * mean > min(forces)
+
+
+@pytest.mark.parametrize("pacing", [RIGHT, LEFT, HELD])
+def test_what_it_feels_does_not_depend_on_how_often_it_is_looked_at(pacing: Pacing) -> None:
+    rare, often = (
+        {place_m for _, place_m, *_ in followed(pacing, WRONG, tick_s).felt}
+        for tick_s in (1.0, 0.01)
+    )
+    assert rare <= often, "it notes what it feels at the same places, and is at others meanwhile"
+    assert len(rare) == (1 if pacing is HELD else 25)
+
+
+def test_a_single_slide_is_compared_with_the_beam_at_rest() -> None:
+    control = FakeHand()
+    virtual = participant(control)
+    _touch(virtual, control, lambda _: 0.4)
+    virtual.show(Instruction(text="remember"))
+    virtual.poll()
+    _touch(virtual, control, lambda share: 0.3 + 0.1 * share, RIGHT)
+    virtual.show(ask_change("roughness"))
+    response = virtual.poll()
+    assert response is not None
+    assert response.answer == "smoother"

@@ -21,6 +21,7 @@ from device.link.link import Link
 from device.link.port import Port, advice
 from device.resonance import Resonance
 from device.rig import Rig
+from device.simulator.client import swapping
 from device.simulator.in_process import InProcessClock, InProcessDevice
 from device.study_limits import device_limits
 from protocol.errors import BadInput
@@ -41,7 +42,6 @@ from runner.launch.run_session import (
     opened_session,
 )
 from runner.people.operator_console import OperatorConsole, PlainDisplay
-from runner.people.virtual_participant import swapping
 from runner.session.loop import run
 from runner.session.session import SessionContext
 from runner.signals import signals_raise

@@ -1,0 +1,227 @@
+"""The answers of many virtual people to their trials, all at once."""
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from analysis.estimates import BoolArray, FloatArray, IntArray
+from analysis.simulation.planned_trials import PlannedTrials, TrialKind
+from device.friction.scenes import REFERENCE_SPEED_M_S, Direction
+from device.people.answering import QUESTION_NUMBERS, Answering, on_scale
+from device.people.perceiving import Felt, beyond, felt_contrast
+from device.people.person import People
+from device.people.random_numbers import uniforms_of
+from device.people.touching import TOUCH_NUMBERS, course, fractions
+from device.people.world import BODY_HEIGHT_M, Fingers, World, felt_friction
+from protocol.study.study import Study
+
+Drive = tuple[float, Direction]
+"""Frequency relative to the resonance, and the direction of the finger."""
+Parts = tuple[tuple[int, int], IntArray]
+"""A kind of trial and one of its touches, and some of the parts of that touch's time."""
+_NEVER = 9
+"""Stands for an expected answer where none is: nobody gives it."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Cohort:
+    """Virtual people in a session each, and what they answered.
+
+    Attributes:
+        people: the persons.
+        slots: which plan each of them has.
+        kinds: which kind of trial each trial is, shape (people, trials).
+        answered: the trials that are answered before somebody leaves, shape (people, trials).
+        change: the reported change as in `answering.meaning`; of trials with a question.
+        reaction_s: the time to that answer.
+        score: on the study's scale, NaN where none was asked for.
+        score_reaction_s: the time to the score.
+        force_n: of each touch, in order, shape (people, touches).
+    """
+
+    people: People
+    slots: IntArray
+    kinds: IntArray
+    answered: BoolArray
+    change: IntArray
+    reaction_s: FloatArray
+    score: FloatArray
+    score_reaction_s: FloatArray
+    force_n: FloatArray
+
+
+def cohort(
+    planned: PlannedTrials, people: People, names: Sequence[str], slots: IntArray, world: World
+) -> Cohort:
+    """Return what people answer in their sessions.
+
+    Args:
+        planned: the plans of the study.
+        people: the persons.
+        names: of their sessions: see `population.session_name`.
+        slots: which plan each of them has.
+        world: what they touch.
+    """
+    kinds = planned.kinds_of(slots)
+    table = np.array([len(kind.marks) for kind in planned.kinds])
+    touches = table[kinds]
+    first_touch = np.cumsum(touches, axis=1) - touches
+    most = int(touches.sum(axis=1).max())
+    u = uniforms_of([f"touches/{name}" for name in names], most, TOUCH_NUMBERS)
+    feeling = _Feeling(planned.study, planned.kinds, people, world)
+    force_n = np.full(u.shape[:2], np.nan)
+    for number, kind in enumerate(planned.kinds):
+        who, trial = np.nonzero(kinds == number)
+        for touch in range(len(kind.marks)):
+            at = first_touch[who, trial] + touch
+            force_n[who, at] = feeling.touch(number, touch, who, trial, u[who, at])
+    made = Cohort(
+        people=people,
+        slots=slots,
+        kinds=kinds,
+        answered=np.zeros(kinds.shape, dtype=np.bool_),
+        change=np.zeros(kinds.shape, dtype=np.int64),
+        reaction_s=np.full(kinds.shape, np.nan),
+        score=np.full(kinds.shape, np.nan),
+        score_reaction_s=np.full(kinds.shape, np.nan),
+        force_n=force_n,
+    )
+    _answer(made, planned, names, feeling.contrasts(kinds.shape))
+    return made
+
+
+class _Feeling:
+    """Collects touches, so that those with a like drive are felt together."""
+
+    def __init__(
+        self, study: Study, kinds: Sequence[TrialKind], people: People, world: World
+    ) -> None:
+        self._study = study
+        self._kinds = kinds
+        self._people = people
+        self._world = world
+        self._trials: dict[int, tuple[IntArray, IntArray]] = {}
+        self._asked: dict[Drive, list[tuple[Parts, Fingers]]] = defaultdict(list)
+        self._friction: dict[tuple[int, int], FloatArray] = {}
+
+    def touch(
+        self, number: int, touch: int, who: IntArray, trial: IntArray, u: FloatArray
+    ) -> FloatArray:
+        """Collect a touch of the trials of one kind, and return its forces, N.
+
+        A person compares the last touch with the first one, and forgets those between.
+        """
+        self._trials[number] = who, trial
+        kind = self._kinds[number]
+        mark, made = kind.marks[touch], self._people.rows(who)
+        way = course(made, u, mark)
+        parts = fractions(mark)
+        if touch in {0, len(kind.marks) - 1}:
+            self._friction[number, touch] = np.empty((len(who), len(parts)))
+            self._collect((number, touch), made, way.places_m(parts), way.force_n, way.speed_m_s)
+        return way.force_n
+
+    def _collect(
+        self,
+        key: tuple[int, int],
+        made: People,
+        places_m: FloatArray,
+        force_n: FloatArray,
+        speed_m_s: FloatArray,
+    ) -> None:
+        number, touch = key
+        to_make = self._kinds[number].trial.touches[touch]
+        beam = to_make.beam or self._study.touch.beam
+        height_m = BODY_HEIGHT_M * (beam is None or self._study.beams[beam] > 0)
+        parts = fractions(self._kinds[number].marks[touch])
+        voltages_v = to_make.voltage_v + parts * (to_make.end_voltage_v - to_make.voltage_v)
+        frequencies = to_make.frequency + parts * (to_make.end_frequency - to_make.frequency)
+        for frequency in np.unique(frequencies).tolist():
+            which = np.flatnonzero(frequencies == frequency)
+            shape = (len(places_m), len(which))
+            fingers = Fingers(
+                place_m=places_m[:, which].ravel(),
+                force_n=np.repeat(force_n, len(which)),
+                speed_m_s=np.repeat(_sliding_m_s(speed_m_s), len(which)),
+                voltage_v=np.broadcast_to(voltages_v[which], shape).ravel(),
+                body_height_m=np.full(shape, height_m).ravel(),
+                skin=np.repeat(made.skin, len(which)),
+                mu0=np.repeat(made.mu0, len(which)),
+            )
+            self._asked[frequency, to_make.direction].append(((key, which), fingers))
+
+    def contrasts(self, shape: tuple[int, ...]) -> FloatArray:
+        """Return the change that each trial makes, shape (people, trials)."""
+        for (frequency, direction), asked in self._asked.items():
+            joined = Fingers(
+                **{
+                    entry.name: np.concatenate([getattr(it, entry.name) for _, it in asked])
+                    for entry in fields(Fingers)
+                }
+            )
+            model_hz = frequency * self._world.resonance_hz
+            found, begin = felt_friction(self._world, joined, model_hz, direction), 0
+            for (key, which), fingers in asked:
+                end = begin + fingers.place_m.size
+                self._friction[key][:, which] = found[begin:end].reshape(-1, len(which))
+                begin = end
+        resting = self._resting()
+        contrast = np.zeros(shape)
+        for number, kind in enumerate(self._kinds):
+            if kind.trial.question is not None and number in self._trials:
+                who, trial = self._trials[number]
+                felt = [
+                    Felt(mark=kind.marks[touch], friction=self._friction[number, touch])
+                    for touch in dict.fromkeys([0, len(kind.marks) - 1])
+                ]
+                known = felt[0].friction[:, 0] if resting is None else resting[who]
+                contrast[who, trial] = felt_contrast(kind.trial.question, felt, known)
+        return contrast
+
+    def _resting(self) -> FloatArray | None:
+        """Return what people remember of the beam at rest; None if they never touched it."""
+        for number, kind in enumerate(self._kinds):
+            if kind.trial.question is None and number in self._trials:
+                return self._friction[number, len(kind.marks) - 1][:, -1]
+        return None
+
+
+def _sliding_m_s(speed_m_s: FloatArray) -> FloatArray:
+    """Return speeds in which a finger that stays at its place slides to and fro."""
+    return np.where(speed_m_s > 0, speed_m_s, REFERENCE_SPEED_M_S)
+
+
+def _answer(
+    made: Cohort, planned: PlannedTrials, names: Sequence[str], contrast: FloatArray
+) -> None:
+    """Add the answers, trial by trial: a person remembers the one before."""
+    people, kinds, of = made.people, made.kinds, planned.kinds
+    asks = np.array([kind.trial.question is not None for kind in of])[kinds]
+    two_sided = np.array([kind.two_sided for kind in of])[kinds]
+    expected = np.array([_NEVER if kind.expected is None else kind.expected for kind in of])[kinds]
+    scored = np.array([kind.trial.scored for kind in of])[kinds]
+    extra = np.stack([beyond(kind.change, people) for kind in of], axis=1)
+    rating = planned.study.rating
+    most = int(asks.sum(axis=1).max())
+    u = uniforms_of([f"questions/{name}" for name in names], most, QUESTION_NUMBERS)
+    answering, everybody, asked = Answering(people), np.arange(people.size), 0
+    for trial in range(kinds.shape[1]):
+        if asks[:, trial].any():
+            change, reaction_s = answering.change(
+                contrast[:, trial],
+                extra[everybody, kinds[:, trial]],
+                two_sided[:, trial],
+                u[:, asked],
+            )
+            asked += 1
+            wanted = (change == expected[:, trial]) | (rating.score_when == "always")
+            wanted &= scored[:, trial] & ~answering.left
+            score, score_reaction_s = answering.score(wanted)
+            on_study = on_scale(score, rating.minimum, rating.maximum)
+            made.change[:, trial] = change
+            made.reaction_s[:, trial] = np.where(answering.left, np.nan, reaction_s)
+            made.score[:, trial] = np.where(wanted, on_study, np.nan)
+            made.score_reaction_s[:, trial] = np.where(wanted, score_reaction_s, np.nan)
+        made.answered[:, trial] = ~answering.left

@@ -1,0 +1,164 @@
+"""A people file: one virtual person, or a population to draw from, in TOML.
+
+`[person]` gives what all persons share, `[population]` how they differ:
+
+    [person]
+    felt_noise = 0.05
+
+    [population]
+    gain = { mean = 4.0, sd = 1.0 }
+    skin = { median = 1.0, log_sd = 0.2 }
+    drift = { low = -0.02, high = 0.02 }
+    number_step = { values = [1, 2], shares = [0.9, 0.1] }
+
+A file without `[population]` describes one person. What is given nowhere is as in the default
+population, or, in a file of one person, as in `Person`.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from difflib import get_close_matches
+from typing import Any
+
+from device.people.person import PARAMETERS, Parameter, Person
+from device.people.population import (
+    DEFAULT,
+    Distribution,
+    LogNormal,
+    Normal,
+    OneOf,
+    Population,
+    Uniform,
+)
+from protocol.errors import BadInput, Path, Problem
+from protocol.study_file.language_files import located
+from protocol.study_file.toml import toml_document
+
+_TABLES = ("person", "population")
+_FORMS = (("mean", "sd"), ("median", "log_sd"), ("low", "high"), ("values", "shares"))
+_FORMS_IN_WORDS = ", ".join(f"{{ {one}, {other} }}" for one, other in _FORMS)
+
+
+class PeopleError(BadInput):
+    """A people file that cannot be used; `problems` lists why, in the order of the file."""
+
+    def __init__(self, source: str, found: list[Problem]) -> None:
+        self.problems = found
+        super().__init__("\n".join(problem.located(source) for problem in found))
+
+
+def people_in(text: str, source: str = "people.toml") -> Population:
+    """Return the population that `text` describes; a single person is one without differences.
+
+    Raises:
+        PeopleError: the text is no TOML, or has a key or value that cannot be used.
+    """
+    document = toml_document(text)
+    if isinstance(document, Problem):
+        raise PeopleError(source, [document])
+    if found := list(_problems(document)):
+        raise PeopleError(source, located(text, found))
+    person = {name: float(value) for name, value in document.get("person", {}).items()}
+    if "population" not in document:
+        return Population(typical=Person(**person))
+    varied = {name: given for name, given in DEFAULT.varied.items() if name not in person} | {
+        name: _distribution(given) for name, given in document["population"].items()
+    }
+    return Population(typical=replace(DEFAULT.typical, **person), varied=varied)
+
+
+def _problems(document: Mapping[str, Any]) -> Iterator[Problem]:
+    for table, entries in document.items():
+        if table not in _TABLES:
+            yield _unknown((table,), _TABLES)
+        elif not isinstance(entries, dict):
+            yield _problem((table,), "must be a table", entries)
+        else:
+            for name, value in entries.items():
+                yield from _entry_problems((table, name), value)
+    if not document:
+        rule = "must have [person] or [population]"
+        yield Problem(where="file", rule=rule, value="neither", path=())
+
+
+def _entry_problems(path: Path, value: Any) -> Iterator[Problem]:
+    limits = PARAMETERS.get(str(path[1]))
+    if limits is None:
+        yield _unknown(path, PARAMETERS)
+    elif path[0] == "person":
+        yield from _number_problems(path, value, limits.low, limits.high)
+    elif not isinstance(value, dict) or tuple(sorted(value)) not in map(tuple, map(sorted, _FORMS)):
+        hint = "give what all share in [person]" if isinstance(value, int | float) else ""
+        yield _problem(path, f"must be one of {_FORMS_IN_WORDS}", value, hint)
+    else:
+        yield from _distribution_problems(path, value, limits)
+
+
+def _distribution_problems(
+    path: Path, value: Mapping[str, Any], limits: Parameter
+) -> Iterator[Problem]:
+    low, high = limits.low, limits.high
+    if "values" in value:
+        yield from _choice_problems(path, value, limits)
+        return
+    for key, given in value.items():
+        spread = key in {"sd", "log_sd"}
+        ends = (0.0, math.inf) if spread else (low, high)
+        yield from _number_problems((*path, key), given, *ends, above=key == "median")
+    if all(_is_number(value.get(end)) for end in ("low", "high")) and value["low"] > value["high"]:
+        yield _problem((*path, "high"), f"must be at least low = {value['low']}", value["high"])
+
+
+def _choice_problems(path: Path, value: Mapping[str, Any], limits: Parameter) -> Iterator[Problem]:
+    values, shares = value["values"], value["shares"]
+    for key, given, high in (("values", values, limits.high), ("shares", shares, math.inf)):
+        if not isinstance(given, list) or not given:
+            yield _problem((*path, key), "must be a list of numbers", given)
+            return
+        low = limits.low if key == "values" else 0.0
+        for number, each in enumerate(given):
+            yield from _number_problems((*path, key, number), each, low, high)
+    if len(values) != len(shares):
+        rule = f"must be as many as values: {len(values)}"
+        yield _problem((*path, "shares"), rule, len(shares))
+    elif all(map(_is_number, shares)) and not sum(shares) > 0:
+        yield _problem((*path, "shares"), "must have a sum above 0", sum(shares))
+
+
+def _number_problems(
+    path: Path, value: Any, low: float, high: float, *, above: bool = False
+) -> Iterator[Problem]:
+    if not _is_number(value):
+        yield _problem(path, "must be a number", value)
+    elif not low <= value <= high:
+        end = f"at least {low:g}" if value < low else f"at most {high:g}"
+        yield _problem(path, f"must be {end}", value)
+    elif above and value <= 0:
+        yield _problem(path, "must be above 0", value)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _problem(path: Path, rule: str, value: Any, hint: str = "") -> Problem:
+    shown = repr(value)
+    shown = shown if len(shown) <= 80 else f"{shown[:77]}..."
+    return Problem(where=".".join(map(str, path)), rule=rule, value=shown, hint=hint, path=path)
+
+
+def _unknown(path: Path, known: Any) -> Problem:
+    close = get_close_matches(str(path[-1]), known, n=1)
+    hint = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(known)}"
+    return _problem(path, "unknown key", str(path[-1]), hint)
+
+
+def _distribution(given: Mapping[str, Any]) -> Distribution:
+    if "values" in given:
+        values, shares = (tuple(map(float, given[key])) for key in ("values", "shares"))
+        return OneOf(values_of=values, shares=shares)
+    numbers = {key: float(value) for key, value in given.items()}
+    if "mean" in given:
+        return Normal(**numbers)
+    return LogNormal(**numbers) if "median" in given else Uniform(**numbers)

@@ -1,0 +1,114 @@
+"""Simulated cohorts: scores like the published ones, rules of exclusion, and people who leave."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.loading.published import published_table
+from analysis.simulation.simulation import Simulation
+from device.people.person import Person
+from device.people.population import DEFAULT, Population
+from device.people.world import World
+from protocol.study.study import Study
+from protocol.study_file.loading import parsed_study, template
+
+PUBLISHED = published_table(Path("tests/data/published_scores.csv").read_text(encoding="utf-8"))
+PAPER = parsed_study(template("paper"))
+EXTENDED = parsed_study(template("extended"))
+EXACT = Person(felt_noise=0.0, rating_noise=0.0, criterion=0.0, criterion_less=0.0)
+
+
+def test_the_default_population_scores_as_the_people_of_table_4() -> None:
+    masked: Any = np.ma  # which has no types
+    found = masked.masked_invalid(Simulation(study=PAPER).score_tables(9, range(400)))
+    means, spread = found.mean(axis=(0, 1)), found.std(axis=1, ddof=1).mean(axis=0)
+    between = (found - means).mean(axis=2).std(axis=1, ddof=1).mean()
+    scores = PUBLISHED.scores
+    assert means.tolist() == pytest.approx(scores.mean(axis=0).tolist(), abs=0.15)
+    assert (found == 10).mean() == pytest.approx((scores == 10).mean(), abs=0.03)
+    assert between == pytest.approx(scores.mean(axis=1).std(ddof=1), abs=0.1)
+    assert spread.tolist() == pytest.approx(scores.std(axis=0, ddof=1).tolist(), abs=0.35)
+
+
+@pytest.mark.parametrize("study", [PAPER, EXTENDED], ids=["paper", "extended"])
+def test_a_table_is_that_of_the_loaded_study(study: Study) -> None:
+    simulation = Simulation(study=study)
+    seeds: list[int | str] = [3, "a spawn key"]
+    tables = simulation.score_tables(6, seeds)
+    for table, seed in zip(tables, seeds, strict=True):
+        loaded = simulation.data(6, seed).table
+        whole = {f"P{row + 1:02d}": scores for row, scores in enumerate(table)}
+        kept = np.array([whole[name] for name in loaded.subjects])
+        assert np.array_equal(loaded.scores, kept, equal_nan=True)
+        out = [scores for name, scores in whole.items() if name not in loaded.subjects]
+        assert np.isnan(out).all()
+
+
+def test_a_cohort_is_the_same_alone_and_among_others() -> None:
+    simulation = Simulation(study=PAPER)
+    among = simulation.score_tables(9, range(5))
+    assert np.array_equal(among[3:4], simulation.score_tables(9, [3]), equal_nan=True)
+    assert not np.array_equal(among[3], among[4], equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    ("rules", "person"),
+    [
+        ({"max_false_alarms": 0.4}, replace(EXACT, felt_noise=0.1, criterion=0.1)),
+        ({"max_missing_scores": 0.4}, replace(EXACT, felt_noise=0.1, criterion=0.1)),
+        ({"min_reaction_s": 1.0}, EXACT),
+        ({"max_reaction_s": 1.0, "min_trials": 12}, EXACT),
+    ],
+)
+def test_the_rules_leave_out_whom_the_report_leaves_out(
+    rules: dict[str, float], person: Person
+) -> None:
+    exclusions = EXTENDED.exclusions.model_copy(
+        update={"max_false_alarms": None, "max_missing_scores": None, **rules}
+    )
+    study = EXTENDED.model_copy(update={"exclusions": exclusions})
+    varied = {"reaction_median_s": DEFAULT.varied["reaction_median_s"]}
+    people = Population(typical=person, varied=varied)
+    simulation = Simulation(study=study, population=people)
+    table, data = simulation.score_tables(8, [1])[0], simulation.data(8, 1)
+    assert data.left_out
+    rows = [int(name[1:]) - 1 for name in data.table.subjects]
+    assert np.array_equal(table[rows], data.table.scores, equal_nan=True)
+    assert np.isnan(np.delete(table, rows, axis=0)).all()
+
+
+def test_people_who_leave_are_unfinished_and_keep_what_they_answered() -> None:
+    simulation = Simulation(study=PAPER, population=Population(typical=Person(dropout=0.1)))
+    data = simulation.data(20, 1)
+    answers = data.trials.groupby("participant")["trial_index"].agg(["max", "count"])
+    assert (answers["count"] == answers["max"] + 1).all(), "nothing after they left"
+    assert set(answers.index[answers["count"] < 7]) == set(data.unfinished)
+    assert 4 < len(data.unfinished) < 16
+
+
+def test_the_world_may_differ_from_the_analysis() -> None:
+    exact = Population(typical=replace(EXACT, gain=10.0, bias=1.0))
+    worlds = (World(), World(law="coulomb"), World(rung="mode"), World(damping_ratio=0.02))
+    scores = [
+        Simulation(study=PAPER, population=exact, world=world).score_tables(1, [1])[0, 0].tolist()
+        for world in worlds
+    ]
+    assert len({tuple(each) for each in scores}) == len(worlds), scores
+
+
+def test_the_truth_is_loaded_with_the_scores() -> None:
+    data = Simulation(study=PAPER, world=World(law="coulomb")).data(3, 1)
+    assert {truth.law for truth in data.virtual.values()} == {"coulomb"}
+    assert len({truth.gain for truth in data.virtual.values()}) == 3
+
+
+def test_touches_are_judged_by_the_force_that_was_pressed() -> None:
+    hard = Population(typical=Person(force_factor=1.2, force_error=0.05))
+    forces = Simulation(study=PAPER, population=hard).data(9, 1).touches["force_n"]
+    planned = Simulation(study=PAPER, population=Population()).data(9, 1).touches["force_n"]
+    ratio = (forces / planned).to_numpy()
+    assert ratio.mean() == pytest.approx(1.2, rel=0.02)
+    assert ratio.std() == pytest.approx(0.06, rel=0.2)

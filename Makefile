@@ -14,7 +14,7 @@ demo: $(READY)
 
 test: check
 	@.ci/system-packages
-	$(BIN)/pytest
+	$(BIN)/pytest --numprocesses logical --maxprocesses 4 --dist loadfile
 
 check: $(READY)
 	$(BIN)/ruff check .

@@ -42,12 +42,15 @@ def _children_s() -> float:
     return used.ru_utime + used.ru_stime
 
 
-def _reported(folder: Path) -> tuple[float, float]:
+def _reported(folder: Path, *options: str) -> tuple[float, float]:
     """Report the study; return processor time and wall time, s."""
     used_s, began_s = _children_s(), perf_counter()
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
     subprocess.run(
-        [TOUCHBEAM, "report", str(folder)], check=True, capture_output=True, env=environment
+        [TOUCHBEAM, "report", str(folder), *options],
+        check=True,
+        capture_output=True,
+        env=environment,
     )
     return _children_s() - used_s, perf_counter() - began_s
 
@@ -73,3 +76,17 @@ def test_1000_participants_of_40_trials_take_a_minute_and_2_gb_and_time_grows_li
     assert took[-1][1] <= 60
     assert most_gb <= 2
     assert exponent <= 1.1
+
+
+def test_all_choices_of_analysis_cost_less_than_the_report(
+    benchmark: BenchmarkFixture, tmp_path: Path
+) -> None:
+    folder = _study(tmp_path / "study", 20)
+    plain_s, _ = _reported(folder)
+
+    def explored() -> float:
+        return _reported(folder, "--sections", "multiverse")[0]
+
+    beyond_s = benchmark.pedantic(explored, rounds=1) - plain_s
+    benchmark.extra_info["processor time beyond the report's, ratio"] = round(beyond_s / plain_s, 2)
+    assert beyond_s <= plain_s

@@ -9,7 +9,7 @@ docs/python.md shows the rest. Nothing here runs a session or writes to a journa
 
 import os
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import version
@@ -228,11 +228,20 @@ class Study:
         file = self.file if registered is None else locked(self.file, registered.digest)
         return plan_frame(plan(file, slot, session).trials)
 
-    def report(self, out: "str | os.PathLike[str] | None" = None) -> Path:
+    def report(
+        self,
+        out: "str | os.PathLike[str] | None" = None,
+        *,
+        sections: Sequence[str] | None = None,
+    ) -> Path:
         """Write the report that `touchbeam report` writes; return the path of its page.
 
         Args:
             out: its folder; by default `report` in the study's folder.
+            sections: those of the page, by name; by default those of `report.toml`, or all.
+
+        Raises:
+            ValueError: there is no section of that name.
         """
         from analysis.report.findings import origin_of, title_of
         from analysis.report.report import report, report_files
@@ -250,8 +259,9 @@ class Study:
             rig=self._rig,
             unlocked=unlocked,
         )
-        shown = self.folder.report_sections()
-        made = report(title_of(self.file), self._counted, self.file, origin, shown)
+        shown = self.folder.report_sections() if sections is None else tuple(sections)
+        title = title_of(self.file)
+        made = report(title, self._counted, self.file, origin, shown, self.recorded)
         folder = self.folder.report if out is None else Path(out)
         write_files(report_files(made), folder, replaced=made.figure_files)
         return folder / "report.html"

@@ -218,12 +218,17 @@ def grid_drawing(
     rows: int,
     columns: int,
     height_in: float = HEIGHT_IN,
+    heights: Sequence[float] | None = None,
 ) -> Drawing:
-    """Return what `draw` draws into `rows` x `columns` axes with shared scales, row by row."""
+    """Return what `draw` draws into `rows` x `columns` axes with shared scales, row by row.
+
+    With relative `heights` of the rows, each row has a vertical scale of its own.
+    """
 
     def figure(size: Size) -> Figure:
         made = Figure(figsize=(size.width_in, size.height * height_in), layout="constrained")
-        grid = made.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
+        shared: Any = {"sharex": True, "sharey": "row" if heights else True}
+        grid = made.subplots(rows, columns, squeeze=False, height_ratios=heights, **shared)
         draw(list(grid.ravel()))
         made.draw_without_rendering()
         made.set_layout_engine("none")  # else each file would arrange the figure again

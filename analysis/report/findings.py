@@ -13,6 +13,7 @@ from analysis.loading.published import SCALE
 from analysis.loading.records import values
 from analysis.loading.study_data import StudyData
 from analysis.loading.study_lock import StudyLock
+from analysis.multiverse.curve import Multiverse
 from analysis.statistics.summary import TableStatistics
 from analysis.trials.contrasts import TrialContrasts
 from analysis.trials.trial_statistics import TrialStatistics
@@ -93,7 +94,8 @@ class Scale(NamedTuple):
 class Findings:
     """Data and results that the sections of a report present.
 
-    `measured` has those of recorded touches, None where nothing was recorded.
+    `measured` has those of recorded touches, None where nothing was recorded; `multiverse` has the
+    study's claims under all choices of analysis, None where they were not asked for.
     """
 
     title: str
@@ -103,6 +105,7 @@ class Findings:
     table: TableStatistics
     trials: TrialStatistics
     measured: MeasuredStatistics | None
+    multiverse: Multiverse | None = None
 
     @cached_property
     def trial_records(self) -> list[dict[str, Any]]:

@@ -18,6 +18,7 @@ from analysis.report.sections import (
     measured,
     methods,
     model_checks,
+    multiverse,
     predictions,
     ranges,
     scores,
@@ -25,6 +26,7 @@ from analysis.report.sections import (
     session_checks,
     trials,
 )
+from analysis.report.sections.multiverse import MULTIVERSE
 from protocol.errors import BadInput
 from protocol.study.fields import printable
 
@@ -44,6 +46,7 @@ SECTIONS: Mapping[str, Callable[[Findings], Section]] = MappingProxyType(
         "predictive": model_checks.predictive,
         "recovery": model_checks.recovery,
         "contrasts": ranges.section,
+        MULTIVERSE: multiverse.section,
         "glossary": glossary,
         "provenance": methods.provenance,
         "trials": trials.section,
@@ -104,7 +107,9 @@ def _is_front(block: Block) -> bool:
 
 def _is_folded(block: Block) -> bool:
     """Return whether a section shows something of `block`: of a front figure, its table."""
-    return bool(block) and not (_is_front(block) and not isinstance(block, Figure))
+    if isinstance(block, Figure):
+        return bool(block.draw or block.instead)
+    return bool(block) and not _is_front(block)
 
 
 def _printable(value: object) -> object:

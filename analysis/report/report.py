@@ -1,16 +1,20 @@
 """Report of a study as an HTML page, tables, figures and JSON."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 from analysis.cells import json_text
 from analysis.felt.measured_statistics import measured_statistics
+from analysis.loading.sessions import Sessions
 from analysis.loading.study_data import StudyData
+from analysis.multiverse.curve import multiverse
 from analysis.report.blocks import Figure, Section
 from analysis.report.drawing import FORMATS
 from analysis.report.findings import Findings, Origin
 from analysis.report.page import SECTIONS, page_html, require_sections
+from analysis.report.sections.multiverse import MULTIVERSE
 from analysis.statistics.summary import table_statistics
 from analysis.trials.trial_statistics import trial_statistics
 from device.friction.calibration import NOMINAL
@@ -53,9 +57,11 @@ def report(
     study: Study,
     origin: Origin,
     shown: tuple[str, ...] | None = None,
+    recorded: Sessions | None = None,
 ) -> Report:
     """Return the report on the data `loaded` from `study`; its page shows the sections `shown`.
 
+    If they name `multiverse`, that is made of all sessions `recorded`.
     Scores of a published table were felt on a rig of their own, which no calibration describes.
 
     Raises:
@@ -75,8 +81,16 @@ def report(
         table=table_statistics(loaded.readings),
         trials=trials,
         measured=measured_statistics(study, loaded, trials.contrasts.by_law[LAW]),
+        multiverse=None
+        if recorded is None or not asks_for_multiverse(shown)
+        else multiverse(recorded, loaded, study, origin.rig),
         shown=shown,
     )
+
+
+def asks_for_multiverse(shown: Sequence[str] | None) -> bool:
+    """Return whether the sections `shown` have that of all choices, which takes long to make."""
+    return shown is not None and MULTIVERSE in shown
 
 
 _KEYS = (

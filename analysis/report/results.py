@@ -13,7 +13,7 @@ from analysis.report.findings import Findings
 from analysis.report.wording import bounded, count_of, interval, number, p_equals
 from analysis.sensitivity.lines import SMALL_SPREAD, Lines
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
-from analysis.statistics.omnibus import Friedman, SkillingsMack
+from analysis.statistics.omnibus import SkillingsMack
 from analysis.statistics.signed_rank import LEVEL, PairwiseTest, SignedRank
 from analysis.statistics.summary import Reading
 from device.friction.contrasts import LAW
@@ -60,7 +60,7 @@ def omnibus_p(main: Reading) -> float | NotEstimable:
     test = main.friedman if main.skillings_mack is None else main.skillings_mack
     if isinstance(test, NotEstimable):
         return test
-    return test.monte_carlo.p if isinstance(test, SkillingsMack) else _best_p(test)
+    return test.monte_carlo.p if isinstance(test, SkillingsMack) else test.best_p
 
 
 def _omnibus(main: Reading) -> str:
@@ -71,15 +71,9 @@ def _omnibus(main: Reading) -> str:
         p = test.monte_carlo.p
         said = f"Skillings–Mack T({test.df}) = {number(test.statistic, 2)}, {p_equals(p)}"
         return f"{_differed(p)}, {said} (some scores are missing)."
-    p = _best_p(test)
+    p = test.best_p
     w = f"Kendall's W = {bounded(test.kendall_w)}{_ci(test.kendall_w_interval, bounded=True)}"
     return f"{_differed(p)}, Friedman's χ²({test.df}) = {number(test.chi2, 2)}, {p_equals(p)}, {w}."
-
-
-def _best_p(test: Friedman) -> float:
-    if test.monte_carlo is not None:
-        return test.monte_carlo.p
-    return test.p if isinstance(test.p_exact, NotEstimable) else test.p_exact
 
 
 def _differed(p: float) -> str:

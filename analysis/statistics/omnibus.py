@@ -80,6 +80,13 @@ class Friedman:
     kendall_w_interval: Interval | NotEstimable
     rank_sums: tuple[float, ...]
 
+    @property
+    def best_p(self) -> float:
+        """The permutation p, or its estimate."""
+        if self.monte_carlo is not None:
+            return self.monte_carlo.p
+        return self.p if isinstance(self.p_exact, NotEstimable) else self.p_exact
+
 
 def friedman(table: ScoreTable) -> Friedman | NotEstimable:
     """Return Friedman's test of the table, or why it is not possible.

@@ -13,7 +13,7 @@ from analysis.estimates import BoolArray, FloatArray
 from device.beam.beam import Beam
 from device.friction.calibration import NOMINAL, Calibration
 from device.friction.changes import CONDITIONS, Change, Moment, trial_change
-from device.friction.contrasts import predicted_contrast
+from device.friction.contrasts import RUNG, predicted_contrast
 from device.friction.laws import LAWS
 from protocol.study.questions import QUESTIONS, Question
 from protocol.study.study import Study
@@ -42,7 +42,13 @@ class TrialContrasts:
 
 
 def trial_contrasts(
-    study: Study, trials: pd.DataFrame, touches: pd.DataFrame, rig: Calibration = NOMINAL
+    study: Study,
+    trials: pd.DataFrame,
+    touches: pd.DataFrame,
+    rig: Calibration = NOMINAL,
+    *,
+    rung: str = RUNG,
+    as_felt: bool = True,
 ) -> TrialContrasts:
     """Return the contrasts of all trials under every law.
 
@@ -57,8 +63,10 @@ def trial_contrasts(
         trials: as in `StudyData`, or some of them.
         touches: those of `trials`.
         rig: its damping, gain and bodies, where no calibration was in force.
+        rung: of the model.
+        as_felt: whether what was measured takes the place of what was planned.
     """
-    changes = trial_changes(study, trials, touches)
+    changes = trial_changes(study, trials, touches, as_felt=as_felt)
     rigs = [own if isinstance(own, Calibration) else rig for own in trials["rig"]]
     # Trials whose touches were alike share a prediction.
     felt = list(zip(changes, rigs, strict=True))
@@ -68,7 +76,7 @@ def trial_contrasts(
     by_law = {}
     for law in LAWS:
         found = [
-            np.nan if change is None else predicted_contrast(change, law, rig=own)
+            np.nan if change is None else predicted_contrast(change, law, rung, own)
             for change, own in number_of
         ]
         by_law[law] = np.array(found, float)[numbers]

@@ -36,6 +36,7 @@ from runner.people.terminal import at_terminal
 
 if TYPE_CHECKING:
     from analysis.export.dataset import Dataset
+    from analysis.loading.sessions import Sessions
     from analysis.loading.study_data import StudyData
     from analysis.report.report import Report
     from runner.study.folder import StudyFolder
@@ -188,20 +189,23 @@ def _report_in_crate(
 ) -> dict[str, bytes]:
     """Return the report on the events among `files`: on what others get, and on nothing else."""
     from analysis.export.rocrate import REPORT
-    from analysis.loading.study_data import NothingToReport, load_study_data
+    from analysis.loading.sessions import load_sessions
+    from analysis.loading.study_data import NothingToReport, study_data
     from analysis.report.report import report_files
     from runner.study.data_set import shared_sessions
 
     texts = {name: content.decode() for name, content in files.items() if name.endswith(SUFFIX)}
-    chains = [session.events for session in shared_sessions(texts)]
+    recorded = load_sessions(session.events for session in shared_sessions(texts))
     rules = source.study().exclusions
     try:
-        found = load_study_data(chains, rehearsals=rehearsals, rules=rules)
+        found = study_data(recorded, rehearsals=rehearsals, rules=rules)
     except NothingToReport as error:
         complain(f"touchbeam: warning: there is no report in it: {error}")
         return {}
     shown = source.report_sections()
-    result = _report_on(source, found, broken, rehearsals=rehearsals, shown=shown)
+    result = _report_on(
+        source, found, broken, rehearsals=rehearsals, shown=shown, recorded=recorded
+    )
     return {f"{REPORT}/{name}": content for name, content in report_files(result).items()}
 
 
@@ -324,10 +328,11 @@ def write_report(
     # With one thread, sums are in the same order on every computer: the same input, same bytes.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from analysis.loading.missing_scores import marks
-    from analysis.loading.study_data import load_study_data
+    from analysis.loading.sessions import load_sessions
+    from analysis.loading.study_data import study_data
     from analysis.report.page import require_sections
     from analysis.report.registration.registered import registered_lines
-    from analysis.report.report import report_files
+    from analysis.report.report import asks_for_multiverse, report_files
     from analysis.report.sections.left_out import left_out_lines
     from analysis.report.table4_text import table4_lines
     from analysis.report.wording import omnibus_line
@@ -340,9 +345,12 @@ def write_report(
         study = folder.study()
         readable, sessions = readable_chains(journal, broken), len(journal.sessions())
         chains = followed("sessions", readable, sessions, alone=as_json)
-        found = load_study_data(chains, rehearsals=rehearsals, rules=study.exclusions)
+        recorded = load_sessions(chains)
+    found = study_data(recorded, rehearsals=rehearsals, rules=study.exclusions)
+    kept = recorded if asks_for_multiverse(shown) else None
+    del recorded  # it may be large
     _warn_of_broken(broken, folder.path)
-    result = _report_on(folder, found, broken, rehearsals=rehearsals, shown=shown)
+    result = _report_on(folder, found, broken, rehearsals=rehearsals, shown=shown, recorded=kept)
     if out.exists() and not out.is_dir():
         raise BadInput(f"{out}: must be a folder for the report, got a file")
     files = report_files(result)
@@ -372,8 +380,9 @@ def _report_on(
     *,
     rehearsals: bool,
     shown: tuple[str, ...] | None,
+    recorded: "Sessions | None",
 ) -> "Report":
-    """Return the report on `found`, data of the study in `folder`."""
+    """Return the report on `found`, data of the study in `folder`; `recorded` are all sessions."""
     from analysis.report.findings import origin_of, title_of
     from analysis.report.report import report
     from runner.study.calibration import fitted_calibration
@@ -385,7 +394,7 @@ def _report_on(
     origin = origin_of(
         name, folder.text(), rehearsals=rehearsals, broken=broken, rig=rig, unlocked=unlocked
     )
-    return report(title_of(study), found, study, origin, shown)
+    return report(title_of(study), found, study, origin, shown, recorded)
 
 
 def _warn_of_broken(sessions: "Sequence[str]", study: Path) -> None:

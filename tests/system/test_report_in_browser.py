@@ -17,8 +17,9 @@ from selenium import webdriver
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.print_page_options import PrintOptions
 
-from analysis.loading.study_data import load_study_data
-from analysis.report.report import report, report_files
+from analysis.loading.sessions import load_sessions
+from analysis.loading.study_data import study_data
+from analysis.report.report import report, report_files, report_html
 from protocol.journal.events import Answered, NoteTaken, StoredEvent, TrialExcluded
 from runner.study.files import write_files
 from tests.analysis.chains import chain
@@ -64,8 +65,12 @@ def nasty_sessions() -> list[list[StoredEvent]]:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("report")
-    found = load_study_data(nasty_sessions(), rehearsals=False, rules=EXTENDED.exclusions)
-    write_files(report_files(report(TYPED, found, EXTENDED, ORIGIN)), place)
+    recorded = load_sessions(nasty_sessions())
+    found = study_data(recorded, rehearsals=False, rules=EXTENDED.exclusions)
+    made = report(TYPED, found, EXTENDED, ORIGIN, ("multiverse",), recorded)
+    every = (section.name for section in made.sections if section.name != "multiverse")
+    alone = {"multiverse.html": report_html(made).encode()}
+    write_files(report_files(replace(made, shown=tuple(every))) | alone, place)
     return place
 
 
@@ -140,14 +145,20 @@ def test_a_missing_score_links_to_its_trials(browser: webdriver.Chrome) -> None:
 
 
 @pytest.mark.parametrize("width", [1200, 400])
-def test_axe_finds_no_accessibility_violation(browser: webdriver.Chrome, width: int) -> None:
+def axe(browser: webdriver.Chrome, width: int) -> list[tuple[str, str]]:
+    """Return what axe finds amiss on the page at that width."""
     browser.set_window_size(width, 900)
     browser.execute_script((files("axe_core_python") / "axe.min.js").read_text(encoding="utf-8"))
     found: Any = browser.execute_async_script(
         "const done = arguments[arguments.length - 1]; axe.run().then(done)"
     )
-    assert [(entry["id"], entry["nodes"][0]["html"]) for entry in found["violations"]] == []
     assert len(found["passes"]) > 15, "axe checked the page"
+    return [(entry["id"], entry["nodes"][0]["html"]) for entry in found["violations"]]
+
+
+@pytest.mark.parametrize("width", [1200, 400])
+def test_axe_finds_no_accessibility_violation(browser: webdriver.Chrome, width: int) -> None:
+    assert axe(browser, width) == []
 
 
 def test_only_tables_are_wider_than_a_narrow_screen(browser: webdriver.Chrome) -> None:
@@ -197,3 +208,14 @@ def test_the_page_runs_and_loads_nothing_that_is_put_into_it(
     assert browser.title == f"{TYPED}: report"
     messages = [entry["message"] for entry in browser.get_log("browser")]  # type: ignore[no-untyped-call]
     assert [message for message in messages if "Content Security Policy" in message]
+
+
+def test_other_choices_of_analysis_are_accessible_and_fit_a_narrow_screen(
+    browser: webdriver.Chrome, folder: Path
+) -> None:
+    browser.get(f"file://{folder / 'multiverse.html'}")
+    browser.find_element(By.CSS_SELECTOR, "#h-multiverse summary").send_keys("\n")
+    assert browser.find_element(By.ID, "figure-multiverse-voltage-best").is_displayed()
+    assert [axe(browser, width) for width in (1200, 400)] == [[], []]
+    script = "return document.documentElement.scrollWidth - document.documentElement.clientWidth"
+    assert browser.execute_script(script) == 0

@@ -1,10 +1,12 @@
 """Which sections the report's page shows: all, those of report.toml, or those that are named."""
 
+import json
 import webbrowser
 from pathlib import Path
 
 import pytest
 
+import touchbeam
 from analysis.report.page import SECTIONS
 from tests.analysis.reports import study_report
 from tests.runner.command_line import typed
@@ -39,6 +41,28 @@ def test_sections_are_chosen_by_file_and_by_name(
     assert (study / "report" / "report.json").read_bytes() == whole
     assert typed("report", study, "--sections", "glossary") == 0
     assert shown(study) == ["glossary"]
+
+
+def test_all_choices_of_analysis_are_made_only_if_they_are_named(study: Path) -> None:
+    assert typed("report", study) == 0
+    plain = (study / "report" / "report.json").read_bytes()
+    assert typed("report", study, "--sections", "multiverse,methods") == 0
+    assert shown(study) == ["multiverse", "methods"]
+    numbers = json.loads((study / "report" / "report.json").read_text())
+    claims = {entry["id"]: entry for entry in numbers.pop("multiverse")["claims"]}
+    assert numbers == json.loads(plain)
+    # No score is missing or excluded: one table; three laws on five rungs, of which one law errs.
+    assert (claims["voltage-best"]["analyses"], claims["voltage-best"]["significant"]) == (1, 0)
+    follows = claims["order-follows-model"]
+    assert (follows["analyses"], follows["supported"], follows["significant"]) == (15, 10, 0)
+    assert follows["decides"] == "friction law"
+    drawn = study / "report" / "figures" / "multiverse-order-follows-model.pdf"
+    assert drawn.exists()
+    touchbeam.load(study).report(sections=["multiverse"])
+    assert shown(study) == ["multiverse"]
+    assert typed("report", study) == 0
+    assert not drawn.exists()
+    assert (study / "report" / "report.json").read_bytes() == plain
 
 
 @pytest.mark.parametrize(

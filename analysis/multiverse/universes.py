@@ -1,0 +1,155 @@
+"""Analyses of one study under every combination of choices, each computed once."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from analysis.estimates import FloatArray
+from analysis.felt.measured_trials import measured_trials
+from analysis.loading.sessions import Sessions, is_scored
+from analysis.loading.study_data import StudyData
+from analysis.multiverse.choices import (
+    MEASURED,
+    PLANNED,
+    READINGS,
+    TOUCHED,
+    Choice,
+    differing_readings,
+    exclusions,
+)
+from analysis.statistics.summary import Reading, reading
+from analysis.trials.contrast_ranges import RUNGS
+from analysis.trials.contrasts import trial_contrasts
+from device.friction.calibration import NOMINAL, Calibration
+from device.friction.contrasts import LAW, RUNG
+from device.friction.laws import LAWS
+from protocol.study.study import Study
+
+Options = Mapping[Choice, str]
+"""The option taken of each choice."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Universe:
+    """One analysis: what was chosen, the tests of its table, and contrasts by condition.
+
+    `contrasts` has the mean contrast of the trials that count, of an analysis of the table alone
+    none.
+    """
+
+    chosen: Options
+    reading: Reading
+    contrasts: Mapping[str, float]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Universes:
+    """All analyses of a study, the report's own first.
+
+    `tables` are those of the table alone, `models` those that compare it with contrasts. `single`
+    says of choices with one option why there are no others.
+    """
+
+    tables: tuple[Universe, ...]
+    models: tuple[Universe, ...]
+    single: Mapping[Choice, str]
+
+
+def universes(
+    recorded: Sessions, decided: StudyData, study: Study, rig: Calibration = NOMINAL
+) -> Universes:
+    """Return the analyses of a study under all choices that differ in it.
+
+    Args:
+        recorded: all its sessions.
+        decided: those that count, as the report takes them.
+        study: the study.
+        rig: its damping, gain and bodies.
+    """
+    left_out, whole = exclusions(recorded, decided, study.exclusions)
+    readings = differing_readings(left_out)
+    tables = {
+        (name, which): Universe(
+            chosen={Choice.EXCLUSIONS: name, Choice.READING: READINGS[which]},
+            reading=reading(which, table),
+            contrasts={},
+        )
+        for which, by_exclusion in readings.items()
+        for name, table in zip(left_out, by_exclusion, strict=True)
+    }
+    contrasts = list(_contrasts(whole, study, rig))
+    models = tuple(
+        Universe(
+            chosen={**table.chosen, **options},
+            reading=table.reading,
+            contrasts=_by_condition(left_out[name], whole, values),
+        )
+        for options, values in contrasts
+        for (name, _), table in tables.items()
+    )
+    return Universes(
+        tables=tuple(tables.values()),
+        models=tuple(universe for universe in models if universe.contrasts),
+        single=_single(left_out, readings, contrasts),
+    )
+
+
+def _single(
+    left_out: Mapping[str, StudyData],
+    readings: Mapping[str, object],
+    contrasts: list[tuple[dict[Choice, str], FloatArray]],
+) -> dict[Choice, str]:
+    """Say why a choice has one option."""
+    found = {}
+    if len(readings) == 1:
+        found[Choice.READING] = "no score was withheld, so that the three readings are one"
+    if len(left_out) == 1:
+        found[Choice.EXCLUSIONS] = (
+            "nothing was excluded, and no touch that counts was judged to be not as instructed"
+        )
+    if len({options[Choice.CONTRAST] for options, _ in contrasts}) == 1:
+        found[Choice.CONTRAST] = (
+            "no friction was measured, and touches as made have the contrasts of those planned"
+        )
+    return found
+
+
+def _contrasts(
+    whole: StudyData, study: Study, rig: Calibration
+) -> Iterator[tuple[dict[Choice, str], FloatArray]]:
+    """Yield the contrasts of all trials, shape (trials,), by contrast, law and rung."""
+    rungs = (RUNG, *(rung for rung in RUNGS if rung != RUNG))
+    laws = (LAW, *(law for law in LAWS if law != LAW))
+    known: list[dict[tuple[str, str], FloatArray]] = []
+    for name in (TOUCHED, PLANNED):
+        of_rungs = {
+            rung: trial_contrasts(
+                study, whole.trials, whole.touches, rig, rung=rung, as_felt=name == TOUCHED
+            ).by_law
+            for rung in rungs
+        }
+        own = {(law, rung): _where_all(of_rungs[rung])[law] for law in laws for rung in rungs}
+        if known and all(np.allclose(own[key], known[0][key], equal_nan=True) for key in own):
+            continue
+        known.append(own)
+        for (law, rung), values in own.items():
+            yield {Choice.CONTRAST: name, Choice.LAW: law, Choice.RUNG: rung}, values
+    if whole.forces:
+        found = measured_trials(study, whole.trials, whole.touches, whole.forces)
+        yield {Choice.CONTRAST: MEASURED}, found.value
+
+
+def _where_all(by_law: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """Return the contrasts of the trials for which each law predicts one, as the report does."""
+    known = np.isfinite(list(by_law.values())).all(axis=0)
+    return {law: np.where(known, values, np.nan) for law, values in by_law.items()}
+
+
+def _by_condition(data: StudyData, whole: StudyData, values: FloatArray) -> dict[str, float]:
+    """Return the mean contrast of each condition over the scored trials that count."""
+    counted = is_scored(data.trials).to_numpy()
+    own = pd.Series(values, whole.trials.index).reindex(data.trials.index[counted])
+    means = own.groupby(data.trials["condition"][counted]).mean().dropna()
+    return {name: float(means[name]) for name in data.table.conditions if name in means.index}

@@ -94,7 +94,9 @@ class TableError(BadInput):
     """A file of scores that cannot be used; the message says where."""
 
 
-def published_table(text: str, source: str = "scores.csv") -> ScoreTable:
+def published_table(
+    text: str, source: str = "scores.csv", *, keep_means: bool = False
+) -> ScoreTable:
     """Return the scores in `text`: first column `subject`, then one column per condition.
 
     A blank cell is a missing score. Scores lie on `SCALE`. An apostrophe before `=`, `+`, `-` or
@@ -104,6 +106,7 @@ def published_table(text: str, source: str = "scores.csv") -> ScoreTable:
     Args:
         text: the file's text, with or without a byte order mark, comma-separated.
         source: what to call it in messages.
+        keep_means: whether a column or row that is the mean of all others holds scores.
 
     Raises:
         TableError: no header, too many rows or columns, a row of another length, a repeated name,
@@ -137,7 +140,8 @@ def published_table(text: str, source: str = "scores.csv") -> ScoreTable:
         )
     except ValueError as error:
         raise TableError(f"{source}: {error}") from error
-    _require_no_means(table, source, [start, *(line for line, _ in rows)])
+    if not keep_means:
+        _require_no_means(table, source, [start, *(line for line, _ in rows)])
     return table
 
 
@@ -216,17 +220,20 @@ def _subject(cell: str, where: str) -> str:
         raise TableError(f"{where}: {error}; number the subjects") from None
 
 
+_KEPT = "add --keep-means if it holds scores"
+
+
 def _require_no_means(table: ScoreTable, source: str, lines: Sequence[int]) -> None:
     """Refuse means under another name."""
     if (column := mean_column(table.scores)) is not None:
         raise TableError(
             f"{source}, line {lines[0]}, column {table.conditions[column]}: is the mean of all "
-            "other columns; remove the column"
+            f"other columns; remove the column, or {_KEPT}"
         )
     if (row := mean_column(table.scores.T)) is not None:
         raise TableError(
             f"{source}, line {lines[row + 1]}: the row {table.subjects[row]!r} is the mean of all "
-            "others; remove the row"
+            f"others; remove the row, or {_KEPT}"
         )
 
 

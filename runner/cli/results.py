@@ -54,6 +54,12 @@ def import_scores(
         ),
     ],
     study: Annotated[Path, typer.Argument(metavar="STUDY", help="A new or an empty folder.")],
+    keep_means: Annotated[
+        bool,
+        typer.Option(
+            "--keep-means", help="Take a column or row that is the mean of all others as scores."
+        ),
+    ] = False,
 ) -> None:
     """Create a study from published scores, or from the BIDS export of another one.
 
@@ -69,7 +75,7 @@ def import_scores(
     from runner.study.published import import_table
 
     content = bytes_of(scores)
-    table = published_table(text_of(content, scores), str(scores))
+    table = published_table(text_of(content, scores), str(scores), keep_means=keep_means)
     rows = followed("subjects", table.by_subject().items(), len(table.subjects))
     import_table(StudyFolder(path=study), rows, scores.name, content)
     note = unpredicted_note(table.conditions)

@@ -69,8 +69,16 @@ def with_means(column: str | None, row: str | None) -> str:
             "line 11: the row 'AVERAGE' holds no scores .*; remove the row",
         ),
         ("total", "mean", "line 1, column total"),
-        ("overall", None, "column overall: is the mean of all other columns; remove the column"),
-        (None, "all-9", "line 11: the row 'all-9' is the mean of all others; remove"),
+        (
+            "overall",
+            None,
+            "column overall: is the mean of all other columns; remove the column, or add --keep",
+        ),
+        (
+            None,
+            "all-9",
+            "line 11: the row 'all-9' is the mean of all others; remove the row, or add --keep",
+        ),
         ("overall", "all-9", "column overall: is the mean of all other columns"),
     ],
 )
@@ -79,6 +87,13 @@ def test_printed_means_are_not_taken_for_scores(
 ) -> None:
     with pytest.raises(TableError, match=message):
         published_table(with_means(column, row))
+
+
+def test_scores_that_are_the_mean_of_all_others_can_be_kept() -> None:
+    assert published_table(with_means("overall", None), keep_means=True).conditions[-1] == "overall"
+    assert published_table(with_means(None, "all-9"), keep_means=True).subjects[-1] == "all-9"
+    with pytest.raises(TableError, match="column total: holds no scores"):
+        published_table(with_means("total", None), keep_means=True)
 
 
 def test_our_own_table_4_is_refused_and_read_without_its_means() -> None:

@@ -127,7 +127,11 @@ def calibration(name: str, design: str) -> dict[str, tuple[float, float]]:
     for measure in fields(Measures):
         values = np.array([getattr(one, measure.name) for one in found])
         table[measure.name] = (float(values.mean()), float(values.std() / np.sqrt(len(values))))
-    shown = ", ".join(f"{key} {mean:.3f} ± {error:.3f}" for key, (mean, error) in table.items())
+    # Of a share that every study had, the spread between studies says nothing.
+    shown = ", ".join(
+        f"{key} {mean:.3f} " + (f"± {error:.3f}" if error else "(all)")
+        for key, (mean, error) in table.items()
+    )
     print(f"\n{design}, {name}, {len(found)} studies: {shown}")
     assert len(found) >= 0.98 * STUDIES_PER_CELL
     return table

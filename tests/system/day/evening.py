@@ -9,8 +9,8 @@ import random
 import shutil
 import sqlite3
 import tempfile
-from collections.abc import Callable
-from contextlib import closing, redirect_stdout
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager, redirect_stdout
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -26,6 +26,7 @@ from runner.cli import journal as commands
 from runner.cli.output import complaint
 from runner.cli.results import import_scores
 from runner.clock import WallClock
+from runner.journal.database import leave
 from runner.journal.names import STUDY_CHAIN
 from runner.journal.opening import open_journal, read_journal
 from runner.journal.session_log import SessionLog
@@ -300,7 +301,7 @@ def _withdrawn(evening: Evening) -> None:
 
     While somebody reads an old copy, the command says so; the second run of it finishes.
     """
-    with closing(sqlite3.connect(evening.journal)) as other:
+    with closing(sqlite3.connect(evening.journal)) as other, _impatient():
         rows = other.execute(
             "SELECT session, payload FROM event WHERE tag = 'touch-ended' AND payload NOT NULL"
         ).fetchall()
@@ -325,15 +326,29 @@ def _withdrawn(evening: Evening) -> None:
         require(10, not left, f"{someone} has withdrawn, but is in the files: {left}")
 
 
+@contextmanager
+def _impatient() -> Iterator[None]:
+    """Let nobody wait for others in the body, who do nothing meanwhile."""
+
+    def left(connection: sqlite3.Connection, path: Path, _patience_s: float) -> None:
+        leave(connection, path, patience_s=0.0)
+
+    with (
+        patch("runner.journal.store.leave", left),
+        patch("runner.journal.opening.LOCK_WAIT_S", 0.0),
+    ):
+        yield
+
+
 def _checkpointed(evening: Evening) -> None:
     """A checkpoint waits for another that writes, and for nothing else."""
     with (
+        _impatient(),
         open_journal(evening.journal) as journal,
         closing(sqlite3.connect(evening.journal, isolation_level=None)) as other,
     ):
         require(1, journal.checkpoint(), "a log that nobody else uses is not copied")
         other.execute("BEGIN IMMEDIATE")
-        journal._connection.execute("PRAGMA busy_timeout = 0")
         require(1, not journal.checkpoint(), "the log was copied while another was writing")
         other.execute("ROLLBACK")
         require(1, journal.checkpoint(), "a log that nobody else uses any more is not copied")

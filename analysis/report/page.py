@@ -18,7 +18,6 @@ from analysis.report.sections import (
     measured,
     methods,
     model_checks,
-    multiverse,
     predictions,
     ranges,
     scores,
@@ -26,7 +25,8 @@ from analysis.report.sections import (
     session_checks,
     trials,
 )
-from analysis.report.sections.multiverse import MULTIVERSE
+from analysis.report.specification import specification_curves
+from analysis.report.specification.specification_curves import MULTIVERSE
 from protocol.errors import BadInput
 from protocol.study.fields import printable
 
@@ -46,7 +46,7 @@ SECTIONS: Mapping[str, Callable[[Findings], Section]] = MappingProxyType(
         "predictive": model_checks.predictive,
         "recovery": model_checks.recovery,
         "contrasts": ranges.section,
-        MULTIVERSE: multiverse.section,
+        MULTIVERSE: specification_curves.section,
         "glossary": glossary,
         "provenance": methods.provenance,
         "trials": trials.section,

@@ -14,7 +14,7 @@ from analysis.report.blocks import Figure, Section
 from analysis.report.drawing import FORMATS
 from analysis.report.findings import Findings, Origin
 from analysis.report.page import SECTIONS, page_html, require_sections
-from analysis.report.sections.multiverse import MULTIVERSE
+from analysis.report.specification.specification_curves import MULTIVERSE
 from analysis.statistics.summary import table_statistics
 from analysis.trials.trial_statistics import trial_statistics
 from device.friction.calibration import NOMINAL

@@ -8,7 +8,7 @@ from analysis.loading.sessions import load_sessions
 from analysis.loading.study_data import study_data
 from analysis.multiverse.curve import Multiverse
 from analysis.report.report import Report, report, report_files, report_html, report_json
-from analysis.report.sections.multiverse import in_words
+from analysis.report.specification.specification_curves import in_words
 from protocol.journal.events import TrialExcluded
 from tests.analysis.chains import chain, published_chain, scored_session
 from tests.analysis.reports import ORIGIN, PAPER, ReadPage, plain_report

@@ -6,8 +6,8 @@ from analysis.multiverse.choices import Choice
 from analysis.multiverse.curve import Curve, Multiverse, PairTally
 from analysis.multiverse.named_claims import NAMES
 from analysis.report.blocks import Block, Column, Figure, Items, Row, Section, Table, columns
-from analysis.report.figures.specification_figure import specification_figure
 from analysis.report.findings import Findings
+from analysis.report.specification.specification_figure import specification_figure
 from analysis.report.wording import count_of, number
 
 MULTIVERSE = "multiverse"

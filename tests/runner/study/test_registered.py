@@ -3,7 +3,10 @@
 import json
 import re
 import sqlite3
+from contextlib import suppress
+from importlib.resources import files
 from pathlib import Path
+from random import Random
 
 import pytest
 
@@ -311,3 +314,31 @@ def test_a_session_names_the_calibration_in_force(tmp_path: Path) -> None:
     named = opened(tmp_path, "P02/1").calibration
     assert named is not None
     assert vars(named) == vars(fitted_calibration(tmp_path))
+
+
+def test_every_changed_character_of_a_study_is_noticed(tmp_path: Path) -> None:
+    """In the study file, in a language of its own and in the registration with its settings."""
+    study_in(tmp_path)
+    (tmp_path / "texts").mkdir()
+    english = (files("protocol") / "languages" / "en.toml").read_bytes()
+    (tmp_path / "texts" / "fr.toml").write_bytes(english.replace(b"English", b"French", 1))
+    assert typed("register", tmp_path) == 0
+    folder, random = StudyFolder(path=tmp_path), Random(1)
+
+    def is_the_registered_one() -> bool:
+        found = registration_of(tmp_path)
+        return found is not None and found.study_sha256 == text_digest(folder.text())
+
+    assert is_the_registered_one()
+    changed = [tmp_path / name for name in ("study.toml", "texts/fr.toml", "registration.toml")]
+    for number in range(1000):
+        file = changed[number % len(changed)]
+        kept = file.read_bytes()
+        place, new = random.randrange(len(kept)), random.choice(b"abz019 .\n#")
+        if kept[place] == new:
+            continue
+        file.write_bytes(kept[:place] + bytes([new]) + kept[place + 1 :])
+        with suppress(BadInput):
+            assert not is_the_registered_one(), (file, place, new)
+        file.write_bytes(kept)
+    assert is_the_registered_one()

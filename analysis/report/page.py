@@ -33,8 +33,8 @@ from protocol.study.fields import printable
 SECTIONS: Mapping[str, Callable[[Findings], Section]] = MappingProxyType(
     {
         "table4": scores.section,
-        "registration": registered.section,
         "methods": methods.section,
+        "registration": registered.section,
         "tests": differences.section,
         "agreement": effects.section,
         "sensitivity": sensitivity.section,

@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtrc, chdtri
+from scipy.special import chdtrc, chdtri, ndtri
 
 from analysis.estimates import FloatArray, IntArray, Interval, NotEstimable
-from analysis.statistics.ordinal_likelihood import Link, ScoreCounts, unpacked
+from analysis.statistics.ordinal_likelihood import MANY, Link, ScoreCounts, unpacked
 from analysis.statistics.ordinal_maximum import (
     Maximum,
     covariance_at,
@@ -22,6 +22,8 @@ MOST_CATEGORIES = 21
 ROUNDING = 1e-6
 # First value of the interaction's SD.
 FIRST_SD = 0.5
+# An SD of so many standard errors has a likelihood like a normal one among many subjects.
+STANDARD_ERRORS, NORMAL_95 = 5.0, float(ndtri(0.975))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -188,15 +190,21 @@ def _interval(
 ) -> Interval | NotEstimable:
     """Return the 95% interval of the last SD by the profile likelihood.
 
+    Of many subjects, where the SD is well above 0, the profile is the parabola of its standard
+    error.
+
     Parameters:
         best: the maximum.
         ratio: twice the rise of the log-likelihood from an SD of 0 to the maximum.
         spread: standard error of the SD, 0 where it is unknown.
         data, link: of the maximum.
     """
+    sd = abs(float(best.packed[-1]))
+    if len(data.counts) >= MANY and sd > STANDARD_ERRORS * spread > 0:
+        return sd - NORMAL_95 * spread, sd + NORMAL_95 * spread
     limits = [0.0]
     for side in (-1.0, 1.0) if ratio > chdtri(1, 0.05) else (1.0,):
-        first = max(abs(best.packed[-1]) + side * (2 * spread or FIRST_SD), 0.0)
+        first = max(sd + side * (2 * spread or FIRST_SD), 0.0)
         found = profile_limit(best, side, first, data, link)
         if found is None:
             return NotEstimable("the likelihood does not limit the standard deviation")

@@ -1,9 +1,11 @@
 """Marginal likelihood of ordered scores with random levels of subjects and of their cells."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal, TypeAlias
 
 import numpy as np
+from numpy.polynomial.hermite_e import hermegauss
 from scipy.special import log_expit, log_ndtr, logsumexp
 
 from analysis.estimates import FloatArray
@@ -13,6 +15,11 @@ Link: TypeAlias = Literal["probit", "logit"]
 # Limits of the integrals over a subject's level and a cell's, in standard deviations.
 REACH, CELL_REACH = 8.0, 6.0
 SMALLEST = 1e-300
+# So many subjects of similar levels share the levels at which their likelihood is not negligible:
+# relative to the largest, its logarithm is at least -FAR, and at the ends the posterior is small.
+ALIKE, FAR, NEGLIGIBLE = 100, 35.0, 1e-9
+# From so many subjects on, cells' levels are integrated by Gauss-Hermite quadrature.
+MANY = 200
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -20,6 +27,14 @@ class ScoreCounts:
     """Number of scores, shape (subjects, conditions, categories), from the lowest score up."""
 
     counts: FloatArray
+
+    @cached_property
+    def alike(self) -> list[FloatArray]:
+        """The counts (conditions, subjects, categories) of subjects with similar mean scores."""
+        sums = self.counts.sum(axis=1)
+        means = sums @ np.arange(self.categories) / sums.sum(axis=1)
+        groups = np.array_split(np.argsort(means, kind="stable"), -(-len(means) // ALIKE))
+        return [np.swapaxes(self.counts[group], 0, 1) for group in groups]
 
     @property
     def conditions(self) -> int:
@@ -73,24 +88,81 @@ def log_likelihood(
     integrals over v_sj, and over u_s outside them, are computed by the trapezoidal rule on evenly
     spaced points, `nodes` and half as many, which converges exponentially for such integrands; the
     points are the same for all subjects, so that the cost per subject is one matrix product.
+    Among many subjects, levels at which one has no likelihood to speak of are left out.
     """
     parameters = unpacked(packed, data)
     levels, log_weights = _normal_nodes(REACH, nodes)
-    own, log_own = _normal_nodes(CELL_REACH, nodes // 2 if len(parameters.sds) > 1 else 1)
+    own, log_own = _own_nodes(nodes, data) if len(parameters.sds) > 1 else _normal_nodes(0.0, 1)
     standard = np.stack([np.repeat(levels, len(own)), np.tile(own, nodes)])[: len(parameters.sds)]
     location = parameters.effects[:, None] + parameters.sds @ standard
     log_p, slopes = _log_probabilities(parameters.thresholds, location, link)
+    log_p_of = log_p.reshape(*log_p.shape[:2], nodes, len(own))
+    weights, total = np.zeros(log_p_of.shape), 0.0
+    for counts in data.alike:
+        window = slice(0, nodes)
+        if len(data.alike) > 1:
+            window = _window(_cells(counts[:, [0, -1]], log_p_of, log_own)[0] + log_weights)
+        while True:
+            by_cell, known = _cells(counts, log_p_of[:, :, window], log_own)
+            by_level = by_cell + log_weights[window]
+            per_subject = logsumexp(by_level, axis=1, keepdims=True)
+            shares = np.exp(by_level - per_subject)
+            if _holds(window, shares, nodes):
+                break
+            window = slice(0, nodes)
+        known *= shares[:, :, None]
+        flat = known.reshape(*known.shape[:2], -1)
+        weights[:, :, window] += (np.swapaxes(counts, 1, 2) @ flat).reshape(
+            weights[:, :, window].shape
+        )
+        total += float(per_subject.sum())
+    return total, _gradient(parameters, weights.reshape(log_p.shape), slopes, standard)
 
-    counts = np.swapaxes(data.counts, 0, 1)
-    cells = (counts @ log_p).reshape(*counts.shape[:2], nodes, len(own)) + log_own
+
+def _cells(
+    counts: FloatArray, log_p: FloatArray, log_own: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the log-likelihood of subjects at levels, and the shares of their cells' levels.
+
+    Parameters:
+        counts: shape (conditions, subjects, categories).
+        log_p: shape (conditions, categories, levels, own levels).
+        log_own: shape (own levels,), weights.
+
+    Returns:
+        Arrays of shape (subjects, levels) and (conditions, subjects, levels, own levels).
+    """
+    flat = log_p.reshape(*log_p.shape[:2], -1)
+    cells = (counts @ flat).reshape(*counts.shape[:2], *log_p.shape[2:]) + log_own
     highest = cells.max(axis=3, keepdims=True)
-    known = np.exp(cells - highest)
+    cells -= highest
+    known = np.exp(cells, out=cells)
     total = known.sum(axis=3, keepdims=True)
-    by_level = (highest + np.log(total)).sum(axis=0)[..., 0] + log_weights
-    per_subject = logsumexp(by_level, axis=1, keepdims=True)
-    known *= np.exp(by_level - per_subject)[:, :, None] / total
-    weights = np.swapaxes(counts, 1, 2) @ known.reshape(*counts.shape[:2], -1)
-    return float(per_subject.sum()), _gradient(parameters, weights, slopes, standard)
+    known /= total
+    return (highest + np.log(total)).sum(axis=0)[..., 0], known
+
+
+def _window(by_level: FloatArray) -> slice:
+    """Return the levels that are not negligible for some of the subjects."""
+    near = np.flatnonzero((by_level > by_level.max(axis=1, keepdims=True) - FAR).any(axis=0))
+    return slice(int(near[0]), int(near[-1]) + 1)
+
+
+def _holds(window: slice, shares: FloatArray, nodes: int) -> bool:
+    """Return whether the window has all levels that count: a likelihood has one peak."""
+    below = window.start == 0 or shares[:, 0].max() < NEGLIGIBLE
+    return bool(below and (window.stop == nodes or shares[:, -1].max() < NEGLIGIBLE))
+
+
+def _own_nodes(nodes: int, data: ScoreCounts) -> tuple[FloatArray, FloatArray]:
+    """Return points and log weights of the integral over a cell's level.
+
+    Of many subjects by Gauss and Hermite, which needs fewer points for the same precision.
+    """
+    if len(data.counts) < MANY:
+        return _normal_nodes(CELL_REACH, nodes // 2)
+    points, weights = hermegauss(nodes // 5)
+    return points, np.log(weights / weights.sum())
 
 
 def _normal_nodes(reach: float, count: int) -> tuple[FloatArray, FloatArray]:

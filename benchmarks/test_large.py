@@ -1,4 +1,4 @@
-"""What large tables and journals cost: time and memory of import, export and loading."""
+"""What large tables and journals cost: time and memory of import, export, report and loading."""
 
 import os
 import random
@@ -22,6 +22,7 @@ TEXT = template("extended").replace("repeats = 4", "repeats = 8")
 STUDY = parsed_study(TEXT)
 ARRANGEMENTS = 20
 MOST_GB = 2.0
+MOST_REPORT_GB = 1.0
 MOST_RATIO = 2.5
 """Of the time for twice as much, less the time to start."""
 
@@ -105,6 +106,23 @@ def test_100_000_trials_are_exported_in_proportion(
         assert sum(1 for _ in rows) > 100_000
     assert ratio <= MOST_RATIO
     assert most_gb <= MOST_GB
+
+
+def test_a_report_on_500_participants_is_written_in_proportion(
+    benchmark: BenchmarkFixture, tmp_path: Path
+) -> None:
+    """Both sizes have more than 8,000 trials; what a report on a few costs is the same for all."""
+    start_s, _ = _measured("report", _study(tmp_path / "few", 10), "--out", tmp_path / "few-out")
+    studies = [_study(tmp_path / str(count), count) for count in (250, 500)]
+
+    def reported() -> list[tuple[float, float]]:
+        return [
+            _measured("report", study, "--out", tmp_path / f"{study.name}-out") for study in studies
+        ]
+
+    ratio, most_gb = _told(benchmark, start_s, benchmark.pedantic(reported, rounds=1))
+    assert ratio <= MOST_RATIO
+    assert most_gb <= MOST_REPORT_GB
 
 
 def test_data_frames_of_1000_participants_take_at_most_3_times_what_reading_the_csv_takes(

@@ -248,6 +248,13 @@ def _of_question(question: StudyQuestion) -> Iterator[Column]:
     )
 
 
+TOUCH_COLUMNS = (
+    *_SESSION[:3],
+    _PLAN[0],
+    Column("touch", "Number of the touch in its trial, from 0."),
+    *(replace(column, per_touch=False) for column in _TOUCHES if column.per_touch),
+)
+"""Of a table of touches."""
 PARTICIPANT_COLUMNS = (
     _SESSION[0],
     Column("sessions", "How many of the participant's sessions are here."),

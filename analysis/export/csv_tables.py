@@ -5,22 +5,24 @@ from collections.abc import Sequence
 import pandas as pd
 
 from analysis.cells import BETWEEN_TOUCHES, csv_text, json_text
-from analysis.export.columns import Column, known
+from analysis.export.columns import TOUCH_COLUMNS, Column, known
 from analysis.export.dataset import Dataset
 from analysis.export.recordings import DRIVEN, MEASURED, TIME, samples_csv
-from analysis.export.trial_table import cells
+from analysis.export.trial_table import cells, touch_table
 
 
 def csv_tables(data: Dataset, *, shared: bool = False) -> dict[str, str]:
-    """Return the tables of trials and of participants, each with what describes its columns.
+    """Return tables of trials, touches and participants, each with what describes its columns.
 
     Args:
         data: what is exported.
         shared: whether others are to have it, who get no private columns.
     """
     columns = data.shared_columns if shared else data.columns
+    touches = touch_table(data.trials)
     return {
         **_table("trials", data.trials, columns, data),
+        **({} if touches.empty else _table("touches", touches, TOUCH_COLUMNS, data)),
         **_table("participants", data.participants, data.participant_columns, data),
     }
 

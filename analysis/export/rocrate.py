@@ -27,11 +27,11 @@ _NO_LICENCE = "The study names no licence; ask its authors before you use these 
 
 _TABLES = (
     f"This is an [RO-Crate](https://w3id.org/ro/crate): `{METADATA}` names each file, and the "
-    "version of the software that made it. `trials.csv` has the trials, `participants.csv` the "
-    "participants, and the JSON file beside each describes its columns. An empty cell is a "
-    "missing value; an apostrophe before `=`, `+`, `-` or `@` keeps spreadsheets from taking a "
-    f"text for a formula. `{FOLDER}/` has the study file and the journal, a file of events for "
-    "each session: `touchbeam import` makes a study of them again. "
+    "version of the software that made it. `trials.csv` has the trials, `touches.csv` their "
+    "touches, `participants.csv` the participants, and the JSON file beside each describes its "
+    "columns. An empty cell is a missing value; an apostrophe before `=`, `+`, `-` or `@` keeps "
+    f"spreadsheets from taking a text for a formula. `{FOLDER}/` has the study file and the "
+    "journal, a file of events for each session: `touchbeam import` makes a study of them again. "
     f"`{REPORT}/report.html` is its report. What the operator noted, references of consents and "
     "the time of day are not here."
 )
@@ -52,6 +52,8 @@ _MEANINGS = {
     "README.md": "What is here, how to read it, and what is not here.",
     "trials.csv": "A row for each trial that was begun.",
     "trials.json": "Meaning, unit and levels of each column of trials.csv.",
+    "touches.csv": "A row for each touch of these trials.",
+    "touches.json": "Meaning, unit and levels of each column of touches.csv.",
     "participants.csv": "A row for each participant, with the answers that were given once.",
     "participants.json": "Meaning, unit and levels of each column of participants.csv.",
     "recordings/recordings.json": "Meaning and unit of each column of the other files here.",

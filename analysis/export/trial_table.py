@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.cells import Cell
-from analysis.export.columns import COLUMNS, question_columns
+from analysis.export.columns import COLUMNS, TOUCH_COLUMNS, question_columns
 from analysis.loading.records import TEXT, values
 from analysis.loading.sessions import Sessions
 from protocol.study.study_question import StudyQuestion
@@ -103,6 +103,15 @@ def _answers(
             told_there = [pair[number] for pair in found]
             table[column.name] = pd.Series(told_there, trials.index, object)
     return table
+
+
+def touch_table(trials: pd.DataFrame) -> pd.DataFrame:
+    """Return a row per touch of the exported `trials`; of published scores nothing is known."""
+    listed = [column.name for column in COLUMNS if column.per_touch]
+    touched = trials[trials["touches"].fillna(0).gt(0)].reset_index(drop=True)
+    rows = touched.explode(listed)
+    numbered = rows.assign(touch=rows.groupby(level=0).cumcount())
+    return numbered[[column.name for column in TOUCH_COLUMNS]].reset_index(drop=True)
 
 
 def participant_table(

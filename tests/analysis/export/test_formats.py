@@ -214,6 +214,24 @@ def test_a_readme_shown_as_a_page_runs_nothing(
     assert "<" not in page
 
 
+def test_each_touch_has_a_row_with_what_its_trial_lists() -> None:
+    files = csv_export(nasty())
+    touches = csv_rows(files["touches.csv"])
+    key = ("participant", "session", "session_kind", "trial_index")
+    own = {name for name in touches[0] if name not in {*key, "touch"}}
+    assert own == {column.name for column in COLUMNS if column.per_touch}
+    assert json.loads(files["touches.json"]).keys() == touches[0].keys()
+    assert "one_per_touch_separated_by" not in files["touches.json"]
+    for trial in csv_rows(files["trials.csv"]):
+        mine = [row for row in touches if all(row[name] == trial[name] for name in key)]
+        assert [row["touch"] for row in mine] == [str(n) for n in range(int(trial["touches"]))]
+        beams = ";".join(row["beam"].replace(";", r"\;") or "n/a" for row in mine)
+        assert beams == trial["beam"] or set(beams) <= set("n/a;")
+        volts = ";".join(row["planned_voltage_v"] for row in mine)
+        assert volts == trial["planned_voltage_v"]
+    assert "touches.csv" not in csv_export(published("1"))
+
+
 def test_participants_keep_their_pseudonyms_beside_labels_that_never_collide() -> None:
     people = tsv_rows(bids_export(nasty())["participants.tsv"])
     assert {row["pseudonym"]: row["participant_id"] for row in people} == {

@@ -1,0 +1,49 @@
+"""What a power analysis costs on two cores, and what the second core is worth.
+
+The ratio needs a quiet machine with two cores; it is taken in one run.
+"""
+
+from importlib.metadata import version
+from time import perf_counter
+
+import pytest
+from pytest_benchmark.fixture import BenchmarkFixture
+
+from analysis.power.designs import Design
+from analysis.power.engine import completed
+from analysis.power.job import Job, Kind, Task, tasks
+from protocol.study_file.loading import template
+from tests.analysis.power.kept_in_memory import Memory
+
+PAPERS = Design(participants=9, repeats=1)
+LARGE = Design(participants=20, repeats=4)
+"""Twenty people with twenty trials each."""
+
+
+def seconds(wanted: list[Task], workers: int) -> float:
+    job = Job(study=template("paper"), version=version("touchbeam"), seed=1)
+    start = perf_counter()
+    assert len(list(completed(job, wanted, Memory(), workers))) == len(wanted)
+    return perf_counter() - start
+
+
+@pytest.mark.parametrize(
+    ("design", "kind", "studies", "most_s"),
+    [(PAPERS, "tested", 20_000, 60), (LARGE, "fitted", 1_000, 300)],
+)
+def test_studies_on_two_cores(
+    benchmark: BenchmarkFixture, design: Design, kind: Kind, studies: int, most_s: float
+) -> None:
+    wanted = tasks(design, kind, studies)
+    taken = benchmark.pedantic(seconds, args=(wanted, 2), rounds=1)
+    benchmark.extra_info["studies per second"] = round(studies / taken, 1)
+    assert taken <= most_s
+
+
+def test_two_workers_are_worth_1_8(benchmark: BenchmarkFixture) -> None:
+    wanted = tasks(LARGE, "fitted", 64)
+    seconds(wanted[:4], 2)  # the workers are started, and stay
+    one = seconds(wanted, 1)
+    two = benchmark.pedantic(seconds, args=(wanted, 2), rounds=1)
+    benchmark.extra_info["ratio to one worker"] = round(one / two, 2)
+    assert one / two >= 1.8

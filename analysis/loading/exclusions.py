@@ -1,12 +1,7 @@
 """The study's rules on who and what is left out, settled beforehand, applied to all alike."""
 
-from typing import Any
-
-import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from analysis.estimates import BoolArray
 from analysis.loading.records import TEXT, Exclusion
 from analysis.loading.sessions import is_scored
 from protocol.study.rules import Exclusions
@@ -38,19 +33,6 @@ def excluded_by_rule(
         for why in broken
     ]
     return in_time[~in_time["participant"].isin(gone.keys())], tuple(left_out)
-
-
-def kept_trials(rules: Exclusions, **columns: NDArray[Any]) -> BoolArray:
-    """Return which trials of a simulated study the rules keep, as those of a recorded one.
-
-    Args:
-        rules: the study's.
-        columns: `participant`, `trial_kind`, `reaction_time_s`, `agrees` and `score` of each trial.
-    """
-    trials = pd.DataFrame(columns)
-    trials["agrees"] = trials["agrees"].astype("boolean")
-    kept, _ = excluded_by_rule(trials.assign(session=1, trial_index=trials.index), rules)
-    return np.isin(np.arange(len(trials)), kept.index.to_numpy())
 
 
 def _reaction_broken(kind: str, reaction_s: float, rules: Exclusions) -> str | None:

@@ -12,8 +12,10 @@ from analysis.estimates import FloatArray
 from analysis.power.cohorts import Simulate, without_effect
 from analysis.power.designs import Design, designed
 from analysis.power.diagnosis import rows_of_cohorts, rows_of_tables
-from analysis.power.drawn_cohorts import DrawnCohorts
+from analysis.power.people_cohorts import PeopleCohorts
 from device.friction.calibration import NOMINAL, Calibration
+from device.people.people_file import people_in
+from device.people.population import DEFAULT
 from protocol.errors import WorkFailed
 from protocol.study_file.loading import parsed_study
 
@@ -62,6 +64,8 @@ class Job:
     """Of touchbeam."""
     seed: int
     rig: Calibration = NOMINAL
+    people: str = ""
+    """Text of the people file; without one the default population takes part."""
 
     @property
     def digest(self) -> str:
@@ -73,7 +77,12 @@ class Job:
 def simulation(job: Job, design: Design) -> Simulate:
     """Return the simulation of a design, whose plan is drawn once."""
     study = designed(parsed_study(job.study), design)
-    return DrawnCohorts(study=study, participants=design.participants, rig=job.rig)
+    return PeopleCohorts(
+        study=study,
+        participants=design.participants,
+        population=people_in(job.people) if job.people else DEFAULT,
+        rig=job.rig,
+    )
 
 
 def numbers(job: Job, task: Task) -> FloatArray:

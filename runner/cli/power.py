@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from protocol.errors import BadInput
-from runner.cli.options import JsonOption, StudyArgument
+from runner.cli.options import JsonOption, PeopleOption, StudyArgument
 from runner.cli.output import followed, print_json, print_table, say
 
 if TYPE_CHECKING:
@@ -67,6 +67,7 @@ def power(
         str | None,
         typer.Option(metavar="URL", help="Compute on this Dask cluster, such as tcp://HOST:8786."),
     ] = None,
+    people: PeopleOption = None,
     seed: Annotated[int, typer.Option(min=0)] = 1,
     as_json: JsonOption = False,
 ) -> None:
@@ -86,12 +87,16 @@ def power(
     from analysis.power.job import Job, tasks
     from analysis.power.power_report import figures, power_record
     from runner.study.calibration import fitted_calibration
+    from runner.study.files import short_text
     from runner.study.folder import StudyFolder
+    from runner.study.people_file import people_file
     from runner.study.power_folder import PowerFolder
 
     begun_s = perf_counter()
     folder = StudyFolder(path=study)
     file = folder.study()
+    if people is not None:
+        people_file(people)
     wanted = designs(
         file,
         _numbers(participants, "--participants"),
@@ -107,6 +112,7 @@ def power(
         version=version("touchbeam"),
         seed=seed,
         rig=fitted_calibration(folder.path),
+        people="" if people is None else short_text(people),
     )
     used = cluster_size(scheduler) if scheduler else workers or _cores()
     kind: Kind = "tested" if tests_only else "fitted"

@@ -30,7 +30,7 @@ def job(seed: int = 1) -> Job:
     return Job(study=template("paper"), version=version("touchbeam"), seed=seed)
 
 
-def wanted(fitted: int = 8, null: int = 20) -> list[Task]:
+def wanted(fitted: int = 6, null: int = 20) -> list[Task]:
     return [*tasks(DESIGN, "fitted", fitted), *tasks(DESIGN, "null", null)]
 
 

@@ -119,6 +119,19 @@ def test_what_is_wrong_is_said_in_one_line(
     assert not (folder / "power").exists()
 
 
+def test_other_people_give_other_results(
+    folder: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    keen, wrong = tmp_path / "keen.toml", tmp_path / "wrong.toml"
+    keen.write_text("[person]\ngain = 9.0\nbias = 4.0\nrating_noise = 0.1\nfelt_noise = 0.01\n")
+    wrong.write_text("[person]\ngian = 9.0\n")
+    found = [document(folder, capsys, *QUICK, *more) for more in ((), ("--people", str(keen)))]
+    power = [dict(each["tests"][0])["power"] for each in found]  # type: ignore[index]
+    assert power[0] < power[1] == 1
+    assert typed("power", folder, *QUICK, "--people", wrong) == 2
+    assert "gian" in capsys.readouterr().err
+
+
 def test_a_study_of_one_condition_has_nothing_to_tell_apart(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

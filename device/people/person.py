@@ -123,7 +123,7 @@ class Person:
         float,
         _share(
             "weight of the previous score in this one; below 0: contrast",
-            "assumed; assimilation: Holland and Lockhead 1968, doi 10.3758/BF03205739",
+            "assumed; assimilation in absolute judgement: Holland and Lockhead 1968",
             low=-1.0,
         ),
     ] = 0.0
@@ -198,7 +198,7 @@ class Person:
         Parameter(
             meaning="shortest reaction time",
             unit="s",
-            source="assumed; shifted log-normal times: Heathcote, Popiel and Mewhort 1991",
+            source="assumed, as that the rest is log-normal",
             high=60.0,
         ),
     ] = 0.3

@@ -14,6 +14,7 @@ from device.simulator.client import swapping
 from device.simulator.in_process import InProcessClock, InProcessDevice, in_process_rig
 from device.study_limits import device_limits
 from protocol.study.participant_texts import study_wording
+from protocol.study.rules import Exclusions
 from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study
 from runner.journal.opening import journal_if_used
@@ -36,6 +37,7 @@ def loaded_rehearsals(
     rung: str = RUNG,
     *,
     population: Population | None = None,
+    rules: Exclusions | None = None,
     slips: Callable[[], bool] = lambda: False,
 ) -> StudyData:
     """The sessions of virtual participants P01, P02 and so on, as loaded from their journal."""
@@ -58,7 +60,7 @@ def loaded_rehearsals(
             )
             _run(study, text, options, journal, slips)
         chains = [journal.events(name) for name in journal.sessions()]
-    return load_study_data(chains, rehearsals=True, rules=study.exclusions)
+    return load_study_data(chains, rehearsals=True, rules=rules)
 
 
 def _run(

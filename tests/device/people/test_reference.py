@@ -1,0 +1,21 @@
+"""The table of parameters in docs/people.md, as generated from the records."""
+
+from pathlib import Path
+
+from device.people.people_file import people_in
+from device.people.population import DEFAULT
+from device.people.reference import parameter_table
+
+PAGE = (Path(__file__).parents[3] / "docs" / "people.md").read_text(encoding="utf-8")
+
+
+def test_the_page_is_up_to_date() -> None:
+    assert parameter_table() in PAGE, "replace it by `python -m device.people.reference`"
+
+
+def test_the_files_on_the_page_can_be_used() -> None:
+    files = [part.partition("```")[0] for part in PAGE.split("```toml\n")[1:]]
+    one, population = map(people_in, files)
+    assert (one.typical.gain, one.varied) == (5.0, {})
+    assert set(population.varied) == set(DEFAULT.varied)
+    assert people_in("[population]\n") == DEFAULT

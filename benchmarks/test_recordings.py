@@ -7,13 +7,13 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 from hashlib import sha256
 from pathlib import Path
-from statistics import median
 from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
 from pytest_benchmark.fixture import BenchmarkFixture
 
+from benchmarks.compared import compare
 from protocol.journal.events import StoredEvent, TouchRecorded
 from runner.journal.opening import open_journal
 
@@ -106,8 +106,9 @@ def test_a_million_samples_cost_at_most_twice_their_parts(benchmark: BenchmarkFi
         pairs = zip(ours(Path(place), recorded), bare(Path(place), recorded), strict=True)
         assert all(np.array_equal(mine, theirs) for mine, theirs in pairs)
     times = [(timed(ours, recorded), timed(bare, recorded)) for _ in range(ROUNDS)]
-    ratio = median(mine for mine, _ in times) / median(theirs for _, theirs in times)
-    benchmark.extra_info["ratio to the bare parts"] = round(ratio, 2)
-    benchmark.extra_info["bare parts, s"] = round(median(theirs for _, theirs in times), 2)
+    work = "keep a million samples, read them and their friction by place"
+    peer = "zlib, SHA-256, SQLite and numpy alone"
+    exact = "the same numbers"
+    ratio = compare(benchmark, work, peer, *zip(*times, strict=True), accuracy=exact)
     benchmark.pedantic(lambda: timed(ours, recorded), rounds=1)
     assert ratio <= 2

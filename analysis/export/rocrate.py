@@ -14,7 +14,7 @@ from analysis.export.csv_tables import csv_tables
 from analysis.export.dataset import Dataset
 from analysis.export.readme import readme
 from analysis.loading.records import values
-from protocol.journal.shared_form import FOLDER, STUDY_FILE, SUFFIX
+from protocol.journal.shared_form import FOLDER, REGISTRATION_FILE, STUDY_FILE, SUFFIX
 
 METADATA = "ro-crate-metadata.json"
 REPORT = "report"
@@ -22,6 +22,9 @@ REPORT = "report"
 _CRATE = "https://w3id.org/ro/crate/1.1"
 _PROFILE = "https://w3id.org/ro/wfrun/process/0.5"
 _STUDY = f"{FOLDER}/{STUDY_FILE}"
+_REGISTRATION = f"{FOLDER}/{REGISTRATION_FILE}"
+_SETTLED = (_STUDY, _REGISTRATION)
+"""What was there before the sessions."""
 _NO_LICENCE = "The study names no licence; ask its authors before you use these data."
 """An RO-Crate must say how it may be used; nobody has said so."""
 
@@ -58,6 +61,7 @@ _MEANINGS = {
     "participants.json": "Meaning, unit and levels of each column of participants.csv.",
     "recordings/recordings.json": "Meaning and unit of each column of the other files here.",
     _STUDY: "The study file, with the study's own languages.",
+    _REGISTRATION: "What was registered before the first session; its digest seeds the orders.",
     f"{REPORT}/report.html": "The study's report: Table 4, statistics and figures.",
     f"{REPORT}/report.json": "Every number of the report.",
 }
@@ -141,7 +145,7 @@ def crate_metadata(data: Dataset, files: Mapping[str, bytes], today: date) -> st
 def _actions(data: Dataset, files: Mapping[str, bytes], today: date) -> list[dict[str, Any]]:
     """Return what was done: the sessions, unless their scores were published, and the export."""
     events = [path for path in files if path.endswith(SUFFIX)]
-    source = [path for path in files if path == _STUDY]
+    source = [path for path in files if path in _SETTLED]
     made = [path for path in files if path not in {*events, *source}]
     export = {
         "@id": "#export",

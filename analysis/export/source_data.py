@@ -1,4 +1,4 @@
-"""What a data set was made from: the study file, and the events of each session as they may leave.
+"""What a data set was made from: study file, registration, and sessions' events as they may leave.
 
 `touchbeam import` makes a study of these files again; docs/data.md lists what they do not hold.
 """
@@ -6,8 +6,14 @@
 from collections.abc import Iterable
 
 from analysis.export.dataset import Chain, Dataset
-from protocol.journal.events import ScoresImported, SessionOpened, Withdrawn
-from protocol.journal.shared_form import FOLDER, STUDY_FILE, SUFFIX, shared_text
+from protocol.journal.events import ScoresImported, SessionOpened, StudyRegistered, Withdrawn
+from protocol.journal.shared_form import (
+    FOLDER,
+    REGISTRATION_FILE,
+    STUDY_FILE,
+    SUFFIX,
+    shared_text,
+)
 
 
 def source_files(data: Dataset, chains: Iterable[Chain], study_text: str) -> dict[str, str]:
@@ -23,6 +29,8 @@ def source_files(data: Dataset, chains: Iterable[Chain], study_text: str) -> dic
     files = {f"{FOLDER}/{STUDY_FILE}": study_text}
     for place, events in enumerate(chains):
         first = events[0]
+        registered = [event.payload["text"] for event in events if event.tag == StudyRegistered.TAG]
+        files |= {f"{FOLDER}/{REGISTRATION_FILE}": text for text in registered}
         withdrawn = any(event.tag == Withdrawn.TAG for event in events)
         opened = None if withdrawn else first.record
         if not isinstance(opened, SessionOpened | ScoresImported):

@@ -32,8 +32,9 @@ from protocol.journal.transitions import NotAllowed
 
 FOLDER = "sourcedata/touchbeam"
 STUDY_FILE = "study.toml"
+REGISTRATION_FILE = "registration.toml"
 SUFFIX = ".jsonl"
-"""Where a data set holds the study file and its sessions, a file each."""
+"""Where a data set holds the study file, its registration, and its sessions, a file each."""
 UNKNOWN_UTC = datetime(1970, 1, 1, tzinfo=UTC)
 """When every session began whose time of day is not known."""
 _WRONG = (NotAllowed, ArithmeticError, AttributeError, LookupError, TypeError, ValueError)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from protocol.errors import BadInput
-from protocol.journal.shared_form import SUFFIX
+from protocol.journal.shared_form import FOLDER, REGISTRATION_FILE, SUFFIX
 from runner.cli.options import (
     Choosing,
     FormatOption,
@@ -198,10 +198,14 @@ def _report_in_crate(
     from analysis.loading.sessions import load_sessions
     from analysis.loading.study_data import NothingToReport, study_data
     from analysis.report.report import report_files
+    from protocol.registration.registration import shared_registration
     from runner.study.data_set import shared_sessions
 
     texts = {name: content.decode() for name, content in files.items() if name.endswith(SUFFIX)}
-    recorded = load_sessions(session.events for session in shared_sessions(texts))
+    chains = [session.events for session in shared_sessions(texts)]
+    if registered := files.get(f"{FOLDER}/{REGISTRATION_FILE}"):
+        chains.insert(0, (shared_registration(registered.decode()),))
+    recorded = load_sessions(chains)
     rules = source.study().exclusions
     try:
         found = study_data(recorded, rehearsals=rehearsals, rules=rules)

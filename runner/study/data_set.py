@@ -5,9 +5,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from protocol.errors import BadInput
-from protocol.journal.shared_form import FOLDER, STUDY_FILE, SUFFIX, SharedSession, shared_session
+from protocol.journal.events import StoredEvent
+from protocol.journal.shared_form import (
+    FOLDER,
+    REGISTRATION_FILE,
+    STUDY_FILE,
+    SUFFIX,
+    SharedSession,
+    shared_session,
+)
+from protocol.registration.registration import shared_registration
 from protocol.study_file.loading import parsed_study
-from runner.journal.names import REHEARSAL, session_name
+from runner.journal.names import REHEARSAL, STUDY_CHAIN, session_name
 from runner.journal.opening import open_journal
 from runner.study.files import bytes_of, text_of
 from runner.study.folder import DIALECTS, StudyFolder, new_study
@@ -15,10 +24,14 @@ from runner.study.folder import DIALECTS, StudyFolder, new_study
 
 @dataclass(frozen=True, kw_only=True)
 class DataSet:
-    """The text of a study and its sessions by the names of their chains, oldest first."""
+    """The text of a study and its sessions by the names of their chains, oldest first.
+
+    `registration` is the event of its registration, None without one.
+    """
 
     study_text: str
     sessions: Mapping[str, SharedSession]
+    registration: StoredEvent | None = None
 
 
 def read_data_set(source: Path) -> DataSet:
@@ -41,7 +54,14 @@ def read_data_set(source: Path) -> DataSet:
     sessions = {_name(session): session for session in shared_sessions(texts)}
     if len(sessions) != len(files):
         raise BadInput(f"{place}: must hold each session once")
-    return DataSet(study_text=text, sessions=sessions)
+    return DataSet(study_text=text, sessions=sessions, registration=_registration(place))
+
+
+def _registration(place: Path) -> StoredEvent | None:
+    file = place / REGISTRATION_FILE
+    if not file.is_file():
+        return None
+    return shared_registration(bytes_of(file).decode(errors="replace"), str(file))
 
 
 def shared_sessions(texts: Mapping[str, str]) -> list[SharedSession]:
@@ -61,6 +81,10 @@ def import_data_set(folder: StudyFolder, data: DataSet) -> None:
         open_journal(folder.journal) as journal,
         journal.alone(),
     ):
+        if data.registration is not None:
+            text = data.registration.payload["text"]
+            (folder.path / REGISTRATION_FILE).write_bytes(text.encode())
+            journal.append(STUDY_CHAIN, data.registration)
         for name, session in data.sessions.items():
             for event in session.events:
                 journal.append(name, event)

@@ -12,7 +12,13 @@ from device.friction.calibration import Calibration
 from protocol.errors import BadInput
 from protocol.journal.events import StudyRegistered
 from protocol.registration.hypotheses import hypotheses, require_known
-from protocol.registration.registration import FILE, Registration, Setting, registration_in
+from protocol.registration.registration import (
+    FILE,
+    Registration,
+    Setting,
+    registered_event,
+    registration_in,
+)
 from protocol.registration.registry_text import registry_text
 from protocol.study.study import Study
 from protocol.study_file.loading import text_digest
@@ -174,10 +180,7 @@ def register(folder: StudyFolder, study: Study, made: Registration, clock: Clock
             made = registration_in(recorded.text)
         elif recorded is None or recorded.registration != made.digest:
             _require_new(recorded, kept, made, begun)
-            event = StudyRegistered(
-                registration=made.digest, study_sha256=made.study_sha256, text=made.text()
-            )
-            SessionLog(journal, STUDY_CHAIN, clock).append(event)
+            SessionLog(journal, STUDY_CHAIN, clock).append(registered_event(made))
         elif kept is not None and kept.digest != made.digest:
             raise BadInput(file_problem(recorded, kept))
     write_whole(folder.path / FILE, made.text().encode())

@@ -15,6 +15,7 @@ from analysis.report.registration.named_results import NamedResult, named_result
 from analysis.report.wording import number
 from analysis.trials.contrasts import trial_contrasts
 from device.friction.contrasts import LAW, RUNG
+from protocol.journal.shared_form import UNKNOWN_UTC
 from protocol.registration.deviations import PAPER, Conduct, Deviation, deviations
 
 
@@ -32,7 +33,7 @@ def section(found: Findings) -> Section:
         name="registration",
         title="Registration",
         blocks=[
-            f"Plan and analysis were registered at {lock.utc:%Y-%m-%d %H:%M} UTC with touchbeam "
+            f"Plan and analysis were registered{_when(lock)} with touchbeam "
             f"{lock.registration.touchbeam}, before the first session. The digest of the "
             f"registration, SHA-256 {lock.registration.digest}, seeded every order; touchbeam "
             "verify draws them again. Not registered: every result that this table does not name.",
@@ -43,6 +44,11 @@ def section(found: Findings) -> Section:
         ],
         data={"registration": _record(lock, results, departed, later)},
     )
+
+
+def _when(lock: StudyLock) -> str:
+    """Return the time of the registration, which a data set does not tell."""
+    return f" at {lock.utc:%Y-%m-%d %H:%M} UTC" if lock.utc > UNKNOWN_UTC else ""
 
 
 def registered_lines(found: Findings) -> Iterator[str]:
@@ -163,7 +169,7 @@ def _record(
     settled = lock.registration
     return {
         "digest": settled.digest,
-        "utc": lock.utc.isoformat(),
+        "utc": lock.utc.isoformat() if lock.utc > UNKNOWN_UTC else None,
         "primary": settled.primary,
         "secondary": list(settled.secondary),
         "results": [plain(each) for each in results],

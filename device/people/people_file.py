@@ -45,7 +45,7 @@ class PeopleError(BadInput):
 
     def __init__(self, source: str, found: list[Problem]) -> None:
         self.problems = found
-        super().__init__("\n".join(problem.located(source) for problem in found))
+        super().__init__("; ".join(problem.located(source) for problem in found))
 
 
 def people_in(text: str, source: str = "people.toml") -> Population:

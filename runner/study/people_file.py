@@ -12,7 +12,7 @@ def people_file(path: Path) -> Population:
     """Return the virtual people that the file describes.
 
     Raises:
-        BadInput: there is no such file, or it cannot be used; every problem has a line.
+        BadInput: there is no such file, or it cannot be used; all problems are told.
     """
     try:
         return people_in(short_text(path), str(path))

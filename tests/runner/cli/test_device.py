@@ -12,7 +12,7 @@ from device.beam.modes import natural_frequency_hz
 from device.errors import DeviceError, ForeignDevice
 from device.link.link import Link
 from device.resonance import Resonance
-from device.simulator.client import ControlClient, Endpoints, simulator_process
+from device.simulator.client import ControlClient, Endpoints, Friction, simulator_process
 from device.simulator.hardware.beam_and_finger import SimulatedBeam
 from protocol.errors import BadInput
 from protocol.study.rig_settings import Rig as RigSettings
@@ -181,11 +181,19 @@ def test_an_address_cannot_write_to_a_file(
     assert not list(tmp_path.glob("*/study.db"))
 
 
-def test_the_simulated_beam_obeys_the_law_and_the_rung_asked_for(tmp_path: Path) -> None:
+def test_the_simulated_beam_obeys_the_law_the_rung_and_the_damping_asked_for(
+    tmp_path: Path,
+) -> None:
     felt = []
-    for law, rung in (("consistent", "mode"), ("coulomb", "mode"), ("coulomb", None)):
+    worlds: tuple[Friction, ...] = (
+        {"law": "consistent", "rung": "mode"},
+        {"law": "coulomb", "rung": "mode"},
+        {"law": "coulomb", "rung": None},
+        {"law": "coulomb", "rung": None, "damping": 0.02},
+    )
+    for world in worlds:
         with (
-            simulator_process(TOUCHBEAM, seed=1, keep=True, law=law, rung=rung) as simulator,
+            simulator_process(TOUCHBEAM, seed=1, keep=True, **world) as simulator,
             ControlClient(simulator.control) as control,
             opened(simulator.url) as rig,
         ):
@@ -193,13 +201,35 @@ def test_the_simulated_beam_obeys_the_law_and_the_rung_asked_for(tmp_path: Path)
             rig.drive(DRIVE)
             control.advance(1.0)
             felt.append(control.touch(0.5, 0.0414, "right"))
-    assert len(set(felt)) == 3
+    assert len(set(felt)) == len(worlds)
     done = touchbeam("simulate-device", "tcp", "0", "--rung", "highest")
     assert done.returncode == 2
     assert "rung must be one of eq15" in done.stderr
+    done = touchbeam("simulate-device", "tcp", "0", "--damping", "2")
+    assert done.returncode == 2
+    assert "2 does not lie strictly between 0 and 1" in " ".join(done.stderr.split())
     study = str(tmp_path / "study")
     assert touchbeam("new", study).returncode == 0
     person = ("--participant", "P01", "--ratings", "console", "--rehearsal")
     done = touchbeam("run", study, *person, "--device", "/dev/ttyNONE", "--law", "coulomb")
     assert done.returncode == 2
-    assert "--law and --rung are for --device sim, got /dev/ttyNONE" in done.stderr
+    assert "--law, --rung and --damping are for --device sim, got /dev/ttyNONE" in done.stderr
+
+
+def test_a_people_file_is_for_virtual_ratings_and_is_checked(tmp_path: Path) -> None:
+    study, people = str(tmp_path / "study"), tmp_path / "people.toml"
+    assert touchbeam("new", study).returncode == 0
+    people.write_text("[person]\nlapse = 2\n[population]\nskin = 1\n")
+    person = ("--participant", "P01", "--rehearsal", "--people", str(people))
+    done = touchbeam("run", study, *person, "--ratings", "virtual")
+    assert done.returncode == 2
+    assert f"{people}:2: person.lapse: must be at most 1, got 2; " in done.stderr
+    assert f"{people}:4: population.skin: must be one of" in done.stderr
+    people.write_text("[person]\nlapse = 0.1\n")
+    done = touchbeam("run", study, *person, "--ratings", "console")
+    assert done.returncode == 2
+    assert "--people is for --ratings virtual, got console" in done.stderr
+    done = touchbeam("demo", "--out", str(tmp_path / "demo"), "--people", str(tmp_path / "none"))
+    assert done.returncode == 2
+    assert "none: cannot be read (No such file or directory)" in done.stderr
+    assert not (tmp_path / "demo").exists()

@@ -1,0 +1,33 @@
+"""What a simulated session costs, against the same session with device, link and journal."""
+
+import tempfile
+from pathlib import Path
+from time import process_time
+
+from pytest_benchmark.fixture import BenchmarkFixture
+
+from analysis.simulation.simulation import Simulation
+from protocol.study_file.loading import parsed_study, template
+from tests.system.in_process_sessions import loaded_rehearsals
+
+PEOPLE, COHORTS = 9, 200
+
+
+def test_a_simulated_session_is_a_thousand_times_cheaper(benchmark: BenchmarkFixture) -> None:
+    text = template("paper")
+    simulation = Simulation(study=parsed_study(text))
+    simulation.score_tables(PEOPLE, [0])  # plans and fields are set up once per study
+
+    def simulated() -> float:
+        start_s = process_time()
+        simulation.score_tables(PEOPLE, range(COHORTS))
+        return (process_time() - start_s) / (PEOPLE * COHORTS)
+
+    simulated_s = benchmark.pedantic(simulated, rounds=1)
+    with tempfile.TemporaryDirectory() as folder:
+        start_s = process_time()
+        loaded_rehearsals(Path(folder), text, 2, seed=1)
+        whole_s = (process_time() - start_s) / 2
+    benchmark.extra_info["ms per simulated session"] = round(1e3 * simulated_s, 3)
+    benchmark.extra_info["times cheaper"] = round(whole_s / simulated_s)
+    assert whole_s >= 1000 * simulated_s

@@ -61,7 +61,8 @@ class TestPower:
 class EstimateQuality:
     """How an estimate errs; `ranks` are the truths' places in their posteriors, from 0 to 1.
 
-    `power` is the share of intervals without 0, `type_s` the share of those estimates with the
+    `truth` is known where there is one for all studies, else NaN. `power` is the share of intervals
+    without 0, `type_s` the share of those estimates with the
     wrong sign, `type_m` their mean size relative to the truth's.
     """
 
@@ -75,6 +76,7 @@ class EstimateQuality:
     type_m: Measured
     estimable: float
     ranks: FloatArray = field(repr=False)
+    truth: float = float("nan")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -206,6 +208,7 @@ def _of_difference(table: _Table, pair: int, name: str) -> EstimateQuality:
         type_m=ratio(np.abs(mean) * significant, abs(truth) * significant.astype(np.float64)),
         estimable=float(known.mean()),
         ranks=stdtr(df, (truth - mean) / scale)[error > 0],
+        truth=truth,
     )
 
 

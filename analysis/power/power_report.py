@@ -88,6 +88,7 @@ def _estimate_record(estimate: EstimateQuality) -> Json:
     measured: dict[str, Measured] = {name: getattr(estimate, name) for name in _DIAGNOSANDS}
     return {
         "name": estimate.name,
+        "truth": _number(estimate.truth),
         **{name: _number(each.value) for name, each in measured.items()},
         "mc_error": _number(estimate.coverage.error),
         "mc_errors": {name: _number(each.error) for name, each in measured.items()},
@@ -145,12 +146,22 @@ def design_answer(found: Findings) -> str:
         for estimate in found.estimates
         if estimate.name == RELATIVE and math.isfinite(estimate.width.value)
     ]
-    pairs = [test for test in found.tests if test.name not in {OMNIBUS, GAINS}]
-    strong = [test.name.replace(" - ", " and ") for test in pairs if _enough(test)]
-    told = [f"{_percent(_power_of(found, OMNIBUS))} power to tell that the conditions differ"]
-    told += [f"80 % power or more to tell apart {', '.join(strong[:4])}{_rest(strong[4:])}"]
-    parts += told if strong else [told[0], "80 % power for no pair of conditions"]
+    strong = _pairs_with_power(found)
+    parts.append(f"{_percent(_power_of(found, OMNIBUS))} power to tell that the conditions differ")
+    listed = f"{', '.join(strong[:4])}{_rest(strong[4:])}"
+    parts.append(f"80 % power for {listed if strong else 'no pair of conditions'}")
     return f"{found.design}: {', '.join(parts)}."
+
+
+def _pairs_with_power(found: Findings) -> list[str]:
+    """Return the pairs that are told apart often enough, such as `voltage above structure`."""
+    names = []
+    pairs = [test for test in found.tests if test.name not in {OMNIBUS, GAINS}]
+    for test, difference in zip(pairs, found.estimates[-len(pairs) :], strict=True):
+        if _enough(test):
+            ends = test.name.split(" - ")
+            names.append(" above ".join(ends if difference.truth > 0 else reversed(ends)))
+    return names
 
 
 def _enough(test: TestPower) -> bool:

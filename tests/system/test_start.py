@@ -25,3 +25,16 @@ def test_pandas_is_not_loaded(
     ).stderr
     assert "runner.cli" in loaded
     assert "pandas" not in loaded
+
+
+def test_help_loads_no_numbers_and_no_workers() -> None:
+    loaded = subprocess.run(
+        [sys.executable, "-X", "importtime", TOUCHBEAM, "--help"],
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stderr
+    assert "runner.cli.power" in loaded
+    assert not [
+        name for name in ("numpy", "joblib", "threadpoolctl", "distributed") if name in loaded
+    ]

@@ -7,6 +7,7 @@ from analysis.estimates import FloatArray
 from analysis.power.designs import Design
 from analysis.power.diagnosands import Findings, findings, ratio
 from analysis.power.diagnosis import ESTIMATES, columns, rows_of_tables
+from analysis.power.power_report import design_answer
 
 DESIGN = Design(participants=9, repeats=1)
 NAMES = ("a", "b", "c", "d", "e")
@@ -98,3 +99,15 @@ def test_subjects_who_are_left_out_count_for_nothing() -> None:
     with_empty = np.concatenate([scores, np.full((4, 2, 5), np.nan)], axis=1)
     np.testing.assert_array_equal(rows_of_tables(list(with_empty)), rows_of_tables(list(scores)))
     assert np.isnan(rows_of_tables([np.full((9, 5), np.nan)])).all()
+
+
+def test_the_answer_says_which_condition_is_above_which() -> None:
+    rows = rows_of_tables(list(tables(6, 200, (0, 0, 0, 0, 3.5))))
+    said = design_answer(found(rows, rows[:10]))
+    assert said.startswith("9 participants x 1 repeat: 98 % power to tell that the conditions")
+    assert "for no pair of conditions" in design_answer(
+        found(rows_of_tables(list(tables(5, 50))), rows)
+    )
+    names = columns(5, models=False)
+    rows[:, names.index("pair p 3")] = 0.01
+    assert "80 % power for e above a" in design_answer(found(rows, rows[:10]))

@@ -20,6 +20,8 @@ MODE_STEPS, MODE_RISE, LONGEST_STEP = 30, 0.05, 1.0
 # Limits to which the curvature of a direction at the mode is clipped.
 LEAST_CURVATURE, MOST_CURVATURE = 0.1, 1e8
 QUANTILE_STEPS, QUANTILE_TOLERANCE = 60, 1e-9
+# Quantiles that are sought together, until all of them are found; their arrays fit into the cache.
+AT_ONCE = 64
 # A smaller skewness is taken for this one, for which the distribution still can be computed.
 LEAST_SKEW = 1e-3
 
@@ -33,7 +35,7 @@ class WeightedPoints:
 
     points: FloatArray
     weights: FloatArray
-    least: float = LEAST_EFFECTIVE
+    least: float
 
     @property
     def effective(self) -> float:
@@ -62,16 +64,17 @@ class WeightedPoints:
 
 
 def weighted_points(
-    log_density: LogDensity, start: FloatArray, count: int, least: float = LEAST_EFFECTIVE
+    log_density: LogDensity, start: FloatArray, count: int, least: float | None = None
 ) -> WeightedPoints:
     """Return at least `count` weighted points that represent the density.
 
     Importance sampling from a t distribution with 5 degrees of freedom, first about the mode and
     scaled by the curvature there, then with the mean and covariance of the points so far, until
-    the effective sample size is at least `least` or four times as many points do not reach it. The
-    points are those of an additive low-discrepancy sequence instead of random ones, so that the
-    same input gives the same result.
+    the effective sample size is at least `least` (None for 200) or four times as many points do not
+    reach it. The points are those of an additive low-discrepancy sequence instead of random ones,
+    so that the same input gives the same result.
     """
+    least = LEAST_EFFECTIVE if least is None else least
     log_density = _within_reach(log_density)
     centre, spread = mode_of(log_density, start)
     for number in (PILOT, count, 2 * count, 4 * count):
@@ -216,6 +219,27 @@ def mixture_quantile(
         means, sds, skews: shape (points, quantities).
         probability: in (0, 1).
     """
+    parts = [slice(first, first + AT_ONCE) for first in range(0, means.shape[1], AT_ONCE)]
+    found = [
+        _quantile(
+            weights,
+            means[:, part],
+            sds[:, part],
+            probability,
+            None if skews is None else skews[:, part],
+        )
+        for part in parts
+    ]
+    return np.concatenate([np.zeros(0), *found])
+
+
+def _quantile(
+    weights: FloatArray,
+    means: FloatArray,
+    sds: FloatArray,
+    probability: float,
+    skews: FloatArray | None,
+) -> FloatArray:
     low, high = (means - 9 * sds).min(axis=0), (means + 9 * sds).max(axis=0)
     centre = weights @ means
     sd = np.sqrt(weights @ (sds**2 + (means - centre) ** 2))

@@ -18,7 +18,7 @@ WIDE = 10.0
 RISE, LARGE_RISE = 1e-4, 1e-2
 LARGE = 8_000
 # Trials times points whose derivatives are in memory at once.
-CELLS = 500_000
+CELLS = 200_000
 
 
 class LatentTrials(Protocol):

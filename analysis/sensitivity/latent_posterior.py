@@ -107,6 +107,7 @@ class _Density:
     def __call__(self, points: FloatArray) -> FloatArray:
         """Return the log posterior at each of the points."""
         foreseen = _foreseen(self._field, self.known, points)
+        del self.known  # they take much memory
         modes = self._field.modes(self._components(points), foreseen)
         self.known = points, modes
         return modes.log_evidence + self._log_prior(points)

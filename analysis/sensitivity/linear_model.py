@@ -93,7 +93,7 @@ def line_posterior(sums: LineSums, residual_sd: FloatArray, between: FloatArray)
     a = sums.gram / variance[..., None, None]
     c = sums.products / variance[..., None]
     t = between[:, None]
-    keep = np.linalg.inv(np.eye(2) + t @ a)
+    keep, log_size = _kept(t, a)
     shift = keep @ t
     info = (a @ keep).sum(axis=1)
     score = (np.swapaxes(keep, -1, -2) @ c[..., None])[..., 0].sum(axis=1)
@@ -101,7 +101,7 @@ def line_posterior(sums: LineSums, residual_sd: FloatArray, between: FloatArray)
     population = (covariance @ score[..., None])[..., 0]
     own = (shift @ c[..., None])[..., 0]
     quadratic = (sums.squares / variance - (c * own).sum(-1)).sum(1) - (score * population).sum(-1)
-    log_det = (sums.counts * np.log(variance) - np.linalg.slogdet(keep)[1]).sum(axis=1)
+    log_det = (sums.counts * np.log(variance) + log_size).sum(axis=1)
     profile = -(log_det + quadratic + sums.counts.sum() * np.log(2 * np.pi)) / 2
     return LinePosterior(
         log_likelihood=profile - np.linalg.slogdet(info)[1] / 2,
@@ -113,6 +113,19 @@ def line_posterior(sums: LineSums, residual_sd: FloatArray, between: FloatArray)
         population=population,
         population_covariance=covariance,
     )
+
+
+def _kept(t: FloatArray, a: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return (I + T A)⁻¹ of 2 x 2 covariances, and the logarithm of the determinant of I + T A.
+
+    The determinant is 1 + tr T A + |T| |A|, whose terms are positive, so that nothing cancels.
+    """
+    product = t @ a
+    traces = product[..., 0, 0] + product[..., 1, 1]
+    sizes = [m[..., 0, 0] * m[..., 1, 1] - m[..., 0, 1] * m[..., 1, 0] for m in (t, a)]
+    determinant = 1 + traces + np.maximum(sizes[0] * sizes[1], 0.0)
+    adjugate = (1 + traces)[..., None, None] * np.eye(2) - product
+    return adjugate / determinant[..., None, None], np.log(determinant)
 
 
 @dataclass(frozen=True, kw_only=True)

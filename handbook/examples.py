@@ -128,7 +128,8 @@ def _change(file: Path, lines: str) -> None:
         elif is_value:
             at = next((i for i, table in enumerate(tables) if table.startswith(header)), None)
             if at is None:
-                tables.append(f"\n{header}\n{line}\n")
+                tables[-1] += "\n"
+                tables.append(f"{header}\n{line}\n")
             elif re.search(rf"^{key} = ", tables[at], re.MULTILINE):
                 tables[at] = re.sub(
                     rf"^{key} = .*$", lambda _, line=line: line, tables[at], flags=re.MULTILINE

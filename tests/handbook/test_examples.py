@@ -46,12 +46,13 @@ def test_a_command_that_fails_is_an_error(tmp_path: Path) -> None:
 def test_files_are_written_added_to_and_changed(tmp_path: Path) -> None:
     page = (
         '```toml title="a.toml"\n[one]\nx = 1\ny = 2\n\n[two]\nx = 3\n```\n'
-        '```toml title="changed in a.toml"\n[two]\nx = 4\n[one]\nz = 5\n[three]\nw = 6\n```\n'
+        '```toml title="changed in a.toml"\n[two]\nx = 4\n[one]\nz = 5\n'
+        "[three]\nw = 6\nv = 7\n```\n"
         '```toml title="added to a.toml"\n[[four]]\n```\n'
     )
     assert list(run_page(page, tmp_path)) == []
     assert (tmp_path / "a.toml").read_text(encoding="utf-8") == (
-        "[one]\nz = 5\nx = 1\ny = 2\n\n[two]\nx = 4\n\n[three]\nw = 6\n\n[[four]]\n"
+        "[one]\nz = 5\nx = 1\ny = 2\n\n[two]\nx = 4\n\n[three]\nv = 7\nw = 6\n\n[[four]]\n"
     )
 
 

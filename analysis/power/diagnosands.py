@@ -29,7 +29,8 @@ class Measured:
 def ratio(above: FloatArray, below: FloatArray) -> Measured:
     """Return the ratio of two sums over studies and its standard error (delta method).
 
-    r = Σ a / Σ b; its error is √(Σ (a - r b)²) / Σ b.
+    r = Σ a / Σ b; its error is √(Σ (a - r b)²) / Σ b. A share that all n studies had, or none, is
+    not known without error: it has that of (n + 1) / (n + 2), or of 1 / (n + 2).
 
     >>> ratio(np.array([1.0, 0.0, 1.0, 0.0]), np.ones(4))
     Measured(value=0.5, error=0.25)
@@ -38,6 +39,9 @@ def ratio(above: FloatArray, below: FloatArray) -> Measured:
     if not total > 0:
         return Measured(float("nan"), float("nan"))
     value = float(above.sum()) / total
+    if value in {0.0, 1.0} and (above == value * below).all():
+        studies = int((below > 0).sum())
+        return Measured(value, float(np.sqrt((studies + 1) / studies) / (studies + 2)))
     return Measured(value, float(np.sqrt(((above - value * below) ** 2).sum())) / total)
 
 
@@ -184,7 +188,10 @@ def _of_model(table: _Table, name: str) -> EstimateQuality:
 
 
 def _of_difference(table: _Table, pair: int, name: str) -> EstimateQuality:
-    """Return the quality of a mean difference; its truth is the mean over all studies."""
+    """Return the quality of a mean difference; its truth is the mean over all studies.
+
+    A truth that is 0 but for its Monte Carlo error has no sign and no size to be wrong about.
+    """
     mean, error, subjects = (table[f"pair {what} {pair}"] for what in ("mean", "error", "subjects"))
     known = subjects > 1
     mean, error, df = mean[known], error[known], subjects[known] - 1
@@ -193,6 +200,8 @@ def _of_difference(table: _Table, pair: int, name: str) -> EstimateQuality:
     truth = float(mean.mean()) if len(mean) else float("nan")
     half = stdtrit(df, 0.975) * error
     significant, off = np.abs(mean) > half, mean - truth
+    has_sign = abs(truth) > 2 * share(mean).error
+    found = (significant & has_sign).astype(np.float64)
     scale = np.where(error > 0, error, 1.0)
     return EstimateQuality(
         name=f"mean difference {name}",
@@ -201,11 +210,8 @@ def _of_difference(table: _Table, pair: int, name: str) -> EstimateQuality:
         coverage=share(np.abs(off) <= half),
         width=share(2 * half),
         power=share(significant),
-        type_s=ratio(
-            (significant & (np.sign(mean) != np.sign(truth))).astype(np.float64),
-            significant.astype(np.float64),
-        ),
-        type_m=ratio(np.abs(mean) * significant, abs(truth) * significant.astype(np.float64)),
+        type_s=ratio(found * (np.sign(mean) != np.sign(truth)), found),
+        type_m=ratio(found * np.abs(mean), found * abs(truth)),
         estimable=float(known.mean()),
         ranks=stdtr(df, (truth - mean) / scale)[error > 0],
         truth=truth,

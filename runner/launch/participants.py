@@ -25,6 +25,7 @@ from runner.people.slide_plot import SlidePlot
 from runner.people.sliding_block import SlidingBlock
 from runner.people.terminal import at_terminal, terminal_keys
 from runner.people.untouched_beam import UntouchedBeam
+from runner.screens import PlanUnit
 from runner.session.session import Session
 from runner.window.client import WindowParticipant
 
@@ -94,6 +95,7 @@ def _block_and_operator(
         (lambda: rig.device.reading, lambda: rig.device.forces),
         swap,
         picture,
+        unit="pass",
         alone=rig.control is not None,
         quiet=isinstance(clock, SteppedClock),
     ) as operator:
@@ -134,10 +136,13 @@ def _virtual_participant(
 
 
 def _operator_by_lines(
-    lines: TypedLines, display: PlainDisplay, swap: Callable[[str], None]
+    lines: TypedLines,
+    display: PlainDisplay,
+    swap: Callable[[str], None],
+    unit: PlanUnit = "trial",
 ) -> OperatorConsole:
     """Return an operator who types lines, or whose lines come from a file or a program."""
-    for line in line_help():
+    for line in line_help(unit):
         display.say(line)
     return OperatorConsole(
         lines.operator_typed, display, swap, lines.forget, piped=not lines.at_terminal
@@ -151,6 +156,7 @@ def operator_at_terminal(
     swap: Callable[[str], None],
     picture: Picture | None = None,
     *,
+    unit: PlanUnit = "trial",
     alone: bool = False,
     quiet: bool = False,
 ) -> Iterator[OperatorConsole]:
@@ -159,7 +165,7 @@ def operator_at_terminal(
     One who is `alone` with a simulated device is asked for nothing, and needs no pipe.
     """
     if not alone and not at_terminal(sys.stdin, sys.stdout):
-        yield _operator_by_lines(TypedLines(sys.stdin), PlainDisplay(say), swap)
+        yield _operator_by_lines(TypedLines(sys.stdin), PlainDisplay(say), swap, unit)
         return
     with keys_and_display(say, watched, picture, quiet=quiet) as (typed, display):
         yield OperatorConsole(typed, display, swap, alone=alone)

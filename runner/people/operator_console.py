@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from runner.people.operator_keys import EMERGENCY, EXPLAINED, OPERATOR_MARK, OperatorKeys
-from runner.screens import Note, OperatorView, Order
+from runner.screens import Note, OperatorView, Order, PlanUnit, said_of
 
 Picture = Callable[[int, int], list[str]]
 """Draws what stands on the screen instead of bars, plan and log.
@@ -72,7 +72,7 @@ class PlainDisplay:
         self._said = len(frame.messages)
         if frame.help != self._helped:
             self._helped = frame.help
-            for text in line_help():
+            for text in line_help(view.unit):
                 self.say(text)
 
 
@@ -83,9 +83,9 @@ def _without_stimulus(view: OperatorView) -> OperatorView:
     return replace(view, plan=plan, blind=True)
 
 
-def line_help() -> list[str]:
+def line_help(unit: PlanUnit = "trial") -> list[str]:
     """Return the operator's orders as they are typed in lines."""
-    keys = [(key, long) for key, _, long in EXPLAINED if key != "?"]
+    keys = [(key, said_of(unit, long)) for key, _, long in EXPLAINED if key != "?"]
     return [
         "For the operator: a line that begins with a colon is an order.",
         *(f"  :{key}  {long}" for key, long in keys),

@@ -32,3 +32,15 @@ def test_typed_input_is_not_piped_even_if_the_output_is(
         lambda _: None, (lambda: None, lambda: None), lambda _: None
     ) as operator:
         assert operator.piped is not at_terminal
+
+
+def test_orders_in_lines_are_explained_in_the_unit_of_the_plan(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(sys, "stdin", io.StringIO())
+    said: list[str] = []
+    with operator_at_terminal(
+        said.append, (lambda: None, lambda: None), lambda _: None, unit="pass"
+    ):
+        assert "  :r  break the running pass off and repeat it" in said
+        assert "trial" not in "\n".join(said)

@@ -295,6 +295,17 @@ def test_help_lists_every_order(key: str) -> None:
     assert {line.split()[0] for line in said[2:]} == {":p", ":r", ":n", ":s", ":a", ":help", ":e"}
 
 
+def test_help_in_lines_speaks_of_passes_while_a_block_is_drawn() -> None:
+    said: list[str] = []
+    operator = console([":help\n"], said)
+    operator.show(view(unit="pass"))
+    assert operator.order() is None
+    assert said[2:4] == [
+        "  :p  pause before the next pass, or continue after a pause",
+        "  :r  break the running pass off and repeat it",
+    ]
+
+
 @pytest.mark.parametrize("key", ["x", "漢", "\t", "\x13", "\x1b[A", "\x1bOS", "\x1b[15~"])
 def test_a_key_without_a_meaning_says_so_and_is_no_order(key: str) -> None:
     said: list[str] = []

@@ -1,7 +1,7 @@
 """Populations to draw virtual persons from; the default one scores as the people of Table 4."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Protocol
 
@@ -11,6 +11,8 @@ from scipy.special import ndtr, ndtri
 from device.beam.modes import FloatArray
 from device.people.person import PARAMETERS, Parameter, People, Person
 from device.people.random_numbers import uniforms_of
+from device.people.world import World
+from protocol.journal.records import VirtualTruth
 
 
 class Distribution(Protocol):
@@ -117,6 +119,23 @@ def session_name(seed: int | str, participant: str, session: int) -> str:
     return f"{seed}/{participant}/{session}"
 
 
+def truth_of(person: Person, world: World) -> VirtualTruth:
+    """Return the true parameters of a person and of a simulated beam."""
+    return VirtualTruth(
+        **vars(person),
+        law=world.law,
+        rung=world.rung,
+        damping_ratio=world.damping_ratio,
+        beam_gain=world.gain,
+    )
+
+
+def person_of(truth: VirtualTruth) -> Person:
+    """Return the person with these true parameters."""
+    known = {name: getattr(truth, name) for name in PARAMETERS}
+    return Person(**{name: value for name, value in known.items() if value is not None})
+
+
 DEFAULT = Population(
     typical=Person(
         rating_noise=1.0,
@@ -150,3 +169,19 @@ DEFAULT = Population(
     ),
 )
 """Bias, gain, noise and what each kind of change adds are fitted to Table 4: see docs/people.md."""
+
+SENSITIVE = Population(
+    typical=replace(DEFAULT.typical, felt_noise=0.015),
+    varied=MappingProxyType(
+        {
+            **DEFAULT.varied,
+            "criterion": LogNormal(median=0.025, log_sd=0.2),
+            "criterion_less": LogNormal(median=0.025, log_sd=0.2),
+            "place_offset_m": Uniform(low=-3e-4, high=3e-4),
+        }
+    ),
+)
+"""As `DEFAULT`, but they keep to the mark and feel small changes.
+
+The paper's nine people said what was expected in all 45 trials.
+"""

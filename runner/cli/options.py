@@ -13,6 +13,7 @@ from protocol.errors import BadInput
 
 if TYPE_CHECKING:
     from device.beam.eq15 import Overlap
+    from device.people.population import Population
     from runner.journal.store import Journal
     from runner.study.folder import StudyFolder
 else:  # typer evaluates annotations at run time
@@ -238,3 +239,18 @@ def study_journal(folder: "StudyFolder", *, to_write: bool = False) -> "Journal"
 
     path = folder.existing_journal()
     return open_journal(path) if to_write else read_journal(path)
+
+
+def people_in_file(path: Path) -> "Population":
+    """Return the virtual people that the file describes.
+
+    Raises:
+        BadInput: there is no such file, or it cannot be used; every problem has a line.
+    """
+    from device.people.people_file import people_in
+    from runner.study.files import short_text
+
+    try:
+        return people_in(short_text(path), str(path))
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be read ({error.strerror or error})") from error

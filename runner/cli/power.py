@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from protocol.errors import BadInput
-from runner.cli.options import JsonOption, PeopleOption, StudyArgument
+from runner.cli.options import JsonOption, PeopleOption, StudyArgument, people_in_file
 from runner.cli.output import followed, print_json, print_table, say
 
 if TYPE_CHECKING:
@@ -89,14 +89,13 @@ def power(
     from runner.study.calibration import fitted_calibration
     from runner.study.files import short_text
     from runner.study.folder import StudyFolder
-    from runner.study.people_file import people_file
     from runner.study.power_folder import PowerFolder
 
     begun_s = perf_counter()
     folder = StudyFolder(path=study)
     file = folder.study()
     if people is not None:
-        people_file(people)
+        people_in_file(people)
     wanted = designs(
         file,
         _numbers(participants, "--participants"),

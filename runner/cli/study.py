@@ -18,6 +18,7 @@ from runner.cli.options import (
     SimulatedRungOption,
     StudyArgument,
     address,
+    people_in_file,
 )
 from runner.cli.output import (
     complain,
@@ -44,15 +45,15 @@ def demo(
 ) -> None:
     """Run and report the paper's study in simulation.
 
-    Uses the simulated device and virtual participants.
+    Uses the simulated device and virtual participants, who feel small changes as the paper's did.
     """
+    from device.people.population import SENSITIVE
     from protocol.study_file.loading import template
     from runner.launch.device_access import touchbeam_command
     from runner.launch.rehearsal import rehearse_cohort
     from runner.study.folder import StudyFolder, new_study, numbered
-    from runner.study.people_file import people_file
 
-    population = None if people is None else people_file(people)
+    population = SENSITIVE if people is None else people_in_file(people)
     folder = StudyFolder(path=out or numbered(Path("demo")))
     with new_study(folder, template("paper")), progress("participants", participants) as step:
         rehearse_cohort(folder, participants, seed, touchbeam_command(), step, population)
@@ -163,7 +164,6 @@ def run(
     from runner.launch.device_access import touchbeam_command
     from runner.launch.run_session import SessionOptions, run_session
     from runner.study.folder import StudyFolder
-    from runner.study.people_file import people_file
 
     options = SessionOptions(
         folder=StudyFolder(path=study),
@@ -183,7 +183,7 @@ def run(
         law=law,
         rung=rung,
         damping=damping,
-        people=None if people is None else people_file(people),
+        people=None if people is None else people_in_file(people),
         touchbeam=touchbeam_command(),
     )
     state = run_session(options, say=say, confirm=require_confirmation)

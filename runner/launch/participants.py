@@ -122,8 +122,7 @@ def _virtual_participant(
     session: Session, finger: "Finger", clock: Clock, control: BeamControl | None
 ) -> Participant:
     """Return the participant that the journal describes; a simulated beam gets its skin."""
-    from device.people.population import session_name
-    from device.people.truth import person_of
+    from device.people.population import person_of, session_name
     from runner.people.virtual_participant import VirtualParticipant
 
     assert session.virtual is not None, "a virtual participant has parameters"

@@ -402,7 +402,7 @@ def _virtual_truth(request: Request) -> VirtualTruth | None:
     options = request.options
     if options.ratings != "virtual" or options.slides:
         return None
-    from device.people.truth import truth_of
+    from device.people.population import truth_of
     from device.people.world import World
     from device.simulator.hardware.beam_and_finger import SimulatedBeam
 

@@ -10,7 +10,7 @@ import pytest
 from analysis.loading.published import published_table
 from analysis.simulation.simulation import Simulation
 from device.people.person import Person
-from device.people.population import DEFAULT, Population
+from device.people.population import DEFAULT, SENSITIVE, Population
 from device.people.world import World
 from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study, template
@@ -31,6 +31,14 @@ def test_the_default_population_scores_as_the_people_of_table_4() -> None:
     assert (found == 10).mean() == pytest.approx((scores == 10).mean(), abs=0.03)
     assert between == pytest.approx(scores.mean(axis=1).std(ddof=1), abs=0.1)
     assert spread.tolist() == pytest.approx(scores.std(axis=0, ddof=1).tolist(), abs=0.35)
+
+
+def test_the_people_of_the_demo_leave_almost_no_score_missing() -> None:
+    simulation = Simulation(study=PAPER, population=SENSITIVE)
+    tables = simulation.score_tables(9, range(200))
+    assert np.isnan(tables).mean() < 0.04
+    means = np.nanmean(tables, axis=(0, 1))
+    assert means == pytest.approx(PUBLISHED.scores.mean(axis=0), abs=0.5)
 
 
 @pytest.mark.parametrize("study", [PAPER, EXTENDED], ids=["paper", "extended"])

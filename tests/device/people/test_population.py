@@ -17,8 +17,9 @@ from device.people.population import (
     drawn_person,
     people_of,
     person_name,
+    person_of,
+    truth_of,
 )
-from device.people.truth import person_of, truth_of
 from device.people.world import World
 
 NAMES = [person_name(seed, "P01") for seed in range(4000)]

@@ -108,6 +108,24 @@ def test_the_answer_and_the_score_follow_the_felt_friction(
     assert felt(touches, question) == (answer, round(2 + 5 * abs(contrast)))
 
 
+def test_a_change_is_felt_to_the_end_of_a_touch_that_nobody_looked_at_the_end_of() -> None:
+    control = FakeHand()
+    virtual = participant(control)
+    _touch(virtual, control, lambda _: 0.4)
+    virtual.show(Instruction(text="remember"))
+    virtual.poll()
+    control.feels, control.began_s = lambda part: 0.4 - 0.1 * part, control.clock.monotonic_s()
+    virtual.show(HELD)
+    for _ in range(99):
+        control.clock.sleep(0.01)
+        virtual.poll()
+    virtual.show(Notice(text="touch.end"))
+    virtual.show(ask_change("roughness"))
+    change = virtual.poll()
+    assert change is not None
+    assert change.answer == "smoother"
+
+
 def test_a_score_stays_on_the_scale() -> None:
     assert felt([lambda _: 0.01], "roughness")[1] == 10
 

@@ -255,6 +255,33 @@ TOUCH_COLUMNS = (
     *(replace(column, per_touch=False) for column in _TOUCHES if column.per_touch),
 )
 """Of a table of touches."""
+CONTRAST_COLUMNS = (
+    *_SESSION[:3],
+    _PLAN[0],
+    _PLAN[3],
+    Column(
+        "law",
+        "Friction law of the prediction.",
+        levels={
+            "printed": "as the paper prints it",
+            "consistent": "its smallest repair, which the report's gains rest on",
+            "coulomb": "a bound by Coulomb's law",
+        },
+    ),
+    Column("rung", "Rung of the friction model; `touchbeam ladder` lists all."),
+    Column(
+        "predicted_contrast",
+        "Change of the logarithm of friction that the law predicts on the rig as calibrated, "
+        "positive in the expected direction; missing where nothing is predicted.",
+    ),
+    Column(
+        "touch_measured",
+        "Whether the prediction is for force or place as measured, not as planned.",
+        levels=YES_NO,
+    ),
+    *_FELT,
+)
+"""Of a table of contrasts."""
 PARTICIPANT_COLUMNS = (
     _SESSION[0],
     Column("sessions", "How many of the participant's sessions are here."),

@@ -5,14 +5,14 @@ from collections.abc import Sequence
 import pandas as pd
 
 from analysis.cells import BETWEEN_TOUCHES, csv_text, json_text
-from analysis.export.columns import TOUCH_COLUMNS, Column, known
+from analysis.export.columns import CONTRAST_COLUMNS, TOUCH_COLUMNS, Column, known
 from analysis.export.dataset import Dataset
 from analysis.export.recordings import DRIVEN, MEASURED, TIME, samples_csv
 from analysis.export.trial_table import cells, touch_table
 
 
 def csv_tables(data: Dataset, *, shared: bool = False) -> dict[str, str]:
-    """Return tables of trials, touches and participants, each with what describes its columns.
+    """Return tables of trials, touches, contrasts and participants, each with its description.
 
     Args:
         data: what is exported.
@@ -23,6 +23,7 @@ def csv_tables(data: Dataset, *, shared: bool = False) -> dict[str, str]:
     return {
         **_table("trials", data.trials, columns, data),
         **({} if touches.empty else _table("touches", touches, TOUCH_COLUMNS, data)),
+        **_table("contrasts", data.contrasts, CONTRAST_COLUMNS, data),
         **_table("participants", data.participants, data.participant_columns, data),
     }
 

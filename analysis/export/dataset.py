@@ -3,6 +3,7 @@
 import json
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from hashlib import sha256
@@ -12,11 +13,14 @@ from typing import Any, cast
 import pandas as pd
 
 from analysis.export.columns import COLUMNS, PARTICIPANT_COLUMNS, Column, question_columns
+from analysis.export.contrast_table import contrast_table
 from analysis.export.recordings import RecordedTouch, SessionKey, recorded_touches, session_key
 from analysis.export.trial_table import participant_table, trial_table
 from analysis.felt.measured_trials import with_measures
 from analysis.loading.records import values
-from analysis.loading.sessions import load_sessions
+from analysis.loading.sessions import Sessions, load_sessions
+from analysis.loading.study_lock import default_rig, study_lock
+from device.friction.calibration import NOMINAL, Calibration
 from protocol.errors import BadInput
 from protocol.journal.events import StoredEvent
 from protocol.study.design import Publication
@@ -76,6 +80,7 @@ class Dataset:
     `trials` has the columns of `analysis.export.columns`, `sessions` those of
     `analysis.loading.records.SessionRow`; a session in which no trial was begun is not among them.
     `questions` are the study's own, and those that were asked under an earlier study file.
+    `found` is what they were made from, `rig` the study's calibration at present.
     `source_sha256` is the digest of all the events that they were read from, `broken_chains` are
     the sessions whose events are not as they were recorded.
     """
@@ -89,6 +94,8 @@ class Dataset:
     sessions_without_trials: int
     source_sha256: str
     touchbeam: str
+    found: Sessions
+    rig: Calibration = NOMINAL
     broken_chains: tuple[str, ...] = ()
     recorded: Mapping[SessionKey, tuple[RecordedTouch, ...]] = field(default_factory=dict)
     """What was recorded during touches; sessions without any are not there."""
@@ -127,6 +134,15 @@ class Dataset:
     def participants(self) -> pd.DataFrame:
         """A row per participant, with the answers that were given once."""
         return participant_table(self.sessions, self.trials, self.questions)
+
+    @cached_property
+    def contrasts(self) -> pd.DataFrame:
+        """A row per trial and friction law, with the predicted contrast."""
+        lock = None
+        with suppress(BadInput):  # a registration that was changed holds nothing
+            lock = study_lock(self.found.decisions, self.sessions)
+        rig = default_rig(lock, self.kinds, self.rig)
+        return contrast_table(self.study, self.found, self.trials, rig)
 
     @property
     def participant_columns(self) -> tuple[Column, ...]:
@@ -265,6 +281,7 @@ def dataset(
     touchbeam: str,
     *,
     rehearsals: bool,
+    rig: Calibration = NOMINAL,
     broken_chains: Iterable[str] = (),
 ) -> Dataset:
     """Return what is to be exported of the sessions in `chains`.
@@ -275,6 +292,7 @@ def dataset(
         study: the study file as it is now.
         touchbeam: the version that exports.
         rehearsals: whether dry runs are wanted too.
+        rig: as calibrated at present.
         broken_chains: the sessions whose chain of hashes is broken; known once `chains` are read.
 
     Raises:
@@ -303,6 +321,8 @@ def dataset(
         sessions_without_trials=int((~rehearsal & ~begun).sum()),
         source_sha256=digest.hexdigest(),
         touchbeam=touchbeam,
+        found=found,
+        rig=rig,
         broken_chains=tuple(broken_chains),
         recorded=recorded,
     )

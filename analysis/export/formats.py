@@ -39,3 +39,6 @@ RECORDINGS: Mapping[str, Callable[[Dataset], dict[str, bytes]]] = MappingProxyTy
 
 WITH_SOURCE = frozenset({"bids", "rocrate"})
 """The formats from which `touchbeam import` makes a study again."""
+
+WITH_CONTRASTS = frozenset({"csv", "rocrate"})
+"""The formats with predictions, for which the rig's calibration is needed."""

@@ -31,8 +31,9 @@ _NO_LICENCE = "The study names no licence; ask its authors before you use these 
 _TABLES = (
     f"This is an [RO-Crate](https://w3id.org/ro/crate): `{METADATA}` names each file, and the "
     "version of the software that made it. `trials.csv` has the trials, `touches.csv` their "
-    "touches, `participants.csv` the participants, and the JSON file beside each describes its "
-    "columns. An empty cell is a missing value; an apostrophe before `=`, `+`, `-` or `@` keeps "
+    "touches, `contrasts.csv` what each friction law predicts for them, `participants.csv` the "
+    "participants, and the JSON file beside each describes its columns. "
+    "An empty cell is a missing value; an apostrophe before `=`, `+`, `-` or `@` keeps "
     f"spreadsheets from taking a text for a formula. `{FOLDER}/` has the study file and the "
     "journal, a file of events for each session: `touchbeam import` makes a study of them again. "
     f"`{REPORT}/report.html` is its report. What the operator noted, references of consents and "
@@ -57,6 +58,8 @@ _MEANINGS = {
     "trials.json": "Meaning, unit and levels of each column of trials.csv.",
     "touches.csv": "A row for each touch of these trials.",
     "touches.json": "Meaning, unit and levels of each column of touches.csv.",
+    "contrasts.csv": "A row for each trial and friction law: the predicted contrast of friction.",
+    "contrasts.json": "Meaning, unit and levels of each column of contrasts.csv.",
     "participants.csv": "A row for each participant, with the answers that were given once.",
     "participants.json": "Meaning, unit and levels of each column of participants.csv.",
     "recordings/recordings.json": "Meaning and unit of each column of the other files here.",

@@ -44,6 +44,17 @@ class StudyLock:
         return Calibration(**numbers, origin=str(values["origin"])) if values else NOMINAL
 
 
+def default_rig(lock: StudyLock | None, kinds: Sequence[str], fitted: Calibration) -> Calibration:
+    """Return the rig of trials for which the journal holds no calibration.
+
+    It is the registered one, else `fitted`, the study's at present. Published scores alone were
+    felt on a rig of their own, which no calibration describes.
+    """
+    if lock is not None:
+        return lock.rig
+    return NOMINAL if tuple(kinds) == ("published",) else fitted
+
+
 def study_lock(decisions: Decisions, sessions: pd.DataFrame) -> StudyLock | None:
     """Return the lock of a study, None if it is not registered.
 

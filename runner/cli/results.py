@@ -158,9 +158,11 @@ def export(
     from importlib.metadata import version
 
     from analysis.export.dataset import dataset
-    from analysis.export.formats import EXPORTS, RECORDINGS, WITH_SOURCE
+    from analysis.export.formats import EXPORTS, RECORDINGS, WITH_CONTRASTS, WITH_SOURCE
     from analysis.export.source_data import source_files
+    from device.friction.calibration import NOMINAL
     from runner.journal.verification import readable_chains
+    from runner.study.calibration import fitted_calibration
     from runner.study.files import write_new_folder
     from runner.study.folder import StudyFolder
 
@@ -175,6 +177,7 @@ def export(
             source.study(),
             version("touchbeam"),
             rehearsals=rehearsals,
+            rig=fitted_calibration(source.path) if as_format in WITH_CONTRASTS else NOMINAL,
             broken_chains=broken,
         )
         texts = EXPORTS[as_format](data)

@@ -29,6 +29,7 @@ from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study, template, text_digest
 from runner.journal.opening import open_journal
 from tests.analysis.chains import chain
+from tests.analysis.export.data_slips import csv_rows
 from tests.analysis.hostile_study import sessions, study_text
 from tests.analysis.reports import session_events
 from tests.runner.command_line import typed
@@ -161,6 +162,14 @@ def test_a_crate_has_the_same_sessions_and_the_report_on_them(
         own, theirs = (crate / "report" / name).read_bytes(), restored / "report" / name
         assert own == theirs.read_bytes(), name
     assert b"1970" not in (crate / "report" / "report.html").read_bytes()
+    predicted = {
+        (row["participant"], row["trial_index"], row["law"]): row["predicted_contrast"]
+        for row in csv_rows((crate / "contrasts.csv").read_text())
+    }
+    for trial in json.loads((crate / "report" / "report.json").read_text())["trials"]:
+        for law, contrast in trial["predicted"].items():
+            cell = predicted[trial["subject"], str(trial["index"]), law]
+            assert (float(cell) if cell else None) == contrast
     assert typed("import", crate, tmp_path / "back") == 0
 
 

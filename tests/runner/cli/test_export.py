@@ -227,7 +227,7 @@ def test_an_intact_journal_gives_no_warning(
 ) -> None:
     assert typed("export", study, "csv", "--format", "csv") == 0
     assert capsys.readouterr().err == ""
-    tables = ("trials", "touches", "participants")
+    tables = ("trials", "touches", "contrasts", "participants")
     assert set(contents(Path("csv"))) == {f"{it}.{end}" for it in tables for end in ("csv", "json")}
     assert typed("report", study, "--json") == 0
     shown = capsys.readouterr()

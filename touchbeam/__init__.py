@@ -185,16 +185,29 @@ class Study:
         """The contrast of friction that each law predicts, a row per trial that counts.
 
         Positive where the trial changes friction as expected; missing where nothing is predicted.
-        Measured force, place and drive are taken where they are known (`measured`).
+        Measured force, place and drive are taken where they are known (`touch_measured`). The
+        contrast that was measured, and its error, follow where friction was recorded. All are the
+        numbers of the report.
         """
+        from analysis.felt.measured_trials import measured_trials
+        from analysis.loading.study_lock import default_rig
         from analysis.trials.contrasts import trial_contrasts
-        from device.friction.calibration import NOMINAL
 
         counted = self._counted
-        rig = NOMINAL if counted.kinds == ("published",) else self._rig
+        rig = default_rig(counted.lock, counted.kinds, self._rig)
         found = trial_contrasts(self.file, counted.trials, counted.touches, rig)
         named = counted.trials[["participant", "session", "trial_index", "condition", "score"]]
-        return named.assign(measured=found.measured, **found.by_law).reset_index(drop=True)
+        predicted = named.assign(
+            touch_measured=found.measured,
+            **found.by_law,
+            measured_contrast=float("nan"),
+            measured_contrast_error=float("nan"),
+        )
+        if counted.forces:
+            felt = measured_trials(self.file, counted.trials, counted.touches, counted.forces)
+            predicted["measured_contrast"] = felt.value
+            predicted["measured_contrast_error"] = felt.error
+        return predicted.reset_index(drop=True)
 
     @property
     def columns(self) -> "pd.DataFrame":

@@ -21,8 +21,9 @@ from protocol.study_file.loading import parsed_study, template
 from runner.journal.opening import open_journal
 from runner.study.calibration import keep_fit
 from tests.analysis.chains import chain
+from tests.analysis.friction.recorded_sessions import recorded_cohort
 from tests.analysis.hostile_study import sessions, study_text
-from tests.analysis.reports import session_events
+from tests.analysis.reports import PAPER, session_events
 from tests.runner.command_line import typed
 from tests.runner.journal.tampering import tampering
 
@@ -158,13 +159,33 @@ def test_scores_are_those_of_table_4(study: touchbeam.Study) -> None:
 
 def test_contrasts_stand_beside_the_trials_that_count(study: touchbeam.Study) -> None:
     scored = study.contrasts.dropna(subset=["condition", "score"])
-    assert {"printed", "consistent", "coulomb", "measured"} <= set(study.contrasts)
+    assert study.contrasts.touch_measured.all()
+    assert study.contrasts.measured_contrast.isna().all()
     assert scored.consistent.notna().all()
     excluded = study.trials[study.trials.excluded == "trial"].iloc[0]
     assert not (
         (study.contrasts.participant == excluded.participant)
         & (study.contrasts.trial_index == excluded.trial_index)
     ).any()
+
+
+def test_contrasts_are_those_of_the_report(tmp_path: Path) -> None:
+    (tmp_path / "study.toml").write_text(template("paper"), encoding="utf-8")
+    with open_journal(tmp_path / "study.db") as journal, journal.alone():
+        for number, events in enumerate(recorded_cohort(PAPER, 3, skipped=3)[0], start=1):
+            for stored in events:
+                journal.append(f"P{number:02d}/1", stored)
+    study = touchbeam.load(tmp_path)
+    told = json.loads(study.report().with_name("report.json").read_text(encoding="utf-8"))
+    for (_, row), trial in zip(study.contrasts.iterrows(), told["trials"], strict=True):
+        found = row.astype(object).where(row.notna(), None)
+        measured = trial["measured"] or {"contrast": None, "error": None}
+        assert (found.participant, found.trial_index) == (trial["subject"], trial["index"])
+        assert found[list(trial["predicted"])].to_dict() == trial["predicted"]
+        assert found.touch_measured == trial["touch_measured"]
+        assert found.measured_contrast == measured["contrast"]
+        assert found.measured_contrast_error == measured["error"]
+    assert study.contrasts.measured_contrast.notna().sum() > len(told["trials"]) / 2
 
 
 def test_rehearsals_are_there_if_asked_for(folder: Path, study: touchbeam.Study) -> None:

@@ -29,7 +29,8 @@ def source_files(data: Dataset, chains: Iterable[Chain], study_text: str) -> dic
     files = {f"{FOLDER}/{STUDY_FILE}": study_text}
     for place, events in enumerate(chains):
         first = events[0]
-        registered = [event.payload["text"] for event in events if event.tag == StudyRegistered.TAG]
+        found = [event.record for event in events if event.tag == StudyRegistered.TAG]
+        registered = [record.text for record in found if isinstance(record, StudyRegistered)]
         files |= {f"{FOLDER}/{REGISTRATION_FILE}": text for text in registered}
         withdrawn = any(event.tag == Withdrawn.TAG for event in events)
         opened = None if withdrawn else first.record

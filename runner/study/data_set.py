@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from protocol.errors import BadInput
-from protocol.journal.events import StoredEvent
+from protocol.journal.events import StoredEvent, StudyRegistered
 from protocol.journal.shared_form import (
     FOLDER,
     REGISTRATION_FILE,
@@ -82,8 +82,9 @@ def import_data_set(folder: StudyFolder, data: DataSet) -> None:
         journal.alone(),
     ):
         if data.registration is not None:
-            text = data.registration.payload["text"]
-            (folder.path / REGISTRATION_FILE).write_bytes(text.encode())
+            registered = data.registration.record
+            assert isinstance(registered, StudyRegistered)
+            (folder.path / REGISTRATION_FILE).write_bytes(registered.text.encode())
             journal.append(STUDY_CHAIN, data.registration)
         for name, session in data.sessions.items():
             for event in session.events:

@@ -76,8 +76,6 @@ def power(
     Results are kept in STUDY/power, so that an interrupted run goes on and a longer one goes
     further. docs/power.md explains every number.
     """
-    # With one thread, sums are in the same order on every computer: the same input, same numbers.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from importlib.metadata import version
     from time import perf_counter
 

@@ -1,6 +1,5 @@
 """Commands for results: import, report, export, predict, ladder, claims."""
 
-import os
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
@@ -154,7 +153,6 @@ def export(
 
     Withdrawn participants are omitted; excluded trials are included and flagged.
     """
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as for a report
     from importlib.metadata import version
 
     from analysis.export.dataset import dataset
@@ -338,8 +336,6 @@ def write_report(
 
     Its page shows the sections `shown`, None for all.
     """
-    # With one thread, sums are in the same order on every computer: the same input, same bytes.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from analysis.loading.missing_scores import marks
     from analysis.loading.sessions import load_sessions
     from analysis.loading.study_data import study_data

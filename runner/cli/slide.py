@@ -1,6 +1,5 @@
 """The command of the sliding experiment: slide."""
 
-import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated
 
@@ -129,8 +128,6 @@ def write_result(
 
     Without a `number` it is the last one; without a session of it, a rehearsal if there is one.
     """
-    # With one thread, sums are in the same order on every computer: the same input, same bytes.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from analysis.sliding.drawn import drawn_session
     from analysis.sliding.result import sliding_result
     from protocol.journal.events import SLIDE

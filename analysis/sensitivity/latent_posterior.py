@@ -136,14 +136,21 @@ def integrated(
 def _foreseen(
     field: LatentField, known: tuple[FloatArray, LatentModes], points: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return starts for the search of the modes at `points`, linear in those that are known."""
-    centre = known[0].mean(axis=0)
-    design, wanted = (_polynomial(part - centre) for part in (known[0], points))
-    columns = design.shape[1] if len(known[0]) > 2 * design.shape[1] else 1 + points.shape[1]
-    plane = np.linalg.lstsq(design[:, :columns], known[1].parameters, rcond=1e-6)[0]
+    """Return starts for the search of the modes at `points`, linear in those that are known.
+
+    Of a point so far out that its mode overflowed nothing is known.
+    """
+    fine = np.isfinite(known[1].parameters).all(axis=1)
+    if not fine.any():
+        return field.start(len(points))
+    places, modes = known[0][fine], known[1].parameters[fine]
+    centre = places.mean(axis=0)
+    design, wanted = (_polynomial(part - centre) for part in (places, points))
+    columns = design.shape[1] if len(places) > 2 * design.shape[1] else 1 + points.shape[1]
+    plane = np.linalg.lstsq(design[:, :columns], modes, rcond=1e-6)[0]
     found, size = wanted[:, :columns] @ plane, known[1].shared.shape[1]
     in_order = field.in_order(found[:, :size], found[:, size:].reshape(len(points), -1, 2))
-    found = np.where(in_order[:, None], found, known[1].parameters.mean(axis=0))
+    found = np.where(in_order[:, None], found, modes.mean(axis=0))
     return found[:, :size], found[:, size:].reshape(len(points), -1, 2)
 
 

@@ -170,18 +170,27 @@ DEFAULT = Population(
 )
 """Bias, gain, noise and what each kind of change adds are fitted to Table 4: see docs/people.md."""
 
+_EXACT = Person()
+_OF_TOUCHES = (
+    "force_factor",
+    "force_error",
+    "speed_factor",
+    "speed_error",
+    "place_offset_m",
+    "tremor",
+)
 SENSITIVE = Population(
-    typical=replace(DEFAULT.typical, felt_noise=0.015),
+    typical=replace(
+        DEFAULT.typical,
+        felt_noise=0.015,
+        **{name: getattr(_EXACT, name) for name in _OF_TOUCHES},
+    ),
     varied=MappingProxyType(
-        {
-            **DEFAULT.varied,
-            "criterion": LogNormal(median=0.025, log_sd=0.2),
-            "criterion_less": LogNormal(median=0.025, log_sd=0.2),
-            "place_offset_m": Uniform(low=-3e-4, high=3e-4),
-        }
+        {name: how for name, how in DEFAULT.varied.items() if name not in _OF_TOUCHES}
+        | dict.fromkeys(("criterion", "criterion_less"), LogNormal(median=0.025, log_sd=0.2))
     ),
 )
-"""As `DEFAULT`, but they keep to the mark and feel small changes.
+"""As `DEFAULT`, but they touch as instructed and feel small changes.
 
 The paper's nine people said what was expected in all 45 trials.
 """

@@ -40,6 +40,8 @@ _SKIPPED, _CHOSEN = 0.1, 0.4
 _REMARKS = ("nothing", "quite smooth", "rough at first", "hard to tell")
 _LEAST_FORCE = 0.5
 """Of a trembling finger, relative to its mean force."""
+_ROUNDING = 1e-9
+"""Of the time since a touch began, relative to the touch's."""
 
 
 class VirtualParticipantLeft(WorkFailed):
@@ -69,7 +71,6 @@ class _Touch:
         self._tremor = tremor
         self._parts = fractions(way.mark)
         self._friction: list[float] = []
-        self._latest = math.nan
 
     def go_on(self, part: float) -> None:
         """Feel what is due at this part of the touch's time, and put the finger where it is.
@@ -84,9 +85,6 @@ class _Touch:
             del self._friction[last:]
             places_m, speed_m_s = way.places_m(due)[0], float(way.speed_m_s[0])
             self._friction += [self._put(float(place_m), speed_m_s) for place_m in places_m]
-            self._latest = self._friction[-1]
-        elif not way.mark.slides:  # the drive may change, and no other part comes before the end
-            self._latest = self._put(float(way.places_m(np.array([part]))[0, 0]), 0.0)
         if way.mark.slides or self._tremor:
             moves = float(way.speed_factor[0]) * part < 1
             place_m = float(way.places_m(np.array([part]))[0, 0])
@@ -101,7 +99,7 @@ class _Touch:
     @property
     def felt(self) -> Felt:
         """What was felt; a touch that was cut short felt to its end as it did last."""
-        rest = [self._latest] * (len(self._parts) - len(self._friction))
+        rest = [self._friction[-1]] * (len(self._parts) - len(self._friction))
         return Felt(mark=self._way.mark, friction=np.array([self._friction + rest]))
 
 
@@ -164,7 +162,9 @@ class VirtualParticipant:
         match self._screen:
             case Pacing() as pacing:
                 passed_s = self.clock.monotonic_s() - self._pacing_from_s
-                self._touches[-1].go_on(min(passed_s / pacing.duration_s, 1.0))
+                # Ticks that are summed up may end just before the end.
+                part = passed_s / pacing.duration_s + _ROUNDING
+                self._touches[-1].go_on(min(part, 1.0))
                 return None
             case Instruction(text="remember"):
                 self._resting = self._touches[-1].felt.friction[:, -1]

@@ -8,8 +8,13 @@ import sys
 from contextlib import closing
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
 
+from analysis.simulation.simulation import Simulation
+from device.people.population import SENSITIVE
+from protocol.study_file.loading import parsed_study, template
 from runner.doctor import findings
 from runner.study.folder import StudyFolder
 from tests.runner.command_line import TOUCHBEAM, assert_matches, everything, typed
@@ -73,6 +78,9 @@ def test_the_demo_ends_with_table_4_and_the_device_off(tmp_path: Path) -> None:
     for name in ("table4.csv", "report.html", "report.json"):
         first, second = (Path(folder, "report", name).read_bytes() for folder in ("demo", "demo-2"))
         assert first == second.replace(b"demo-2", b"demo"), f"{name} depends on the seed alone"
+    simulation = Simulation(study=parsed_study(template("paper")), population=SENSITIVE)
+    found = pd.read_csv("demo/report/table4.csv", na_values="–").iloc[:2, 1:6]
+    np.testing.assert_array_equal(found, simulation.score_tables(2, [7])[0])
     with closing(sqlite3.connect("demo/study.db")) as journal:
         offs = journal.execute("SELECT payload FROM event WHERE tag = 'device-off'").fetchall()
     assert [json.loads(body)["confirmed"] for (body,) in offs] == [True, True]

@@ -120,9 +120,14 @@ class Study:
 
     @cached_property
     def _counted(self) -> "StudyData":
-        from analysis.loading.study_data import study_data
+        from analysis.loading.study_data import OnlyRehearsals, study_data
 
-        return study_data(self.recorded, rehearsals=self.rehearsals, rules=self.file.exclusions)
+        rules = self.file.exclusions
+        try:
+            return study_data(self.recorded, rehearsals=self.rehearsals, rules=rules)
+        except OnlyRehearsals:
+            said = "nothing but rehearsals here; touchbeam.load(..., rehearsals=True) includes them"
+            raise ValueError(said) from None
 
     @property
     def participants(self) -> "pd.DataFrame":

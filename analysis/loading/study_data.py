@@ -28,6 +28,10 @@ class NothingToReport(BadInput):
     """A study without the sessions that a report needs; the message says which option helps."""
 
 
+class OnlyRehearsals(NothingToReport):
+    """A study of rehearsals alone, which were not asked for."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Recording:
     """Under what the scores were recorded: each value once, in order of appearance."""
@@ -122,11 +126,9 @@ def study_data(found: Sessions, *, rehearsals: bool, rules: Exclusions | None = 
     rehearsal = ~excluded & found.sessions["session_kind"].eq("rehearsal")
     sessions = found.sessions[~excluded if rehearsals else ~(excluded | rehearsal)]
     if sessions.empty:
-        raise NothingToReport(
-            "nothing but rehearsals here; add --rehearsals to include them"
-            if rehearsal.any()
-            else "no sessions here"
-        )
+        if rehearsal.any():
+            raise OnlyRehearsals("nothing but rehearsals here; add --rehearsals to include them")
+        raise NothingToReport("no sessions here")
     sessions = sessions.assign(participant=sessions["subject"])
     names = sessions[["participant", "session"]]
     answered = found.answered.join(names, on="session_id", how="inner")

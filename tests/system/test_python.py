@@ -196,6 +196,22 @@ def test_rehearsals_are_there_if_asked_for(folder: Path, study: touchbeam.Study)
     assert conditions(rehearsed.plan("P04")) == conditions_of_slot(3)
 
 
+def test_a_study_of_rehearsals_alone_names_the_argument_that_includes_them(tmp_path: Path) -> None:
+    (tmp_path / "study.toml").write_text(template("paper"), encoding="utf-8")
+    events = session_events(PAPER, 0, np.random.default_rng(1), kind="rehearsal")
+    with open_journal(tmp_path / "study.db") as journal, journal.alone():
+        for stored in chain(events):
+            journal.append("P01/1", stored)
+    rehearsed = touchbeam.load(tmp_path)
+    assert rehearsed.trials.empty
+    for asked in (lambda: rehearsed.scores, lambda: rehearsed.contrasts, rehearsed.report):
+        with pytest.raises(
+            ValueError, match=r"touchbeam\.load\(\.\.\., rehearsals=True\) includes"
+        ):
+            asked()
+    assert len(touchbeam.load(tmp_path, rehearsals=True).scores) == 1
+
+
 def test_a_plan_is_the_recorded_one_or_the_next_one(study: touchbeam.Study) -> None:
     begun = study.trials[study.trials.participant == "P02"].reset_index(drop=True)
     planned = study.plan("P02")

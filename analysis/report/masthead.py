@@ -38,9 +38,9 @@ def masthead(found: Findings) -> Masthead:
 
 def _participants(found: Findings) -> str:
     table = found.loaded.table
-    scored = int(table.given.any(axis=1).sum())
-    trials = len(found.loaded.scored)
-    return f"{scored}, with {count_of(trials, 'rating')} in {len(table.conditions)} conditions"
+    scored, conditions = (int(table.given.any(axis=axis).sum()) for axis in (1, 0))
+    ratings = count_of(int(found.loaded.scored["score"].notna().sum()), "rating")
+    return f"{scored}, with {ratings} of {count_of(conditions, 'condition')}"
 
 
 def _sessions(found: Findings) -> str:

@@ -64,12 +64,17 @@ def test_sensitivity_and_order_are_told_of_a_study() -> None:
 
 def test_the_head_names_what_is_known() -> None:
     facts = masthead(plain_report()).facts
-    assert facts["participants"] == "4, with 12 ratings in 3 conditions"
+    assert facts["participants"] == "4, with 12 ratings of three conditions"
     assert facts["sessions"].startswith("a published table")
     assert "device" not in facts
     recorded = masthead(study_report())
     assert recorded.facts["sessions"][:2] == "20"
     assert "ethics" not in recorded.facts
+
+
+def test_the_head_counts_what_was_rated() -> None:
+    facts = masthead(made([[np.nan, 7, 9], [np.nan, 8, np.nan], [np.nan, np.nan, np.nan]])).facts
+    assert facts["participants"] == "2, with three ratings of two conditions"
 
 
 def test_the_head_has_the_authors_facts() -> None:

@@ -6,7 +6,6 @@ import numpy as np
 
 from analysis.report.drawing import (
     COLOURS,
-    DASHES,
     GREY,
     HEIGHT_IN,
     LEGEND_ROW_IN,
@@ -21,7 +20,7 @@ from analysis.report.drawing import (
     limits,
     name_places,
 )
-from analysis.report.figure_data import Gains, Scatter
+from analysis.report.figure_data import HEADLINE, Gains, Scatter
 from analysis.sensitivity.lines import Lines
 from analysis.sensitivity.predictive_checks import PredictiveStatistic
 
@@ -43,7 +42,8 @@ def scatter_figure(data: Scatter, words: Words) -> Drawing:
                 alpha=0.7,
                 label=labels[place],
             )
-        for (model, curve), dashes in zip(data.curves.items(), DASHES, strict=False):
+        for model, curve in data.curves.items():
+            dashes = "-" if model == HEADLINE else "--"
             axes.plot(data.at, curve, color="black", linestyle=dashes, label=f"group, {model}")
         axes.set(ylim=limits(data.scale), ylabel=f"rating, {data.scale}")
         axes.set_xlabel("predicted contrast, change of log friction")

@@ -6,7 +6,7 @@ from functools import partial
 from analysis.estimates import NotEstimable, plain
 from analysis.report.as_json import law_json
 from analysis.report.blocks import Column, Figure, Section, Table, columns
-from analysis.report.figure_data import Levels, levels, scatter
+from analysis.report.figure_data import HEADLINE, SIMPLE, Levels, levels, scatter
 from analysis.report.figures.model_figures import scatter_figure
 from analysis.report.figures.score_figures import levels_figure
 from analysis.report.findings import Findings
@@ -51,6 +51,13 @@ def _signal_line(trials: TrialStatistics) -> str:
     return f"First signal (0 → 100 V): {felt}; predicted contrast (rung {RUNG}): {laws}."
 
 
+_LINES = {
+    HEADLINE: "The solid line is the mean rating that M2 expects of the group's average subject, "
+    "without effects of conditions beyond their contrasts. ",
+    SIMPLE: "The dashed line is the group's by M1, the simple comparison. ",
+}
+
+
 def _ratings_figure(found: Findings) -> Figure:
     data, table = scatter(found), _prediction_table(found)
     if data is None:
@@ -60,9 +67,8 @@ def _ratings_figure(found: Findings) -> Figure:
         name="model",
         title="Ratings against the model",
         caption="Ratings against the contrast that the friction model predicts for each trial. "
-        "Shape and colour mark the condition; equal ratings are offset slightly. The solid line is "
-        "the mean rating that M2 expects of the group's average subject, without effects of "
-        "conditions beyond their contrasts; the dashed line is that of M1, the simple comparison. "
+        "Shape and colour mark the condition; equal ratings are offset slightly. "
+        f"{''.join(_LINES[model] for model in data.curves)}"
         f"{SKIN_IN_SHORT}{of_all(len(data.ratings.rating), data.of, 'ratings')}",
         draw=partial(scatter_figure, data),
         table=table,

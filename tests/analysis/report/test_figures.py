@@ -1,8 +1,12 @@
 """Figures of single trials: what is drawn of levels, people, touches and reaction times."""
 
+from dataclasses import replace
+
 import numpy as np
 
-from analysis.report.figure_data import MOST_PEOPLE, levels, people
+from analysis.estimates import NotEstimable
+from analysis.report.figure_data import HEADLINE, MOST_PEOPLE, SIMPLE, levels, people, scatter
+from analysis.report.sections import predictions
 from tests.analysis.reports import imported, made, plain_report, study_report
 
 
@@ -35,3 +39,17 @@ def test_of_many_subjects_the_extreme_ones_are_drawn() -> None:
     assert {"P00", "P05", "P069"} <= found.scores.keys()
     assert len(found.scores) <= 8
     assert imported(scores).table.subjects[0] == "P00"
+
+
+def test_the_caption_names_the_curves_that_are_drawn() -> None:
+    whole = study_report()
+    withheld = replace(whole, trials=replace(whole.trials, m2=NotEstimable(reason="rejected")))
+    solid, dashed = "solid line is the mean rating that M2", "dashed line is the group's by M1"
+    for found, named in ((whole, True), (withheld, False)):
+        figure = predictions.section(found).figures[0]
+        assert (solid in figure.caption, dashed in figure.caption) == (named, True)
+        assert figure.drawing is not None
+        assert any(b"stroke-dasharray" in file for file in figure.drawing.files().values())
+        data = scatter(found)
+        assert data is not None
+        assert (HEADLINE in data.curves, SIMPLE in data.curves) == (named, True)

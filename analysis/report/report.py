@@ -38,7 +38,7 @@ class Report(Findings):
     def chosen(self) -> tuple[Section, ...]:
         """Sections of the page, in its order."""
         known = dict(zip(SECTIONS, self.sections, strict=True))
-        return tuple(known[name] for name in self.shown or known)
+        return tuple(known[name] for name in dict.fromkeys(self.shown or known))
 
     @property
     def figures(self) -> list[Figure]:

@@ -126,7 +126,8 @@ def report(
     from runner.study.folder import StudyFolder
 
     folder = StudyFolder(path=study)
-    chosen = folder.report_sections() if sections is None else tuple(sections.split(","))
+    named = None if sections is None else tuple(map(str.strip, sections.split(",")))
+    chosen = folder.report_sections() if named is None else named
     where = out or folder.report
     write_report(folder, where, rehearsals=rehearsals, as_json=as_json, shown=chosen)
     if show:

@@ -41,6 +41,8 @@ def test_sections_are_chosen_by_file_and_by_name(
     assert (study / "report" / "report.json").read_bytes() == whole
     assert typed("report", study, "--sections", "glossary") == 0
     assert shown(study) == ["glossary"]
+    assert typed("report", study, "--sections", "trials, glossary,trials") == 0
+    assert shown(study) == ["trials", "glossary"]
 
 
 def test_all_choices_of_analysis_are_made_only_if_they_are_named(study: Path) -> None:

@@ -10,6 +10,7 @@ from device.friction.calibration import NOMINAL
 from device.resonance import Resonance
 from protocol.address import SIMULATED, AddressError
 from protocol.errors import BadInput, WorkFailed
+from protocol.journal.events import SessionOpened
 from protocol.journal.records import RigCalibration, VirtualTruth
 from protocol.journal.state import SessionState
 from protocol.plan.plan import plan
@@ -378,7 +379,7 @@ def opened_session(request: Request, journal: Journal, clock: Clock) -> Session:
             answer_order=answer_order(study, slot, sessions.get(chain)),
             consent=options.consent,
             seed=request.seed,
-            virtual=_virtual_truth(request),
+            virtual=_virtual_truth(request, sessions.get(chain)),
             registration=digest,
             calibration=_calibration(options),
         )
@@ -394,10 +395,10 @@ def _calibration(options: SessionOptions) -> RigCalibration | None:
     return RigCalibration(**vars(rig)) if rig.origin else None
 
 
-def _virtual_truth(request: Request) -> VirtualTruth | None:
+def _virtual_truth(request: Request, before: SessionState | None) -> VirtualTruth | None:
     """Return the true parameters of a virtual participant; None for a person or a block.
 
-    Those of the beam are known if it is simulated.
+    Those of the beam are known if it is simulated. `before` is the state of a resumed session.
     """
     options = request.options
     if options.ratings != "virtual" or options.slides:
@@ -406,7 +407,7 @@ def _virtual_truth(request: Request) -> VirtualTruth | None:
     from device.people.world import World
     from device.simulator.hardware.beam_and_finger import SimulatedBeam
 
-    person = _person(options.people, request.seed, options.participant)
+    person = _person(request, before)
     if request.url != SIMULATED:
         return replace(truth_of(person, World()), damping_ratio=None, beam_gain=None)
     chosen = {"law": options.law, "rung": options.rung, "damping_ratio": options.damping}
@@ -414,11 +415,29 @@ def _virtual_truth(request: Request) -> VirtualTruth | None:
     return truth_of(person, SimulatedBeam(request.seed, **given).world)
 
 
-def _person(people: "Population | None", seed: int, participant: str) -> "Person":
-    """Return a virtual participant: the same one in each of the study's sessions."""
-    from device.people.population import DEFAULT, drawn_person, person_name
+def _person(request: Request, before: SessionState | None) -> "Person":
+    """Return a virtual participant: the same one in each of the study's sessions.
 
-    return drawn_person(people or DEFAULT, person_name(seed, participant))
+    A session is resumed by the person who began it, whom the journal describes.
+
+    Raises:
+        BadInput: `--people` describes somebody else.
+    """
+    from device.people.population import DEFAULT, drawn_person, person_name, person_of
+
+    options = request.options
+    name = person_name(request.seed, options.participant)
+    person = drawn_person(options.people or DEFAULT, name)
+    begun = before.opened if before else None
+    if not isinstance(begun, SessionOpened) or begun.virtual is None:
+        return person
+    kept = person_of(begun.virtual)
+    if options.people is not None and person != kept:
+        raise BadInput(
+            f"--people gives {request.name} another virtual person than began it; resume it "
+            "without --people, since the journal describes that person"
+        )
+    return kept
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from device.simulator.client import ControlClient, simulator_process
-from protocol.journal.events import Event, TouchStarted
+from protocol.journal.events import Event, SessionOpened, SessionResumed, TouchStarted
 from runner.journal.opening import read_journal
 from runner.journal.session_log import SessionLog
 from runner.study.folder import StudyFolder
@@ -70,6 +70,29 @@ def test_a_session_of_a_changed_study_is_not_resumed(capsys: pytest.CaptureFixtu
     study.write_text(study.read_text().replace("= 12000 ", "= 24221 "))
     assert typed(*arguments) == 2
     assert "study.toml has changed since the last session" in capsys.readouterr().err
+
+
+def test_a_session_is_resumed_by_the_virtual_person_who_began_it(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    typed("new", "study")
+    leaver, other = Path("leaver.toml"), Path("other.toml")
+    leaver.write_text("[person]\nbias = 1.5\ndropout = 1\n")
+    other.write_text("[person]\nbias = 9.5\n")
+    arguments = ("run", "study", "--participant", "P01", "--ratings", "virtual")
+    assert typed(*arguments, "--people", leaver) == 1
+    assert typed(*arguments) == 1
+    assert typed(*arguments, "--people", leaver) == 1
+    capsys.readouterr()
+    assert typed(*arguments, "--people", other) == 2
+    said = capsys.readouterr().err
+    assert "--people gives P01/1 another virtual person than began it; resume it without" in said
+    with read_journal(Path("study/study.db")) as journal:
+        records = [event.record for event in journal.events("P01/1 (rehearsal)")]
+    begun = [it for it in records if isinstance(it, SessionOpened | SessionResumed)]
+    truths = [it.virtual for it in begun]
+    assert len(truths) == 3
+    assert [(it.bias, it.dropout) for it in truths if it] == [(1.5, 1.0)] * 3
 
 
 def test_amend_refuses_a_study_that_run_would_refuse(capsys: pytest.CaptureFixture[str]) -> None:

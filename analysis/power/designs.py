@@ -65,6 +65,11 @@ def designed(study: Study, design: Design) -> Study:
         raise BadInput(
             f"participants must lie in [2, {MOST_PARTICIPANTS}], got {design.participants}"
         )
+    if design.levels > design.repeats:
+        raise BadInput(
+            f"{design} cannot be planned: levels must be at most repeats, so that each comes "
+            "equally often"
+        )
     wanted = {"participants": design.participants, "repeats": design.repeats}
     levels = tuple(step / design.levels for step in range(1, design.levels + 1))
     conditions = [

@@ -40,6 +40,7 @@ def test_levels_are_spread_evenly_up_to_the_whole_amplitude(paper: Study) -> Non
         (Design(participants=1, repeats=1), r"participants must lie in \[2, 1000\], got 1"),
         (Design(participants=9, repeats=30), "9 participants x 30 repeats cannot be planned"),
         (Design(participants=9, repeats=3, levels=2), "must divide design.repeats = 3"),
+        (Design(participants=9, repeats=1, levels=10**12), "levels must be at most repeats"),
     ],
 )
 def test_what_the_study_cannot_have_is_refused(paper: Study, design: Design, message: str) -> None:

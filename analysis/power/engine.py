@@ -3,8 +3,8 @@
 import io
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import closing, contextmanager
+from hashlib import sha256
 from typing import TYPE_CHECKING, Protocol
-from zipfile import BadZipFile
 
 import numpy as np
 
@@ -60,21 +60,23 @@ def completed(
         return
     with closing(_computed(job, left, workers, scheduler)) as results:
         for task, found in results:
-            content = io.BytesIO()
-            np.save(content, found, allow_pickle=False)
-            chunks.save(task.name, content.getvalue())
+            chunks.save(task.name, _to_keep(found))
             yield task, found
 
 
+def _to_keep(found: FloatArray) -> bytes:
+    """Return numbers as they are kept: behind their SHA-256, so that damage is noticed."""
+    content = io.BytesIO()
+    np.save(content, found, allow_pickle=False)
+    return sha256(content.getvalue()).digest() + content.getvalue()
+
+
 def _kept(content: bytes | None) -> FloatArray | None:
-    """Return kept numbers; None if there are none, or none that can be read."""
-    if content is None:
+    """Return kept numbers; None if there are none, or if they were damaged."""
+    if content is None or sha256(content[32:]).digest() != content[:32]:
         return None
-    try:
-        found = np.load(io.BytesIO(content), allow_pickle=False)
-    except (ValueError, OSError, EOFError, BadZipFile):
-        return None
-    return found if isinstance(found, np.ndarray) and found.ndim == 2 else None
+    found: FloatArray = np.load(io.BytesIO(content[32:]), allow_pickle=False)
+    return found
 
 
 Results = Generator[tuple[Task, FloatArray], None, None]

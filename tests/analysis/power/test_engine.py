@@ -35,6 +35,20 @@ def test_a_chunk_that_cannot_be_read_is_computed_again(content: bytes) -> None:
     assert memory.kept[task.name] != content
 
 
+@pytest.mark.parametrize("place", [0, 40, 60, -2])
+def test_a_chunk_with_one_damaged_byte_is_computed_again(place: int) -> None:
+    (task,) = wanted(fitted=0)
+    memory = Memory()
+    list(completed(job(), [task], memory, 1))
+    whole = memory.kept[task.name]
+    damaged = bytearray(whole)
+    damaged[place] ^= 1
+    memory.kept[task.name] = bytes(damaged)
+    ((_, found),) = completed(job(), [task], memory, 1)
+    assert found.tobytes() == numbers(job(), task).tobytes()
+    assert memory.kept[task.name] == whole
+
+
 def test_a_longer_run_has_the_studies_of_a_shorter_one() -> None:
     (short, *_), (long, *_) = wanted(fitted=2), wanted(fitted=4)
     np.testing.assert_array_equal(numbers(job(), short), numbers(job(), long)[:2])

@@ -122,8 +122,8 @@ def _choice_problems(path: Path, value: Mapping[str, Any], limits: Parameter) ->
     if len(values) != len(shares):
         rule = f"must be as many as values: {len(values)}"
         yield _problem((*path, "shares"), rule, len(shares))
-    elif all(map(_is_number, shares)) and not sum(shares) > 0:
-        yield _problem((*path, "shares"), "must have a sum above 0", sum(shares))
+    elif all(map(_is_number, shares)) and not 0 < sum(shares) < math.inf:
+        yield _problem((*path, "shares"), "must have a finite sum above 0", sum(shares))
 
 
 def _number_problems(

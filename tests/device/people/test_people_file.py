@@ -69,7 +69,14 @@ def test_a_population_has_what_the_file_says_and_the_rest_of_the_default_one() -
             "[population]\nskin = { values = [1], shares = [1, 2] }\n",
             "skin.shares: must be as many as values: 1, got 2",
         ),
-        ("[population]\nskin = { values = [1], shares = [0] }\n", "must have a sum above 0, got 0"),
+        (
+            "[population]\nskin = { values = [1], shares = [0] }\n",
+            "must have a finite sum above 0, got 0",
+        ),
+        (
+            "[population]\nskin = { values = [1, 2], shares = [1e308, 1e308] }\n",
+            "sum above 0, got inf",
+        ),
         ("[person\n", "people.toml:1: "),
     ],
 )

@@ -1,4 +1,4 @@
-"""The exported table: a row per trial that was begun, with a column per `Column`."""
+"""The exported tables of trials, participants, touches and contrasts, a column per `Column`."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -7,9 +7,13 @@ import numpy as np
 import pandas as pd
 
 from analysis.cells import Cell
-from analysis.export.columns import COLUMNS, TOUCH_COLUMNS, question_columns
+from analysis.export.columns import COLUMNS, CONTRAST_COLUMNS, TOUCH_COLUMNS, question_columns
 from analysis.loading.records import TEXT, values
 from analysis.loading.sessions import Sessions
+from analysis.trials.contrasts import trial_contrasts
+from device.friction.calibration import Calibration
+from device.friction.contrasts import RUNG
+from protocol.study.study import Study
 from protocol.study.study_question import StudyQuestion
 
 _NOTED = {
@@ -165,3 +169,27 @@ def _touches(touches: pd.DataFrame, attempts: "pd.Index[int]") -> dict[str, list
 def cells(table: pd.DataFrame) -> Iterable[tuple[Cell, ...]]:
     """Return the cells of each row of a table of trials."""
     return zip(*(values(table[name]) for name in table.columns), strict=True)
+
+
+def contrast_table(
+    study: Study, found: Sessions, trials: pd.DataFrame, rig: Calibration
+) -> pd.DataFrame:
+    """Return what each law predicts for each of the exported `trials`, as in the report.
+
+    Args:
+        study: the present study.
+        found: what `trials` were made from, with measures.
+        trials: a `trial_table`.
+        rig: of the trials for which no calibration was in force.
+    """
+    begun = found.trials.loc[trials.index]
+    touches = found.touches[found.touches["attempt_id"].isin(begun.index)]
+    contrasts = trial_contrasts(study, begun, touches.assign(place_m=found.places_m), rig)
+    laws = [
+        trials.assign(
+            law=law, rung=RUNG, predicted_contrast=predicted, touch_measured=contrasts.measured
+        )
+        for law, predicted in contrasts.by_law.items()
+    ]
+    rows = pd.concat(laws).loc[trials.index]
+    return rows[[column.name for column in CONTRAST_COLUMNS]].reset_index(drop=True)

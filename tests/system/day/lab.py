@@ -386,6 +386,7 @@ class Lab:
     def _stored(self, session: str, tag: str, payload: str) -> None:
         self._record((session, tag, payload))
         self.watch.stored(session, tag, payload)
+        self._forget_renewed(session, tag, payload)
         if tag == "trial-aborted" and '"why": "stopped by SIG' in payload:
             self._unwarned = ""  # a signal may come before the warning; the touch is made again
         untold = f"nobody was told that a touch of {session} was not as instructed"
@@ -405,6 +406,12 @@ class Lab:
             given = [text for text, _ in self.person.given]
             require(2, said == given, f"{session} {answer['index']}: stored {said}, said {given}")
             self.answers[session, answer["index"]] = (change, score)
+
+    def _forget_renewed(self, session: str, tag: str, payload: str) -> None:
+        """Practice that is begun again no longer has the answers that were given."""
+        again = json.loads(payload)["indices"] if tag == "practice-renewed" else ()
+        for index in again:
+            self.answers.pop((session, index), None)
 
     def _require_copied(self, session: str, index: int) -> None:
         """A block that is over is in the journal's file itself, and not in its log alone."""

@@ -43,7 +43,8 @@ TELLS = {
     "monitor-wrong": "the monitor must show",
     "off-ignored": "says that its output is on",
     "over-temperature": "over-temperature|hotter than|too hot|protection tripped",
-    "panel-on": "nobody here switched it on",
+    # While a session drives 0 V its output is on, and only the amplitude is somebody else's.
+    "panel-on": r"nobody here switched it on|the amplitude must not exceed 0\.0 V",
     "stage-shorted": "its monitor still shows",
     "watchdog-trip": "its watchdog tripped: nothing was heard|protection tripped;",
 }

@@ -65,7 +65,8 @@ def slide(
     """
     from protocol.journal.events import SLIDE
     from runner.launch.device_access import touchbeam_command
-    from runner.launch.run_session import SessionOptions, run_session
+    from runner.launch.request import SessionOptions
+    from runner.launch.run_session import run_session
     from runner.study.folder import StudyFolder
 
     folder = StudyFolder(path=study)

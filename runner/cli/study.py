@@ -162,7 +162,8 @@ def run(
     virtual ratings it is a rehearsal, which leaves the participant's name free.
     """
     from runner.launch.device_access import touchbeam_command
-    from runner.launch.run_session import SessionOptions, run_session
+    from runner.launch.request import SessionOptions
+    from runner.launch.run_session import run_session
     from runner.study.folder import StudyFolder
 
     options = SessionOptions(

@@ -16,7 +16,8 @@ from protocol.registration.registration import FILE, Registration
 from runner.journal.names import chain_name
 from runner.journal.opening import open_journal
 from runner.launch.device_access import touchbeam_command
-from runner.launch.run_session import SessionOptions, run_session
+from runner.launch.request import SessionOptions
+from runner.launch.run_session import run_session
 from runner.study.folder import StudyFolder
 
 if TYPE_CHECKING:

@@ -18,7 +18,8 @@ from protocol.study.rig_settings import Rig as RigSettings
 from protocol.study_file.loading import template
 from runner.launch.device_access import session_rig
 from runner.launch.locks import RigInUse, rig_lock
-from runner.launch.run_session import SessionOptions, run_session
+from runner.launch.request import SessionOptions
+from runner.launch.run_session import run_session
 from runner.study.folder import StudyFolder
 from tests.device.rigs import DRIVE, LIMITS, TOUCHBEAM, driven_on, until
 from tests.system.test_force_channel import noiseless, recorded, require_complete

@@ -9,7 +9,8 @@ from protocol.study_file.loading import template
 from runner.journal.opening import open_journal
 from runner.journal.verification import verdicts
 from runner.launch.device_access import touchbeam_command
-from runner.launch.run_session import SessionOptions, run_session
+from runner.launch.request import SessionOptions
+from runner.launch.run_session import run_session
 from runner.study.folder import StudyFolder
 from tests.runner.fakes import FakeClock, FakeDevice, FakeParticipant, context
 

@@ -1,0 +1,112 @@
+"""The session that a request opens or resumes in the journal, and who takes part."""
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from device.friction.calibration import NOMINAL
+from protocol.address import SIMULATED
+from protocol.errors import BadInput
+from protocol.journal.events import SessionOpened
+from protocol.journal.records import RigCalibration, VirtualTruth
+from protocol.journal.state import SessionState
+from protocol.plan.plan import plan
+from protocol.plan.slide_plan import slide_plan
+from protocol.registration.registration import locked
+from runner.clock import Clock
+from runner.journal.cohort import slot_for, states
+from runner.journal.session_log import SessionLog
+from runner.journal.store import Journal
+from runner.launch.request import Request, SessionOptions
+from runner.session.resume import require_resumable
+from runner.session.session import Session, answer_order
+from runner.study.calibration import fitted_calibration
+from runner.study.registered import require_registered
+
+if TYPE_CHECKING:
+    from device.people.person import Person
+
+
+def opened_session(request: Request, journal: Journal, clock: Clock) -> Session:
+    """Return the session to run, and open it in the journal if it is new.
+
+    A slot is taken by opening the session; choosing and opening must therefore not be separated.
+    """
+    options, registered = request.options, request.registration
+    digest = None if registered is None else registered.digest
+    study = request.study if digest is None else locked(request.study, digest)
+    with journal.alone():
+        require_registered(journal, registered, rehearsal=request.rehearsal)
+        sessions, chain = states(journal), request.chain(journal)
+        slot = 0 if options.slides else slot_for(sessions, options.participant, request.kind, chain)
+        session = Session(
+            participant=options.participant,
+            number=options.number,
+            kind=request.kind,
+            study=study,
+            study_text=request.text,
+            plan=slide_plan(study, options.number)
+            if options.slides
+            else plan(study, slot, options.number),
+            language=request.wording.code,
+            answer_order=answer_order(study, slot, sessions.get(chain)),
+            consent=options.consent,
+            seed=request.seed,
+            virtual=_virtual_truth(request, sessions.get(chain)),
+            registration=digest,
+            calibration=_calibration(options),
+        )
+        require_resumable(journal, session, sessions.get(chain), clock.utc())
+        if chain not in sessions:
+            SessionLog(journal, chain, clock).append(session.opening())
+    return session
+
+
+def _calibration(options: SessionOptions) -> RigCalibration | None:
+    """Return the calibration in force; a sliding experiment, which predicts nothing, has none."""
+    rig = NOMINAL if options.slides else fitted_calibration(options.folder.path)
+    return RigCalibration(**vars(rig)) if rig.origin else None
+
+
+def _virtual_truth(request: Request, before: SessionState | None) -> VirtualTruth | None:
+    """Return the true parameters of a virtual participant; None for a person or a block.
+
+    Those of the beam are known if it is simulated. `before` is the state of a resumed session.
+    """
+    options = request.options
+    if options.ratings != "virtual" or options.slides:
+        return None
+    from device.people.population import truth_of
+    from device.people.world import World
+    from device.simulator.hardware.beam_and_finger import SimulatedBeam
+
+    person = _person(request, before)
+    if request.url != SIMULATED:
+        return replace(truth_of(person, World()), damping_ratio=None, beam_gain=None)
+    chosen = {"law": options.law, "rung": options.rung, "damping_ratio": options.damping}
+    given: dict[str, Any] = {name: each for name, each in chosen.items() if each is not None}
+    return truth_of(person, SimulatedBeam(request.seed, **given).world)
+
+
+def _person(request: Request, before: SessionState | None) -> "Person":
+    """Return a virtual participant: the same one in each of the study's sessions.
+
+    A session is resumed by the person who began it, whom the journal describes.
+
+    Raises:
+        BadInput: `--people` describes somebody else.
+    """
+    from device.people.population import DEFAULT, drawn_person, person_name, person_of
+
+    options = request.options
+    name = person_name(request.seed, options.participant)
+    person = drawn_person(options.people or DEFAULT, name)
+    begun = before.opened if before else None
+    if not isinstance(begun, SessionOpened) or begun.virtual is None:
+        return person
+    kept = person_of(begun.virtual)
+    if options.people is not None and person != kept:
+        raise BadInput(
+            f"--people gives {request.name} another virtual person than began it; resume it "
+            "without --people, since the journal describes that person"
+        )
+    return kept

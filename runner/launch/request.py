@@ -1,0 +1,209 @@
+"""What a session is asked to be: its options, checked against the study and this machine."""
+
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from device.resonance import Resonance
+from protocol.address import SIMULATED
+from protocol.errors import BadInput
+from protocol.plan.slide_plan import slide_study
+from protocol.pseudonyms import pseudonym
+from protocol.registration.registration import Registration
+from protocol.study.participant_texts import Wording, lacking, study_codes, study_wording
+from protocol.study.study import Study
+from protocol.study_file.language_files import located
+from protocol.study_file.limits import slide_problems
+from protocol.study_file.loading import StudyError
+from runner.clock import Pace
+from runner.interfaces import AnswerSource
+from runner.journal.location import checked_place, mounts_of_this_machine
+from runner.journal.names import chain_name, session_name
+from runner.journal.opening import read_journal
+from runner.journal.store import Journal, JournalError
+from runner.launch.confirmation import Confirm, nearly_the_same
+from runner.people.participant_console import require_typist
+from runner.session.session import SessionKind
+from runner.study.check import validated_study
+from runner.study.folder import StudyFolder
+from runner.study.registered import registration_of
+
+if TYPE_CHECKING:
+    from device.people.population import Population
+
+
+@dataclass(frozen=True, kw_only=True)
+class SessionOptions:
+    """The options of `touchbeam run`, and of `touchbeam slide` if the session `slides`.
+
+    A sliding experiment has the participant `SLIDE`.
+    """
+
+    folder: StudyFolder
+    participant: str
+    number: int = 1
+    device: str | None = None
+    ratings: AnswerSource = "window"
+    pace: Pace | None = None
+    rehearsal: bool = False
+    language: str | None = None
+    consent: str | None = None
+    seed: int | None = None
+    calibration: Resonance | None = None
+    law: str | None = None
+    rung: str | None = None
+    damping: float | None = None
+    people: "Population | None" = None
+    screen: int | None = None
+    windowed: bool = False
+    extra: bool = False
+    new_name: bool = False
+    slides: bool = False
+    touchbeam: Sequence[str] = ("touchbeam",)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Request:
+    """The options, checked against the study and this machine."""
+
+    options: SessionOptions
+    study: Study
+    text: str
+    wording: Wording
+    url: str
+    pace: Pace
+    kind: SessionKind
+    registration: Registration | None = None
+
+    @property
+    def name(self) -> str:
+        """What people call the session."""
+        return session_name(self.options.participant, self.options.number)
+
+    @property
+    def rehearsal(self) -> bool:
+        """Whether the session is a rehearsal."""
+        return self.kind == "rehearsal"
+
+    def chain(self, journal: Journal) -> str:
+        """Return the name of the session in `journal`."""
+        options = self.options
+        return chain_name(journal, options.participant, options.number, rehearsal=self.rehearsal)
+
+    @property
+    def seed(self) -> int:
+        """The seed of all that is simulated; a registration seeds the plan alone."""
+        return self.study.study.seed if self.options.seed is None else self.options.seed
+
+
+def requested(options: SessionOptions) -> Request:
+    """Check everything that can be checked before anything is opened or changed."""
+    text = options.folder.text()
+    source = str(options.folder.study_file)
+    study = validated_study(text, source)
+    if options.slides:
+        if found := slide_problems(study):  # a study without [slide] was not asked for it
+            raise StudyError(source, located(text, found))
+        study = slide_study(study)
+    url = options.device or study.rig.device
+    request = Request(
+        options=options,
+        study=study,
+        text=text,
+        wording=_wording(study, options.language or study.session.language),
+        url=url,
+        pace=_pace(options, url),
+        kind=_kind(options, study, url),
+        registration=registration_of(options.folder.path),
+    )
+    if not options.slides:
+        pseudonym(options.participant)
+    checked_place(options.folder.path, mounts_of_this_machine())
+    if options.ratings != "virtual":
+        require_typist(sys.stdin)
+    return request
+
+
+def _pace(options: SessionOptions, url: str) -> Pace:
+    """Return the requested pace, or the default for the kind of ratings.
+
+    Raises:
+        BadInput: pace, device, its law, rung or damping, people and ratings do not go together.
+    """
+    simulated = url == SIMULATED
+    if not simulated and (options.law or options.rung or options.damping is not None):
+        raise BadInput(f"--law, --rung and --damping are for --device sim, got {url}")
+    if options.people is not None and options.ratings != "virtual":
+        raise BadInput(f"--people is for --ratings virtual, got {options.ratings}")
+    unattended = simulated and options.ratings == "virtual"
+    if options.pace == "stepped" and not unattended:
+        raise BadInput(
+            "--pace stepped needs --device sim and --ratings virtual (people answer in real time)"
+        )
+    return options.pace or ("stepped" if unattended else "wall")
+
+
+def _kind(options: SessionOptions, study: Study, url: str) -> SessionKind:
+    """Return the kind of the session.
+
+    Raises:
+        BadInput: the study requires a consent and none is given.
+    """
+    if options.rehearsal or url == SIMULATED or options.ratings == "virtual":
+        return "rehearsal"
+    if options.slides:
+        return "slide"
+    if study.session.consent_required and not options.consent:
+        raise BadInput("this study requires a consent: give its reference with --consent REF")
+    return "participant"
+
+
+def require_meant(request: Request, confirm: Confirm) -> None:
+    """Have the operator confirm what is more often a slip than meant.
+
+    Raises:
+        BadInput: it is not confirmed, or a session is requested that the study does not plan.
+    """
+    options, planned = request.options, request.study.design.sessions
+    if options.slides:  # a name that cannot be mistaken, and as many as anybody wants
+        return
+    if options.number > planned and not options.extra:
+        raise BadInput(
+            f"--session {options.number}: the study plans {planned} for each participant; add "
+            "--extra for another one"
+        )
+    person = options.consent is not None or options.ratings != "virtual"
+    if person and request.rehearsal and not options.rehearsal:
+        why = "the device is simulated" if request.url == SIMULATED else "the ratings are virtual"
+        confirm(
+            f"{why}: {request.name} will be a rehearsal, which no report counts",
+            "add --rehearsal if that is meant; otherwise give the device with --device",
+        )
+    if not options.new_name and (other := _resembling(request)):
+        confirm(
+            f"{options.participant} resembles {other}, who has a session here, and is taken for "
+            "somebody else",
+            f"give --participant {other} if that is meant, else add --new",
+        )
+
+
+def _resembling(request: Request) -> str | None:
+    """Return another participant whose pseudonym is nearly the same, if there is one."""
+    path = request.options.folder.journal
+    with suppress(JournalError):  # the session's own attempt to open the journal will tell
+        if path.exists():
+            with read_journal(path) as journal:
+                participant = request.options.participant
+                return nearly_the_same(journal, participant, rehearsal=request.rehearsal)
+    return None
+
+
+def _wording(study: Study, code: str) -> Wording:
+    """Return what the participant reads in the language asked for, if nothing of it is lacking."""
+    if code not in study_codes(study):
+        raise BadInput(f"--language must be one of {', '.join(study_codes(study))}, got {code!r}")
+    for text in lacking(study, code):
+        raise BadInput(f"--language {code}: this study lacks {text} in it")
+    return study_wording(study, code)

@@ -24,7 +24,7 @@ from protocol.journal.events import NoteTaken, event_of
 from protocol.study_file.loading import text_digest
 from runner.cli import journal as commands
 from runner.cli.output import complaint
-from runner.cli.results import import_scores
+from runner.cli.sharing import import_scores
 from runner.clock import WallClock
 from runner.journal.database import leave
 from runner.journal.names import STUDY_CHAIN

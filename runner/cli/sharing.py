@@ -1,0 +1,186 @@
+"""Commands that take data in and give them away: import, export."""
+
+import shlex
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from protocol.errors import BadInput
+from protocol.journal.shared_form import FOLDER, REGISTRATION_FILE, SUFFIX
+from runner.cli.options import (
+    Choosing,
+    FormatOption,
+    StudyArgument,
+    named_folder,
+    study_journal,
+)
+from runner.cli.output import (
+    complain,
+    counted,
+    followed,
+    say,
+)
+from runner.cli.results import report_on, warn_of_broken
+
+if TYPE_CHECKING:
+    from analysis.export.dataset import Dataset
+    from runner.study.folder import StudyFolder
+
+app = typer.Typer()
+
+
+@app.command("import")
+def import_scores(
+    scores: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SOURCE",
+            help="A table: subject, then conditions. Or the folder of a BIDS export.",
+        ),
+    ],
+    study: Annotated[Path, typer.Argument(metavar="STUDY", help="A new or an empty folder.")],
+    keep_means: Annotated[
+        bool,
+        typer.Option(
+            "--keep-means", help="Take a column or row that is the mean of all others as scores."
+        ),
+    ] = False,
+) -> None:
+    """Create a study from published scores, or from the BIDS export of another one.
+
+    A table is a CSV file with a column `subject` and one column per condition. Each subject is a
+    pseudonym of letters, digits, - and _ with a digit in it; a blank cell is a missing score.
+    """
+    if scores.is_dir():
+        _import_data_set(scores, study)
+        return
+    from analysis.loading.published import published_table, unpredicted_note
+    from runner.study.files import bytes_of, text_of
+    from runner.study.folder import StudyFolder
+    from runner.study.published import import_table
+
+    content = bytes_of(scores)
+    table = published_table(text_of(content, scores), str(scores), keep_means=keep_means)
+    rows = followed("subjects", table.by_subject().items(), len(table.subjects))
+    import_table(StudyFolder(path=study), rows, scores.name, content)
+    note = unpredicted_note(table.conditions)
+    if note:
+        say(note)
+    imported = counted(len(table.subjects), "subject")
+    say(f"{imported} imported; next: touchbeam report {shlex.quote(str(study))}")
+
+
+def _import_data_set(source: Path, study: Path) -> None:
+    from analysis.loading.sessions import load_sessions
+    from runner.study.data_set import import_data_set, read_data_set
+    from runner.study.folder import StudyFolder
+
+    data = read_data_set(source)
+    try:  # the events are in order, but a value in them may have been changed
+        load_sessions(session.events for session in data.sessions.values())
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        raise BadInput(f"{source}: a session cannot be read ({error})") from error
+    import_data_set(StudyFolder(path=study), data)
+    imported = counted(len(data.sessions), "session")
+    say(f"{imported} imported; next: touchbeam report {shlex.quote(str(study))}")
+
+
+@app.command(cls=Choosing)
+def export(
+    study: StudyArgument,
+    folder: Annotated[
+        Path, typer.Argument(parser=named_folder, metavar="DIR", help="A new or an empty folder.")
+    ],
+    as_format: FormatOption,
+    rehearsals: Annotated[
+        bool, typer.Option("--rehearsals", help="Include rehearsals, marked as such.")
+    ] = False,
+    participant: Annotated[
+        str | None, typer.Option(help="Export the data of this participant alone.")
+    ] = None,
+) -> None:
+    """Export the data, one row per trial.
+
+    Withdrawn participants are omitted; excluded trials are included and flagged.
+    """
+    from importlib.metadata import version
+
+    from analysis.export.dataset import dataset
+    from analysis.export.formats import EXPORTS, RECORDINGS, WITH_CONTRASTS, WITH_SOURCE
+    from analysis.export.source_data import source_files
+    from device.friction.calibration import NOMINAL
+    from runner.journal.verification import readable_chains
+    from runner.study.calibration import fitted_calibration
+    from runner.study.files import write_new_folder
+    from runner.study.folder import StudyFolder
+
+    source = StudyFolder(path=study)
+    broken: list[str] = []
+    with study_journal(source) as journal:
+        _require_known(participant, journal.sessions())
+        mine = readable_chains(journal, broken, participant)
+        chains = followed("sessions", mine, len(journal.sessions()))
+        data = dataset(
+            chains,
+            source.study(),
+            version("touchbeam"),
+            rehearsals=rehearsals,
+            rig=fitted_calibration(source.path) if as_format in WITH_CONTRASTS else NOMINAL,
+            broken_chains=broken,
+        )
+        texts = EXPORTS[as_format](data)
+        if as_format in WITH_SOURCE:
+            again = readable_chains(journal, [], participant)
+            texts |= source_files(data, again, source.text())
+    warn_of_broken(broken, study)
+    files = {name: text.encode() for name, text in texts.items()} | RECORDINGS[as_format](data)
+    if as_format == "rocrate":
+        files |= _report_in_crate(source, files, broken, rehearsals=rehearsals)
+        files |= _crate_metadata(data, files)
+    write_new_folder(files, folder)
+    say(f"Written: {folder}, {data.summary()}")
+
+
+def _report_in_crate(
+    source: "StudyFolder", files: Mapping[str, bytes], broken: Sequence[str], *, rehearsals: bool
+) -> dict[str, bytes]:
+    """Return the report on the events among `files`: on what others get, and on nothing else."""
+    from analysis.export.rocrate import REPORT
+    from analysis.loading.sessions import load_sessions
+    from analysis.loading.study_data import NothingToReport, study_data
+    from analysis.report.report import report_files
+    from protocol.registration.registration import shared_registration
+    from runner.study.data_set import shared_sessions
+
+    texts = {name: content.decode() for name, content in files.items() if name.endswith(SUFFIX)}
+    chains = [session.events for session in shared_sessions(texts)]
+    if registered := files.get(f"{FOLDER}/{REGISTRATION_FILE}"):
+        chains.insert(0, (shared_registration(registered.decode()),))
+    recorded = load_sessions(chains)
+    rules = source.study().exclusions
+    try:
+        found = study_data(recorded, rehearsals=rehearsals, rules=rules)
+    except NothingToReport as error:
+        complain(f"touchbeam: warning: there is no report in it: {error}")
+        return {}
+    shown = source.report_sections()
+    result = report_on(source, found, broken, rehearsals=rehearsals, shown=shown, recorded=recorded)
+    return {f"{REPORT}/{name}": content for name, content in report_files(result).items()}
+
+
+def _crate_metadata(data: "Dataset", files: Mapping[str, bytes]) -> dict[str, bytes]:
+    from analysis.export.rocrate import METADATA, crate_metadata
+
+    return {METADATA: crate_metadata(data, files, datetime.now(UTC).date()).encode()}
+
+
+def _require_known(participant: str | None, sessions: Sequence[str]) -> None:
+    """Refuse a participant who has no session."""
+    known = sorted({name.rpartition("/")[0] for name in sessions} - {""})
+    if participant is not None and participant not in known:
+        near = [name for name in known if name.casefold() == participant.casefold()]
+        hint = f"did you mean {near[0]}?" if near else "touchbeam status lists the participants"
+        raise BadInput(f"{participant} has no session in this study; {hint}")

@@ -195,8 +195,6 @@ def _of_difference(table: _Table, pair: int, name: str) -> EstimateQuality:
     mean, error, subjects = (table[f"pair {what} {pair}"] for what in ("mean", "error", "subjects"))
     known = subjects > 1
     mean, error, df = mean[known], error[known], subjects[known] - 1
-    if not len(mean):
-        mean = error = df = np.zeros(0)
     truth = float(mean.mean()) if len(mean) else float("nan")
     half = stdtrit(df, 0.975) * error
     significant, off = np.abs(mean) > half, mean - truth

@@ -11,21 +11,10 @@ from axe_core_python.selenium import Axe  # type: ignore[import-untyped]
 from selenium import webdriver
 
 from handbook.build import ROOT, build
+from tests.headless_browser import PROGRAMS, headless_browser
 
-NEEDED = ("chromium", "chromedriver")
 pytestmark = pytest.mark.skipif(
-    not all(map(shutil.which, NEEDED)), reason="no browser: install chromium and chromium-driver"
-)
-FLAGS = (
-    "--headless=new",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--host-resolver-rules=MAP * ~NOTFOUND",
+    not all(map(shutil.which, PROGRAMS)), reason="no browser: install chromium and chromium-driver"
 )
 # Of each kind one: text, outputs, wide tables, pictures, definitions, generated pages.
 LOOKED_AT = (
@@ -48,14 +37,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[webdriver.Chrome]:
-    options = webdriver.ChromeOptions()
-    options.binary_location = shutil.which("chromium") or ""
-    for flag in (*FLAGS, f"--user-data-dir={tmp_path_factory.mktemp('profile')}"):
-        options.add_argument(flag)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-    service = webdriver.ChromeService(executable_path=shutil.which("chromedriver"))
-    with webdriver.Chrome(options=options, service=service) as driver:
-        driver.get("about:blank")
+    with headless_browser(tmp_path_factory.mktemp("profile")) as driver:
         yield driver
 
 

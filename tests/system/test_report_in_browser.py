@@ -24,22 +24,12 @@ from protocol.journal.events import Answered, NoteTaken, StoredEvent, TrialExclu
 from runner.study.files import write_files
 from tests.analysis.chains import chain
 from tests.analysis.reports import EXTENDED, ORIGIN, session_events
+from tests.headless_browser import PROGRAMS, headless_browser
 
-NEEDED = ("chromium", "chromedriver", "pdftotext")
+NEEDED = (*PROGRAMS, "pdftotext")
 pytestmark = pytest.mark.skipif(
     not all(map(shutil.which, NEEDED)),
     reason="no browser: install chromium, chromium-driver and poppler-utils",
-)
-FLAGS = (
-    "--headless=new",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--host-resolver-rules=MAP * ~NOTFOUND",
 )
 TYPED = "<script>document.title='caught'</script> =cmd()"
 POINTS_PER_MM = 72 / 25.4
@@ -76,15 +66,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def browser(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[webdriver.Chrome]:
-    options = webdriver.ChromeOptions()
-    options.binary_location = shutil.which("chromium") or ""
-    for flag in (*FLAGS, f"--user-data-dir={tmp_path_factory.mktemp('profile')}"):
-        options.add_argument(flag)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-    service = webdriver.ChromeService(executable_path=shutil.which("chromedriver"))
-    with webdriver.Chrome(options=options, service=service) as driver:
+    with headless_browser(tmp_path_factory.mktemp("profile")) as driver:
         driver.set_window_size(1200, 900)
-        driver.get("about:blank")
         driver.get_log("performance")  # type: ignore[no-untyped-call]  # of the browser's own page
         driver.get(f"file://{folder / 'report.html'}")
         yield driver

@@ -18,9 +18,7 @@ def uniforms(stream: str, rows: int, columns: int) -> FloatArray:
     >>> bool((uniforms("a", 3, 2)[:2] == uniforms("a", 2, 2)).all())
     True
     """
-    count = rows * columns
-    words = np.frombuffer(shake_128(stream.encode()).digest(8 * count), dtype="<u8")
-    return np.asarray(((words >> 11) + 0.5) * 2.0**-53).reshape(rows, columns)
+    return np.asarray(uniforms_of([stream], rows, columns)[0])
 
 
 def uniforms_of(streams: Sequence[str], rows: int, columns: int) -> FloatArray:

@@ -141,8 +141,7 @@ def _notices(found: Findings) -> list[tuple[str, str]]:
     """Return the warnings at the top of the page, as pairs of heading and text."""
     notices = []
     if found.rehearsals:
-        text = "These scores come from rehearsals. They are no evidence about participants."
-        notices.append(("Rehearsals.", text))
+        notices.append(("Rehearsals.", "These scores are no evidence about participants."))
     if found.origin.broken_chains:
         notices.append(("Changed journal.", changed_journal(found.origin.broken_chains)))
     return notices

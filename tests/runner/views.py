@@ -4,6 +4,7 @@ from protocol.study.rig_settings import Rig
 from runner.screens import OperatorView, PlanLine
 
 LABELS = ("baseline", "signal", "frequency", "voltage", "pressure", "structure", "direction")
+ANSWERS = ("felt", "smoother", *["stronger, score 8"] * 5)
 
 
 def plan(answered: int) -> tuple[PlanLine, ...]:
@@ -11,7 +12,7 @@ def plan(answered: int) -> tuple[PlanLine, ...]:
     return tuple(
         PlanLine(
             label=label,
-            answer="smoother, score 8" if number < answered else None,
+            answer=ANSWERS[number] if number < answered else None,
             running=number == answered,
         )
         for number, label in enumerate(LABELS)

@@ -182,7 +182,7 @@ def test_a_dry_run_looks_like_one() -> None:
 
 def test_the_plan_has_ticks_answers_and_the_running_trial() -> None:
     found = "\n".join(lines(Frame(view=view()), None, 120, 40))
-    assert "✓  3 frequency: smoother, score 8" in found
+    assert "✓  3 frequency: stronger, score 8" in found
     assert "▶  4 voltage" in found
     assert "   5 pressure" in found
     for fact in ("touchbeam,BOARD,SIM,1.1", "resonance 24068 Hz", "4:10 so far", "until 14:05"):

@@ -7,6 +7,8 @@ from typing import Any
 
 KEY = "compared"
 """Under which a benchmark's extra information holds its comparison."""
+WORK = "work"
+"""Under which it holds what was done, of a benchmark that is compared with nothing."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,20 +55,24 @@ def compare(
     return found.ratio
 
 
+def tell(benchmark: Any, work: str, **facts: object) -> None:
+    """Keep what was done, and what was measured beside its time: a name with `_` for blanks."""
+    benchmark.extra_info.update({WORK: work, **facts})
+
+
 def page(benchmarks: Sequence[Any], machine: str) -> str:
     """Return the table of a run's benchmarks as Markdown, and what else they measured."""
     compared = [found.extra_info[KEY] for found in benchmarks if KEY in found.extra_info]
     rows = "".join(_row(Comparison(**one)) for one in compared)
     others = "".join(
-        f"| {found.name.removeprefix('test_').replace('_', ' ')} | {_time(found.stats.median)} "
-        f"| {_facts(found.extra_info)} |\n"
+        f"| {found.extra_info[WORK]} | {_time(found.stats.median)} | {_facts(found.extra_info)} |\n"
         for found in benchmarks
-        if KEY not in found.extra_info
+        if WORK in found.extra_info
     )
     return (
         f"{_ABOUT}\nMeasured on: {machine}.\n\n"
         f"## Beside a peer, or a physical floor\n\n{_HEAD}{rows}"
-        f"\n## Further figures\n\n| work | median | |\n|---|---|---|\n{others}"
+        f"\n## Further figures\n\n| work | takes | also measured |\n|---|---|---|\n{others}"
     )
 
 
@@ -81,9 +87,10 @@ neighbouring measurements. A ratio of 1.2 means that touchbeam takes 20% longer,
 half the time.
 
 Peers are used where they do the same work: pySerial and PyVISA on the link, SQLite for the
-journal, a bare PsychoPy window, `scipy.integrate.quad` and `np.sin` for the model. questplus and
-psignifit do not apply: touchbeam has no adaptive method yet. PyVISA writes each line by itself;
-over TCP the second of two writes waits until the first one is acknowledged, some 40 ms.
+journal, pandas for tables, a bare PsychoPy window, SciPy for the tests of scores and for integrals,
+`np.sin` for the model. questplus and psignifit do not apply: touchbeam has no adaptive method yet.
+PyVISA writes each line by itself; over TCP the second of two writes waits until the first one is
+acknowledged, some 40 ms.
 """
 _HEAD = """\
 | work | touchbeam | peer or floor | takes | ratio | range | accuracy |
@@ -118,4 +125,5 @@ def _time(seconds: float) -> str:
 
 
 def _facts(extra: dict[str, Any]) -> str:
-    return "; ".join(f"{name}: {value}" for name, value in extra.items())
+    facts = {name: value for name, value in extra.items() if name != WORK}
+    return "; ".join(f"{name.replace('_', ' ')} {value}" for name, value in facts.items()) or "–"

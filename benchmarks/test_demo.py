@@ -8,6 +8,8 @@ from pathlib import Path
 
 from pytest_benchmark.fixture import BenchmarkFixture
 
+from benchmarks.compared import tell
+
 TOUCHBEAM = str(Path(sys.executable).with_name("touchbeam"))
 
 
@@ -35,6 +37,6 @@ def _demo(folder: Path) -> float:
 def test_the_demo_takes_a_minute_and_400_mb_at_most(benchmark: BenchmarkFixture) -> None:
     with tempfile.TemporaryDirectory() as place:
         most_mb = benchmark.pedantic(_demo, args=(Path(place, "demo"),), rounds=1)
-    benchmark.extra_info["most memory, MB"] = round(most_mb)
+    tell(benchmark, "the demo: 9 participants and their report", memory=f"{most_mb:.0f} MB")
     assert benchmark.stats.stats.max <= 60
     assert most_mb <= 400

@@ -8,7 +8,7 @@ from time import perf_counter
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from benchmarks.compared import compare
+from benchmarks.compared import compare, tell
 from protocol.plan.plan import plan
 from protocol.proof.cohort import cohort_problems
 from protocol.study_file.loading import parsed_study, template
@@ -40,4 +40,5 @@ def test_check(benchmark: BenchmarkFixture, tmp_path: Path) -> None:
     study = tmp_path / "study"
     subprocess.run([TOUCHBEAM, "new", str(study)], check=True, capture_output=True)
     command = [TOUCHBEAM, "check", str(study)]
+    tell(benchmark, "touchbeam check, a process of its own")
     benchmark.pedantic(lambda: subprocess.run(command, check=True, capture_output=True), rounds=10)

@@ -12,6 +12,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from analysis.power.designs import Design
 from analysis.power.engine import completed
 from analysis.power.job import Job, Kind, Task, tasks
+from benchmarks.compared import compare, tell
 from protocol.study_file.loading import template
 from tests.analysis.power.kept_in_memory import Memory
 
@@ -36,7 +37,9 @@ def test_studies_on_two_cores(
 ) -> None:
     wanted = tasks(design, kind, studies)
     taken = benchmark.pedantic(seconds, args=(wanted, 2), rounds=1)
-    benchmark.extra_info["studies per second"] = round(studies / taken, 1)
+    people, trials = design.participants, 5 * design.repeats
+    rate = f"{studies / taken:,.3g} studies per second"
+    tell(benchmark, f"{studies:,} studies of {people} x {trials} scores, {kind}", two_workers=rate)
     assert taken <= most_s
 
 
@@ -45,5 +48,5 @@ def test_two_workers_are_worth_1_8(benchmark: BenchmarkFixture) -> None:
     seconds(wanted[:4], 2)  # the workers are started, and stay
     one = seconds(wanted, 1)
     two = benchmark.pedantic(seconds, args=(wanted, 2), rounds=1)
-    benchmark.extra_info["ratio to one worker"] = round(one / two, 2)
+    compare(benchmark, "fit 64 studies of 20 x 20 scores, two workers", "one worker", [two], [one])
     assert one / two >= 1.8

@@ -10,6 +10,7 @@ from time import perf_counter
 import numpy as np
 from pytest_benchmark.fixture import BenchmarkFixture
 
+from benchmarks.compared import compare, tell
 from protocol.study_file.loading import parsed_study, template
 from runner.journal.opening import open_journal
 from tests.analysis.chains import chain
@@ -69,10 +70,13 @@ def test_1000_participants_of_40_trials_take_a_minute_and_2_gb_and_time_grows_li
     beyond_start = [max(used_s - start_s, 0.1) for used_s, _ in took]
     exponent = float(np.polyfit(np.log(COHORTS), np.log(beyond_start), 1)[0])
     most_gb = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024**2
-    benchmark.extra_info["processor time by cohort, s"] = [round(used_s, 1) for used_s, _ in took]
-    benchmark.extra_info["wall time of the largest, s"] = round(took[-1][1], 1)
-    benchmark.extra_info["most memory, GB"] = round(most_gb, 2)
-    benchmark.extra_info["exponent"] = round(exponent, 2)
+    tell(
+        benchmark,
+        f"reports on {', '.join(f'{count:,}' for count in COHORTS)} participants x 40 scores",
+        processor_time=", ".join(f"{used_s:.0f}" for used_s, _ in took) + " s",
+        memory=f"{most_gb:.2f} GB at most",
+        it_grows_by_the_power=f"{exponent:.2f}",
+    )
     assert took[-1][1] <= 60
     assert most_gb <= 2
     assert exponent <= 1.1
@@ -88,5 +92,6 @@ def test_all_choices_of_analysis_cost_less_than_the_report(
         return _reported(folder, "--sections", "multiverse")[0]
 
     beyond_s = benchmark.pedantic(explored, rounds=1) - plain_s
-    benchmark.extra_info["processor time beyond the report's, ratio"] = round(beyond_s / plain_s, 2)
+    work = "all choices of analysis (20 participants), beyond the report"
+    compare(benchmark, work, "the report itself", [beyond_s], [plain_s])
     assert beyond_s <= plain_s

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 import benchmarks.compared
-from benchmarks.compared import compare, page
+from benchmarks.compared import compare, page, tell
 
 
 def bench(name: str) -> SimpleNamespace:
@@ -24,10 +24,10 @@ def test_a_comparison_has_medians_ratio_and_the_middle_half_of_the_ratios() -> N
 
 def test_what_was_compared_with_nothing_has_a_table_of_its_own() -> None:
     done = bench("test_the_demo_takes_a_minute")
-    done.extra_info["most memory, MB"] = 300
+    tell(done, "the demo", most_memory="300 MB")
     text = page([done], "a machine")
     assert "Measured on: a machine." in text
-    assert "| the demo takes a minute | 250 ms | most memory, MB: 300 |\n" in text
+    assert "| the demo | 250 ms | most memory 300 MB |\n" in text
 
 
 def test_the_examples_of_the_module_are_right() -> None:

@@ -1,7 +1,9 @@
 """Everything that is computed from single trials: sensitivities, laws, and checks."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -9,6 +11,7 @@ import pandas as pd
 from analysis.estimates import FloatArray, Interval, NotEstimable
 from analysis.loading.published import SCALE
 from analysis.loading.study_data import StudyData
+from analysis.sensitivity.laplace import LARGE
 from analysis.sensitivity.linear_model import LinearSensitivity, linear_sensitivity
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensitivity
 from analysis.sensitivity.predictive_checks import (
@@ -19,6 +22,7 @@ from analysis.sensitivity.predictive_checks import (
 from analysis.sensitivity.ratings import Ratings
 from analysis.sensitivity.two_stage_model import TwoStageSensitivity
 from analysis.statistics.ordinal import OrdinalEffects, ordinal_effects_of_trials
+from analysis.statistics.ordinal_likelihood import Link
 from analysis.statistics.table4 import table4
 from analysis.trials.arrays import ScoredTrials, detection_trials, scored_trials
 from analysis.trials.contrast_ranges import (
@@ -49,6 +53,9 @@ from device.friction.laws import LAWS
 from protocol.study.questions import ANSWERS, no_change
 from protocol.study.study import Study
 
+LINKS: tuple[Link, ...] = ("probit", "logit")
+PROCESSES = 2
+"""They fit the models of a large study; each takes some 0.3 GB."""
 _NO_CHANGE = frozenset(map(no_change, ANSWERS))
 
 
@@ -156,20 +163,28 @@ def trial_statistics(data: StudyData, study: Study, rig: Calibration = NOMINAL) 
     contrasts = trial_contrasts(study, data.trials, data.touches, rig)
     scored = scored_trials(data, contrasts)
     changes = condition_changes(study, data)
-    m2 = checked_ordinal(scored.ratings)
-    m3 = checked_two_stage(detection_trials(data, contrasts, study))
+    fits = made(
+        {
+            "M2": partial(checked_ordinal, scored.ratings),
+            "M3": partial(checked_two_stage, detection_trials(data, contrasts, study)),
+            **{link: partial(_ordinal, scored, link) for link in LINKS},
+            "M2 at places": partial(_place_m2, scored.ratings, changes),
+        },
+        trials=len(scored.ratings.rating),
+    )
+    m2, m3 = fits["M2"], fits["M3"]
     ordered = bool((scored.place > 0).any())
     published, rating = data.kinds == ("published",), study.rating
     scale = SCALE if published else (float(rating.minimum), float(rating.maximum))
     return TrialStatistics(
         contrasts=contrasts,
         scored=scored,
-        ordinal={link: _ordinal(scored, link) for link in ("probit", "logit")},
+        ordinal={link: fits[link] for link in LINKS},
         m1=linear_sensitivity(scored.ratings),
         m2=m2.fit,
         m3=m3.fit,
         predictive={"M2": m2.check, "M3": m3.check},
-        place_m2=_place_m2(scored.ratings, changes),
+        place_m2=fits["M2 at places"],
         ranges=tuple(contrast_range(name, change, rig) for name, change in changes.items()),
         laws=_laws(data, scored, scale),
         drift=drift(scored.every, scored.place) if ordered else _UNORDERED,
@@ -181,20 +196,35 @@ def trial_statistics(data: StudyData, study: Study, rig: Calibration = NOMINAL) 
     )
 
 
+def made(fits: Mapping[str, Callable[[], Any]], trials: int) -> dict[str, Any]:
+    """Return the results of fits to `trials` trials, by name: of many, two are made at a time.
+
+    The numbers do not depend on where they are computed. Below `LARGE` trials they are made here:
+    to start processes would take longer.
+    """
+    if trials < LARGE:
+        return {name: fit() for name, fit in fits.items()}
+    from joblib import Parallel, delayed, parallel_config
+
+    with parallel_config(backend="loky", inner_max_num_threads=1):
+        found = Parallel(n_jobs=PROCESSES, batch_size=1)(delayed(fit)() for fit in fits.values())
+    return dict(zip(fits, found, strict=True))
+
+
 def _place_m2(ratings: Ratings, changes: Mapping[str, Change]) -> OrdinalSensitivity | NotEstimable:
     if {changes[name].kind for name in changes} == {AT_A_PLACE}:
         return NotEstimable("all conditions are at a place")
     return ordinal_sensitivity(at_places(ratings, changes))
 
 
-def _ordinal(scored: ScoredTrials, link: str) -> OrdinalEffects | NotEstimable:
+def _ordinal(scored: ScoredTrials, link: Link) -> OrdinalEffects | NotEstimable:
     given = scored.every.given
     return ordinal_effects_of_trials(
         scores=given.rating,
         subject=given.subject,
         condition=given.condition,
         conditions=given.conditions,
-        link="probit" if link == "probit" else "logit",
+        link=link,
     )
 
 

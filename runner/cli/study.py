@@ -155,6 +155,13 @@ def run(
     rung: SimulatedRungOption = None,
     damping: SimulatedDampingOption = None,
     people: PeopleOption = None,
+    at_window: Annotated[
+        bool,
+        typer.Option(
+            "--at-window",
+            help="Virtual ratings are given at the participant's window, with its keys.",
+        ),
+    ] = False,
 ) -> None:
     """Run or resume a session.
 
@@ -185,6 +192,7 @@ def run(
         rung=rung,
         damping=damping,
         people=None if people is None else people_in_file(people),
+        at_window=at_window,
         touchbeam=touchbeam_command(),
     )
     state = run_session(options, say=say, confirm=require_confirmation)

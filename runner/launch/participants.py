@@ -25,6 +25,7 @@ from runner.people.slide_plot import SlidePlot
 from runner.people.sliding_block import SlidingBlock
 from runner.people.terminal import at_terminal, terminal_keys
 from runner.people.untouched_beam import UntouchedBeam
+from runner.people.virtual_keys import VirtualAtWindow
 from runner.screens import PlanUnit
 from runner.session.session import Session
 from runner.window.client import WindowParticipant
@@ -68,7 +69,11 @@ def participant_and_operator(
         alone = rig.control is not None or not at_terminal(sys.stdin, sys.stdout)
         quiet = isinstance(clock, SteppedClock)
         with keys_and_display(say, watched, quiet=quiet) as (typed, display):
-            yield participant, OperatorConsole(typed, display, swap, alone=alone)
+            operator = OperatorConsole(typed, display, swap, alone=alone)
+            if window is not None:
+                window.call_operator = operator.participant_called
+                participant = VirtualAtWindow(participant, window)
+            yield participant, operator
     elif window is not None:
         with operator_at_terminal(say, watched, swap) as operator:
             window.call_operator = operator.participant_called

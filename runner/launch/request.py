@@ -56,6 +56,7 @@ class SessionOptions:
     rung: str | None = None
     damping: float | None = None
     people: "Population | None" = None
+    at_window: bool = False
     screen: int | None = None
     windowed: bool = False
     extra: bool = False
@@ -130,17 +131,21 @@ def _pace(options: SessionOptions, url: str) -> Pace:
     """Return the requested pace, or the default for the kind of ratings.
 
     Raises:
-        BadInput: pace, device, its law, rung or damping, people and ratings do not go together.
+        BadInput: pace, device, its law, rung or damping, people, window and ratings do not go
+            together.
     """
     simulated = url == SIMULATED
     if not simulated and (options.law or options.rung or options.damping is not None):
         raise BadInput(f"--law, --rung and --damping are for --device sim, got {url}")
     if options.people is not None and options.ratings != "virtual":
         raise BadInput(f"--people is for --ratings virtual, got {options.ratings}")
-    unattended = simulated and options.ratings == "virtual"
+    if options.at_window and options.ratings != "virtual":
+        raise BadInput(f"--at-window is for --ratings virtual, got {options.ratings}")
+    unattended = simulated and options.ratings == "virtual" and not options.at_window
     if options.pace == "stepped" and not unattended:
         raise BadInput(
-            "--pace stepped needs --device sim and --ratings virtual (people answer in real time)"
+            "--pace stepped needs --device sim and --ratings virtual without --at-window (people "
+            "and windows go on in real time)"
         )
     return options.pace or ("stepped" if unattended else "wall")
 

@@ -140,7 +140,7 @@ def _finger(
 def _window(request: Request, say: Say) -> AbstractContextManager[WindowParticipant | None]:
     """Return the participant's window as a context manager, which yields None without a window."""
     options = request.options
-    if options.ratings != "window":
+    if options.ratings != "window" and not options.at_window:
         return nullcontext()
     return study_window(
         options.touchbeam,

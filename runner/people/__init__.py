@@ -1,5 +1,5 @@
 """Participants and operators, at a terminal or virtual.
 
 Public face: `participant_console.ConsoleParticipant`, `virtual_participant.VirtualParticipant`,
-`operator_console.OperatorConsole`.
+`virtual_keys.VirtualAtWindow`, `operator_console.OperatorConsole`.
 """

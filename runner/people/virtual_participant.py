@@ -236,7 +236,7 @@ class VirtualParticipant:
                 low, high, decimals = _range(question)
                 return f"{stream.uniform(low, high):.{decimals}f}"
             case "text":
-                return stream.choice(_REMARKS)[: question.longest]
+                return stream.choice(_REMARKS)[: question.longest].strip()
         # Most people avoid the ends of a scale.
         return str(question.place(round(stream.betavariate(2, 2) * question.places)))
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import pyglet
 from psychopy import logging, visual
-from pyglet.window import key
+from pyglet.window import key, mouse
 
 from protocol.errors import WorkFailed
 from runner.window.elements import (
@@ -51,6 +51,7 @@ _KEYS = {
     **dict.fromkeys((key.MINUS, key.NUM_SUBTRACT), "-"),
     **dict.fromkeys((key.PERIOD, key.COMMA, key.NUM_DECIMAL), "."),
 }
+_SYMBOLS = {name: symbol for symbol, name in _KEYS.items()}
 
 
 class PsychopyCanvas:
@@ -151,6 +152,21 @@ class PsychopyCanvas:
         self._handle.dispatch_events()
         taken, self._inputs = self._inputs, []
         return taken
+
+    def press(self, given: Input) -> None:
+        """Put `given` into the window's own queue of events, where a person's keys arrive."""
+        put = self._handle.dispatch_event
+        match given:
+            case Key(name=name):
+                put("on_key_press", _SYMBOLS[name], 0)
+            case Typed(text=text):
+                put("on_text", text)
+            case Pressed(x=x, y=y):
+                across, up = (side / 2 for side in self._window.size)
+                place = (across + x * self._scale, up + y * self._scale)
+                put("on_mouse_press", *place, mouse.LEFT, 0)
+            case Released():
+                put("on_mouse_release", 0, 0, mouse.LEFT, 0)
 
     def close(self) -> None:
         """Close the window."""

@@ -14,9 +14,19 @@ from dataclasses import dataclass, field
 from typing import IO, Any, Protocol
 
 from protocol.errors import WorkFailed
-from runner.screens import Notice, OwnFinger, Response, Screen
+from runner.screens import Ask, Notice, OwnFinger, Response, Screen
 from runner.signals import Stopped, is_stopping
-from runner.window.messages import Settings, line_of, message_of, settings_message, show_message
+from runner.window.elements import Input, Key
+from runner.window.messages import (
+    Settings,
+    line_of,
+    message_of,
+    press_message,
+    settings_message,
+    show_message,
+)
+from runner.window.questions.choosing import inputs_for
+from runner.window.response import EARLY_S, PendingResponse
 
 SILENT_S = 2.0
 """A window sends `alive` five times a second; after this much silence it counts as stuck."""
@@ -45,21 +55,29 @@ class Peer(Protocol):
 
 @dataclass
 class WindowParticipant:
-    """Participant who answers in the window."""
+    """Participant who answers in the window.
+
+    `readable_s`: time for which a page is shown before its button works.
+    """
 
     peer: Peer
     monotonic_s: Callable[[], float]
+    readable_s: float = 0.0
     call_operator: Callable[[], None] = lambda: None
     _number: int = field(default=0, init=False)
     _answer: Response | None = field(default=None, init=False)
     _silent_s: float = field(default=0.0, init=False)
     _polled_s: float | None = field(default=None, init=False)
+    _screen: Screen | None = field(default=None, init=False)
+    _shown_s: float | None = field(default=None, init=False)
+    _due: list[tuple[float, tuple[Input, ...]]] = field(default_factory=list, init=False)
     is_at_end: bool = field(default=False, init=False)
 
     def show(self, screen: Screen) -> None:
         """Send `screen`."""
         self._number += 1
-        self._answer = None
+        self._answer = self._shown_s = None
+        self._screen, self._due = screen, []
         self.is_at_end = isinstance(screen, Notice) and screen.is_last
         self.peer.send(show_message(self._number, screen))
 
@@ -75,6 +93,18 @@ class WindowParticipant:
         """Let the page of the touch show the finger."""
         self.peer.send({"finger": vars(finger)})
 
+    def press(self, answer: str, reaction_time_s: float) -> None:
+        """Let `answer` be chosen with the window's keys once the screen was shown for that long.
+
+        It is confirmed as soon as the window allows it; nothing is due once another screen follows.
+        """
+        assert self._screen is not None
+        question = self._screen.question if isinstance(self._screen, Ask) else None
+        chosen = () if question is None else inputs_for(question, answer)
+        chosen_s = max(reaction_time_s, EARLY_S)
+        earliest_s = PendingResponse(self._screen, self.readable_s).earliest_s
+        self._due = [(chosen_s, chosen), (max(chosen_s, earliest_s), (Key(name="enter"),))]
+
     def poll(self) -> Response | None:
         """Return the answer to the last screen, or None.
 
@@ -85,6 +115,7 @@ class WindowParticipant:
         for message in messages:
             self._take(message)
         self._watch(heard=bool(messages))
+        self._press_due()
         answer, self._answer = self._answer, None
         return answer
 
@@ -105,6 +136,8 @@ class WindowParticipant:
             raise WindowGone(f"the participant's window cannot draw ({message['broken']}); {GO_ON}")
         if "operator" in message:
             self.call_operator()
+        elif message.get("shown") == self._number:
+            self._shown_s = self.monotonic_s()
         elif message.get("of") == self._number:
             given = ("answer", "reaction_time_s", "trace")
             try:
@@ -113,6 +146,11 @@ class WindowParticipant:
                 raise WindowGone(
                     f"the participant's window sent an answer without {error}; {GO_ON}"
                 ) from None
+
+    def _press_due(self) -> None:
+        passed_s = -1.0 if self._shown_s is None else self.monotonic_s() - self._shown_s
+        while self._due and self._due[0][0] <= passed_s:
+            self.peer.send(press_message(self._due.pop(0)[1]))
 
     def _watch(self, *, heard: bool) -> None:
         now_s = self.monotonic_s()
@@ -246,7 +284,7 @@ def participant_window(
         try:
             peer.send(settings_message(settings))
             _await_opening(peer, time.monotonic() + OPENS_WITHIN_S)
-            participant = WindowParticipant(peer, monotonic_s)
+            participant = WindowParticipant(peer, monotonic_s, settings.readable_s)
             try:
                 yield participant
             except BaseException as error:

@@ -1,14 +1,15 @@
 """Messages between a session and its window: one JSON object per line.
 
 To the window: first the settings, then `{"show": id, "screen": …}`, `{"saved": id}` once the
-journal has the answer, `{"progress": [number, total]}` before each trial, and `{"finger": …}`
-during a touch whose page shows the participant's finger. From the window:
+journal has the answer, `{"progress": [number, total]}` before each trial, `{"finger": …}`
+during a touch whose page shows the participant's finger, and `{"press": […]}` for the keys of a
+virtual participant. From the window:
 `opened` or `failed` once; then `alive` periodically, `shown` when a screen is first displayed,
 `answer`, `operator` when the participant calls, and `closed` or `broken` at an unexpected end.
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
@@ -16,7 +17,9 @@ from protocol.study.participant_texts import Wording
 from protocol.study.rating import Band
 from protocol.study.study_question import StudyQuestion
 from runner.screens import Ask, FingerPath, Instruction, LeadIn, Notice, Pacing, Screen, Welcome
+from runner.window.elements import Input, Key, Pressed, Released, Typed
 
+_INPUTS = {kind.__name__: kind for kind in (Pressed, Released, Key, Typed)}
 _SCREENS = {kind.__name__: kind for kind in (Notice, Welcome, Instruction, LeadIn, Pacing, Ask)}
 
 
@@ -97,3 +100,17 @@ def screen_of(message: Mapping[str, Any]) -> Screen:
         values["touch"] = FingerPath(**values["touch"])
     screen: Screen = _SCREENS[message["screen"]](**values)
     return screen
+
+
+def press_message(inputs: Iterable[Input]) -> dict[str, Any]:
+    """Return the message that gives `inputs` to the window, in this order."""
+    return {"press": [{"input": type(given).__name__, **vars(given)} for given in inputs]}
+
+
+def inputs_of(message: Mapping[str, Any]) -> list[Input]:
+    """Return the inputs in a `press` message."""
+    found: list[Input] = []
+    for given in message["press"]:
+        values = {key: value for key, value in given.items() if key != "input"}
+        found.append(_INPUTS[given["input"]](**values))
+    return found

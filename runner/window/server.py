@@ -18,7 +18,14 @@ from typing import Any, Protocol, TextIO
 from protocol.errors import WorkFailed
 from runner.screens import Notice, OwnFinger, Screen
 from runner.window.elements import Input, Page
-from runner.window.messages import Settings, line_of, message_of, screen_of, settings_of
+from runner.window.messages import (
+    Settings,
+    inputs_of,
+    line_of,
+    message_of,
+    screen_of,
+    settings_of,
+)
 from runner.window.pages import page, states
 from runner.window.presentation import ShownScreen
 
@@ -58,6 +65,10 @@ class Canvas(Protocol):
 
     def inputs(self) -> list[tuple[float, Input]]:
         """Return the inputs since the last call, each with its time."""
+        ...
+
+    def press(self, given: Input) -> None:
+        """Let `given` arrive as if a person had made it."""
         ...
 
 
@@ -142,6 +153,9 @@ class WindowServer:
                 self._progress = trial, total
             case {"finger": dict(finger)}:
                 self._standing.finger = OwnFinger(**finger)
+            case {"press": _}:
+                for given in inputs_of(message):
+                    self.canvas.press(given)
             case {"saved": number}:
                 self._standing.saved |= number == self._standing.number
             case _:

@@ -1,11 +1,12 @@
-"""What a key or a press makes of a choice, for each kind of question."""
+"""What a key or a press makes of a choice, for each kind of question, and what makes an answer."""
 
 from dataclasses import dataclass
+from decimal import Decimal
 
 from protocol.study.study_question import BETWEEN, StudyQuestion
-from runner.window.elements import Key, Typed
+from runner.window.elements import Input, Key, Pressed, Released, Typed
 from runner.window.questions.question_pages import BACKSPACE, SPACE
-from runner.window.questions.rating_scale import nearest
+from runner.window.questions.rating_scale import SCALE_BOX, nearest, score_x
 
 _STEPS = {"left": -1, "right": 1, "down": -1, "up": 1}
 _ANALOGUE_STEPS = {"left": -10, "right": 10, "down": -100, "up": 100}
@@ -54,6 +55,25 @@ def by_press(question: StudyQuestion, now: Choice, target: str) -> Choice:
 def on_scale(question: StudyQuestion, x: float) -> Choice:
     """Return the choice of the place nearest to `x`."""
     return Choice(chosen=str(nearest(x, question)))
+
+
+def inputs_for(question: StudyQuestion, answer: str) -> tuple[Input, ...]:
+    """Return what a person presses to choose `answer`; nothing to skip the question.
+
+    These are keys, but on a line, along which the arrows take wider steps, a press at the place.
+    """
+    if not answer:
+        return ()
+    match question.kind:
+        case "choice" | "several":
+            numbers = [question.values.index(value) + 1 for value in answer.split(BETWEEN)]
+            return tuple(Key(name=str(number)) for number in numbers)
+        case "text":
+            return tuple(Typed(text=sign) for sign in answer)
+        case "analogue":
+            at = Pressed(x=score_x(float(answer), question), y=SCALE_BOX.y)
+            return (at, Released())
+    return tuple(Key(name=sign) for sign in f"{Decimal(answer):f}")
 
 
 def _longer(question: StudyQuestion, now: Choice, text: str) -> Choice:

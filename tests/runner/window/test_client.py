@@ -28,10 +28,13 @@ from runner.window.client import (
     WindowProcess,
     participant_window,
 )
+from runner.window.elements import Input, Key, Pressed, Released, Typed
 from runner.window.messages import (
     Settings,
+    inputs_of,
     line_of,
     message_of,
+    press_message,
     screen_of,
     settings_message,
     settings_of,
@@ -107,6 +110,45 @@ def test_the_window_hears_which_trial_comes() -> None:
     at = At()
     at.participant.progress(3, 12)
     assert at.peer.heard == [{"progress": [3, 12]}]
+
+
+def presses(at: At) -> list[Any]:
+    return [message["press"] for message in at.peer.heard if "press" in message]
+
+
+def test_keys_are_pressed_when_the_page_can_take_them() -> None:
+    at = At()
+    at.participant.readable_s = 1.0
+    at.participant.show(ask_change("places"))
+    at.participant.press("not swapped", 0.5)
+    at.poll(ALIVE, after_s=5.0)
+    assert presses(at) == []  # the page is not seen yet
+    at.poll({"shown": 1, "at_s": 5.0})
+    at.poll(ALIVE, after_s=0.45)
+    assert presses(at) == []
+    at.poll(ALIVE, after_s=0.1)
+    assert presses(at) == [[{"input": "Key", "name": "2"}]]
+    at.poll(ALIVE, after_s=0.4)
+    assert len(presses(at)) == 1
+    at.poll(ALIVE, after_s=0.1)
+    assert presses(at)[1:] == [[{"input": "Key", "name": "enter"}]]
+    at.poll(ALIVE)
+    assert len(presses(at)) == 2
+
+
+def test_keys_that_were_due_on_a_page_are_not_pressed_on_the_next() -> None:
+    at = At()
+    at.participant.show(Instruction(text="remember"))
+    at.participant.press("ready", 0.5)
+    at.participant.show(ask_change("places"))
+    at.poll({"shown": 1, "at_s": 5.0}, {"shown": 2, "at_s": 5.0})
+    at.poll(ALIVE, after_s=2.0)
+    assert presses(at) == []
+
+
+def test_inputs_arrive_as_they_were_sent() -> None:
+    inputs: list[Input] = [Key(name="3"), Typed(text="é"), Pressed(x=1.5, y=-2.0), Released()]
+    assert inputs_of(message_of(line_of(press_message(inputs)))) == inputs
 
 
 @pytest.mark.parametrize(

@@ -6,14 +6,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from device.people.person import Person
 from protocol.study.questions import ANSWERS, Question
 from protocol.study.rating import Rating
-from protocol.study.study_question import score_question
+from protocol.study.study_question import StudyQuestion, score_question
+from protocol.study_file.loading import parsed_study, template
+from runner.people.virtual_participant import VirtualParticipant
 from runner.screens import Ask, Instruction, Notice, Pacing, Screen, Welcome, ask_change, ask_score
 from runner.window.elements import Dragged, Input, Key, Pressed, Released
 from runner.window.pages import targets
+from runner.window.questions.choosing import inputs_for
 from runner.window.questions.rating_scale import score_x
 from runner.window.response import EARLY_S, PendingResponse
+from tests.protocol.studies import OWN_QUESTIONS
+from tests.runner.fakes import FakeClock
 
 RATING = Rating()
 CHANGE, SCORE = ask_change("roughness"), ask_score(RATING)
@@ -218,3 +224,38 @@ def test_a_call_for_the_operator_chooses_nothing() -> None:
 def test_the_first_arrow_starts_at_an_end_of_the_scale() -> None:
     keys = random.Random(1).choices(["left", "right"], k=50)
     assert {after(SCORE, key).chosen for key in keys} == {"0", "10"}
+
+
+KINDS = [
+    *parsed_study(template("paper") + OWN_QUESTIONS).question,
+    StudyQuestion(name="turn", kind="scale", minimum=-1.5, maximum=1.0, step=0.25),
+    StudyQuestion(name="fine", kind="scale", minimum=0.00001, maximum=0.00002, step=0.000001),
+    StudyQuestion(name="high", kind="scale", minimum=-120.0, maximum=-100.0),
+    StudyQuestion(name="line", kind="analogue", required=False),
+    StudyQuestion(name="shift", kind="number", minimum=-5.0, maximum=5.0, decimals=3),
+    StudyQuestion(name="words", kind="text", max_length=6),
+]
+
+
+class Numb:
+    """A finger of somebody who only answers."""
+
+    def touch(
+        self, force_n: float, position_m: float, direction: str, speed_m_s: float = 0.0
+    ) -> float:
+        raise AssertionError("nothing is touched")
+
+    def lift(self) -> None: ...
+
+
+@pytest.mark.parametrize("question", KINDS, ids=lambda question: question.name)
+def test_what_a_virtual_person_presses_gives_its_answer(question: StudyQuestion) -> None:
+    person = VirtualParticipant(Numb(), FakeClock(), Person(), name="1/P01/1")
+    screen = Ask(question=question)
+    for _ in range(40):
+        person.show(screen)
+        meant = person.poll()
+        assert meant
+        pending = after(screen, *inputs_for(question, meant.answer), "enter")
+        assert pending.answer is not None
+        assert question.answer(pending.answer) == question.answer(meant.answer)

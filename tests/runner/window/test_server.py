@@ -12,7 +12,7 @@ from protocol.study.rating import Rating
 from protocol.study_file.loading import parsed_study, template
 from runner.screens import Instruction, Notice, Pacing, ask_score
 from runner.window.elements import Dot, Input, Key, Page, Pressed
-from runner.window.messages import Settings, show_message
+from runner.window.messages import Settings, press_message, show_message
 from runner.window.pages import page, targets
 from runner.window.presentation import FrameTimes
 from runner.window.questions.page_layout import Button, PageState
@@ -69,8 +69,9 @@ class FakeCanvas:
         taken, self.waiting = self.waiting, []
         return taken
 
-    def press(self, name: str) -> None:
-        self.waiting.append((self.t_s, Key(name=name)))
+    def press(self, given: Input | str) -> None:
+        given = Key(name=given) if isinstance(given, str) else given
+        self.waiting.append((self.t_s, given))
 
     def close_window(self) -> None:
         self.closed = True
@@ -94,6 +95,19 @@ def served(
 
 def answers(sent: list[Any]) -> list[Any]:
     return [message for message in sent if "answer" in message]
+
+
+def test_keys_from_the_session_are_taken_as_those_of_a_person() -> None:
+    _, sent = served(
+        {
+            8: show_message(1, ask_score(Rating())),
+            30: press_message([Key(name="4"), Key(name="enter")]),
+            70: {"end": True},
+        }
+    )
+    (given,) = answers(sent)
+    assert given["answer"] == "4"
+    assert [change["by"] for change in given["trace"]["changes"]] == ["key"]
 
 
 def test_a_score_is_sent_with_its_trace_and_the_previous_screens() -> None:

@@ -169,6 +169,7 @@ def simulate(
             door = _door(control)
             stack.callback(door.close)
         device, gauge_line = make(), None
+        device.beam.set_up()
         if gauge is not None:
             gauge_line = GaugeLine(device, _line(wire, gauge))
             stack.callback(gauge_line.line.close)

@@ -136,6 +136,11 @@ class SimulatedBeam:
         self._scene(finger, voltage_v=0.0, frequency_hz=1.0)
         self.finger = finger
 
+    def set_up(self) -> None:
+        """Load and compute now what the first driven touch needs; no answer then waits for it."""
+        finger = Finger(force_n=1.0, position_m=self.beam.length_m / 2, direction="right")
+        self._friction(finger, np.zeros(1), np.ones(1), natural_frequency_hz(self.beam, MODE))
+
     def change(self, name: str, value: float) -> None:
         """Change a number of the skin or of the force sensor.
 

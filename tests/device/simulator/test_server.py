@@ -1,7 +1,8 @@
-"""The simulated device ends when it is told to, silently, whatever it is doing."""
+"""The simulated device is ready when it says so, and ends silently, whatever it is doing."""
 
 import itertools
 import signal
+import subprocess
 import sys
 from types import FrameType
 from typing import Any
@@ -9,6 +10,30 @@ from typing import Any
 from device.simulator.server import _Ending
 
 SENT = signal.SIGTERM
+TOUCHED_WHEN_READY = """
+import sys
+import numpy as np
+from device.simulator.device import simulated_device
+from device.simulator.server import simulate
+
+device = simulated_device(1)
+
+def touched(said):
+    loaded = set(sys.modules)
+    device.beam.touch(0.5, 0.04, "right", 0.02)
+    device.beam.forces(np.zeros(1), np.full(1, 100.0), 24_000.0)
+    print(said.partition(" ")[0], sorted(set(sys.modules) - loaded))
+    raise SystemExit
+
+simulate("tcp", "0", None, lambda: device, keep=False, say=touched)
+"""
+
+
+def test_its_first_touch_loads_nothing() -> None:
+    ran = subprocess.run(
+        [sys.executable, "-c", TOUCHED_WHEN_READY], capture_output=True, text=True, check=True
+    )
+    assert ran.stdout == "ready []\n"
 
 
 def test_a_signal_ends_what_serves() -> None:

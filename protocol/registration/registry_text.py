@@ -6,6 +6,8 @@ from protocol.registration.hypotheses import hypotheses
 from protocol.registration.registration import Registration
 from protocol.study.design import Order
 from protocol.study.study import Study
+from protocol.study.study_question import When
+from protocol.study.touch import Touch
 
 _ORDERS: dict[Order, str] = {
     "williams": "Each participant follows a sequence of a Williams design, which balances "
@@ -13,6 +15,13 @@ _ORDERS: dict[Order, str] = {
     "blocks": "Each block is a random order of all conditions.",
     "random": "All trials of a participant come in random order.",
     "fixed": "All participants have the conditions in the same order.",
+}
+
+_TIMES: dict[When, str] = {
+    "before": "before the first trial",
+    "trial": "after trials",
+    "block": "after each block",
+    "after": "after the last trial",
 }
 
 
@@ -28,9 +37,9 @@ def registry_text(study: Study, registered: Registration) -> str:
         ("Randomization", _randomisation(study, registered)),
         ("Existing data", ["Registration took place before the first session with a participant."]),
         ("Sample size and stopping rule", _stopping(registered)),
-        ("Sample size rationale", registered.power.values() or ["(to be filled in)"]),
+        ("Sample size rationale", _power(registered)),
         ("Manipulated variables", _conditions(study)),
-        ("Measured variables", [_measured(study)]),
+        ("Measured variables", _measured(study)),
         ("Statistical models and predictions", _prediction(registered)),
         ("Inference criteria", _inference(registered)),
         ("Data exclusion", registered.exclusions or ["No data are excluded."]),
@@ -91,25 +100,59 @@ def _stopping(registered: Registration) -> Sequence[str]:
     ]
 
 
+def _power(registered: Registration) -> Sequence[str]:
+    """Return the answer of the power analysis, and each of its other results with its name."""
+    said = [
+        text if name == "answer" else f"{name}: {text}" for name, text in registered.power.items()
+    ]
+    return said or ["(to be filled in)"]
+
+
 def _conditions(study: Study) -> Iterator[str]:
+    yield "Amplitudes are peak; frequencies are relative to the resonance that is measured."
     for condition in study.condition:
-        levels = ", ".join(f"{level:g}" for level in condition.levels)
+        touches = "; then ".join(map(_touch, condition.touches))
+        factors = ", ".join(f"{level:g}" for level in condition.levels)
+        levels = f" All amplitudes times {factors}, in random order." if factors != "1" else ""
         yield (
-            f"{condition.name}: {len(condition.touches)} touch"
-            f"{'es' * (len(condition.touches) != 1)}, levels {levels}; question about "
-            f"{condition.question}, expected answer: {condition.expected}."
+            f"{condition.name}: {touches}.{levels} Question about {condition.question}, "
+            f"expected answer: {condition.expected}."
         )
 
 
-def _measured(study: Study) -> str:
+def _touch(touch: Touch) -> str:
+    """Return what the finger and the device do: `slide to the left, 100 V, frequency 1`."""
+    at_place, sliding = "touch the place", f"slide to the {touch.direction}"
+    frequency = f"frequency {_course(touch.frequency, touch.end_frequency)}"
+    parts = (
+        at_place if touch.place == "smooth" else sliding,
+        "several fingers" if touch.coverage == "full" else "",
+        f"{touch.press:g} times the force" if touch.press != 1 else "",
+        f"beam {touch.beam}" if touch.beam else "",
+        f"{_course(touch.voltage_v, touch.end_voltage_v)} V",
+        frequency if touch.peak_voltage_v else "",
+        f"{touch.duration_s:g} s" if touch.duration_s else "",
+    )
+    return ", ".join(filter(None, parts))
+
+
+def _course(start: float, end: float) -> str:
+    return f"{start:g}" if start == end else f"{start:g} to {end:g}"
+
+
+def _measured(study: Study) -> Iterator[str]:
     rating = study.rating
     when = (
         "if the answer agrees with the expectation" if rating.score_when == "agrees" else "always"
     )
-    return (
+    yield (
         f"The reported change, and the strength of the effect from {rating.minimum} to "
         f"{rating.maximum}, asked {when}."
     )
+    for question in study.question:
+        of = f" of {', '.join(question.conditions)}" if question.conditions else ""
+        text = question.text.get("en") or next(iter(question.text.values()))
+        yield f"{question.name} ({question.kind}, {_TIMES[question.when]}{of}): {text}"
 
 
 def _prediction(registered: Registration) -> Iterator[str]:

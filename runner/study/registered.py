@@ -162,7 +162,8 @@ def power_result(path: Path) -> dict[str, str]:
 
 def _power(test: Mapping[str, Any]) -> str:
     error = test.get("mc_error")
-    return f"{test['power']}" if error is None else f"{test['power']} (Monte Carlo error {error})"
+    exact = f"{test['power']:.3g}"
+    return exact if error is None else f"{exact} (Monte Carlo error {error:.2g})"
 
 
 def register(folder: StudyFolder, study: Study, made: Registration, clock: Clock) -> Registration:

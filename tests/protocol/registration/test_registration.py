@@ -147,3 +147,48 @@ def test_the_text_for_a_registry_names_all_that_is_settled() -> None:
         *EXTENDED.conditions,
     ):
         assert named in text
+
+
+def test_the_text_for_a_registry_says_what_each_condition_does() -> None:
+    lines = registry_text(PAPER, REGISTERED).splitlines()
+    assert (
+        "  voltage: touch the place, 0 to 200 V, frequency 1, 6 s. Question about roughness, "
+        "expected answer: smoother."
+    ) in lines
+    assert (
+        "  frequency: slide to the right, 100 V, frequency 0.98; then slide to the right, 100 V, "
+        "frequency 1. Question about strength, expected answer: stronger."
+    ) in lines
+    text = registry_text(EXTENDED, REGISTERED)
+    assert "1.5 times the force, 100 V, frequency 1." in text
+    assert "beam 1.5 mm, 100 V" in text
+    assert "All amplitudes times 0.25, 0.6, 1.2, 2, in random order." in text
+
+
+def test_the_text_for_a_registry_names_the_questions_of_the_study() -> None:
+    own = """
+[[question]]
+name = "confidence"
+kind = "choice"
+conditions = ["voltage", "pressure"]
+text = { zh = "您有多确定？", en = "How sure are you?" }
+labels = [{ value = "a", zh = "甲", en = "a" }, { value = "b", zh = "乙", en = "b" }]
+
+[[question]]
+name = "age"
+kind = "number"
+when = "before"
+text = { zh = "您多大年纪？", en = "How old are you?" }
+"""
+    lines = registry_text(parsed_study(template("paper") + own), REGISTERED).splitlines()
+    assert "  confidence (choice, after trials of voltage, pressure): How sure are you?" in lines
+    assert "  age (number, before the first trial): How old are you?" in lines
+
+
+def test_the_text_for_a_registry_names_each_power() -> None:
+    power = {"answer": "80 % with 20", "power of conditions differ": "0.8"}
+    text = registry_text(PAPER, replace(REGISTERED, power=power))
+    assert "Sample size rationale\n  80 % with 20\n  power of conditions differ: 0.8\n" in text
+    assert "Sample size rationale\n  (to be filled in)\n" in registry_text(
+        PAPER, replace(REGISTERED, power={})
+    )

@@ -83,12 +83,12 @@ def test_the_result_of_a_power_analysis_is_part_of_it(
     assert found.power["power of friedman"] == "0.8"
     (tmp_path / "registration.toml").unlink()
     (tmp_path / "power").mkdir()
-    tested = {"name": "voltage above structure", "power": 0.9, "mc_error": 0.01}
+    tested = {"name": "voltage above structure", "power": 0.9, "mc_error": 0.0123456}
     (tmp_path / "power" / "power.json").write_text(json.dumps({"tests": [tested]}))
     assert typed("register", tmp_path) == 0
     found = registration_of(tmp_path)
     assert found is not None
-    assert found.power["power of voltage above structure"] == "0.9 (Monte Carlo error 0.01)"
+    assert found.power["power of voltage above structure"] == "0.9 (Monte Carlo error 0.012)"
     power.write_text("[]")
     line = refused(capsys, "register", tmp_path, "--power", power)
     assert "power.json: not the result of a power analysis" in line

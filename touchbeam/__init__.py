@@ -250,13 +250,13 @@ class Study:
         self,
         out: "str | os.PathLike[str] | None" = None,
         *,
-        sections: Sequence[str] | None = None,
+        sections: str | Sequence[str] | None = None,
     ) -> Path:
         """Write the report that `touchbeam report` writes; return the path of its page.
 
         Args:
             out: its folder; by default `report` in the study's folder.
-            sections: those of the page, by name; by default those of `report.toml`, or all.
+            sections: one or more of the page, by name; by default those of `report.toml`, or all.
 
         Raises:
             ValueError: there is no section of that name.
@@ -277,7 +277,8 @@ class Study:
             rig=self._rig,
             unlocked=unlocked,
         )
-        shown = self.folder.report_sections() if sections is None else tuple(sections)
+        named = (sections,) if isinstance(sections, str) else sections
+        shown = self.folder.report_sections() if named is None else tuple(named)
         title = title_of(self.file)
         made = report(title, self._counted, self.file, origin, shown, self.recorded)
         folder = self.folder.report if out is None else Path(out)

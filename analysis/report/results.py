@@ -10,7 +10,7 @@ import numpy as np
 
 from analysis.estimates import Interval, NotEstimable
 from analysis.report.findings import Findings
-from analysis.report.wording import bounded, count_of, interval, number, p_equals
+from analysis.report.wording import bounded, chance, count_of, interval, number, p_equals
 from analysis.sensitivity.lines import SMALL_SPREAD, Lines
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.statistics.omnibus import SkillingsMack
@@ -153,7 +153,7 @@ def _spread(lines: Lines, skin: str) -> Iterator[tuple[str, str]]:
     yield (
         "Are some people more sensitive?",
         f"Gains had an SD of {number(lines.gain_sd, 2)}{_ci(lines.gain_sd_interval)} between "
-        f"participants (P = {bounded(lines.small_gain_sd)} that it is below {SMALL_SPREAD:.0%} of "
+        f"participants (P {chance(lines.small_gain_sd)} that it is below {SMALL_SPREAD:.0%} of "
         f"the gain); {who} {skin}",
     )
 

@@ -77,6 +77,17 @@ def bounded(value: float | NotEstimable | None, digits: int = 2) -> str:
     return text.replace("0.", ".", 1) if text.lstrip("−").startswith("0.") else text
 
 
+def chance(value: float) -> str:
+    """Return a probability with its sign; one that two digits cannot tell from 0 or 1 is bounded.
+
+    >>> chance(0.48), chance(0.002), chance(0.9999)
+    ('= .48', '< .01', '> .99')
+    """
+    if round(value, 2) in (0.0, 1.0):
+        return "< .01" if value < 0.5 else "> .99"
+    return f"= {bounded(value)}"
+
+
 _bounded = bounded
 _SMALL = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
 

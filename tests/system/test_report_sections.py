@@ -60,7 +60,7 @@ def test_all_choices_of_analysis_are_made_only_if_they_are_named(study: Path) ->
     assert follows["decides"] == "friction law"
     drawn = study / "report" / "figures" / "multiverse-order-follows-model.pdf"
     assert drawn.exists()
-    touchbeam.load(study).report(sections=["multiverse"])
+    touchbeam.load(study).report(sections="multiverse")
     assert shown(study) == ["multiverse"]
     assert typed("report", study) == 0
     assert not drawn.exists()

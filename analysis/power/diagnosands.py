@@ -14,6 +14,7 @@ from analysis.estimates import BoolArray, FloatArray
 from analysis.power.designs import Design
 from analysis.power.diagnosis import ESTIMATES, RANK, columns
 from analysis.statistics.many_tables import holm_of_rows, pairs_of
+from protocol.registration.hypotheses import FOLLOWS, GAINS, OMNIBUS, above
 
 LEVEL = 0.05
 
@@ -83,9 +84,24 @@ class EstimateQuality:
     truth: float = float("nan")
 
 
+@dataclass(frozen=True, kw_only=True)
+class RegisteredPower:
+    """How often a registered hypothesis is supported; NaN where no simulation tells.
+
+    `row` is the test or estimate that decides on it, empty if it is none of those simulated.
+    """
+
+    name: str
+    row: str
+    power: Measured
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Findings:
-    """What simulations tell of one design; `false_claims` are by test, in null cohorts."""
+    """What simulations tell of one design; `false_claims` are by test, in null cohorts.
+
+    `registered` are the hypotheses of a registered study, the primary one first.
+    """
 
     design: Design
     studies: int
@@ -95,10 +111,15 @@ class Findings:
     estimates: tuple[EstimateQuality, ...]
     any_false_claim: Measured
     false_claims: dict[str, Measured]
+    registered: tuple[RegisteredPower, ...] = ()
 
 
 def findings(
-    design: Design, conditions: Sequence[str], rows: FloatArray, null_rows: FloatArray
+    design: Design,
+    conditions: Sequence[str],
+    rows: FloatArray,
+    null_rows: FloatArray,
+    hypotheses: Sequence[str] = (),
 ) -> Findings:
     """Return the diagnosands of a design.
 
@@ -107,6 +128,7 @@ def findings(
         conditions: names.
         rows: of the simulated studies, shape (studies, numbers).
         null_rows: of null cohorts.
+        hypotheses: the registered ones, the primary one first.
     """
     models = rows.shape[1] == len(columns(len(conditions), models=True))
     table = _Table(rows, columns(len(conditions), models=models))
@@ -128,10 +150,8 @@ def findings(
         ),
         any_false_claim=share(np.asarray(null_claims.any(axis=1))),
         false_claims={name: share(made) for name, made in zip(names, null_claims.T, strict=True)},
+        registered=_registered(table, conditions, hypotheses),
     )
-
-
-OMNIBUS, GAINS = "conditions differ", "gains differ"
 
 
 def _names(conditions: Sequence[str]) -> list[str]:
@@ -165,6 +185,36 @@ def _claims(table: _Table, conditions: int) -> BoolArray:
     p = _p_values(table, conditions)
     questions = holm_of_rows(p[:, :2]) < LEVEL
     return np.column_stack([questions, questions[:, :1] & (p[:, 2:] < LEVEL)])
+
+
+_GROUPS_GAIN = "M2 group's gain"
+
+
+def _registered(
+    table: _Table, conditions: Sequence[str], hypotheses: Sequence[str]
+) -> tuple[RegisteredPower, ...]:
+    """Return the power for each hypothesis; all but the first count only together with it."""
+    held = _held(table, conditions)
+    nothing = "", np.full(len(table.rows), np.nan)
+    _, first = held.get(hypotheses[0], nothing) if hypotheses else nothing
+    found = [(name, *held.get(name, nothing)) for name in hypotheses]
+    return tuple(
+        RegisteredPower(name=name, row=row, power=share(np.minimum(supported, first)))
+        for name, row, supported in found
+    )
+
+
+def _held(table: _Table, conditions: Sequence[str]) -> dict[str, tuple[str, FloatArray]]:
+    """Return, by hypothesis, the row that decides on it and in which studies its test holds."""
+    names, rejected = _names(conditions), (_p_values(table, len(conditions)) < LEVEL).T
+    held = {name: (name, hit * 1.0) for name, hit in zip(names[:2], rejected, strict=False)}
+    for pair, (a, b) in enumerate(pairs_of(len(conditions))):
+        row, hit, mean = names[2 + pair], rejected[2 + pair], table[f"pair mean {pair}"]
+        held[above(conditions[a], conditions[b])] = row, 1.0 * (hit & (mean > 0))
+        held[above(conditions[b], conditions[a])] = row, 1.0 * (hit & (mean < 0))
+    if f"{_GROUPS_GAIN} significant" in table.names:
+        held[FOLLOWS] = _GROUPS_GAIN, table[f"{_GROUPS_GAIN} significant"]
+    return held
 
 
 def _of_model(table: _Table, name: str) -> EstimateQuality:

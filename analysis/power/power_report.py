@@ -9,14 +9,13 @@ import numpy as np
 from analysis.estimates import Json
 from analysis.power.designs import Design
 from analysis.power.diagnosands import (
-    GAINS,
-    OMNIBUS,
     EstimateQuality,
     Findings,
     Measured,
     TestPower,
 )
 from analysis.report.drawing import Panel, Series, panels_figure
+from protocol.registration.hypotheses import GAINS, OMNIBUS
 from protocol.study.study import Study
 
 ENOUGH = 0.8
@@ -66,8 +65,22 @@ def _design_record(found: Findings, study: Study) -> Json:
                 for name, each in found.false_claims.items()
             },
         },
+        **({"registered": _registered_record(found)} if found.registered else {}),
         "answer": design_answer(found),
     }
+
+
+def _registered_record(found: Findings) -> Json:
+    listed = [
+        {
+            "name": each.name,
+            "row": each.row or None,
+            "power": _number(each.power.value),
+            "mc_error": _number(each.power.error),
+        }
+        for each in found.registered
+    ]
+    return {"primary": listed[0], "secondary": listed[1:]}
 
 
 def _own_levels(study: Study) -> int:
@@ -150,6 +163,10 @@ def design_answer(found: Findings) -> str:
     parts.append(f"{_percent(_power_of(found, OMNIBUS))} power to tell that the conditions differ")
     listed = f"{', '.join(strong[:4])}{_rest(strong[4:])}"
     parts.append(f"80 % power for {listed if strong else 'no pair of conditions'}")
+    parts += [
+        f"{_percent(each.power.value)} power for the registered primary hypothesis, {each.name}"
+        for each in found.registered[:1]
+    ]
     return f"{found.design}: {', '.join(parts)}."
 
 
@@ -179,7 +196,10 @@ def _percent(value: float) -> str:
 def lines_of_tests(found: Findings) -> list[list[str]]:
     """Return the table of tests: a header, rows, and a footer."""
     rows = [
-        [test.name, *map(_with_error, (test.power, test.supported, found.false_claims[test.name]))]
+        [
+            _marked(found, test.name),
+            *map(_with_error, (test.power, test.supported, found.false_claims[test.name])),
+        ]
         for test in found.tests
     ]
     footer = ["anything", "", "", _with_error(found.any_false_claim)]
@@ -191,10 +211,18 @@ def lines_of_estimates(found: Findings) -> list[list[str]]:
     names = ("bias", "rmse", "coverage", "width", "type_s", "type_m")
     header = ["estimate", "bias", "RMSE", "coverage", "width", "type S", "type M"]
     rows = [
-        [each.name, *(_with_error(getattr(each, name)) for name in names)]
+        [_marked(found, each.name), *(_with_error(getattr(each, name)) for name in names)]
         for each in found.estimates
     ]
     return [header, *rows, [""] * len(header)]
+
+
+def _marked(found: Findings, row: str) -> str:
+    """Return the name of a row; it says which row decides on a registered hypothesis."""
+    places = [place for place, each in enumerate(found.registered) if each.row == row]
+    if not places:
+        return row
+    return f"{row} (registered{', primary' * (0 in places)})"
 
 
 def _with_error(measured: Measured) -> str:

@@ -1,6 +1,7 @@
 """The command `power`: power and precision of a study by simulation."""
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,6 +12,7 @@ from runner.cli.options import JsonOption, PeopleOption, StudyArgument, people_i
 from runner.cli.output import followed, print_json, print_table, say
 
 if TYPE_CHECKING:
+    from analysis.estimates import FloatArray
     from analysis.power.designs import Design
     from analysis.power.diagnosands import Findings
     from analysis.power.job import Job, Kind, Task
@@ -76,6 +78,7 @@ def power(
     Results are kept in STUDY/power, so that an interrupted run goes on and a longer one goes
     further. docs/power.md explains every number.
     """
+    from dataclasses import replace
     from importlib.metadata import version
     from time import perf_counter
 
@@ -88,6 +91,7 @@ def power(
     from runner.study.files import short_text
     from runner.study.folder import StudyFolder
     from runner.study.power_folder import PowerFolder
+    from runner.study.registered import registration_of
 
     begun_s = perf_counter()
     folder = StudyFolder(path=study)
@@ -104,6 +108,7 @@ def power(
         designed(file, design)
     if len(file.conditions) < 2:
         raise BadInput(f"{study}: a power analysis needs at least 2 conditions, got 1")
+    registered = registration_of(folder.path)
     job = Job(
         study=folder.text(),
         version=version("touchbeam"),
@@ -121,10 +126,12 @@ def power(
         for design in wanted
     }
     place = PowerFolder(study=folder.path, digest=job.digest)
-    found = _found(job, to_do, place, used, scheduler, as_json=as_json)
+    hypotheses = registered.hypotheses if registered else ()
+    found = _found(job, to_do, place, used, scheduler, hypotheses, as_json=as_json)
+    # What lies on the disk depends neither on the machine nor on a registration, which names it.
+    kept = power_record([replace(each, registered=()) for each in found], file, seed)
+    place.write({"power.json": json_text(kept).encode(), **figures(found)})
     record = power_record(found, file, seed)
-    # What lies on the disk does not depend on the machine.
-    place.write({"power.json": json_text(record).encode(), **figures(found)})
     if as_json:
         print_json({**record, "elapsed_s": round(perf_counter() - begun_s, 3), "workers": used})
         return
@@ -137,6 +144,7 @@ def _found(
     place: "PowerFolder",
     workers: int,
     scheduler: str | None,
+    hypotheses: Sequence[str],
     *,
     as_json: bool,
 ) -> "list[Findings]":
@@ -151,9 +159,13 @@ def _found(
     results = completed(job, every, place, workers, scheduler)
     rows = dict(followed("studies", results, len(every), alone=as_json))
     conditions = parsed_study(job.study).conditions
+
+    def numbers(own: "list[Task]") -> "FloatArray":
+        return np.concatenate([rows[it] for it in own])
+
     return [
-        findings(design, conditions, *(np.concatenate([rows[it] for it in own]) for own in pair))
-        for design, pair in to_do.items()
+        findings(design, conditions, numbers(own), numbers(null), hypotheses)
+        for design, (own, null) in to_do.items()
     ]
 
 

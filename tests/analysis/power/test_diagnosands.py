@@ -65,6 +65,26 @@ def test_power_is_the_share_of_studies_and_pairs_wait_for_the_omnibus_test() -> 
     assert made.omnibus == "Friedman"
 
 
+def test_a_registered_hypothesis_counts_only_with_its_sign_and_after_the_primary_one() -> None:
+    rows = rows_of_tables(list(tables(6, 400, (0, 0, 0, 0, 2.5))))
+    names = ("e above a", "a above e", "conditions differ", "order of conditions as predicted")
+
+    def powers(*hypotheses: str) -> list[float]:
+        made = findings(DESIGN, NAMES, rows, rows[:10], hypotheses).registered
+        assert [each.name for each in made] == list(hypotheses)
+        return [each.power.value for each in made]
+
+    rejected = rows[:, columns(5, models=False).index("pair p 3")] < 0.05
+    first = powers(*names)
+    assert 0.1 < first[0] <= rejected.mean()
+    assert first[0] + powers("a above e")[0] == pytest.approx(rejected.mean())
+    assert first[1] == 0
+    assert first[2] == pytest.approx((rejected & (rows[:, 0] < 0.05)).mean(), abs=0.01)
+    assert powers("conditions differ") == [pytest.approx((rows[:, 0] < 0.05).mean())]
+    assert np.isnan(first[3])
+    assert np.isnan(powers("order of conditions as predicted", "conditions differ")).all()
+
+
 def test_t_intervals_of_differences_cover_and_have_the_right_sign() -> None:
     rows = rows_of_tables(list(tables(7, 1500, (0, 0, 0, 0, 2.0))))
     made = {one.name: one for one in found(rows, rows[:10]).estimates}

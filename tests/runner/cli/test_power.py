@@ -93,6 +93,32 @@ def test_people_read_tables_and_an_answer(folder: Path, capsys: pytest.CaptureFi
     assert "power to tell that the conditions differ" in out
 
 
+def test_a_registered_study_names_the_power_of_its_hypotheses(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first = document(folder, capsys, *QUICK)
+    assert "registered" not in first
+    chosen = ("--primary", "voltage above structure", "--hypothesis", "gains differ")
+    assert typed("register", folder, *chosen) == 0
+    capsys.readouterr()
+    found = document(folder, capsys, *QUICK)
+    registered = dict(found["registered"])  # type: ignore[call-overload]
+    assert registered["primary"]["name"] == "voltage above structure"
+    assert registered["primary"]["row"] == "structure - voltage"
+    assert [each["name"] for each in registered["secondary"]] == ["gains differ"]
+    assert registered["secondary"][0]["power"] <= registered["primary"]["power"]
+    told = "power for the registered primary hypothesis, voltage above structure."
+    assert str(found["answer"]).endswith(told)
+    # The registration holds the digest of that file.
+    assert "registered" not in json.loads((folder / "power" / "power.json").read_text())
+    assert typed("register", folder, *chosen) == 0
+    assert typed("power", folder, *QUICK) == 0
+    out = " ".join(capsys.readouterr().out.split())
+    assert "structure - voltage (registered, primary)" in out
+    assert "gains differ (registered) " in out
+    assert told in out
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

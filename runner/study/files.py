@@ -36,6 +36,16 @@ def bytes_of(path: Path) -> bytes:
         raise BadInput(f"{path}: cannot be read ({error.strerror})") from error
 
 
+def require_end(path: Path) -> None:
+    """Refuse a pipe or a device, which may never end.
+
+    Raises:
+        BadInput: `path` is one.
+    """
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise BadInput(f"{path}: must be a file, got a pipe or a device")
+
+
 def text_of(content: bytes, path: Path) -> str:
     """Decode `content` of the file `path`, without a byte order mark.
 
@@ -59,8 +69,7 @@ def short_text(path: Path) -> str:
             never end.
         OSError: it cannot be read.
     """
-    if path.exists() and not (path.is_file() or path.is_dir()):
-        raise BadInput(f"{path}: must be a file, got a pipe or a device")
+    require_end(path)
     size = path.stat().st_size
     if size > LONGEST_TEXT:
         raise BadInput(f"{path}: must have at most {LONGEST_TEXT} bytes, got {size}")

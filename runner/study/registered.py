@@ -28,7 +28,7 @@ from runner.journal.opening import journal_if_used
 from runner.journal.registrations import in_force, real_sessions
 from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal
-from runner.study.files import bytes_of, short_text, write_whole
+from runner.study.files import bytes_of, require_end, short_text, write_whole
 from runner.study.folder import StudyFolder
 
 REGISTRY_FILE = "registration.txt"
@@ -39,11 +39,12 @@ def registration_of(folder: Path) -> Registration | None:
     """Return the registration in a study's folder, None if it is not registered.
 
     Raises:
-        BadInput: the file was changed after it was written.
+        BadInput: the file was changed after it was written, or is a pipe or a device.
     """
     path = folder / FILE
     if not path.exists():
         return None
+    require_end(path)
     # As it is: line ends and a byte order mark, too, would change the digest.
     return registration_in(bytes_of(path).decode(errors="replace"), str(path))
 
@@ -145,6 +146,7 @@ def power_result(path: Path) -> dict[str, str]:
     Raises:
         BadInput: it is no JSON object.
     """
+    require_end(path)
     content = bytes_of(path)
     try:
         found = json.loads(short_text(path))

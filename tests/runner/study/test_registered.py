@@ -1,6 +1,7 @@
 """Registering a study: when it may be, what it seeds, and what refuses a broken lock."""
 
 import json
+import os
 import re
 import sqlite3
 from contextlib import suppress
@@ -219,6 +220,27 @@ def test_a_file_edited_by_hand_is_refused(
     found = json.loads(capsys.readouterr().out)
     assert not found["ok"]
     assert told in found["registration_problem"]
+
+
+@pytest.mark.parametrize("command", ["check", "register", "verify"])
+def test_a_pipe_in_place_of_the_file_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    folder = registered_in(tmp_path)
+    (folder / "registration.toml").unlink()
+    os.mkfifo(folder / "registration.toml")
+    capsys.readouterr()
+    assert typed(command, folder) == (1 if command == "verify" else 2)
+    said = capsys.readouterr()
+    assert "registration.toml: must be a file, got a pipe or a device" in said.out + said.err
+
+
+def test_a_pipe_is_not_the_result_of_a_power_analysis(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    os.mkfifo(tmp_path / "power.json")
+    line = refused(capsys, "register", study_in(tmp_path), "--power", tmp_path / "power.json")
+    assert "power.json: must be a file, got a pipe or a device" in line
 
 
 def test_a_forged_file_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

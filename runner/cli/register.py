@@ -65,7 +65,7 @@ def register(
         power=power or (kept if (kept := study / "power" / "power.json").is_file() else None),
     )
     made = new_registration(checked, text, choice, fitted_calibration(study))
-    made = write(folder, checked, made, WallClock())
+    made, replaced = write(folder, checked, made, WallClock())
     told = registry_text(checked, made)
     if as_json:
         print_json(
@@ -75,6 +75,7 @@ def register(
                 "primary": made.primary,
                 "secondary": list(made.secondary),
                 "participants": made.participants,
+                "replaced": replaced,
                 "text": told,
             }
         )
@@ -83,5 +84,7 @@ def register(
         say(line)
     say("")
     say(f"Registered: {made.digest}")
+    if replaced:
+        say(f"This replaces {replaced}")
     say(f"Written: {study / FILE}; the text above: {study / REGISTRY_FILE}")
     say(f"Paste it into a registry now, then: touchbeam check {shlex.quote(str(study))}")

@@ -72,7 +72,10 @@ def file_problem(
             else ""
         )
     if kept is None:
-        return f"{FILE} is missing, but the study is registered; touchbeam register restores it"
+        return (
+            f"{FILE} is missing, but the study is registered; touchbeam register restores it, with "
+            "the options that were given then"
+        )
     if kept.digest != recorded.registration:
         return (
             f"{FILE} has digest {kept.digest[:12]}, but the journal holds registration "
@@ -168,27 +171,38 @@ def _power(test: Mapping[str, Any]) -> str:
     return exact if error is None else f"{exact} (Monte Carlo error {error:.2g})"
 
 
-def register(folder: StudyFolder, study: Study, made: Registration, clock: Clock) -> Registration:
-    """Write `made` into the study's folder and its journal; return the registration in force.
+def register(
+    folder: StudyFolder, study: Study, made: Registration, clock: Clock
+) -> tuple[Registration, str]:
+    """Write `made` into the study's folder and its journal.
 
     A study that is registered already stays as it is; a lost file is restored.
+
+    Returns:
+        The registration in force, and what it replaces and changes; '' if it replaces none.
 
     Raises:
         BadInput: a session has been recorded, or the study is registered otherwise.
     """
     with journal_if_used(folder.journal) as journal, journal.alone():
         recorded, kept = in_force(journal), registration_of(folder.path)
-        begun = real_sessions(journal)
+        begun, replaced = real_sessions(journal), ""
         if recorded is not None and kept is None and begun:
             made = registration_in(recorded.text)
         elif recorded is None or recorded.registration != made.digest:
             _require_new(recorded, kept, made, begun)
             SessionLog(journal, STUDY_CHAIN, clock).append(registered_event(made))
+            replaced = _replaced(recorded, made) if recorded else ""
         elif kept is not None and kept.digest != made.digest:
             raise BadInput(file_problem(recorded, kept))
     write_whole(folder.path / FILE, made.text().encode())
     write_whole(folder.path / REGISTRY_FILE, registry_text(study, made).encode())
-    return made
+    return made, replaced
+
+
+def _replaced(recorded: StudyRegistered, made: Registration) -> str:
+    changed = ", ".join(_differences(registration_in(recorded.text), made))
+    return f"registration {recorded.registration[:12]}, which the journal keeps; changed: {changed}"
 
 
 def _require_new(

@@ -204,6 +204,29 @@ def test_a_lost_file_is_restored_from_the_journal(
     assert "P01/1 is recorded under registration" in line
 
 
+def test_a_registration_says_what_it_replaces(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As one without the options of the lost one does."""
+    above = ("--hypothesis", "voltage above structure")
+    assert typed("register", study_in(tmp_path), *above) == 0
+    assert "replaces" not in capsys.readouterr().out
+    first = digest_of(tmp_path)
+    (tmp_path / "registration.toml").unlink()
+    assert typed("verify", tmp_path) == 1
+    assert "restores it, with the options that were given then" in capsys.readouterr().out
+    assert typed("register", tmp_path) == 0
+    told = f"This replaces registration {first[:12]}, which the journal keeps; changed: secondary\n"
+    assert told in capsys.readouterr().out
+    (tmp_path / "registration.toml").unlink()
+    assert typed("register", tmp_path, *above, "--json") == 0
+    assert json.loads(capsys.readouterr().out)["replaced"].endswith("; changed: secondary")
+    (tmp_path / "registration.toml").unlink()
+    assert typed("register", tmp_path, *above, "--json") == 0
+    assert json.loads(capsys.readouterr().out)["replaced"] == ""
+    assert digest_of(tmp_path) == first
+
+
 def test_a_file_edited_by_hand_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -231,7 +231,7 @@ def grid_drawing(
         grid = made.subplots(rows, columns, squeeze=False, height_ratios=heights, **shared)
         draw(list(grid.ravel()))
         made.draw_without_rendering()
-        made.set_layout_engine("none")  # else each file would arrange the figure again
+        made.set_layout_engine(None)  # else each file would be drawn twice, to arrange it again
         return made
 
     def files() -> Mapping[str, bytes]:

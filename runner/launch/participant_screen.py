@@ -16,13 +16,16 @@ Say = Callable[[str], None]
 """Prints a line."""
 
 
-def participants_screen(touchbeam: Sequence[str], wanted: int | None, say: Say) -> int:
+def participants_screen(
+    touchbeam: Sequence[str], wanted: int | None, say: Say, *, windowed: bool = False
+) -> int:
     """Return the number of the participant's screen.
 
     Args:
         touchbeam: touchbeam's own command.
         wanted: the number that the operator gave, if any.
         say: prints a line for the operator.
+        windowed: whether the window leaves a part of the screen free.
 
     Raises:
         BadInput: there are several screens, and nobody can be asked which it is.
@@ -30,7 +33,7 @@ def participants_screen(touchbeam: Sequence[str], wanted: int | None, say: Say) 
     if wanted is not None:
         return wanted
     there = listed_screens(touchbeam)
-    if len(there) == 1:
+    if len(there) == 1 and not windowed:
         say(f"This computer has one screen ({there[0]}): the participant's window will cover it.")
     if len(there) < 2:
         return 0  # the window says what is wrong with a display that has none

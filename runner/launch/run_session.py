@@ -147,7 +147,9 @@ def _window(request: Request, say: Say) -> AbstractContextManager[WindowParticip
         request.study,
         Settings(
             wording=request.wording,
-            screen=participants_screen(options.touchbeam, options.screen, say),
+            screen=participants_screen(
+                options.touchbeam, options.screen, say, windowed=options.windowed
+            ),
             windowed=options.windowed,
             folder=str(options.folder.path.resolve()),
         ),

@@ -25,14 +25,18 @@ def choose(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Choose:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
 
     def chosen(
-        *there: ScreenPlace, typed: str | None = None, wanted: int | None = None
+        *there: ScreenPlace,
+        typed: str | None = None,
+        wanted: int | None = None,
+        windowed: bool = False,
     ) -> tuple[int, list[str]]:
         said: list[str] = []
         monkeypatch.setattr(participant_screen, "listed_screens", lambda _: there)
         monkeypatch.setattr(participant_screen, "numbered_screens", lambda _: nullcontext())
         monkeypatch.setattr(participant_screen, "at_terminal", lambda *_: typed is not None)
         monkeypatch.setattr("sys.stdin", io.StringIO(typed or ""))
-        return participants_screen(["touchbeam"], wanted, said.append), said
+        screen = participants_screen(["touchbeam"], wanted, said.append, windowed=windowed)
+        return screen, said
 
     return chosen
 
@@ -48,6 +52,10 @@ def test_nothing_is_asked_where_there_is_one_screen_and_the_operator_is_told(
         ],
     )
     assert not choice_file().exists()
+
+
+def test_a_small_window_does_not_cover_the_only_screen(choose: Choose) -> None:
+    assert choose(LEFT, windowed=True) == (0, [])
 
 
 def test_a_choice_is_kept_and_found_again_by_its_connector(choose: Choose) -> None:

@@ -144,6 +144,13 @@ def band_name(band: Band, wording: Wording) -> str | None:
     return wording.bands.get(band.names.get(REFERENCE, "")) if given is None else given
 
 
+def band_path(band: Band, number: int, code: str) -> Path:
+    """Return where the name of `band` in a language stands: in the study file or the language's."""
+    if code in band.names:
+        return ("rating", "bands", number, code)
+    return ("languages", code, "bands", band.names.get(REFERENCE, ""))
+
+
 def band_names(bands: Iterable[Band], wording: Wording) -> tuple[str, ...]:
     """Return bands of the scale as a participant reads them, such as `1-4 very weak`."""
     return tuple(f"{_span(band.first, band.last)} {band_name(band, wording)}" for band in bands)

@@ -9,6 +9,7 @@ from protocol.errors import BadInput, Path, Problem
 from protocol.study.participant_texts import (
     Wording,
     band_name,
+    band_path,
     lacking,
     page_key,
     required_codes,
@@ -82,14 +83,23 @@ def fits(text: Text) -> bool:
     return widest <= text.box.width and text_height(len(lines), text.size) <= text.box.height
 
 
-def misfits(screens: tuple[Screen, ...], wording: Wording) -> Iterator[str]:
-    """Yield every text on `screens` that does not fit its place, once."""
+def room(text: Text) -> int:
+    """Return how many characters of `text` fit its box."""
+    lengths = range(len(text.text), 0, -1)
+    return next((most for most in lengths if fits(replace(text, text=text.text[:most]))), 0)
+
+
+def misfits(screens: tuple[Screen, ...], wording: Wording) -> Iterator[tuple[str, str]]:
+    """Yield every text on `screens` that does not fit its place, once, and what to do."""
     seen = set()
     for screen in screens:
         for element in chain.from_iterable(page(screen, view, wording) for view in _VIEWS):
             if isinstance(element, Text) and element.text not in seen and not fits(element):
                 seen.add(element.text)
-                yield element.text
+                yield (
+                    element.text,
+                    f"shorten it from {len(element.text)} characters to about {room(element)}",
+                )
 
 
 def fit_problems(study: Study) -> Iterator[Problem]:
@@ -123,13 +133,13 @@ def fit_problems(study: Study) -> Iterator[Problem]:
         if any(lacking(study, code)):
             continue
         wording = study_wording(study, code)
-        for text in misfits(screens, wording):
+        for text, hint in misfits(screens, wording):
             path = _path(study, wording, text)
             yield Problem(
                 where=".".join(str(part) for part in path) or f"the text in {code}",
                 rule="a text must fit its place on the participant's screen",
                 value=repr(text),
-                hint="shorten it",
+                hint=hint,
                 path=path,
             )
 
@@ -140,9 +150,9 @@ def require_fit(study: Study, wording: Wording, consent: str | None) -> None:
     Raises:
         BadInput: a text or the consent reference does not fit its place.
     """
-    for text in misfits(foreseen(study, consent), wording):
+    for text, hint in misfits(foreseen(study, consent), wording):
         raise BadInput(
-            f"a text must fit its place on the participant's screen, got {text!r}; shorten it"
+            f"a text must fit its place on the participant's screen, got {text!r}; {hint}"
         )
 
 
@@ -154,7 +164,7 @@ def _path(study: Study, wording: Wording, text: str) -> Path:
             return path
     for number, band in enumerate(study.rating.bands):
         if band_name(band, wording) == text:
-            return ("rating", "bands", number, wording.code)
+            return band_path(band, number, wording.code)
     return next((path for own, path in _own_texts(study, wording.code) if text.endswith(own)), ())
 
 

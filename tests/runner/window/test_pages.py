@@ -9,13 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from protocol.errors import BadInput
-from protocol.study.languages import built_in, built_in_codes
+from protocol.study.languages import FOLDER, built_in, built_in_codes
 from protocol.study.participant_texts import Wording, study_wording, touch_text, worded_as_built
 from protocol.study.rating import Band, Rating
 from protocol.study.rules import Finger, Hand
 from protocol.study.study import Study
 from protocol.study.study_question import StudyQuestion, score_question
 from protocol.study.touch import Direction, Touch, TouchDefaults
+from protocol.study_file.language_files import with_languages
 from protocol.study_file.loading import TEMPLATES, parsed_study, template
 from runner.screens import (
     FingerPath,
@@ -141,12 +142,24 @@ def test_a_text_that_is_too_long_is_reported_with_its_place_in_the_study_file() 
     assert problem.path == ("texts", "en", "touch.smooth")
     assert problem.rule == "a text must fit its place on the participant's screen"
     assert problem.value == repr(long)
+    assert problem.hint is not None
+    start, _, most = problem.hint.rpartition(" ")
+    assert start == f"shorten it from {len(long)} characters to about"
+    assert list(fit_problems(study(**{"touch.smooth": long[: int(most)]}))) == []
 
 
 def test_a_word_that_is_too_wide_for_its_band_is_reported() -> None:
     text = template("paper").replace('en = "no effect"', 'en = "imperceptible"')
     (problem,) = fit_problems(parsed_study(text))
     assert (problem.where, problem.value) == ("rating.bands.0.en", "'imperceptible'")
+
+
+def test_a_band_of_a_languages_own_is_reported_in_its_file() -> None:
+    english = (FOLDER / "en.toml").read_text(encoding="utf-8")
+    german = english.replace('"no effect" = "no effect"', '"no effect" = "keine Wirkung"')
+    text = template("paper").replace("[rating]", '[session]\nlanguages = ["en", "de"]\n\n[rating]')
+    (problem,) = fit_problems(parsed_study(with_languages(text, {"de": german})))
+    assert problem.path == ("languages", "de", "bands", "no effect")
 
 
 def test_a_consent_reference_that_is_too_long_is_refused() -> None:

@@ -18,6 +18,7 @@ from protocol.preview.preview import (
     scored_contrasts,
 )
 from protocol.proof.cohort import balance_guaranteed, sequences
+from protocol.study.languages import reference_texts
 from protocol.study.rig_settings import ForceChannel
 from protocol.study.study_question import When
 
@@ -38,6 +39,7 @@ def preview_lines(shown: Preview, model: Prediction) -> Iterator[str]:
     yield ""
     yield from _session_lines(shown)
     yield from _question_lines(shown)
+    yield from _language_lines(shown)
     yield ""
     yield from _carryover_lines(shown)
     yield ""
@@ -123,6 +125,15 @@ def _by_time(heading: str, listed: Mapping[str, Sequence[str]]) -> Iterator[str]
         if names:
             yield f"{heading:<11} {time}: {', '.join(names)}"
             heading = ""
+
+
+def _language_lines(shown: Preview) -> Iterator[str]:
+    """Yield, for each language of the study's own, which texts are still the English ones."""
+    for code, language in shown.study.languages.items():
+        same = [key for key, text in reference_texts().items() if language.texts.get(key) == text]
+        if same:
+            first = ", ".join(same[:3]) + ", …" * (len(same) > 3)
+            yield f"Language    {code}: {_many(len(same), 'text')} as in English: {first}"
 
 
 def _session_lines(shown: Preview) -> Iterator[str]:

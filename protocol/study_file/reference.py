@@ -66,8 +66,9 @@ the fields in braces that the built-in one has; a touch may name further keys as
 `touchbeam check` lists what is wrong with the file, by line, and `touchbeam run --language CODE`
 takes it. The journal keeps the file with the study file, and `touchbeam amend` accepts a change.
 
-`protocol/languages/en.toml` is a file to start from. One that is added there is a language of every
-study; `session.languages` says in which languages a study must be complete.
+`touchbeam translate STUDY CODE` writes a file to start from, with the English texts. A file that is
+added to `protocol/languages` is a language of every study; `session.languages` says in which
+languages a study must be complete.
 """
 
 

@@ -35,6 +35,7 @@ _RULES = {
 }
 _OUT_OF_RANGE = {"less_than_equal", "greater_than_equal", "float_type"}
 _UNKNOWN = "unknown key"
+_NEW_LANGUAGE = "touchbeam translate begins the file of another language"
 _PEAK = "amplitudes are peak: half of the peak-to-peak value, as a plain number in V"
 
 
@@ -108,7 +109,9 @@ def _meant_choice(entry: Any) -> str:
         return ""
     words = re.findall(r"'([^']*)'", entry["ctx"]["expected"])
     close = get_close_matches(entry["input"].lower(), words, n=1)
-    return f"did you mean {close[0]!r}?" if close else ""
+    if close:
+        return f"did you mean {close[0]!r}?"
+    return "" if {"language", "languages"}.isdisjoint(entry["loc"]) else _NEW_LANGUAGE
 
 
 def place(document: Mapping[str, Any], path: Path) -> str:

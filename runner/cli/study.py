@@ -1,4 +1,4 @@
-"""Commands that create, check and run a study: demo, new, check, run."""
+"""Commands that create, check and run a study: demo, new, translate, check, run."""
 
 import shlex
 from pathlib import Path
@@ -88,6 +88,25 @@ def new(
     say(f"  touchbeam check {place}")
     say(f"  touchbeam run {place} --participant P01 --ratings virtual    # a rehearsal")
     say(f"{study.test_file} tests the study with pytest (docs/study-tests.md); you may delete it.")
+
+
+@app.command()
+def translate(
+    study: StudyArgument,
+    code: Annotated[str, typer.Argument(metavar="CODE", help="Of a language, such as fr.")],
+) -> None:
+    """Copy the texts that participants read into the study, to translate them.
+
+    Writes texts/CODE.toml in English, or in the built-in language of that code.
+    """
+    from runner.study.folder import StudyFolder
+
+    folder = StudyFolder(path=study)
+    file = folder.add_language(code)
+    say(
+        f'Translate {file}. Name "{code}" in `languages` of [session] in {folder.study_file}. Then:'
+    )
+    say(f"  touchbeam check {shlex.quote(str(study))}")
 
 
 @app.command()

@@ -208,7 +208,10 @@ def _resembling(request: Request) -> str | None:
 def _wording(study: Study, code: str) -> Wording:
     """Return what the participant reads in the language asked for, if nothing of it is lacking."""
     if code not in study_codes(study):
-        raise BadInput(f"--language must be one of {', '.join(study_codes(study))}, got {code!r}")
+        raise BadInput(
+            f"--language must be one of {', '.join(study_codes(study))}, got {code!r}; "
+            "touchbeam translate begins the file of another one"
+        )
     for text in lacking(study, code):
         raise BadInput(f"--language {code}: this study lacks {text} in it")
     return study_wording(study, code)

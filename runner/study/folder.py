@@ -14,11 +14,11 @@ from types import MappingProxyType
 
 from protocol.errors import BadInput
 from protocol.study.fields import LONGEST_NAME, Names, printable
-from protocol.study.languages import CODE
+from protocol.study.languages import CODE, FOLDER, REFERENCE, built_in_codes
 from protocol.study.study import Study
 from protocol.study_file.language_files import picture_names, with_languages, with_pictures
 from protocol.study_file.loading import parsed_study
-from runner.study.files import make_folder, short_text, take_away
+from runner.study.files import make_folder, short_text, take_away, write_whole
 from runner.study.pictures import picture_digests
 
 
@@ -103,6 +103,26 @@ class StudyFolder:
         names = picture_names(text) if "picture" in text else []
         digests = picture_digests(self.path, names)
         return with_pictures(with_languages(text, self._languages()), digests)
+
+    def add_language(self, code: str) -> Path:
+        """Copy the built-in texts in a language, else the English ones, into the study.
+
+        Returns:
+            The new file, to be edited.
+
+        Raises:
+            BadInput: there is no study, `code` names no language, or the study has that file.
+        """
+        self._study_text()
+        if not re.fullmatch(CODE, code):
+            raise BadInput(f"a language is named by its code, such as fr or pt-BR, got {code!r}")
+        file = self.languages / f"{code}.toml"
+        if file.exists():
+            raise BadInput(f"{file}: is there already; edit it, or move it away")
+        make_folder(self.languages)
+        known = code if code in built_in_codes() else REFERENCE
+        write_whole(file, (FOLDER / f"{known}.toml").read_bytes())
+        return file
 
     def _languages(self) -> dict[str, str]:
         """Return the text of each language file by language code."""

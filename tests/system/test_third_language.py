@@ -1,6 +1,7 @@
 """A third language is one new file: for every study beside the built-in ones, or in a study."""
 
 import json
+import re
 import shutil
 import sqlite3
 from collections.abc import Iterator
@@ -118,6 +119,48 @@ def test_mistakes_in_a_language_are_listed_with_the_studys_own(
     assert "study/texts/fr.toml:31: texts.touch.now: a text must fit its place" in shown.err
 
 
+def test_a_language_begins_with_the_texts_that_are_built_in(
+    study: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (study / "study.toml").read_text(encoding="utf-8")
+    table = '[session]\nlanguages = ["en", "fr"]\n\n[rating]'
+    (study / "study.toml").write_text(text.replace("[rating]", table), encoding="utf-8")
+    assert typed("check", "study") == 2
+    told = capsys.readouterr().err
+    assert "got 'fr'; touchbeam translate begins the file of another language" in told
+    assert typed("translate", "study", "fr") == 0
+    assert "Translate study/texts/fr.toml." in capsys.readouterr().out
+    own = study / "texts" / "fr.toml"
+    assert own.read_bytes() == (FILES / "en.toml").read_bytes()
+    own.write_text(FRENCH, encoding="utf-8")
+    assert typed("check", "study") == 0
+    assert re.search(
+        r"Language +fr: \d+ texts as in English: welcome, touch\.smooth, touch\.smooth\.harder, …",
+        capsys.readouterr().out,
+    )
+    assert typed("translate", "study", "zh") == 0
+    assert (study / "texts" / "zh.toml").read_bytes() == (FILES / "zh.toml").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("where", "code", "message"),
+    [
+        ("study", "fr", "study/texts/fr.toml: is there already; edit it, or move it away"),
+        ("study", "../fr", "a language is named by its code, such as fr or pt-BR, got '../fr'"),
+        ("elsewhere", "fr", "elsewhere: no study here"),
+    ],
+)
+def test_a_language_is_begun_once_and_in_a_study(
+    study: Path, capsys: pytest.CaptureFixture[str], where: str, code: str, message: str
+) -> None:
+    (study / "texts").mkdir()
+    (study / "texts" / "fr.toml").write_text(FRENCH, encoding="utf-8")
+    assert typed("translate", where, code) == 2
+    assert message in capsys.readouterr().err
+    assert (study / "texts" / "fr.toml").read_text(encoding="utf-8") == FRENCH
+    assert [file.name for file in study.parent.iterdir()] == ["study"]
+
+
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
@@ -139,7 +182,8 @@ def test_a_language_that_is_not_there_is_refused_with_those_that_are(
     study: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert typed(*RUN, "virtual") == 2
-    assert "--language must be one of en, zh, got 'fr'" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert "--language must be one of en, zh, got 'fr'; touchbeam translate begins" in told
     assert not (study / "study.db").exists()
 
 

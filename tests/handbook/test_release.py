@@ -1,9 +1,10 @@
-"""What a release consists of: the source distribution, and how to cite it."""
+"""What a release consists of: its two distributions, its changes, and how to cite it."""
 
 import re
 import subprocess
 import sys
 import tarfile
+import zipfile
 from pathlib import Path
 
 import touchbeam
@@ -27,11 +28,26 @@ NEEDED = {
 }
 
 
-def test_the_source_distribution_has_what_a_laboratory_needs(tmp_path: Path) -> None:
-    build = [sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", str(tmp_path)]
+def built(kind: str, folder: Path) -> Path:
+    """Return the distribution of this kind, built into the folder."""
+    build = [sys.executable, "-m", "hatchling", "build", "-t", kind, "-d", str(folder)]
     subprocess.run(build, cwd=ROOT, check=True, capture_output=True)
-    (archive,) = tmp_path.glob("*.tar.gz")
-    with tarfile.open(archive) as packed:
+    (distribution,) = folder.iterdir()
+    return distribution
+
+
+def test_the_wheel_has_every_file_of_the_packages_and_nothing_else(tmp_path: Path) -> None:
+    packages = ("protocol", "device", "runner", "analysis", "touchbeam")
+    found = {path for package in packages for path in (ROOT / package).rglob("*") if path.is_file()}
+    files = {path.relative_to(ROOT).as_posix() for path in found if path.suffix != ".pyc"}
+    with zipfile.ZipFile(built("wheel", tmp_path)) as wheel:
+        names = {name for name in wheel.namelist() if ".dist-info/" not in name}
+    assert names == files
+    assert "analysis/report/report.html" in names  # data are packed, too
+
+
+def test_the_source_distribution_has_what_a_laboratory_needs(tmp_path: Path) -> None:
+    with tarfile.open(built("sdist", tmp_path)) as packed:
         names = {name.partition("/")[2] for name in packed.getnames()}
     assert names >= NEEDED
     assert [name for name in names if name.startswith(("site/", ".venv", "demo"))] == []
@@ -42,3 +58,8 @@ def test_the_citation_is_of_this_version() -> None:
     found = re.search(r"^version: (.+)$", text, re.MULTILINE)
     assert found
     assert found[1] == touchbeam.__version__
+
+
+def test_the_changes_have_an_entry_for_this_version() -> None:
+    changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert f"\n## {touchbeam.__version__}\n" in changes

@@ -13,6 +13,7 @@ from runner.launch.request import SessionOptions
 from runner.launch.run_session import run_session
 from runner.study.folder import StudyFolder
 from tests.runner.fakes import FakeClock, FakeDevice, FakeParticipant, context
+from touchbeam import __version__
 
 
 @pytest.fixture
@@ -40,13 +41,14 @@ def said_on_resuming(folder: Path) -> list[str]:
 
 def test_another_version_is_told_to_the_operator_and_named_by_verify(folder: Path) -> None:
     assert said_on_resuming(folder) == [
-        "P01/1 was last recorded by touchbeam 0.0.9 and continues with 0.1.0."
+        f"P01/1 was last recorded by touchbeam 0.0.9 and continues with {__version__}."
     ]
     with open_journal(folder / "study.db") as journal:
         (verdict,) = verdicts(journal)
-    assert verdict.versions == ("0.0.9", "0.1.0")
+    assert verdict.versions == ("0.0.9", __version__)
     assert verdict.ok
-    assert verdict.line().endswith("; written by several versions of touchbeam: 0.0.9, 0.1.0")
+    versions = f"0.0.9, {__version__}"
+    assert verdict.line().endswith(f"; written by several versions of touchbeam: {versions}")
 
 
 def test_the_same_version_is_not_mentioned(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

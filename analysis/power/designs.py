@@ -7,6 +7,7 @@ from itertools import product
 from pydantic import ValidationError
 
 from protocol.errors import BadInput
+from protocol.study.design import MOST_REPEATS
 from protocol.study.design import Design as DesignOfStudy
 from protocol.study.study import Study
 from protocol.study_file.limits import problems
@@ -63,12 +64,18 @@ def designed(study: Study, design: Design) -> Study:
     """
     if not 2 <= design.participants <= MOST_PARTICIPANTS:
         raise BadInput(
-            f"participants must lie in [2, {MOST_PARTICIPANTS}], got {design.participants}"
+            f"participants must lie in [2, {MOST_PARTICIPANTS}], got {design.participants}; give "
+            "other numbers with --participants"
+        )
+    if design.repeats > MOST_REPEATS:
+        raise BadInput(
+            f"{design} cannot be planned: repeats must be at most {MOST_REPEATS}; give fewer with "
+            "--repeats"
         )
     if design.levels > design.repeats:
         raise BadInput(
             f"{design} cannot be planned: levels must be at most repeats, so that each comes "
-            "equally often"
+            "equally often; give fewer with --levels, or more with --repeats"
         )
     wanted = {"participants": design.participants, "repeats": design.repeats}
     levels = tuple(step / design.levels for step in range(1, design.levels + 1))
@@ -79,8 +86,8 @@ def designed(study: Study, design: Design) -> Study:
     try:
         asked = DesignOfStudy.model_validate({**study.design.model_dump(), **wanted})
     except ValidationError as error:
-        what = error.errors()[0]
-        raise BadInput(f"{design} cannot be planned: {what['msg']}") from error
+        rule = error.errors()[0]["msg"].removeprefix("Value error, ")
+        raise BadInput(f"{design} cannot be planned: {rule}") from error
     made = study.model_copy(update={"design": asked, "condition": tuple(conditions)})
     if found := problems(made):
         raise BadInput(f"{design} cannot be planned: {found[0].located('study.toml')}")

@@ -19,11 +19,17 @@ if TYPE_CHECKING:
     from runner.study.power_folder import PowerFolder
 
 app = typer.Typer()
+_MOST_DIGITS = 9
+"""Of a number of participants, repeats or levels, of which each has a limit far below."""
 
 
 def _numbers(given: str | None, option: str) -> list[int]:
     """Return whole numbers given by commas."""
     texts = [] if given is None else given.split(",")
+    if any(len(text.strip()) > _MOST_DIGITS for text in texts):
+        raise BadInput(
+            f"{option} must be numbers of at most {_MOST_DIGITS} digits, got a longer one"
+        )
     if not all(text.strip().isdecimal() and int(text) > 0 for text in texts):
         raise BadInput(
             f"{option} must be whole numbers above 0 by commas, such as 9,12,20, got {given!r}"

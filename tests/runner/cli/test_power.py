@@ -125,7 +125,19 @@ def test_a_registered_study_names_the_power_of_its_hypotheses(
         (("--participants", "nine"), "--participants must be whole numbers above 0 by commas"),
         (("--repeats", "1,0"), "--repeats must be whole numbers above 0 by commas"),
         (("--participants", "1"), r"participants must lie in [2, 1000], got 1"),
-        (("--repeats", "30"), "9 participants x 30 repeats cannot be planned"),
+        (
+            ("--participants", "9,1001"),
+            "participants must lie in [2, 1000], got 1001; give other numbers with --participants",
+        ),
+        (
+            ("--repeats", "30"),
+            "9 participants x 30 repeats cannot be planned: repeats must be at most 20; give fewer",
+        ),
+        (
+            ("--repeats", "4", "--levels", "5"),
+            "levels must be at most repeats, so that each comes equally often; give fewer with",
+        ),
+        (("--levels", "9" * 5000), "--levels must be numbers of at most 9 digits, got a longer"),
         (("--scheduler", "nowhere"), "--scheduler must be an address such as tcp://HOST:8786"),
         (("--workers", "0"), "Invalid value for '--workers'"),
         (("--studies", "1"), "Invalid value for '--studies'"),

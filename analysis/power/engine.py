@@ -4,7 +4,8 @@ import io
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import closing, contextmanager
 from hashlib import sha256
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, cast
+from warnings import catch_warnings
 
 import numpy as np
 
@@ -99,7 +100,13 @@ def _on_cores(job: Job, left: Sequence[Task], workers: int) -> Results:
 
     with parallel_config(backend="loky", inner_max_num_threads=1):
         parallel = Parallel(n_jobs=workers, return_as="generator_unordered", batch_size=1)
-        yield from parallel(delayed(_numbered)(job, task) for task in left)
+        results = cast("Results", parallel(delayed(_numbered)(job, task) for task in left))
+        try:
+            for result in results:  # noqa: UP028 - `yield from` would close it, with a warning
+                yield result
+        finally:
+            with catch_warnings(action="ignore"):  # of tasks that nobody waits for any more
+                results.close()
 
 
 def _on_cluster(job: Job, left: Sequence[Task], scheduler: str) -> Results:

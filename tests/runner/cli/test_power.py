@@ -1,10 +1,13 @@
 """The command `power`: its document, what it keeps, and what it refuses."""
 
+import errno
 import json
+import os
 from pathlib import Path
 
 import pytest
 
+from runner.study.power_folder import PowerFolder
 from tests.runner.command_line import typed
 
 FEW = ("--participants", "4", "--workers", "1")
@@ -186,3 +189,18 @@ def test_nobody_at_the_scheduler_s_address_is_a_failure(
     monkeypatch.setattr("analysis.power.engine._ANSWER_WITHIN_S", 0.5)
     assert typed("power", folder, "--scheduler", "tcp://127.0.0.1:9") == 1
     assert "no Dask scheduler answers there" in capsys.readouterr().err
+
+
+def test_a_full_disk_is_said_in_one_line(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def save(_: PowerFolder, name: str, content: bytes) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), name)
+
+    monkeypatch.setattr(PowerFolder, "save", save)
+    options = ("--participants", "4", "--studies", "40", "--workers", "2")
+    assert typed("power", folder, *options) == 1
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert "No space left on device" in err
+    assert err.count("\n") == 1

@@ -52,8 +52,8 @@ def completed(
     """
     left = []
     for task in wanted:
-        found = _kept(chunks.load(task.name))
-        if found is None or len(found) != task.count:
+        found = kept(chunks, task)
+        if found is None:
             left.append(task)
         else:
             yield task, found
@@ -72,12 +72,13 @@ def _to_keep(found: FloatArray) -> bytes:
     return sha256(content.getvalue()).digest() + content.getvalue()
 
 
-def _kept(content: bytes | None) -> FloatArray | None:
-    """Return kept numbers; None if there are none, or if they were damaged."""
+def kept(chunks: Chunks, task: Task) -> FloatArray | None:
+    """Return the kept numbers of a task; None if there are none, or if they were damaged."""
+    content = chunks.load(task.name)
     if content is None or sha256(content[32:]).digest() != content[:32]:
         return None
     found: FloatArray = np.load(io.BytesIO(content[32:]), allow_pickle=False)
-    return found
+    return found if len(found) == task.count else None
 
 
 Results = Generator[tuple[Task, FloatArray], None, None]

@@ -90,7 +90,7 @@ def power(
 
     from analysis.cells import json_text
     from analysis.power.designs import designed, designs
-    from analysis.power.engine import cluster_size
+    from analysis.power.engine import cluster_size, kept
     from analysis.power.job import Job, tasks
     from analysis.power.power_report import figures, power_record
     from runner.study.calibration import fitted_calibration
@@ -122,7 +122,6 @@ def power(
         rig=fitted_calibration(folder.path),
         people="" if people is None else short_text(people),
     )
-    used = cluster_size(scheduler) if scheduler else workers or _cores()
     kind: Kind = "tested" if tests_only else "fitted"
     to_do = {
         design: (
@@ -132,11 +131,15 @@ def power(
         for design in wanted
     }
     place = PowerFolder(study=folder.path, digest=job.digest)
+    used = workers or _cores()
+    if scheduler:  # which need not be there if all is kept already
+        every = (task for pair in to_do.values() for own in pair for task in own)
+        used = cluster_size(scheduler) if any(kept(place, task) is None for task in every) else 0
     hypotheses = registered.hypotheses if registered else ()
     found = _found(job, to_do, place, used, scheduler, hypotheses, as_json=as_json)
     # What lies on the disk depends neither on the machine nor on a registration, which names it.
-    kept = power_record([replace(each, registered=()) for each in found], file, seed)
-    place.write({"power.json": json_text(kept).encode(), **figures(found)})
+    lasting = power_record([replace(each, registered=()) for each in found], file, seed)
+    place.write({"power.json": json_text(lasting).encode(), **figures(found)})
     record = power_record(found, file, seed)
     if as_json:
         print_json({**record, "elapsed_s": round(perf_counter() - begun_s, 3), "workers": used})

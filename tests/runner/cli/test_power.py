@@ -204,3 +204,18 @@ def test_a_full_disk_is_said_in_one_line(
     assert out == ""
     assert "No space left on device" in err
     assert err.count("\n") == 1
+
+
+def test_kept_results_need_no_scheduler(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("analysis.power.engine._ANSWER_WITHIN_S", 0.5)
+    nobody = ("--scheduler", "tcp://127.0.0.1:9")
+    first = document(folder, capsys, *QUICK)
+    again = document(folder, capsys, *QUICK, *nobody)
+    assert (first.pop("workers"), again.pop("workers")) == (1, 0)
+    assert first.pop("elapsed_s") != again.pop("elapsed_s")
+    assert first == again
+    next((folder / "power" / "chunks").rglob("*.npy")).unlink()
+    assert typed("power", folder, *QUICK, *nobody) == 1
+    assert "no Dask scheduler answers there" in capsys.readouterr().err

@@ -24,6 +24,7 @@ from runner.cli.output import counted, print_json, require_confirmation, say
 if TYPE_CHECKING:
     from runner.journal.store import Journal
     from runner.journal.verification import SessionVerdict
+    from runner.study.folder import StudyFolder
     from runner.study.old_results import OldResults
 
 app = typer.Typer()
@@ -75,16 +76,18 @@ def status(study: StudyArgument, as_json: JsonOption = False) -> None:
 def verify(study: StudyOrBackupArgument, as_json: JsonOption = False) -> None:
     """Check the integrity of the journal or of a backup.
 
-    Checks the hash chains, the order of events, and that each trial is answered exactly once.
+    Checks the hash chains, the order of events, and that each trial is answered exactly once; of a
+    registered study also its files, and that the orders follow from its digest.
     """
     from runner.journal.opening import read_journal
     from runner.journal.verification import verdicts
     from runner.study.folder import StudyFolder
 
-    path = study if study.is_file() else StudyFolder(path=study).existing_journal()
+    folder = StudyFolder(path=study)
+    path = study if study.is_file() else folder.existing_journal()
     with read_journal(path, to_verify=True) as journal:
         found, lacking = verdicts(journal), journal.lacking_triggers
-        unlocked = "" if study.is_file() else _registration_problem(journal, study)
+        unlocked = "" if study.is_file() else _registration_problem(journal, folder)
     result = _verification(lacking, found, unlocked)
     if as_json:
         print_json(result)
@@ -128,13 +131,13 @@ def backup(
         raise typer.Exit(1)
 
 
-def _registration_problem(journal: "Journal", study: Path) -> str:
-    """Return what is wrong with the file of the registration."""
+def _registration_problem(journal: "Journal", folder: "StudyFolder") -> str:
+    """Return what is wrong with the file of the registration, or with the files that it locks."""
     from runner.journal.verification import IMPOSSIBLE
-    from runner.study.registered import registration_problem
+    from runner.study.registered import changed_study, registration_problem
 
     with suppress(*IMPOSSIBLE):  # a damaged event, which the verdicts tell
-        return registration_problem(journal, study)
+        return registration_problem(journal, folder.path) or changed_study(journal, folder)
     return ""
 
 

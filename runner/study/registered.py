@@ -23,6 +23,7 @@ from protocol.registration.registry_text import registry_text
 from protocol.study.study import Study
 from protocol.study_file.loading import text_digest
 from runner.clock import Clock
+from runner.journal.amendments import accepted_digests
 from runner.journal.names import STUDY_CHAIN
 from runner.journal.opening import journal_if_used
 from runner.journal.registrations import in_force, real_sessions
@@ -92,6 +93,22 @@ def registration_problem(journal: Journal, folder: Path) -> str:
         return file_problem(recorded, registration_of(folder))
     except BadInput as error:
         return str(error)
+
+
+def changed_study(journal: Journal, folder: StudyFolder) -> str:
+    """Return that the files of a registered study are not the accepted ones; '' if they are."""
+    if in_force(journal) is None:
+        return ""
+    try:
+        accepted = text_digest(folder.text()) == accepted_digests(journal)[-1]
+    except BadInput as error:
+        return str(error)
+    return (
+        ""
+        if accepted
+        else f"{folder.study_file}: it, a language file or a picture is neither the registered nor "
+        "an amended one; restore it, or accept it with touchbeam amend --reason TEXT"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,8 +8,10 @@ from contextlib import suppress
 from importlib.resources import files
 from pathlib import Path
 from random import Random
+from string import printable
 
 import pytest
+from typer import Exit
 
 import touchbeam
 from protocol.errors import BadInput
@@ -17,6 +19,7 @@ from protocol.journal.events import SessionOpened, StudyAmended, StudyRegistered
 from protocol.plan.plan import plan
 from protocol.registration.registration import locked, registration_in
 from protocol.study_file.loading import parsed_study, text_digest
+from runner.cli.journal import verify
 from runner.study.calibration import fitted_calibration, keep_fit
 from runner.study.folder import StudyFolder
 from runner.study.registered import registration_of
@@ -28,6 +31,7 @@ from tests.runner.registered_study import (
     study_in,
 )
 from tests.runner.study.test_calibration import FITTED, SLID
+from tests.runner.study.test_pictures import PAGE, png
 
 
 def opened(place: Path, chain: str = "P01/1") -> SessionOpened:
@@ -361,32 +365,67 @@ def test_a_session_names_the_calibration_in_force(tmp_path: Path) -> None:
     assert vars(named) == vars(fitted_calibration(tmp_path))
 
 
-def test_every_changed_character_of_a_study_is_noticed(tmp_path: Path) -> None:
-    """In the study file, in a language of its own and in the registration with its settings."""
+def _one_character_changed(content: bytes, random: Random) -> bytes:
+    """Return `content` with a character replaced, inserted or removed anywhere.
+
+    Line ends are one thing in every form, so that none is made of a carriage return.
+    """
+    place, new = random.randrange(len(content)), random.choice(printable.replace("\r", "")).encode()
+    changed = random.choice(
+        [
+            content[:place] + new + content[place + 1 :],
+            content[:place] + new + content[place:],
+            content[:place] + content[place + 1 :],
+        ]
+    )
+    return _one_character_changed(content, random) if changed == content else changed
+
+
+def test_every_changed_character_of_a_study_is_noticed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """By verify: in the study file, what it names, and the registration with its settings."""
     study_in(tmp_path)
     (tmp_path / "texts").mkdir()
     english = (files("protocol") / "languages" / "en.toml").read_bytes()
     (tmp_path / "texts" / "fr.toml").write_bytes(english.replace(b"English", b"French", 1))
+    (tmp_path / "pictures").mkdir()
+    (tmp_path / "pictures" / "hand.png").write_bytes(png())
+    with (tmp_path / "study.toml").open("a", encoding="utf-8") as study:
+        study.write(PAGE.replace("en =", 'fr = "Ainsi.", en ='))
     assert typed("register", tmp_path) == 0
-    folder, random = StudyFolder(path=tmp_path), Random(1)
-
-    def is_the_registered_one() -> bool:
-        found = registration_of(tmp_path)
-        return found is not None and found.study_sha256 == text_digest(folder.text())
-
-    assert is_the_registered_one()
-    changed = [tmp_path / name for name in ("study.toml", "texts/fr.toml", "registration.toml")]
+    run_session(tmp_path, "P01")
+    assert typed("verify", tmp_path) == 0
+    random, noticed = Random(1), 0
+    changed = ("study.toml", "texts/fr.toml", "pictures/hand.png", "registration.toml")
     for number in range(1000):
-        file = changed[number % len(changed)]
+        file = tmp_path / changed[number % len(changed)]
         kept = file.read_bytes()
-        place, new = random.randrange(len(kept)), random.choice(b"abz019 .\n#")
-        if kept[place] == new:
-            continue
-        file.write_bytes(kept[:place] + bytes([new]) + kept[place + 1 :])
-        with suppress(BadInput):
-            assert not is_the_registered_one(), (file, place, new)
+        file.write_bytes(_one_character_changed(kept, random))
+        capsys.readouterr()
+        with suppress(Exit):  # the command itself, since to build the command line takes longest
+            verify(tmp_path)
+        noticed += capsys.readouterr().out.startswith("FAIL  ")
+        assert noticed == number + 1, (file, kept, file.read_bytes())
         file.write_bytes(kept)
-    assert is_the_registered_one()
+    assert typed("verify", tmp_path) == 0
+
+
+def test_files_that_were_amended_are_accepted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = registered_in(tmp_path)
+    study = folder / "study.toml"
+    study.write_text(study.read_text(encoding="utf-8") + "# said otherwise\n", encoding="utf-8")
+    capsys.readouterr()
+    assert typed("verify", folder) == 1
+    assert "neither the registered nor an amended one" in capsys.readouterr().out
+    assert typed("amend", folder, "--reason", "a comment") == 0
+    assert typed("verify", folder) == 0
+    study.unlink()
+    capsys.readouterr()
+    assert typed("verify", folder) == 1
+    assert "study.toml is missing" in capsys.readouterr().out
 
 
 def test_a_data_set_carries_the_registration(tmp_path: Path) -> None:

@@ -191,6 +191,21 @@ def test_deviations_come_from_the_journal() -> None:
     assert told(data(), broken) == [("registration", "registration.toml is missing")]
 
 
+def test_every_changed_character_of_the_settings_is_a_deviation(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    settled, loaded = analysis_settings(), data()
+    for name, value in settled.items():
+        text = str(value)
+        for place, old in enumerate(text):
+            if isinstance(value, str) or old.isdigit():
+                changed = f"{text[:place]}{'2' if old == '1' else '1'}{text[place + 1 :]}"
+                used = {**settled, name: type(value)(changed)}
+                monkeypatch.setattr(f"{conduct.__module__}.analysis_settings", lambda now=used: now)
+                said = f"{name}: {used[name]}; registered: {value}"
+                assert told(loaded) == [("analysis", said)]
+
+
 def test_each_session_is_predicted_under_the_calibration_in_force() -> None:
     rigs = [OLD, OLD, NEW, NEW]
     mixed = data(sessions=[session(slot, rig) for slot, rig in enumerate(rigs)])

@@ -14,6 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from analysis.estimates import FloatArray, IntArray, Interval
 from analysis.report.findings import Scale
@@ -226,12 +227,11 @@ def grid_drawing(
     """
 
     def figure(size: Size) -> Figure:
-        made = Figure(figsize=(size.width_in, size.height * height_in), layout="constrained")
+        made = Figure(figsize=(size.width_in, size.height * height_in))
         shared: Any = {"sharex": True, "sharey": "row" if heights else True}
         grid = made.subplots(rows, columns, squeeze=False, height_ratios=heights, **shared)
         draw(list(grid.ravel()))
-        made.draw_without_rendering()
-        made.set_layout_engine(None)  # else each file would be drawn twice, to arrange it again
+        ConstrainedLayoutEngine().execute(made)  # once: as the figure's own it would for each file
         return made
 
     def files() -> Mapping[str, bytes]:

@@ -22,6 +22,7 @@ def build(root: Path = ROOT) -> Path:
     zensical = [sys.executable, "-m", "zensical", "build", "--clean", "--strict"]
     subprocess.run(zensical, cwd=root, check=True)
     site = root / "site"
+    (site / "404.html").unlink()  # only a server shows it, and its links begin at a server's root
     for page in site.rglob("*.html"):
         up = "../" * (len(page.relative_to(site).parts) - 1)
         text = page.read_text(encoding="utf-8")

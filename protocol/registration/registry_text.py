@@ -102,10 +102,9 @@ def _stopping(registered: Registration) -> Sequence[str]:
 
 def _power(registered: Registration) -> Sequence[str]:
     """Return the answer of the power analysis, and each of its other results with its name."""
-    said = [
-        text if name == "answer" else f"{name}: {text}" for name, text in registered.power.items()
-    ]
-    return said or ["(to be filled in)"]
+    others = [f"{name}: {text}" for name, text in registered.power.items() if name != "answer"]
+    answer = registered.power.get("answer", "" if others else "(to be filled in)")
+    return [*filter(None, [answer]), *(["Each test by its own p:"] if others else []), *others]
 
 
 def _conditions(study: Study) -> Iterator[str]:

@@ -81,7 +81,9 @@ def _lock_lines(registered: Registration | None, text: str) -> Iterator[str]:
     if registered is not None:
         yield f"Registered: {registered.digest}, which seeds the orders."
         if text_digest(text) != registered.study_sha256:
-            yield "study.toml is not the registered one: restore it, or accept it with amend."
+            yield "study.toml is not the registered one: restore it. Otherwise, before the first"
+            yield "session, move registration.toml away and register anew; later, touchbeam amend"
+            yield "accepts the change."
 
 
 def _refused(

@@ -188,7 +188,8 @@ text = { zh = "您多大年纪？", en = "How old are you?" }
 def test_the_text_for_a_registry_names_each_power() -> None:
     power = {"answer": "80 % with 20", "power of conditions differ": "0.8"}
     text = registry_text(PAPER, replace(REGISTERED, power=power))
-    assert "Sample size rationale\n  80 % with 20\n  power of conditions differ: 0.8\n" in text
+    assert "Sample size rationale\n  80 % with 20\n  Each test by its own p:\n" in text
+    assert "  power of conditions differ: 0.8\n" in text
     assert "Sample size rationale\n  (to be filled in)\n" in registry_text(
         PAPER, replace(REGISTERED, power={})
     )

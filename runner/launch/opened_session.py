@@ -1,5 +1,6 @@
 """The session that a request opens or resumes in the journal, and who takes part."""
 
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -14,8 +15,9 @@ from protocol.plan.slide_plan import slide_plan
 from protocol.registration.registration import locked
 from runner.clock import Clock
 from runner.journal.cohort import slot_for, states
+from runner.journal.opening import read_journal
 from runner.journal.session_log import SessionLog
-from runner.journal.store import Journal
+from runner.journal.store import Journal, JournalError
 from runner.launch.request import Request, SessionOptions
 from runner.session.resume import require_resumable
 from runner.session.session import Session, answer_order
@@ -59,6 +61,46 @@ def opened_session(request: Request, journal: Journal, clock: Clock) -> Session:
         if chain not in sessions:
             SessionLog(journal, chain, clock).append(session.opening())
     return session
+
+
+def as_begun(request: Request) -> Request:
+    """Return the request with the seed and the simulated beam of the session that it resumes.
+
+    The journal describes them where a virtual participant takes part.
+
+    Raises:
+        BadInput: an option gives another beam.
+    """
+    begun, options = _begun(request), request.options
+    truth = None if begun is None else begun.virtual
+    # The damping ratio is known of simulated beams alone.
+    if begun is None or truth is None or truth.damping_ratio is None or request.url != SIMULATED:
+        return request
+    kept: dict[str, Any] = {
+        "seed": request.seed if begun.seed is None else begun.seed,
+        "law": truth.law,
+        "rung": truth.rung,
+        "damping": truth.damping_ratio,
+    }
+    for name, value in kept.items():
+        if (given := vars(options)[name]) not in {None, value}:
+            raise BadInput(
+                f"--{name} {given} gives {request.name} another simulated beam than it began with, "
+                f"{name} {value}; resume it without --{name}, since the journal describes that beam"
+            )
+    return replace(request, options=replace(options, **kept))
+
+
+def _begun(request: Request) -> SessionOpened | None:
+    """Return how the session was opened, if it was and if the journal can be read."""
+    path = request.options.folder.journal
+    with suppress(JournalError):  # opening the journal for the session will tell
+        if path.exists():
+            with read_journal(path) as journal:
+                first = journal.events(request.chain(journal))[:1]
+                records = [event.record for event in first if not event.erased]
+            return next((it for it in records if isinstance(it, SessionOpened)), None)
+    return None
 
 
 def _calibration(options: SessionOptions) -> RigCalibration | None:

@@ -16,7 +16,7 @@ from runner.journal.verification import touchbeam_versions
 from runner.launch.confirmation import Confirm, refused
 from runner.launch.device_access import SessionRig, gauge_address, session_rig
 from runner.launch.locks import real_address, rig_lock, session_lock
-from runner.launch.opened_session import opened_session
+from runner.launch.opened_session import as_begun, opened_session
 from runner.launch.participant_screen import participants_screen
 from runner.launch.participants import Say, participant_and_operator
 from runner.launch.request import Request, SessionOptions, requested, require_meant
@@ -66,9 +66,11 @@ def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
     `stack` closes it in reverse order: first the device, then the window, which stays open until
     the participant has read the last page; the locks are released after both.
     """
-    options, name = request.options, request.name
+    name = request.name
     # Also of the rehearsal of that name: nobody runs both at once.
-    stack.enter_context(session_lock(name, options.folder.path))
+    stack.enter_context(session_lock(name, request.options.folder.path))
+    request = as_begun(request)
+    options = request.options
     gauge = gauge_address(request.study.force_channel, request.url)
     gauge = gauge if request.url != SIMULATED else None
     if gauge and real_address(gauge) == real_address(request.url):

@@ -95,6 +95,38 @@ def test_a_session_is_resumed_by_the_virtual_person_who_began_it(
     assert [(it.bias, it.dropout) for it in truths if it] == [(1.5, 1.0)] * 3
 
 
+def test_a_virtual_session_is_resumed_at_the_beam_that_it_began_with(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    typed("new", "study")
+    leaver = Path("leaver.toml")
+    leaver.write_text("[person]\ndropout = 1\n")
+    arguments = ("run", "study", "--participant", "P01", "--ratings", "virtual")
+    beam = ("--law", "coulomb", "--rung", "timoshenko", "--damping", "0.01", "--seed", "7")
+    assert typed(*arguments, "--people", leaver, *beam) == 1
+    assert typed(*arguments) == 1
+    assert typed(*arguments, *beam) == 1
+    capsys.readouterr()
+    for option, value, began in (
+        ("--law", "printed", "coulomb"),
+        ("--damping", "0.02", "0.01"),
+        ("--seed", "8", "7"),
+    ):
+        assert typed(*arguments, option, value) == 2
+        said = capsys.readouterr().err
+        assert f"{option} {value} gives P01/1 another simulated beam than it began with" in said
+        assert f"{began}; resume it without {option}" in said
+    with read_journal(Path("study/study.db")) as journal:
+        records = [event.record for event in journal.events("P01/1 (rehearsal)")]
+    begun = [it for it in records if isinstance(it, SessionOpened | SessionResumed)]
+    truths = {it.virtual for it in begun}
+    assert len(begun) == 3
+    assert {it.seed for it in begun} == {7}
+    (truth,) = truths
+    assert truth is not None
+    assert (truth.law, truth.rung, truth.damping_ratio) == ("coulomb", "timoshenko", 0.01)
+
+
 def test_amend_refuses_a_study_that_run_would_refuse(capsys: pytest.CaptureFixture[str]) -> None:
     typed("new", "study")
     assert typed(*RUN, "virtual") == 0

@@ -21,6 +21,8 @@ from protocol.study.study import Study
 from protocol.study.touch import Touch
 from protocol.study_file.language_files import located
 from protocol.study_file.loading import StudyError, parsed_study, text_digest
+from runner.journal.amendments import accepted_digests
+from runner.journal.opening import read_journal
 from runner.study.calibration import fitted_calibration
 from runner.study.folder import DIALECTS, StudyFolder
 from runner.study.registered import registration_of
@@ -73,17 +75,29 @@ def checked(
         record = {"ok": True, "problems": [], **preview_record(shown, model)}
         lock = {} if registered is None else {"registration": registered.digest}
         return [_json({**record, **lock})], [], True
-    return [*preview_lines(shown, model), *_lock_lines(registered, text)], [], True
+    return [*preview_lines(shown, model), *_lock_lines(folder, registered, text)], [], True
 
 
-def _lock_lines(registered: Registration | None, text: str) -> Iterator[str]:
+def _lock_lines(folder: StudyFolder, registered: Registration | None, text: str) -> Iterator[str]:
     """Yield that the study is registered, and whether it still is the registered one."""
     if registered is not None:
         yield f"Registered: {registered.digest}, which seeds the orders."
-        if text_digest(text) != registered.study_sha256:
-            yield "study.toml is not the registered one: restore it. Otherwise, before the first"
-            yield "session, move registration.toml away and register anew; later, touchbeam amend"
-            yield "accepts the change."
+        if (digest := text_digest(text)) == registered.study_sha256:
+            return
+        if _is_accepted(folder, digest):
+            yield "study.toml was amended after the registration."
+            return
+        yield "study.toml is not the registered one: restore it. Otherwise, before the first"
+        yield "session, move registration.toml away and register anew; later, touchbeam amend"
+        yield "accepts the change."
+
+
+def _is_accepted(folder: StudyFolder, digest: str) -> bool:
+    """Return whether the journal holds this digest as that of the latest accepted study file."""
+    if not folder.journal.is_file():  # of a copy that rehearses
+        return False
+    with read_journal(folder.journal) as journal:
+        return digest in accepted_digests(journal)[-1:]
 
 
 def _refused(

@@ -420,8 +420,13 @@ def test_files_that_were_amended_are_accepted(
     capsys.readouterr()
     assert typed("verify", folder) == 1
     assert "neither the registered nor an amended one" in capsys.readouterr().out
+    assert typed("check", folder) == 0
+    assert "is not the registered one: restore it, or accept it" in capsys.readouterr().out
     assert typed("amend", folder, "--reason", "a comment") == 0
     assert typed("verify", folder) == 0
+    capsys.readouterr()
+    assert typed("check", folder) == 0
+    assert "study.toml was amended after the registration." in capsys.readouterr().out
     study.unlink()
     capsys.readouterr()
     assert typed("verify", folder) == 1

@@ -54,7 +54,7 @@ clean:
 
 # Compiled here once, so that no command starts slowly where Python may not write beside its modules.
 $(READY): pyproject.toml uv.lock | $(UV)
-	@echo "Installing the packages that touchbeam needs into .venv, about 950 MB ..."
+	@echo "Installing the packages that touchbeam needs into .venv, about 1 GB ..."
 	@[ -t 2 ] || quiet=--quiet; $(UV) sync --frozen $$quiet --compile-bytecode
 	@$(BIN)/python -m compileall -q protocol device runner analysis touchbeam
 	@touch $@

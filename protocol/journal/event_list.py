@@ -19,9 +19,9 @@ _INTRODUCTION = """\
 `protocol/journal/events.py` defines the events, and `python -m protocol.journal.event_list`
 generates this section from it.
 
-A payload is a JSON object with the keys below. Readers ignore keys that they do not know. If a key
-that earlier builds did not write is absent, it has the value in the column *if absent*; all other
-keys are required.
+A payload is a JSON object with the keys below. Readers ignore keys that they do not know. A key
+that earlier builds did not write may be absent. It then has the value in the column *if absent*.
+All other keys are required.
 """
 
 _PLAIN: dict[Any, str] = {

@@ -166,7 +166,7 @@ class Driver(ABC):
         """Measure the amplitude of the beam's tip, m."""
         raise DeviceError(
             f"a {self.dialect} device measures no vibration: find the resonance another way and "
-            "keep it as the rig's calibration"
+            "write it to calibration.json in the study's folder (docs/rig.md)"
         )
 
     def watchdog_trips(self) -> bool:

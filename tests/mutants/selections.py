@@ -4,13 +4,20 @@ from collections.abc import Mapping
 
 _LIMITS = "tests/device/drivers/test_limits.py"
 _DRIVERS = (
-    _LIMITS, "tests/system/test_lying_devices.py", "tests/device/drivers/test_board.py",
-    "tests/system/test_lies.py", "tests/device/drivers/test_discovery.py",
+    "tests/device/drivers/test_dialogues.py", "tests/device/drivers/test_driver.py",
+    "tests/system/test_lying_devices.py", "tests/device/rig", "tests/device/test_resonance.py",
+    "tests/device/drivers/test_board.py", "tests/system/test_lies.py",
+    "tests/device/force_channel/test_recording.py", "tests/device/simulator/test_in_process.py",
+    "tests/device/drivers/test_discovery.py",
 )  # fmt: skip
 _STORE = "tests/runner/journal/test_store.py"
 _AMENDED = "tests/runner/journal/test_amendments.py"
 _JOURNAL: Mapping[str, tuple[str, ...]] = {
-    "amendments": (_AMENDED, "tests/runner/journal/test_guessing.py", "tests/runner/cli"),
+    "amendments": (
+        _AMENDED,
+        "tests/runner/journal/test_guessing.py",
+        "tests/runner/cli/test_withdraw.py",
+    ),
     "backup": ("tests/runner/journal/test_backup.py",),
     "chain": (_STORE, _AMENDED, "tests/runner/journal/test_corruption.py"),
     "cohort": (_AMENDED, "tests/runner/launch", "tests/system/test_run.py"),

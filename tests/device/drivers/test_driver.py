@@ -1,0 +1,536 @@
+"""What a driver makes of a device's answers, at the very edge of what it may believe."""
+
+import math
+import re
+from dataclasses import replace
+
+import pytest
+
+from device.drivers.board import Board
+from device.drivers.discovery import driver_of
+from device.drivers.driver import MOST_QUEUED_ERRORS, NO_TEMPERATURE, REL_TOL, Driver
+from device.drivers.generator import (
+    AMPLITUDE_REL_TOL,
+    NO_ERRORS,
+    NO_LIMITS,
+    NO_WATCHDOG,
+    Generator,
+    Ramp,
+)
+from device.drivers.limits import Setpoint
+from device.errors import CannotRecord, DeviceError, LinkTimeout, OutputUnknown
+from device.link.link import Link
+from tests.device.lying import LyingPort, SteppedClock, lying, unarmed
+from tests.device.rigs import DRIVE, LIMITS
+from tests.device.scripted import ScriptedPort, ticking
+
+GENERATORS = ("keysight", "rigol", "siglent")
+STILL = replace(DRIVE, voltage_v=0.0)
+COOL = replace(LIMITS, max_temperature_c=60)
+
+
+def stepped(dialect: str = "board", watchdog_s: float = 0.5) -> tuple[Driver, LyingPort]:
+    """An armed driver by whose clock its device lives."""
+    clock = SteppedClock()
+    port = LyingPort(dialect, clock)
+    link = Link(port, monotonic=clock)
+    driver = driver_of(dialect)(link, replace(LIMITS, watchdog_s=watchdog_s), clock)
+    driver.arm()
+    return driver, port
+
+
+@pytest.mark.parametrize("dialect", ["board", *GENERATORS])
+def test_a_board_alone_guards_measures_and_ramps_by_itself(dialect: str) -> None:
+    driver, _ = lying(LIMITS, dialect)
+    is_board = dialect == "board"
+    assert (driver.has_watchdog, driver.measures_vibration) == (is_board, is_board)
+    driver.drive(DRIVE)
+    assert driver.carry_on() is not is_board
+
+
+@pytest.mark.parametrize("dialect", GENERATORS)
+def test_a_generator_refuses_what_only_a_board_can_do(dialect: str) -> None:
+    generator, port = lying(LIMITS, dialect)
+    port.sent.clear()
+    for asked, kind in (
+        (generator.watchdog_trips, DeviceError),
+        (generator.vibration_m, DeviceError),
+        (generator.force_source, CannotRecord),
+    ):
+        with pytest.raises(kind, match=f"a {dialect} device "):
+            asked()
+    assert port.sent == []
+
+
+def test_a_queue_of_errors_without_end_is_read_to_a_limit() -> None:
+    port = ScriptedPort({b"SYST:ERR?\n": b'-100,"Command error"\n'})
+    board = Board(Link(port, monotonic=ticking()), LIMITS)
+    with pytest.raises(DeviceError, match="error queue does not end: -100 Command error"):
+        board.drained_errors()
+    assert len(port.sent) == MOST_QUEUED_ERRORS == 32
+
+
+def test_each_error_in_the_queue_is_reported_once() -> None:
+    board, port = lying(LIMITS)
+    port.lies = {"SYST:ERR?": ['-100,"One"', '-200,"Two"', '0,"No error"']}
+    assert board.drained_errors() == ["-100 One", "-200 Two"]
+    port.lies = {"SYST:ERR?": ['-100,"One"', '-200,"Two"', '0,"No error"']}
+    with pytest.raises(DeviceError, match=r"^VOLT was refused by the device: -100 One; -200 Two$"):
+        board.send("VOLT 1")
+
+
+@pytest.mark.parametrize(("set_to", "kept"), [("100", "100.001"), ("0", "0.5")])
+def test_a_value_that_is_kept_a_little_wrong_is_refused(set_to: str, kept: str) -> None:
+    board, port = lying(LIMITS)
+    port.lies = {"VOLT?": [kept]}
+    with pytest.raises(DeviceError, match=f"^VOLT was set to {set_to} and reads back as {kept}$"):
+        board.set_number("VOLT", float(set_to))
+
+
+def test_a_word_that_is_not_kept_is_refused() -> None:
+    generator, port = lying(LIMITS, "keysight")
+    port.lies = {"SOUR1:FUNC?": ["SQU"]}
+    with pytest.raises(DeviceError, match=r"^SOUR1:FUNC was set to SIN and reads back as SQU$"):
+        generator.arm()
+
+
+@pytest.mark.parametrize("end", [1 - REL_TOL, 1 + REL_TOL])
+def test_a_frequency_is_right_up_to_the_tolerance_and_no_further(end: float) -> None:
+    board, _ = lying(LIMITS)
+    board.driven = DRIVE
+    edge_hz = DRIVE.frequency_hz * end
+    board.require_frequency(edge_hz)
+    with pytest.raises(DeviceError, match=r"FREQ was set to 24221\.37 and reads back as"):
+        board.require_frequency(math.nextafter(edge_hz, edge_hz * end))
+    board.driven = None
+    board.require_frequency(0.0)
+
+
+def test_a_device_that_does_not_get_into_step_is_not_armed() -> None:
+    idn = {b"*IDN?\n": b"touchbeam,BOARD,1,1.2\n"}
+    port = ScriptedPort(idn, deaf_to_sync=True)
+    board = Board(Link(port, monotonic=ticking()), LIMITS)
+    with pytest.raises(LinkTimeout, match="an earlier answer is still outstanding"):
+        board.arm()
+    assert port.sent.count(b"OUTP OFF\n") == 1
+
+
+def test_a_device_that_falls_silent_is_given_up_in_time() -> None:
+    board, port = stepped()
+    port.line_lie = lambda _: ""
+    port.sent.clear()
+    begun_s = board.monotonic()
+    with pytest.raises(OutputUnknown, match="UNKNOWN - cut the amplifier"):
+        board.off()
+    assert board.monotonic() - begun_s < 1.0
+    assert port.sent.count("OUTP OFF") == 2
+
+
+def test_the_last_reading_is_that_of_the_drive_and_then_of_the_output_off() -> None:
+    board, _ = stepped()
+    board.drive(DRIVE)
+    board.drive(DRIVE)
+    shown = board.reading
+    assert shown is not None
+    assert (shown.output, shown.frequency_hz) == (True, DRIVE.frequency_hz)
+    assert shown.monitor_v == pytest.approx(shown.amplitude_v, abs=0.5)
+    assert 0 < shown.amplitude_v < 5, "on its way to 100 V"
+    assert (shown.finger_s, shown.force_n is None) == (shown.at_s, False)
+    board.check()
+    checked = board.reading
+    assert checked is not None
+    assert checked.at_s > shown.at_s
+    assert (checked.force_n, checked.position_m) == (shown.force_n, shown.position_m)
+    assert checked.finger_s == shown.finger_s, "a check asks for no sensors"
+    board.off()
+    off = board.reading
+    assert off is not None
+    assert off.at_s > checked.at_s
+    assert (off.output, off.amplitude_v, off.monitor_v) == (False, 0.0, None)
+    assert off.force_n == shown.force_n
+
+
+def test_a_generator_reads_without_a_finger() -> None:
+    generator, _ = lying(LIMITS, "keysight")
+    generator.drive(DRIVE)
+    assert generator.reading is not None
+    assert generator.reading.force_n is None
+    assert generator.reading.amplitude_v == pytest.approx(0.02)
+
+
+@pytest.mark.parametrize(
+    ("dialect", "told"),
+    [
+        ("keysight", (NO_WATCHDOG,)),
+        ("keysight-33220A", (NO_WATCHDOG, NO_LIMITS)),
+        ("rigol", (NO_WATCHDOG,)),
+        ("rigol-DG1062Z", (NO_WATCHDOG, NO_LIMITS)),
+        ("siglent", (NO_WATCHDOG, NO_LIMITS, NO_ERRORS)),
+        ("board", ()),
+    ],
+)
+def test_the_operator_reads_what_a_device_lacks(dialect: str, told: tuple[str, ...]) -> None:
+    for limits, more in ((LIMITS, ()), (COOL, (NO_TEMPERATURE,) * (dialect != "board"))):
+        kind = driver_of(dialect.partition("-")[0])
+        driver = kind(Link(LyingPort(dialect), monotonic=ticking(1e-3)), limits, ticking(1e-3))
+        assert driver.arm().remarks == told + more
+
+
+# The board
+
+
+def test_the_identity_has_the_boards_own_time_and_boot() -> None:
+    board, port = unarmed(LIMITS)
+    port.lies = {"SYST:BOOT?": ["7"], "SYST:TIME?": ["12.5"]}
+    identity = board.arm()
+    assert (identity.boot, identity.device_time_s) == (7, 12.5)
+
+
+@pytest.mark.parametrize("query", ["read_back", "check"])
+def test_a_board_may_show_as_much_as_the_tolerance_and_no_more(query: str) -> None:
+    board, port = lying(LIMITS)
+    board.drive(DRIVE)
+    port.lies = {"VOLT:INST?": ["107"], "MEAS:VOLT?": ["107"]}
+    getattr(board, query)()
+    board.drive(DRIVE)
+    port.lies = {"VOLT:INST?": ["100"], "MEAS:VOLT?": ["107"]}
+    getattr(board, query)()
+    port.lies = {"VOLT:INST?": ["100"], "MEAS:VOLT?": ["92.9"]}
+    with pytest.raises(DeviceError, match=r"monitor must show 100\.0 V, got 92\.9 V"):
+        getattr(board, query)()
+
+
+@pytest.mark.parametrize("driven", [True, False])
+def test_a_board_at_0_v_may_not_show_3_v(driven: bool) -> None:
+    board, port = lying(LIMITS)
+    if driven:
+        board.drive(STILL)
+    port.lies = {"VOLT:INST?": ["3"], "MEAS:VOLT?": ["3"]}
+    with pytest.raises(DeviceError, match=r"^the amplitude must not exceed 0\.0 V, got 3\.0 V$"):
+        board.check()
+    port.lies = {"VOLT:INST?": ["2"], "MEAS:VOLT?": ["2.05"]}
+    with pytest.raises(DeviceError, match=r"^the monitor must not exceed 0\.0 V, got 2\.0 V$"):
+        board.check()
+
+
+@pytest.mark.parametrize("query", ["read_back", "check"])
+def test_a_boards_target_is_the_drive_to_the_last_digit(query: str) -> None:
+    board, port = lying(LIMITS)
+    board.drive(DRIVE)
+    port.lies = {"VOLT?": ["100.001"]}
+    with pytest.raises(DeviceError, match=r"^VOLT was set to 100 and reads back as 100\.001$"):
+        getattr(board, query)()
+
+
+@pytest.mark.parametrize(("query", "set_to"), [("VOLT:LIM", "120"), ("SYST:WATC", "0.5")])
+def test_a_board_that_has_lost_its_limits_is_not_switched_on(query: str, set_to: str) -> None:
+    board, port = lying(LIMITS)
+    port.lies = {f"{query}?": ["0.6"]}
+    with pytest.raises(DeviceError, match=f"^{query} was set to {set_to} and reads back as 0.6$"):
+        board.drive(DRIVE)
+    assert "OUTP ON" not in port.sent
+
+
+@pytest.mark.parametrize(
+    ("query", "said", "why"),
+    [
+        ("OUTP:PROT:CAUS?", "WATC", "the device: its watchdog tripped: nothing was heard of this"),
+        ("OUTP:PROT:CAUS?", "TEMP", "the device: its protection tripped: over-temperature$"),
+        ("OUTP:PROT:CAUS?", "CURR", "the device: its protection tripped: over-current$"),
+        ("OUTP:PROT:CAUS?", "FROB", "the device: FROB$"),
+        ("SYST:BOOT?", "9", r"the device restarted \(boot 1, now 9\)"),
+    ],
+)
+def test_the_cause_of_a_trip_is_told_wherever_it_is_met(query: str, said: str, why: str) -> None:
+    board, port = lying(LIMITS)
+    port.lies = {query: [said]}
+    with pytest.raises(DeviceError, match=f"^{why}"):
+        board.drive(DRIVE)
+    assert "OUTP ON" not in port.sent
+    port.lies = {}
+    board.drive(DRIVE)
+    port.lies = {query: [said], "OUTP?": ["0"]}
+    for asked in (board.check, board.read_back):
+        with pytest.raises(DeviceError, match=f"^{why}"):
+            asked()
+
+
+@pytest.mark.parametrize("query", ["read_back", "check"])
+def test_a_board_that_switches_by_itself_is_told_of_by_what_it_did(query: str) -> None:
+    board, port = lying(LIMITS)
+    port.lies = {"OUTP?": ["1"]}
+    with pytest.raises(DeviceError, match=r"^the device's output is on, and nobody here switched"):
+        getattr(board, query)()
+    port.lies = {}
+    board.drive(DRIVE)
+    port.lies = {"OUTP?": ["0"]}
+    with pytest.raises(DeviceError, match=r"^the device turned its output off by itself$"):
+        getattr(board, query)()
+
+
+def test_a_board_is_not_off_at_the_tolerance_itself() -> None:
+    board, port = lying(LIMITS)
+    port.lies = {"MEAS:VOLT?": ["2"]}
+    with pytest.raises(OutputUnknown, match=r"its monitor still shows 2\.0 V after 0\.5 s"):
+        board.off()
+
+
+def test_a_board_has_half_a_second_to_discharge() -> None:
+    board, port = lying(LIMITS)
+    port.sent.clear()
+    port.lies = {"MEAS:VOLT?": ["150"]}
+    moments_s = iter([0.0, 0.25, 0.5])
+    board.monotonic = lambda: next(moments_s)
+    with pytest.raises(OutputUnknown, match=r"still shows 150\.0 V after 0\.5 s"):
+        board.off()
+    assert len(port.sent) == 1 + 2, "off, and two looks"
+
+
+def test_a_board_that_says_on_is_not_off() -> None:
+    board, port = lying(LIMITS)
+    port.lies = {"OUTP?": ["1"]}
+    with pytest.raises(OutputUnknown, match="told OUTP OFF and says that its output is on"):
+        board.off()
+
+
+def test_a_watchdog_has_tripped_if_the_output_is_off_because_of_it() -> None:
+    for after, cause, tripped in (("0", "WATC", True), ("1", "WATC", False), ("0", "CURR", False)):
+        board, port = stepped()
+        port.lies = {"OUTP?": ["1", after, "0"], "OUTP:PROT:CAUS?": ["NONE", cause]}
+        assert board.watchdog_trips() is tripped
+        assert port.sent.count("OUTP:PROT:CLE") == 2, "as it was armed, and after the test"
+
+
+@pytest.mark.parametrize("watchdog_s", [0.5, 5.0])
+def test_the_test_of_a_watchdog_is_silent_a_fifth_longer_than_it_takes(watchdog_s: float) -> None:
+    board, _ = stepped(watchdog_s=watchdog_s)
+    begun_s = board.monotonic()
+    assert board.watchdog_trips()
+    assert board.monotonic() - begun_s == pytest.approx(1.2 * watchdog_s, abs=0.05 + 0.01)
+
+
+@pytest.mark.parametrize("firmware", ["1.2", "1.10", "2.0", "1.2-beta"])
+def test_a_board_of_this_firmware_records(firmware: str) -> None:
+    board, port = unarmed(LIMITS)
+    port.lies = {"*IDN?": [f"touchbeam,BOARD,7,{firmware}"], "TRAC:SCAL?": ["1,2,3"]}
+    board.arm()
+    source = board.force_source()
+    assert isinstance(source, Board)
+    assert source.start_sampling(1000) == (1.0, 2.0, 3.0)
+
+
+@pytest.mark.parametrize("firmware", ["1.1", "0.9", "beta", "x1.2"])
+def test_a_board_of_an_older_firmware_records_nothing(firmware: str) -> None:
+    board, port = unarmed(LIMITS)
+    port.lies = {"*IDN?": [f"touchbeam,BOARD,7,{firmware}"]}
+    board.arm()
+    with pytest.raises(CannotRecord, match=rf"\(firmware {firmware}\) records no forces"):
+        board.force_source()
+
+
+@pytest.mark.parametrize("scale", ["0.5,0.5,0", "1,1", "1,1,1,0"])
+def test_a_scale_must_have_three_sizes(scale: str) -> None:
+    board, port = lying(LIMITS)
+    port.lies = {"TRAC:SCAL?": [scale]}
+    with pytest.raises(DeviceError, match="must answer with 3 sizes above 0"):
+        board.force_source().start_sampling(1000)
+
+
+def test_other_errors_than_an_unknown_question_do_not_hide_a_thermometer() -> None:
+    for queued, has_none in ((['-113,"Undefined header"', '-350,"Full"'], True), (["0,"], False)):
+        board, port = unarmed(COOL)
+        port.silent = {"MEAS:TEMP?"}
+        port.lies = {"SYST:ERR?": ['0,"No error"'] * 5 + queued + ['0,"No error"']}
+        if has_none:
+            assert board.arm().remarks == (NO_TEMPERATURE,)
+        else:
+            with pytest.raises(DeviceError, match="must answer with an error"):
+                board.arm()
+
+
+# Generators
+
+
+def test_a_ramp_ends_at_its_end_to_the_last_bit() -> None:
+    up = Ramp(from_v=36.35, to_v=109.02, begin_s=0, v_per_s=1)
+    assert up.from_v + (up.to_v - up.from_v) != up.to_v, "rounded"
+    assert up.at(up.to_v - up.from_v) == up.to_v
+    down = Ramp(from_v=100, to_v=20, begin_s=5, v_per_s=40)
+    assert down.at(7.5) == 20
+
+
+def vpp(generator: Driver, voltage_v: float) -> float:
+    return generator.limits.amplifier.vpp(voltage_v)
+
+
+def on_at(dialect: str, setpoint: Setpoint = DRIVE) -> tuple[Generator, LyingPort]:
+    """A generator that has reached its amplitude."""
+    driver, port = lying(LIMITS, dialect)
+    assert isinstance(driver, Generator)
+    driver.drive(setpoint)
+    moment_s = driver.monotonic()
+    driver.monotonic = lambda: moment_s + 10
+    assert driver.carry_on() is False
+    return driver, port
+
+
+@pytest.mark.parametrize("query", ["read_back", "check"])
+def test_an_amplitude_is_right_to_a_thousandth(query: str) -> None:
+    generator, port = on_at("keysight")
+    told = vpp(generator, DRIVE.voltage_v)
+    port.lies = {"SOUR1:VOLT?": [f"{told * (1 + 0.9 * AMPLITUDE_REL_TOL):.8g}"]}
+    getattr(generator, query)()
+    port.lies = {"SOUR1:VOLT?": [f"{told * (1 + 1.2 * AMPLITUDE_REL_TOL):.8g}"]}
+    with pytest.raises(DeviceError, match=r"^the amplitude was set to 100 V and reads back as 100"):
+        getattr(generator, query)()
+
+
+@pytest.mark.parametrize("dialect", ["rigol", "siglent"])
+def test_a_small_amplitude_is_right_to_its_resolution(dialect: str) -> None:
+    small = replace(DRIVE, voltage_v=0.5)
+    for off_vpp, is_right in ((0.0009, True), (0.0012, False)):
+        generator, port = on_at(dialect, small)
+        told = vpp(generator, small.voltage_v) + off_vpp
+        wave = f"C1:BSWV WVTP,SINE,FRQ,24221.37HZ,AMP,{told:.6f}V,OFST,0V"
+        port.lies = {"C1:BSWV?": [wave], "SOUR1:VOLT?": [f"{told:.6f}"]}
+        if is_right:
+            generator.check()
+        else:
+            with pytest.raises(DeviceError, match=r"the amplitude was set to 0\.5 V"):
+                generator.check()
+
+
+@pytest.mark.parametrize("dialect", GENERATORS)
+def test_the_least_amplitude_itself_can_be_driven(dialect: str) -> None:
+    generator, _ = lying(LIMITS, dialect)
+    assert isinstance(generator, Generator)
+    least = replace(DRIVE, voltage_v=generator.least_v)
+    assert generator.drive(least).output is True
+    assert generator.drive(STILL).output is True, "until the ramp to 0 V has ended"
+    assert generator.carry_on() is False
+    assert generator.reading is not None
+    assert generator.reading.output is False
+    assert generator.driven is None
+    assert generator.carry_on() is False
+
+
+@pytest.mark.parametrize(("on", "state"), [(True, "off"), (False, "on")])
+def test_a_generator_switched_by_somebody_is_told_of_by_its_state(on: bool, state: str) -> None:
+    generator, port = on_at("keysight")
+    if not on:
+        generator.off()
+    port.lies = {"OUTP1?": ["0" if on else "1"]}
+    with pytest.raises(DeviceError, match=f"^the generator's output is {state}, and nobody here "):
+        generator.check()
+
+
+WAVE = "C1:BSWV WVTP,SINE,FRQ,24221.37HZ,AMP,10V,OFST,0V"
+FAULTS = (
+    ("keysight", {"OUTP1:LOAD?": "50"}, "load must be INF, got 50: twice the voltage"),
+    (
+        "keysight",
+        {"SOUR1:VOLT:UNIT?": "VRMS", "SOUR1:VOLT:OFFS?": "1.5", "SOUR1:FUNC?": "SQU"},
+        "unit, offset and function must be VPP, 0 and SIN, got VRMS, 1.5 and SQU",
+    ),
+    (
+        "keysight",
+        {"SOUR1:VOLT:LIM:STAT?": "0", "SOUR1:VOLT:LIM:HIGH?": "9", "SOUR1:VOLT:LIM:LOW?": "-8"},
+        "limits must be on at -6 and 6 V, got off at -8 and 9 V",
+    ),
+    (
+        "keysight",
+        {"SOUR1:VOLT:LIM:HIGH?": "6.001"},
+        "limits must be on at -6 and 6 V, got on at -6 and 6.001 V",
+    ),
+    (
+        "keysight",
+        {"SOUR1:VOLT:LIM:LOW?": "-6.001"},
+        "limits must be on at -6 and 6 V, got on at -6.001 and 6 V",
+    ),
+    ("keysight", {"SOUR1:AM:STAT?": "1"}, "AM must be off, got 1"),
+    ("keysight", {"SOUR1:FREQ:MODE?": "LIST"}, "frequency mode must be CW, got LIST"),
+    ("keysight", {"OUTP2?": "1"}, "second channel must be off, got 1"),
+    ("rigol", {"SOUR1:HARM?": "ON"}, "harmonics must be off, got ON"),
+    (
+        "siglent",
+        {"C1:OUTP?": "C1:OUTP ON,LOAD,50,PLRT,NOR"},
+        "load must be HZ, got 50: twice the voltage",
+    ),
+    (
+        "siglent",
+        {"C1:BSWV?": WAVE.replace("OFST,0V", "OFST,1500MV")},
+        "wave and offset must be SINE and 0, got SINE and 1.5",
+    ),
+    (
+        "siglent",
+        {"C1:BSWV?": WAVE.replace("SINE", "RAMP")},
+        "wave and offset must be SINE and 0, got RAMP and 0",
+    ),
+    ("siglent", {"C1:SWWV?": "C1:SWWV STATE,ON"}, "sweep must be off, got STATE,ON"),
+    ("siglent", {"C1:BTWV?": "C1:BTWV STATE,PERHAPS"}, "burst must be off, got STATE,PERHAPS"),
+    (
+        "siglent",
+        {"COUP?": f"COUP TRACE,OFF,FCOUP,ON,{'X' * 40}"},
+        f"coupling of channels must be off, got TRACE,OFF,FCOUP,ON,{'X' * 21}",
+    ),
+)
+
+
+@pytest.mark.parametrize(("dialect", "says", "fault"), FAULTS)
+def test_a_setting_that_was_changed_is_named(
+    dialect: str, says: dict[str, str], fault: str
+) -> None:
+    generator, port = on_at(dialect)
+    port.lies = {query: [answer] for query, answer in says.items()}
+    with pytest.raises(DeviceError, match=f"^the generator's {re.escape(fault)}$"):
+        generator.check()
+
+
+@pytest.mark.parametrize(
+    "wave",
+    [
+        WAVE,
+        "C1:BSWV WVTP,SINE,FRQ,24.22137KHZ,AMP,10000MV,OFST,0MV",
+        "C1:BSWV WVTP, SINE, FRQ,0.02422137MHZ,AMP,1.0E+1V,OFST,-0.0",
+        "C1:BSWV OFST,0,AMP,10,FRQ,24221.37,WVTP,SINE",
+    ],
+)
+def test_a_siglent_may_answer_in_any_of_its_units(wave: str) -> None:
+    generator, port = on_at("siglent")
+    port.lies = {"C1:BSWV?": [wave]}
+    shown = generator.read_back()
+    assert shown.frequency_hz == pytest.approx(24221.37)
+    assert shown.voltage_v == pytest.approx(100)
+
+
+@pytest.mark.parametrize(
+    ("says", "why"),
+    [
+        ({"C1:BSWV?": "C1:BSWV"}, "must answer with C1:BSWV and its values, got 'C1:BSWV'"),
+        ({"C1:BSWV?": WAVE.replace("C1", "C2")}, "must answer with C1:BSWV and its values"),
+        ({"C1:BSWV?": WAVE.replace("AMP,10V,", "")}, "must answer with its AMP, got 'WVTP"),
+        ({"C1:BSWV?": WAVE.replace("OFST,0V", "OFST")}, "must answer with its OFST, got 'WVTP"),
+        ({"C1:BSWV?": WAVE.replace("10V", "10VRMS")}, "a number for AMP, got '10VRMS'"),
+        ({"C1:BSWV?": WAVE.replace("10V", "V")}, "a number for AMP, got 'V'"),
+        ({"C1:OUTP?": "C1:OUTP ON,PLRT,NOR"}, "must answer with its LOAD, got 'ON,PLRT,NOR'"),
+    ],
+)
+def test_an_answer_of_a_siglent_that_is_incomplete_is_not_believed(
+    says: dict[str, str], why: str
+) -> None:
+    generator, port = on_at("siglent")
+    port.lies = {query: [answer] for query, answer in says.items()}
+    with pytest.raises(DeviceError, match=why):
+        generator.check()
+
+
+def test_a_siglent_that_does_not_keep_its_wave_is_refused() -> None:
+    for wave, told in (
+        (WAVE.replace("AMP,10V", "AMP,0.0055V"), "AMP was set to 0.004 and reads back as 0.0055"),
+        (WAVE.replace("24221.37", "24222"), "FRQ was set to 24221.4 and reads back as 24222"),
+    ):
+        generator, port = lying(LIMITS, "siglent")
+        port.lies = {"C1:BSWV?": [WAVE, wave] if "AMP" in told else [wave]}
+        with pytest.raises(DeviceError, match=f"^{told}$"):
+            generator.drive(DRIVE)
+        assert "C1:OUTP ON" not in port.sent

@@ -31,7 +31,10 @@ _STUDY_FILE = (
     "tests/protocol/study_file/test_limits.py", "tests/protocol/study_file/test_loading.py",
     "tests/protocol/study_file/test_consistency.py", "tests/protocol/plan/test_feasibility.py",
 )  # fmt: skip
-_SESSION = ("tests/runner/session",)
+_SESSION = (
+    "tests/runner/session/test_trial.py", "tests/runner/session/test_waiting.py",
+    "tests/runner/session",
+)  # fmt: skip
 
 SELECTIONS: Mapping[str, tuple[str, ...]] = {
     "device/drivers/limits.py": (_LIMITS,),

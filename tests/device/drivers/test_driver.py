@@ -293,6 +293,28 @@ def test_a_board_that_says_on_is_not_off() -> None:
         board.off()
 
 
+@pytest.mark.parametrize("dialect", ["board", *GENERATORS])
+def test_an_output_that_is_on_the_second_time_it_is_asked_is_not_off(dialect: str) -> None:
+    driver, port = stepped(dialect)
+    driver.drive(DRIVE)
+    port.device.answer_control("fault off-ignored on")
+    port.sent.clear()
+    answers = iter([""])
+    port.line_lie = lambda line: next(answers, line)
+    told = f"told {driver.off_command} and says that its output is on"
+    with pytest.raises(OutputUnknown, match=re.escape(told)):
+        driver.off()
+    assert port.sent.count(driver.off_command) == 2
+
+
+def test_closing_gives_the_port_back() -> None:
+    board, port = lying(LIMITS)
+    closed: list[bool] = []
+    port.close = lambda: closed.append(True)  # type: ignore[method-assign]
+    board.close()
+    assert closed == [True]
+
+
 def test_a_watchdog_has_tripped_if_the_output_is_off_because_of_it() -> None:
     for after, cause, tripped in (("0", "WATC", True), ("1", "WATC", False), ("0", "CURR", False)):
         board, port = stepped()

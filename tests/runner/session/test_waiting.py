@@ -1,0 +1,180 @@
+"""Waiting: how long, in which steps, and who is served meanwhile."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from protocol.journal.events import DeviceArmed
+from runner.journal.opening import open_journal
+from runner.screens import Instruction, Notice, Response, Screen, Welcome
+from runner.session.orders import StoppedByOperator
+from runner.session.session import SessionContext
+from runner.session.waiting import operator_answer, pause_if_wanted, response, tick, wait
+from tests.runner.fakes import FakeClock, FakeDevice, FakeOperator, FakeParticipant, context
+
+
+class Clock(FakeClock):
+    """Remembers each sleep."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.slept: list[float] = []
+
+    def sleep(self, seconds: float) -> None:
+        self.slept.append(round(seconds, 9))
+        super().sleep(seconds)
+
+
+class Participant(FakeParticipant):
+    """Answers from `answers_from_s` on; writes down when it is asked, and what it is shown."""
+
+    def __init__(self, clock: FakeClock) -> None:
+        super().__init__(shown=[Welcome()])
+        self.clock = clock
+        self.answers_from_s = 0.0
+        self.polled_s: list[float] = []
+        self.seen: list[tuple[float, str]] = []
+
+    def show(self, screen: Screen) -> None:
+        assert isinstance(screen, Instruction | Notice)
+        self.seen.append((round(self.clock.passed_s, 9), screen.text))
+        super().show(screen)
+
+    def poll(self) -> Response | None:
+        self.polled_s.append(round(self.clock.passed_s, 9))
+        return super().poll() if self.clock.passed_s >= self.answers_from_s else None
+
+
+class Scene:
+    """A session that waits, its device, people and clock."""
+
+    def __init__(self, made: SessionContext, device: FakeDevice, clock: Clock) -> None:
+        self.made = made
+        self.device = device
+        self.clock = clock
+        self.participant = Participant(clock)
+        made.clock, made.participant = clock, self.participant
+        assert isinstance(made.operator, FakeOperator)
+        self.operator = made.operator
+
+    def beats(self) -> int:
+        return self.device.calls.count("beat")
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Iterator[Scene]:
+    device = FakeDevice()
+    with open_journal(tmp_path / "study.db") as journal:
+        yield Scene(context(journal, device, FakeParticipant()), device, Clock())
+
+
+def test_a_wait_ends_on_time_and_serves_everybody_at_each_step(scene: Scene) -> None:
+    called_s: list[float] = []
+    wait(scene.made, 0.12, lambda: called_s.append(round(scene.clock.passed_s, 9)))
+    assert scene.clock.slept == [0.05, 0.05, 0.02]
+    assert called_s == [0.0, 0.05, 0.1]
+    assert scene.participant.polled_s == [0.0, 0.05, 0.1, 0.12]
+    assert scene.beats() == 3
+
+
+def test_a_wait_may_go_in_smaller_steps(scene: Scene) -> None:
+    wait(scene.made, 0.05, every_s=0.02)
+    assert scene.clock.slept == [0.02, 0.02, 0.01]
+
+
+def test_no_wait_polls_once(scene: Scene) -> None:
+    wait(scene.made, 0.0)
+    assert (scene.clock.slept, scene.participant.polled_s) == ([], [0.0])
+
+
+def test_an_answer_is_waited_for_in_ticks(scene: Scene) -> None:
+    scene.participant.answers_from_s = 0.1
+    assert response(scene.made).answer == "ready"
+    assert scene.clock.slept == [0.05, 0.05]
+    assert scene.beats() == 2
+
+
+def test_the_participant_is_served_while_the_operator_thinks(scene: Scene) -> None:
+    def answered() -> str | None:
+        return "fine" if scene.clock.passed_s >= 0.1 else None
+
+    scene.operator.answered = answered  # type: ignore[method-assign]
+    assert operator_answer(scene.made) == "fine"
+    assert scene.participant.polled_s == [0.0, 0.05, 0.1]
+    assert scene.operator.asked == []
+
+
+def test_a_question_is_withdrawn_where_the_wait_for_it_fails(scene: Scene) -> None:
+    scene.operator.answered = lambda: None  # type: ignore[method-assign]
+    scene.operator.order = lambda: "stop"  # type: ignore[method-assign]
+    with pytest.raises(StoppedByOperator, match="stop"):
+        operator_answer(scene.made)
+    assert scene.operator.asked == [""]
+
+
+def test_a_signal_ends_a_wait_before_anything_else(
+    scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stopped() -> None:
+        raise KeyboardInterrupt("SIGTERM")
+
+    monkeypatch.setattr("runner.session.waiting.raise_if_stopped", stopped)
+    with pytest.raises(KeyboardInterrupt, match="SIGTERM"):
+        tick(scene.made, 1.0)
+    assert (scene.beats(), scene.clock.slept) == (0, [])
+
+
+@pytest.mark.parametrize(("pause_s", "saved_s"), [(2.0, 0.5), (0.2, 0.2), (0.5, 0.5)])
+def test_a_page_says_for_a_moment_that_the_answer_is_saved(
+    scene: Scene, pause_s: float, saved_s: float
+) -> None:
+    study = scene.made.session.study
+    timing = study.timing.model_copy(update={"inter_trial_s": pause_s})
+    study = study.model_copy(update={"timing": timing})
+    scene.made.session = replace(scene.made.session, study=study)
+    trial = replace(scene.made.session.plan.trials[0], break_s=0.0)
+    pause_if_wanted(scene.made, trial)
+    assert scene.participant.seen == [(saved_s, "wait.touch")]
+    assert scene.clock.passed_s == pytest.approx(pause_s)
+
+
+@pytest.mark.parametrize(("answers_s", "ends_s"), [(0.0, 30.0), (40.0, 40.0)])
+def test_a_break_ends_with_its_time_and_an_answer(
+    scene: Scene, answers_s: float, ends_s: float
+) -> None:
+    pause_s = scene.made.session.study.timing.inter_trial_s
+    scene.participant.answers_from_s = pause_s + answers_s
+    trial = replace(scene.made.session.plan.trials[0], break_s=30.0)
+    pause_if_wanted(scene.made, trial)
+    assert scene.participant.seen[-1] == (pause_s, "break")
+    assert scene.clock.passed_s == pytest.approx(pause_s + ends_s, abs=0.11)
+    polled = [at_s for at_s in scene.participant.polled_s if at_s > pause_s]
+    assert (len(polled) > 100) is (answers_s > 0), "an answer that was given is kept"
+
+
+def test_a_short_break_is_a_break(scene: Scene) -> None:
+    trial = replace(scene.made.session.plan.trials[0], break_s=0.5)
+    pause_if_wanted(scene.made, trial)
+    assert scene.participant.seen[-1][1] == "break"
+
+
+def test_the_participant_is_served_while_the_session_pauses(scene: Scene) -> None:
+    made = scene.made
+    made.log.append(DeviceArmed(idn="fake", boot=1, device_time_s=0.0))
+    made.pause_wanted = True
+    trial = replace(made.session.plan.trials[0], break_s=0.0)
+
+    class Ends(FakeClock):
+        def sleep(self, seconds: float) -> None:
+            super().sleep(seconds)
+            made.pause_wanted = self.passed_s < made.session.study.timing.inter_trial_s + 0.2
+
+    made.clock = scene.participant.clock = Ends()
+    pause_if_wanted(made, trial)
+    paused_s, text = scene.participant.seen[-1]
+    assert text == "pause"
+    assert len([at_s for at_s in scene.participant.polled_s if at_s > paused_s]) == 4
+    assert [view.state for view in scene.operator.seen] == ["paused"]
+    assert made.log.state.name == "armed"

@@ -421,7 +421,7 @@ def test_files_that_were_amended_are_accepted(
     assert typed("verify", folder) == 1
     assert "neither the registered nor an amended one" in capsys.readouterr().out
     assert typed("check", folder) == 0
-    assert "is not the registered one: restore it, or accept it" in capsys.readouterr().out
+    assert "study.toml is not the registered one: restore it." in capsys.readouterr().out
     assert typed("amend", folder, "--reason", "a comment") == 0
     assert typed("verify", folder) == 0
     capsys.readouterr()

@@ -276,6 +276,7 @@ class Study:
             broken=self.broken,
             rig=self._rig,
             unlocked=unlocked,
+            sections=sections,
         )
         named = (sections,) if isinstance(sections, str) else sections
         shown = self.folder.report_sections() if named is None else tuple(named)

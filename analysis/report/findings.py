@@ -53,10 +53,16 @@ def origin_of(
     broken: Sequence[str],
     rig: Calibration,
     unlocked: str = "",
+    sections: Sequence[str] | None = None,
 ) -> Origin:
-    """Return the origin of a report on the study whose folder has this name."""
+    """Return the origin of a report on the study whose folder has this name.
+
+    `sections` are those that were asked for; a `report.toml` chooses them by itself.
+    """
+    options = ["--rehearsals"] * rehearsals
+    options += [] if sections is None else ["--sections", ",".join(sections)]
     return Origin(
-        command=f"touchbeam report {shlex.quote(name)}{' --rehearsals' if rehearsals else ''}",
+        command=shlex.join(["touchbeam", "report", name, *options]),
         study_sha256=text_digest(study_text),
         broken_chains=tuple(broken),
         rig=rig,

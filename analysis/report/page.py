@@ -1,13 +1,22 @@
 """HTML page of the report: one file that needs no network."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from html import escape
 from importlib.resources import files
 from types import MappingProxyType
 
 from analysis.loading.study_data import changed_journal
-from analysis.report.blocks import Block, ColumnKind, Figure, Row, Section, Table
+from analysis.report.blocks import (
+    Block,
+    Cell,
+    ColumnKind,
+    Figure,
+    Row,
+    Section,
+    Table,
+    TableGroup,
+)
 from analysis.report.findings import Findings
 from analysis.report.glossary import glossary
 from analysis.report.masthead import Masthead, masthead
@@ -89,18 +98,36 @@ def rendered(
 ) -> str:
     """Return a page with notices, pairs of heading and text, at its top.
 
-    Without `results`, pairs of question and answer, its sections are open.
+    Without `results`, pairs of question and answer, its sections are open. A cell links only to
+    what the page has.
     """
     from jinja2 import Environment
 
     environment = Environment(
         autoescape=True, trim_blocks=True, lstrip_blocks=True, finalize=_printable
     )
-    environment.globals |= {"zip": zip, "plain_cells": _plain_cells}
+    # The table of a figure in front stands in its section.
+    shown: list[Block] = [block for block in front if not isinstance(block, Figure)]
+    shown += [block for each in sections for block in each.blocks if _is_folded(block)]
+    ids = {name for block in shown for name in _ids(block) if name}
+    environment.globals |= {"zip": zip, "plain_cells": _plain_cells, "ids": ids}
     source = (files("analysis.report") / "report.html").read_text(encoding="utf-8")
     return environment.from_string(source).render(
         masthead=head, notices=notices, sections=sections, paragraphs=results, front=front
     )
+
+
+def _ids(block: Block) -> Iterator[str]:
+    """Yield the names that links to parts of `block` use."""
+    match block:
+        case Table():
+            cells = (cell for row in block.rows for cell in row if isinstance(cell, Cell))
+            yield from (block.name, *(cell.anchor for cell in cells))
+        case TableGroup():
+            for table in block.tables:
+                yield from _ids(table)
+        case Figure(table=Table() as table):
+            yield from _ids(table)
 
 
 def _plain_cells(table: Table, row: Row) -> str | None:

@@ -128,9 +128,12 @@ def _gain(lines: Lines, contrast: str) -> str:
         if high < 0
         else "so these data do not show that they do."
     )
+    verb, by, ends = ("rose", lines.gain, lines.gain_interval)
+    if lines.gain < 0:
+        verb, by, ends = ("fell", -lines.gain, (-high, -low))
     return (
-        f"Per unit of {contrast}, a rating rose by {number(lines.gain, 2)} points in the group"
-        f"{_ci(lines.gain_interval)}, {shown}"
+        f"Per unit of {contrast}, a rating {verb} by {number(by, 2)} points in the group"
+        f"{_ci(ends)}, {shown}"
     )
 
 

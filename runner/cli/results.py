@@ -66,9 +66,8 @@ def report(
 
     folder = StudyFolder(path=study)
     named = None if sections is None else tuple(map(str.strip, sections.split(",")))
-    chosen = folder.report_sections() if named is None else named
     where = out or folder.report
-    write_report(folder, where, rehearsals=rehearsals, as_json=as_json, shown=chosen)
+    write_report(folder, where, rehearsals=rehearsals, as_json=as_json, named=named)
     if show:
         import webbrowser
 
@@ -170,11 +169,11 @@ def write_report(
     *,
     rehearsals: bool,
     as_json: bool,
-    shown: tuple[str, ...] | None = None,
+    named: tuple[str, ...] | None = None,
 ) -> None:
     """Write the report on the study in `folder` to the folder `out` and print Table 4.
 
-    Its page shows the sections `shown`, None for all.
+    Its page shows the sections `named`; without them those of `report.toml`, or all.
     """
     from analysis.loading.missing_scores import marks
     from analysis.loading.sessions import load_sessions
@@ -188,6 +187,7 @@ def write_report(
     from runner.journal.verification import readable_chains
     from runner.study.files import write_files
 
+    shown = folder.report_sections() if named is None else named
     require_sections(shown or ())
     broken: list[str] = []
     with study_journal(folder) as journal:
@@ -199,7 +199,7 @@ def write_report(
     kept = recorded if asks_for_multiverse(shown) else None
     del recorded  # it may be large
     warn_of_broken(broken, folder.path)
-    result = report_on(folder, found, broken, rehearsals=rehearsals, shown=shown, recorded=kept)
+    result = report_on(folder, found, broken, rehearsals=rehearsals, named=named, recorded=kept)
     if out.exists() and not out.is_dir():
         raise BadInput(f"{out}: must be a folder for the report, got a file")
     files = report_files(result)
@@ -228,10 +228,13 @@ def report_on(
     broken: Sequence[str],
     *,
     rehearsals: bool,
-    shown: tuple[str, ...] | None,
+    named: tuple[str, ...] | None,
     recorded: "Sessions | None",
 ) -> "Report":
-    """Return the report on `found`, data of the study in `folder`; `recorded` are all sessions."""
+    """Return the report on `found`, data of the study in `folder`; `recorded` are all sessions.
+
+    Its page shows the sections `named`; without them those of `report.toml`, or all.
+    """
     from analysis.report.findings import origin_of, title_of
     from analysis.report.report import report
     from runner.study.calibration import fitted_calibration
@@ -241,8 +244,15 @@ def report_on(
         unlocked = registration_problem(journal, folder.path)
     name, rig, study = folder.path.resolve().name, fitted_calibration(folder.path), folder.study()
     origin = origin_of(
-        name, folder.text(), rehearsals=rehearsals, broken=broken, rig=rig, unlocked=unlocked
+        name,
+        folder.text(),
+        rehearsals=rehearsals,
+        broken=broken,
+        rig=rig,
+        unlocked=unlocked,
+        sections=named,
     )
+    shown = folder.report_sections() if named is None else named
     return report(title_of(study), found, study, origin, shown, recorded)
 
 

@@ -166,8 +166,7 @@ def _report_in_crate(
     except NothingToReport as error:
         complain(f"touchbeam: warning: there is no report in it: {error}")
         return {}
-    shown = source.report_sections()
-    result = report_on(source, found, broken, rehearsals=rehearsals, shown=shown, recorded=recorded)
+    result = report_on(source, found, broken, rehearsals=rehearsals, named=None, recorded=recorded)
     return {f"{REPORT}/{name}": content for name, content in report_files(result).items()}
 
 

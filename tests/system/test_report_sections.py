@@ -26,6 +26,11 @@ def shown(study: Path) -> list[str]:
     return [part.partition('"')[0] for part in page.split('<details id="h-')[1:]]
 
 
+def command(study: Path) -> str:
+    told = json.loads((study / "report" / "report.json").read_text(encoding="utf-8"))
+    return str(told["provenance"]["command"])
+
+
 def test_sections_are_chosen_by_file_and_by_name(
     study: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -41,6 +46,7 @@ def test_sections_are_chosen_by_file_and_by_name(
     assert (study / "report" / "report.json").read_bytes() == whole
     assert typed("report", study, "--sections", "glossary") == 0
     assert shown(study) == ["glossary"]
+    assert command(study) == "touchbeam report study --sections glossary"
     assert typed("report", study, "--sections", "trials, glossary,trials") == 0
     assert shown(study) == ["trials", "glossary"]
 
@@ -51,6 +57,8 @@ def test_all_choices_of_analysis_are_made_only_if_they_are_named(study: Path) ->
     assert typed("report", study, "--sections", "multiverse,methods") == 0
     assert shown(study) == ["multiverse", "methods"]
     numbers = json.loads((study / "report" / "report.json").read_text())
+    assert command(study) == "touchbeam report study --sections multiverse,methods"
+    numbers["provenance"]["command"] = "touchbeam report study"
     claims = {entry["id"]: entry for entry in numbers.pop("multiverse")["claims"]}
     assert numbers == json.loads(plain)
     # No score is missing or excluded: one table; three laws on five rungs, of which one law errs.

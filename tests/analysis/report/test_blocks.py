@@ -49,12 +49,15 @@ def test_the_page_has_a_style_for_each_kind_of_column(kind: str) -> None:
 
 
 def test_a_cell_can_link_elsewhere_and_give_the_reason_for_a_missing_value() -> None:
-    empty = Cell(text="–", target="there", label="lost: why", why="lost", missing=True)
+    empty = Cell(text="–", target="here", label="lost: why", why="lost", missing=True)
     rows = [[Cell(text="P01", anchor="here"), empty, Cell(text="b")]]
     page = shown(replace(SPEED, rows=rows))
     assert '<tr id="here"><th scope="row">P01</th>' in page
-    link = '<a href="#there" aria-label="lost: why">–</a>'
+    link = '<a href="#here" aria-label="lost: why">–</a>'
     assert f'<td class="number missing" title="lost">{link}</td><td class="text">b</td>' in page
+    rows[0][1] = replace(empty, target="elsewhere")
+    page = shown(replace(SPEED, rows=rows))
+    assert '<td class="number missing" title="lost">–</td><td class="text">b</td>' in page
 
 
 def test_a_footer_is_separate_and_headers_can_stay_on_one_line() -> None:

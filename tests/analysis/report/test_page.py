@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from analysis.loading.study_data import load_study_data
+from analysis.report.page import SECTIONS, page_html
 from analysis.report.report import report, report_html
 from analysis.report.table4_text import table4_tex
 from tests.analysis.chains import chain
@@ -17,6 +18,7 @@ from tests.analysis.reports import (
     made,
     plain_report,
     session_events,
+    study_report,
 )
 
 
@@ -33,6 +35,31 @@ def test_the_page_needs_no_network_and_names_its_parts() -> None:
     assert all(source.startswith("#") for source in sources)
     assert ("html", {"lang": "en"}) in tags
     assert {attrs.get("scope") for tag, attrs in tags if tag == "th"} == {"col", "row"}
+
+
+def test_no_link_leads_to_a_section_that_is_not_shown() -> None:
+    found = study_report()
+    whole = links(report_html(found))
+    assert {target.partition("-")[0] for target in whole} >= {"trials", "cell", "predictions"}
+    for name, section in zip(SECTIONS, found.sections, strict=True):
+        kept = links(page_html(found, found.sections, [section]))
+        assert bool(kept) is (name in {"trials", "model"})
+        assert kept <= whole
+
+
+def links(page: str) -> set[str]:
+    """The targets of all links of a page, each of which must be there."""
+    tags = [attributes for _, attributes in ReadPage(page).tags]
+    targets = {href[1:] for each in tags if (href := each.get("href"))}
+    assert targets <= {each.get("id") for each in tags}
+    return targets
+
+
+def test_details_without_any_have_no_heading() -> None:
+    found = study_report()
+    empty = [section for section in found.sections if section.name == "measured"]
+    assert '<h2 id="details"' in report_html(found)
+    assert "Details" not in page_html(found, found.sections, empty)
 
 
 def test_text_from_a_file_is_escaped() -> None:

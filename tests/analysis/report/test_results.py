@@ -3,10 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from analysis.report.findings import Findings
 from analysis.report.masthead import masthead
 from analysis.report.results import paragraphs
+from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from protocol.study.design import Publication
 from tests.analysis.reports import PAPER, made, plain_report, study_report
 
@@ -82,3 +84,25 @@ def test_the_head_has_the_authors_facts() -> None:
     study = PAPER.model_copy(update={"publication": known})
     head = masthead(replace(plain_report(), study=study))
     assert (head.authors, head.facts["ethics"]) == ("A. One, B. Two", "Board 7")
+
+
+@pytest.mark.parametrize(
+    ("gain", "ends", "told"),
+    [
+        (2.5, (1.0, 4.0), "rose by 2.50 points in the group, 95% CI [1.00, 4.00], so they do."),
+        (
+            *(-2.5, (-4.0, -1.0)),
+            "fell by 2.50 points in the group, 95% CI [1.00, 4.00], so they fall where a larger",
+        ),
+        (-0.5, (-2.0, 1.0), "fell by 0.50 points in the group, 95% CI [−1.00, 2.00], so these"),
+    ],
+)
+def test_ratings_rise_or_fall_by_a_positive_number(
+    gain: float, ends: tuple[float, float], told: str
+) -> None:
+    made = study_report()
+    assert isinstance(made.trials.m2, OrdinalSensitivity)
+    lines = replace(made.trials.m2.lines, gain=gain, gain_interval=ends)
+    trials = replace(made.trials, m2=replace(made.trials.m2, lines=lines))
+    found = said(replace(made, trials=trials))
+    assert told in found["Do ratings follow the predicted change of friction?"]

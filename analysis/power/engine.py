@@ -52,7 +52,7 @@ def completed(
     """
     left = []
     for task in wanted:
-        found = kept(chunks, task)
+        found = kept(job, task, chunks)
         if found is None:
             left.append(task)
         else:
@@ -61,24 +61,29 @@ def completed(
         return
     with closing(_computed(job, left, workers, scheduler)) as results:
         for task, found in results:
-            chunks.save(task.name, _to_keep(found))
+            chunks.save(task.name, _to_keep(job, task, found))
             yield task, found
 
 
-def _to_keep(found: FloatArray) -> bytes:
-    """Return numbers as they are kept: behind their SHA-256, so that damage is noticed."""
+def _to_keep(job: Job, task: Task, found: FloatArray) -> bytes:
+    """Return numbers as they are kept: behind a digest, so that damage is noticed."""
     content = io.BytesIO()
     np.save(content, found, allow_pickle=False)
-    return sha256(content.getvalue()).digest() + content.getvalue()
+    return _digest(job, task, content.getvalue()) + content.getvalue()
 
 
-def kept(chunks: Chunks, task: Task) -> FloatArray | None:
+def kept(job: Job, task: Task, chunks: Chunks) -> FloatArray | None:
     """Return the kept numbers of a task; None if there are none, or if they were damaged."""
     content = chunks.load(task.name)
-    if content is None or sha256(content[32:]).digest() != content[:32]:
+    if content is None or _digest(job, task, content[32:]) != content[:32]:
         return None
     found: FloatArray = np.load(io.BytesIO(content[32:]), allow_pickle=False)
     return found if len(found) == task.count else None
+
+
+def _digest(job: Job, task: Task, content: bytes) -> bytes:
+    """Return the SHA-256 of numbers and of what they are the result of."""
+    return sha256(f"{job.digest}/{task.name}\n".encode() + content).digest()
 
 
 Results = Generator[tuple[Task, FloatArray], None, None]

@@ -134,7 +134,9 @@ def power(
     used = workers or _cores()
     if scheduler:  # which need not be there if all is kept already
         every = (task for pair in to_do.values() for own in pair for task in own)
-        used = cluster_size(scheduler) if any(kept(place, task) is None for task in every) else 0
+        used = (
+            cluster_size(scheduler) if any(kept(job, task, place) is None for task in every) else 0
+        )
     hypotheses = registered.hypotheses if registered else ()
     found = _found(job, to_do, place, used, scheduler, hypotheses, as_json=as_json)
     # What lies on the disk depends neither on the machine nor on a registration, which names it.

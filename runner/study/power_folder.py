@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from runner.study.files import write_files
+from runner.study.files import require_end, write_files
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,9 +25,15 @@ class PowerFolder:
         return self.path / "chunks" / self.digest[:16]
 
     def load(self, name: str) -> bytes | None:
-        """Return what was kept under a name, if anything."""
+        """Return what was kept under a name, if anything.
+
+        Raises:
+            BadInput: a pipe or a device is there.
+        """
+        kept = self.chunks / f"{name}.npy"
+        require_end(kept)
         try:
-            return (self.chunks / f"{name}.npy").read_bytes()
+            return kept.read_bytes()
         except FileNotFoundError:
             return None
 

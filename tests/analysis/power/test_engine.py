@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from analysis.power.engine import completed, connected
-from analysis.power.job import Job, numbers
+from analysis.power.job import Job, Task, numbers
 from protocol.errors import BadInput, WorkFailed
-from tests.analysis.power.kept_in_memory import Memory, job, numbers_by, wanted
+from tests.analysis.power.kept_in_memory import DESIGN, Memory, job, numbers_by, wanted
 
 
 def test_one_two_and_four_workers_give_the_same_bits() -> None:
@@ -47,6 +47,19 @@ def test_a_chunk_with_one_damaged_byte_is_computed_again(place: int) -> None:
     ((_, found),) = completed(job(), [task], memory, 1)
     assert found.tobytes() == numbers(job(), task).tobytes()
     assert memory.kept[task.name] == whole
+
+
+def test_a_chunk_of_another_task_or_job_is_computed_again() -> None:
+    one, other = (Task(DESIGN, kind, 0, 20) for kind in ("tested", "null"))
+    memory, elsewhere = Memory(), Memory()
+    list(completed(job(), [one, other], memory, 1))
+    list(completed(job(2), [one], elsewhere, 1))
+    whole = memory.kept[one.name]
+    for wrong in (memory.kept[other.name], elsewhere.kept[one.name]):
+        memory.kept[one.name] = wrong
+        ((_, found),) = completed(job(), [one], memory, 1)
+        assert found.tobytes() == numbers(job(), one).tobytes()
+        assert memory.kept[one.name] == whole
 
 
 def test_a_longer_run_has_the_studies_of_a_shorter_one() -> None:

@@ -219,3 +219,15 @@ def test_kept_results_need_no_scheduler(
     next((folder / "power" / "chunks").rglob("*.npy")).unlink()
     assert typed("power", folder, *QUICK, *nobody) == 1
     assert "no Dask scheduler answers there" in capsys.readouterr().err
+
+
+def test_a_pipe_among_the_kept_results_is_refused(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert typed("power", folder, *QUICK) == 0
+    kept = min((folder / "power" / "chunks").rglob("*.npy"))
+    kept.unlink()
+    os.mkfifo(kept)
+    capsys.readouterr()
+    assert typed("power", folder, *QUICK) == 2
+    assert f"{kept.name}: must be a file, got a pipe or a device" in capsys.readouterr().err

@@ -3,14 +3,15 @@
 import io
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import closing, contextmanager
+from functools import partial
 from hashlib import sha256
-from typing import TYPE_CHECKING, Protocol, cast
-from warnings import catch_warnings
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from analysis.estimates import FloatArray
 from analysis.power.job import Job, Task, numbers
+from analysis.workers import done
 from protocol.errors import BadInput, WorkFailed
 
 if TYPE_CHECKING:
@@ -94,25 +95,11 @@ def _computed(job: Job, left: Sequence[Task], workers: int, scheduler: str | Non
         return _on_cluster(job, left, scheduler)
     if workers == 1:
         return (_numbered(job, task) for task in left)
-    return _on_cores(job, left, min(workers, len(left)))
+    return done((partial(_numbered, job, task) for task in left), min(workers, len(left)))
 
 
 def _numbered(job: Job, task: Task) -> tuple[Task, FloatArray]:
     return task, numbers(job, task)
-
-
-def _on_cores(job: Job, left: Sequence[Task], workers: int) -> Results:
-    from joblib import Parallel, delayed, parallel_config
-
-    with parallel_config(backend="loky", inner_max_num_threads=1):
-        parallel = Parallel(n_jobs=workers, return_as="generator_unordered", batch_size=1)
-        results = cast("Results", parallel(delayed(_numbered)(job, task) for task in left))
-        try:
-            for result in results:  # noqa: UP028 - `yield from` would close it, with a warning
-                yield result
-        finally:
-            with catch_warnings(action="ignore"):  # of tasks that nobody waits for any more
-                results.close()
 
 
 def _on_cluster(job: Job, left: Sequence[Task], scheduler: str) -> Results:

@@ -46,6 +46,7 @@ from analysis.trials.trial_checks import (
     order_effect,
     proportion,
 )
+from analysis.workers import done
 from device.friction.calibration import NOMINAL, Calibration
 from device.friction.changes import AT_A_PLACE, CONDITIONS, Change
 from device.friction.contrasts import predicted_contrast
@@ -204,11 +205,12 @@ def made(fits: Mapping[str, Callable[[], Any]], trials: int) -> dict[str, Any]:
     """
     if trials < LARGE:
         return {name: fit() for name, fit in fits.items()}
-    from joblib import Parallel, delayed, parallel_config
+    named = [partial(_named, name, fit) for name, fit in fits.items()]
+    return dict(done(named, PROCESSES))
 
-    with parallel_config(backend="loky", inner_max_num_threads=1):
-        found = Parallel(n_jobs=PROCESSES, batch_size=1)(delayed(fit)() for fit in fits.values())
-    return dict(zip(fits, found, strict=True))
+
+def _named(name: str, fit: Callable[[], Any]) -> tuple[str, Any]:
+    return name, fit()
 
 
 def _place_m2(ratings: Ratings, changes: Mapping[str, Change]) -> OrdinalSensitivity | NotEstimable:

@@ -37,11 +37,18 @@ def registered_in(folder: Path, name: str = "paper", *changes: tuple[str, str]) 
 
 
 def run_session(
-    place: Path, participant: str, *, kind: Any = "participant", device: FakeDevice | None = None
+    place: Path,
+    participant: str,
+    *,
+    number: int = 1,
+    kind: Any = "participant",
+    device: FakeDevice | None = None,
 ) -> None:
     """Run a session as `touchbeam run` does; without `device` to its end."""
     folder = StudyFolder(path=place)
-    options = SessionOptions(folder=folder, participant=participant, rehearsal=kind == "rehearsal")
+    options = SessionOptions(
+        folder=folder, participant=participant, number=number, rehearsal=kind == "rehearsal"
+    )
     study, clock = folder.study(), FakeClock(LATER_S)
     request = Request(
         options=options,

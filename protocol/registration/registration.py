@@ -111,7 +111,7 @@ def registration_in(text: str, source: str = FILE) -> Registration:
         raise BadInput(f"{source}: was changed after touchbeam register wrote it; {_AGAIN}")
     try:
         found = tomllib.loads(body)
-        return Registration(
+        made = Registration(
             study=found["study"]["name"],
             study_sha256=found["study"]["sha256"],
             **_hypotheses(found["hypotheses"]),
@@ -124,8 +124,32 @@ def registration_in(text: str, source: str = FILE) -> Registration:
             touchbeam=found["touchbeam"],
             written=text,
         )
-    except (tomllib.TOMLDecodeError, KeyError, TypeError) as error:
-        raise BadInput(f"{source}: cannot be read by this version ({error}); {_AGAIN}") from error
+        _require_form(made, found["schema"])
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise BadInput(
+            f"{source}: cannot be read by this version of touchbeam; use the one that wrote it, or "
+            f"{_AGAIN}"
+        ) from error
+    return made
+
+
+def _require_form(made: Registration, schema: object) -> None:
+    """Raise TypeError unless the schema is this one, numbers are numbers, and texts are texts."""
+    rig, power = made.calibration, made.power.values()
+    counts = (made.participants, made.sessions)
+    numbers = [value for name, value in rig.items() if name != "origin"]
+    texts = (
+        *(made.study, made.study_sha256, made.law, made.rung, made.touchbeam, made.primary),
+        *(*made.secondary, *made.exclusions, *power, rig.get("origin", "")),
+    )
+    if not (
+        schema == _SCHEMA
+        and all(isinstance(value, int) for value in counts)
+        and all(isinstance(value, int | float) for value in numbers)
+        and all(isinstance(value, str) for value in texts)
+        and all(isinstance(value, str | int | float) for value in made.analysis.values())
+    ):
+        raise TypeError("another form")
 
 
 def registered_event(registration: Registration) -> StudyRegistered:

@@ -62,10 +62,26 @@ def test_every_changed_character_is_noticed() -> None:
                 registration_in(text[:place] + other + text[place + 1 :])
 
 
-def test_a_file_of_another_form_is_refused() -> None:
-    body = "schema = 9\n"
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("schema = 1", "schema = 2"),
+        ("schema = 1\n", ""),
+        ("participants = 20", 'participants = "20"'),
+        ("participants = 20", "participants = 20.5"),
+        ("sessions = 1", "sessions = 1\nweeks = 2"),
+        ("\n[power]", "power = 1\n[powers]"),
+        ('law = "', 'law = 1 # "'),
+        ("[stopping]", "[stopping"),
+    ],
+)
+def test_a_file_of_another_form_is_refused(old: str, new: str) -> None:
+    """As a later version may write, or a forger whose digest is right."""
+    body = REGISTERED.text().partition("\n")[2]
+    assert old in body
+    body = body.replace(old, new, 1)
     text = f'digest = "{sha256(body.encode()).hexdigest()}"\n{body}'
-    with pytest.raises(BadInput, match="cannot be read by this version"):
+    with pytest.raises(BadInput, match="cannot be read by this version of touchbeam; use the one"):
         registration_in(text)
 
 

@@ -14,7 +14,7 @@ import pytest
 
 from analysis.power.engine import completed
 from protocol.study_file.loading import template
-from tests.analysis.power.kept_in_memory import Memory, job, numbers_by, wanted
+from tests.analysis.power.kept_in_memory import Memory, job, numbers_alone, numbers_by, wanted
 from tests.runner.command_line import TOUCHBEAM
 
 DASK = str(Path(sys.executable).with_name("dask"))
@@ -74,7 +74,7 @@ def test_a_cluster_gives_the_same_bits_though_a_worker_is_killed(
     cluster: tuple[str, list[subprocess.Popen[bytes]]],
 ) -> None:
     address, (first, _) = cluster
-    alone = numbers_by(1)
+    alone = numbers_alone()
     assert numbers_by(1, address).tobytes() == alone.tobytes()
     memory, found = Memory(), {}
     for task, numbers in completed(job(), wanted(), memory, 1, address):
@@ -84,7 +84,9 @@ def test_a_cluster_gives_the_same_bits_though_a_worker_is_killed(
     assert memory.kept.keys() == {task.name for task in wanted()}
 
 
-OPTIONS = ("--participants", "4", "--studies", "16", "--null-studies", "20", "--workers", "2")
+DESIGN = ("--participants", "4", "--studies", "5", "--null-studies", "20", "--seed", "2")
+OPTIONS = (*DESIGN, "--workers", "2")
+"""Four fitted studies in one task and one in another, which ends many times as soon."""
 
 
 def test_a_killed_run_goes_on_and_ends_with_the_same_numbers(tmp_path: Path) -> None:

@@ -6,17 +6,24 @@ import pytest
 from analysis.power.engine import completed, connected
 from analysis.power.job import Job, Task, numbers
 from protocol.errors import BadInput, WorkFailed
-from tests.analysis.power.kept_in_memory import DESIGN, Memory, job, numbers_by, wanted
+from tests.analysis.power.kept_in_memory import (
+    DESIGN,
+    Memory,
+    job,
+    numbers_alone,
+    numbers_by,
+    wanted,
+)
 
 
 def test_one_two_and_four_workers_give_the_same_bits() -> None:
-    alone = numbers_by(1)
+    alone = numbers_alone()
     assert alone.tobytes() == numbers_by(2).tobytes()
     assert alone.tobytes() == numbers_by(4).tobytes()
 
 
 def test_a_run_that_stops_goes_on_from_there() -> None:
-    memory, whole = Memory(), numbers_by(1)
+    memory, whole = Memory(), numbers_alone()
     stopped = completed(job(), wanted(), memory, 1)
     next(stopped)
     stopped.close()

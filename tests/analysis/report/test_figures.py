@@ -7,7 +7,8 @@ import numpy as np
 from analysis.estimates import NotEstimable
 from analysis.report.figure_data import HEADLINE, MOST_PEOPLE, SIMPLE, levels, people, scatter
 from analysis.report.sections import predictions
-from tests.analysis.reports import imported, made, plain_report, study_report
+from analysis.statistics.summary import table_statistics
+from tests.analysis.reports import imported, plain_report, study_report
 
 
 def test_conditions_with_several_levels_are_drawn_against_them() -> None:
@@ -33,12 +34,14 @@ def test_each_subject_has_a_panel_with_all_scores() -> None:
 def test_of_many_subjects_the_extreme_ones_are_drawn() -> None:
     scores = np.clip(np.arange(70)[:, None] * 0.1 + np.array([0.0, 1.0, 2.0]), 0, 10)
     scores[5] = [0, 10, 0]
-    found = people(made(scores))
+    loaded = imported(scores)
+    table = table_statistics(loaded.readings)
+    found = people(replace(plain_report(), loaded=loaded, table=table))
     assert found.of == 70
     assert MOST_PEOPLE < 70
     assert {"P00", "P05", "P069"} <= found.scores.keys()
     assert len(found.scores) <= 8
-    assert imported(scores).table.subjects[0] == "P00"
+    assert loaded.table.subjects[0] == "P00"
 
 
 def test_the_caption_names_the_curves_that_are_drawn() -> None:

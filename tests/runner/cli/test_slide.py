@@ -1,6 +1,7 @@
 """`touchbeam slide`: a rehearsal, and how the other commands treat a sliding experiment."""
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -19,19 +20,30 @@ speeds_m_s = [0.02]
 """
 
 
+def new_study(place: Path) -> Path:
+    (place / "study").mkdir()
+    text = template("paper").replace("[touch]", f"{SECTION}\n[touch]", 1)
+    (place / "study" / "study.toml").write_text(text, encoding="utf-8")
+    return place / "study"
+
+
 @pytest.fixture
 def study(tmp_path: Path) -> Path:
-    text = template("paper").replace("[touch]", f"{SECTION}\n[touch]", 1)
-    (tmp_path / "study.toml").write_text(text, encoding="utf-8")
-    return tmp_path
+    return new_study(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def rehearsed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = new_study(tmp_path_factory.mktemp("rehearsed"))
+    assert typed("slide", made, "--device", "sim") == 0
+    return made
 
 
 @pytest.fixture
-def slid(study: Path, capsys: pytest.CaptureFixture[str]) -> Path:
-    """A study with a rehearsed sliding experiment."""
-    assert typed("slide", study, "--device", "sim") == 0
+def slid(rehearsed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Path:
+    """A copy of a study with a rehearsed sliding experiment."""
     capsys.readouterr()
-    return study
+    return Path(shutil.copytree(rehearsed, tmp_path / "study"))
 
 
 def test_a_rehearsal_on_the_simulated_device(

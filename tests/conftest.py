@@ -8,6 +8,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import shutil
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
@@ -19,9 +20,32 @@ settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")
 
 REASON = "takes minutes; run it with `make soak`"
+LONGEST = (
+    "system/test_terminal_output.py",
+    "system/test_recorded_sessions.py",
+    "system/test_report_sections.py",
+    "system/test_slide.py",
+    "handbook/test_examples.py",
+    "system/test_power_workers.py",
+    "system/day/test_day.py",
+    "runner/cli/test_app.py",
+    "runner/test_pytest_plugin.py",
+    "system/test_round_trip.py",
+    "system/test_results_on_disk.py",
+    "system/test_report_in_browser.py",
+    "runner/cli/test_slide.py",
+    "runner/cli/test_export.py",
+    "runner/cli/test_power.py",
+    "analysis/export/test_rocrate.py",
+    "system/test_free_study.py",
+    "system/test_operator_terminal.py",
+)
+"""These files come first, so that no worker is left alone with one of them at the end."""
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    places = {Path(__file__).parent / name: place for place, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: places.get(item.path, len(places)))
     if "soak" in config.getoption("-m"):
         return
     for item in items:

@@ -37,13 +37,6 @@ def numbers(folder: Path) -> Any:
     return json.loads((folder / "report" / "report.json").read_text())
 
 
-def test_the_printed_json_equals_the_written_file(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    run_touchbeam("report", str(folder), "--json")
-    assert capsys.readouterr().out == (folder / "report" / "report.json").read_text()
-
-
 def test_table_4(numbers: Any) -> None:
     table = numbers["table4"]
     assert table["columns"] == CONDITIONS
@@ -255,11 +248,16 @@ def test_each_cell_has_its_trial_and_predictions(numbers: Any) -> None:
     assert round(trial["predicted"]["consistent"], 3) == 0.347
 
 
-def test_the_same_table_imported_again_gives_the_same_bytes(folder: Path, tmp_path: Path) -> None:
+def test_the_same_table_imported_again_gives_the_same_bytes_and_prints_them(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     again = tmp_path / "study"
     run_touchbeam("import", str(PUBLISHED), str(again))
-    run_touchbeam("report", str(again), "--out", str(tmp_path / "elsewhere"))
+    capsys.readouterr()
+    run_touchbeam("report", str(again), "--out", str(tmp_path / "elsewhere"), "--json")
+    assert capsys.readouterr().out == (folder / "report" / "report.json").read_text()
     written = {path.name: path.read_bytes() for path in (folder / "report").rglob("*.*")}
+    assert {"table4.csv", "report.html", "report.json"} <= written.keys()
     assert written == {
         path.name: path.read_bytes() for path in (tmp_path / "elsewhere").rglob("*.*")
     }

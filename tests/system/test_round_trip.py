@@ -95,15 +95,21 @@ def restored(exported: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.fixture(scope="module")
+def reported(restored: Path) -> Path:
+    """The report on what came back."""
+    assert typed("report", restored) == 0
+    return restored / "report"
+
+
 @pytest.fixture
 def changed(exported: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(exported, tmp_path / "changed"))
 
 
-def test_the_report_is_the_same_but_for_the_notes(original: Path, restored: Path) -> None:
+def test_the_report_is_the_same_but_for_the_notes(original: Path, reported: Path) -> None:
     assert typed("report", original) == 0
-    assert typed("report", restored) == 0
-    before, after = original / "report", restored / "report"
+    before, after = original / "report", reported
     assert (before / "table4.csv").read_bytes() == (after / "table4.csv").read_bytes()
     known, found = (json.loads((path / "report.json").read_text()) for path in (before, after))
     assert list(known) == list(found)
@@ -150,17 +156,16 @@ def test_what_is_private_stays_behind(original: Path, exported: Path) -> None:
 
 
 def test_a_crate_has_the_same_sessions_and_the_report_on_them(
-    original: Path, exported: Path, restored: Path, tmp_path: Path
+    original: Path, exported: Path, reported: Path, tmp_path: Path
 ) -> None:
     crate = tmp_path / "crate"
     assert typed("export", original, crate, "--format", "rocrate") == 0
-    assert typed("report", restored) == 0
     test_what_is_private_stays_behind(original, crate)
     for file in (exported / SESSIONS).iterdir():
         assert (crate / SESSIONS / file.name).read_bytes() == file.read_bytes()
     for name in ("table4.csv", "report.json", "report.html"):
-        own, theirs = (crate / "report" / name).read_bytes(), restored / "report" / name
-        assert own == theirs.read_bytes(), name
+        own, theirs = (crate / "report" / name).read_bytes(), (reported / name).read_bytes()
+        assert own == theirs, name
     assert b"1970" not in (crate / "report" / "report.html").read_bytes()
     predicted = {
         (row["participant"], row["trial_index"], row["law"]): row["predicted_contrast"]

@@ -28,36 +28,6 @@ def somewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-def test_the_published_table_is_imported_and_reported(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert typed("import", str(PUBLISHED), "published") == 0
-    capsys.readouterr()
-    assert typed("report", "published", "--json") == 0
-    numbers = json.loads(capsys.readouterr().out)
-    table = numbers["table4"]
-    assert list(table["column_means"]) == [
-        "frequency",
-        "structure",
-        "voltage",
-        "direction",
-        "pressure",
-    ]
-    assert [round(mean, 2) for mean in table["column_means"].values()] == [
-        8.44,
-        8.89,
-        9.67,
-        8.33,
-        6.22,
-    ]
-    assert round(table["grand_mean"], 2) == 8.31
-    assert [row["comprehensive"] for row in table["rows"]] == pytest.approx(
-        [8.6, 9, 7, 9.6, 7.8, 9, 8.2, 8, 7.6]
-    )
-    assert round(numbers["friedman"]["chi2"], 4) == 21.4521
-    assert {"table4.csv", "report.html", "report.json"} <= everything(Path("published/report"))
-
-
 def test_the_demo_ends_with_table_4_and_the_device_off(tmp_path: Path) -> None:
     shown = [
         subprocess.run(

@@ -1,7 +1,7 @@
 """Marginal likelihood of ordered scores with random levels of subjects and of their cells."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -165,6 +165,7 @@ def _own_nodes(nodes: int, data: ScoreCounts) -> tuple[FloatArray, FloatArray]:
     return points, np.log(weights / weights.sum())
 
 
+@cache
 def _normal_nodes(reach: float, count: int) -> tuple[FloatArray, FloatArray]:
     """Return points and log weights of an integral over a standard normal variable."""
     points = np.linspace(-reach, reach, count) if count > 1 else np.zeros(1)

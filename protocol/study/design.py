@@ -37,47 +37,55 @@ class Design(Record):
     ] = 1
     max_alike_in_row: Annotated[
         Count,
-        Field(description="no more scored trials of one condition than this follow each other"),
+        Field(description="largest number of scored trials of one condition in a row"),
     ] = 2
     practice_trials: Annotated[
         Whole,
         Field(
             le=20,
-            description="before the first block, of conditions on the study's own beam, at the "
-            "last of their levels; never analysed",
+            description="number of trials before the first block, of conditions on the study's own "
+            "beam, at the last of their levels; never analysed",
         ),
     ] = 0
     catch_trials: Annotated[
         Whole,
         Field(
             le=50,
-            description="trials at 0 V among the others, where nothing changes: of any condition "
-            "on the one beam that is mounted, also the one just felt",
+            description="number of trials at 0 V among the others, in which nothing changes; of "
+            "any condition on the mounted beam, also the one that was just felt",
         ),
     ] = 0
     catch_apart: Annotated[
-        Count, Field(description="at least so many other trials stand between two catch trials")
+        Count, Field(description="smallest number of other trials between two catch trials")
     ] = 1
     opposite_repeats: Annotated[
         Whole,
         Field(
-            description="in so many of the repeats of a condition the touches come in the opposite "
-            "order, so that the opposite answer is expected"
+            description="number of repeats of a condition in which the touches come in the "
+            "opposite order, so that the opposite answer is expected"
         ),
     ] = 0
     group_by_beam: Annotated[
         Grouping,
         Field(
-            description="let trials with the same beam stand together, within each block or over "
-            "the session; carry-over is then not balanced"
+            description="whether trials with the same beam come together, within each block or "
+            "over the session; carry-over is then not balanced"
         ),
     ] = "no"
     max_beam_swaps: Annotated[
-        Whole | None, Field(description="per session; trials are grouped further if this needs it")
+        Whole | None,
+        Field(
+            description="largest number per session; trials are grouped further if this is "
+            "necessary"
+        ),
     ] = None
-    break_every_blocks: Annotated[Whole, Field(description="0: no break")] = 0
+    break_every_blocks: Annotated[
+        Whole, Field(description="number of blocks between two breaks; 0: no break")
+    ] = 0
     break_s: Annotated[LongPause, Field(description="shortest duration of a break")] = 60.0
-    sessions: Annotated[Count, Field(le=50, description="of each participant")] = 1
+    sessions: Annotated[
+        Count, Field(le=50, description="number of sessions of each participant")
+    ] = 1
     participants: Annotated[
         Count | None, Field(le=10_000, description="planned size of the cohort")
     ] = None
@@ -103,12 +111,14 @@ class Timing(Record):
     between_touches_s: Annotated[Pause, Field(description="pause within a trial")] = 1.0
     inter_trial_s: Annotated[Pause, Field(description="pause before a trial")] = 2.0
     readable_s: Annotated[
-        ReadableTime, Field(description="a page stands this long before its button works")
+        ReadableTime, Field(description="how long a page is shown before its button works")
     ] = 1.0
-    reading_s: Annotated[Pause, Field(description="assumed, to read an instruction")] = 4.0
-    answer_s: Annotated[Pause, Field(description="assumed, to answer a question")] = 5.0
-    score_s: Annotated[Pause, Field(description="assumed, to give a score")] = 5.0
-    beam_swap_s: Annotated[LongPause, Field(description="assumed, to mount another beam")] = 60.0
+    reading_s: Annotated[Pause, Field(description="assumed time to read an instruction")] = 4.0
+    answer_s: Annotated[Pause, Field(description="assumed time to answer a question")] = 5.0
+    score_s: Annotated[Pause, Field(description="assumed time to give a score")] = 5.0
+    beam_swap_s: Annotated[LongPause, Field(description="assumed time to mount another beam")] = (
+        60.0
+    )
     max_session_s: Annotated[
         Positive, Field(le=14_400, description="longest session that may be planned")
     ] = 5_400.0

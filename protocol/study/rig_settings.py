@@ -35,8 +35,8 @@ class Rig(Record):
     dialect: Annotated[
         Dialect,
         Field(
-            description="what the device speaks: `board`, or that of a generator: `keysight`, "
-            "`rigol`, `siglent`"
+            description="the commands that the device understands: `board`, or those of a "
+            "generator: `keysight`, `rigol`, `siglent`"
         ),
     ] = "board"
     voltages_are: Annotated[
@@ -59,7 +59,7 @@ class Rig(Record):
         Positive, Field(le=200, description="largest amplitude (peak) at the beam")
     ] = 200.0
     max_frequency_hz: Annotated[
-        Positive, Field(ge=1_000, le=100_000, description="highest drive")
+        Positive, Field(ge=1_000, le=100_000, description="highest frequency of a drive")
     ] = 40_000.0
     # At 1 V/s the soft start to 200 V takes more than 3 minutes.
     ramp_v_per_s: Annotated[
@@ -67,7 +67,11 @@ class Rig(Record):
         Field(ge=1, le=2_000, description="how fast an amplitude may change, soft start included"),
     ] = 400.0
     max_slew_v_per_us: Annotated[
-        Positive, Field(le=1_000, description="what the amplifier follows: 2 pi f V of the drive")
+        Positive,
+        Field(
+            le=1_000,
+            description="largest slew rate that the amplifier can follow: 2 pi f V of the drive",
+        ),
     ] = 40.0
     max_drive_s: Annotated[
         Positive, Field(le=600, description="longest time that one touch is driven")
@@ -87,19 +91,25 @@ class Rig(Record):
         Field(
             ge=0.1,
             le=100,
-            description="what the generator gives, peak-to-peak, into an open circuit",
+            description="largest output of the generator, peak-to-peak, into an open circuit",
         ),
     ] = 10.0
     # A small sheet has some 100 pF, a stack some uF.
     capacitance_nf: Annotated[
         Positive | None,
-        Field(ge=0.01, le=10_000, description="of the piezoelectric sheets, for the current"),
+        Field(
+            ge=0.01,
+            le=10_000,
+            description="capacitance of the piezoelectric sheets, from which the current follows",
+        ),
     ] = None
     # 0.1 mA drives no sheet, and 10 A no amplifier for one.
     max_current_ma: Annotated[
         Positive | None,
         Field(
-            ge=0.1, le=10_000, description="what the amplifier supplies: 2 pi f C V of the drive"
+            ge=0.1,
+            le=10_000,
+            description="largest current that the amplifier supplies: 2 pi f C V of the drive",
         ),
     ] = None
     # An idle stage in a warm room has 30; silicon ends at 150.
@@ -108,8 +118,8 @@ class Rig(Record):
         Field(
             ge=30,
             le=150,
-            description="hottest power stage, in °C, of a board that measures it: above it, "
-            "the output goes off",
+            description="largest temperature of the power stage, in °C, on a board that measures "
+            "it; above it the output goes off",
         ),
     ] = None
     watchdog_s: Annotated[
@@ -117,8 +127,8 @@ class Rig(Record):
         Field(
             ge=0.1,
             le=5,
-            description="the device turns off when the session is silent so long; "
-            "less than 0.2 asks for a machine that does nothing else",
+            description="the device turns its output off when the session is silent for this time; "
+            "less than 0.2 needs a computer that does nothing else",
         ),
     ] = 0.5
 
@@ -148,9 +158,9 @@ class ForceChannel(Record):
             "measures"
         ),
     ] = None
-    gauge_dialect: Annotated[GaugeDialect, Field(description="what the gauge speaks: `gauge`")] = (
-        "gauge"
-    )
+    gauge_dialect: Annotated[
+        GaugeDialect, Field(description="the commands that the gauge understands: `gauge`")
+    ] = "gauge"
 
     @property
     def tare_s(self) -> float:

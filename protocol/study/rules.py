@@ -17,14 +17,17 @@ class SessionRules(Record):
 
     languages: Annotated[
         tuple[KnownCode, ...],
-        Field(min_length=1, description="in which all that participants read must be there"),
+        Field(
+            min_length=1, description="languages in which every text for participants must be given"
+        ),
     ] = ("en", "zh")
-    hand: Annotated[Hand, Field(description="that touches, as participants read it")] = "left"
-    finger: Annotated[Finger, Field(description="of that hand, where one finger alone touches")] = (
-        "index"
-    )
+    hand: Annotated[Hand, Field(description="the hand that touches; the texts name it")] = "left"
+    finger: Annotated[
+        Finger,
+        Field(description="the finger of that hand, if one finger touches; the texts name it"),
+    ] = "index"
     language: Annotated[
-        KnownCode, Field(description="that a participant reads unless `--language` names another")
+        KnownCode, Field(description="language of the texts unless `--language` names another")
     ] = "en"
     answer_order: Annotated[
         Literal["fixed", "counterbalanced"],
@@ -64,24 +67,33 @@ class TouchRules(Record):
 
     force_within: Annotated[
         Positive,
-        Field(le=10, description="of the median force, relative to the instructed one"),
+        Field(
+            le=10,
+            description="largest deviation of the median force, relative to the instructed one",
+        ),
     ] = 0.5  # people do not press evenly
     place_within_m: Annotated[
-        Positive, Field(le=0.1, description="of the finger from the place that is touched")
+        Positive,
+        Field(le=0.1, description="largest distance of the finger from the place to touch"),
     ] = 0.005  # half the length of a finger's contact
     path_within: Annotated[
-        Positive, Field(le=10, description="of the way slid, relative to the path")
+        Positive,
+        Field(le=10, description="largest deviation of the distance slid, relative to the path"),
     ] = 0.5
     speed_within: Annotated[
         Positive | None,
-        Field(le=10, description="of the median speed of a slide; not judged without this"),
+        Field(
+            le=10,
+            description="largest deviation of the median speed of a slide, relative to the "
+            "mark's; not judged without this",
+        ),
     ] = None
     retries: Annotated[
         Whole,
         Field(
             le=20,
             description="how often a trial comes again, later in its block, if one of its touches "
-            "was not as instructed; the last attempt counts however it was made",
+            "was not as instructed; the last attempt counts in any case",
         ),
     ] = 0
     feedback: Annotated[
@@ -92,13 +104,17 @@ class TouchRules(Record):
         Whole,
         Field(
             le=100,
-            description="practice is repeated until so many of the last `practise_of` touches were "
-            "as instructed; 0: it comes once",
+            description="practice is repeated until this many of the last `practise_of` touches "
+            "were as instructed; 0: practice comes once",
         ),
     ] = 0
     practise_of: Annotated[Count, Field(le=100, description="see `practise_until`")] = 1
     practice_rounds: Annotated[
-        Count, Field(le=20, description="most often that practice comes, the first time included")
+        Count,
+        Field(
+            le=20,
+            description="largest number of times that practice comes, the first time included",
+        ),
     ] = 3
 
     @model_validator(mode="after")

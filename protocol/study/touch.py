@@ -36,16 +36,16 @@ class TouchDefaults(Record):
     """How the finger touches unless a trial says otherwise."""
 
     # Touch is studied at 0.1 to 5 N; 10 N is a finger that carries 1 kg, 0.01 N hardly a touch.
-    force_n: Annotated[Positive, Field(ge=0.01, le=10, description="of the finger on the beam")] = (
-        0.5
-    )
+    force_n: Annotated[
+        Positive, Field(ge=0.01, le=10, description="force of the finger on the beam")
+    ] = 0.5
     # A fingertip covers some 10 mm, a probe 1 mm, a flat hand 100 mm.
     contact_m: Annotated[
         Positive, Field(ge=0.001, le=0.1, description="length of beam under one finger")
     ] = 0.010
     # Fingers explore at 10 to 200 mm/s; at 1 mm/s nobody slides, at 1 m/s nobody feels.
     sliding_speed_m_s: Annotated[
-        Positive, Field(ge=0.001, le=1, description="of the mark that paces the finger")
+        Positive, Field(ge=0.001, le=1, description="speed of the mark that paces the finger")
     ] = 0.04
     path_m: Annotated[
         Way,
@@ -54,23 +54,24 @@ class TouchDefaults(Record):
         ),
     ] = (0.010, 0.081)
     smooth_place_m: Annotated[
-        OnBeam, Field(description="where a place is touched, right edge of the finger")
+        OnBeam, Field(description="the place to touch without sliding, right edge of the finger")
     ] = 0.0414
-    hold_s: Annotated[TouchTime, Field(description="how long a place is touched")] = 2.0
+    hold_s: Annotated[TouchTime, Field(description="how long this place is touched")] = 2.0
     # The finger is put on the beam meanwhile; after a minute nobody remembers the instruction.
     lead_in_s: Annotated[
         NotNegative,
         Field(
             le=60,
-            description="before a touch the mark rests so long, with the first drive on; longer "
-            "where the soft start takes longer",
+            description="how long the mark rests before a touch, with the first drive on; longer "
+            "if the soft start takes longer",
         ),
     ] = 3.0
     countdown: Annotated[
-        bool, Field(strict=True, description="whether 3, 2, 1 is shown over that time")
+        bool, Field(strict=True, description="whether 3, 2, 1 is shown during `lead_in_s`")
     ] = True
     beam: Annotated[
-        Name | None, Field(description="mounted unless a touch names another of `[beams]`")
+        Name | None,
+        Field(description="the beam that is mounted unless a touch names another one of `[beams]`"),
     ] = None
 
 
@@ -89,12 +90,12 @@ class Touch(Record):
         NotNegative | None, Field(description="amplitude (peak) at the end of a ramp")
     ] = None
     frequency: Annotated[
-        Relative, Field(description="of the drive, relative to the resonance that is measured")
+        Relative, Field(description="frequency of the drive, relative to the measured resonance")
     ] = 1.0
     sweep_to: Annotated[
         Relative | None, Field(description="frequency at the end of a sweep, likewise relative")
     ] = None
-    direction: Annotated[Direction, Field(description="of the sliding finger")] = "right"
+    direction: Annotated[Direction, Field(description="direction of the sliding finger")] = "right"
     coverage: Annotated[
         Coverage, Field(description="one finger, or several that cover the beam")
     ] = "local"

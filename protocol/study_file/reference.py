@@ -12,48 +12,52 @@ _Schema = Mapping[str, Any]
 _INTRODUCTION = """\
 # The study file
 
-`study.toml` says everything about a study that is decided before anyone sits down. `touchbeam new`
-writes one to edit; `touchbeam check` shows the plan it gives and lists all that is wrong with it,
-by line. This page is written from the schema, by `python -m protocol.study_file.reference`.
+The file `study.toml` says everything about a study that is decided before its sessions. `touchbeam
+new` writes a first one, which you edit. `touchbeam check` shows the plan that follows from it, and
+lists all errors, by line. This page is written from the schema, by
+`python -m protocol.study_file.reference`. [The glossary](glossary.md) explains the words.
 
 Lengths are in m, forces in N, times in s. **A voltage is an amplitude (peak), half of what a
-generator shows as peak-to-peak.** A frequency of a touch is relative to the resonance that each
-session measures: 1.0 drives the beam there.
+generator shows as peak-to-peak.** The frequency of a touch is relative to the resonance that each
+session measures. 1.0 drives the beam at its resonance.
 
-An unknown key is an error, and so is a number written as a text. Keys without a default must be
-given.
+An unknown key is an error. A number written as a text is an error, too. Keys without a default must
+be given.
 """
 
 _DESIGN = """\
-### What the design undertakes
+### What the design promises
 
-- `williams`: carry-over is exactly balanced when the cohort is a multiple of n (n even) or 2 n
-  (n odd) conditions and no grouping is asked for; `touchbeam check` reports the imbalance of any
-  other cohort. Carry-over is counted within blocks: a block holds every condition once, and what
-  meets across the end of a block is counted apart.
-- Where wishes conflict, limits come first, then beam swaps, then carry-over.
+- `williams` balances carry-over exactly if two things are true: the cohort is a multiple of n (n
+  even) or 2 n (n odd), where n is the number of conditions, and trials are not grouped by beam.
+  `touchbeam check` reports the imbalance of any other cohort. Carry-over is counted within blocks.
+  A block holds every condition once. Pairs across the end of a block are counted apart.
+- If requirements conflict, limits come first, then beam swaps, then carry-over.
 - Each purpose (order, levels, opposite, catch and practice trials, groups) draws from a random
-  stream of its own, which follows from `study.seed`, or from the digest of the study's
-  [registration](registration.md): changing one leaves the others alone. The same file gives the
-  same plan on every platform.
-- A catch trial is a condition at 0 V. It follows a trial on one beam, takes a condition on the same
-  beam, and never opens a block.
-- A trial in the opposite order runs the touches, ramps and sweeps backwards and expects the
-  contrary answer. A condition that asks whether places swapped has no contrary.
+  stream of its own. So a change of one does not change the others. The streams follow from
+  `study.seed`, or from the digest of the study's [registration](registration.md). The same file
+  gives the same plan on every platform.
+- A catch trial is a condition at 0 V. It follows a trial on a single beam, has a condition on the
+  same beam, and never opens a block.
+- A trial in the opposite order runs the touches, ramps and sweeps backwards, and expects the
+  opposite answer. A condition that asks whether places swapped has no opposite.
 """
 
 
 _AS_INSTRUCTED = """\
 ### A trial that comes again
 
-A touch is judged at its end, before the question. If it was not as instructed and `retries` are
-left, the trial ends there, the participant reads why, and the trial comes again with all its
-touches, at the same level. It comes later in its block, each place being equally likely where no
-further beam swap is needed and no rule on runs and catch trials is broken; it comes at once where
-there is no such place, and before the first block. The last attempt counts however it was made.
-A touch in which no contact was measured is not judged, so that it does not come again; in exported
-data its `force_n` is missing.
-Attempts that did not count are in the journal and in the exported table of touches.
+A touch is judged at its end, before the question. If it was not as instructed, and `retries` are
+left, the trial ends there. The participant reads why. The trial comes again with all its touches,
+at the same level.
+
+- It comes later in its block. The place is drawn from those that need no further beam swap and
+  break no rule on runs and catch trials. All of them are equally likely.
+- It comes at once if there is no such place, and before the first block.
+- The last attempt counts in any case.
+- A touch without measured contact is not judged, so the trial does not come again. In exported data
+  its `force_n` is missing.
+- Attempts that did not count are in the journal and in the exported table of touches.
 
 Carry-over is then no longer balanced exactly. The report counts which condition was answered after
 which, and proves the rules of the plan for the order as run.
@@ -61,10 +65,10 @@ which, and proves the rules of the plan for the order as run.
 
 
 _LANGUAGES = """\
-A code is one of BCP 47, such as `fr` or `pt-BR`. Every key must be there, and every text must have
-the fields in braces that the built-in one has; a touch may name further keys as its `instruction`.
-`touchbeam check` lists what is wrong with the file, by line, and `touchbeam run --language CODE`
-takes it. The journal keeps the file with the study file, and `touchbeam amend` accepts a change.
+A code is one of BCP 47, such as `fr` or `pt-BR`. Every key must be there. Every text must have the
+fields in braces that the built-in text has. A touch may name further keys as its `instruction`.
+`touchbeam check` lists the errors of the file, by line. `touchbeam run --language CODE` uses it.
+The journal keeps the file with the study file, and `touchbeam amend` accepts a change.
 
 `touchbeam translate STUDY CODE` writes a file to start from, with the English texts. A file that is
 added to `protocol/languages` is a language of every study; `session.languages` says in which
@@ -73,7 +77,7 @@ languages a study must be complete.
 
 
 _QUESTIONS = """\
-Such as:
+An example:
 
 ```toml
 [[question]]
@@ -107,13 +111,16 @@ labels = [
 | `number` | | `minimum`, `maximum`, `decimals`, `unit` |
 | `text` | | `max_length` |
 
-A question needs a text in every language of the study; `session.languages = ["en"]` makes it one.
-Nothing is chosen before the first touch, and an answer counts once it is confirmed. An answer apart
-from a trial is journalled when it is given, and a resumed session does not ask it again. Answers
-about a trial are journalled together after the last of them: a trial that was interrupted before
-that comes again, with its questions. Each question is a column of the exported trials (an answer
-apart from a trial stands with all trials of its block or session), and has a table in the report.
-The `unit` is the same in every language.
+A question needs a text in every language of the study. `session.languages = ["en"]` makes English
+the only one. On the page nothing is chosen at first, and an answer counts when it is confirmed. The
+`unit` is the same in every language.
+
+An answer `before`, `after` or after a `block` is journalled when it is given, and a resumed session
+does not ask again. Answers about a trial are journalled together after the last of them. If a trial
+is interrupted before that, it comes again, with its questions.
+
+Each question has a table in the report, and is a column of the exported trials. An answer that is
+not about a trial stands with all trials of its block or session.
 """
 
 
@@ -123,7 +130,7 @@ _PARTS = {
 }
 """The records within a section, each with its heading."""
 _PAGES = """\
-Such as:
+An example:
 
 ```toml
 [[page]]
@@ -136,10 +143,10 @@ block = 2
 text = { en = "Half of it is done.", zh = "已完成一半。" }
 ```
 
-A text must fit the smallest screen beside its picture; `touchbeam check` says so if it does not. A
+A text must fit the smallest screen beside its picture. `touchbeam check` says if it does not. A
 picture has at most 4 MB and 4096 pixels in width and height. It is a file in the study's folder,
-and no link. Pages before the session follow the welcome; a resumed session shows the pages before
-the session, and before the block in which it goes on, again.
+not a link. Pages before the session follow the welcome. A resumed session shows the pages before
+the session again, and those before the block in which it continues.
 """
 _REMARKS = {
     "page": _PAGES,

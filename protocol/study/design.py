@@ -127,15 +127,17 @@ class Timing(Record):
 class Publication(Record):
     """Facts that only the study's author knows, for exported data; none is ever invented."""
 
-    title: Annotated[Line | None, Field(description="of the data set")] = None
-    authors: Annotated[tuple[Line, ...], Field(description="in the order of citation")] = ()
+    title: Annotated[Line | None, Field(description="title of the data set")] = None
+    authors: Annotated[tuple[Line, ...], Field(description="authors in the order of citation")] = ()
     licence: Annotated[Line | None, Field(description="such as `CC0`")] = None
-    institution: Annotated[Line | None, Field(description="where it was done")] = None
-    institution_address: Annotated[Line | None, Field(description="of the institution")] = None
+    institution: Annotated[Line | None, Field(description="where the study was done")] = None
+    institution_address: Annotated[Line | None, Field(description="address of the institution")] = (
+        None
+    )
     ethics_approvals: Annotated[
         tuple[Line, ...], Field(description="committee and reference number")
     ] = ()
     funding: Annotated[tuple[Line, ...], Field(description="grants")] = ()
     references: Annotated[tuple[Line, ...], Field(description="what to read and cite")] = ()
-    doi: Annotated[Line | None, Field(description="of the data set")] = None
-    keywords: Annotated[tuple[Line, ...], Field(description="of the data set")] = ()
+    doi: Annotated[Line | None, Field(description="DOI of the data set")] = None
+    keywords: Annotated[tuple[Line, ...], Field(description="keywords of the data set")] = ()

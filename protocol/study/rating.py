@@ -49,7 +49,7 @@ class Rating(Record):
         Literal["all", "bands", "ends"], Field(description="which scores are marked on the scale")
     ] = "all"
     bands: Annotated[
-        tuple[Band, ...], Field(description="names of ranges, together the whole scale")
+        tuple[Band, ...], Field(description="names of ranges, which together cover the scale")
     ] = ()
 
     @model_validator(mode="after")

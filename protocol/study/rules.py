@@ -131,10 +131,15 @@ class Exclusions(Record):
     """Rules that were settled beforehand; the report applies them and says whom they met."""
 
     max_false_alarms: Annotated[
-        Share | None, Field(description="share of catch trials on which a change was reported")
+        Share | None,
+        Field(
+            description="a participant who reports a change on a larger share of catch trials "
+            "is left out"
+        ),
     ] = None
     max_missing_scores: Annotated[
-        Share | None, Field(description="share of a participant's scores that is missing")
+        Share | None,
+        Field(description="a participant with a larger share of missing scores is left out"),
     ] = None
     # A limit of more than half a minute would leave out everybody: it is in ms.
     min_reaction_s: Annotated[

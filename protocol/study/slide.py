@@ -28,7 +28,7 @@ class Slide(Record):
 
     # A block of 1 g hardly touches; the scale of the force ends at 10 N.
     load_n: Annotated[
-        Positive, Field(ge=0.01, le=10, description="weight of the block with what lies on it")
+        Positive, Field(ge=0.01, le=10, description="weight of the block and of what lies on it")
     ] = 0.56
     contact_m: Annotated[
         Positive, Field(ge=0.001, le=0.1, description="length of beam under the block")
@@ -42,12 +42,12 @@ class Slide(Record):
         tuple[Relative, ...],
         Field(
             max_length=50,
-            description="of the drives, relative to the resonance that is measured",
+            description="frequencies of the drives, relative to the measured resonance",
         ),
     ] = _AROUND_RESONANCE
     frequencies_hz: Annotated[
         tuple[Annotated[Positive, Field(ge=1_000, le=100_000)], ...],
-        Field(max_length=50, description="of further drives, wherever the resonance is"),
+        Field(max_length=50, description="fixed frequencies of further drives, in Hz"),
     ] = (23_200.0,)
     references: Annotated[
         Whole,
@@ -59,23 +59,27 @@ class Slide(Record):
     ] = 3
     repeats: Annotated[
         Count,
-        Field(le=20, description="of every driven pass; all come once before one comes again"),
+        Field(
+            le=20,
+            description="how often each driven pass is made; all come once before one comes again",
+        ),
     ] = 1
     directions: Annotated[
-        tuple[Direction, ...], Field(min_length=1, max_length=2, description="of the block")
+        tuple[Direction, ...],
+        Field(min_length=1, max_length=2, description="directions of the block"),
     ] = ("right",)
     # A hand keeps no lower speed, and at 1 m/s a pass is over at once.
     speeds_m_s: Annotated[
         tuple[Annotated[Positive, Field(ge=0.001, le=1)], ...],
-        Field(min_length=1, max_length=10, description="of the mark that paces the block"),
+        Field(min_length=1, max_length=10, description="speeds of the mark that paces the block"),
     ] = (0.005,)
     paths_m: Annotated[
         tuple[Way, ...],
         Field(
             min_length=1,
             max_length=20,
-            description="where the block is drawn, its right edge, clamp at 0: the whole way, or "
-            "stretches around places of interest",
+            description="where the block is drawn (its right edge, clamp at 0): the whole way, or "
+            "parts around places of interest",
         ),
     ] = ((0.010, 0.081),)
     beam: Annotated[Name | None, Field(description="one of `[beams]`, instead of `touch.beam`")] = (

@@ -36,7 +36,11 @@ class Item(Record):
     ] = None
     touches: Annotated[
         tuple[Touch, ...],
-        Field(min_length=1, max_length=12, description="in order; a table each, see below"),
+        Field(
+            min_length=1,
+            max_length=12,
+            description="the touches in their order; a table each, see below",
+        ),
     ]
 
     @model_validator(mode="after")
@@ -62,7 +66,7 @@ class Opening(Item):
 class Condition(Item):
     """A parameter that changes; its effect is scored."""
 
-    name: Annotated[Name, Field(description="as it appears in tables and reports")]
+    name: Annotated[Name, Field(description="name in tables and reports")]
     question: Annotated[Question, Field(description="what is asked after the last touch")]
     expected: Annotated[str, Field(description="the answer that agrees with the expectation")]
     levels: Annotated[
@@ -70,8 +74,8 @@ class Condition(Item):
         Field(
             min_length=1,
             max_length=20,
-            description="the repeats take these in random order: every amplitude of the trial is "
-            "multiplied by its level, so that predicted contrasts are spread",
+            description="the repeats take these levels in random order; a level multiplies every "
+            "amplitude of its trial, so that predicted contrasts are spread",
         ),
     ] = (1.0,)
 
@@ -82,7 +86,7 @@ class Header(Record):
     schema_version: Annotated[
         Literal[1], Field(alias="schema", description="version of this file's format")
     ] = 1
-    name: Annotated[Name, Field(description="of the study")]
+    name: Annotated[Name, Field(description="name of the study")]
     seed: Annotated[Whole, Field(description="decides every random choice of the design")] = 1
 
 
@@ -124,8 +128,8 @@ class Study(Record):
     forecast: Annotated[
         Forecast,
         Field(
-            description="What `touchbeam check` assumes about ratings when it forecasts precision, "
-            "on a scale of 0 to 10, whatever the study's."
+            description="What `touchbeam check` assumes about ratings when it forecasts precision. "
+            "The numbers are for a scale of 0 to 10, also if the study has another one."
         ),
     ] = Forecast()
     session: Annotated[
@@ -139,7 +143,8 @@ class Study(Record):
         ),
     ] = TouchRules()
     exclusions: Annotated[
-        Exclusions, Field(description="Rules, settled beforehand, on who and what is left out.")
+        Exclusions,
+        Field(description="Rules, decided before the data, on who and what is left out."),
     ] = Exclusions()
     publication: Annotated[
         Publication, Field(description="Facts for exported data that only the author knows.")

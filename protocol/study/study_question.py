@@ -70,10 +70,10 @@ class Label(Record):
     ] = Field(init=False)
 
     value: Annotated[
-        Name | None, Field(description="of `choice` and `several`: what is recorded")
+        Name | None, Field(description="what is recorded, for `choice` and `several`")
     ] = None
     at: Annotated[
-        Place | None, Field(description="of `scale` and `analogue` (0 or 100): the place")
+        Place | None, Field(description="the place, for `scale` and `analogue` (0 or 100)")
     ] = None
 
     @property
@@ -85,7 +85,9 @@ class Label(Record):
 class StudyQuestion(Record):
     """A question of the study's own; its name becomes a column of exported data."""
 
-    name: Annotated[Identifier, Field(description="small letters, digits and `_`")]
+    name: Annotated[
+        Identifier, Field(description="name in the data: small letters, digits and `_`")
+    ]
     kind: Annotated[
         Kind,
         Field(
@@ -97,20 +99,21 @@ class StudyQuestion(Record):
     when: Annotated[
         When,
         Field(
-            description="`trial`: after the trials of conditions, practice and catch trials too; "
+            description="`trial`: after the trials of conditions, also practice and catch trials; "
             "`block`: after each block; `before` the first trial or `after` the last one"
         ),
     ] = "trial"
     conditions: Annotated[
         tuple[Name, ...],
-        Field(description='for `when = "trial"`: only after trials of these; none: of all'),
+        Field(description='for `when = "trial"`: only after trials of these; none: after all'),
     ] = ()
     sessions: Annotated[
         Literal["every", "first"],
         Field(description="whether it is asked in every session of a participant"),
     ] = "every"
     required: Annotated[
-        bool, Field(strict=True, description="whether it must be answered; if not, it is skipped")
+        bool,
+        Field(strict=True, description="whether it must be answered; if not, it may be skipped"),
     ] = True
     text: Annotated[
         dict[KnownCode, _Shown], Field(description="the question, by the language's code")
@@ -125,20 +128,22 @@ class StudyQuestion(Record):
         Place | None, Field(description="highest place on a `scale`, or largest `number`")
     ] = None
     step: Annotated[
-        Positive | None, Field(le=1e6, description="between places of a `scale`; by default 1")
+        Positive | None,
+        Field(le=1e6, description="distance between places of a `scale`; by default 1"),
     ] = None
     ticks: Annotated[
         Literal["all", "labels", "ends"],
         Field(description="which places are marked on a `scale`"),
     ] = "all"
     decimals: Annotated[
-        Whole | None, Field(le=6, description="most decimals of a `number`; by default 0")
+        Whole | None,
+        Field(le=6, description="largest number of decimals of a `number`; by default 0"),
     ] = None
     unit: Annotated[
-        _Shown | None, Field(description="of a `number`, shown beside it and in exported data")
+        _Shown | None, Field(description="unit of a `number`, shown beside it and in exported data")
     ] = None
     max_length: Annotated[
-        Count | None, Field(le=200, description="of a `text`, in characters; by default 60")
+        Count | None, Field(le=200, description="longest `text`, in characters; by default 60")
     ] = None
 
     @property
@@ -248,14 +253,14 @@ class InstructionPage(Record):
     """A page to read, with a picture if wanted, until the participant goes on."""
 
     before: Annotated[
-        Literal["session", "practice", "block"], Field(description="what it introduces")
+        Literal["session", "practice", "block"], Field(description="what the page introduces")
     ] = "session"
     block: Annotated[
         Count | None, Field(description="number of the block, from 1; none: every block")
     ] = None
     text: Annotated[
         dict[KnownCode, LongText],
-        Field(description="by the language's code; a line feed begins a new line"),
+        Field(description="the text, by the language's code; a line feed begins a new line"),
     ] = Field(default_factory=dict)
     picture: Annotated[
         Filename | None, Field(description="a PNG or JPEG file in the study's folder")

@@ -14,19 +14,17 @@ _STORE = "tests/runner/journal/test_store.py"
 _AMENDED = "tests/runner/journal/test_amendments.py"
 _JOURNAL: Mapping[str, tuple[str, ...]] = {
     "amendments": (
-        _AMENDED,
-        "tests/runner/journal/test_guessing.py",
-        "tests/runner/cli/test_withdraw.py",
+        _AMENDED, "tests/runner/journal/test_guessing.py", "tests/runner/cli/test_withdraw.py",
     ),
     "backup": ("tests/runner/journal/test_backup.py",),
-    "chain": (_STORE, _AMENDED, "tests/runner/journal/test_corruption.py"),
-    "cohort": (_AMENDED, "tests/runner/launch", "tests/system/test_run.py"),
+    "chain": ("tests/runner/journal/test_chain.py", _STORE, _AMENDED),
+    "cohort": ("tests/runner/journal/test_cohort.py", _AMENDED, "tests/runner/launch"),
     "database": (_STORE, "tests/runner/journal/test_database.py"),
-    "location": ("tests/runner/journal/test_location.py", "tests/runner/journal/test_database.py"),
-    "session_log": ("tests/runner/session", "tests/runner/test_signals.py"),
+    "location": ("tests/runner/journal/test_location.py",),
+    "session_log": ("tests/runner/journal/test_session_log.py", _AMENDED, "tests/runner/session"),
     "store": (_STORE, _AMENDED, "tests/runner/journal/test_database.py"),
-    "verification": (_STORE, _AMENDED, "tests/runner/journal/test_corruption.py"),
-}
+    "verification": ("tests/runner/journal/test_verification.py", _STORE, _AMENDED),
+}  # fmt: skip
 _STUDY_FILE = (
     "tests/protocol/study_file/test_limits.py", "tests/protocol/study_file/test_loading.py",
     "tests/protocol/study_file/test_consistency.py", "tests/protocol/plan/test_feasibility.py",

@@ -289,7 +289,7 @@ def test_a_board_has_half_a_second_to_discharge() -> None:
 def test_a_board_that_says_on_is_not_off() -> None:
     board, port = lying(LIMITS)
     port.lies = {"OUTP?": ["1"]}
-    with pytest.raises(OutputUnknown, match="told OUTP OFF and says that its output is on"):
+    with pytest.raises(OutputUnknown, match=r"told OUTP OFF and says that its output is on\)$"):
         board.off()
 
 
@@ -301,7 +301,7 @@ def test_an_output_that_is_on_the_second_time_it_is_asked_is_not_off(dialect: st
     port.sent.clear()
     answers = iter([""])
     port.line_lie = lambda line: next(answers, line)
-    told = f"told {driver.off_command} and says that its output is on"
+    told = f"told {driver.off_command} and says that its output is on)"
     with pytest.raises(OutputUnknown, match=re.escape(told)):
         driver.off()
     assert port.sent.count(driver.off_command) == 2

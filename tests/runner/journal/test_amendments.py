@@ -9,15 +9,26 @@ from pathlib import Path
 import pytest
 
 from protocol.errors import BadInput
-from protocol.journal.events import NoteTaken, SessionOpened, Withdrawn, event_of
-from protocol.study_file.loading import template
+from protocol.journal.events import (
+    DeviceArmed,
+    NoteTaken,
+    ScoresImported,
+    SessionOpened,
+    TrialStarted,
+    Withdrawn,
+    event_of,
+)
+from protocol.study_file.loading import template, text_digest
 from runner.clock import WallClock
 from runner.journal.amendments import (
+    accepted_digests,
     amend,
     exclude_session,
     exclude_trial,
     include_session,
     include_trial,
+    sessions_of,
+    unerased,
     withdraw,
 )
 from runner.journal.cohort import session_summaries, slot_for, states
@@ -385,3 +396,93 @@ def test_an_erasure_prevented_by_a_reader_is_an_error(tmp_path: Path) -> None:
         withdraw(journal, CLOCK, "P01")
     held = b"".join(path.read_bytes() for path in tmp_path.iterdir())
     assert b"smoother" not in held
+
+
+def test_the_refusal_of_a_trial_tells_which_there_are(tmp_path: Path) -> None:
+    with finished(tmp_path) as journal:
+        exclude_trial(journal, CLOCK, "P01/1", 3, "noise")
+        exclude_trial(journal, CLOCK, "P01/1", 5, "noise")
+        with pytest.raises(BadInput, match=r"trial 4 of P01/1 is not excluded; .* trials: 3, 5$"):
+            include_trial(journal, CLOCK, "P01/1", 4, "x")
+    with open_journal(tmp_path / "other.db") as journal:
+        with pytest.raises(BadInput, match=r"no session P01/1 here; known: none$"):
+            exclude_session(journal, CLOCK, "P01/1", "x")
+        amend(journal, CLOCK, "", "nothing was accepted before")
+        with pytest.raises(BadInput, match=r"^@study has no trial 0; it has no trials$"):
+            exclude_trial(journal, CLOCK, "@study", 0, "x")
+
+
+def test_a_session_that_is_not_excluded_is_told_from_one_with_excluded_trials(
+    tmp_path: Path,
+) -> None:
+    with (
+        finished(tmp_path) as journal,
+        pytest.raises(BadInput, match=r"^P01/1 is completed, not excluded$"),
+    ):
+        include_session(journal, CLOCK, "P01/1", "x")
+
+
+def test_the_accepted_studies_are_those_of_readable_events_in_order(tmp_path: Path) -> None:
+    text = template("paper")
+    with open_journal(tmp_path / "study.db") as journal:
+        assert accepted_digests(journal) == []
+        context(journal, FakeDevice(), FakeParticipant(), text)
+        amend(journal, CLOCK, amended(text), "longer touches")
+        first, second = text_digest(text), text_digest(amended(text))
+        assert accepted_digests(journal) == [first, second]
+        amend(journal, CLOCK, text, "as it was")
+        assert accepted_digests(journal) == [first, second, first]
+        withdraw(journal, CLOCK, "P01")
+        assert accepted_digests(journal) == [second, first]
+
+
+def test_what_a_participant_still_has_is_told_until_it_is_erased(tmp_path: Path) -> None:
+    with finished(tmp_path) as journal:
+        SessionLog(journal, "1/1", CLOCK).append(
+            ScoresImported(
+                participant="1",
+                session=1,
+                conditions=("a",),
+                scores={"a": 1.0},
+                source=None,
+                source_sha256=None,
+            )
+        )
+        both = ["P01/1", "1/1"]
+        assert unerased(journal, both) == {
+            "P01/1": "7 of 7 trials answered",
+            "1/1": "imported scores",
+        }
+        SessionLog(journal, "P01/1", CLOCK).append(Withdrawn())
+        assert list(unerased(journal, both)) == both, "an event without data is not all of them"
+        withdraw(journal, CLOCK, "P01")
+        assert unerased(journal, both) == {"1/1": "imported scores"}
+
+
+def test_a_withdrawal_is_recorded_once_and_without_rehearsals(tmp_path: Path) -> None:
+    with finished(tmp_path) as journal:
+        run(context(journal, FakeDevice(), FakeParticipant(), kind="rehearsal"))
+        assert sessions_of(journal, "P01", rehearsal=False) == ["P01/1"]
+        assert sessions_of(journal, "P01", rehearsal=True) == ["P01/1 (rehearsal)"]
+        for _ in range(2):
+            withdraw(journal, CLOCK, "P01")
+        tags = [event.tag for event in journal.events("P01/1")]
+        assert tags.count("withdrawn") == 1
+        with pytest.raises(BadInput, match="the sliding experiment has no participant who could"):
+            sessions_of(journal, "slide", rehearsal=False)
+
+
+def test_a_name_that_was_only_rehearsed_is_withdrawn_without_saying_so(tmp_path: Path) -> None:
+    with open_journal(tmp_path / "study.db") as journal:
+        context(journal, FakeDevice(), FakeParticipant(), kind="rehearsal")
+        assert withdraw(journal, CLOCK, "P01") == ["P01/1 (rehearsal)"]
+
+
+def test_a_trial_of_an_abandoned_session_is_excluded_once_it_is_closed(tmp_path: Path) -> None:
+    with open_journal(tmp_path / "study.db") as journal:
+        log = context(journal, FakeDevice(), FakeParticipant()).log
+        log.append(DeviceArmed(idn="fake", boot=1, device_time_s=0.0))
+        log.append(TrialStarted(index=0, kind="baseline"))
+        exclude_trial(journal, CLOCK, "P01/1", 0, "noise")
+        tags = [event.tag for event in journal.events("P01/1")]
+        assert tags[-3:] == ["trial-aborted", "device-off", "trial-excluded"]

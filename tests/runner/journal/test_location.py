@@ -1,5 +1,6 @@
 """The location of a journal: a local disk."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -22,6 +23,44 @@ MOUNTS = [("/", "ext4"), ("/net/lab", "nfs4"), ("/net/lab/local", "xfs"), ("/med
 def test_network_and_cloud_folders_are_refused(folder: str, why: str) -> None:
     with pytest.raises(BadInput, match=f"{folder}: must not be .*{why}, where journals get"):
         checked_place(Path(folder), MOUNTS)
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "9p", "afs", "ceph", "cifs", "davfs", "fuse.gvfsd-fuse", "fuse.rclone", "fuse.sshfs",
+        "glusterfs", "ncpfs", "nfs", "nfs4", "smb3", "smbfs",
+    ],
+)  # fmt: skip
+def test_each_kind_of_network_folder_is_refused(kind: str) -> None:
+    mounts = [("/", "ext4"), ("/share", kind)]
+    with pytest.raises(BadInput, match=rf"^/share/a: must not be on a network \({kind}\), where"):
+        checked_place(Path("/share/a"), mounts)
+
+
+@pytest.mark.parametrize(
+    "folder",
+    [
+        "Box Sync", "Dropbox (Lab)", "Google Drive", "GoogleDrive", "iCloud Drive",
+        "Mobile Documents", "My Drive", "Nextcloud", "OneDrive", "ownCloud", "Seafile",
+    ],
+)  # fmt: skip
+def test_each_cloud_folder_is_refused_wherever_it_is(folder: str) -> None:
+    for place in (Path("/home", folder), Path("/home", folder, "a/study")):
+        with pytest.raises(BadInput, match=f"by a cloud service \\({re.escape(folder)}\\), where"):
+            checked_place(place, [("/", "ext4")])
+
+
+def test_a_folder_on_no_known_mount_is_accepted() -> None:
+    assert checked_place(Path("/home/study"), []) == Path("/home/study")
+
+
+def test_a_system_that_lists_no_mounts_has_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    def unlisted(**_: object) -> None:
+        raise OSError("no /proc")
+
+    monkeypatch.setattr("psutil.disk_partitions", unlisted)
+    assert mounts_of_this_machine() == []
 
 
 @pytest.mark.parametrize("folder", ["/home/someone/study", "/net/lab/local/study", "/net/labels"])

@@ -1,0 +1,290 @@
+"""Verdicts on chains, one rule at a time."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from protocol.journal.events import (
+    DeviceArmed,
+    Event,
+    NoteTaken,
+    ScoresImported,
+    SessionResumed,
+    StoredEvent,
+    StudyAmended,
+    Withdrawn,
+)
+from runner.journal.chain import ChainLink
+from runner.journal.names import STUDY_CHAIN
+from runner.journal.opening import open_journal
+from runner.journal.session_log import SessionLog
+from runner.journal.store import Journal, JournalError
+from runner.journal.verification import (
+    SessionVerdict,
+    chain_is_unbroken,
+    readable_chains,
+    readable_events,
+    session_verdict,
+    touchbeam_versions,
+    verdicts,
+)
+from tests.runner.fakes import FakeClock, FakeDevice, FakeParticipant, context
+from tests.runner.journal.tampering import tampering
+
+GOOD = SessionVerdict(
+    participant="P01",
+    session=1,
+    kind="participant",
+    state="completed",
+    events=9,
+    trials_planned=7,
+    trials_answered=7,
+    trials_aborted=1,
+    duplicates=0,
+    missing=0,
+    chain_ok=True,
+)
+SCORES = ScoresImported(
+    participant="1",
+    session=1,
+    conditions=("a",),
+    scores={"a": 1.0},
+    source="table.csv",
+    source_sha256="x",
+)
+
+
+@pytest.fixture
+def journal(tmp_path: Path) -> Iterator[Journal]:
+    with open_journal(tmp_path / "study.db") as journal:
+        yield journal
+
+
+def begun(journal: Journal) -> SessionLog:
+    """A session that was opened."""
+    return context(journal, FakeDevice(), FakeParticipant()).log
+
+
+def logged(journal: Journal, session: str, *events: Event) -> None:
+    log = SessionLog(journal, session, FakeClock())
+    for event in events:
+        log.append(event)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "ok"),
+    [
+        (GOOD, True),
+        (replace(GOOD, missing=1), False),
+        (replace(GOOD, missing=1, state="armed"), True),
+        (replace(GOOD, missing=0, state="armed"), True),
+        (replace(GOOD, duplicates=1), False),
+        (replace(GOOD, problem="damaged"), False),
+        (replace(GOOD, chain_ok=False), False),
+    ],
+)
+def test_a_verdict_is_good_without_any_problem(verdict: SessionVerdict, ok: bool) -> None:
+    assert verdict.ok is ok
+    assert verdict.record()["ok"] is ok
+    assert verdict.record()["state"] == verdict.state
+    assert verdict.line().startswith("ok    " if ok else "FAIL  ")
+
+
+SAYS = "7 of 7 trials answered, 1 aborted, 0 answered twice"
+
+
+@pytest.mark.parametrize(
+    ("verdict", "line"),
+    [
+        (GOOD, f"ok    P01/1  completed  {SAYS}, chain unbroken"),
+        (replace(GOOD, chain_ok=False), f"FAIL  P01/1  completed  {SAYS}, CHAIN BROKEN"),
+        (
+            replace(GOOD, problem="lost"),
+            f"FAIL  P01/1  completed  {SAYS}, chain unbroken; lost",
+        ),
+        (
+            replace(GOOD, kind="rehearsal", versions=("1.0",)),
+            f"ok    P01/1 (rehearsal)  completed  {SAYS}, chain unbroken",
+        ),
+        (
+            replace(GOOD, versions=("1.0", "1.1"), problem="lost"),
+            f"FAIL  P01/1  completed  {SAYS}, chain unbroken; "
+            "written by several versions of touchbeam: 1.0, 1.1; lost",
+        ),
+        (
+            replace(GOOD, participant="slide", kind="slide"),
+            f"ok    slide/1  completed  {SAYS.replace('trials answered', 'passes drawn')}, "
+            "chain unbroken",
+        ),
+        (
+            replace(GOOD, participant=STUDY_CHAIN, state="amended", events=1),
+            "ok    the study itself  amended  1 event, chain unbroken",
+        ),
+        (
+            replace(GOOD, participant=STUDY_CHAIN, state="amended", events=2),
+            "ok    the study itself  amended  2 events, chain unbroken",
+        ),
+    ],
+)
+def test_a_verdict_is_one_line(verdict: SessionVerdict, line: str) -> None:
+    assert verdict.line() == line
+
+
+def version_of(event: Event, **versions: object) -> StoredEvent:
+    payload = {**event.to_json(), "versions": versions}
+    return StoredEvent(
+        seq=0, tag=event.TAG, utc=FakeClock().utc(), monotonic_s=0.0, payload=payload
+    )
+
+
+def test_the_versions_are_those_of_openings_in_order(journal: Journal) -> None:
+    opened = begun(journal).state.opened
+    assert opened is not None
+    made = [
+        version_of(opened, touchbeam="1.0"),
+        version_of(NoteTaken(text="x"), touchbeam="7.0"),
+        version_of(opened, touchbeam="1.0"),
+        version_of(opened, touchbeam="1.1"),
+        version_of(opened, touchbeam="\x1b[2J"),
+        version_of(opened, touchbeam=3),
+        version_of(opened, python="3.11"),
+        replace(version_of(opened), payload={"versions": 3}),
+        version_of(opened, touchbeam="1.0"),
+    ]
+    assert touchbeam_versions(made) == ("1.0", "1.1", "1.0")
+
+
+def test_a_resumed_session_tells_its_version(journal: Journal) -> None:
+    log = begun(journal)
+    assert log.state.opened is not None
+    (event,) = journal.events("P01/1")
+    payload = {
+        key: value
+        for key, value in {**event.payload, "versions": {"touchbeam": "9.9"}}.items()
+        if key in {"study_sha256", "study_text", "trials", "language", "seed", "versions"}
+    }
+    resumed = replace(event, tag=SessionResumed.TAG, payload=payload)
+    assert touchbeam_versions([resumed]) == ("9.9",)
+
+
+def test_the_verdict_counts_what_the_session_has(journal: Journal) -> None:
+    begun(journal).append(DeviceArmed(idn="fake", boot=1, device_time_s=0.0))
+    logged(journal, "1/1", SCORES)
+    session, imported = verdicts(journal)
+    assert (session.state, session.kind, session.events) == ("armed", "participant", 2)
+    assert (session.trials_planned, session.trials_answered, session.missing) == (7, 0, 7)
+    assert session.problem == ""
+    assert session.ok
+    assert (imported.kind, imported.trials_planned) == ("published", 0)
+
+
+def test_a_chain_without_events_is_not_unbroken(journal: Journal) -> None:
+    verdict = session_verdict("P01/1", [])
+    assert (verdict.chain_ok, verdict.kind, verdict.state) == (False, "unknown", "new")
+
+
+def links(journal: Journal) -> list[ChainLink]:
+    log = begun(journal)
+    log.append(NoteTaken(text="a"))
+    log.append(NoteTaken(text="b"))
+    return list(journal.chain("P01/1"))
+
+
+def test_a_chain_is_broken_by_any_change_of_any_link(journal: Journal) -> None:
+    chain = links(journal)
+    assert chain_is_unbroken("P01/1", chain, erased=False)
+    assert not chain_is_unbroken("P02/1", chain, erased=False)
+    for place, link in enumerate(chain):
+        for changed in (
+            link._replace(event=replace(link.event, seq=link.event.seq + 1)),
+            link._replace(event=replace(link.event, tag="x")),
+            link._replace(hash="0" * 64),
+            link._replace(payload_sha256="0" * 64),
+            link._replace(payload="{}"),
+            link._replace(salt=None),
+            link._replace(salt=b"0" * 16),
+            link._replace(payload=None),
+        ):
+            wrong = [*chain[:place], changed, *chain[place + 1 :]]
+            assert not chain_is_unbroken("P01/1", wrong, erased=False), changed
+    assert not chain_is_unbroken("P01/1", chain[1:], erased=False)
+    without = [link._replace(payload=None, salt=None) for link in chain]
+    assert chain_is_unbroken("P01/1", without, erased=True)
+    assert not chain_is_unbroken("P01/1", without, erased=False)
+
+
+def test_a_withdrawn_session_must_be_erased_with_its_salts(journal: Journal) -> None:
+    links(journal)
+    logged(journal, "P01/1", Withdrawn())
+    chain = list(journal.chain("P01/1"))
+    left = "withdrawn but not erased; run touchbeam withdraw again"
+
+    def told(kept: list[ChainLink]) -> str:
+        return session_verdict("P01/1", kept).problem
+
+    erased = [
+        link._replace(event=replace(link.event, payload={}, erased=True), payload=None, salt=None)
+        for link in chain
+    ]
+    assert told(erased) == ""
+    assert told(chain) == left
+    assert told([*erased[:-1], chain[-1]]) == left
+    assert told([erased[0]._replace(salt=b"x" * 16), *erased[1:]]) == left
+
+
+def test_what_cannot_be_read_is_refused_by_name(journal: Journal, tmp_path: Path) -> None:
+    links(journal)
+    assert len(readable_events(journal, "P01/1")) == 3
+    with tampering(tmp_path / "study.db") as other:
+        other.execute("UPDATE event SET payload = NULL WHERE seq = 1")
+    lost = "^session P01/1 has lost payloads; run touchbeam verify$"
+    with pytest.raises(JournalError, match=lost):
+        readable_events(journal, "P01/1")
+    with pytest.raises(JournalError, match=lost):
+        list(readable_chains(journal, []))
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ("UPDATE event SET tag = 'note' WHERE seq = 0", "has no opening event"),
+        ("UPDATE event SET payload = '{}' WHERE seq = 0", "has no opening event"),
+        ("UPDATE event SET tag = 'device-off' WHERE seq = 1", "is damaged"),
+    ],
+)
+def test_a_session_without_its_beginning_is_refused(
+    journal: Journal, tmp_path: Path, change: str, why: str
+) -> None:
+    links(journal)
+    with tampering(tmp_path / "study.db") as other:
+        other.execute(change)
+    with pytest.raises(JournalError, match=f"^session P01/1 {why}; run touchbeam verify$"):
+        readable_events(journal, "P01/1")
+
+
+def test_readable_are_sessions_imported_scores_the_study_and_the_withdrawn(
+    journal: Journal, tmp_path: Path
+) -> None:
+    links(journal)
+    logged(journal, "1/1", SCORES)
+    logged(journal, STUDY_CHAIN, StudyAmended(study_sha256="x", reason="y", breaks=None))
+    logged(journal, "P02/1", begun_elsewhere(tmp_path), Withdrawn())
+    journal.erase_payloads(["P02/1"])
+    broken: list[str] = []
+    assert [len(events) for events in readable_chains(journal, broken)] == [3, 1, 1, 2]
+    assert broken == []
+    assert [len(events) for events in readable_chains(journal, broken, "1")] == [1]
+    assert list(readable_chains(journal, broken, "P")) == []
+    with tampering(tmp_path / "study.db") as other:
+        other.execute("UPDATE event SET hash = 'x' WHERE session = 'P01/1' AND seq = 1")
+    assert len(list(readable_chains(journal, broken))) == 4
+    assert broken == ["P01/1"]
+
+
+def begun_elsewhere(folder: Path) -> Event:
+    with open_journal(folder / "other.db") as other:
+        opened = begun(other).state.opened
+    assert opened is not None
+    return opened

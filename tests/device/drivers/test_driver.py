@@ -18,7 +18,7 @@ from device.drivers.generator import (
     Ramp,
 )
 from device.drivers.limits import Setpoint
-from device.errors import CannotRecord, DeviceError, LinkTimeout, OutputUnknown
+from device.errors import CannotRecord, DeviceError, ForeignOutput, LinkTimeout, OutputUnknown
 from device.link.link import Link
 from tests.device.lying import LyingPort, SteppedClock, lying, unarmed
 from tests.device.rigs import DRIVE, LIMITS
@@ -271,7 +271,7 @@ def test_a_board_that_switches_by_itself_is_told_of_by_what_it_did(query: str) -
 def test_a_board_is_not_off_at_the_tolerance_itself() -> None:
     board, port = lying(LIMITS)
     port.lies = {"MEAS:VOLT?": ["2"]}
-    with pytest.raises(OutputUnknown, match=r"its monitor still shows 2\.0 V after 0\.5 s"):
+    with pytest.raises(OutputUnknown, match=r"its monitor still shows 2\.0 V after 0\.5 s\)$"):
         board.off()
 
 
@@ -305,6 +305,46 @@ def test_an_output_that_is_on_the_second_time_it_is_asked_is_not_off(dialect: st
     with pytest.raises(OutputUnknown, match=re.escape(told)):
         driver.off()
     assert port.sent.count(driver.off_command) == 2
+
+
+@pytest.mark.parametrize("dialect", ["board", *GENERATORS])
+def test_a_device_that_is_not_ours_is_told_off_once_and_left_alone(dialect: str) -> None:
+    driver, port = unarmed(LIMITS, dialect)
+    port.lies = {"*IDN?": ["ACME,Toaster,1,2"]}
+    why = f"expected {re.escape(driver.expected)}, got 'ACME,Toaster,1,2'; nothing else was sent"
+    with pytest.raises(ForeignOutput, match=why):
+        driver.arm()
+    assert port.sent == [driver.off_command, "*IDN?"]
+    with pytest.raises(ForeignOutput, match=why):
+        driver.off()
+    assert port.sent == [driver.off_command, "*IDN?"]
+    port.lies = {}
+    driver.arm()
+    driver.off()
+
+
+def test_an_off_that_cannot_be_sent_is_unknown_whatever_the_device_says() -> None:
+    board, port = lying(LIMITS)
+    board.drive(DRIVE)
+    send = port.send
+
+    def cut(data: bytes) -> None:
+        if data == b"OUTP OFF\n":
+            raise OSError("the cable is cut")
+        send(data)
+
+    port.send = cut  # type: ignore[method-assign]
+    port.lies = {"OUTP?": ["0"], "MEAS:VOLT?": ["0"]}
+    with pytest.raises(OutputUnknown, match="cannot send 'OUTP OFF' to the device: the cable is"):
+        board.off()
+    assert board.driven is None
+
+
+def test_an_off_without_an_answer_is_unknown() -> None:
+    board, port = lying(LIMITS)
+    port.line_lie = lambda _: ""
+    with pytest.raises(OutputUnknown, match="an earlier answer is still outstanding"):
+        board.confirm_off()
 
 
 def test_closing_gives_the_port_back() -> None:
@@ -434,6 +474,22 @@ def test_the_least_amplitude_itself_can_be_driven(dialect: str) -> None:
     assert generator.reading.output is False
     assert generator.driven is None
     assert generator.carry_on() is False
+
+
+@pytest.mark.parametrize("dialect", GENERATORS)
+def test_a_drive_after_off_begins_its_ramp_anew(dialect: str) -> None:
+    """Else the output would jump to where the old ramp would be by now."""
+    generator, port = stepped(dialect)
+    assert isinstance(generator, Generator)
+    slow = replace(DRIVE, ramp_v_per_s=50)
+    generator.drive(slow)
+    assert generator.carry_on() is True
+    generator.off()
+    generator.link.stay_silent(10)
+    assert generator.drive(slow).voltage_v == pytest.approx(generator.least_v)
+    assert generator.carry_on() is True
+    assert generator.amplitude_v < 5
+    assert port.device.instrument.output
 
 
 @pytest.mark.parametrize(("on", "state"), [(True, "off"), (False, "on")])

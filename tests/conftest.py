@@ -21,16 +21,18 @@ settings.load_profile("untimed")
 
 REASON = "takes minutes; run it with `make soak`"
 LONGEST = (
+    "system/test_window_sessions.py",
+    "system/test_report_sections.py",
+    "handbook/test_examples.py",
+    "system/test_round_trip.py",
     "system/test_terminal_output.py",
     "system/test_recorded_sessions.py",
-    "system/test_report_sections.py",
     "system/test_slide.py",
-    "handbook/test_examples.py",
     "system/test_power_workers.py",
     "system/day/test_day.py",
     "runner/cli/test_app.py",
     "runner/test_pytest_plugin.py",
-    "system/test_round_trip.py",
+    "system/test_window_failures.py",
     "system/test_results_on_disk.py",
     "system/test_report_in_browser.py",
     "runner/cli/test_slide.py",

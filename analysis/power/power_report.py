@@ -161,8 +161,8 @@ def design_answer(found: Findings) -> str:
     ]
     strong = _pairs_with_power(found)
     parts.append(f"{_percent(_power_of(found, OMNIBUS))} power to tell that the conditions differ")
-    listed = f"{', '.join(strong[:4])}{_rest(strong[4:])}"
-    parts.append(f"80 % power for {listed if strong else 'no pair of conditions'}")
+    listed = f"80 % power for {', '.join(strong[:4])}{_rest(strong[4:])}"
+    parts.append(listed if strong else "less than 80 % power for every pair of conditions")
     parts += [
         f"{_percent(each.power.value)} power for the registered primary hypothesis, {each.name}"
         for each in found.registered[:1]

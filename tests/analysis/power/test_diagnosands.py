@@ -133,7 +133,7 @@ def test_the_answer_says_which_condition_is_above_which() -> None:
     rows = rows_of_tables(list(tables(6, 200, (0, 0, 0, 0, 3.5))))
     said = design_answer(found(rows, rows[:10]))
     assert said.startswith("9 participants x 1 repeat: 98 % power to tell that the conditions")
-    assert "for no pair of conditions" in design_answer(
+    assert ", less than 80 % power for every pair of conditions." in design_answer(
         found(rows_of_tables(list(tables(5, 50))), rows)
     )
     names = columns(5, models=False)

@@ -36,9 +36,14 @@ def _test(selection: Sequence[str], mutant: str) -> int:
     import pytest
 
     class First:
-        """Comes before pytest's own way to import modules, which takes what a plugin is part of."""
+        """Comes before the first conftest imports anything of ours.
 
-        def pytest_configure(self) -> None:
+        It also comes before pytest's own way to import modules, which takes what a plugin is
+        part of.
+        """
+
+        @pytest.hookimpl(tryfirst=True)
+        def pytest_load_initial_conftests(self) -> None:
             if mutant:
                 hook.install(mutant)
 

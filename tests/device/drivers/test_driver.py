@@ -200,6 +200,15 @@ def test_a_board_may_show_as_much_as_the_tolerance_and_no_more(query: str) -> No
         getattr(board, query)()
 
 
+def test_a_board_that_is_driven_higher_may_be_on_its_way_at_once() -> None:
+    board, port = lying(LIMITS)
+    board.drive(replace(DRIVE, voltage_v=20))
+    port.advance(0.2)
+    board.check()
+    port.lies = {"VOLT:INST?": ["30"], "MEAS:VOLT?": ["30"]}
+    assert board.drive(DRIVE).monitor_v == 30
+
+
 @pytest.mark.parametrize("driven", [True, False])
 def test_a_board_at_0_v_may_not_show_3_v(driven: bool) -> None:
     board, port = lying(LIMITS)

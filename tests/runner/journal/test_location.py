@@ -51,6 +51,27 @@ def test_each_cloud_folder_is_refused_wherever_it_is(folder: str) -> None:
             checked_place(place, [("/", "ext4")])
 
 
+def test_the_innermost_mount_counts_in_whatever_order_they_are_listed() -> None:
+    with pytest.raises(BadInput, match=r"on a network \(nfs4\)"):
+        checked_place(Path("/net/lab/study"), [("/net/lab", "nfs4"), ("/", "ext4")])
+    mounts = [("/net/lab/local", "xfs"), ("/net/lab", "nfs4"), ("/", "ext4")]
+    assert checked_place(Path("/net/lab/local/a"), mounts) == Path("/net/lab/local/a")
+
+
+def test_all_mounts_are_asked_for_as_network_folders_are_no_disks(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked: list[object] = []
+
+    def listed(**options: object) -> list[object]:
+        asked.append(options)
+        return []
+
+    monkeypatch.setattr("psutil.disk_partitions", listed)
+    assert mounts_of_this_machine() == []
+    assert asked == [{"all": True}]
+
+
 def test_a_folder_on_no_known_mount_is_accepted() -> None:
     assert checked_place(Path("/home/study"), []) == Path("/home/study")
 

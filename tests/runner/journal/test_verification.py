@@ -1,5 +1,6 @@
 """Verdicts on chains, one rule at a time."""
 
+import json
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +12,7 @@ from protocol.journal.events import (
     Event,
     NoteTaken,
     ScoresImported,
+    SessionOpened,
     SessionResumed,
     StoredEvent,
     StudyAmended,
@@ -262,6 +264,19 @@ def test_a_session_without_its_beginning_is_refused(
         other.execute(change)
     with pytest.raises(JournalError, match=f"^session P01/1 {why}; run touchbeam verify$"):
         readable_events(journal, "P01/1")
+
+
+def test_a_session_without_events_is_refused_and_one_with_what_readers_need_is_read(
+    journal: Journal, tmp_path: Path
+) -> None:
+    with pytest.raises(JournalError, match=r"^session P09/1 has no opening event; run"):
+        readable_events(journal, "P09/1")
+    links(journal)
+    opened = journal.events("P01/1")[0].payload
+    needed = {key: opened[key] for key in SessionOpened.REQUIRED}
+    with tampering(tmp_path / "study.db") as other:
+        other.execute("UPDATE event SET payload = ? WHERE seq = 0", [json.dumps(needed)])
+    assert len(readable_events(journal, "P01/1")) == 3
 
 
 def test_readable_are_sessions_imported_scores_the_study_and_the_withdrawn(

@@ -75,7 +75,7 @@ def _require_same_trials(name: str, session: Session, opened: Sequence[PlannedTr
         for trials in (session.plan.trials, opened)
     )
     if planned != before:
-        changed = "amended" if session.registration is None else "registered"
+        changed = "amended" if session.registration is None else "registered or amended"
         raise BadInput(
             f"{name} has different trials in the {changed} study; finish it as --session "
             f"{session.number + 1}"

@@ -242,8 +242,13 @@ def test_a_session_is_not_resumed_with_different_trials(tmp_path: Path) -> None:
         fixed = template("paper").replace('order = "williams"', 'order = "fixed"')
         amend(journal, CLOCK, fixed, "simpler")
         other = context(journal, FakeDevice(), FakeParticipant(), fixed).session
-        with pytest.raises(BadInput, match=r"P01/1 has different trials .* it as --session 2"):
-            require_resumable(journal, other, states(journal)["P01/1"], FakeClock().utc())
+        now, before = FakeClock().utc(), states(journal)["P01/1"]
+        told = "P01/1 has different trials in the {} study; finish it as --session 2"
+        with pytest.raises(BadInput, match=told.format("amended")):
+            require_resumable(journal, other, before, now)
+        locked = replace(other, registration="7" * 64)
+        with pytest.raises(BadInput, match=told.format("registered or amended")):
+            require_resumable(journal, locked, before, now)
 
 
 def test_a_stale_session_is_not_resumed(tmp_path: Path) -> None:

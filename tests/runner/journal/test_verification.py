@@ -182,6 +182,18 @@ def test_the_verdict_counts_what_the_session_has(journal: Journal) -> None:
     assert (imported.kind, imported.trials_planned) == ("published", 0)
 
 
+def test_what_an_edited_registration_raises_is_the_problem(
+    journal: Journal, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def edited(*_: object) -> str:
+        raise KeyError("registered")
+
+    begun(journal)
+    monkeypatch.setattr("runner.journal.verification.session_problem", edited)
+    (verdict,) = verdicts(journal)
+    assert (verdict.problem, verdict.ok, verdict.chain_ok) == ("'registered'", False, True)
+
+
 def test_a_chain_without_events_is_not_unbroken(journal: Journal) -> None:
     verdict = session_verdict("P01/1", [])
     assert (verdict.chain_ok, verdict.kind, verdict.state) == (False, "unknown", "new")
@@ -253,6 +265,7 @@ def test_what_cannot_be_read_is_refused_by_name(journal: Journal, tmp_path: Path
     [
         ("UPDATE event SET tag = 'note' WHERE seq = 0", "has no opening event"),
         ("UPDATE event SET payload = '{}' WHERE seq = 0", "has no opening event"),
+        ("UPDATE event SET seq = 9 - seq", "has no opening event"),
         ("UPDATE event SET tag = 'device-off' WHERE seq = 1", "is damaged"),
     ],
 )

@@ -134,7 +134,7 @@ def test_an_unreadable_file_is_reported_in_one_line(
 def test_a_study_for_a_generator_is_rehearsed_with_its_calibration(tmp_path: Path) -> None:
     rig = 'dialect = "keysight"\namplifier_gain = 40\ngenerator_max_vpp = 10'
     text = PAPER.replace('device = "sim"', f'device = "sim"\n{rig}')
-    assert "keep it as the rig's calibration" in pytest_run(tmp_path, text).stdout
+    assert "write it to calibration.json" in pytest_run(tmp_path, text).stdout
     measured = Resonance(frequency_hz=24_150.0, tip_m_per_v=1e-8)
     keep_calibration(tmp_path, measured, "KEYSIGHT", "2026-01-01T00:00:00Z")
     done = pytest_run(tmp_path, text)

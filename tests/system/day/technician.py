@@ -196,7 +196,7 @@ def _uncalibrated(lab: Lab, _stream: random.Random) -> None:
     with _rig(lab) as rig:
         rig.arm()
         rig._calibration = None
-        with pytest.raises(DeviceError, match="write it to calibration.json"):
+        with pytest.raises(DeviceError, match="write it to calibration"):
             rig.resonance(lab.watch.rig.nominal_resonance_hz, lab.device.advance)
 
 

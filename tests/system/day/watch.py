@@ -37,7 +37,9 @@ TELLS = {
     HOT: "must not be hotter than|too hot",
     SLACK: "SYST:WATC was set to|watchdog did not trip",
     # In the middle of an exchange, a restart is first seen as an answer that does not fit.
-    "brown-out": "the device restarted|the device must answer|reads back as",
+    # It also lacks what was set before: the watchdog, without which a board does not go on.
+    "brown-out": "the device restarted|the device must answer|reads back as|no watchdog|"
+    "watchdog did not trip",
     "endless-errors": "error queue does not end",
     "error-after-set": "was refused by the device: -310 System error",
     "monitor-wrong": "the monitor must show",

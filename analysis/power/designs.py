@@ -11,6 +11,7 @@ from protocol.study.design import MOST_REPEATS
 from protocol.study.design import Design as DesignOfStudy
 from protocol.study.study import Study
 from protocol.study_file.limits import problems
+from protocol.study_file.schema_errors import schema_problems
 
 PAPERS_PARTICIPANTS = 9
 MOST_PARTICIPANTS = 1_000
@@ -83,12 +84,13 @@ def designed(study: Study, design: Design) -> Study:
         entry.model_copy(update={"levels": levels}) if levels else entry
         for entry in study.condition
     ]
+    keys = {**study.design.model_dump(), **wanted}
     try:
-        asked = DesignOfStudy.model_validate({**study.design.model_dump(), **wanted})
+        asked = DesignOfStudy.model_validate(keys)
     except ValidationError as error:
-        rule = error.errors()[0]["msg"].removeprefix("Value error, ")
-        raise BadInput(f"{design} cannot be planned: {rule}") from error
+        found = schema_problems(keys, error)[0].located("study.toml")
+        raise BadInput(f"{design} cannot be planned: {found}") from error
     made = study.model_copy(update={"design": asked, "condition": tuple(conditions)})
-    if found := problems(made):
-        raise BadInput(f"{design} cannot be planned: {found[0].located('study.toml')}")
+    if wrong := problems(made):
+        raise BadInput(f"{design} cannot be planned: {wrong[0].located('study.toml')}")
     return made

@@ -51,6 +51,6 @@ def test_what_the_study_cannot_have_is_refused(paper: Study, design: Design, mes
 def test_the_rule_between_two_numbers_is_told_in_words(paper: Study) -> None:
     opposite = paper.design.model_copy(update={"opposite_repeats": 2, "repeats": 3})
     study = paper.model_copy(update={"design": opposite})
-    rule = "1 repeat cannot be planned: opposite_repeats must be less than repeats = 1, got 2"
+    rule = "planned: study.toml: opposite_repeats: must be less than repeats = 1, got 2"
     with pytest.raises(BadInput, match=rule):
         designed(study, Design(participants=9, repeats=1))

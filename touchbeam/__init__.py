@@ -267,6 +267,7 @@ class Study:
         from runner.study.files import write_files
         from runner.study.registered import registration_problem
 
+        named = (sections,) if isinstance(sections, str) else sections
         with read_journal(self.folder.existing_journal()) as journal:
             unlocked = registration_problem(journal, self.folder.path)
         origin = origin_of(
@@ -276,9 +277,8 @@ class Study:
             broken=self.broken,
             rig=self._rig,
             unlocked=unlocked,
-            sections=sections,
+            sections=named,
         )
-        named = (sections,) if isinstance(sections, str) else sections
         shown = self.folder.report_sections() if named is None else tuple(named)
         title = title_of(self.file)
         made = report(title, self._counted, self.file, origin, shown, self.recorded)

@@ -70,6 +70,7 @@ def test_all_choices_of_analysis_are_made_only_if_they_are_named(study: Path) ->
     assert drawn.exists()
     touchbeam.load(study).report(sections="multiverse")
     assert shown(study) == ["multiverse"]
+    assert command(study) == "touchbeam report study --sections multiverse"
     assert typed("report", study) == 0
     assert not drawn.exists()
     assert (study / "report" / "report.json").read_bytes() == plain

@@ -9,7 +9,6 @@ from html import escape
 from typing import Any, NamedTuple
 
 import numpy as np
-from fontTools.subset import Options as FontSubset
 from matplotlib import font_manager, rc_context, rcParams
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -62,8 +61,6 @@ _REPRODUCIBLE: Any = {
     "font.family": [_FONT, "sans-serif"],
 }
 """Text stays text: it can be searched and edited, and a PDF embeds its font."""
-# A PDF places each glyph itself, and cutting a font's tables for layout takes longer than all else.
-FontSubset._drop_tables_default += ["GDEF", "GPOS", "GSUB"]
 _STYLE: Any = {
     **_REPRODUCIBLE,
     "axes.spines.top": False,

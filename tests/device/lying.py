@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from device.drivers.discovery import driver_of
 from device.drivers.driver import Driver
@@ -11,6 +11,7 @@ from device.errors import DeviceError, LimitExceeded
 from device.link.link import Link
 from device.rig import RAMP_STEP_S, Rig
 from device.simulator.device import simulated_device
+from tests.device.rigs import LIMITS
 from tests.device.scripted import ticking
 
 LINE_S = 5e-4
@@ -135,3 +136,13 @@ def watched(limits: Limits, dialect: str) -> Iterator[WatchedRig]:
     finally:
         with suppress(DeviceError):
             rig.close()
+
+
+def stepped(dialect: str = "board", watchdog_s: float = 0.5) -> tuple[Driver, LyingPort]:
+    """An armed driver by whose clock its device lives."""
+    clock = SteppedClock()
+    port = LyingPort(dialect, clock)
+    link = Link(port, monotonic=clock)
+    driver = driver_of(dialect)(link, replace(LIMITS, watchdog_s=watchdog_s), clock)
+    driver.arm()
+    return driver, port

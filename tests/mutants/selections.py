@@ -5,6 +5,7 @@ from collections.abc import Mapping
 _LIMITS = "tests/device/drivers/test_limits.py"
 _DRIVERS = (
     "tests/device/drivers/test_dialogues.py", "tests/device/drivers/test_driver.py",
+    "tests/device/drivers/test_generator.py",
     "tests/system/test_lying_devices.py", "tests/device/rig", "tests/device/test_resonance.py",
     "tests/device/drivers/test_board.py", "tests/system/test_lies.py",
     "tests/device/force_channel/test_recording.py", "tests/device/simulator/test_in_process.py",

@@ -174,7 +174,10 @@ class Course:
             self._study_text = self._rows.study_texts.setdefault(event.study_text, event.study_text)
 
     @_take.register
-    def _practice_renewed(self, _: PracticeRenewed) -> None:
+    def _practice_renewed(self, event: PracticeRenewed) -> None:
+        for index in event.indices:  # as in the session's own state, the answers count no longer
+            for attempt in self._attempts.get(index, []):
+                attempt.answered = False
         self._incident("practised again")
 
     @_take.register

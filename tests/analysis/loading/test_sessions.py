@@ -131,6 +131,23 @@ def test_practice_that_is_asked_again_counts_as_answered_last() -> None:
     assert trials[["attempts", "aborted", "score"]].to_numpy().tolist() == [[2, 0, 8]]
 
 
+def test_practice_that_is_cut_off_when_it_is_asked_again_has_no_answer() -> None:
+    session = Written("P01")
+    session.arm()
+    trial = session.plan.trials[2]
+    session.start(trial)
+    session.answer(trial, 3)
+    session.add("device-off", confirmed=True, why="a break")
+    session.add("session-resumed")
+    session.add("practice-renewed", indices=[trial.index])
+    session.arm()
+    session.start(trial)
+    session.add("trial-aborted", index=trial.index, why="stopped")
+    found = load_sessions([session.events])
+    assert found.answered.empty
+    assert found.trials["score"].isna().all()
+
+
 def test_a_trial_is_as_planned_when_it_was_last_begun() -> None:
     session = Written("P01")
     session.arm()

@@ -10,6 +10,7 @@ from device.errors import DeviceError, OutputUnknown
 from device.force_channel.samples import Forces, Samples
 from device.resonance import Resonance
 from protocol.address import SIMULATED
+from protocol.journal.events import ScoresImported
 from protocol.journal.records import Identity, ReadBack
 from protocol.plan.plan import plan
 from protocol.study.study_question import SCORE
@@ -260,3 +261,14 @@ def context(
         log=log,
         opened_now=new,
     )
+
+
+IMPORTED = ScoresImported(
+    participant="1",
+    session=1,
+    conditions=("a",),
+    scores={"a": 1.0},
+    source="table.csv",
+    source_sha256="x",
+)
+"""The first event of a subject of a published table."""

@@ -12,7 +12,6 @@ from protocol.errors import BadInput
 from protocol.journal.events import (
     DeviceArmed,
     NoteTaken,
-    ScoresImported,
     SessionOpened,
     TrialStarted,
     Withdrawn,
@@ -38,7 +37,7 @@ from runner.journal.store import Journal, JournalError
 from runner.journal.verification import verdicts
 from runner.session.loop import run
 from runner.session.resume import require_resumable
-from tests.runner.fakes import FakeClock, FakeDevice, FakeParticipant, context
+from tests.runner.fakes import IMPORTED, FakeClock, FakeDevice, FakeParticipant, context
 from tests.runner.journal.tampering import tampering
 
 CLOCK = WallClock()
@@ -443,16 +442,7 @@ def test_the_accepted_studies_are_those_of_readable_events_in_order(tmp_path: Pa
 
 def test_what_a_participant_still_has_is_told_until_it_is_erased(tmp_path: Path) -> None:
     with finished(tmp_path) as journal:
-        SessionLog(journal, "1/1", CLOCK).append(
-            ScoresImported(
-                participant="1",
-                session=1,
-                conditions=("a",),
-                scores={"a": 1.0},
-                source=None,
-                source_sha256=None,
-            )
-        )
+        SessionLog(journal, "1/1", CLOCK).append(IMPORTED)
         both = ["P01/1", "1/1"]
         assert unerased(journal, both) == {
             "P01/1": "7 of 7 trials answered",

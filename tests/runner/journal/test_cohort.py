@@ -1,27 +1,18 @@
 """Slots and summaries of a cohort, state by state."""
 
-from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
 from protocol.errors import BadInput
-from protocol.journal.events import ScoresImported, SessionOpened, StudyAmended, Withdrawn
+from protocol.journal.events import SessionOpened, StudyAmended, Withdrawn
 from protocol.journal.state import SessionState
 from protocol.journal.transitions import EXCLUDED
 from runner.journal.cohort import planned_trials, session_summaries, slot_for, states
 from runner.journal.names import STUDY_CHAIN
-from runner.journal.opening import open_journal
 from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal
-from tests.runner.fakes import FakeClock, FakeDevice, FakeParticipant, context
-
-
-@pytest.fixture
-def journal(tmp_path: Path) -> Iterator[Journal]:
-    with open_journal(tmp_path / "study.db") as journal:
-        yield journal
+from tests.runner.fakes import IMPORTED, FakeClock, FakeDevice, FakeParticipant, context
 
 
 @pytest.fixture
@@ -149,16 +140,7 @@ def test_the_plan_is_the_last_one_and_a_session_without_one_is_refused(
 ) -> None:
     assert planned_trials(journal, "P01/1") == list(opened.trials)
     imported = SessionLog(journal, "1/1", FakeClock())
-    imported.append(
-        ScoresImported(
-            participant="1",
-            session=1,
-            conditions=("a",),
-            scores={"a": 1.0},
-            source=None,
-            source_sha256=None,
-        )
-    )
+    imported.append(IMPORTED)
     SessionLog(journal, "P01/1", FakeClock()).append(Withdrawn())
     journal.erase_payloads(["P01/1"])
     for chain in ("1/1", "P01/1"):

@@ -1,23 +1,11 @@
 """The names of chains, also in journals of versions that did not keep rehearsals apart."""
 
-from collections.abc import Iterator
-from pathlib import Path
-
-import pytest
-
 from runner.clock import WallClock
 from runner.journal.amendments import withdraw
 from runner.journal.names import chain_name, chains_of, existing_chain, is_rehearsal, spoken_name
-from runner.journal.opening import open_journal
 from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal
 from tests.analysis.chains import opened
-
-
-@pytest.fixture
-def journal(tmp_path: Path) -> Iterator[Journal]:
-    with open_journal(tmp_path / "study.db") as made:
-        yield made
 
 
 def begin(journal: Journal, chain: str, kind: str) -> None:

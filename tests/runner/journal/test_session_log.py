@@ -1,24 +1,14 @@
 """The log of one session: what it stores, refuses, counts and closes."""
 
-from collections.abc import Iterator
-from pathlib import Path
-
 import pytest
 
 from protocol.journal.events import DeviceArmed, DeviceOff, NoteTaken, Paused, TrialStarted
 from protocol.journal.transitions import NotAllowed
-from runner.journal.opening import open_journal
 from runner.journal.session_log import SessionLog, abort_trial, close_interrupted
 from runner.journal.store import Journal
 from tests.runner.fakes import FakeClock, FakeDevice, FakeParticipant, context
 
 ARMED = DeviceArmed(idn="fake", boot=1, device_time_s=0.0)
-
-
-@pytest.fixture
-def journal(tmp_path: Path) -> Iterator[Journal]:
-    with open_journal(tmp_path / "study.db") as journal:
-        yield journal
 
 
 @pytest.fixture

@@ -1,7 +1,6 @@
 """Verdicts on chains, one rule at a time."""
 
 import json
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +10,6 @@ from protocol.journal.events import (
     DeviceArmed,
     Event,
     NoteTaken,
-    ScoresImported,
     SessionOpened,
     SessionResumed,
     StoredEvent,
@@ -32,7 +30,7 @@ from runner.journal.verification import (
     touchbeam_versions,
     verdicts,
 )
-from tests.runner.fakes import FakeClock, FakeDevice, FakeParticipant, context
+from tests.runner.fakes import IMPORTED, FakeClock, FakeDevice, FakeParticipant, context
 from tests.runner.journal.tampering import tampering
 
 GOOD = SessionVerdict(
@@ -48,20 +46,6 @@ GOOD = SessionVerdict(
     missing=0,
     chain_ok=True,
 )
-SCORES = ScoresImported(
-    participant="1",
-    session=1,
-    conditions=("a",),
-    scores={"a": 1.0},
-    source="table.csv",
-    source_sha256="x",
-)
-
-
-@pytest.fixture
-def journal(tmp_path: Path) -> Iterator[Journal]:
-    with open_journal(tmp_path / "study.db") as journal:
-        yield journal
 
 
 def begun(journal: Journal) -> SessionLog:
@@ -173,7 +157,7 @@ def test_a_resumed_session_tells_its_version(journal: Journal) -> None:
 
 def test_the_verdict_counts_what_the_session_has(journal: Journal) -> None:
     begun(journal).append(DeviceArmed(idn="fake", boot=1, device_time_s=0.0))
-    logged(journal, "1/1", SCORES)
+    logged(journal, "1/1", IMPORTED)
     session, imported = verdicts(journal)
     assert (session.state, session.kind, session.events) == ("armed", "participant", 2)
     assert (session.trials_planned, session.trials_answered, session.missing) == (7, 0, 7)
@@ -296,7 +280,7 @@ def test_readable_are_sessions_imported_scores_the_study_and_the_withdrawn(
     journal: Journal, tmp_path: Path
 ) -> None:
     links(journal)
-    logged(journal, "1/1", SCORES)
+    logged(journal, "1/1", IMPORTED)
     logged(journal, STUDY_CHAIN, StudyAmended(study_sha256="x", reason="y", breaks=None))
     logged(journal, "P02/1", begun_elsewhere(tmp_path), Withdrawn())
     journal.erase_payloads(["P02/1"])

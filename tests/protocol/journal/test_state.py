@@ -53,6 +53,7 @@ def test_a_new_session_has_nothing() -> None:
     assert state == SessionState(name="new")
     assert state.planned == set()
     assert state.last_event_utc is None
+    assert (state.windowless, state.practice_rounds) == (False, 1)
 
 
 def test_an_opened_session_has_its_plan() -> None:
@@ -116,10 +117,71 @@ def test_a_beam_is_mounted_until_the_session_is_resumed() -> None:
     assert after(*events, off, ("session-resumed", {})).beam is None
 
 
-def test_an_excluded_trial_keeps_its_reason() -> None:
-    state = after(("trial-excluded", {"index": 2, "reason": "a slip"}))
+def test_each_renewal_of_practice_is_counted() -> None:
+    renewed: Happened = ("practice-renewed", {"indices": []})
+    assert [after(*[renewed] * times).practice_rounds for times in range(3)] == [1, 2, 3]
+
+
+def test_touches_of_answered_practice_are_counted_if_they_were_judged() -> None:
+    right, wrong = {"force_ok": True, "place_ok": True}, {"force_ok": True, "place_ok": False}
+    armed, judged = ("device-armed", ARMED), [right, {}, wrong]
+    practice = answer(0, kind="practice", judged=judged)
+    assert after(armed, started(0), practice).practised == [True, False]
+    assert after(armed, started(0), answer(0, judged=judged)).practised == []
+
+
+def test_a_drawn_pass_is_shown_as_such() -> None:
+    drawn = answer(0, kind="pass", change="same")
+    assert after(("device-armed", ARMED), started(0), drawn).answers == {0: "drawn"}
+
+
+def test_the_last_touch_is_known_until_its_trial_is_over() -> None:
+    armed, second = ("device-armed", ARMED), ("touch-started", {**TOUCH, "touch": 2})
+    touching = after(armed, started(1), second)
+    assert (touching.touch, touching.windowless) == (2, False)
+    aborted = ("trial-aborted", {"index": 1, "why": "x"})
+    assert after(armed, started(1), second, aborted, started(1)).touch is None
+
+
+@pytest.mark.parametrize(("trace", "windowless"), [(None, True), ({"keys": []}, False)])
+def test_a_response_without_a_trace_was_given_without_a_window(
+    trace: dict[str, Any] | None, windowless: bool
+) -> None:
+    ready = {"answer": "ready", "reaction_time_s": 1.0, "trace": trace}
+    touch = ("touch-started", {**TOUCH, "instruction": ready})
+    assert after(("device-armed", ARMED), started(1), touch).windowless is windowless
+
+
+def test_a_deferred_trial_is_noted_with_the_one_before_it() -> None:
+    deferred = ("trial-deferred", {"index": 0, "after": 2})
+    state = after(("device-armed", ARMED), started(0), deferred)
+    assert (state.deferred, state.trial, state.answered) == ([(0, 2)], None, set())
+
+
+def test_a_question_is_noted_with_the_block_that_it_followed() -> None:
+    told = {"answer": "a", "reaction_time_s": 1.0, "trace": None}
+    asked = {"name": "q", "when": "block", **told}
+    first, second = (("question-answered", {**asked, "block": block}) for block in (1, None))
+    assert after(("device-armed", ARMED), first, second).questions == {("q", 1), ("q", None)}
+
+
+def test_an_excluded_trial_keeps_its_reason_until_it_is_included() -> None:
+    excluded = ("trial-excluded", {"index": 2, "reason": "a slip"})
+    state = after(excluded)
     assert state.excluded == {2: "a slip"}
     assert state.name == "idle"
+    assert after(excluded, ("trial-included", {"index": 2, "reason": "it was none"})).excluded == {}
+
+
+def test_a_session_excluded_before_its_end_or_after_it_is_shown_as_excluded() -> None:
+    excluded = ("session-excluded", {"reason": "ill"})
+    before, later = after(excluded), after(("session-completed", {}), excluded)
+    assert (before.name, later.name) == ("dropped", "excluded")
+    for state in (before, later):
+        assert state.is_excluded
+        assert state.shown_name == "excluded"
+    assert not after().is_excluded
+    assert after().shown_name == "idle"
 
 
 def test_of_erased_events_only_the_state_is_left() -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from math import pi
+from typing import Any
 
 import pytest
 
@@ -168,6 +169,42 @@ def test_the_parts_of_a_session_add_up() -> None:
     assert trial.scored
     assert trial.break_s == 0
     assert plan_s(study, orders) == 1e6 + 1e5 + 1e4 + 1e3 + 100 + 2 * 10 + 2 + 4 + 2 * 0.5
+
+
+@pytest.mark.parametrize(
+    ("given", "session", "read", "asked"),
+    [
+        ({}, 1, 0, 0),
+        ({"page": {}}, 1, 1, 0),
+        ({"page": {"before": "practice"}}, 1, 1, 0),
+        ({"page": {"before": "block"}}, 1, 3, 0),
+        ({"page": {"before": "block", "block": 3}}, 1, 1, 0),
+        ({"page": {"before": "block", "block": 4}}, 1, 0, 0),
+        ({"question": {"when": "before"}}, 1, 0, 1),
+        ({"question": {"when": "after"}}, 1, 0, 1),
+        ({"question": {"when": "after"}}, 2, 0, 1),
+        ({"question": {"when": "after", "sessions": "first"}}, 1, 0, 1),
+        ({"question": {"when": "after", "sessions": "first"}}, 2, 0, 0),
+        ({"question": {"when": "block"}}, 1, 0, 3),
+        ({"question": {"when": "trial"}}, 1, 0, 6),
+        ({"question": {"when": "trial", "conditions": ["c1"]}}, 1, 0, 3),
+    ],
+)
+def test_what_is_read_and_asked_takes_its_time(
+    given: dict[str, Any], session: int, read: int, asked: int
+) -> None:
+    """Three blocks of two trials and an opening, compared with a study that asks no more."""
+    document = small_document(2, repeats=3, sessions=2)
+    document["timing"] |= {"reading_s": 1, "answer_s": 100}
+    document["opening"] = [
+        {"kind": "baseline", "touches": [{"place": "smooth", "voltage_v": 0, "duration_s": 2}]}
+    ]
+    named = {"name": "q", "kind": "text"}
+    of_kind = {"page": {"text": {"en": "?"}}, "question": {"text": {"en": "?"}, **named}}
+    more = {kind: [part | of_kind[kind]] for kind, part in given.items()}
+    plain, study = Study.model_validate(document), Study.model_validate(document | more)
+    plain_s, study_s = (plan_s(each, plan(each, 0, session)) for each in (plain, study))
+    assert study_s - plain_s == pytest.approx(read + 100 * asked)
 
 
 def test_swaps_of_beams_are_counted_from_the_one_that_is_mounted_at_first() -> None:

@@ -44,7 +44,10 @@ SELECTIONS: Mapping[str, tuple[str, ...]] = {
     ),
     "protocol/study_file/limits.py": _STUDY_FILE,
     "runner/session/loop.py": _SESSION,
-    "device/rig.py": ("tests/device/rig", "tests/device/simulator/test_in_process.py"),
+    "device/rig.py": (
+        "tests/device/rig", "tests/device/simulator/test_in_process.py",
+        "tests/device/force_channel/test_recording.py", "tests/device/gauges",
+    ),
     "runner/session/trial.py": _SESSION,
     "runner/session/waiting.py": _SESSION,
     "protocol/journal/transitions.py": ("tests/protocol/journal/test_transitions.py",),

@@ -8,7 +8,7 @@ import pytest
 
 from device.errors import CannotRecord, DeviceError
 from device.force_channel.samples import Samples
-from device.rig import Rig
+from device.rig import RAMP_STEP_S, Rig
 from device.simulator.in_process import InProcessClock, InProcessDevice, in_process_rig
 from device.simulator.models.board_model import BoardDialect
 from tests.device.rigs import DRIVE, LIMITS
@@ -185,6 +185,62 @@ def test_a_session_that_hangs_while_it_records_trips_the_watchdog_in_time() -> N
         bench.clock.sleep(0.01)  # the owner works, nobody beats
     assert instrument.cause == "WATC"
     assert bench.device.now_s() - hung_s < LIMITS.watchdog_s + 2 * LIMITS.watchdog_s / 5
+
+
+def test_a_beat_that_is_late_fetches_what_is_due_and_no_other_does() -> None:
+    bench = Bench()
+    bench.rig.record(1000)
+    bench.device.advance(0.3)
+    bench.rig.beat()
+    assert bench.rig.forces is None
+    bench.device.advance(0.1)
+    bench.rig.beat()
+    assert bench.rig.forces is not None
+
+
+def test_the_owner_wakes_for_each_block_and_each_feed_and_asks_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    bench = Bench()
+    link, asked, woken = bench.rig._driver.link, [0], 0
+    ask = link.block
+
+    def counted(query: str, parsed: Callable[[bytes], object]) -> object:
+        asked[0] += 1
+        return ask(query, parsed)
+
+    monkeypatch.setattr(link, "block", counted)
+    bench.rig.record(1000)
+    until_s = bench.device.now_s() + 1
+    while bench.device.now_s() < until_s:
+        bench.device.advance(bench.rig.idle_s() or 0.0)
+        bench.rig.beat()
+        bench.rig.step()
+        woken += 1
+    assert asked[0] == pytest.approx(20, abs=2), "blocks of 50 ms"
+    assert woken == pytest.approx(20 + 10, abs=4), "the watchdog is fed every 0.1 s"
+
+
+def test_the_owner_does_not_hurry_for_blocks_of_a_session_that_stands_still() -> None:
+    bench = Bench()
+    bench.rig.record(1000)
+    bench.live(0.2)
+    bench.device.advance(0.06)  # a block is due
+    assert bench.rig.idle_s() == 0
+    bench.rig.beat()
+    bench.rig.step()
+    bench.device.advance(0.06)
+    assert bench.rig.idle_s() == pytest.approx(RAMP_STEP_S)
+
+
+def test_nothing_is_recorded_after_a_fault() -> None:
+    bench = Bench()
+    bench.rig.record(1000)
+    bench.live(0.2)
+    bench.device.fault("over-temperature")
+    with pytest.raises(DeviceError, match="output off, read back"):
+        bench.live(1)
+    assert bench.rig.forces is None
 
 
 def test_a_session_that_beats_no_more_gets_at_most_four_blocks() -> None:

@@ -90,6 +90,13 @@ def test_a_drive_moves_the_session(unwatched: Bench) -> None:
     assert unwatched.after(0.9 * LIMITS.watchdog_s, beats=False) == []
 
 
+def test_a_session_that_waits_for_a_long_answer_is_not_silent(unwatched: Bench) -> None:
+    unwatched.driver.does["read_back"] = lambda: unwatched.clock.advance(2 * LIMITS.watchdog_s)
+    unwatched.rig.read_back()
+    assert unwatched.calls() == ["read_back"]
+    unwatched.rig.beat()
+
+
 def test_a_device_with_a_watchdog_is_left_to_it(driven: Bench) -> None:
     for _ in range(20):
         assert driven.after(FEED_S, beats=False) == []

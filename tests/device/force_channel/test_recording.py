@@ -169,6 +169,14 @@ def test_a_generator_refuses_in_one_line(dialect: str) -> None:
         Bench(dialect).rig.record(1000)
 
 
+def test_to_begin_a_recording_and_to_end_it_is_a_beat() -> None:
+    bench = Bench()
+    bench.rig.record(1000)
+    assert bench.rig._beats == 1
+    bench.rig.recorded()
+    assert bench.rig._beats == 2
+
+
 def test_nothing_is_recorded_before_it_begins() -> None:
     with pytest.raises(DeviceError, match="nothing is recorded"):
         Bench().rig.recorded()

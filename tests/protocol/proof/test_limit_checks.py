@@ -186,19 +186,19 @@ def test_the_parts_of_a_session_add_up() -> None:
         ({"question": {"when": "after", "sessions": "first"}}, 1, 0, 1),
         ({"question": {"when": "after", "sessions": "first"}}, 2, 0, 0),
         ({"question": {"when": "block"}}, 1, 0, 3),
-        ({"question": {"when": "trial"}}, 1, 0, 6),
+        ({"question": {"when": "trial"}}, 1, 0, 9),
         ({"question": {"when": "trial", "conditions": ["c1"]}}, 1, 0, 3),
     ],
 )
+@pytest.mark.parametrize("openings", [0, 1])
 def test_what_is_read_and_asked_takes_its_time(
-    given: dict[str, Any], session: int, read: int, asked: int
+    given: dict[str, Any], session: int, read: int, asked: int, openings: int
 ) -> None:
-    """Three blocks of two trials and an opening, compared with a study that asks no more."""
-    document = small_document(2, repeats=3, sessions=2)
+    """Three blocks of three trials, compared with a study that asks no more."""
+    document = small_document(3, repeats=3, sessions=2)
     document["timing"] |= {"reading_s": 1, "answer_s": 100}
-    document["opening"] = [
-        {"kind": "baseline", "touches": [{"place": "smooth", "voltage_v": 0, "duration_s": 2}]}
-    ]
+    baseline = {"kind": "baseline", "touches": [{"place": "smooth", "voltage_v": 0}]}
+    document["opening"] = [baseline] * openings
     named = {"name": "q", "kind": "text"}
     of_kind = {"page": {"text": {"en": "?"}}, "question": {"text": {"en": "?"}, **named}}
     more = {kind: [part | of_kind[kind]] for kind, part in given.items()}

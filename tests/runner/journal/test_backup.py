@@ -1,17 +1,23 @@
 """Backups: whole verified copies that replace nothing, also while a session writes."""
 
 import json
+import os
+import sqlite3
 import threading
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
+from protocol.errors import BadInput
 from protocol.journal.events import NoteTaken
 from protocol.study_file.loading import template
 from runner.clock import WallClock
 from runner.journal.backup import backed_up
 from runner.journal.opening import open_journal, read_journal
 from runner.journal.session_log import SessionLog
+from runner.journal.store import Journal
+from runner.journal.verification import SessionVerdict, verdicts
 from runner.session.loop import run
 from tests.runner.command_line import typed
 from tests.runner.fakes import FakeDevice, FakeParticipant, context
@@ -95,6 +101,56 @@ def test_a_backup_of_a_changed_journal_is_kept_and_fails(
     shown = capsys.readouterr().out
     assert shown.startswith("Written and verified with problems: see touchbeam verify copy.db: ")
     assert typed("verify", "copy.db") == 1
+
+
+def test_a_name_that_is_taken_is_refused_before_anything_is_read(tmp_path: Path) -> None:
+    taken = tmp_path / "copy.db"
+    taken.write_text("precious")
+    with pytest.raises(BadInput, match="exists and is not overwritten"):
+        backed_up(tmp_path / "no journal.db", taken)
+
+
+def test_a_name_that_is_taken_meanwhile_is_refused_too(
+    study: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    copy = study / "copy.db"
+
+    def taken_meanwhile(journal: Journal) -> list[SessionVerdict]:
+        copy.write_text("precious")
+        return verdicts(journal)
+
+    monkeypatch.setattr("runner.journal.backup.verdicts", taken_meanwhile)
+    with pytest.raises(BadInput, match="exists and is not overwritten"):
+        backed_up(study / "study.db", copy)
+    assert copy.read_text() == "precious"
+    assert sorted(file.name for file in study.iterdir()) == ["copy.db", "study.db", "study.toml"]
+
+
+def test_a_journal_that_lacks_a_trigger_can_be_backed_up(study: Path) -> None:
+    with closing(sqlite3.connect(study / "study.db")) as other:
+        other.execute("DROP TRIGGER event_is_not_deleted")
+    lacking, (verdict,) = backed_up(study / "study.db", study / "copy.db")
+    assert lacking == ("event_is_not_deleted",)
+    assert verdict.ok
+
+
+def test_copy_and_name_are_on_the_disk_when_a_backup_is_made(
+    study: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    synced: list[str] = []
+    fsync = os.fsync
+
+    def noting(number: int) -> None:
+        synced.append(Path(f"/proc/self/fd/{number}").readlink().name)
+        fsync(number)
+
+    monkeypatch.setattr(os, "fsync", noting)
+    before = len(list(Path("/proc/self/fd").iterdir()))
+    backed_up(study / "study.db", study / "copy.db")
+    assert len(list(Path("/proc/self/fd").iterdir())) == before
+    copied, folder = synced
+    assert copied.startswith(".touchbeam-")
+    assert folder == "study"
 
 
 def test_backups_during_a_session_have_every_event_so_far(study: Path, tmp_path: Path) -> None:

@@ -187,7 +187,70 @@ def test_a_reader_that_leaves_last_merges_the_log(study: Path) -> None:
             noted(journal, "one more")
         assert log_of(path).exists()
     assert events_in_main_file(path) == before + 1
-    assert not log_of(path).exists()
+    assert sorted(file.name for file in study.iterdir()) == ["study.db", "study.toml"]
+
+
+def test_who_leaves_waits_for_a_reader_who_leaves_too(study: Path) -> None:
+    path = study / "study.db"
+    before, reads, leaves = events_in_main_file(path), threading.Event(), threading.Event()
+
+    def read() -> None:
+        with closing(connected(path)) as other:
+            other.execute("BEGIN").execute("SELECT count(*) FROM event").fetchone()
+            reads.set()
+            leaves.wait(0.3)
+
+    reader = threading.Thread(target=read)
+    with open_journal(path) as journal:
+        noted(journal, "one more")
+        reader.start()
+        reads.wait()
+    merged = not log_of(path).exists()
+    leaves.set()
+    reader.join()
+    assert merged
+    assert events_in_main_file(path) == before + 1
+
+
+def test_a_log_that_cannot_be_merged_stays_and_is_tried_once(
+    study: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = study / "study.db"
+    tried = []
+
+    def fails(*_: object) -> bool:
+        tried.append(path)
+        raise sqlite3.OperationalError("database or disk is full")
+
+    with open_journal(path) as journal:
+        noted(journal, "one more")
+        log = log_of(path).read_bytes()
+        monkeypatch.setattr("runner.journal.database._passively_copied", fails)
+    monkeypatch.undo()
+    assert tried == [path]
+    assert log_of(path).read_bytes() == log
+
+
+def test_a_checkpoint_that_fails_is_no_checkpoint_that_waits(study: Path) -> None:
+    path = study / "study.db"
+    with closing(connected(path)) as connection:
+        connection.execute("BEGIN")
+        with pytest.raises(sqlite3.OperationalError, match="within a transaction"):
+            copied_log(connection, path, None)
+
+
+def test_neither_schema_nor_pages_of_a_file_are_trusted(study: Path) -> None:
+    with closing(connected(study / "study.db")) as connection:
+        settings = ("trusted_schema", "cell_size_check")
+        found = [connection.execute(f"PRAGMA {name}").fetchone()[0] for name in settings]
+    assert found == [0, 1]
+
+
+def test_a_journal_without_its_table_is_refused_even_to_verify_it(study: Path) -> None:
+    path = study / "study.db"
+    changed(path, "DROP TABLE event")
+    with pytest.raises(JournalError, match="sqlite_autoindex_event_1 is missing"):
+        read_journal(path, to_verify=True)
 
 
 def test_a_reader_leaves_a_running_session_alone(study: Path) -> None:

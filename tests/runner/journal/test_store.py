@@ -14,11 +14,12 @@ from typing import Any
 import pytest
 
 from protocol.journal.events import StoredEvent
-from runner.journal.chain import FIRST_HASH, chain_hash
+from runner.journal.chain import FIRST_HASH, SALT_BYTES, chain_hash
 from runner.journal.opening import journal_if_used, open_journal, read_journal
 from runner.journal.store import Journal, JournalError
 from runner.journal.verification import verdicts
 from tests.runner.journal.tampering import tampering
+from tests.runner.journal.unsalted import make_unsalted
 
 NOON = datetime(2026, 1, 1, 12, tzinfo=UTC)
 TYPED = "粗糙 \"quoted\" '=cmd()'"
@@ -99,6 +100,49 @@ def test_a_gap_is_refused(tmp_path: Path) -> None:
     journal = filled(tmp_path / "study.db")
     with journal, pytest.raises(JournalError, match="P01/1 has no event 4"):
         journal.append("P01/1", event(5))
+
+
+def test_equal_events_have_digests_that_differ(tmp_path: Path) -> None:
+    """Each has a salt of its own, so that nobody can guess what was erased."""
+    path = tmp_path / "study.db"
+    with open_journal(path) as journal, closing(sqlite3.connect(path)) as other:
+        for number in range(2):
+            journal.append(f"P0{number}/1", event(0, text=TYPED))
+        rows = other.execute("SELECT payload, payload_sha256, salt FROM event").fetchall()
+    (payload, digest, salt), again = rows
+    assert again[0] == payload
+    assert again[1] != digest
+    assert again[2] != salt
+    assert len(salt) == SALT_BYTES
+
+
+def test_a_journal_without_salts_is_written_without(tmp_path: Path) -> None:
+    path = tmp_path / "study.db"
+    make_unsalted(path)
+    with open_journal(path) as journal:
+        journal.append("P01/1", event(0, text=TYPED))
+        assert all(verdict.chain_ok for verdict in verdicts(journal))
+        (link,) = journal.chain("P01/1")
+    assert link.event == event(0, text=TYPED)
+
+
+def test_a_session_whose_name_is_damaged_is_an_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """SQLite gives what a damaged page has, whatever the table allows."""
+    monkeypatch.setattr("runner.journal.store._SESSIONS", "SELECT x'00ff'")
+    with (
+        filled(tmp_path / "study.db") as journal,
+        pytest.raises(JournalError, match="the name of a session is damaged"),
+    ):
+        journal.sessions()
+
+
+def test_a_checkpoint_needs_no_event_of_its_own(tmp_path: Path) -> None:
+    path = tmp_path / "study.db"
+    filled(path).__exit__(None, None, None)
+    with open_journal(path) as journal:
+        assert journal.checkpoint()
 
 
 def test_events_that_could_not_be_committed_are_forgotten(tmp_path: Path) -> None:

@@ -70,8 +70,11 @@ class Scene:
 
 class Device(FakeDevice):
     scene: Scene
+    takes_s = 0.0
+    """How long it takes to be driven."""
 
     def drive(self, setpoint: Setpoint) -> ReadBack:
+        self.scene.made.clock.sleep(self.takes_s)
         self.scene.happens(
             f"drive {setpoint.voltage_v:g} V {setpoint.frequency_hz:.0f} Hz "
             f"{setpoint.ramp_v_per_s:.6g} V/s"
@@ -153,6 +156,21 @@ def test_a_ramp_and_a_sweep_go_on_in_even_steps_to_their_ends(tmp_path: Path) ->
     assert made.driven() == ["0.00 drive 100 V 24000 Hz 400 V/s", *steps, "0.90 off"]
     assert isinstance(ended, TouchEnded)
     assert len(ended.read_back) == len(ended.trace) == 4, "each one of a drive that changes"
+
+
+def test_each_read_back_of_a_ramp_alone_is_kept(tmp_path: Path) -> None:
+    with scene(tmp_path) as made:
+        _, ended = made.touched(0, hold(ramp_to_v=0, duration_s=0.6))
+    assert isinstance(ended, TouchEnded)
+    assert len(ended.read_back) == len(ended.trace) == 5
+
+
+def test_a_sweep_on_a_slow_device_does_not_pass_its_end(tmp_path: Path) -> None:
+    with scene(tmp_path) as made:
+        made.device.takes_s = 0.07
+        made.touched(0, hold(sweep_to=1.1, duration_s=0.3))
+    swept = [float(line.split()[4]) for line in made.driven() if " drive " in line]
+    assert max(swept) == swept[-1] == 26_400
 
 
 @pytest.mark.parametrize(

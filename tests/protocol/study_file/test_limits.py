@@ -6,6 +6,8 @@ from typing import Any
 import pytest
 
 from protocol.errors import Problem
+from protocol.plan.slide_plan import slide_plan, slide_study
+from protocol.plan.trials import session_s
 from protocol.study.rig_settings import Rig
 from protocol.study.slide import Slide
 from protocol.study.study import Study
@@ -314,6 +316,20 @@ def test_a_sliding_experiment_needs_something_that_measures_forces() -> None:
 
 def test_a_sliding_experiment_is_a_session_of_bounded_length() -> None:
     study = sliding()
-    timing = study.timing.model_copy(update={"max_session_s": 60.0})
-    (problem,) = slide_problems(study.model_copy(update={"timing": timing}))
+    lasts_s = session_s(slide_study(study), slide_plan(slide_study(study)))
+
+    def found(limit_s: float) -> list[Problem]:
+        timing = study.timing.model_copy(update={"max_session_s": limit_s})
+        return slide_problems(study.model_copy(update={"timing": timing}))
+
+    assert found(lasts_s) == []
+    (problem,) = found(lasts_s - 1e-6)
     assert problem.path == ("slide", "repeats")
+
+
+def test_a_hint_on_touches_is_kept_where_sliding_has_none_of_its_own() -> None:
+    study = sliding()
+    rig = study.rig.model_copy(update={"max_voltage_v": 80.0, "max_drive_s": 1.0})
+    amplitude, duration = slide_problems(study.model_copy(update={"rig": rig}))
+    assert amplitude.hint.startswith("amplitudes are peak, not peak-to-peak: 90 V")
+    assert duration.hint == "draw faster or shorten the paths; touch.lead_in_s counts"

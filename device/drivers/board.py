@@ -106,7 +106,6 @@ class Board(Driver):
         try:
             self._require_cool(self.number("MEAS:TEMP?"))
         except LinkTimeout:
-            self.link.synchronise()
             if not any(error.startswith(_UNDEFINED) for error in self.drained_errors()):
                 raise
             return False

@@ -95,7 +95,6 @@ class Generator(Driver):
         return super().arm()
 
     def _prepared(self, idn: str, errors: tuple[str, ...]) -> Identity:
-        self._ramp = None
         self.least_v = self.limits.amplifier.amplitude_v(self._set_up(idn))
         self.amplitude_v = self.least_v
         self.read_back()

@@ -15,6 +15,7 @@ from device.link.link import Link, open_link
 from device.simulator.client import ControlClient, Endpoints, simulator_process
 from device.simulator.in_process import InProcessDevice
 from protocol.address import AddressError
+from tests.device.lying import lying
 from tests.device.scripted import ScriptedPort, ticking
 
 TOUCHBEAM = (str(Path(sys.executable).with_name("touchbeam")),)
@@ -112,6 +113,26 @@ def test_the_device_refuses_it_too(board: Board, control: ControlClient) -> None
 def scripted(answers: dict[bytes, bytes]) -> tuple[Board, ScriptedPort]:
     port = ScriptedPort(answers)
     return Board(Link(port, monotonic=ticking()), LIMITS), port
+
+
+def test_what_a_drive_before_had_is_too_much_for_the_next_from_its_beginning() -> None:
+    board, port = lying(LIMITS)
+    board.drive(setpoint(100))
+    board.off()
+    port.lies = {"VOLT:INST?": ["60"], "MEAS:VOLT?": ["60"]}
+    with pytest.raises(DeviceError, match="the amplitude must not exceed 20"):
+        board.drive(setpoint(20))
+
+
+@pytest.mark.parametrize(("driven", "answer"), [(True, "0"), (False, "1")])
+def test_an_output_that_was_switched_for_a_moment_is_a_fault(driven: bool, answer: str) -> None:
+    board, port = lying(LIMITS)
+    if driven:
+        board.drive(setpoint(100))
+    port.lies = {"OUTP?": [answer, "1" if driven else "0"]}
+    told = "turned its output off by itself" if driven else "is on, and nobody here switched it on"
+    with pytest.raises(DeviceError, match=told):
+        board.read_back()
 
 
 def test_another_device_is_told_nothing_but_off() -> None:

@@ -1,5 +1,6 @@
 """Journals from elsewhere: only a file whose schema is exactly touchbeam's is used."""
 
+import gc
 import json
 import os
 import signal
@@ -17,6 +18,7 @@ from runner.journal.database import (
     LogNotCopiedError,
     connected,
     copied_log,
+    copy_database,
     has_wal_reset_bug,
     log_of,
 )
@@ -227,6 +229,7 @@ def test_a_log_that_cannot_be_merged_stays_and_is_tried_once(
         log = log_of(path).read_bytes()
         monkeypatch.setattr("runner.journal.database._passively_copied", fails)
     monkeypatch.undo()
+    gc.collect()  # a connection that nobody has closed would be now, and SQLite would merge
     assert tried == [path]
     assert log_of(path).read_bytes() == log
 
@@ -244,6 +247,58 @@ def test_neither_schema_nor_pages_of_a_file_are_trusted(study: Path) -> None:
         settings = ("trusted_schema", "cell_size_check")
         found = [connection.execute(f"PRAGMA {name}").fetchone()[0] for name in settings]
     assert found == [0, 1]
+
+
+class Configured:
+    """A connection as Python 3.12 has it, which can be made defensive."""
+
+    def __init__(self) -> None:
+        self.config: list[object] = []
+
+    def setconfig(self, what: object) -> None:
+        self.config.append(what)
+
+    def execute(self, statement: str) -> None: ...
+    def set_progress_handler(self, handler: object, steps: int) -> None: ...
+
+
+@pytest.mark.parametrize(
+    ("version", "config"), [((3, 11, 9), []), ((3, 12), [1010]), ((3, 13), [1010])]
+)
+def test_a_connection_is_defensive_where_python_can_make_it_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, version: tuple[int, ...], config: list[int]
+) -> None:
+    made = Configured()
+    monkeypatch.setattr(sqlite3, "SQLITE_DBCONFIG_DEFENSIVE", 1010, raising=False)
+    monkeypatch.setattr(sqlite3, "connect", lambda *_, **__: made)
+    monkeypatch.setattr("sys.version_info", version)
+    connected(tmp_path / "study.db")
+    monkeypatch.undo()
+    assert made.config == config
+
+
+def test_a_copy_has_what_there_was_when_it_was_begun(
+    study: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An event that is appended meanwhile neither gets into it nor lets it begin anew."""
+    path, copy = study / "study.db", study / "copy.db"
+    with open_journal(path) as journal:
+        noted(journal, "x" * 8_000_000)
+        steps: list[None] = []
+
+        def appended() -> None:
+            steps.append(None)
+            noted(journal, "one more")
+
+        monkeypatch.setattr("runner.journal.database.raise_if_stopped", appended)
+        with closing(connected(path)) as other:
+            copy_database(other, copy)
+        monkeypatch.undo()
+        written = len(journal.events("P01/1"))
+    with closing(sqlite3.connect(copy)) as alone:
+        (copied,) = alone.execute("SELECT count(*) FROM event").fetchone()
+    assert copied == written - len(steps)
+    assert len(steps) >= 2
 
 
 def test_a_journal_without_its_table_is_refused_even_to_verify_it(study: Path) -> None:

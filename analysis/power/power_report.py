@@ -30,13 +30,17 @@ KOLMOGOROV = 1.358
 _DIAGNOSANDS = ("bias", "rmse", "coverage", "width", "power", "type_s", "type_m")
 
 
-def power_record(found: Sequence[Findings], study: Study, seed: int) -> Json:
-    """Return everything that is found as JSON; the first design is the one in the foreground."""
+def power_record(found: Sequence[Findings], study: Study, study_sha256: str, seed: int) -> Json:
+    """Return everything that is found as JSON; the first design is the one in the foreground.
+
+    `study_sha256` is the digest of the file that `study` was read from.
+    """
     first = found[0]
     designs = [_design_record(each, study) for each in found]
     return {
         "studies": first.studies,
         "seed": seed,
+        "study_sha256": study_sha256,
         **designs[0],
         "answer": answer(found),
         "family": FAMILY,

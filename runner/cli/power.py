@@ -93,6 +93,7 @@ def power(
     from analysis.power.engine import cluster_size, kept
     from analysis.power.job import Job, tasks
     from analysis.power.power_report import figures, power_record
+    from protocol.study_file.loading import text_digest
     from runner.study.calibration import fitted_calibration
     from runner.study.files import short_text
     from runner.study.folder import StudyFolder
@@ -140,9 +141,10 @@ def power(
     hypotheses = registered.hypotheses if registered else ()
     found = _found(job, to_do, place, used, scheduler, hypotheses, as_json=as_json)
     # What lies on the disk depends neither on the machine nor on a registration, which names it.
-    lasting = power_record([replace(each, registered=()) for each in found], file, seed)
+    of_study = (file, text_digest(job.study), seed)
+    lasting = power_record([replace(each, registered=()) for each in found], *of_study)
     place.write({"power.json": json_text(lasting).encode(), **figures(found)})
-    record = power_record(found, file, seed)
+    record = power_record(found, *of_study)
     if as_json:
         print_json({**record, "elapsed_s": round(perf_counter() - begun_s, 3), "workers": used})
         return

@@ -34,6 +34,7 @@ from runner.study.folder import StudyFolder
 
 REGISTRY_FILE = "registration.txt"
 _MOST_TESTS = 50
+_STALE = "it has changed since this analysis; run touchbeam power again"
 
 
 def registration_of(folder: Path) -> Registration | None:
@@ -155,13 +156,15 @@ def new_registration(study: Study, text: str, choice: Choice, rig: Calibration) 
         sessions=study.design.sessions,
         exclusions=tuple(choice.exclusions),
         analysis=choice.analysis,
-        power=power_result(choice.power) if choice.power else {},
+        power=power_result(choice.power, text_digest(text)) if choice.power else {},
         touchbeam=version("touchbeam"),
     )
 
 
-def power_result(path: Path) -> dict[str, str]:
+def power_result(path: Path, study_sha256: str) -> dict[str, str]:
     """Return what the JSON of a power analysis says: its answer, each test's power, its digest.
+
+    It also says so if the analysis was of another study file than the one with this digest.
 
     Raises:
         BadInput: it is no JSON object.
@@ -172,6 +175,7 @@ def power_result(path: Path) -> dict[str, str]:
         found = json.loads(short_text(path))
         said = {"answer": str(found["answer"])} if "answer" in found else {}
         tests = {str(test["name"]): _power(test) for test in found.get("tests", [])}
+        simulated = str(found.get("study_sha256", study_sha256))
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
         raise BadInput(f"{path}: not the result of a power analysis ({error!r})") from error
     listed = list(tests.items())[:_MOST_TESTS]
@@ -179,6 +183,7 @@ def power_result(path: Path) -> dict[str, str]:
         **said,
         **{f"power of {name}": power for name, power in listed},
         "file": f"SHA-256 {sha256(content).hexdigest()}",
+        **({} if simulated == study_sha256 else {"study file": _STALE}),
     }
 
 

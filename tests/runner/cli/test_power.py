@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from protocol.study_file.loading import text_digest
 from runner.study.power_folder import PowerFolder
 from tests.runner.command_line import typed
 
@@ -32,6 +33,7 @@ def test_the_document_has_what_others_rely_on(
 ) -> None:
     found = document(folder, capsys, *FEW, "--studies", "2", "--null-studies", "20", "--seed", "3")
     assert (found["studies"], found["seed"], found["workers"]) == (2, 3, 1)
+    assert found["study_sha256"] == text_digest((folder / "study.toml").read_text("utf-8"))
     assert found["design"] == {
         "participants": 4,
         "repeats": 1,

@@ -99,6 +99,20 @@ def test_the_result_of_a_power_analysis_is_part_of_it(
     assert "power.json: not the result of a power analysis" in line
 
 
+def test_a_power_analysis_of_another_study_file_is_told_as_such(tmp_path: Path) -> None:
+    text = study_in(tmp_path).joinpath("study.toml").read_text(encoding="utf-8")
+    power = tmp_path / "power.json"
+    for simulated, is_told in ((text_digest(text), False), (text_digest(text + "#\n"), True)):
+        power.write_text(json.dumps({"answer": "80 % with 9", "study_sha256": simulated}))
+        assert typed("register", tmp_path, "--power", power) == 0
+        found = registration_of(tmp_path)
+        assert found is not None
+        assert ("study file" in found.power) is is_told
+        shown = (tmp_path / "registration.txt").read_text(encoding="utf-8")
+        assert ("it has changed since this analysis" in shown) is is_told
+        (tmp_path / "registration.toml").unlink()
+
+
 @pytest.mark.parametrize(
     ("change", "options", "told"),
     [

@@ -1,5 +1,6 @@
 """Trials come again, and practice too, where touches were not as instructed."""
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -130,3 +131,9 @@ def test_practice_is_renewed_once_it_is_over_and_not_for_ever(tmp_path: Path) ->
     assert renewed(events) == [ALL, ALL]
     tags = [event.TAG for event in events]
     assert tags[: tags.index("practice-renewed")].count("answered") == 2 + len(ALL)
+
+
+def test_practice_may_be_all_that_there_was_so_far(tmp_path: Path) -> None:
+    unopened = re.sub(r"(?ms)^\[\[opening\]\].*?(?=^\[)", "", PRACTISED)
+    events, _ = done(tmp_path, unopened, *[True] * PRACTICE)
+    assert renewed(events) == [(0, 1, 2)]

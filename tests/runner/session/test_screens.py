@@ -44,6 +44,7 @@ def test_a_session_begins_with_its_page_and_ends_with_thanks(tmp_path: Path) -> 
     assert told.count("Instruction page.0") == 1
     assert told.index("Welcome ") < told.index("Instruction page.0") < told.index("1 of 7")
     assert told[-1] == "Notice thanks"
+    assert "Notice stopped" not in told
 
 
 def test_the_window_knows_which_trial_it_is_and_when_its_answers_are_safe(tmp_path: Path) -> None:

@@ -68,3 +68,15 @@ def test_each_place_beyond_the_end_of_the_beam_is_named() -> None:
     ]
     assert str(first.where) == "touch.path_m.0"
     assert f"{1e3 * beyond_m:.12g} mm; the beam is {1e3 * END_M:g} mm long" in first.hint
+
+
+def test_each_end_of_a_slide_beyond_the_beam_is_named_if_slides_are_asked_for() -> None:
+    document = small_document()
+    whole, beyond = [0.01, END_M], [0.01, END_M + 0.01]
+    document["slide"] = {"paths_m": [whole, beyond]}
+    study = Study.model_validate(document)
+    (problem,) = reach_problems(study)
+    assert problem.path == ("slide", "paths_m", 1, 1)
+    asked_for = study.model_fields_set - {"slide"}
+    nobody_slides = Study.model_construct(asked_for, **dict(study))
+    assert list(reach_problems(nobody_slides)) == []

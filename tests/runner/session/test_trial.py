@@ -20,7 +20,7 @@ from protocol.study.touch import Touch
 from protocol.study_file.loading import template
 from runner.journal.opening import open_journal
 from runner.journal.store import Journal
-from runner.screens import Screen, Welcome
+from runner.screens import Response, Screen, Welcome
 from runner.session.session import SessionContext
 from runner.session.trial import touch
 from tests.runner.fakes import FakeClock, FakeDevice, FakeOperator, FakeParticipant, context
@@ -92,6 +92,12 @@ class Device(FakeDevice):
 
 class Participant(FakeParticipant):
     scene: Scene
+    takes_s = 0.0
+    """How long the window takes."""
+
+    def poll(self) -> Response | None:
+        self.scene.made.clock.sleep(self.takes_s)
+        return super().poll()
 
     def show(self, screen: Screen) -> None:
         text = getattr(screen, "text", "")
@@ -165,9 +171,9 @@ def test_each_read_back_of_a_ramp_alone_is_kept(tmp_path: Path) -> None:
     assert len(ended.read_back) == len(ended.trace) == 5
 
 
-def test_a_sweep_on_a_slow_device_does_not_pass_its_end(tmp_path: Path) -> None:
+def test_a_sweep_with_a_slow_device_and_window_does_not_pass_its_end(tmp_path: Path) -> None:
     with scene(tmp_path) as made:
-        made.device.takes_s = 0.07
+        made.device.takes_s = made.participant.takes_s = 0.11
         made.touched(0, hold(sweep_to=1.1, duration_s=0.3))
     swept = [float(line.split()[4]) for line in made.driven() if " drive " in line]
     assert max(swept) == swept[-1] == 26_400

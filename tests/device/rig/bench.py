@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any, cast
 
-from device.drivers.driver import Driver
+from device.drivers.driver import Driver, Reading
 from device.drivers.limits import Limits, Setpoint
 from device.errors import (
     ForeignOutput,
@@ -45,6 +45,7 @@ class RecordedDriver:
         self.does: dict[str, Callable[[], Any]] = {}
         self.asked: list[Setpoint] = []
         self.shown = SHOWN
+        self.reading: Reading | None = None
 
     def _called(self, name: str, result: object = None) -> Any:
         self.calls.append(name)

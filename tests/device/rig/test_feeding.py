@@ -4,7 +4,7 @@ from typing import cast
 
 import pytest
 
-from device.drivers.driver import Driver
+from device.drivers.driver import Driver, Reading
 from device.errors import (
     DeviceError,
 )
@@ -32,6 +32,13 @@ def test_an_armed_rig_says_who_answered_and_is_fed_five_times_in_its_watchdogs_t
     assert bench.after(0.0) == ["check"]
     assert bench.after(0.75 * FEED_S) == []
     assert bench.after(0.3 * FEED_S) == ["check"]
+
+
+def test_the_last_answers_can_be_seen_without_asking(bench: Bench) -> None:
+    answers = Reading(at_s=1.0, output=True, amplitude_v=20.0, frequency_hz=24_000.0)
+    bench.driver.reading = answers
+    assert bench.rig.reading is answers
+    assert bench.calls() == []
 
 
 def test_a_feed_is_due_at_its_moment_and_not_only_after_it() -> None:

@@ -131,7 +131,7 @@ def test_an_output_that_was_switched_for_a_moment_is_a_fault(driven: bool, answe
         board.drive(setpoint(100))
     port.lies = {"OUTP?": [answer, "1" if driven else "0"]}
     told = "turned its output off by itself" if driven else "is on, and nobody here switched it on"
-    with pytest.raises(DeviceError, match=told):
+    with pytest.raises(DeviceError, match=f"{told}$"):
         board.read_back()
 
 

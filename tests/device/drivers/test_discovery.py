@@ -47,8 +47,14 @@ def test_dialects_are_found_by_name_and_by_who_answers() -> None:
     assert driver_for("Siglent Technologies,SDG2042X,SDG2X0,2.01") is Siglent
     with pytest.raises(AddressError, match="one of board, keysight, rigol, siglent, got 'acme'"):
         driver_of("acme")
-    with pytest.raises(ForeignDevice, match="got 'Rigol,DG1022,1,2'; nothing else was sent"):
+    with pytest.raises(ForeignDevice) as refused:
         driver_for("Rigol,DG1022,1,2")
+    assert str(refused.value) == (
+        "expected one of: a board (TOUCHBEAM,BOARD,…); "
+        "a generator (Agilent or Keysight 33220A, 33500 or 33600); "
+        "a generator (Rigol DG800 or DG1000Z); a generator (Siglent SDG of the X series); "
+        "got 'Rigol,DG1022,1,2'; nothing else was sent"
+    )
 
 
 @pytest.fixture

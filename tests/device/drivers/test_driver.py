@@ -226,10 +226,13 @@ def test_a_board_that_has_lost_its_limits_is_not_switched_on(query: str, set_to:
     assert "OUTP ON" not in port.sent
 
 
+_SILENT = "its watchdog tripped: nothing was heard of this program for too long"
+
+
 @pytest.mark.parametrize(
     ("query", "said", "why"),
     [
-        ("OUTP:PROT:CAUS?", "WATC", "the device: its watchdog tripped: nothing was heard of this"),
+        ("OUTP:PROT:CAUS?", "WATC", f"the device: {_SILENT}$"),
         ("OUTP:PROT:CAUS?", "TEMP", "the device: its protection tripped: over-temperature$"),
         ("OUTP:PROT:CAUS?", "CURR", "the device: its protection tripped: over-current$"),
         ("OUTP:PROT:CAUS?", "FROB", "the device: FROB$"),

@@ -158,7 +158,34 @@ FAULTS = (
 )
 
 
-@pytest.mark.parametrize(("dialect", "says", "fault"), FAULTS)
+_OF_A_KEYSIGHT = {
+    "FM": "FM:STAT", "PM": "PM:STAT", "PWM": "PWM:STAT", "FSK": "FSK:STAT", "BPSK": "BPSK:STAT",
+    "sweep": "SWE:STAT", "burst": "BURS:STAT", "sum": "SUM:STAT",
+}  # fmt: skip
+_OF_A_RIGOL = {"modulation": "MOD", "sweep": "SWE:STAT", "burst": "BURS", "sum": "SUM"}
+_OF_A_SIGLENT = {
+    "modulation": "C1:MDWV STATE,ON", "harmonics": "C1:HARM HARMSTATE,ON",
+    "combined channel": "C1:CMBN ON", "second channel": "C2:OUTP ON,LOAD,HZ,PLRT,NOR",
+}  # fmt: skip
+SECOND_SOURCES = (
+    *(
+        ("keysight", {f"SOUR1:{header}?": "1"}, f"{name} must be off, got 1")
+        for name, header in _OF_A_KEYSIGHT.items()
+    ),
+    ("keysight", {"SOUR1:COMB:FEED?": "CH2"}, "combined channel must be NONE, got CH2"),
+    *(
+        ("rigol", {f"SOUR1:{header}?": "ON"}, f"{name} must be off, got ON")
+        for name, header in _OF_A_RIGOL.items()
+    ),
+    *(
+        ("siglent", {f"{said.split()[0]}?": said}, f"{name} must be off, got {said.split()[1]}")
+        for name, said in _OF_A_SIGLENT.items()
+    ),
+)
+"""What else could drive the output, on each, and the names that the operator reads."""
+
+
+@pytest.mark.parametrize(("dialect", "says", "fault"), [*FAULTS, *SECOND_SOURCES])
 def test_a_setting_that_was_changed_is_named(
     dialect: str, says: dict[str, str], fault: str
 ) -> None:

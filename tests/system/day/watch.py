@@ -351,9 +351,9 @@ class Watch:
         return min(touch.frequency, touch.end_frequency) * self.resonance_hz * (1 - 1e-6)
 
     def _wrong_for_long(self) -> None:
-        """A device that gives what nobody asked for is noticed soon, while somebody polls it."""
+        """A device that gives what nobody asked for is noticed soon, once somebody polls it."""
         now_s = self.device.now_s()
-        if self._wrong_from_s is None:
+        if self._wrong_from_s is None or not self.polled:
             self._wrong_from_s = now_s
         wrong_s = now_s - self._wrong_from_s
         alone = len(self.faults_s) == 1 and self.faults_s.keys() <= EXCEEDS

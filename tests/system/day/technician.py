@@ -202,7 +202,8 @@ def _uncalibrated(lab: Lab, _stream: random.Random) -> None:
 
 def tried_in_the_evening(lab: Lab, stream: random.Random) -> None:
     """Try what a board says of itself and of its force channel."""
-    for tries in (_by_itself, _records) if lab.watch.is_board else ():
+    switched = stream.choice((_by_itself, _flickers))
+    for tries in (switched, _records) if lab.watch.is_board else ():
         lab.repair()
         tries(lab, stream)
 
@@ -224,6 +225,20 @@ def _by_itself(lab: Lab, stream: random.Random) -> None:
         with pytest.raises(DeviceError) as told:
             rig.beat()
     require(11, re.search(BY_ITSELF[how], str(told.value)), f"{how}, but told: {told.value}")
+
+
+def _flickers(lab: Lab, stream: random.Random) -> None:
+    """An output that is off in one answer alone is noticed, though the next one says on."""
+    dialect, lies = lab.device.inside.dialect, ["0"] * stream.choice((0, 1))
+    answered, lied = dialect._answered, bool(lies)
+
+    def answers(header: str, argument: str) -> str | None:
+        return lies.pop() if header == "OUTP?" and lies else answered(header, argument)
+
+    with _rig(lab) as rig:
+        _driven(lab, rig, 0.0)
+        with patch.object(dialect, "_answered", answers):
+            _noticed(lied, rig.read_back, "that the output was off for a moment")
 
 
 def _records(lab: Lab, stream: random.Random) -> None:
@@ -262,6 +277,8 @@ def asked(lab: Lab) -> None:
         said = probed(PORT, ())
     require(11, said["dialect"] == lab.watch.rig.dialect, f"another dialect: {said}")
     require(11, all(said.values()), f"no answer: {said}")
+    silent = {"monitor_v", "force_n", "position_m", "time_s"} - said.keys()
+    require(11, not (lab.watch.is_board and silent), f"nothing is said of {silent}")
     for name, truth in _truths(lab).items() if lab.watch.is_board else ():
         require(11, said.get(name) == truth, f"{name} is {truth}, but: {said}")
 

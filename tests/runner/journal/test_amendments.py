@@ -355,6 +355,22 @@ def test_what_a_participant_still_has_is_told_until_it_is_erased(tmp_path: Path)
         assert unerased(journal, both) == {"1/1": "imported scores"}
 
 
+def test_what_was_deleted_without_being_overwritten_is_gone_after_a_withdrawal(
+    tmp_path: Path,
+) -> None:
+    """SQLite leaves deleted data in free space, unless it is told otherwise on every connection."""
+    path, secret = tmp_path / "study.db", "a name that slipped in" * 500
+    with finished(tmp_path) as journal:
+        SessionLog(journal, "P01/1", CLOCK).append(NoteTaken(text=secret))
+    with tampering(path) as other:
+        other.execute("PRAGMA secure_delete = OFF")
+        other.execute("UPDATE event SET payload = NULL, salt = NULL WHERE tag = 'note'")
+    assert secret[:100].encode() in path.read_bytes()
+    with open_journal(path) as journal:
+        withdraw(journal, CLOCK, "P01")
+    assert secret[:100].encode() not in path.read_bytes()
+
+
 def test_a_session_of_which_one_event_is_left_is_not_erased(tmp_path: Path) -> None:
     finished(tmp_path).__exit__(None, None, None)
     with tampering(tmp_path / "study.db") as other:

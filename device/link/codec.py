@@ -15,7 +15,7 @@ LONGEST_BLOCK = 2048
 """Most bytes in a block; 50 ms of three channels at 1 kHz are 322."""
 
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
-_ERROR = re.compile(r'([+-]?\d+),"(.*)"')
+_ERROR = re.compile(r'([+-]?\d{1,9}),"(.*)"')
 _SCPI_NOT_A_NUMBER = 9.9e37
 
 
@@ -53,7 +53,7 @@ def number(reply: str) -> float:
     text = reply.strip()
     value = float(text) if _NUMBER.fullmatch(text) else math.nan
     if not abs(value) < _SCPI_NOT_A_NUMBER:
-        raise ProtocolError(f"the device must answer with a number, got {reply!r}")
+        raise ProtocolError(f"the device must answer with a number, got {reply[:60]!r}")
     return value
 
 
@@ -82,7 +82,7 @@ def switch(reply: str) -> bool:
     try:
         return states[reply.strip().upper()]
     except KeyError:
-        raise ProtocolError(f"the device must answer with 1 or 0, got {reply!r}") from None
+        raise ProtocolError(f"the device must answer with 1 or 0, got {reply[:60]!r}") from None
 
 
 def queued_error(reply: str) -> str | None:
@@ -97,7 +97,7 @@ def queued_error(reply: str) -> str | None:
     found = _ERROR.fullmatch(reply.strip())
     if found is None:
         raise ProtocolError(
-            f'the device must answer with an error such as 0,"No error", got {reply!r}'
+            f'the device must answer with an error such as 0,"No error", got {reply[:60]!r}'
         )
     return None if int(found[1]) == 0 else f"{int(found[1])} {found[2]}"
 
@@ -218,7 +218,7 @@ def fields(reply: str, count: int) -> list[str]:
     """
     found = reply.split(";")
     if len(found) != count:
-        raise ProtocolError(f"the device must answer with {count} fields, got {reply!r}")
+        raise ProtocolError(f"the device must answer with {count} fields, got {reply[:60]!r}")
     return found
 
 
@@ -230,5 +230,5 @@ def whole(reply: str) -> int:
     """
     value = number(reply)
     if value != int(value):
-        raise ProtocolError(f"the device must answer with a whole number, got {reply!r}")
+        raise ProtocolError(f"the device must answer with a whole number, got {reply[:60]!r}")
     return int(value)

@@ -1,10 +1,12 @@
 """The wire codec, byte by byte."""
 
+from collections.abc import Callable
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from device.errors import DeviceError
+from device.errors import DeviceError, ProtocolError
 from device.link.codec import (
     LONGEST_LINE,
     LineBuffer,
@@ -14,6 +16,7 @@ from device.link.codec import (
     queued_error,
     switch,
     text,
+    whole,
 )
 
 
@@ -91,3 +94,15 @@ def test_a_line_without_end_is_refused() -> None:
 def test_a_line_that_is_not_ascii_is_refused() -> None:
     with pytest.raises(DeviceError, match="in ASCII, got"):
         text(b"\xff\xfe")
+
+
+@pytest.mark.parametrize(
+    ("read", "reply"),
+    [(queued_error, f'{"9" * 5000},"x"'), (number, "x" * 50_000), (whole, "9.5" + "1" * 5000)],
+)
+def test_a_refusal_shows_the_beginning_of_a_long_answer(
+    read: Callable[[str], object], reply: str
+) -> None:
+    with pytest.raises(ProtocolError, match="the device must answer with") as refused:
+        read(reply)
+    assert len(str(refused.value)) < 160

@@ -80,7 +80,8 @@ class Board(Driver):
     _firmware = ""
     _measures_temperature = False
     _most_v = 0.0
-    """What the output may have while it is driven: the drive, or what it still comes down from."""
+    """What the output might have at most at `_known_s`: the drive, or what it comes down from."""
+    _known_s = 0.0
 
     def _prepared(self, idn: str, errors: tuple[str, ...]) -> Identity:
         self._firmware = idn.rpartition(",")[2]
@@ -119,17 +120,16 @@ class Board(Driver):
         setpoint.checked(self.limits)
         if self.driven is None:
             self._keeps_its_promises()
-        driven = self.driven
+        driven, before_v = self.driven, self._allowed_v(self.monotonic())
         moves = driven is None or replace(setpoint, frequency_hz=driven.frequency_hz) != driven
         if moves:
             self.set_number("VOLT:RAMP", setpoint.ramp_v_per_s)
         self.set_number("FREQ", setpoint.frequency_hz)
         if moves:
             self.set_number("VOLT", setpoint.voltage_v)
+            self._know(max(before_v, setpoint.voltage_v))
         if self.driven is None:
-            self._most_v = 0.0
-            self.send("OUTP ON")
-        self._most_v = max(self._most_v, setpoint.voltage_v)
+            self.switch_on("OUTP ON")
         self.driven = setpoint
         return self.read_back()
 
@@ -139,13 +139,14 @@ class Board(Driver):
         Raises:
             DeviceError: the device says or its monitor shows something else than what is driven.
         """
+        asked_s = self.monotonic()
         read_back, instant_v = self.link.query(_READ_BACK, _read_back)
         self._heard(read_back, instant_v)
         assert read_back.monitor_v is not None
         if read_back.output != (self.driven is not None):
             self.check()
             raise DeviceError(_unexpected(read_back.output))
-        self._require_amplitude(read_back.voltage_v, instant_v, read_back.monitor_v)
+        self._require_amplitude(asked_s, read_back.voltage_v, instant_v, read_back.monitor_v)
         self.require_frequency(read_back.frequency_hz)
         return read_back
 
@@ -153,6 +154,7 @@ class Board(Driver):
         """See that the board does what it was told."""
         measured = self._measures_temperature
         query = f"{_HEALTH};:MEAS:TEMP?" if measured else _HEALTH
+        asked_s = self.monotonic()
         health = self.link.query(query, lambda reply: _health(reply, with_temperature=measured))
         drive = ReadBack(
             output=health.output,
@@ -169,7 +171,7 @@ class Board(Driver):
             raise DeviceError(f"the device: {_CAUSES.get(health.cause, health.cause)}")
         if health.output != (self.driven is not None):
             raise DeviceError(_unexpected(health.output))
-        self._require_amplitude(health.target_v, health.instant_v, health.monitor_v)
+        self._require_amplitude(asked_s, health.target_v, health.instant_v, health.monitor_v)
         self.require_frequency(health.frequency_hz)
         if health.temperature_c is not None:
             self._require_cool(health.temperature_c)
@@ -258,20 +260,31 @@ class Board(Driver):
                 f"the power stage must not be hotter than {most_c:g} °C, got {temperature_c:.1f} °C"
             )
 
-    def _require_amplitude(self, target_v: float, instant_v: float, monitor_v: float) -> None:
-        """Raise unless the amplitude is the driven one, or on its way there from no higher up.
+    def _require_amplitude(
+        self, asked_s: float, target_v: float, instant_v: float, monitor_v: float
+    ) -> None:
+        """Raise unless the amplitude is the driven one, or comes down to it as fast as it was told.
 
         No drive exceeds the limits, so nothing here may exceed them by more than the tolerance.
         """
-        if self.driven is None:
-            self._most_v = 0.0
-        else:
-            _kept("VOLT", self.driven.voltage_v, target_v)
-        _not_above(self._most_v, "the amplitude", instant_v)
-        _monitored(instant_v, monitor_v)
-        _not_above(self._most_v, "the monitor", monitor_v)
         if self.driven is not None:
-            self._most_v = max(self.driven.voltage_v, min(self._most_v, instant_v))
+            _kept("VOLT", self.driven.voltage_v, target_v)
+        most_v = self._allowed_v(asked_s)
+        _not_above(most_v, "the amplitude", instant_v)
+        _monitored(instant_v, monitor_v)
+        _not_above(most_v, "the monitor", monitor_v)
+        if self.driven is not None:
+            self._know(max(self.driven.voltage_v, min(most_v, instant_v)))
+
+    def _allowed_v(self, at_s: float) -> float:
+        """Return what the output may have at most at a moment; nothing while it is off."""
+        if self.driven is None:
+            return 0.0
+        fallen_v = self.driven.ramp_v_per_s * (at_s - self._known_s)
+        return max(self.driven.voltage_v, self._most_v - fallen_v)
+
+    def _know(self, most_v: float) -> None:
+        self._most_v, self._known_s = most_v, self.monotonic()
 
 
 def _kept(header: str, told: float, kept: float) -> None:
@@ -287,6 +300,8 @@ def _monitored(instant_v: float, monitor_v: float) -> None:
 
 
 def _not_above(most_v: float, what: str, shown_v: float) -> None:
+    if shown_v < -MONITOR_ABS_TOL_V:
+        raise DeviceError(f"{what} must not be below 0 V, got {shown_v:.1f} V")
     if shown_v > most_v + _tolerance_v(most_v):
         raise DeviceError(f"{what} must not exceed {most_v:.1f} V, got {shown_v:.1f} V")
 

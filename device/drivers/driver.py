@@ -184,6 +184,16 @@ class Driver(ABC):
         """Get whether the output is on; no stray line answers for it."""
         return self.link.certain([self.output_query], lambda answers: switch(answers[0]))
 
+    def switch_on(self, command: str) -> None:
+        """Switch the output on; who looks at the last answers meanwhile sees that it is on.
+
+        Raises:
+            DeviceError: the device refuses or does not answer.
+        """
+        if self.reading is not None:
+            self.reading = replace(self.reading, at_s=self.monotonic(), output=True)
+        self.send(command)
+
     def send_off(self) -> None:
         """Send off once, without waiting for anything.
 

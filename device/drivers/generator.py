@@ -126,7 +126,7 @@ class Generator(Driver):
         if self.driven is None:
             self._set_amplitude(self.least_v)
             self.read_back()
-            self.send(self.on_command)
+            self.switch_on(self.on_command)
         self.driven = setpoint
         to_v, v_per_s = max(setpoint.voltage_v, self.least_v), setpoint.ramp_v_per_s
         if self._ramp is None or (self._ramp.to_v, self._ramp.v_per_s) != (to_v, v_per_s):

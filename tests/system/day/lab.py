@@ -284,6 +284,10 @@ class Lab:
             if self.disk.open:
                 self.disk.crash()
         self.disk.unlock()
+        if outcome.code == 0 and not {"disk full", "disk error", "locked"} & set(process.happened):
+            journal = self.folder.journal
+            files = [path.name for path in journal.parent.glob(f"{journal.name}*")]
+            require(12, files == [journal.name], f"nobody uses the journal, but there are {files}")
         self.disk.process = Process()
         self.watch.alone()
         if not outcome.killed:

@@ -137,48 +137,59 @@ def test_a_journal_that_lacks_a_trigger_can_be_backed_up(study: Path) -> None:
 def test_copy_and_name_are_on_the_disk_when_a_backup_is_made(
     study: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    synced: list[str] = []
+    copy = study / "copy.db"
+    synced: list[tuple[str, bytes]] = []
     fsync = os.fsync
 
     def noting(number: int) -> None:
-        synced.append(Path(f"/proc/self/fd/{number}").readlink().name)
+        """Note what is synced, and what the copy has at that moment under its final name."""
+        name = Path(f"/proc/self/fd/{number}").readlink().name
+        synced.append((name, copy.read_bytes() if copy.exists() else b""))
         fsync(number)
 
     monkeypatch.setattr(os, "fsync", noting)
     before = len(list(Path("/proc/self/fd").iterdir()))
-    backed_up(study / "study.db", study / "copy.db")
+    backed_up(study / "study.db", copy)
     assert len(list(Path("/proc/self/fd").iterdir())) == before
-    copied, folder = synced
+    (copied, unnamed), folder = synced
     assert copied.startswith(".touchbeam-")
-    assert folder == "study"
+    assert unnamed == b""
+    assert folder == ("study", copy.read_bytes())
 
 
 def test_backups_during_a_session_have_every_event_so_far(study: Path, tmp_path: Path) -> None:
     path = study / "study.db"
     written = threading.Event()
+    appended: list[int] = []
+    at_least: dict[Path, int] = {}
+
+    def copies() -> None:
+        ended = False
+        while not ended:
+            ended = written.is_set()  # the last copy begins while the log has events
+            copy = tmp_path / f"copy-{len(at_least)}.db"
+            so_far = len(appended)
+            lacking, (verdict,) = backed_up(path, copy)
+            assert not lacking
+            assert verdict.chain_ok
+            at_least[copy] = so_far
+
     with open_journal(path) as journal:
+        before = len(journal.events("P01/1"))
         log = SessionLog(journal, "P01/1", WallClock())
-        copier = threading.Thread(target=copies, args=(path, tmp_path, written))
+        copier = threading.Thread(target=copies)
         copier.start()
         for number in range(100):
             log.append(NoteTaken(text=f"{number}" * 1000))
+            appended.append(number)
             if number % 10 == 0:
                 journal.checkpoint()
         written.set()
         copier.join()
         whole = journal.events("P01/1")
-    made = sorted(tmp_path.glob("copy-*.db"))
-    assert made
-    for copy in made:
+    assert max(at_least.values()) == len(appended)
+    for copy, so_far in at_least.items():
         with read_journal(copy) as again:
             events = again.events("P01/1")
-            assert events == whole[: len(events)]
-
-
-def copies(path: Path, folder: Path, until: threading.Event) -> None:
-    number = 0
-    while not until.is_set():
-        lacking, (verdict,) = backed_up(path, folder / f"copy-{number}.db")
-        assert not lacking
-        assert verdict.chain_ok
-        number += 1
+        assert events == whole[: len(events)]
+        assert len(events) >= before + so_far

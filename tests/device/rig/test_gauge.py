@@ -3,14 +3,17 @@
 from collections.abc import Callable, Iterator
 from typing import Any, cast
 
+import numpy as np
 import pytest
 
 from device.drivers.driver import Driver
 from device.errors import DeviceError
+from device.force_channel.samples import CHANNELS
 from device.gauges.gauge import LineGauge
 from device.gauges.owner import GaugeOwner
 from device.link.link import Link
 from device.rig import Rig, open_rig
+from device.simulator.hardware.beam_and_finger import Finger
 from protocol.address import AddressError
 from tests.device.gauges.test_gauge import GaugePort
 from tests.device.rig.bench import DRIVE, LIMITS, Bench, RecordedDriver, raising
@@ -47,6 +50,12 @@ class GaugeBench(Bench):
             self.rig.step()
             self.rig.beat()
 
+    def measure(self, seconds: float) -> None:
+        """Let only the owner of the gauge's port work."""
+        for _ in range(round(seconds / BEAT_S)):
+            self.clock.advance(BEAT_S)
+            self.gauge.step()
+
 
 @pytest.fixture
 def gauged() -> GaugeBench:
@@ -57,13 +66,17 @@ def gauged() -> GaugeBench:
 
 
 def test_what_is_recorded_is_what_the_gauge_measured(gauged: GaugeBench) -> None:
+    gauged.port.device.beam.finger = Finger(force_n=0.7, position_m=0.03, direction="right")
     gauged.rig.record(1000)
     gauged.live(1)
     seen = gauged.rig.forces
     samples = gauged.rig.recorded()
     assert samples.source == "gauge"
     assert len(samples.counts) / 6 == pytest.approx(1000, abs=50)
+    _, normal, _ = np.frombuffer(samples.counts, "<i2").reshape(CHANNELS, -1)
+    assert normal.mean() * samples.scale[1] == pytest.approx(0.7, abs=0.01)
     assert seen is not None
+    assert seen.normal_n == pytest.approx(0.7, abs=0.02)
     assert gauged.rig.forces is None
 
 
@@ -88,10 +101,23 @@ def test_a_gauge_that_fails_turns_the_output_off_and_records_no_more(gauged: Gau
     gauged.rig.record(1000)
     gauged.live(0.2)
     gauged.calls()
-    gauged.port.of, gauged.port.lie = "DATA?", lambda _: "?"
+    asked: list[str] = []
+
+    def refused(answer: str) -> str:
+        asked.append(answer)
+        return "?"
+
+    gauged.port.of, gauged.port.lie = "DATA?", refused
+    gauged.measure(0.1)
+    assert asked
+    assert gauged.gauge.latest is None
+    asked.clear()
     with pytest.raises(DeviceError, match=r"^gauge: .*; output off, read back"):
         gauged.live(1)
     assert gauged.calls()[-2:] == ["send_off", "confirm_off"]
+    gauged.measure(1)
+    assert gauged.gauge.latest is None
+    assert asked == []
 
 
 def test_nothing_is_recorded_after_a_fault_of_the_device(gauged: GaugeBench) -> None:

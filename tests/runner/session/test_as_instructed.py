@@ -71,12 +71,18 @@ RULES = "\n[as_instructed]\nforce_within = 2.0\nplace_within_m = 0.1\npath_withi
 ONCE = f"{template('paper')}{RULES}retries = 1\n"
 
 
-def test_each_trial_comes_again_as_often_as_the_study_says(tmp_path: Path) -> None:
-    """Baseline and signal, one touch each: that another has come again does not count."""
-    events, participant = done(tmp_path, ONCE, True, True, True, False)
+@pytest.mark.parametrize("retries", [0, 1, 2])
+def test_each_trial_comes_again_as_often_as_the_study_says(tmp_path: Path, retries: int) -> None:
+    """Each trial has its own count."""
+    text = f"{template('paper')}{RULES}retries = {retries}\n"
+    events, participant = done(tmp_path, text, *[True] * (2 * retries + 2), False)
     again = [event for event in events if isinstance(event, TrialDeferred)]
-    assert [(event.index, event.missed) for event in again] == [(0, ("force",)), (1, ("force",))]
-    assert participant.lasted_s("again.force") == pytest.approx([3.5, 3.5]), "and part of a pause"
+    assert sorted((event.index, event.missed) for event in again) == [
+        (index, ("force",)) for index in (0, 1) for _ in range(retries)
+    ]
+    lasted_s = participant.lasted_s("again.force")
+    told = "the notice also stands during part of the pause"
+    assert lasted_s == pytest.approx([3.5] * 2 * retries), told
 
 
 def test_what_is_as_instructed_does_not_come_again(tmp_path: Path) -> None:
@@ -101,8 +107,9 @@ PRACTISED = (
 
 
 OPENINGS, PRACTICE = 2, 6
-"""Touches before practice, and of its three trials."""
+"""Number of touches before practice, and in its three trials."""
 ALL = (2, 3, 4)
+"""The trials of practice, by their indices."""
 
 
 def practised(folder: Path, *slips: bool) -> list[Event]:
@@ -130,7 +137,7 @@ def test_practice_is_renewed_once_it_is_over_and_not_for_ever(tmp_path: Path) ->
     events = practised(tmp_path, *[True] * (3 * PRACTICE))
     assert renewed(events) == [ALL, ALL]
     tags = [event.TAG for event in events]
-    assert tags[: tags.index("practice-renewed")].count("answered") == 2 + len(ALL)
+    assert tags[: tags.index("practice-renewed")].count("answered") == OPENINGS + len(ALL)
 
 
 def test_practice_may_be_all_that_there_was_so_far(tmp_path: Path) -> None:

@@ -73,8 +73,9 @@ def test_what_is_recorded_is_what_the_gauge_measured(gauged: GaugeBench) -> None
     samples = gauged.rig.recorded()
     assert samples.source == "gauge"
     assert len(samples.counts) / 6 == pytest.approx(1000, abs=50)
-    _, normal, _ = np.frombuffer(samples.counts, "<i2").reshape(CHANNELS, -1)
+    _, normal, place = np.frombuffer(samples.counts, "<i2").reshape(CHANNELS, -1)
     assert normal.mean() * samples.scale[1] == pytest.approx(0.7, abs=0.01)
+    assert place.mean() * samples.scale[2] == pytest.approx(0.03, abs=0.001)
     assert seen is not None
     assert seen.normal_n == pytest.approx(0.7, abs=0.02)
     assert gauged.rig.forces is None

@@ -15,7 +15,12 @@ import pytest
 
 from protocol.journal.events import StoredEvent
 from runner.journal.chain import FIRST_HASH, SALT_BYTES, chain_hash
-from runner.journal.opening import journal_if_used, open_journal, read_journal
+from runner.journal.opening import (
+    SCHEMA_VERSION,
+    journal_if_used,
+    open_journal,
+    read_journal,
+)
 from runner.journal.store import Journal, JournalError
 from runner.journal.verification import verdicts
 from tests.runner.journal.tampering import tampering
@@ -197,15 +202,38 @@ def test_a_journal_that_has_lost_its_version_is_refused(tmp_path: Path) -> None:
 
 
 def test_two_processes_may_create_the_journal_at_once(tmp_path: Path) -> None:
+    """Before each journal both wait until the other one is there too."""
     program = (
         "import sys; from pathlib import Path; from runner.journal.opening import open_journal\n"
-        "for n in range(20): open_journal(Path(sys.argv[1], f'{n}.db')).__exit__(None, None, None)"
+        "for n in range(20):\n"
+        "    print('ready', flush=True)\n"
+        "    sys.stdin.readline()\n"
+        "    open_journal(Path(sys.argv[1], f'{n}.db')).__exit__(None, None, None)"
     )
     both = [
-        subprocess.Popen([sys.executable, "-c", program, str(tmp_path)], stderr=subprocess.PIPE)
+        subprocess.Popen(
+            [sys.executable, "-c", program, str(tmp_path)],
+            text=True,
+            bufsize=1,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+        )
         for _ in range(2)
     ]
-    assert [process.communicate()[1] for process in both] == [b"", b""]
+    for _ in range(20):
+        assert [process.stdout and process.stdout.readline() for process in both] == ["ready\n"] * 2
+        for process in both:
+            assert process.stdin
+            process.stdin.write("go\n")
+    assert [process.communicate()[1] for process in both] == ["", ""]
+    assert [process.returncode for process in both] == [0, 0]
+    made = sorted(tmp_path.iterdir())
+    assert {file.name for file in made} == {f"{number}.db" for number in range(20)}
+    for file in made:
+        with read_journal(file) as journal, closing(sqlite3.connect(file)) as other:
+            assert journal.sessions() == []
+            assert other.execute("PRAGMA user_version").fetchone() == (SCHEMA_VERSION,)
 
 
 @pytest.mark.parametrize("what", ["deleted", "replaced", "log deleted", "moved with its folder"])
@@ -244,7 +272,7 @@ def test_a_damaged_payload_affects_only_its_session(tmp_path: Path, payload: str
         other.execute("UPDATE event SET payload = ? WHERE session = 'P01/1' AND seq = 1", [payload])
     with open_journal(path) as journal:
         first, second = verdicts(journal)
-    assert (first.participant, first.ok, first.chain_ok) == ("P01", False, False)
+    assert (first.participant, first.chain_ok) == ("P01", False)
     assert (second.participant, second.chain_ok) == ("P02", True)
 
 
@@ -273,8 +301,8 @@ def test_a_missing_journal_whose_log_exists_is_not_replaced(tmp_path: Path) -> N
         assert again.sessions() == ["P01/1", "P02/1"]
 
 
-class NoRoomError(Exception):
-    pass
+class FailedError(Exception):
+    """What was to be done with the journal has failed."""
 
 
 @contextmanager
@@ -301,8 +329,8 @@ def test_a_journal_that_does_not_fit_on_the_disk_is_removed(tmp_path: Path, size
 
 def test_an_unused_journal_is_removed(tmp_path: Path) -> None:
     path = tmp_path / "study.db"
-    with pytest.raises(NoRoomError), journal_if_used(path):
-        raise NoRoomError
+    with pytest.raises(FailedError), journal_if_used(path):
+        raise FailedError
     assert list(tmp_path.iterdir()) == []
 
 
@@ -312,16 +340,16 @@ def test_a_journal_with_events_or_an_existing_one_is_kept(tmp_path: Path) -> Non
     def fails_later() -> None:
         with journal_if_used(path) as journal:
             journal.append("P01/1", event(0))
-            raise NoRoomError
+            raise FailedError
 
-    with pytest.raises(NoRoomError):
+    with pytest.raises(FailedError):
         fails_later()
     with read_journal(path) as journal:
         assert journal.sessions() == ["P01/1"]
     empty = tmp_path / "empty.db"
     open_journal(empty).__exit__(None, None, None)
-    with pytest.raises(NoRoomError), journal_if_used(empty):
-        raise NoRoomError
+    with pytest.raises(FailedError), journal_if_used(empty):
+        raise FailedError
     assert empty.exists()
 
 
@@ -332,9 +360,9 @@ def test_appending_to_a_journal_that_was_removed_is_an_error(tmp_path: Path) -> 
     def opened_by_two() -> None:
         with journal_if_used(path):
             others.append(open_journal(path))
-            raise NoRoomError
+            raise FailedError
 
-    with pytest.raises(NoRoomError):
+    with pytest.raises(FailedError):
         opened_by_two()
     (other,) = others
     with other, pytest.raises(JournalError, match="deleted, moved or replaced while in use"):

@@ -22,13 +22,15 @@ _JOURNAL: Mapping[str, tuple[str, ...]] = {
     "chain": ("tests/runner/journal/test_chain.py", _STORE, _AMENDED),
     "cohort": ("tests/runner/journal/test_cohort.py", _AMENDED, "tests/runner/launch"),
     "database": (
-        _STORE, "tests/runner/journal/test_database.py", "tests/runner/journal/test_backup.py",
+        _STORE, "tests/runner/journal/test_database.py", "tests/runner/journal/test_log.py",
+        "tests/runner/journal/test_backup.py",
     ),
     "location": ("tests/runner/journal/test_location.py",),
     "session_log": ("tests/runner/journal/test_session_log.py", _AMENDED, "tests/runner/session"),
     "store": (
         _STORE, _AMENDED, "tests/runner/journal/test_database.py",
-        "tests/runner/journal/test_backup.py", "tests/runner/journal/test_guessing.py",
+        "tests/runner/journal/test_log.py", "tests/runner/journal/test_backup.py",
+        "tests/runner/journal/test_guessing.py",
     ),
     "verification": ("tests/runner/journal/test_verification.py", _STORE, _AMENDED),
 }  # fmt: skip

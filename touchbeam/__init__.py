@@ -283,7 +283,8 @@ class Study:
         title = title_of(self.file)
         made = report(title, self._counted, self.file, origin, shown, self.recorded)
         folder = self.folder.report if out is None else Path(out)
-        write_files(report_files(made), folder, replaced=made.figure_files)
+        own = self.folder.path if out is None else None
+        write_files(report_files(made), folder, replaced=made.figure_files, study=own)
         return folder / "report.html"
 
     def predict(

@@ -66,12 +66,11 @@ def report(
 
     folder = StudyFolder(path=study)
     named = None if sections is None else tuple(map(str.strip, sections.split(",")))
-    where = out or folder.report
-    write_report(folder, where, rehearsals=rehearsals, as_json=as_json, named=named)
+    write_report(folder, out, rehearsals=rehearsals, as_json=as_json, named=named)
     if show:
         import webbrowser
 
-        webbrowser.open((where / "report.html").resolve().as_uri())
+        webbrowser.open(((out or folder.report) / "report.html").resolve().as_uri())
 
 
 @app.command(cls=Choosing)
@@ -165,7 +164,7 @@ def claims(as_json: JsonOption = False) -> None:
 
 def write_report(
     folder: "StudyFolder",
-    out: Path,
+    out: Path | None,
     *,
     rehearsals: bool,
     as_json: bool,
@@ -173,6 +172,7 @@ def write_report(
 ) -> None:
     """Write the report on the study in `folder` to the folder `out` and print Table 4.
 
+    Without `out` it goes to `report` in the study's folder.
     Its page shows the sections `named`; without them those of `report.toml`, or all.
     """
     from analysis.loading.missing_scores import marks
@@ -200,10 +200,12 @@ def write_report(
     del recorded  # it may be large
     warn_of_broken(broken, folder.path)
     result = report_on(folder, found, broken, rehearsals=rehearsals, named=named, recorded=kept)
-    if out.exists() and not out.is_dir():
-        raise BadInput(f"{out}: must be a folder for the report, got a file")
+    place = out or folder.report
+    if place.exists() and not place.is_dir():
+        raise BadInput(f"{place}: must be a folder for the report, got a file")
     files = report_files(result)
-    write_files(files, out, replaced=result.figure_files)
+    own = None if out else folder.path
+    write_files(files, place, replaced=result.figure_files, study=own)
     if as_json:
         print_json_text(files["report.json"].decode())
         return
@@ -217,7 +219,7 @@ def write_report(
         omnibus_line(result.table.main),
         *registered_lines(result),
         *left_out_lines(found),
-        f"Written: {out / 'report.html'} (open it in a browser); beside it {', '.join(beside)}",
+        f"Written: {place / 'report.html'} (open it in a browser); beside it {', '.join(beside)}",
     ):
         say(line)
 

@@ -148,7 +148,7 @@ def write_result(
         drawn = drawn_session(readable_events(journal, chain))
     result = sliding_result(drawn)
     out = folder.path / "slide"
-    write_files(result.files(), out)
+    write_files(result.files(), out, study=folder.path)
     kept = None
     if calibrate:
         fitted = {**result.found.calibration_record(), "rehearsal": drawn.rehearsal}

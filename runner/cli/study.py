@@ -57,7 +57,7 @@ def demo(
     folder = StudyFolder(path=out or numbered(Path("demo")))
     with new_study(folder, template("paper")), progress("participants", participants) as step:
         rehearse_cohort(folder, participants, seed, touchbeam_command(), step, population)
-    write_report(folder, folder.report, rehearsals=True, as_json=False)
+    write_report(folder, None, rehearsals=True, as_json=False)
     sessions = "the session" if participants == 1 else f"each of {participants} sessions"
     say(f"Device off, read back after {sessions}.")
     say("The participants are virtual and the device is simulated: no person gave these scores.")

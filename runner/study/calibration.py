@@ -15,7 +15,7 @@ from device.errors import OutOfRangeError
 from device.friction.calibration import NOMINAL, Calibration
 from protocol.errors import BadInput
 from protocol.journal.events import ResonanceMeasured
-from runner.study.files import short_text, write_whole
+from runner.study.files import own_file, short_text, write_whole
 
 if TYPE_CHECKING:
     from device.resonance import Resonance
@@ -31,7 +31,7 @@ def keep_calibration(folder: Path, found: "Resonance", idn: str, measured_utc: s
     """Store the result of a sweep in the study's folder; return the file.
 
     Raises:
-        BadInput: there is no study in `folder`.
+        BadInput: there is no study in `folder`, or `own_file` refuses the file.
     """
     measured = {"frequency_hz": found.frequency_hz, "tip_m_per_v": found.tip_m_per_v}
     return _write(folder, {**measured, "idn": idn, "measured_utc": measured_utc})
@@ -52,7 +52,8 @@ def keep_fit(
         fitted: see `analysis.sliding.experiment.SlidingFindings.calibration_record`.
 
     Raises:
-        BadInput: there is no study in `folder`, or a rehearsal would replace the fit of a rig.
+        BadInput: there is no study in `folder`, `own_file` refuses the file, or a rehearsal would
+            replace the fit of a rig.
     """
     kept, is_rehearsal = _kept_or_nothing(folder / FILE), bool(fitted.get("rehearsal"))
     before = kept.get(FITTED)
@@ -72,7 +73,7 @@ def _write(folder: Path, part: Mapping[str, object]) -> Path:
     """Replace a part of the file."""
     if not (folder / "study.toml").is_file():
         raise BadInput(f"{folder}: no study here (study.toml is missing)")
-    path = folder / FILE
+    path = own_file(folder / FILE, folder)
     text = json.dumps({**_kept_or_nothing(path), **part}, indent=2) + "\n"
     write_whole(path, text.encode())
     return path

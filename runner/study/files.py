@@ -76,6 +76,25 @@ def short_text(path: Path) -> str:
     return text_of(path.read_bytes(), path).replace("\r\n", "\n").replace("\r", "\n")
 
 
+def own_file(path: Path, study: Path) -> Path:
+    """Return `path`, a file below the folder `study` that touchbeam names itself and will write.
+
+    What the user names may be a link or a pipe. Here it could come with a study from somebody
+    else, and lead touchbeam to write another file.
+
+    Raises:
+        BadInput: the file, or a folder between it and `study`, is a link, or it is no file.
+    """
+    depth = len(path.relative_to(study).parts)
+    for place in (path, *path.parents[: depth - 1]):
+        if place.is_symlink():
+            raise BadInput(f"{place}: touchbeam writes here and follows no link; move it away")
+    if path.exists() and not path.is_file():
+        found = "a folder" if path.is_dir() else "a pipe or a device"
+        raise BadInput(f"{path}: must be a file, got {found}; move it away")
+    return path
+
+
 def is_stream(path: Path) -> bool:
     """Return whether `path` is a pipe, a device or an open descriptor, not a file by name.
 
@@ -195,18 +214,29 @@ def made_folder(folder: Path) -> Iterator[Path]:
         raise
 
 
-def write_files(contents: Mapping[str, bytes], folder: Path, replaced: Iterable[str] = ()) -> None:
+def write_files(
+    contents: Mapping[str, bytes],
+    folder: Path,
+    replaced: Iterable[str] = (),
+    *,
+    study: Path | None = None,
+) -> None:
     """Write `contents`, by relative path, into `folder`, each file atomically.
 
     Args:
         contents: bytes by relative path.
         folder: created if it is missing.
         replaced: paths written by an earlier call, removed unless `contents` has them.
+        study: the folder of a study in which touchbeam named `folder`, not the user.
 
     Raises:
+        BadInput: a file below `study` is one that `own_file` refuses; nothing is written.
         OSError: a file cannot be written; the error names it.
     """
     gone = [name for name in replaced if name not in contents]
+    if study:
+        for name in (*contents, *gone):
+            own_file(folder / name, study)
     with ExitStack() as stack:
         places = ((folder / name).parent for name in (*contents, *gone))
         for place in dict.fromkeys((folder, *places)):

@@ -18,7 +18,7 @@ from protocol.study.languages import CODE, FOLDER, REFERENCE, built_in_codes
 from protocol.study.study import Study
 from protocol.study_file.language_files import picture_names, with_languages, with_pictures
 from protocol.study_file.loading import parsed_study
-from runner.study.files import make_folder, short_text, take_away, write_whole
+from runner.study.files import make_folder, own_file, short_text, take_away, write_whole
 from runner.study.pictures import picture_digests
 
 
@@ -111,12 +111,13 @@ class StudyFolder:
             The new file, to be edited.
 
         Raises:
-            BadInput: there is no study, `code` names no language, or the study has that file.
+            BadInput: there is no study, `code` names no language, the study has that file, or
+                `own_file` refuses it.
         """
         self._study_text()
         if not re.fullmatch(CODE, code):
             raise BadInput(f"a language is named by its code, such as fr or pt-BR, got {code!r}")
-        file = self.languages / f"{code}.toml"
+        file = own_file(self.languages / f"{code}.toml", self.path)
         if file.exists():
             raise BadInput(f"{file}: is there already; edit it, or move it away")
         make_folder(self.languages)

@@ -39,8 +39,8 @@ class PowerFolder:
 
     def save(self, name: str, content: bytes) -> None:
         """Keep it, atomically."""
-        write_files({f"{name}.npy": content}, self.chunks)
+        write_files({f"{name}.npy": content}, self.chunks, study=self.study)
 
     def write(self, contents: Mapping[str, bytes]) -> None:
         """Write figures and numbers."""
-        write_files(contents, self.path)
+        write_files(contents, self.path, study=self.study)

@@ -29,7 +29,7 @@ from runner.journal.opening import journal_if_used
 from runner.journal.registrations import in_force, real_sessions
 from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal
-from runner.study.files import bytes_of, require_end, short_text, write_whole
+from runner.study.files import bytes_of, own_file, require_end, short_text, write_whole
 from runner.study.folder import StudyFolder
 
 REGISTRY_FILE = "registration.txt"
@@ -204,8 +204,12 @@ def register(
         The registration in force, and what it replaces and changes; '' if it replaces none.
 
     Raises:
-        BadInput: a session has been recorded, or the study is registered otherwise.
+        BadInput: a session has been recorded, the study is registered otherwise, or `own_file`
+            refuses a file.
     """
+    file, for_registry = (
+        own_file(folder.path / name, folder.path) for name in (FILE, REGISTRY_FILE)
+    )
     with journal_if_used(folder.journal) as journal, journal.alone():
         recorded, kept = in_force(journal), registration_of(folder.path)
         begun, replaced = real_sessions(journal), ""
@@ -217,8 +221,8 @@ def register(
             replaced = _replaced(recorded, made) if recorded else ""
         elif kept is not None and kept.digest != made.digest:
             raise BadInput(file_problem(recorded, kept))
-    write_whole(folder.path / FILE, made.text().encode())
-    write_whole(folder.path / REGISTRY_FILE, registry_text(study, made).encode())
+    write_whole(file, made.text().encode())
+    write_whole(for_registry, registry_text(study, made).encode())
     return made, replaced
 
 

@@ -1,0 +1,107 @@
+"""Studies that somebody else made: what is in their folders leads touchbeam nowhere else."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import touchbeam
+from protocol.errors import BadInput
+from runner.study.calibration import keep_calibration, keep_fit
+from tests.runner.command_line import everything, typed
+from tests.runner.registered_study import registered_in, run_session, study_in
+from tests.runner.study.test_calibration import FITTED, FOUND, SLID, WHEN
+from tests.runner.study.test_registered import refused
+
+
+def victim_in(folder: Path) -> Path:
+    """Return a folder outside the study with one file."""
+    outside = folder / "outside"
+    outside.mkdir()
+    (outside / "victim").write_text("theirs")
+    return outside
+
+
+def assert_untouched(outside: Path) -> None:
+    assert everything(outside) == {"victim"}
+    assert (outside / "victim").read_text() == "theirs"
+
+
+@pytest.mark.parametrize("name", ["registration.toml", "registration.txt"])
+def test_register_follows_no_link(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    outside, study = victim_in(tmp_path), study_in(tmp_path / "study")
+    for target in ("new", *(["victim"] if name == "registration.txt" else [])):
+        (study / name).symlink_to(f"../outside/{target}")
+        line = refused(capsys, "register", study)
+        assert f"{name}: touchbeam writes here and follows no link; move it away" in line
+        (study / name).unlink()
+    assert_untouched(outside)
+    assert everything(study) == {"study.toml"}, "not even the journal has it"
+
+
+def a_folder(path: Path) -> None:
+    path.mkdir()
+
+
+@pytest.mark.parametrize("made", [os.mkfifo, a_folder])
+def test_register_writes_into_no_pipe_and_no_folder(
+    made: Callable[[Path], None], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study = study_in(tmp_path)
+    made(study / "registration.txt")
+    line = refused(capsys, "register", study)
+    found = "a folder" if made is a_folder else "a pipe or a device"
+    assert f"registration.txt: must be a file, got {found}; move it away" in line
+    assert everything(study) == {"study.toml", "registration.txt"}
+
+
+@pytest.mark.parametrize(
+    ("link", "target"), [("power/power.json", "victim"), ("power", "."), ("power/chunks", ".")]
+)
+def test_power_follows_no_link(
+    link: str, target: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    outside, study = victim_in(tmp_path), study_in(tmp_path / "study")
+    (study / link).parent.mkdir(exist_ok=True)
+    (study / link).symlink_to(outside / target)
+    line = refused(capsys, "power", study, "--tests-only", "--studies", "2", "--workers", "1")
+    assert f"{link}: touchbeam writes here and follows no link" in line
+    assert_untouched(outside)
+
+
+def test_a_calibration_follows_no_link(tmp_path: Path) -> None:
+    outside, study = victim_in(tmp_path), study_in(tmp_path / "study")
+    (study / "calibration.json").symlink_to("../outside/victim")
+    with pytest.raises(BadInput, match=r"calibration\.json: .* follows no link"):
+        keep_calibration(study, FOUND, "BOARD", WHEN)
+    with pytest.raises(BadInput, match=r"calibration\.json: .* follows no link"):
+        keep_fit(study, SLID, "BOARD", FITTED)
+    assert_untouched(outside)
+
+
+def test_translate_follows_no_link(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    outside, study = victim_in(tmp_path), study_in(tmp_path / "study")
+    (study / "texts").symlink_to("../outside")
+    assert "texts: touchbeam writes here" in refused(capsys, "translate", study, "fr")
+    (study / "texts").unlink()
+    (study / "texts").mkdir()
+    (study / "texts" / "fr.toml").symlink_to("../../outside/new")
+    assert "fr.toml: touchbeam writes here" in refused(capsys, "translate", study, "fr")
+    assert_untouched(outside)
+
+
+def test_a_report_follows_only_links_that_the_user_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    outside, study = victim_in(tmp_path), registered_in(tmp_path / "study")
+    run_session(study, "P01")
+    (study / "report").symlink_to("../outside")
+    assert "report: touchbeam writes here" in refused(capsys, "report", study)
+    with pytest.raises(BadInput, match="report: touchbeam writes here"):
+        touchbeam.load(study).report(sections="methods")
+    assert_untouched(outside)
+    assert typed("report", study, "--out", study / "report", "--sections", "methods") == 0
+    assert (outside / "report.html").is_file()

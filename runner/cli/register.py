@@ -62,7 +62,7 @@ def register(
         rung=RUNG,
         analysis=analysis_settings(),
         exclusions=rules_in_words(checked.exclusions),
-        power=power or (kept if (kept := study / "power" / "power.json").is_file() else None),
+        power=power or (kept if (kept := study / "power" / "power.json").exists() else None),
     )
     made = new_registration(checked, text, choice, fitted_calibration(study))
     made, replaced = write(folder, checked, made, WallClock())

@@ -22,14 +22,15 @@ _PRIVATE_FILE = 0o600
 _DESCRIPTORS = re.compile(r"/proc/[^/]+/fd|/dev/fd")
 
 
-def bytes_of(path: Path) -> bytes:
+def bytes_of(path: Path, *, short: bool = False) -> bytes:
     """Return the content of the file `path`.
 
     Raises:
-        BadInput: the file is missing or unreadable.
+        BadInput: the file is missing or unreadable or, if it must be `short`, exceeds the length
+            limit or is a pipe or a device.
     """
     try:
-        return path.read_bytes()
+        return _short_bytes(path) if short else path.read_bytes()
     except FileNotFoundError:
         raise BadInput(f"{path}: no such file") from None
     except OSError as error:
@@ -69,11 +70,15 @@ def short_text(path: Path) -> str:
             never end.
         OSError: it cannot be read.
     """
+    return text_of(_short_bytes(path), path).replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _short_bytes(path: Path) -> bytes:
     require_end(path)
     size = path.stat().st_size
     if size > LONGEST_TEXT:
         raise BadInput(f"{path}: must have at most {LONGEST_TEXT} bytes, got {size}")
-    return text_of(path.read_bytes(), path).replace("\r\n", "\n").replace("\r", "\n")
+    return path.read_bytes()
 
 
 def own_file(path: Path, study: Path) -> Path:

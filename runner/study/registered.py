@@ -20,6 +20,7 @@ from protocol.registration.registration import (
     registration_in,
 )
 from protocol.registration.registry_text import registry_text
+from protocol.study.fields import require_printable
 from protocol.study.study import Study
 from protocol.study_file.loading import text_digest
 from runner.clock import Clock
@@ -29,11 +30,12 @@ from runner.journal.opening import journal_if_used
 from runner.journal.registrations import in_force, real_sessions
 from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal
-from runner.study.files import bytes_of, own_file, require_end, short_text, write_whole
+from runner.study.files import bytes_of, own_file, text_of, write_whole
 from runner.study.folder import StudyFolder
 
 REGISTRY_FILE = "registration.txt"
 _MOST_TESTS = 50
+_LONGEST_LINE = 2000
 _STALE = "it has changed since this analysis; run touchbeam power again"
 
 
@@ -41,14 +43,13 @@ def registration_of(folder: Path) -> Registration | None:
     """Return the registration in a study's folder, None if it is not registered.
 
     Raises:
-        BadInput: the file was changed after it was written, or is a pipe or a device.
+        BadInput: the file was changed after it was written, is too long, or is a pipe or a device.
     """
     path = folder / FILE
     if not path.exists():
         return None
-    require_end(path)
     # As it is: line ends and a byte order mark, too, would change the digest.
-    return registration_in(bytes_of(path).decode(errors="replace"), str(path))
+    return registration_in(bytes_of(path, short=True).decode(errors="replace"), str(path))
 
 
 def require_registered(journal: Journal, kept: Registration | None, *, rehearsal: bool) -> None:
@@ -167,16 +168,22 @@ def power_result(path: Path, study_sha256: str) -> dict[str, str]:
     It also says so if the analysis was of another study file than the one with this digest.
 
     Raises:
-        BadInput: it is no JSON object.
+        BadInput: it is no JSON object, is too long, or holds other texts than printable lines.
     """
-    require_end(path)
-    content = bytes_of(path)
+    content = bytes_of(path, short=True)
     try:
-        found = json.loads(short_text(path))
-        said = {"answer": str(found["answer"])} if "answer" in found else {}
-        tests = {str(test["name"]): _power(test) for test in found.get("tests", [])}
+        found = json.loads(text_of(content, path))
+        said = {"answer": _line(found["answer"])} if "answer" in found else {}
+        tests = {_line(test["name"]): _power(test) for test in found.get("tests", [])}
         simulated = str(found.get("study_sha256", study_sha256))
-    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+    except (
+        ValueError,
+        TypeError,
+        KeyError,
+        AttributeError,
+        RecursionError,
+        OverflowError,
+    ) as error:
         raise BadInput(f"{path}: not the result of a power analysis ({error!r})") from error
     listed = list(tests.items())[:_MOST_TESTS]
     return {
@@ -185,6 +192,14 @@ def power_result(path: Path, study_sha256: str) -> dict[str, str]:
         "file": f"SHA-256 {sha256(content).hexdigest()}",
         **({} if simulated == study_sha256 else {"study file": _STALE}),
     }
+
+
+def _line(given: object) -> str:
+    """Return a text that stands in the registration as one printable line, or raise ValueError."""
+    text = str(given)
+    if len(text) > _LONGEST_LINE or len(f"{text}.".splitlines()) > 1:
+        raise ValueError(f"each text must be one line of at most {_LONGEST_LINE} characters")
+    return require_printable(text.encode().decode())
 
 
 def _power(test: Mapping[str, Any]) -> str:

@@ -1,5 +1,6 @@
 """Studies that somebody else made: what is in their folders leads touchbeam nowhere else."""
 
+import json
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -105,3 +106,68 @@ def test_a_report_follows_only_links_that_the_user_named(
     assert_untouched(outside)
     assert typed("report", study, "--out", study / "report", "--sections", "methods") == 0
     assert (outside / "report.html").is_file()
+
+
+ENDLESS = 10**400
+
+
+@pytest.mark.parametrize(
+    "found",
+    [
+        {"tests": [{"name": "a", "power": ENDLESS}]},
+        {"tests": [{"name": "a", "power": 1, "mc_error": ENDLESS}]},
+        {"tests": [{"name": "\udfff", "power": 1}]},
+        {"tests": [{"name": "a\nTitle", "power": 1}]},
+        {"answer": "\ud800 x"},
+        {"answer": "fine\nTitle\n  Forged"},
+        {"answer": "fine\n"},
+        {"answer": "fine\u2028Title"},
+        {"answer": "\x00"},
+        {"answer": "\x1b[2J"},
+        {"answer": "\x9b2J"},
+        {"answer": "\u202eenif"},
+        {"answer": "x" * 2001},
+    ],
+    ids=ascii,
+)
+def test_what_is_no_power_analysis_is_not_registered(
+    found: object, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study = study_in(tmp_path)
+    (study / "power.json").write_text(json.dumps(found))
+    line = refused(capsys, "register", study, "--power", study / "power.json")
+    assert "power.json: not the result of a power analysis" in line
+    assert line.isprintable()
+    assert len(line) < 500
+    assert everything(study) == {"study.toml", "power.json"}
+
+
+def sparse(path: Path) -> None:
+    """Make a file larger than any memory that takes no place on the disk."""
+    with path.open("wb") as file:
+        file.truncate(2**42)
+
+
+def test_a_file_is_not_read_before_its_size_is_known(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study = study_in(tmp_path)
+    (study / "power").mkdir()
+    sparse(study / "power" / "power.json")
+    assert "power.json: must have at most 262144 bytes" in refused(capsys, "register", study)
+    (study / "power" / "power.json").unlink()
+    sparse(study / "registration.toml")
+    line = refused(capsys, "register", study)
+    assert "registration.toml: must have at most 262144 bytes" in line
+    assert typed("check", study) == 2
+    assert "registration.toml: must have at most 262144 bytes" in capsys.readouterr().err
+
+
+def test_a_pipe_in_place_of_a_power_analysis_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study = study_in(tmp_path)
+    (study / "power").mkdir()
+    os.mkfifo(study / "power" / "power.json")
+    line = refused(capsys, "register", study)
+    assert "power.json: must be a file, got a pipe or a device" in line

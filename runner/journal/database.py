@@ -9,6 +9,7 @@ file. SQLite's own checkpoint at the close of a last connection never runs on a 
 import os
 import shutil
 import sqlite3
+import stat
 import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -24,6 +25,8 @@ SQLITE_ERRORS = (sqlite3.Error, UnicodeDecodeError)
 """What SQLite raises on a damaged file; names in its messages may be damaged, too."""
 _STEPS_BETWEEN_SIGNALS = 10_000
 _MOST_OBJECTS = 100
+_NAMES_A_FILE = bytes.fromhex("d9d505f920a163d7")
+"""The end of a rollback journal that names a super-journal, as only ATTACH makes them."""
 _FIXED_BRANCHES = {(3, 44): 6, (3, 50): 7}
 """Older branches of SQLite to which the fix of the WAL-reset bug was carried back."""
 
@@ -47,7 +50,11 @@ def connected(path: Path, access: str = "mode=rw", timeout_s: float = 5.0) -> sq
     """Return a connection to an existing file, whose schema and pages are not trusted.
 
     Each statement is a transaction of its own. Signals take effect while SQLite is at work.
+
+    Raises:
+        sqlite3.Error: it cannot be opened, or SQLite would reach a file elsewhere through it.
     """
+    _require_reaching_no_other(path)
     uri = f"{path.absolute().as_uri()}?{access}"
     connection = sqlite3.connect(uri, uri=True, timeout=timeout_s, isolation_level=None)
     with closed_on_error(connection):
@@ -58,6 +65,33 @@ def connected(path: Path, access: str = "mode=rw", timeout_s: float = 5.0) -> sq
         if sys.version_info >= (3, 12):
             connection.setconfig(sqlite3.SQLITE_DBCONFIG_DEFENSIVE)
     return connection
+
+
+def _require_reaching_no_other(path: Path) -> None:
+    """Refuse links, and a rollback journal that names a file, which SQLite would delete.
+
+    A killed process of touchbeam can leave a rollback journal, too; it names no file.
+    """
+    if path.is_symlink():
+        raise sqlite3.DatabaseError("it is a link; use the study or the file to which it leads")
+    if path.exists() and not path.is_file():
+        raise sqlite3.DatabaseError("it must be a file")
+    rollback, end = path.with_name(f"{path.name}-journal"), _NAMES_A_FILE
+    try:
+        state = rollback.lstat()
+        if stat.S_ISREG(state.st_mode):
+            with rollback.open("rb") as file:
+                file.seek(max(0, state.st_size - len(end)))
+                end = file.read()
+    except FileNotFoundError:  # there is none, or another process has just recovered the journal
+        return
+    except OSError as error:
+        raise sqlite3.OperationalError(str(error)) from error
+    if end == _NAMES_A_FILE:
+        raise sqlite3.DatabaseError(
+            f"beside it is {rollback.name}, which touchbeam did not write: it is not a regular "
+            "file, or it names another file, which SQLite would delete; move it away"
+        )
 
 
 @contextmanager

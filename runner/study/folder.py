@@ -182,7 +182,7 @@ class StudyFolder:
         """
         if self.path.is_file():
             raise self._not_a_folder()
-        if not self.journal.is_file():
+        if not os.path.lexists(self.journal):  # opening it refuses links, pipes and folders
             raise BadInput(
                 f"{self.path}: no sessions here (study.db is missing); {self._instead}"
                 "record one with touchbeam run or import scores with touchbeam import"

@@ -35,7 +35,7 @@ from runner.study.folder import StudyFolder
 
 REGISTRY_FILE = "registration.txt"
 _MOST_TESTS = 50
-_LONGEST_LINE = 2000
+_LONGEST_LINE = 10_000
 _STALE = "it has changed since this analysis; run touchbeam power again"
 
 

@@ -10,14 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from protocol.study_file.loading import template
 from runner.journal.database import connected
 from runner.journal.opening import open_journal, read_journal
 from runner.journal.store import JournalError
-from runner.session.loop import run
 from runner.signals import Stopped, signals_raise
 from tests.runner.command_line import typed
-from tests.runner.fakes import FakeDevice, FakeParticipant, context
 from tests.runner.journal.unsalted import make_unsalted
 
 COMMANDS = (
@@ -33,18 +30,6 @@ COMMANDS = (
 )
 READING = {"status", "verify", "report", "export", "backup"}
 STRICT = tuple(command for command in COMMANDS if command[0] not in {"verify", "backup"})
-
-
-@pytest.fixture
-def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A study with one finished session."""
-    monkeypatch.chdir(tmp_path)
-    folder = tmp_path / "study"
-    folder.mkdir()
-    (folder / "study.toml").write_text(template("paper"))
-    with open_journal(folder / "study.db") as journal:
-        run(context(journal, FakeDevice(), FakeParticipant()))
-    return folder
 
 
 def changed(path: Path, *statements: str) -> bytes:

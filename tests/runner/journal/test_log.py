@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from protocol.journal.events import NoteTaken
-from protocol.study_file.loading import template
 from runner.clock import WallClock
 from runner.journal.database import (
     LogNotCopiedError,
@@ -22,19 +21,6 @@ from runner.journal.database import (
 from runner.journal.opening import open_journal, read_journal
 from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal, JournalError
-from runner.session.loop import run
-from tests.runner.fakes import FakeDevice, FakeParticipant, context
-
-
-@pytest.fixture
-def study(tmp_path: Path) -> Path:
-    """A study with one finished session."""
-    folder = tmp_path / "study"
-    folder.mkdir()
-    (folder / "study.toml").write_text(template("paper"))
-    with open_journal(folder / "study.db") as journal:
-        run(context(journal, FakeDevice(), FakeParticipant()))
-    return folder
 
 
 def noted(journal: Journal, text: str) -> None:

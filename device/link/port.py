@@ -23,7 +23,8 @@ except ImportError:  # Windows
 
 BAUD = 115_200
 """Of a serial line, 8N1; USB and network ports ignore it."""
-WRITE_TIMEOUT_S = 0.2
+WRITE_TIMEOUT_S = 0.4
+"""As long as an answer may take: pySerial counts what a busy computer lets a process wait, too."""
 _CHUNK = 65_536
 _IN_USE = "in use by another program; close it first"
 _ADVICE = {

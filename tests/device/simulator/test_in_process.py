@@ -67,7 +67,7 @@ def test_an_unread_line_holds_what_it_can_and_then_times_out() -> None:
 
     with pytest.raises(OSError, match="Write timeout"):
         fill()
-    assert device.now_s() - began_s == pytest.approx(0.2)
+    assert device.now_s() - began_s == pytest.approx(0.4), "as long as an answer may take"
 
 
 def test_a_vanished_port_is_gone_until_it_is_opened_anew() -> None:

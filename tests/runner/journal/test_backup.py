@@ -11,30 +11,15 @@ import pytest
 
 from protocol.errors import BadInput
 from protocol.journal.events import NoteTaken
-from protocol.study_file.loading import template
 from runner.clock import WallClock
 from runner.journal.backup import backed_up
 from runner.journal.opening import open_journal, read_journal
 from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal
 from runner.journal.verification import SessionVerdict, verdicts
-from runner.session.loop import run
 from tests.runner.command_line import typed
-from tests.runner.fakes import FakeDevice, FakeParticipant, context
 from tests.runner.journal.tampering import tampering
 from tests.runner.journal.test_store import room_for
-
-
-@pytest.fixture
-def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A study with one finished session."""
-    monkeypatch.chdir(tmp_path)
-    folder = tmp_path / "study"
-    folder.mkdir()
-    (folder / "study.toml").write_text(template("paper"))
-    with open_journal(folder / "study.db") as journal:
-        run(context(journal, FakeDevice(), FakeParticipant()))
-    return folder
 
 
 def test_a_backup_is_a_private_verified_copy(

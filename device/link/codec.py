@@ -9,7 +9,7 @@ import re
 from device.errors import ProtocolError
 
 LONGEST_LINE = 1024
-"""Most bytes without a line end; a peer that sends more does not speak our protocol."""
+"""Most bytes in a line; a peer that sends more does not speak our protocol."""
 
 LONGEST_BLOCK = 2048
 """Most bytes in a block; 50 ms of three channels at 1 kHz are 322."""
@@ -123,8 +123,9 @@ class LineBuffer:
             return []
         if b"\r" in chunk:
             chunk = chunk.replace(b"\r", b"\n")
-        *whole, self._pending = (self._pending + chunk).split(b"\n")
-        if len(self._pending) > LONGEST_LINE:
+        data = self._pending + chunk
+        *whole, self._pending = data.split(b"\n")
+        if len(data) > LONGEST_LINE and max(map(len, (*whole, self._pending))) > LONGEST_LINE:
             self.clear()
             raise ProtocolError(
                 f"the device sent more than {LONGEST_LINE} bytes without a line end"

@@ -138,9 +138,11 @@ def watched(limits: Limits, dialect: str) -> Iterator[WatchedRig]:
             rig.close()
 
 
-def stepped(dialect: str = "board", watchdog_s: float = 0.5) -> tuple[Driver, LyingPort]:
+def stepped(
+    dialect: str = "board", watchdog_s: float = 0.5, clock: SteppedClock | None = None
+) -> tuple[Driver, LyingPort]:
     """An armed driver by whose clock its device lives."""
-    clock = SteppedClock()
+    clock = clock or SteppedClock()
     port = LyingPort(dialect, clock)
     link = Link(port, monotonic=clock)
     driver = driver_of(dialect)(link, replace(LIMITS, watchdog_s=watchdog_s), clock)

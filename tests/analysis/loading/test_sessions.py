@@ -17,6 +17,7 @@ from protocol.journal.events import (
     TrialExcluded,
     TrialStarted,
 )
+from protocol.plan.trials import Trial
 from tests.analysis.chains import chain, published_chain
 from tests.analysis.hostile_study import NOTES, Written, sessions, study_text
 from tests.analysis.reports import PAPER, session_events
@@ -115,7 +116,8 @@ def test_a_trial_left_in_the_middle_has_its_touch_and_no_answer() -> None:
     assert found.sessions["session_completed"].tolist() == [False]
 
 
-def test_practice_that_is_asked_again_counts_as_answered_last() -> None:
+def practised_again() -> tuple[Written, Trial]:
+    """A session whose practice trial was scored 3 and has begun again."""
     session = Written("P01")
     session.arm()
     trial = session.plan.trials[2]
@@ -126,22 +128,18 @@ def test_practice_that_is_asked_again_counts_as_answered_last() -> None:
     session.add("practice-renewed", indices=[trial.index])
     session.arm()
     session.start(trial)
+    return session, trial
+
+
+def test_practice_that_is_asked_again_counts_as_answered_last() -> None:
+    session, trial = practised_again()
     session.answer(trial, 8)
     trials = trials_in(session)
     assert trials[["attempts", "aborted", "score"]].to_numpy().tolist() == [[2, 0, 8]]
 
 
 def test_practice_that_is_cut_off_when_it_is_asked_again_has_no_answer() -> None:
-    session = Written("P01")
-    session.arm()
-    trial = session.plan.trials[2]
-    session.start(trial)
-    session.answer(trial, 3)
-    session.add("device-off", confirmed=True, why="a break")
-    session.add("session-resumed")
-    session.add("practice-renewed", indices=[trial.index])
-    session.arm()
-    session.start(trial)
+    session, trial = practised_again()
     session.add("trial-aborted", index=trial.index, why="stopped")
     found = load_sessions([session.events])
     assert found.answered.empty

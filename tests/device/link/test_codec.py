@@ -86,9 +86,14 @@ def test_trailing_data_waits_for_its_end() -> None:
     assert buffer.feed(b"o\n") == [b"two"]
 
 
-def test_a_line_without_end_is_refused() -> None:
+@pytest.mark.parametrize("end", [b"", b"\n", b"\nnext\n"])
+def test_a_line_that_is_too_long_is_refused(end: bytes) -> None:
+    assert (
+        LineBuffer().feed(b"x" * LONGEST_LINE + end)
+        == [b"x" * LONGEST_LINE, b"next"][: end.count(b"\n")]
+    )
     with pytest.raises(DeviceError, match=f"more than {LONGEST_LINE} bytes"):
-        LineBuffer().feed(b"x" * (LONGEST_LINE + 1))
+        LineBuffer().feed(b"x" * (LONGEST_LINE + 1) + end)
 
 
 def test_a_line_that_is_not_ascii_is_refused() -> None:

@@ -199,7 +199,8 @@ def _line(given: object) -> str:
     text = str(given)
     if len(text) > _LONGEST_LINE or len(f"{text}.".splitlines()) > 1:
         raise ValueError(f"each text must be one line of at most {_LONGEST_LINE} characters")
-    return require_printable(text.encode().decode())
+    text.encode()  # half a character is no text that can be written
+    return require_printable(text)
 
 
 def _power(test: Mapping[str, Any]) -> str:

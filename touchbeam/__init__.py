@@ -217,7 +217,9 @@ class Study:
     @property
     def columns(self) -> "pd.DataFrame":
         """Meaning, unit and levels of each column, a row per table and column."""
-        return self._frames.described(self.file.rating)
+        from protocol.study.participant_texts import scale_in_words
+
+        return self._frames.described(scale_in_words(self.file, self.file.rating))
 
     def plan(self, participant: str, session: int = 1) -> "pd.DataFrame":
         """Return the planned trials of a participant's session, a row each.

@@ -96,8 +96,8 @@ _ANSWER = (
     Column("agrees", "Whether the answer agrees with the expectation.", levels=YES_NO),
     Column(
         "score",
-        "Strength of the effect from {minimum} (none) to {maximum} (very effective). Missing where "
-        "it was not asked for or not given, never 0 instead.",
+        "Strength of the effect, from {scale}. Missing where it was not asked for or not given, "
+        "never 0 instead.",
     ),
     Column(
         "reaction_time_s",

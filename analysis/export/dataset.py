@@ -23,7 +23,12 @@ from device.friction.calibration import NOMINAL, Calibration
 from protocol.errors import BadInput
 from protocol.journal.events import StoredEvent
 from protocol.study.design import Publication
-from protocol.study.participant_texts import language, study_codes, study_wording
+from protocol.study.participant_texts import (
+    language,
+    scale_in_words,
+    study_codes,
+    study_wording,
+)
 from protocol.study.rating import PAPERS_SCALE, Rating
 from protocol.study.study import Study
 from protocol.study.study_question import StudyQuestion
@@ -225,11 +230,10 @@ class Dataset:
         return PAPERS_SCALE if self.published else self.study.rating
 
     def meaning(self, column: Column) -> str:
-        """Return what `column` holds; scores lie between the ends of this study's scale."""
+        """Return what `column` holds; scores lie on this study's scale."""
         if column.name != "score":
             return column.description
-        ends = {"minimum": self.rating.minimum, "maximum": self.rating.maximum}
-        return column.description.format(**ends)
+        return column.description.format(scale=scale_in_words(self.study, self.rating))
 
     def levels(self, column: Column) -> Mapping[str, str]:
         """Return what the words in `column` stand for; this study may have words of its own."""

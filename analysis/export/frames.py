@@ -16,7 +16,6 @@ from analysis.export.trial_table import participant_table, session_table, trials
 from analysis.loading.sessions import Sessions
 from protocol.journal.records import PlannedTrial, TraceSample
 from protocol.plan.trials import Trial
-from protocol.study.rating import Rating
 from protocol.study.study_question import StudyQuestion
 from protocol.study.touch import Touch
 
@@ -104,13 +103,10 @@ class Frames:
         samples = self.found.traces.merge(names, left_on="touch_id", right_index=True)
         return samples[[*_TOUCH, *TraceSample._fields]].reset_index(drop=True)
 
-    def described(self, rating: Rating) -> pd.DataFrame:
-        """Return meaning, unit and levels of each table's columns.
-
-        Scores are on the scale `rating`.
-        """
-        ends = {"minimum": rating.minimum, "maximum": rating.maximum}
-        score = replace(_BY_NAME["score"], description=_BY_NAME["score"].description.format(**ends))
+    def described(self, scale: str) -> pd.DataFrame:
+        """Return meaning, unit and levels of each table's columns; `scale` is that of scores."""
+        score = _BY_NAME["score"]
+        score = replace(score, description=score.description.format(scale=scale))
         known = _BY_NAME | {"score": score}
         own = {column.name: column for column in question_columns(self.questions)}
         sampled = {column.name: column for column in _OF_TOUCHES}

@@ -86,7 +86,7 @@ def readings(table: ScoreTable, trials: pd.DataFrame) -> dict[str, ScoreTable]:
     """Return the table with withheld scores left "missing", as "zero" and as the "lowest" score.
 
     A score is withheld when the answer disagrees with the expectation (paper, section 5.2). This
-    can mean nothing, no effect (0), or an effect no stronger than the weakest reported. A cell
+    can mean nothing, none at all (0), or an effect no stronger than the weakest reported. A cell
     with other scores is the mean of all, those that were withheld among them; one that is empty
     for another reason stays missing. A complete table without withheld scores, and one without any
     score, has the first reading only.

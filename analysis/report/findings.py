@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 from analysis.estimates import plain
 from analysis.felt.measured_statistics import MeasuredStatistics
 from analysis.loading.missing_scores import notes, withheld_beside_scores
-from analysis.loading.published import SCALE
 from analysis.loading.records import values
 from analysis.loading.study_data import StudyData
 from analysis.loading.study_lock import StudyLock
@@ -18,6 +17,8 @@ from analysis.statistics.summary import TableStatistics
 from analysis.trials.contrasts import TrialContrasts
 from analysis.trials.trial_statistics import TrialStatistics
 from device.friction.calibration import NOMINAL, Calibration
+from protocol.study.participant_texts import scale_in_words
+from protocol.study.rating import PAPERS_SCALE, Rating
 from protocol.study.study import Study
 from protocol.study_file.loading import text_digest
 
@@ -90,11 +91,6 @@ class Scale(NamedTuple):
         """Return the ends of the scale."""
         return f"{self.lowest:g} to {self.highest:g}"
 
-    @property
-    def in_words(self) -> str:
-        """The ends of the scale with their meaning."""
-        return f"{self.lowest:g} (no effect) to {self.highest:g} (very effective)"
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Findings:
@@ -145,10 +141,19 @@ class Findings:
         return self.loaded.kinds == ("published",)
 
     @property
-    def scale(self) -> Scale:
+    def rating(self) -> Rating:
         """Scale of the scores: the study's, or that of published tables if `published`."""
-        rating = self.study.rating
-        return Scale(*SCALE) if self.published else Scale(rating.minimum, rating.maximum)
+        return PAPERS_SCALE if self.published else self.study.rating
+
+    @property
+    def scale(self) -> Scale:
+        """The ends of that scale."""
+        return Scale(self.rating.minimum, self.rating.maximum)
+
+    @property
+    def scale_in_words(self) -> str:
+        """That scale with the names of its bands, as the participants read them."""
+        return scale_in_words(self.study, self.rating)
 
 
 _TRIAL_COLUMNS = {

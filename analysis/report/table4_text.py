@@ -84,12 +84,12 @@ def table4_tex(result: Table4, scale: str = "", notes: Sequence[str] = ()) -> st
 
     Args:
         result: the table.
-        scale: the ends of the scale in words, for the caption.
+        scale: the scale in words, for the caption.
         notes: sentences below the table.
     """
     header, *rows, averages = table4_lines(result, _LATEX_MISSING)
-    of_scale = f" ({scale})" if scale else ""
-    caption = f"Scores{of_scale} by subject and condition. The last column and row are means."
+    of_scale = f", {scale}" if scale else ""
+    caption = f"Scores by subject and condition{of_scale}. The last column and row are means."
     below = (
         [r"\\[0.5ex] {\footnotesize \textit{Note.} " + escaped(" ".join(notes)) + "}"]
         if notes

@@ -16,7 +16,7 @@ from protocol.study.languages import (
     built_in_codes,
     reference_texts,
 )
-from protocol.study.rating import PAPERS_BANDS, PAPERS_SCALE, Band
+from protocol.study.rating import PAPERS_BANDS, PAPERS_SCALE, Band, Rating
 from protocol.study.study import Study
 from protocol.study.study_question import SCORE, Label, StudyQuestion
 from protocol.study.touch import Touch
@@ -154,6 +154,22 @@ def band_path(band: Band, number: int, code: str) -> Path:
 def band_names(bands: Iterable[Band], wording: Wording) -> tuple[str, ...]:
     """Return bands of the scale as a participant reads them, such as `1-4 very weak`."""
     return tuple(f"{_span(band.first, band.last)} {band_name(band, wording)}" for band in bands)
+
+
+def scale_in_words(study: Study, rating: Rating) -> str:
+    """Return the ends of a scale and its bands, such as `0 to 10 (0: none; 1-10: some)`.
+
+    In the language of reference, or in the first one of the study that has a name of each band.
+    """
+    ends = f"{rating.minimum} to {rating.maximum}"
+    for code in (REFERENCE, *study_codes(study)) if rating.bands else ():
+        wording = study_wording(study, code)
+        names = [band_name(band, wording) for band in rating.bands]
+        if all(names):
+            named = zip(rating.bands, names, strict=True)
+            bands = [f"{_span(band.first, band.last)}: {name}" for band, name in named]
+            return f"{ends} ({'; '.join(bands)})"
+    return ends
 
 
 def _span(first: int, last: int) -> str:

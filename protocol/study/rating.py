@@ -74,7 +74,13 @@ class Rating(Record):
         return self.maximum - self.minimum
 
 
-PAPERS_SCALE = Rating()
+PAPERS_SCALE = Rating.model_validate(
+    {
+        "bands": [
+            {"from": first, "to": last, "en": name} for (first, last), name in PAPERS_BANDS.items()
+        ]
+    }
+)
 """From 0 to 10 (section 5.2)."""
 
 

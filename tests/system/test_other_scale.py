@@ -15,9 +15,9 @@ BANDS = """\
 minimum = 0
 maximum = 100
 bands = [
-  { from = 0, to = 20, en = "no effect" },
-  { from = 21, to = 60, en = "very weak" },
-  { from = 61, to = 100, en = "very effective" },
+  { from = 0, to = 20, en = "not at all", zh = "毫无" },
+  { from = 21, to = 60, en = "somewhat", zh = "有点" },
+  { from = 61, to = 100, en = "a great deal", zh = "非常" },
 ]
 """
 RUN = ("run", "study", "--ratings", "virtual", "--participant")
@@ -64,10 +64,7 @@ def test_a_study_with_scores_to_100_is_checked_rehearsed_reported_and_exported(
     assert "to 10." not in page
     assert typed("export", "study", "data", "--format", "csv", "--rehearsals") == 0
     described = json.loads(Path("data/trials.json").read_text(encoding="utf-8"))
-    assert described["score"]["description"].startswith(
-        "Strength of the effect from 0 (none) to 10"
-    )
-    assert "to 100 (very effective)" in described["score"]["description"]
+    assert "0 to 100 (0-20: not at all; 21-60: somewhat" in described["score"]["description"]
     with Path("data/trials.csv").open(encoding="utf-8", newline="") as table:
         exported = [row["score"] for row in csv.DictReader(table) if row["trial_kind"] == "trial"]
     assert sorted(map(float, exported)) == sorted(map(float, found))

@@ -49,7 +49,7 @@ def _data(found: Findings) -> str:
             if study.rating.score_when == "agrees"
             else "whatever their answer,"
         )
-        + f" scored the strength of the effect from {found.scale.in_words}."
+        + f" scored the strength of the effect from {found.scale_in_words}."
     )
     return (
         f"{origin} {subjects} {'subject' if subjects == 1 else 'subjects'} and {conditions} "

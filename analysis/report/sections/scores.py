@@ -33,7 +33,7 @@ def section(found: Findings) -> Section:
         },
         files={
             "table4.csv": table4_csv(main),
-            "table4.tex": table4_tex(main, found.scale.in_words, found.table_notes),
+            "table4.tex": table4_tex(main, found.scale_in_words, found.table_notes),
         },
     )
 
@@ -120,7 +120,7 @@ def _score_table(found: Findings) -> Table:
     return Table(
         name="table4",
         label="Table 4",
-        caption=f"Scores by subject and condition, {found.scale.in_words}. {note}".rstrip(),
+        caption=f"Scores by subject and condition, {found.scale_in_words}. {note}".rstrip(),
         columns=columns(*header),
         rows=lines,
         footer=True,
@@ -143,7 +143,7 @@ def _readings_table(found: Findings) -> Table | None:
         name="readings",
         caption="Sensitivity of the results to scores withheld because the answer disagreed with "
         "the expectation: condition means and omnibus test with these scores left missing, read "
-        "as 0 (no effect), or read as the lowest observed score. Blank cells of a published table "
+        "as 0, or read as the lowest observed score. Blank cells of a published table "
         "count as withheld; cells whose trials were excluded or never reached stay missing.",
         columns=[*columns("withheld scores", *numbers), Column(name="test", kind="sentence")],
         rows=[

@@ -1,55 +1,104 @@
-"""Scale of the scores: named in the report's texts and used by its figures."""
+"""Scale of the scores: named in all texts of the report and exports, and used by figures."""
 
+import re
 from dataclasses import replace
 from functools import cache
+from html import escape
 
 import numpy as np
+import pytest
 
+from analysis.export.dataset import dataset
+from analysis.export.formats import EXPORTS
 from analysis.loading.study_data import load_study_data
 from analysis.report.findings import Scale
-from analysis.report.report import Report, report, report_html
-from protocol.journal.events import Answered
+from analysis.report.report import Report, report, report_files, report_html
+from protocol.journal.events import Answered, StoredEvent
+from protocol.study.participant_texts import scale_in_words
+from protocol.study.rating import Band
+from protocol.study_file.loading import parsed_study, template
 from tests.analysis.chains import chain
-from tests.analysis.reports import ORIGIN, PAPER, plain_report, session_events
+from tests.analysis.reports import ORIGIN, plain_report, session_events
 
-HUNDRED = PAPER.model_copy(
-    update={"rating": PAPER.rating.model_copy(update={"minimum": 0, "maximum": 100})}
+SCALE = "1 to 7 (1: not at all & never; 2-4: somewhat; 5-7: a great deal)"
+SEVEN = parsed_study(
+    re.sub(
+        r"^bands = \[.*?^\]",
+        """minimum = 1
+maximum = 7
+bands = [
+  { from = 1, to = 1, en = "not at all & never", zh = "一点也不" },
+  { from = 2, to = 4, en = "somewhat", zh = "有点" },
+  { from = 5, to = 7, en = "a great deal", zh = "很" },
+]""",
+        template("paper"),
+        flags=re.DOTALL | re.MULTILINE,
+    )
 )
 
 
 @cache
-def of_a_hundred() -> Report:
-    """Return a report of two sessions with scores ten times those of the paper."""
+def sessions_to_seven() -> list[list[StoredEvent]]:
+    """Return two sessions with scores from 1 to 6."""
     rng = np.random.default_rng(1)
-    sessions = [
+    return [
         chain(
-            replace(event, score=10 * event.score)
-            if isinstance(event, Answered) and event.score
+            replace(event, score=1 + event.score // 2)
+            if isinstance(event, Answered) and event.score is not None
             else event
-            for event in session_events(PAPER, slot, rng)
+            for event in session_events(SEVEN, slot, rng)
         )
         for slot in range(2)
     ]
-    return report("a study", load_study_data(sessions, rehearsals=False), HUNDRED, ORIGIN)
+
+
+@cache
+def to_seven() -> Report:
+    found = load_study_data(sessions_to_seven(), rehearsals=False)
+    return report("a study", found, SEVEN, ORIGIN)
 
 
 def test_the_scale_is_the_studys_or_that_of_the_published_table() -> None:
-    assert of_a_hundred().scale == Scale(0, 100)
-    assert str(of_a_hundred().scale) == "0 to 100"
-    assert replace(plain_report(), study=HUNDRED).scale == Scale(0, 10)
+    assert to_seven().scale == Scale(1, 7)
+    assert str(to_seven().scale) == "1 to 7"
+    published = replace(plain_report(), study=SEVEN)
+    assert published.scale == Scale(0, 10)
+    assert published.scale_in_words.startswith("0 to 10 (0: no effect; 1-4: very weak; ")
 
 
 def test_captions_methods_and_figures_name_the_studys_scale() -> None:
-    page = report_html(of_a_hundred())
-    assert "condition, 0 (no effect) to 100 (very effective)." in page
-    assert "strength of the effect from 0 (no effect) to 100 (very effective)." in page
-    assert ">score, 0 to 100</text>" in page
-    assert ">rating, 0 to 100</text>" in page
-    assert "to 10 (very effective)" not in page
-    assert "0 to 10 -->" not in page
+    shown = report_html(to_seven())
+    scale = escape(SCALE)
+    assert f"condition, {scale}." in shown
+    assert f"strength of the effect from {scale}." in shown
+    assert ">score, 1 to 7</text>" in shown
+    assert ">rating, 1 to 7</text>" in shown
+    assert "0 to 10 -->" not in shown
+    latex = report_files(to_seven())["table4.tex"].decode()
+    assert rf"condition, {SCALE}.".replace("&", r"\&") in latex
+    for text in (shown, latex):
+        assert not re.search("no effect|very effective|to 10 ", text)
+
+
+@pytest.mark.parametrize("form", EXPORTS)
+def test_every_export_names_the_studys_scale(form: str) -> None:
+    data = dataset(sessions_to_seven(), SEVEN, "0", rehearsals=False)
+    files = EXPORTS[form](data)
+    assert any(f"Strength of the effect, from {SCALE}." in text for text in files.values())
+    assert not re.search("no effect|very effective|to 10 ", "".join(files.values()))
+
+
+def test_a_scale_without_english_names_has_those_that_are_read() -> None:
+    bands = [
+        Band.model_validate({"from": band.first, "to": band.last, "zh": band.names["zh"]})
+        for band in SEVEN.rating.bands
+    ]
+    rating = SEVEN.rating.model_copy(update={"bands": tuple(bands)})
+    assert scale_in_words(SEVEN, rating).startswith("1 to 7 (1: 一点也不; 2-4: ")
+    assert scale_in_words(SEVEN, rating.model_copy(update={"bands": ()})) == "1 to 7"
 
 
 def test_only_the_highest_score_of_the_scale_is_at_the_ceiling() -> None:
     warning = "of the scores are the highest possible"
     assert f"8% {warning}" in report_html(plain_report())
-    assert warning not in report_html(of_a_hundred())
+    assert warning not in report_html(to_seven())

@@ -27,7 +27,7 @@ def test_the_latex_table_has_the_rules_of_booktabs_and_escapes_names() -> None:
     assert table4_tex(scores, "0 to 10", ["– no score"]).splitlines() == [
         r"\begin{table}",
         r"\centering",
-        r"\caption{Scores (0 to 10) by subject and condition. The last column and row are means.}",
+        r"\caption{Scores by subject and condition, 0 to 10. The last column and row are means.}",
         r"\label{tab:scores}",
         r"\begin{tabular}{lrrrr}",
         r"\toprule",

@@ -8,9 +8,9 @@ from typing import ClassVar
 
 from device.drivers.driver import NO_TEMPERATURE, Driver
 from device.drivers.limits import Setpoint
-from device.errors import CannotRecord, DeviceError, LinkTimeout, ProtocolError
+from device.errors import CannotRecord, DeviceError, LinkTimeout
 from device.force_channel.blocks import Block, decoded
-from device.force_channel.samples import CHANNELS, Scale
+from device.force_channel.samples import FULL_SCALE, Scale, scale_of
 from device.link.codec import fields, number, number_text, switch, whole
 from protocol.journal.records import Identity, ReadBack
 
@@ -334,10 +334,7 @@ def _read_back(reply: str) -> tuple[ReadBack, float]:
 
 
 def _scale(reply: str) -> Scale:
-    sizes = [number(size) for size in reply.split(",")]
-    if len(sizes) != CHANNELS or min(sizes) <= 0:
-        raise ProtocolError(f"the device must answer with {CHANNELS} sizes above 0, got {reply!r}")
-    return sizes[0], sizes[1], sizes[2]
+    return scale_of([number(size) * FULL_SCALE for size in reply.split(",")])
 
 
 def _output_and_monitor(answers: list[str]) -> tuple[bool, float]:

@@ -19,6 +19,12 @@ SILENT_S = 0.5
 """How long a source that was started may give no samples."""
 _CLOCK_REL_TOL = 1e-4
 """How far the rate of a source's samples may be from what was set, by its own clock."""
+MISDATED_S = 0.1
+"""How far samples may be dated from when they were taken, beyond what the round trips leave open.
+
+It covers a source that starts slowly. Samples further off would put the wrong part of a touch into
+the results.
+"""
 
 
 @dataclass
@@ -30,13 +36,15 @@ class Recorder:
         rate_hz: samples per second and channel, as set.
         scale: size of one count of each channel.
         offset: the host's clock minus the source's, when the recording began.
-        began_s: when the recording began, on the host's clock.
+        told_s: when the source was told to begin, on the host's clock.
+        began_s: when it had confirmed that, on the host's clock.
     """
 
     source: str
     rate_hz: float
     scale: Scale
     offset: ClockOffset
+    told_s: float
     began_s: float
     latest: Forces | None = None
     """Means of the newest block."""
@@ -70,7 +78,8 @@ class Recorder:
         """Return `block` if it is the next one.
 
         Raises:
-            ProtocolError: its samples were given before, are too many, or have another rate.
+            ProtocolError: its samples were given before, are too many, have another rate, or are
+                not dated at the time at which they were taken.
             DeviceError: samples before it were lost.
         """
         if block.lost or block.first > self.count:
@@ -86,7 +95,10 @@ class Recorder:
             raise ProtocolError(
                 f"a block must hold at most {self._most} samples, got {block.count}"
             )
-        self._require_rate(block)
+        if block.count and self.count:
+            self._require_rate(block)
+        elif block.count:
+            self._require_begin(block)
         return block
 
     def add(self, block: Block, now_s: float) -> None:
@@ -105,8 +117,18 @@ class Recorder:
         self.due_s = max(ready_s, now_s + self._block_s / 4) if is_short else ready_s
 
     def samples(self, offset: ClockOffset) -> Samples:
-        """Return the recording; `offset` is that of the clocks at its end."""
+        """Return the recording; `offset` is that of the clocks at its end.
+
+        Raises:
+            DeviceError: one of the clocks was set or stood still since the beginning.
+        """
         clocks = throughout((self.offset, offset))
+        if clocks.error_s > MISDATED_S:
+            raise DeviceError(
+                "the clock of the force channel moved by "
+                f"{offset.offset_s - self.offset.offset_s:+.3g} s against this computer's while it "
+                f"recorded; {MISDATED_S:g} s are allowed"
+            )
         return Samples(
             source=self.source,
             rate_hz=self.rate_hz,
@@ -129,9 +151,17 @@ class Recorder:
         if missing > self._most:
             raise DeviceError(f"the last {missing} samples of the force channel were lost")
 
+    def _require_begin(self, block: Block) -> None:
+        """See that the first sample was taken once the source was told to begin, and not later."""
+        first_s = block.first_s + self.offset.offset_s
+        off_s = first_s - min(max(first_s, self.told_s), self.began_s)
+        if abs(off_s) > MISDATED_S + self.offset.error_s:
+            raise ProtocolError(
+                f"the first sample of the force channel is dated {off_s:+.3g} s from its time; "
+                f"{MISDATED_S:g} s are allowed"
+            )
+
     def _require_rate(self, block: Block) -> None:
-        if not self.count or not block.count:
-            return
         passed_s = self.count / self.rate_hz
         off_s = block.first_s - self._first_s - passed_s
         if abs(off_s) > 1 / self.rate_hz + _CLOCK_REL_TOL * passed_s:

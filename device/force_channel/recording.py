@@ -45,12 +45,14 @@ class Recording:
         self._source = source
         self._clock_s = clock_s
         offset = asked_offset(source.device_time_s, clock_s)
+        told_s = clock_s()
         scale = source.start_sampling(rate_hz)
         self._recorder = Recorder(
             source=source.dialect,
             rate_hz=rate_hz,
             scale=scale,
             offset=offset,
+            told_s=told_s,
             began_s=clock_s(),
         )
 
@@ -77,7 +79,7 @@ class Recording:
         """Stop, and return everything up to this moment.
 
         Raises:
-            DeviceError: as `fetch`, or the source does not stop.
+            DeviceError: as `fetch`, the source does not stop, or a clock was set meanwhile.
         """
         ended_s = self._source.device_time_s()
         self._source.stop_sampling()

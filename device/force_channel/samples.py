@@ -1,7 +1,9 @@
 """What the force channel gives: the samples of one recording, and the newest forces."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+from device.errors import ProtocolError
 from protocol.journal import recordings
 
 CHANNELS = len(recordings.CHANNELS)
@@ -11,6 +13,8 @@ BLOCKS_PER_S = 20
 
 Scale = tuple[float, float, float]
 """Size of one count: tangential force (N), normal force (N), position (m)."""
+_RANGES = ((0.01, 1000.0), (0.01, 1000.0), (1e-3, 10.0))
+"""Least and most that a channel may measure: no sensor of a finger on a beam lies outside."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,6 +51,22 @@ class Forces:
     tangential_n: float
     normal_n: float
     position_m: float
+
+
+def scale_of(largest: Sequence[float]) -> Scale:
+    """Return the size of one count where the channels measure up to `largest`: N, N, m.
+
+    Raises:
+        ProtocolError: no such sensor is on a rig, so that its forces cannot be believed.
+    """
+    within = [low <= value <= high for value, (low, high) in zip(largest, _RANGES, strict=False)]
+    if len(largest) != CHANNELS or not all(within):
+        raise ProtocolError(
+            "the force channel must measure up to 0.01 to 1000 N, twice, and 0.001 to 10 m, got "
+            f"{', '.join(f'{value:g}' for value in largest)}"
+        )
+    tangential_n, normal_n, position_m = largest
+    return tangential_n / FULL_SCALE, normal_n / FULL_SCALE, position_m / FULL_SCALE
 
 
 def most_in_block(rate_hz: float) -> int:

@@ -9,7 +9,7 @@ from typing import ClassVar
 
 from device.errors import DeviceError, ProtocolError
 from device.force_channel.blocks import Block
-from device.force_channel.samples import CHANNELS, FULL_SCALE, Scale
+from device.force_channel.samples import CHANNELS, FULL_SCALE, Scale, scale_of
 from device.gauges.gauge_driver import GaugeDriver
 from device.link.codec import fields, number, number_text, switch, whole
 from device.link.link import Register
@@ -95,11 +95,7 @@ def _counts(sample: str, scale: Scale) -> list[int]:
 
 
 def _scale(reply: str) -> Scale:
-    ranges = [number(largest) for largest in reply.split(",")]
-    if len(ranges) != CHANNELS or min(ranges) <= 0:
-        raise ProtocolError(f"the gauge must have {CHANNELS} ranges above 0, got {reply!r}")
-    tangential_n, normal_n, position_m = ranges
-    return tangential_n / FULL_SCALE, normal_n / FULL_SCALE, position_m / FULL_SCALE
+    return scale_of([number(largest) for largest in reply.split(",")])
 
 
 GAUGE = LineGauge

@@ -358,6 +358,46 @@ def _digested(body: bytes) -> bytes:
     return body + zlib.crc32(body).to_bytes(4, "little")
 
 
+def _of_blocks(lie: Callable[[bytes], bytes]) -> Callable[[str], str]:
+    """Apply `lie` to the content of every block of samples that a board answers."""
+
+    def told(line: str) -> str:
+        if not line.startswith("#"):
+            return line
+        return in_block(lie(line.encode("latin-1")[2 + int(line[1]) :])).decode("latin-1")
+
+    return told
+
+
+@pytest.mark.parametrize("late_s", [1.0, -1.0, 0.2, -0.2])
+def test_samples_dated_at_another_time_than_they_were_taken_are_not_believed(late_s: float) -> None:
+    """From the first one on, and evenly: their rate is right, and the wrong part would count."""
+    with watched(LIMITS, "board") as watched_rig:
+        begin(watched_rig, Lie(dialect="board", name="dated"))
+
+        def late(content: bytes) -> bytes:
+            block = decoded(content)
+            return encoded(replace(block, first_s=block.first_s + late_s))
+
+        watched_rig.port.line_lie = _of_blocks(late)
+        watched_rig.rig.record(1000)
+        with pytest.raises(DeviceError, match=r"is dated .* s from its time; .* output off, read"):
+            watched_rig.live(SOON_S)
+        assert not is_on(watched_rig)
+
+
+def test_a_board_whose_clock_is_set_while_it_records_is_found_at_the_end() -> None:
+    with watched(LIMITS, "board") as watched_rig:
+        _recording(watched_rig)
+        said = float(watched_rig.port.device.answer("SYST:TIME?", watched_rig.clock()) or 0)
+        watched_rig.port.lies = {"SYST:TIME?": [f"{said}", f"{said - 1}"]}
+        with pytest.raises(
+            DeviceError, match=r"clock of the force channel moved by .*; output off"
+        ):
+            watched_rig.rig.recorded()
+        assert not is_on(watched_rig)
+
+
 def _recording(watched_rig: WatchedRig) -> None:
     begin(watched_rig, Lie(dialect="board", name="recording"))
     watched_rig.rig.record(1000)
@@ -367,16 +407,10 @@ def _recording(watched_rig: WatchedRig) -> None:
 
 @pytest.mark.parametrize("name", [*BLOCKS, *BYTES])
 def test_a_board_that_lies_of_samples_is_turned_off(name: str) -> None:
-    def lie(line: str) -> str:
-        if not line.startswith("#"):
-            return line
-        content = line.encode("latin-1")[2 + int(line[1]) :]
-        told = encoded(BLOCKS[name](decoded(content))) if name in BLOCKS else BYTES[name](content)
-        return in_block(told).decode("latin-1")
-
+    told = BYTES.get(name) or (lambda content: encoded(BLOCKS[name](decoded(content))))
     with watched(LIMITS, "board") as watched_rig:
         _recording(watched_rig)
-        watched_rig.port.line_lie = lie
+        watched_rig.port.line_lie = _of_blocks(told)
         with pytest.raises(DeviceError, match="; output off, read back"):
             watched_rig.live(SILENT_S + SOON_S)
         assert not is_on(watched_rig)
@@ -392,12 +426,14 @@ def test_a_recording_board_that_does_not_speak_its_language_any_more(name: str) 
 
 
 @pytest.mark.parametrize(
-    "scale", ["0,1,1", "1,1", "1,1,1,1", "1,-1,1", "1,NAN,1", "1,1,9.9E37", "N"]
-)
+    "scale",
+    ["0,1E-4,1E-6", "1E-4,1E-4", "1E-4,1E-4,1E-6,1E-6", "1E-4,-1E-4,1E-6", "1E-4,NAN,1E-6",
+     "1E-4,1E-4,9.9E37", "N", "1E-4,9E36,1E-6", "1E-4,1E-4,1E-3", "1,1E-4,1E-6", "1E-9,1E-4,1E-6"],
+)  # fmt: skip
 def test_a_board_that_lies_of_its_scale_is_refused(scale: str) -> None:
     with watched(LIMITS, "board") as watched_rig:
         begin(watched_rig, Lie(dialect="board", name="scale", says={"TRAC:SCAL?": scale}))
-        with pytest.raises(DeviceError, match=r"must answer with .*; output off, read back"):
+        with pytest.raises(DeviceError, match=r"must (answer|measure) .*; output off, read back"):
             watched_rig.rig.record(1000)
         assert not is_on(watched_rig)
 

@@ -109,8 +109,10 @@ LIES: tuple[tuple[str, Callable[[str], str], str], ...] = (
     ("UNIT?", lambda _: "", "no answer to 'UNIT.' in time"),
     ("RATE?", lambda _: "999", "RATE was set to 1000 and is 999"),
     ("RATE?", lambda _: "fast", "must answer with a number, got 'fast'"),
-    ("RANG?", lambda _: "10,10", "must have 3 ranges above 0, got '10,10'"),
-    ("RANG?", lambda _: "10,0,1", "must have 3 ranges above 0"),
+    ("RANG?", lambda _: "10,10", "must measure up to .*, got 10, 10"),
+    ("RANG?", lambda _: "10,0,1", "must measure up to .*, got 10, 0, 1"),
+    ("RANG?", lambda _: "10,3E40,1", "must answer with a number, got '3E40'"),
+    ("RANG?", lambda _: "10,9E36,1", r"must measure up to .*, got 10, 9e\+36, 1"),
     ("STAT?", lambda _: "0", "was told STAR and does not"),
     ("STAT?", lambda _: "1", "was told STOP and does not"),
     ("TIME?", lambda _: "NAN", "must answer with a number, got 'NAN'"),
@@ -146,6 +148,30 @@ def test_a_gauge_that_lies_is_found(of: str, lie: Callable[[str], str], says: st
             port.of = of
         with pytest.raises(DeviceError, match=f"^gauge: .*({says})"):
             lived(owner, port, 1) if of == "DATA?" else recorded(owner, port)
+
+
+@pytest.mark.parametrize("late_s", [1.0, -1.0])
+def test_a_gauge_that_dates_its_samples_wrongly_from_the_beginning_is_found(late_s: float) -> None:
+    def late(line: str) -> str:
+        first_s = float(line.split(";")[1])
+        return _field(1, f"{first_s + late_s:.9f}")(line)
+
+    with gauge() as (owner, port):
+        port.of, port.lie = "DATA?", late
+        with pytest.raises(
+            DeviceError, match=r"^gauge: the first sample .* is dated .* s from its"
+        ):
+            recorded(owner, port)
+
+
+def test_a_gauge_whose_clock_is_set_while_it_records_is_found_at_the_end() -> None:
+    with gauge() as (owner, port):
+        owner.meet()
+        owner.record(1000, port.clock)
+        lived(owner, port, 1)
+        port.of, port.lie = "TIME?", lambda line: f"{float(line) - 1:.9f}"
+        with pytest.raises(DeviceError, match=r"^gauge: the clock of the force channel moved by"):
+            owner.recorded()
 
 
 @given(st.text(st.characters(min_codepoint=32, max_codepoint=126), max_size=200))

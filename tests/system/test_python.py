@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -358,8 +359,21 @@ def test_the_examples_of_the_page_run(folder: Path) -> None:
     run_examples("\n".join(re.findall(r"```python\n(.*?)```", page, re.DOTALL)), folder)
 
 
-def test_the_notebook_runs(folder: Path) -> None:
+def test_the_notebook_runs_in_the_kernel_that_jupyterlab_starts(folder: Path) -> None:
+    from jupyter_client.manager import start_new_kernel
+
     notebook = json.loads((ROOT / "docs" / "python.ipynb").read_text(encoding="utf-8"))
     code = [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
     assert all(cell["outputs"] == [] and cell["execution_count"] is None for cell in code)
-    run_examples("\n".join("".join(cell["source"]) for cell in code), folder)
+    manager, client = start_new_kernel(cwd=str(folder.parent), kernel_name="python3")
+    try:
+        for cell in ("import warnings; warnings.simplefilter('error')", *map(source, code)):
+            told = client.execute_interactive(cell, output_hook=lambda _: None)["content"]
+            assert told["status"] == "ok", f"{cell}\n{told}"
+    finally:
+        client.stop_channels()
+        manager.shutdown_kernel(now=True)
+
+
+def source(cell: dict[str, Any]) -> str:
+    return "".join(cell["source"])

@@ -1,9 +1,15 @@
 """The package as it is installed elsewhere: complete, and at work outside the tree."""
 
+import json
+import os
+import re
+import shutil
 import subprocess
 import sys
 import zipfile
 from pathlib import Path
+
+import pytest
 
 ROOT = Path(__file__).parents[2]
 
@@ -34,3 +40,55 @@ def test_the_wheel_works_outside_the_tree(tmp_path: Path) -> None:
     assert shown.stdout.startswith(str(tmp_path / "site"))
     assert "8.31" in shown.stdout
     assert (tmp_path / "study" / "report" / "report.html").is_file()
+
+
+@pytest.mark.soak
+def test_the_notebook_tutorial_starts_a_kernel_in_a_new_copy_of_the_source(tmp_path: Path) -> None:
+    """It needs the network: the environment comes from the package index."""
+    uv = shutil.which("uv") or str(ROOT / ".uv" / "bin" / "uv")
+    copy = tmp_path / "touchbeam"
+    shutil.copytree(ROOT, copy, ignore=shutil.ignore_patterns(".*", "tests", "site", "dist"))
+    tutorial = (ROOT / "docs" / "tutorials" / "notebook.md").read_text(encoding="utf-8")
+    install, start = re.findall(r"```sh\n(.*?)\n```", tutorial)
+    environ = {name: text for name, text in os.environ.items() if name != "VIRTUAL_ENV"}
+    environ["PATH"] = os.pathsep.join(
+        [str(copy / ".venv" / "bin"), str(Path(uv).parent), os.environ["PATH"]]
+    )
+    for command in ("uv sync --frozen --no-dev", install):
+        subprocess.run(command, shell=True, cwd=copy, env=environ, check=True)
+    server = subprocess.Popen(
+        f"exec {start} --no-browser --allow-root --port=0",
+        shell=True,
+        cwd=tmp_path,
+        env=environ,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert server.stderr
+        assert any("is running at" in line for line in server.stderr)
+    finally:
+        server.terminate()
+        server.communicate()
+    notebook = {
+        "cells": [
+            {
+                "cell_type": "code",
+                "metadata": {},
+                "source": text,
+                "outputs": [],
+                "execution_count": None,
+            }
+            for text in re.findall(r"```python\n(.*?)```", tutorial, re.DOTALL)
+        ],
+        "metadata": {},
+        "nbformat": 4,
+        "nbformat_minor": 4,
+    }
+    (tmp_path / "figure.ipynb").write_text(json.dumps(notebook), encoding="utf-8")
+    for command in (
+        "touchbeam demo --participants 5 --out mystudy",
+        "jupyter execute figure.ipynb",
+    ):
+        subprocess.run(command, shell=True, cwd=tmp_path, env=environ, check=True)
+    assert (tmp_path / "contrast.svg").is_file()

@@ -11,13 +11,17 @@ from protocol.proof.trial_checks import plan_problems
 from protocol.study.study import Study
 
 
-def cohort_problems(study: Study, plans: Sequence[Plan]) -> list[Problem]:
-    """Return every requirement that the plans of slots 0, 1, 2 and so on violate."""
+def cohort_problems(study: Study, plans: Sequence[Plan], first: int = 0) -> list[Problem]:
+    """Return every requirement that the plans of slots 0, 1, 2 and so on violate.
+
+    The slot that they begin with may also be the `first` of another `cycle`.
+    """
     if not plans:
         return [_problem("there must be at least one plan", "none")]
     found = [problem for plan in plans for problem in plan_problems(study, plan)]
-    if [plan.slot for plan in plans] != list(range(len(plans))):
-        found.append(_problem("slots must be numbered from 0", [plan.slot for plan in plans]))
+    slots = [plan.slot for plan in plans]
+    if slots != list(range(first, first + len(plans))):
+        found.append(_problem(f"slots must be numbered from {first}", slots))
     if balance_guaranteed(study, len(plans)):
         pairs, names = _pairs(plans, within_blocks=True), study.conditions
         counts = {(a, b): pairs[a, b] for a in names for b in names if a != b}
@@ -100,6 +104,16 @@ def balance_guaranteed(study: Study, participants: int) -> bool:
     design = study.design
     free = design.group_by_beam == "no" and design.max_beam_swaps is None
     return design.order == "williams" and free and participants % sequences(study) == 0
+
+
+def cycle(study: Study, slot: int) -> range:
+    """Return the slots over which the design balances carry-over together with `slot`.
+
+    That is `slot` alone where it balances nothing.
+    """
+    size = sequences(study)
+    first = slot // size * size
+    return range(first, first + size) if balance_guaranteed(study, size) else range(slot, slot + 1)
 
 
 def sequences(study: Study) -> int:

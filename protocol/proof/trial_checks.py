@@ -95,6 +95,7 @@ def _opposites(study: Study, plan: Plan) -> Violations:
 def plan_problems(study: Study, plan: Plan) -> list[Problem]:
     """Return every requirement of `study` that `plan` violates; an empty list proves the plan."""
     checks = (
+        limit_violations,  # what a finger feels comes first
         _numbering,
         _opening,
         _practice,
@@ -105,7 +106,6 @@ def plan_problems(study: Study, plan: Plan) -> list[Problem]:
         _breaks,
         _groups,
         content_violations,
-        limit_violations,
     )
     return [
         Problem(where=f"plan of slot {plan.slot}", rule=rule, value=value)

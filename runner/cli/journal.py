@@ -234,12 +234,12 @@ def amend(study: StudyArgument, reason: ReasonOption) -> None:
     """Accept changes to study.toml."""
     from runner.clock import WallClock
     from runner.journal.amendments import amend as accept
-    from runner.study.check import validated_study
+    from runner.study.check import proved_study
     from runner.study.folder import StudyFolder
 
     folder = StudyFolder(path=study)
     text = folder.text()
-    validated_study(text, str(folder.study_file))
+    proved_study(text, str(folder.study_file))
     with study_journal(folder, to_write=True) as journal:
         broken = accept(journal, clock := WallClock(), text, reason)
     say("The changed study.toml is accepted; sessions continue with it.")

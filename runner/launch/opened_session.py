@@ -6,13 +6,17 @@ from typing import TYPE_CHECKING, Any
 
 from device.friction.calibration import NOMINAL
 from protocol.address import SIMULATED
-from protocol.errors import BadInput
+from protocol.errors import BadInput, Problem
 from protocol.journal.events import SessionOpened
 from protocol.journal.records import RigCalibration, VirtualTruth
 from protocol.journal.state import SessionState
 from protocol.plan.plan import plan
 from protocol.plan.slide_plan import slide_plan
+from protocol.plan.trials import Plan
+from protocol.proof.cohort import cohort_problems, cycle
+from protocol.proof.slide_checks import slide_plan_problems
 from protocol.registration.registration import locked
+from protocol.study.study import Study
 from runner.clock import Clock
 from runner.journal.cohort import slot_for, states
 from runner.journal.opening import read_journal
@@ -22,6 +26,7 @@ from runner.launch.request import Request, SessionOptions
 from runner.session.resume import require_resumable
 from runner.session.session import Session, answer_order
 from runner.study.calibration import fitted_calibration
+from runner.study.check import require_proved
 from runner.study.registered import require_registered
 
 if TYPE_CHECKING:
@@ -32,6 +37,9 @@ def opened_session(request: Request, journal: Journal, clock: Clock) -> Session:
     """Return the session to run, and open it in the journal if it is new.
 
     A slot is taken by opening the session; choosing and opening must therefore not be separated.
+
+    Raises:
+        WrongPlan: its plan was drawn wrongly; nothing is opened.
     """
     options, registered = request.options, request.registration
     digest = None if registered is None else registered.digest
@@ -46,9 +54,7 @@ def opened_session(request: Request, journal: Journal, clock: Clock) -> Session:
             kind=request.kind,
             study=study,
             study_text=request.text,
-            plan=slide_plan(study, options.number)
-            if options.slides
-            else plan(study, slot, options.number),
+            plan=_proved_plan(request, study, slot),
             language=request.wording.code,
             answer_order=answer_order(study, slot, sessions.get(chain)),
             consent=options.consent,
@@ -61,6 +67,33 @@ def opened_session(request: Request, journal: Journal, clock: Clock) -> Session:
         if chain not in sessions:
             SessionLog(journal, chain, clock).append(session.opening())
     return session
+
+
+def _proved_plan(request: Request, study: Study, slot: int) -> Plan:
+    """Return the plan of a session if code that did not draw it finds that it is the study's.
+
+    Raises:
+        WrongPlan: it is not, so that nothing may be driven by it.
+    """
+    number = request.options.number
+    if request.options.slides:
+        drawn = slide_plan(study, number)
+        found = slide_plan_problems(study, drawn)
+    else:
+        # One order tells nothing about balance: all slots that balance each other are drawn.
+        together = cycle(study, slot)
+        plans = [plan(study, each, number) for each in together]
+        drawn = plans[together.index(slot)]
+        sessions = max(study.design.sessions, number)  # an extra one was asked for
+        design = study.design.model_copy(update={"sessions": sessions})
+        allowed = study.model_copy(update={"design": design})
+        found = cohort_problems(allowed, plans, together.start)
+    if drawn.session != number:
+        found.append(
+            Problem(where="plan", rule=f"must be of session {number}", value=str(drawn.session))
+        )
+    require_proved(request.name, found)
+    return drawn
 
 
 def as_begun(request: Request) -> Request:

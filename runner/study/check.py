@@ -9,11 +9,12 @@ from typing import Any
 from device.friction.calibration import Calibration
 from device.friction.changes import trial_change
 from device.study_limits import reach_problems
-from protocol.errors import Problem
+from protocol.errors import Problem, WorkFailed
+from protocol.plan.plan import plan
 from protocol.plan.trials import Trial
 from protocol.preview.preview import Prediction, preview, preview_record
 from protocol.preview.text import preview_lines
-from protocol.proof.cohort import cohort_problems
+from protocol.proof.cohort import cohort_problems, cycle
 from protocol.registration.registration import Registration, locked
 from protocol.study.participant_texts import worded_as_built
 from protocol.study.questions import Question
@@ -28,6 +29,10 @@ from runner.study.folder import DIALECTS, StudyFolder
 from runner.study.registered import registration_of
 
 
+class WrongPlan(WorkFailed):
+    """A plan that does not follow from its study: an error of touchbeam, not of the study."""
+
+
 def validated_study(text: str, source: str) -> Study:
     """Return the study in `text`, checked for everything that a session needs.
 
@@ -35,6 +40,30 @@ def validated_study(text: str, source: str) -> Study:
         StudyError: the study has problems.
     """
     return parsed_study(text, source, _placement_problems, DIALECTS)
+
+
+def proved_study(text: str, source: str) -> Study:
+    """Return the validated study in `text` after a proof of the plans that it gives.
+
+    Raises:
+        StudyError: the study has problems.
+        WrongPlan: a plan was drawn wrongly.
+    """
+    study = validated_study(text, source)
+    plans = [plan(study, slot) for slot in cycle(study, 0)]
+    require_proved(source, cohort_problems(study, plans))
+    return study
+
+
+def require_proved(what: str, found: Sequence[Problem]) -> None:
+    """Refuse to go on with `what` if the proof of its plans has found anything."""
+    if found:
+        more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+        raise WrongPlan(
+            f"{what}: touchbeam drew a wrong plan: {found[0]}{more}; nothing was driven or "
+            "recorded. This is an error of touchbeam: report it with study.toml, and use another "
+            "version until it is mended"
+        )
 
 
 def _placement_problems(study: Study) -> Iterator[Problem]:

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from scipy.stats import chisquare
 
 from protocol.plan.plan import plan
-from protocol.proof.cohort import balance_guaranteed, carry_over, cohort_problems
+from protocol.proof.cohort import balance_guaranteed, carry_over, cohort_problems, cycle
 from protocol.study.study import Study
 from protocol.study_file.limits import problems
 from protocol.study_file.loading import parsed_study, template
@@ -119,3 +119,5 @@ def test_plans_of_an_accepted_study_keep_its_limits_and_constraints(
     if problems(study):
         return
     assert cohort_problems(study, [plan(study, slot) for slot in range(3)]) == []
+    slots = cycle(study, 14)
+    assert cohort_problems(study, [plan(study, slot) for slot in slots], slots.start) == []

@@ -3,7 +3,7 @@
 Brain Imaging Data Structure 1.11.1, "Behavioral experiments (with no neural recordings)".
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import pandas as pd
@@ -62,6 +62,18 @@ _EVENT_COLUMNS: dict[str, dict[str, Any]] = {
     "response_time": {"Description": "From the question to the answer.", "Units": "s"},
     "trial_index": {"Description": "Place of the trial in the session's plan, from 0."},
 }
+_NAMES = """
+acquisition ceagent chunk datatype direction echo extension flip fmap inv modality mt nucleus part
+proc reconstruction recording run sample scans session space staining subject suffix task tracer
+tracksys volume
+"""
+_ENTITIES = frozenset(_NAMES.split())
+"""What names of files say in BIDS. PyBIDS takes a key of a sidecar for one, its plural, too."""
+_NAMED_HERE = {
+    "direction": "touch_direction",
+    "session": "session_number",
+    "sessions": "session_count",
+}
 
 
 def bids_export(data: Dataset) -> dict[str, str]:
@@ -104,12 +116,27 @@ def _dataset_description(data: Dataset) -> dict[str, Any]:
 def _participants(data: Dataset) -> dict[str, str]:
     """The table of participants and its sidecar; the participant's label stands first."""
     first, *others = data.participant_columns
-    named = {"pseudonym": first} | {column.name: column for column in others}
+    named = {"pseudonym": first} | _named(others)
     rows = [(f"sub-{data.subject_labels[str(row[0])]}", *row) for row in cells(data.participants)]
     return {
         "participants.json": json_text({name: _described(it, data) for name, it in named.items()}),
         "participants.tsv": tsv_text(["participant_id", *named], rows),
     }
+
+
+def _named(columns: Iterable[Column]) -> dict[str, Column]:
+    """Return columns by their names here, which are not those of entities."""
+    by_name = {column.name: column for column in columns}
+    taken = by_name.keys() | _NAMED_HERE.values()
+    named = {}
+    for name, column in by_name.items():
+        here = _NAMED_HERE.get(name, name)
+        if here in _ENTITIES or here.removesuffix("s") in _ENTITIES:
+            here += "_answer"
+            while here in taken:
+                here += "_"
+        named[here] = column
+    return named
 
 
 def bids_recordings(data: Dataset) -> dict[str, bytes]:
@@ -139,11 +166,12 @@ def _stem(data: Dataset, who: str, number: int) -> str:
 def _sessions(data: Dataset) -> dict[str, str]:
     """Each session's tables of trials and of events, and their sidecars."""
     files: dict[str, str] = {}
-    columns = {column.name: _described(column, data) for column in data.shared_columns}
-    names = list(columns)
+    named = _named(data.shared_columns)
+    columns = {name: _described(column, data) for name, column in named.items()}
+    names = [column.name for column in named.values()]
     for (who, number), trials in data.by_session():
         stem = _stem(data, who, number)
-        files[f"{stem}_beh.tsv"] = tsv_text(names, cells(trials[names]))
+        files[f"{stem}_beh.tsv"] = tsv_text(list(columns), cells(trials[names]))
         task = _task(data, trials)
         files[f"{stem}_beh.json"] = json_text({**task, **columns})
         files |= _event_files(stem, trials, task)

@@ -10,6 +10,7 @@ from statistics import fmean
 
 import numpy as np
 import pytest
+from bids.layout import BIDSLayout, Config
 
 from analysis.export.bids import bids_export
 from analysis.export.columns import COLUMNS
@@ -19,6 +20,7 @@ from analysis.export.psychds import psychds_export
 from analysis.loading.study_data import load_study_data
 from protocol.journal.events import StoredEvent
 from protocol.study_file.loading import parsed_study
+from protocol.study_file.question_checks import TAKEN
 from tests.analysis.chains import published_chain
 from tests.analysis.export.data_slips import (
     bids_slips,
@@ -99,6 +101,48 @@ def test_the_official_validator_finds_no_error(
     data: Dataset, allowed: set[tuple[str, str]], tmp_path: Path
 ) -> None:
     assert warnings(written(bids_export(data), tmp_path / "bids")) == allowed
+
+
+ENTITIES = sorted(Config.load("bids").entities)
+
+
+def as_pybids_reads(folder: Path) -> BIDSLayout:
+    """The data set, once PyBIDS has answered all that it can be asked about its entities."""
+    layout = BIDSLayout(folder)
+    assert repr(layout)
+    for name in ENTITIES:
+        for found in (layout.get(return_type="id", target=name), getattr(layout, f"get_{name}s")()):
+            assert all(isinstance(value, str | int) for value in found), name
+    assert not layout.to_df(metadata=True).empty
+    return layout
+
+
+def asking(*names: str) -> Dataset:
+    """One session of a study with questions of these names."""
+    asked = 'kind = "text"\nwhen = "before"\ntext = { en = "A?", zh = "A?" }\n'
+    questions = "".join(f'[[question]]\nname = "{name}"\n{asked}' for name in names)
+    session = Written("P01", text=study_text() + questions)
+    session.whole({})
+    return dataset([session.events], session.study, "0", rehearsals=False)
+
+
+@pytest.mark.parametrize(
+    ("data", "sessions"),
+    [
+        (nasty(rehearsals=True), ["1", "2"]),
+        (published("1", "a-b"), []),
+        (asking("runs", "runs_answer", *sorted(set(ENTITIES) - TAKEN)), []),
+    ],
+    ids=["two sessions", "published", "questions named as entities are"],
+)
+def test_pybids_reads_the_export(data: Dataset, sessions: list[str], tmp_path: Path) -> None:
+    layout = as_pybids_reads(written(bids_export(data), tmp_path / "bids"))
+    assert sorted(layout.get_sessions()) == sessions
+    assert len(layout.get_subjects()) == len(data.participants)
+    table = layout.get(suffix="beh", extension=".tsv")[0]
+    columns = table.get_df().columns
+    assert len(columns) == len(set(columns)) == len(data.shared_columns)
+    assert set(columns) <= table.get_metadata().keys()
 
 
 def test_the_validator_would_find_an_error(tmp_path: Path) -> None:
@@ -241,7 +285,7 @@ def test_participants_keep_their_pseudonyms_beside_labels_that_never_collide() -
         "D01": "sub-D01",
         "E01": "sub-E01",
     }
-    assert {row["sessions"] for row in people if row["pseudonym"] == "P01"} == {"2"}
+    assert {row["session_count"] for row in people if row["pseudonym"] == "P01"} == {"2"}
 
 
 def test_sessions_are_named_only_where_there_are_several() -> None:
@@ -265,8 +309,9 @@ def test_every_column_is_described_with_unit_and_levels() -> None:
         json.loads(text) for path, text in bids_export(nasty()).items() if "_beh.json" in path
     ]
     for sidecar in sidecars:
-        shared = [column.name for column in COLUMNS if not column.private]
-        assert [name for name in sidecar if name in {column.name for column in COLUMNS}] == shared
+        other = {"session": "session_number", "direction": "touch_direction"}
+        shared = [other.get(it.name, it.name) for it in COLUMNS if not it.private]
+        assert [name for name in sidecar if name in shared] == shared
         assert all(len(sidecar[name]["Description"]) > 10 for name in shared)
         assert sidecar["duration_s"]["Units"] == "s"
         assert "Unit: Hz." in sidecar["commanded_frequency_hz"]["Description"]

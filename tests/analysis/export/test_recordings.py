@@ -17,7 +17,7 @@ from protocol.journal.events import TouchRecorded
 from protocol.journal.recordings import CHANNELS
 from protocol.study_file.loading import parsed_study
 from tests.analysis.export.data_slips import csv_rows
-from tests.analysis.export.test_formats import NOBODY_SAID, warnings
+from tests.analysis.export.test_formats import NOBODY_SAID, as_pybids_reads, warnings
 from tests.analysis.hostile_study import Written, study_text
 
 RATE_HZ, SAMPLES = 500.0, 700
@@ -79,11 +79,15 @@ def put(files: Mapping[str, bytes], folder: Path) -> Path:
     return folder
 
 
-def test_the_official_validator_finds_no_error_in_recordings(tmp_path: Path) -> None:
+def test_the_official_validator_and_pybids_read_recordings(tmp_path: Path) -> None:
     told = data(recorded(), recorded("=P02"), recorded("P03", 2))
     texts = {name: text.encode() for name, text in bids_export(told).items()}
-    found = warnings(put({**texts, **bids_recordings(told)}, tmp_path / "bids"))
-    assert found == NOBODY_SAID
+    folder = put({**texts, **bids_recordings(told)}, tmp_path / "bids")
+    assert warnings(folder) == NOBODY_SAID
+    layout = as_pybids_reads(folder)
+    samples = layout.get(suffix="physio", extension=".tsv.gz")
+    assert len(samples) == sum(name.endswith("physio.tsv.gz") for name in bids_recordings(told))
+    assert samples[0].get_metadata()["SamplingFrequency"] == RATE_HZ
 
 
 def test_each_touch_has_its_samples_beside_its_drive() -> None:

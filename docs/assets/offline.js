@@ -1,7 +1,8 @@
 // What the pages need when they are opened as files, and what keyboards need.
 
 // Browsers refuse to start a worker on a page that was opened as a file, and the search is a worker.
-// On such a page this runs the worker's script in a hidden frame instead.
+// On such a page this runs the worker's script in a hidden frame instead. Messages are copied, as
+// between workers: the page keeps what it sent, and would take an object that it shares for unchanged.
 if (location.protocol === "file:") {
   window.Worker = class {
     constructor(address) {
@@ -11,7 +12,7 @@ if (location.protocol === "file:") {
       document.body.append(this.frame);
       const inside = this.frame.contentWindow;
       inside.postMessage = (data) =>
-        setTimeout(() => this.onmessage?.(new MessageEvent("message", { data })));
+        setTimeout(() => this.onmessage?.(new MessageEvent("message", { data: structuredClone(data) })));
       const script = inside.document.createElement("script");
       script.src = new URL(address, location.href);
       this.loaded = new Promise((done, failed) => {
@@ -24,7 +25,7 @@ if (location.protocol === "file:") {
 
     postMessage(data) {
       this.loaded.then(() =>
-        this.frame.contentWindow?.onmessage?.(new MessageEvent("message", { data })),
+        this.frame.contentWindow?.onmessage?.(new MessageEvent("message", { data: structuredClone(data) })),
       );
     }
 

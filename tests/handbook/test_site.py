@@ -2,13 +2,14 @@
 
 import json
 import shutil
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from axe_core_python.selenium import Axe  # type: ignore[import-untyped]
 from selenium import webdriver
+from selenium.webdriver import ActionChains
+from selenium.webdriver.support.wait import WebDriverWait
 
 from handbook.build import ROOT, build
 from tests.headless_browser import PROGRAMS, headless_browser
@@ -103,18 +104,28 @@ def test_no_page_names_a_script_or_a_style_of_another_place(site: Path) -> None:
         assert 'rel="stylesheet" href="http' not in text
 
 
-def test_the_search_finds_a_word_in_files(browser: webdriver.Chrome, site: Path) -> None:
+def test_the_search_finds_a_word_that_is_typed_on_a_page_opened_as_a_file(
+    browser: webdriver.Chrome, site: Path
+) -> None:
     opened(browser, site / "index.html", 1200)
     browser.execute_script("document.querySelector('label[for=__search]').click()")
-    typed = """
-        const place = [...document.querySelectorAll("*")].find(e => e.shadowRoot)?.shadowRoot;
-        const input = place?.querySelector("input");
-        if (input && input.value !== "vibrometer") {
-          input.value = "vibrometer";
-          input.dispatchEvent(new Event("input", { bubbles: true, composed: true }));
-        }
-        return place?.textContent ?? "";
-    """
-    until = time.monotonic() + 30
-    while "The resonance with a generator" not in browser.execute_script(typed):
-        assert time.monotonic() < until, browser.execute_script(typed)
+    wait = WebDriverWait(browser, 30)
+    wait.until(lambda browser: entry(browser) == "")
+    for typed in ("vibro", "meter"):
+        ActionChains(browser).send_keys(typed).perform()
+        wait.until(lambda browser: "result" in shown(browser))
+    wait.until(lambda browser: "The resonance with a generator" in shown(browser))
+    assert entry(browser) == "vibrometer"
+
+
+SEARCH = "[...document.querySelectorAll('*')].find(e => e.shadowRoot)?.shadowRoot"
+
+
+def entry(browser: webdriver.Chrome) -> str | None:
+    """What the search's field holds while it has the focus."""
+    return browser.execute_script(f"return {SEARCH}?.activeElement?.value")  # type: ignore[no-any-return]
+
+
+def shown(browser: webdriver.Chrome) -> str:
+    """What the search shows."""
+    return str(browser.execute_script(f"return {SEARCH}.textContent"))

@@ -244,7 +244,7 @@ class Rig:
             beaten = self._beats != self._fetched_beats
             waits.append(max(self._recording.wait_s(), 0.0 if beaten else RAMP_STEP_S))
         if self._armed and not self._ramping:
-            waits.append(max(self._fed_s + self._watchdog_s / FEEDS_PER_WATCHDOG - now_s, 0.0))
+            waits.append(max(self._feed_due_s - now_s, 0.0))
         return min(waits, default=None)
 
     def step(self, wait_s: float | None = 0.0) -> bool:
@@ -297,21 +297,25 @@ class Rig:
             self._gauge.require_sound()
         if self._ramping:
             self._ramping = self._driver.carry_on()
-        if self._recording is not None and self._beats != self._fetched_beats:
-            self._fetch(self._recording)
-        if self._monotonic() >= self._fed_s + self._watchdog_s / FEEDS_PER_WATCHDOG:
+        if self._monotonic() >= self._feed_due_s:
             self._fed_s = self._monotonic()
             if self._armed:
                 self._feed()
+        if self._recording is not None and self._beats != self._fetched_beats:
+            self._fetch(self._recording)
+
+    @property
+    def _feed_due_s(self) -> float:
+        return self._fed_s + self._watchdog_s / FEEDS_PER_WATCHDOG
 
     def _fetch(self, recording: Recording) -> None:
-        """Ask for the blocks that are due.
+        """Ask for the blocks that are due, until the device must be looked at.
 
         It feeds the watchdog too, so that it is done only if the session moved since the last time.
         """
         beats = self._beats
         for _ in range(MOST_BLOCKS):
-            if recording.wait_s() > 0:
+            if recording.wait_s() > 0 or self._monotonic() >= self._feed_due_s:
                 return
             self._fetched_beats = beats
             recording.fetch()

@@ -21,6 +21,8 @@ HANDSHAKE_S = 3.0
 """Time in which a board that restarts when its port is opened answers again."""
 _HANDSHAKE_TRY_S = 0.5
 _QUIET_S = 0.03
+_CUT_SHORT_S = 0.1
+"""A block of which nothing more came for that long is cut short."""
 _SLICE_S = 0.02
 """Interval at which a waiting link checks whether it was stopped."""
 MOST_LINES = 200
@@ -110,11 +112,13 @@ class Link:
         """Return the parsed content of the block that answers `query`; repeat it as `query` does.
 
         The device must answer the same query with the same block: a garbled one is then not lost.
+        Both together have `ANSWER_TIMEOUT_S`, so that broken blocks hide no other fault for longer.
 
         Raises:
             DeviceError: as for `ask` and `parsed`, or more than the block arrived.
         """
-        return self._twice(lambda: parsed(self._only_block(query)))
+        deadline_s = self._deadline_s()
+        return self._twice(lambda: parsed(self._only_block(query, deadline_s)))
 
     def certain(self, queries: Sequence[str], parsed: Callable[[list[str]], _Value]) -> _Value:
         """Return the parsed answers to `queries`; no unsolicited line can be taken for one.
@@ -204,13 +208,15 @@ class Link:
             raise ProtocolError(f"the device must answer {query!r} with one line, got two")
         return answer
 
-    def _only_block(self, query: str) -> bytes:
+    def _only_block(self, query: str, deadline_s: float) -> bytes:
         self._get_into_step()
         self.tell(query)
         self._in_step = False
-        deadline_s, answer = self._deadline_s(), BlockBuffer()
-        while (whole := answer.feed(self._slice(deadline_s))) is None:
-            if self._monotonic() >= deadline_s:
+        answer, until_s = BlockBuffer(), deadline_s
+        while (whole := answer.feed(chunk := self._slice(until_s))) is None:
+            if chunk:
+                until_s = min(deadline_s, self._monotonic() + _CUT_SHORT_S)
+            if self._monotonic() >= until_s:
                 raise self._missing(query, answer.pending)
         content, rest = whole
         if rest:

@@ -8,7 +8,7 @@ from runner.screens import Notice, Welcome
 from runner.session.operator_view import update_view
 from runner.session.recording import tare
 from runner.session.session import SessionContext
-from runner.session.waiting import operator_answer, response, tick
+from runner.session.waiting import operator_answer, response, wait
 from runner.session.watchdog import require_watchdog
 
 _QUESTIONS: dict[OperatorQuestion, str] = {
@@ -47,7 +47,7 @@ def prepare(context: SessionContext) -> None:
         busy="10 V at most, searching",
     )
     found = context.device.resonance(
-        study.rig.nominal_resonance_hz, lambda seconds: tick(context, seconds)
+        study.rig.nominal_resonance_hz, lambda seconds: wait(context, seconds)
     )
     hz = found.frequency_hz
     context.log.append(ResonanceMeasured(frequency_hz=hz, tip_m_per_v=found.tip_m_per_v))

@@ -36,6 +36,7 @@ def require_watchdog(context: SessionContext, idn: str) -> None:
 
     def meanwhile() -> None:
         raise_if_stopped()
+        context.participant.poll()  # a window that fails must not wait for the end of the test
         obey(context)
 
     found = replace(tripped, tripped=context.device.watchdog_trips(meanwhile))

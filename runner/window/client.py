@@ -129,6 +129,13 @@ class WindowParticipant:
                     break
                 time.sleep(_TICK_S)
 
+    def is_there(self) -> bool:
+        """Return whether the window still works."""
+        with suppress(WindowGone):
+            self.poll()
+            return True
+        return False
+
     def _take(self, message: Mapping[str, Any]) -> None:
         if "closed" in message:
             raise WindowGone(f"the participant's window was closed; {GO_ON}")
@@ -171,6 +178,11 @@ HURRIES_S = 5.0
 """The same after a signal, such as Ctrl-C: whoever sends it wants the program to end."""
 
 _ENDS_WITHIN_S = 3.0
+_DIES_WITHIN_S = 0.2
+"""How long a process may take to end once its pipe is closed: the output may be on meanwhile.
+
+A lost display can keep it from ending at all.
+"""
 _TICK_S = 0.02
 
 
@@ -183,6 +195,7 @@ class WindowProcess:
 
     def __post_init__(self) -> None:
         self._messages: queue.SimpleQueue[Mapping[str, Any] | None] = queue.SimpleQueue()
+        self._why: str | None = None
         # A daemon thread: if the process hangs, so does its pipe, and the session must still end.
         threading.Thread(target=self._read, name="window", daemon=True).start()
 
@@ -245,19 +258,25 @@ class WindowProcess:
         self._messages.put(None)
 
     def _gone(self) -> WindowGone:
-        """Return the error for an ended process: its signal, or what its libraries printed last."""
-        with suppress(subprocess.TimeoutExpired):
-            self.process.wait(_ENDS_WITHIN_S)
+        """Return the error for an ended process; one that does not end by itself is killed."""
+        if self._why is None:
+            with suppress(subprocess.TimeoutExpired):
+                self.process.wait(_DIES_WITHIN_S)
+            self._why = self._end()
+            self.process.kill()
+        return WindowGone(f"the participant's window ended unexpectedly{self._why}; {GO_ON}")
+
+    def _end(self) -> str:
+        """Return the signal that ended the process, or what its libraries printed last."""
         number = -(self.process.returncode or 0)
         if number > 0:
             why = next((found.name for found in signal.Signals if found == number), str(number))
-            return WindowGone(
-                f"the participant's window ended unexpectedly (signal {why}); {GO_ON}"
-            )
+            return f" (signal {why})"
         self.complaints.seek(0)
         printed = self.complaints.read().decode(errors="replace").strip().splitlines()
-        last = f": {printed[-1].strip()}" if printed else ""
-        return WindowGone(f"the participant's window ended unexpectedly{last}; {GO_ON}")
+        if any("X server" in line or "X connection" in line for line in printed):
+            return " (its display was lost)"
+        return f": {printed[-1].strip()}" if printed else ""
 
 
 @contextmanager
@@ -289,7 +308,7 @@ def participant_window(
                 yield participant
             except BaseException as error:
                 longest_s = HURRIES_S if isinstance(error, Stopped) else LINGERS_S
-                if participant.is_at_end:
+                if participant.is_at_end and participant.is_there():
                     lines = "; ".join([str(error), *getattr(error, "__notes__", ())])
                     say(f"{lines}; the participant's last page stays for up to {longest_s:g} s")
                 participant.linger(longest_s)

@@ -37,8 +37,9 @@ class LyingPort:
 
     A list is used up one answer after the other; its last one stays. `line_lie` is applied to every
     whole line that is answered. Lines in `unknown` are not understood, those in `silent` not
-    answered. `sent` are the lines that came. Device time is that of `clock`, where there is one,
-    and passes while somebody waits; else it passes by `advance` alone.
+    answered. An answer to what begins as a key of `slow_s` is that late. `sent` are the lines that
+    came. Device time is that of `clock`, where there is one, and passes while somebody waits; else
+    it passes by `advance` alone.
     """
 
     def __init__(self, dialect: str = "board", clock: SteppedClock | None = None) -> None:
@@ -48,15 +49,18 @@ class LyingPort:
         self.line_lie: Callable[[str], str] = str
         self.unknown: set[str] = set()
         self.silent: set[str] = set()
+        self.slow_s: dict[str, float] = {}
         self.sent: list[str] = []
         self.off_s: float | None = None
         """When the output went off last."""
         self._pending = b""
+        self._ready_s = 0.0
 
     def receive(self, timeout_s: float) -> bytes:
-        data, self._pending = self._pending, b""
-        if not data and self._clock is not None:
+        if self._clock is not None and not (self._pending and self._now_s() >= self._ready_s):
             self._clock.advance(timeout_s)
+            return b""
+        data, self._pending = self._pending, b""
         return data
 
     def send(self, data: bytes) -> None:
@@ -69,6 +73,8 @@ class LyingPort:
         if was_on and not self.device.instrument.output:
             self.off_s = self._now_s()
         if answer is not None and line not in self.silent:
+            late_s = (late for start, late in self.slow_s.items() if line.startswith(start))
+            self._ready_s = self._now_s() + next(late_s, 0.0)
             self._pending += self.line_lie(self._lied(line, answer)).encode("latin-1") + b"\n"
 
     def close(self) -> None: ...

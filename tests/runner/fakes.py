@@ -74,11 +74,16 @@ class FakeDevice:
 
     def watchdog_trips(self, meanwhile: Callable[[], None]) -> bool:
         self._called("watchdog_trips")
+        self.on = True
         meanwhile()
+        self.on = False
         return self.trips
 
     def resonance(self, near_hz: float, sleep: Callable[[float], None]) -> Resonance:
         self._called("resonance")
+        self.on = True
+        sleep(0.1)
+        self.on = False
         return Resonance(frequency_hz=1.01 * near_hz, tip_m_per_v=1e-8)
 
     def drive(self, setpoint: Setpoint) -> ReadBack:

@@ -19,12 +19,15 @@ from device.errors import DeviceError, OutputUnknown
 from device.force_channel.blocks import Block, decoded, encoded
 from device.force_channel.recorder import SILENT_S
 from device.link.codec import block as in_block
+from device.rig import RAMP_STEP_S
 from tests.device.lying import WatchedRig, watched
 from tests.device.rigs import LIMITS as ANY_LIMITS
 
 LIMITS = replace(ANY_LIMITS, max_temperature_c=60)
 DRIVE = Setpoint(voltage_v=20, frequency_hz=24221.37, ramp_v_per_s=400)
 SOON_S = 0.3
+NOTICED_S = 0.5
+"""The same while forces are recorded, whose blocks may be late or broken."""
 OUTPUT = {"board": "OUTP?", "keysight": "OUTP1?", "rigol": "OUTP1?", "siglent": "C1:OUTP?"}
 LAST = {**OUTPUT, "keysight": "OUTP?"}
 """What is asked when the output is to be off."""
@@ -414,6 +417,37 @@ def test_a_board_that_lies_of_samples_is_turned_off(name: str) -> None:
         with pytest.raises(DeviceError, match="; output off, read back"):
             watched_rig.live(SILENT_S + SOON_S)
         assert not is_on(watched_rig)
+
+
+def _until_off(watched_rig: WatchedRig) -> float:
+    """Let the session live until the rig fails; return how long its output was on, s."""
+    begun_s = watched_rig.clock()
+    with pytest.raises(DeviceError, match="; output off, read back"):
+        watched_rig.live(2)
+    assert not is_on(watched_rig)
+    return (watched_rig.port.off_s or math.inf) - begun_s
+
+
+@pytest.mark.parametrize("late_s", [0.1, 0.15, 0.2, 0.38])
+def test_blocks_that_come_late_hardly_delay_the_notice_of_a_fault(late_s: float) -> None:
+    with watched(LIMITS, "board") as watched_rig:
+        _recording(watched_rig)
+        watched_rig.port.slow_s = {"TRAC:DATA?": late_s}
+        behind_s = watched_rig.clock() + 0.5
+        while watched_rig.clock() < behind_s:
+            watched_rig.live(RAMP_STEP_S)
+        watched_rig.port.lies = {"MEAS:TEMP?": ["900"]}
+        assert _until_off(watched_rig) < NOTICED_S
+
+
+@pytest.mark.parametrize("kept", [0.1, 0.5, 0.99])
+def test_a_board_whose_blocks_are_always_cut_short_is_turned_off_in_time(kept: float) -> None:
+    with watched(LIMITS, "board") as watched_rig:
+        _recording(watched_rig)
+        watched_rig.port.line_lie = lambda line: (
+            line[: int(kept * len(line))] if line.startswith("#") else line
+        )
+        assert _until_off(watched_rig) < NOTICED_S
 
 
 @pytest.mark.parametrize("name", LINES)

@@ -11,7 +11,9 @@ from runner.journal.opening import open_journal
 from runner.screens import Instruction, Notice, Response, Screen, Welcome
 from runner.session.orders import StoppedByOperator
 from runner.session.session import SessionContext
+from runner.session.setup import prepare
 from runner.session.waiting import operator_answer, pause_if_wanted, response, tick, wait
+from runner.window.client import WindowGone
 from tests.runner.fakes import FakeClock, FakeDevice, FakeOperator, FakeParticipant, context
 
 
@@ -152,6 +154,25 @@ def test_a_break_ends_with_its_time_and_an_answer(
     assert scene.clock.passed_s == pytest.approx(pause_s + ends_s, abs=0.11)
     polled = [at_s for at_s in scene.participant.polled_s if at_s > pause_s]
     assert (len(polled) > 100) is (answers_s > 0), "an answer that was given is kept"
+
+
+@pytest.mark.parametrize("has_watchdog", [True, False])
+def test_a_window_that_fails_ends_whatever_is_driven_before_the_first_touch(
+    scene: Scene, has_watchdog: bool
+) -> None:
+    """The test of the watchdog, and the measurement of the resonance."""
+    scene.device.has_watchdog = has_watchdog
+
+    def poll() -> Response | None:
+        if scene.device.on:
+            raise WindowGone("the window is gone")
+        return None
+
+    scene.participant.poll = poll  # type: ignore[method-assign]
+    with pytest.raises(WindowGone):
+        prepare(scene.made)
+    assert scene.device.calls[-1] in {"watchdog_trips", "resonance"}
+    assert ("resonance" in scene.device.calls) is not has_watchdog
 
 
 def test_a_short_break_is_a_break(scene: Scene) -> None:

@@ -1,6 +1,7 @@
 """The session's side of the window: answers, silence, and the end of the process."""
 
 import io
+import math
 import signal
 import subprocess
 import sys
@@ -246,6 +247,8 @@ def last_words(program: str) -> str:
                 participant.poll()
                 time.sleep(0.01)
         except WindowGone as error:
+            for _ in range(5):  # on its way out a session shows and asks more
+                participant.is_there()
             return str(error)
         finally:
             peer.end()
@@ -274,11 +277,33 @@ def test_an_incomplete_answer_ends_the_session_in_one_line() -> None:
         ("os.kill(os.getpid(), 9)", " (signal SIGKILL); run"),
         ("os.abort()", " (signal SIGABRT); run"),
         ("os._exit(3)", ": Xlib: extension missing; run"),
+        (
+            "os.write(2, b'X connection to :7 broken\\n'); os._exit(1)",
+            " (its display was lost); run",
+        ),
     ],
 )
 def test_the_end_of_a_window_is_told_with_its_cause(end: str, told: str) -> None:
     said = last_words(f"print('Xlib: extension missing', file=sys.stderr, flush=True); {end}")
     assert said.startswith(f"the participant's window ended unexpectedly{told}")
+
+
+def test_a_window_that_hangs_once_its_pipe_is_closed_is_waited_for_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """So does one whose display was lost; the output may be on meanwhile."""
+    waited: list[float] = []
+    wait = subprocess.Popen.wait
+
+    def counted(process: "subprocess.Popen[str]", timeout: float | None = None) -> int:
+        if process.poll() is None:
+            waited.append(timeout or math.inf)
+        return wait(process, timeout)
+
+    monkeypatch.setattr(subprocess.Popen, "wait", counted)
+    said = last_words("os.write(2, b'lost'); os.close(1); import time; time.sleep(99)")
+    assert said.startswith("the participant's window ended unexpectedly: lost; run")
+    assert sum(waited) < 3.5
 
 
 def test_a_window_that_hears_garbage_says_so_and_ends(capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,6 +1,6 @@
 """The state of a session: a fold over its events."""
 
-from collections.abc import Iterable, Set
+from collections.abc import Iterable, Mapping, Set
 from dataclasses import dataclass, field
 from datetime import datetime
 
@@ -14,6 +14,7 @@ _FOLDED = frozenset(
         events.SessionOpened,
         events.ScoresImported,
         events.SessionResumed,
+        events.RigDescribed,
         events.BeamMounted,
         events.PracticeRenewed,
         events.TrialStarted,
@@ -44,6 +45,8 @@ class SessionState:
     windowless: bool = False
     """Whether the last touch was begun without a window, which leaves a trace of each response."""
     beam: str | None = None
+    described: Mapping[str, str] = field(default_factory=dict)
+    """What the operator answered before the session, or before it was resumed."""
     answers: dict[int, str] = field(default_factory=dict)
     questions: set[tuple[str, int | None]] = field(default_factory=set)
     answered_twice: list[int] = field(default_factory=list)
@@ -65,6 +68,12 @@ class SessionState:
     def planned(self) -> set[int]:
         """Indices of the planned trials; empty for published scores or after a withdrawal."""
         return set() if self.opened is None else {trial.index for trial in self.opened.trials}
+
+    @property
+    def noted(self) -> str:
+        """What the operator answered, in words; `nothing` if no question has an answer."""
+        told = (f"{asked} {answer}" for asked, answer in self.described.items() if answer)
+        return ", ".join(told) or "nothing"
 
     @property
     def is_excluded(self) -> bool:
@@ -92,9 +101,8 @@ class SessionState:
         match event:
             case events.SessionOpened() | events.ScoresImported():
                 self.opened = event
-            case events.SessionResumed() | events.BeamMounted():
-                # Another may have been mounted during an interruption.
-                self.beam = event.beam if isinstance(event, events.BeamMounted) else None
+            case events.SessionResumed() | events.BeamMounted() | events.RigDescribed():
+                self._take_setup(event)
             case events.PracticeRenewed():
                 again = set(event.indices)
                 self.answers = {n: text for n, text in self.answers.items() if n not in again}
@@ -113,6 +121,14 @@ class SessionState:
                 | events.Answered()
             ):
                 self._take_trial(event)
+
+    def _take_setup(
+        self, event: events.SessionResumed | events.BeamMounted | events.RigDescribed
+    ) -> None:
+        if isinstance(event, events.RigDescribed):
+            self.described = event.answers
+        else:  # another beam may have been mounted during an interruption
+            self.beam = event.beam if isinstance(event, events.BeamMounted) else None
 
     def _take_judgement(self, event: events.TrialExcluded | events.TrialIncluded) -> None:
         self.excluded.pop(event.index, None)

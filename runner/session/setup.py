@@ -3,6 +3,7 @@
 from protocol.errors import BadInput
 from protocol.journal.events import BeamMounted, DeviceArmed, ResonanceMeasured, RigDescribed
 from protocol.study.rules import OperatorQuestion
+from protocol.study.study_question import Label, StudyQuestion
 from protocol.study_file.limits import problems_at
 from runner.screens import Notice, Welcome
 from runner.session.operator_view import update_view
@@ -11,13 +12,39 @@ from runner.session.session import SessionContext
 from runner.session.waiting import operator_answer, response, wait
 from runner.session.watchdog import require_watchdog
 
-_QUESTIONS: dict[OperatorQuestion, str] = {
-    "skin state": "What is the state of the skin (dry, normal, moist)?",
-    "room temperature": "What is the room temperature, in °C?",
-    "humidity": "What is the relative humidity of the air, in %?",
-    "cleaning": "How and when was the beam cleaned?",
+_QUESTIONS: dict[OperatorQuestion, tuple[str, StudyQuestion]] = {
+    "skin state": (
+        "What is the state of the skin (dry, normal, moist)?",
+        StudyQuestion(
+            name="skin_state",
+            kind="choice",
+            labels=tuple(Label(value=state) for state in ("dry", "normal", "moist")),
+            required=False,
+        ),
+    ),
+    "room temperature": (
+        "What is the room temperature, in °C?",
+        StudyQuestion(
+            name="room_temperature",
+            kind="number",
+            minimum=0,
+            maximum=50,
+            decimals=2,
+            required=False,
+        ),
+    ),
+    "humidity": (
+        "What is the relative humidity of the air, in %?",
+        StudyQuestion(
+            name="humidity", kind="number", minimum=0, maximum=100, decimals=2, required=False
+        ),
+    ),
+    "cleaning": (
+        "How and when was the beam cleaned?",
+        StudyQuestion(name="cleaning", kind="text", max_length=200, required=False),
+    ),
 }
-"""How the operator is asked what the study wants to know."""
+"""How the operator is asked what the study wants to know, and what may be the answer."""
 
 
 def prepare(context: SessionContext) -> None:
@@ -35,11 +62,11 @@ def prepare(context: SessionContext) -> None:
     update_view(context, warning="; ".join(identity.remarks))
     require_watchdog(context, identity.idn)
     answers: dict[str, str] = {}
-    for question in study.session.operator_asks:
-        context.operator.ask(_QUESTIONS[question])
-        answers[question] = operator_answer(context)
+    for asked in study.session.operator_asks:
+        answers[asked] = _noted(context, asked)
     if answers:
         context.log.append(RigDescribed(answers=answers))
+        context.operator.notify(f"noted: {context.log.state.noted}")
     mount(context, study.touch.beam)
     update_view(
         context,
@@ -57,6 +84,19 @@ def prepare(context: SessionContext) -> None:
     update_view(context, warning=tare(context))  # nobody touches the beam yet
     context.participant.show(Welcome(consent=context.session.consent))
     response(context)
+
+
+def _noted(context: SessionContext, asked: OperatorQuestion) -> str:
+    """Ask until the answer is possible; an empty one says that nothing was noted."""
+    text, question = _QUESTIONS[asked]
+    context.operator.ask(text)
+    while True:
+        try:
+            answer = question.answer(operator_answer(context))
+        except ValueError as error:
+            context.operator.ask(f"{error}. {text}")
+        else:
+            return "" if answer is None else str(answer)
 
 
 def mount(context: SessionContext, beam: str | None) -> None:

@@ -77,9 +77,10 @@ class Progress:
             name = session_name(summary.participant, summary.session)
             unit = "passes" if summary.participant == SLIDE else "trials"
             excluded = f", {summary.excluded_trials} excluded" if summary.excluded_trials else ""
+            noted = f"; noted: {state.noted}" if state.described else ""
             yield (
                 f"{name}  {summary.kind}  {self._state(chain, state)}  "
-                f"{summary.answered} of {summary.planned} {unit}{excluded}"
+                f"{summary.answered} of {summary.planned} {unit}{excluded}{noted}"
                 f"{self._advice(chain, state)}"
             )
         yield self._cohort()

@@ -194,6 +194,7 @@ class FakeOperator:
     orders: list[tuple[str, Order | Note]] = field(default_factory=list)
     mounts: list[str] = field(default_factory=list)
     asked: list[str] = field(default_factory=list)
+    answers: list[str] = field(default_factory=list)
     seen: list[OperatorView] = field(default_factory=list)
     notices: list[str] = field(default_factory=list)
 
@@ -209,7 +210,7 @@ class FakeOperator:
         self.asked.append(text)
 
     def answered(self) -> str | None:
-        return "fine"
+        return self.answers.pop(0) if self.answers else ""
 
     def withdraw_question(self) -> None:
         self.asked.append("")

@@ -317,15 +317,37 @@ def test_a_repeated_trial_is_aborted_and_answered_once(tmp_path: Path) -> None:
         assert tags(journal).count("answered") == 7
 
 
-def test_the_operator_is_asked_in_sentences(tmp_path: Path) -> None:
+def test_the_operator_is_asked_until_the_answer_is_possible_and_sees_it(tmp_path: Path) -> None:
     device = FakeDevice()
-    operator = FakeOperator(device)
+    told = ["xyz", "dry", "warm", "51", "21,5", "101", "", "alcohol, today"]
+    operator = FakeOperator(device, answers=told)
     asks = '[session]\noperator_asks = ["skin state", "room temperature", "humidity", "cleaning"]'
     with open_journal(tmp_path / "study.db") as journal:
         run(context(journal, device, FakeParticipant(), f"{TEXT}\n{asks}", operator))
         (described,) = [e.payload for e in journal.events("P01/1") if e.tag == "rig-described"]
-    assert [text[0].isupper() and text[-1] == "?" for text in operator.asked] == [True] * 4
-    assert set(described["answers"]) == {"skin state", "room temperature", "humidity", "cleaning"}
+    celsius = (
+        "the answer to room_temperature must be a number with at most 2 decimals, at least 0, "
+        "at most 50"
+    )
+    assert operator.asked == [
+        "What is the state of the skin (dry, normal, moist)?",
+        "the answer to skin_state must be one of dry, normal, moist, got 'xyz'. "
+        "What is the state of the skin (dry, normal, moist)?",
+        "What is the room temperature, in °C?",
+        f"{celsius}, got 'warm'. What is the room temperature, in °C?",
+        f"{celsius}, got '51'. What is the room temperature, in °C?",
+        "What is the relative humidity of the air, in %?",
+        "the answer to humidity must be a number with at most 2 decimals, at least 0, at most 100, "
+        "got '101'. What is the relative humidity of the air, in %?",
+        "How and when was the beam cleaned?",
+    ]
+    assert described["answers"] == {
+        "skin state": "dry", "room temperature": "21.5", "humidity": "",
+        "cleaning": "alcohol, today",
+    }  # fmt: skip
+    assert operator.notices == [
+        "noted: skin state dry, room temperature 21.5, cleaning alcohol, today"
+    ]
 
 
 def test_a_blind_operator_learns_conditions_and_answers_at_the_end(tmp_path: Path) -> None:

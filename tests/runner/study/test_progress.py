@@ -9,6 +9,7 @@ import pytest
 from protocol.journal.events import (
     DeviceArmed,
     Event,
+    RigDescribed,
     SessionCompleted,
     SessionExcluded,
     TouchStarted,
@@ -73,6 +74,13 @@ def test_a_stale_session_is_to_be_excluded() -> None:
         "; too old to be resumed: touchbeam exclude 'my study' --participant P02 --session 2 "
         "--reason 'not resumed in time'"
     )
+
+
+def test_what_the_operator_noted_is_shown() -> None:
+    noted = RigDescribed(answers={"skin state": "dry", "humidity": "", "room temperature": "21"})
+    armed = DeviceArmed(idn="rig", boot=1, device_time_s=0.0)
+    session, _ = progress(("P02/1", [*begun("P02"), armed, noted]), running="P02/1").lines()
+    assert session.endswith("0 of 0 trials; noted: skin state dry, room temperature 21")
 
 
 def test_a_running_session_needs_no_advice() -> None:

@@ -75,10 +75,11 @@ def study(study_text: str) -> "Study":
 def registration(request: pytest.FixtureRequest) -> "Registration | None":
     """Return the registration beside the test, None if the study is not registered."""
     from protocol.errors import BadInput
-    from runner.study.registered import registration_of
+    from runner.study.folder import StudyFolder
+    from runner.study.registered import checked_registration
 
     try:
-        return registration_of(Path(str(request.path)).parent)
+        return checked_registration(StudyFolder(path=Path(str(request.path)).parent))
     except BadInput as error:
         found = str(error)
     pytest.fail(f"{UNUSABLE} {found}", pytrace=False)  # outside of `except` as above

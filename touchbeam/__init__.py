@@ -229,6 +229,7 @@ class Study:
 
         Raises:
             ValueError: no plan is known: the participant has withdrawn, or the scores are imported.
+                Or the registration in the folder is not the journal's.
         """
         from analysis.export.frames import plan_frame
         from protocol.plan.plan import plan
@@ -236,7 +237,7 @@ class Study:
         from runner.journal.cohort import planned_trials, slot_for, states
         from runner.journal.names import chain_name, existing_chain
         from runner.journal.opening import read_journal
-        from runner.study.registered import registration_of
+        from runner.study.registered import registration_of, require_registered
 
         with read_journal(self.folder.existing_journal()) as journal:
             named = existing_chain if self.rehearsals else chain_name
@@ -244,7 +245,8 @@ class Study:
             if chain in journal.sessions():
                 return plan_frame(planned_trials(journal, chain))
             slot = slot_for(states(journal), participant, "participant")
-        registered = registration_of(self.folder.path)
+            registered = registration_of(self.folder.path)
+            require_registered(journal, registered, rehearsal=False)
         file = self.file if registered is None else locked(self.file, registered.digest)
         return plan_frame(plan(file, slot, session).trials)
 

@@ -14,6 +14,7 @@ from analysis.loading.records import REHEARSED, Exclusion, Incident
 from analysis.loading.study_lock import Decisions
 from protocol.journal.events import (
     SLIDE,
+    SessionCompleted,
     SessionOpened,
     StoredEvent,
     StudyAmended,
@@ -49,7 +50,8 @@ class Sessions:
       `position_m`.
     - `forces`: by `touch_id`, what is kept of the recordings, or why one says nothing.
     - `incidents`, `exclusions`: in the order of the journal; exclusions are the operator's.
-    - `withdrawn`: the number of withdrawn sessions, which are not in the tables.
+    - `withdrawn`: the number of withdrawn sessions, which are not in the tables, and
+      `withdrawn_completed` how many of them had been completed.
     - `decisions`: on the study as a whole, each with its UTC.
     """
 
@@ -62,6 +64,7 @@ class Sessions:
     incidents: tuple[Incident, ...]
     exclusions: tuple[Exclusion, ...]
     withdrawn: int
+    withdrawn_completed: int = 0
     decisions: Decisions = ()
 
     @cached_property
@@ -129,7 +132,7 @@ def load_sessions(chains: Iterable[Sequence[StoredEvent]]) -> Sessions:
     are skipped.
     """
     rows = Rows()
-    withdrawn = 0
+    withdrawn = withdrawn_completed = 0
     decisions: Decisions = ()
     for events in chains:
         if not events:
@@ -139,6 +142,7 @@ def load_sessions(chains: Iterable[Sequence[StoredEvent]]) -> Sessions:
             continue
         if any(event.tag == Withdrawn.TAG for event in events):
             withdrawn += 1
+            withdrawn_completed += any(event.tag == SessionCompleted.TAG for event in events)
             continue
         opened = events[0].record
         if isinstance(opened, SessionOpened) and opened.participant == SLIDE:
@@ -168,5 +172,6 @@ def load_sessions(chains: Iterable[Sequence[StoredEvent]]) -> Sessions:
         incidents=tuple(map(told, rows.incidents)),
         exclusions=tuple(map(told, rows.exclusions)),
         withdrawn=withdrawn,
+        withdrawn_completed=withdrawn_completed,
         decisions=decisions,
     )

@@ -69,6 +69,7 @@ class StudyData:
     - `empty`: why a cell of the table has no score.
     - `orders`: of the sessions that count, excluded trials among them; none of published scores.
     - `virtual`: true parameters of the virtual participants, by name; of their last sessions.
+    - `withdrawn_completed`: how many of the withdrawn sessions had been completed.
     - `lock`: the registration, None of a study without one.
     """
 
@@ -90,6 +91,7 @@ class StudyData:
     orders: tuple[SessionOrder, ...]
     virtual: Mapping[str, VirtualTruth]
     lock: StudyLock | None = None
+    withdrawn_completed: int = 0
 
     @property
     def scored(self) -> pd.DataFrame:
@@ -160,6 +162,7 @@ def study_data(found: Sessions, *, rehearsals: bool, rules: Exclusions | None = 
         unfinished=tuple(sessions["participant"][~sessions["session_completed"]]),
         sessions_excluded=int(excluded.sum()),
         sessions_withdrawn=found.withdrawn,
+        withdrawn_completed=found.withdrawn_completed,
         trials_excluded=len(trials_left_out),
         trials=trials,
         touches=touches.assign(place_m=found.places_m),

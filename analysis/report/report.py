@@ -36,9 +36,12 @@ class Report(Findings):
 
     @property
     def chosen(self) -> tuple[Section, ...]:
-        """Sections of the page, in its order."""
+        """Sections of the page, in its order; that on the registration is never left out."""
         known = dict(zip(SECTIONS, self.sections, strict=True))
-        return tuple(known[name] for name in dict.fromkeys(self.shown or known))
+        names = self.shown or tuple(known)
+        if self.loaded.lock is not None and "registration" not in names:  # the page refers to it
+            names = ("registration", *names)
+        return tuple(known[name] for name in dict.fromkeys(names))
 
     @property
     def figures(self) -> list[Figure]:

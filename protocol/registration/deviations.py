@@ -49,6 +49,8 @@ class Conduct:
         amendments: in their order.
         participants: how many completed all their sessions.
         by_hand: what was excluded without a rule, and why.
+        withdrawn: how many sessions were withdrawn and erased.
+        withdrawn_completed: how many of these had been completed.
         study_sha256: digest of the present study file.
         law, rung: under which contrasts are predicted.
         analysis: the settings of this analysis.
@@ -66,6 +68,8 @@ class Conduct:
     rung: str
     analysis: Mapping[str, Setting]
     touchbeam: str
+    withdrawn: int = 0
+    withdrawn_completed: int = 0
     later: str = ""
     broken_file: str = ""
 
@@ -134,6 +138,12 @@ def _of_numbers(registered: Registration, conduct: Conduct) -> Iterator[Deviatio
         )
     for left_out in conduct.by_hand:
         yield Deviation("exclusion", f"without a registered rule: {left_out}")
+    if conduct.withdrawn:
+        yield Deviation(
+            "withdrawal",
+            f"sessions withdrawn, whose data are erased: {conduct.withdrawn}, of which "
+            f"{conduct.withdrawn_completed} had been completed",
+        )
 
 
 def _of_analysis(registered: Registration, conduct: Conduct) -> Iterator[Deviation]:

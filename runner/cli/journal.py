@@ -134,10 +134,10 @@ def backup(
 def _registration_problem(journal: "Journal", folder: "StudyFolder") -> str:
     """Return what is wrong with the file of the registration, or with the files that it locks."""
     from runner.journal.verification import IMPOSSIBLE
-    from runner.study.registered import changed_study, registration_problem
+    from runner.study.registered import changed_files, registration_problem
 
     with suppress(*IMPOSSIBLE):  # a damaged event, which the verdicts tell
-        return registration_problem(journal, folder.path) or changed_study(journal, folder)
+        return registration_problem(journal, folder.path) or changed_files(journal, folder)
     return ""
 
 

@@ -98,7 +98,7 @@ def power(
     from runner.study.files import short_text
     from runner.study.folder import StudyFolder
     from runner.study.power_folder import PowerFolder
-    from runner.study.registered import registration_of
+    from runner.study.registered import checked_registration
 
     begun_s = perf_counter()
     folder = StudyFolder(path=study)
@@ -115,7 +115,7 @@ def power(
         designed(file, design)
     if len(file.conditions) < 2:
         raise BadInput(f"{study}: a power analysis needs at least 2 conditions, got 1")
-    registered = registration_of(folder.path)
+    registered = checked_registration(folder)
     job = Job(
         study=folder.text(),
         version=version("touchbeam"),

@@ -152,6 +152,7 @@ def readable_chains(
 ) -> Iterator[list[StoredEvent]]:
     """Yield the events of each chain of `journal`; append the names of broken chains to `broken`.
 
+    Withdrawn rehearsals are not yielded.
     With `participant`, only that person's chains are read.
 
     Raises:
@@ -163,9 +164,12 @@ def readable_chains(
         chain = list(journal.chain(name))
         events = [link.event for link in chain]
         _require_readable(name, events)
-        if not chain_is_unbroken(name, chain, erased=_is_withdrawn(events)):
+        withdrawn = _is_withdrawn(events)
+        if not chain_is_unbroken(name, chain, erased=withdrawn):
             broken.append(name)
-        yield events
+        # What is erased cannot tell that it was a rehearsal, which no report would have counted.
+        if not (withdrawn and parsed_name(name).kind == REHEARSAL):
+            yield events
 
 
 def _is_withdrawn(events: Iterable[StoredEvent]) -> bool:

@@ -26,7 +26,7 @@ from runner.journal.amendments import accepted_digests
 from runner.journal.opening import read_journal
 from runner.study.calibration import fitted_calibration
 from runner.study.folder import DIALECTS, StudyFolder
-from runner.study.registered import registration_of
+from runner.study.registered import checked_registration
 
 
 class WrongPlan(WorkFailed):
@@ -92,7 +92,7 @@ def checked(
         study = validated_study(text, source)
     except StudyError as error:
         return _refused(source, error.problems, as_json=as_json)
-    registered = registration_of(folder.path)
+    registered = checked_registration(folder)
     study = study if registered is None else locked(study, registered.digest)
     size = participants or study.design.participants or 1
     shown = preview(study, size)

@@ -22,14 +22,16 @@ from protocol.registration.registration import (
 from protocol.registration.registry_text import registry_text
 from protocol.study.fields import require_printable
 from protocol.study.study import Study
-from protocol.study_file.loading import text_digest
+from protocol.study_file.loading import parsed_study, text_digest
 from runner.clock import Clock
 from runner.journal.amendments import accepted_digests
 from runner.journal.names import STUDY_CHAIN
-from runner.journal.opening import journal_if_used
+from runner.journal.opening import journal_if_used, read_journal
 from runner.journal.registrations import in_force, real_sessions
 from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal
+from runner.study.calibration import FILE as CALIBRATION_FILE
+from runner.study.calibration import fitted_calibration
 from runner.study.files import bytes_of, own_file, text_of, write_whole
 from runner.study.folder import StudyFolder
 
@@ -50,6 +52,20 @@ def registration_of(folder: Path) -> Registration | None:
         return None
     # As it is: line ends and a byte order mark, too, would change the digest.
     return registration_in(bytes_of(path, short=True).decode(errors="replace"), str(path))
+
+
+def checked_registration(folder: StudyFolder) -> Registration | None:
+    """Return the same after comparing it with the journal; a copy may be without its journal.
+
+    Raises:
+        BadInput: the file is another one than the journal's, or only one of them is there.
+        JournalError: the journal cannot be read.
+    """
+    kept = registration_of(folder.path)
+    if folder.journal.is_file():
+        with read_journal(folder.journal) as journal:
+            require_registered(journal, kept, rehearsal=False)
+    return kept
 
 
 def require_registered(journal: Journal, kept: Registration | None, *, rehearsal: bool) -> None:
@@ -88,6 +104,19 @@ def file_problem(
     return ""
 
 
+def changed_files(journal: Journal, folder: StudyFolder) -> str:
+    """Return which file of a registered study is not as it was registered; '' if none is."""
+    recorded = in_force(journal)
+    if recorded is None:
+        return ""
+    made = registration_in(recorded.text)
+    found = (_changed_study, _changed_calibration, _changed_registry_text)
+    try:
+        return next(filter(None, (problem(journal, folder, made) for problem in found)), "")
+    except BadInput as error:
+        return str(error)
+
+
 def registration_problem(journal: Journal, folder: Path) -> str:
     """Return what is wrong with the file of a study's registration, if anything; '' otherwise."""
     recorded = in_force(journal)
@@ -97,19 +126,45 @@ def registration_problem(journal: Journal, folder: Path) -> str:
         return str(error)
 
 
-def changed_study(journal: Journal, folder: StudyFolder) -> str:
-    """Return that the files of a registered study are not the accepted ones; '' if they are."""
-    if in_force(journal) is None:
+def _changed_study(journal: Journal, folder: StudyFolder, _: Registration) -> str:
+    if text_digest(folder.text()) == accepted_digests(journal)[-1]:
         return ""
-    try:
-        accepted = text_digest(folder.text()) == accepted_digests(journal)[-1]
-    except BadInput as error:
-        return str(error)
     return (
-        ""
-        if accepted
-        else f"{folder.study_file}: it, a language file or a picture is neither the registered nor "
-        "an amended one; restore it, or accept it with touchbeam amend --reason TEXT"
+        f"{folder.study_file}: it, a language file or a picture is neither the registered nor an "
+        "amended one; restore it, or accept it with touchbeam amend --reason TEXT"
+    )
+
+
+def _changed_calibration(_: Journal, folder: StudyFolder, made: Registration) -> str:
+    """Return that the registered fit is gone or has other values.
+
+    The fit of another sliding experiment is a later calibration, which reports list.
+    """
+    settled, now = str(made.calibration.get("origin", "")), fitted_calibration(folder.path).origin
+    same_session = settled.partition(",")[0] == now.partition(",")[0]
+    if settled == now or (now and not same_session):
+        return ""
+    what = f"holds {now}" if now else "has no fit of the rig"
+    return (
+        f"{folder.path / CALIBRATION_FILE}: {what}, but {settled} is registered; restore the file "
+        "from a copy"
+    )
+
+
+def _changed_registry_text(_: Journal, folder: StudyFolder, made: Registration) -> str:
+    """Return that the text for a registry was changed.
+
+    It is made anew to compare it: this version must be the one that made it, from this study file.
+    """
+    path, text = folder.path / REGISTRY_FILE, folder.text()
+    known = (made.touchbeam, made.study_sha256) == (version("touchbeam"), text_digest(text))
+    if not (known and path.exists()):
+        return ""
+    if bytes_of(path, short=True) == registry_text(parsed_study(text), made).encode():
+        return ""
+    return (
+        f"{path}: was changed after touchbeam register wrote it; move it away and run touchbeam "
+        "register again, with the options that were given then"
     )
 
 

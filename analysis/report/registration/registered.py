@@ -74,6 +74,8 @@ def conduct(found: Findings, lock: StudyLock) -> Conduct:
         amendments=lock.amendments,
         participants=lock.completed,
         by_hand=by_hand,
+        withdrawn=found.loaded.sessions_withdrawn,
+        withdrawn_completed=found.loaded.withdrawn_completed,
         study_sha256=origin.study_sha256,
         law=LAW,
         rung=RUNG,

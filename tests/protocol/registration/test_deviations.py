@@ -44,6 +44,7 @@ def test_without_deviations_the_list_is_empty() -> None:
         ({"participants": 19}, "participants", "19 completed, fewer than the 20 registered"),
         ({"participants": 21}, "participants", "21 completed, more than the 20 registered"),
         ({"by_hand": ["P03: asleep"]}, "exclusion", "without a registered rule: P03: asleep"),
+        ({"withdrawn": 2, "withdrawn_completed": 1}, "withdrawal", ": 2, of which 1 had been"),
         ({"law": "printed"}, "prediction", "law printed on rung mode; registered: consistent on"),
         ({"rung": "eq15"}, "prediction", "law consistent on rung eq15; registered: consistent on"),
         ({"touchbeam": "0.2.0"}, "version", "reported by touchbeam 0.2.0, not 0.1.0"),

@@ -291,9 +291,36 @@ def test_a_forged_file_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[
     (tmp_path / "registration.toml").write_bytes((other / "registration.toml").read_bytes())
     with pytest.raises(BadInput, match="but the journal holds registration"):
         run_session(tmp_path, "P01")
+    told = "but the journal holds registration"
+    assert told in refused(capsys, "check", tmp_path)
+    with pytest.raises(BadInput, match=told):
+        touchbeam.load(tmp_path).plan("P02")
     capsys.readouterr()
     assert typed("verify", tmp_path) == 1
-    assert "but the journal holds registration" in capsys.readouterr().out
+    assert told in capsys.readouterr().out
+
+
+def test_a_changed_calibration_is_noticed_and_a_later_one_is_none(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study_in(tmp_path)
+    keep_fit(tmp_path, SLID, "BOARD", FITTED)
+    assert typed("register", tmp_path) == 0
+    file = tmp_path / "calibration.json"
+    kept = file.read_text()
+    run_session(tmp_path, "P01")
+    assert typed("verify", tmp_path) == 0
+    file.write_text(kept.replace("0.0042", "0.0043"))
+    capsys.readouterr()
+    assert typed("verify", tmp_path) == 1
+    told = capsys.readouterr().out
+    assert re.search(r"holds session slide/1, calibration SHA-256 \w+, but session slide/1, ", told)
+    file.unlink()
+    assert typed("verify", tmp_path) == 1
+    assert "has no fit of the rig, but session slide/1, " in capsys.readouterr().out
+    file.write_text(kept)
+    keep_fit(tmp_path, SLID, "BOARD", {**FITTED, "session": "slide/2", "gain": {"value": 1.2}})
+    assert typed("verify", tmp_path) == 0
 
 
 def test_a_copy_without_its_journal_may_rehearse(tmp_path: Path) -> None:
@@ -372,6 +399,7 @@ def test_a_session_names_the_calibration_in_force(tmp_path: Path) -> None:
     registered_in(tmp_path)
     run_session(tmp_path, "P01")
     keep_fit(tmp_path, SLID, "BOARD", FITTED)
+    assert typed("verify", tmp_path) == 0, "reports list it as a deviation"
     run_session(tmp_path, "P02")
     assert opened(tmp_path).calibration is None
     named = opened(tmp_path, "P02/1").calibration
@@ -398,7 +426,7 @@ def _one_character_changed(content: bytes, random: Random) -> bytes:
 def test_every_changed_character_of_a_study_is_noticed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """By verify: in the study file, what it names, and the registration with its settings."""
+    """By verify: in the study file, what it names, and the registration with its two texts."""
     study_in(tmp_path)
     (tmp_path / "texts").mkdir()
     english = (files("protocol") / "languages" / "en.toml").read_bytes()
@@ -412,8 +440,9 @@ def test_every_changed_character_of_a_study_is_noticed(
     assert typed("verify", tmp_path) == 0
     random, noticed = Random(1), 0
     changed = ("study.toml", "texts/fr.toml", "pictures/hand.png", "registration.toml")
-    for number in range(1000):
-        file = tmp_path / changed[number % len(changed)]
+    pasted = "registration.txt"
+    for number in range(1050):
+        file = tmp_path / (changed[number % len(changed)] if number < 1000 else pasted)
         kept = file.read_bytes()
         file.write_bytes(_one_character_changed(kept, random))
         capsys.readouterr()

@@ -26,6 +26,7 @@ from protocol.journal.events import (
     StoredEvent,
     StudyAmended,
     StudyRegistered,
+    Withdrawn,
 )
 from protocol.journal.records import RigCalibration
 from protocol.registration.deviations import deviations
@@ -74,6 +75,10 @@ def session(slot: int, rig: RigCalibration | None = OLD) -> list[Event]:
     return [under, *others]
 
 
+def withdrawn(slot: int) -> list[Event]:
+    return [*session(slot), Withdrawn()]
+
+
 def data(*further: Event, sessions: list[list[Event]] | None = None) -> StudyData:
     decided: list[Event] = [
         StudyRegistered(
@@ -109,6 +114,17 @@ def test_a_study_without_registration_has_no_word_of_it() -> None:
     assert "registration" not in report_json(plain)
     assert "egist" not in report_html(plain)
     assert list(registered_lines(plain)) == []
+
+
+def test_no_choice_of_sections_leaves_the_deviations_out() -> None:
+    chosen = replace(registered_report(), shown=("methods", "trials"))
+    assert [each.name for each in chosen.chosen] == ["registration", "methods", "trials"]
+    assert "Section Registration has the results" in (page := report_html(chosen))
+    assert '<details id="h-registration"' in page
+    last = replace(registered_report(), shown=("methods", "registration"))
+    assert [each.name for each in last.chosen] == ["methods", "registration"]
+    plain = replace(plain_report(), shown=("methods",))
+    assert [each.name for each in plain.chosen] == ["methods"]
 
 
 def test_registered_and_other_results_are_kept_apart() -> None:
@@ -182,6 +198,12 @@ def test_deviations_come_from_the_journal() -> None:
     left_out[2].append(SessionExcluded(reason="asleep"))
     assert told(data(sessions=left_out)) == [
         ("exclusion", "without a registered rule: P03, session 1: asleep")
+    ]
+    assert told(data(sessions=[*map(session, range(4)), withdrawn(4)])) == [
+        (
+            "withdrawal",
+            "sessions withdrawn, whose data are erased: 1, of which 1 had been completed",
+        )
     ]
     other = replace(ORIGIN, study_sha256="9" * 64)
     assert told(data(), other) == [

@@ -81,6 +81,11 @@ class Rig:
         return self._driver.has_watchdog
 
     @property
+    def measures_resonance(self) -> bool:
+        """Whether `resonance` drives the beam; else it is the one kept as the rig's calibration."""
+        return self._driver.measures_vibration
+
+    @property
     def reading(self) -> Reading | None:
         """The last answers of the device, None before the first; asks it nothing."""
         return self._driver.reading
@@ -102,7 +107,7 @@ class Rig:
 
         A device that cannot measure it has the one that was kept as the rig's calibration.
         """
-        if self._calibration is not None and not self._driver.measures_vibration:
+        if self._calibration is not None and not self.measures_resonance:
             return self._calibration
 
         def settled(seconds: float) -> None:

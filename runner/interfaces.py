@@ -36,6 +36,11 @@ class Device(Protocol):
         """
         ...
 
+    @property
+    def measures_resonance(self) -> bool:
+        """Whether `resonance` drives the beam; else it is the one kept as the rig's calibration."""
+        ...
+
     def resonance(self, near_hz: float, sleep: Callable[[float], None]) -> Resonance:
         """Find the resonance of the untouched beam near `near_hz`; leave the output off."""
         ...

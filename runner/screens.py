@@ -179,12 +179,13 @@ def said_of(unit: PlanUnit, text: str) -> str:
 class OperatorView:
     """The session's progress and the device's last read-back.
 
-    `device` is None if the output has been read back as off, if it is `unknown`, or while the
-    session is idle and the device has not been asked yet. `busy` says what the output is on for
-    while no participant touches the beam. `aim` is None unless a touch is in progress. While the
-    operator is `blind`, labels and answers say nothing, and figures of the drive are not shown.
-    `records` says that touches are recorded; `zero_n` are the forces of the untouched beam. The
-    lines of the plan are each a trial, or a `pass` of a block.
+    `has_watchdog` says whether the device turns its output off by itself. `device` is None if the
+    output has been read back as off, if it is `unknown`, or while the session is idle and the
+    device has not been asked yet. `busy` says what the output is on for while no participant
+    touches the beam. `aim` is None unless a touch is in progress. While the operator is `blind`,
+    labels and answers say nothing, and figures of the drive are not shown. `records` says that
+    touches are recorded; `zero_n` are the forces of the untouched beam. The lines of the plan are
+    each a trial, or a `pass` of a block.
     """
 
     session: str
@@ -194,6 +195,7 @@ class OperatorView:
     left_s: float
     device: ReadBack | None
     rig: Rig
+    has_watchdog: bool
     busy: str = ""
     warning: str = ""
     aim: Aim | None = None

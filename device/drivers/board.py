@@ -10,7 +10,7 @@ from device.drivers.driver import NO_TEMPERATURE, Driver
 from device.drivers.limits import Setpoint
 from device.errors import CannotRecord, DeviceError, LinkTimeout
 from device.force_channel.blocks import Block, decoded
-from device.force_channel.samples import FULL_SCALE, Scale, scale_of
+from device.force_channel.samples import Scale, scale_of
 from device.link.codec import fields, number, number_text, switch, whole
 from protocol.journal.records import Identity, ReadBack
 
@@ -334,7 +334,7 @@ def _read_back(reply: str) -> tuple[ReadBack, float]:
 
 
 def _scale(reply: str) -> Scale:
-    return scale_of([number(size) * FULL_SCALE for size in reply.split(",")])
+    return scale_of([number(size) for size in reply.split(",")])
 
 
 def _output_and_monitor(answers: list[str]) -> tuple[bool, float]:

@@ -164,8 +164,13 @@ class Driver(ABC):
 
     def vibration_m(self) -> float:
         """Measure the amplitude of the beam's tip, m."""
-        raise DeviceError(
-            f"a {self.dialect} device measures no vibration: find the resonance another way and "
+        raise DeviceError(self.measures_none())
+
+    @classmethod
+    def measures_none(cls) -> str:
+        """Return what a person does where the device measures no vibration."""
+        return (
+            f"a {cls.dialect} device measures no vibration: find the resonance another way and "
             "write it to calibration.json in the study's folder (docs/rig.md)"
         )
 

@@ -53,20 +53,21 @@ class Forces:
     position_m: float
 
 
-def scale_of(largest: Sequence[float]) -> Scale:
-    """Return the size of one count where the channels measure up to `largest`: N, N, m.
+def scale_of(sizes: Sequence[float]) -> Scale:
+    """Return the `sizes` of one count as a scale: N, N, m.
 
     Raises:
         ProtocolError: no such sensor is on a rig, so that its forces cannot be believed.
     """
+    largest = [size * FULL_SCALE for size in sizes]
     within = [low <= value <= high for value, (low, high) in zip(largest, _RANGES, strict=False)]
-    if len(largest) != CHANNELS or not all(within):
+    if len(sizes) != CHANNELS or not all(within):
         raise ProtocolError(
             "the force channel must measure up to 0.01 to 1000 N, twice, and 0.001 to 10 m, got "
             f"{', '.join(f'{value:g}' for value in largest)}"
         )
-    tangential_n, normal_n, position_m = largest
-    return tangential_n / FULL_SCALE, normal_n / FULL_SCALE, position_m / FULL_SCALE
+    tangential_n, normal_n, position_m = sizes
+    return tangential_n, normal_n, position_m
 
 
 def most_in_block(rate_hz: float) -> int:

@@ -95,7 +95,7 @@ def _counts(sample: str, scale: Scale) -> list[int]:
 
 
 def _scale(reply: str) -> Scale:
-    return scale_of([number(largest) for largest in reply.split(",")])
+    return scale_of([number(largest) / FULL_SCALE for largest in reply.split(",")])
 
 
 GAUGE = LineGauge

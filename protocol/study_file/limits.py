@@ -153,7 +153,7 @@ def _amplifier(study: Study, touch: Touch, peak_v: float) -> Iterator[_Broken]:
     vpp = 2 * peak_v / rig.amplifier_gain if rig.amplifier_gain else 0.0
     if vpp > rig.generator_max_vpp:
         yield (
-            f"2 V / amplifier_gain must not exceed rig.generator_max_vpp = "
+            f"2 x amplitude / amplifier_gain must not exceed rig.generator_max_vpp = "
             f"{rig.generator_max_vpp:.15g} V peak-to-peak",
             f"{_above(vpp, rig.generator_max_vpp)} V",
             "the generator gives half of its peak-to-peak value as amplitude",

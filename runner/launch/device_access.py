@@ -13,8 +13,12 @@ from device.rig import Rig, open_rig
 from device.simulator.client import ControlClient, Friction, simulator_process
 from device.study_limits import device_limits
 from protocol.address import SIMULATED, AddressError
+from protocol.errors import BadInput
 from protocol.study.rig_settings import ForceChannel
 from protocol.study.rig_settings import Rig as RigSettings
+
+_SIMULATED_SERIAL = "SIM"
+"""The serial number in the answer to `*IDN?` of each simulated device, and of no real one."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,6 +68,19 @@ def session_rig(
         device = open_rig(url, device_limits(settings), settings.dialect, calibration, gauge)
         stack.callback(device.close)
         yield SessionRig(device=device, control=control)
+
+
+def require_real(idn: str, url: str) -> None:
+    """Refuse a device at an address that says of itself that it is simulated.
+
+    Raises:
+        BadInput: nobody can feel it; what a person says there is a rehearsal.
+    """
+    if idn.split(",")[2:3] == [_SIMULATED_SERIAL]:
+        raise BadInput(
+            f"the device at {url} is simulated ({idn}): what a person does there is a rehearsal, "
+            "which no report counts; add --rehearsal, or give a real device with --device"
+        )
 
 
 def gauge_address(force_channel: ForceChannel, url: str) -> str | None:

@@ -2,17 +2,19 @@
 
 import time
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any
 
 from device.drivers.discovery import driver_for, driver_of
+from device.drivers.driver import Driver
 from device.errors import LinkTimeout
 from device.link.link import HANDSHAKE_S, Link, open_link
 from device.link.port import described_ports
 from device.resonance import Resonance
 from device.simulator.client import simulator_process
 from protocol.address import SIMULATED
+from protocol.errors import BadInput
 from protocol.study.rig_settings import Rig as RigSettings
 from runner.clock import WallClock
 from runner.launch.device_access import session_rig
@@ -42,20 +44,24 @@ def probed(url: str, touchbeam: Sequence[str]) -> dict[str, Any]:
     with ExitStack() as stack:
         if url == SIMULATED:
             url = stack.enter_context(simulator_process(touchbeam, seed=1)).url
-        link = open_link(url)
-        stack.callback(link.close)
-        try:
-            idn = link.identify()
-        except LinkTimeout as error:
-            raise LinkTimeout(
-                f"{url}: no device answered *IDN? within {HANDSHAKE_S:g} s ({error}); "
-                "check that it is on and set to this speed"
-            ) from error
-        driver = driver_for(idn)
+        link = stack.enter_context(closing(open_link(url)))
+        idn, driver = _identified(link, url)
         if not driver.register.is_a_setting:
             link.synchronise()
         health = {name: answered(link, query) for name, query in driver.health.items()}
     return {"url": url, "idn": idn, "dialect": driver.dialect, **health}
+
+
+def _identified(link: Link, url: str) -> tuple[str, type[Driver]]:
+    """Return who answers, and its driver; nothing else is asked, and nothing is changed."""
+    try:
+        idn = link.identify()
+    except LinkTimeout as error:
+        raise LinkTimeout(
+            f"{url}: no device answered *IDN? within {HANDSHAKE_S:g} s ({error}); "
+            "check that it is on and set to this speed"
+        ) from error
+    return idn, driver_for(idn)
 
 
 def answered(link: Link, query: str) -> str | None:
@@ -84,10 +90,18 @@ def swept(
 
     Raises:
         AddressError: `url` is not the address of a device, or the dialect is unknown.
+        BadInput: the device measures no vibration; its output was left as it is.
+        ForeignDevice: there is no driver for the device; its output was left as it is.
         DeviceError: the device does not work, or there is no resonance near `near_hz`.
         OutputUnknown: the output could not be read back as off.
     """
-    settings = RigSettings.model_validate({"dialect": driver_of(dialect).dialect})
+    driver = driver_of(dialect)
+    if driver.measures_vibration and url != SIMULATED:
+        with closing(open_link(url)) as link:
+            _, driver = _identified(link, url)
+    if not driver.measures_vibration:
+        raise BadInput(f"{driver.measures_none()}; nothing was set, the output is as it was")
+    settings = RigSettings.model_validate({"dialect": dialect})
     with session_rig(url, settings, touchbeam, seed) as rig:
         sleep = rig.control.advance if rig.control is not None else time.sleep
         identity = rig.device.arm()

@@ -14,7 +14,7 @@ from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal, JournalError
 from runner.journal.verification import touchbeam_versions
 from runner.launch.confirmation import Confirm, refused
-from runner.launch.device_access import SessionRig, gauge_address, session_rig
+from runner.launch.device_access import SessionRig, gauge_address, require_real, session_rig
 from runner.launch.locks import real_address, rig_lock, session_lock
 from runner.launch.opened_session import as_begun, opened_session
 from runner.launch.participant_screen import participants_screen
@@ -95,6 +95,8 @@ def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
             force_channel=request.study.force_channel,
         )
     )
+    if not request.rehearsal:
+        require_real(rig.device.arm().idn, request.url)
     clock: Clock = WallClock()
     if request.pace == "stepped" and rig.control is not None:
         clock = SteppedClock(clock.utc(), rig.control.advance)

@@ -329,7 +329,7 @@ def _facts(view: OperatorView, moment: Moment) -> list[Text]:
     device = [
         visible(view.identity),
         f"resonance {view.resonance_hz:.0f} Hz" if view.resonance_hz else "",
-        f"watchdog {view.rig.watchdog_s:g} s",
+        f"watchdog {view.rig.watchdog_s:g} s" if view.has_watchdog else "no watchdog",
     ]
     return [Text(" " + "   ".join(filter(None, facts))) for facts in (course, device)]
 

@@ -38,6 +38,7 @@ def update_view(
             left_s=_left_s(context, [t for t in trials if t.index not in state.answers]),
             device=device,
             rig=session.study.rig,
+            has_watchdog=context.device.has_watchdog,
             busy=busy,
             warning=warning,
             aim=_aim(context, running) if running and state.name == "touching" else None,

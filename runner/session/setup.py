@@ -68,11 +68,12 @@ def prepare(context: SessionContext) -> None:
         context.log.append(RigDescribed(answers=answers))
         context.operator.notify(f"noted: {context.log.state.noted}")
     mount(context, study.touch.beam)
-    update_view(
-        context,
-        warning="measuring the resonance: hands off the beam",
-        busy="10 V at most, searching",
-    )
+    if context.device.measures_resonance:
+        update_view(
+            context,
+            warning="measuring the resonance: hands off the beam",
+            busy="10 V at most, searching",
+        )
     found = context.device.resonance(
         study.rig.nominal_resonance_hz, lambda seconds: wait(context, seconds)
     )

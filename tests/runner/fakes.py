@@ -55,6 +55,7 @@ class FakeDevice:
     fails: str = ""
     on: bool = False
     has_watchdog: bool = False
+    measures_resonance: bool = True
     trips: bool = True
     idn: str = "fake"
     deaf: bool = False

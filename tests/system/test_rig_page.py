@@ -17,7 +17,12 @@ RIGS = [part.partition("```")[0] for part in PAGE.split("```toml\n")[1:]]
 @pytest.mark.parametrize("example", RIGS)
 def test_the_settings_of_the_page_are_those_of_a_rig(example: str) -> None:
     (settings,) = tomllib.loads(example).values()
-    assert Rig.model_validate(settings).max_voltage_v <= 200
+    rig = Rig.model_validate(settings)
+    assert rig.max_voltage_v <= 200
+    if rig.dialect != "board":
+        assert rig.amplifier_gain is not None
+        peak_v = rig.generator_max_vpp * rig.amplifier_gain / 2
+        assert peak_v >= rig.max_voltage_v, "else the study of the page is refused"
 
 
 def test_the_study_for_the_meter_drives_ten_volts_at_most(tmp_path: Path) -> None:

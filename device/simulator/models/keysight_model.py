@@ -17,7 +17,7 @@ from device.simulator.models.scpi import Call, Handler, ScpiError, boolean
 
 _GENERATORS = {
     "keysight": Model(
-        idn="Agilent Technologies,33522B,MY52800123,3.05-1.19-2.00-52-00",
+        idn="Agilent Technologies,33522B,SIM,3.05-1.19-2.00-52-00",
         channels=2,
         digits=15,
         least_emf_vpp=2e-3,
@@ -26,7 +26,7 @@ _GENERATORS = {
         most_cycles=100_000_000,
     ),
     "keysight-33220A": Model(
-        idn="Agilent Technologies,33220A,MY44012345,2.02-2.02-22-2",
+        idn="Agilent Technologies,33220A,SIM,2.02-2.02-22-2",
         channels=1,
         digits=13,
         least_emf_vpp=20e-3,

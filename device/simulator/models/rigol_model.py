@@ -16,7 +16,7 @@ from device.simulator.models.scpi import Call, Handler
 
 _GENERATORS = {
     "rigol": Model(
-        idn="Rigol Technologies,DG832,DG8A000000001,00.02.05.00.00",
+        idn="Rigol Technologies,DG832,SIM,00.02.05.00.00",
         channels=2,
         digits=6,
         least_emf_vpp=4e-3,
@@ -25,7 +25,7 @@ _GENERATORS = {
         most_cycles=1_000_000,
     ),
     "rigol-DG1062Z": Model(
-        idn="Rigol Technologies,DG1062Z,DG1ZA000000001,03.01.12",
+        idn="Rigol Technologies,DG1062Z,SIM,03.01.12",
         channels=2,
         digits=6,
         least_emf_vpp=2e-3,

@@ -16,7 +16,7 @@ from device.simulator.models.generator_model import GeneratorDialect, models
 
 _GENERATORS = {
     "siglent": Model(
-        idn="Siglent Technologies,SDG2042X,SDG2XCAD1R0001,2.01.01.23R7",
+        idn="Siglent Technologies,SDG2042X,SIM,2.01.01.23R7",
         channels=2,
         digits=6,
         least_emf_vpp=4e-3,

@@ -75,7 +75,7 @@ def study_of(touch: Document, **rig: float | None) -> Study:
         (FALLING, "ramp_v_per_s", 20, "a ramp", "ramp_to_v"),
         (RISING, "max_drive_s", 2 + 80 / 400, "a touch", "duration_s"),
         (FALLING, "max_drive_s", 2 + 120 / 400, "a touch", "duration_s"),
-        (RISING, "generator_max_vpp", 12, "2 V / amplifier_gain", "voltage_v"),
+        (RISING, "generator_max_vpp", 12, "2 x amplitude / amplifier_gain", "voltage_v"),
         (RISING, "max_current_ma", SLEW * 2, "2 pi f C V", "voltage_v"),
     ],
 )  # fmt: skip

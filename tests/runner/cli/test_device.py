@@ -27,8 +27,10 @@ from tests.runner.command_line import typed
 FOUND = Resonance(frequency_hz=24_180.5, tip_m_per_v=2e-8)
 
 
-def touchbeam(*arguments: str) -> "subprocess.CompletedProcess[str]":
-    return subprocess.run([*TOUCHBEAM, *arguments], capture_output=True, text=True, check=False)
+def touchbeam(*arguments: str, typed: str | None = None) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run(
+        [*TOUCHBEAM, *arguments], input=typed, capture_output=True, text=True, check=False
+    )
 
 
 HEALTH = {
@@ -106,9 +108,40 @@ def test_a_generator_uses_the_saved_calibration() -> None:
         assert rig.device.resonance(24_221.0, lambda _: None) == FOUND
 
 
-def test_a_generator_cannot_sweep() -> None:
-    with pytest.raises(BadInput, match=r"a generator needs rig\.amplifier_gain"):
-        swept("sim", 24_221.0, "keysight", TOUCHBEAM)
+@pytest.mark.parametrize("asked", ["board", "keysight"])
+def test_a_generator_that_cannot_sweep_is_left_as_it_is(asked: str) -> None:
+    """Whatever dialect it is said to have; its output, which is on here, is not touched."""
+    with (
+        simulator_process(TOUCHBEAM, seed=1, dialect="keysight", keep=True) as simulator,
+        ControlClient(simulator.control) as control,
+    ):
+        control.fault("panel-on")
+        done = touchbeam("device", "sweep", simulator.url, "--dialect", asked)
+        assert control.state()["output"] is True
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
+    assert "a keysight device measures no vibration: find the resonance another" in done.stderr
+    assert "nothing was set, the output is as it was" in done.stderr
+    with pytest.raises(BadInput, match="a rigol device measures no vibration"):
+        swept("sim", 24_221.0, "rigol", TOUCHBEAM)
+
+
+@pytest.mark.parametrize("dialect", ["board", "keysight", "rigol", "siglent"])
+def test_a_person_at_a_simulated_device_with_an_address_makes_a_rehearsal(
+    tmp_path: Path, dialect: str
+) -> None:
+    study = tmp_path / "study"
+    assert touchbeam("new", str(study)).returncode == 0
+    rig = f'dialect = "{dialect}"\namplifier_gain = 20\ngenerator_max_vpp = 20\n'
+    text = (study / "study.toml").read_text(encoding="utf-8")
+    text = text.replace("[rig]\n", f"[rig]\n{rig}", 1)
+    (study / "study.toml").write_text(text, encoding="utf-8")
+    keep_calibration(study, FOUND, "x", "2026-01-01")
+    with simulator_process(TOUCHBEAM, seed=1, dialect=dialect, keep=True) as simulator:
+        person = ("--participant", "P01", "--ratings", "console", "--consent", "C-1")
+        done = touchbeam("run", str(study), *person, "--device", simulator.url, typed=":e\n")
+    assert done.returncode == 2
+    assert re.search(r"the device at .* is simulated \(.*,SIM,.*add --rehearsal", done.stderr)
+    assert not (study / "study.db").exists()
 
 
 def test_a_sweep_without_a_resonance_fails(tmp_path: Path) -> None:

@@ -115,6 +115,12 @@ def test_the_force_comes_with_advice(force_n: float, advice: str) -> None:
     assert row(lines(Frame(view=view(aim=AIM)), moment(reading)), "force").endswith(advice)
 
 
+@pytest.mark.parametrize(("there", "said"), [(True, "watchdog 0.5 s"), (False, "no watchdog")])
+def test_a_device_without_a_watchdog_is_said_to_have_none(there: bool, said: str) -> None:
+    (facts,) = [line for line in lines(Frame(view=view(has_watchdog=there))) if "watchdog" in line]
+    assert facts.endswith(said)
+
+
 def test_an_old_reading_is_shown_with_its_age() -> None:
     old = screen_lines(Frame(view=view(aim=AIM)), moment(now_s=103.4), 80, 24)[1]
     assert old.plain.rstrip().endswith("read 3.5 s ago")

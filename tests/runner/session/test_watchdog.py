@@ -86,6 +86,17 @@ def test_a_device_without_a_watchdog_is_not_tested(study: Study) -> None:
     assert study.tests() == []
 
 
+@pytest.mark.parametrize("there", [True, False])
+def test_the_operator_is_told_of_the_watchdog_and_the_measurement_that_there_are(
+    study: Study, there: bool
+) -> None:
+    made = study.begin(FakeDevice(has_watchdog=there, measures_resonance=there), 0.0)
+    assert isinstance(made.operator, FakeOperator)
+    assert {view.has_watchdog for view in made.operator.seen} == {there}
+    measuring = [view for view in made.operator.seen if "measuring the reson" in view.warning]
+    assert bool(measuring) is there
+
+
 def test_the_operator_confirms_that_nobody_touches_a_real_beam(study: Study) -> None:
     for address, asked in ((RIG, True), (SIMULATED, False)):
         made = study.begin(FakeDevice(has_watchdog=True), 0.0, address)

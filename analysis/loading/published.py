@@ -21,6 +21,8 @@ LEAST_OTHERS = 3
 LEAST_ROWS = 3
 MOST_SUBJECTS = 100_000
 MOST_CONDITIONS = 100
+MOST_BYTES = 2**25
+"""Of a file: three for each of the most scores."""
 _PRINTED = 0.0101
 """How far two means to two decimals may lie apart that were the same before rounding."""
 
@@ -244,5 +246,7 @@ def _score(cell: str, where: str) -> float:
         raise TableError(f"{where}: a score must be a number or blank, got {cell[:40]!r}")
     value = float(cell)
     if not SCALE[0] <= value <= SCALE[1]:
-        raise TableError(f"{where}: a score must lie in [{SCALE[0]:g}, {SCALE[1]:g}], got {cell}")
+        raise TableError(
+            f"{where}: a score must lie in [{SCALE[0]:g}, {SCALE[1]:g}], got {cell[:40]}"
+        )
     return value

@@ -7,6 +7,7 @@ from types import NoneType, UnionType
 from typing import Annotated, Any, Final, NamedTuple, Self, get_args, get_origin, get_type_hints
 
 _REQUIRED: Final = object()
+_LARGEST = 1e18
 _Reader = Callable[[Any], Any]
 
 
@@ -72,6 +73,15 @@ class JsonRecord:
             fields[name] = reader(payload[name]) if name in payload else missing[name]
         return record
 
+    def misfit(self) -> str:
+        """Return a key whose value is not of the key's type, with the value; else nothing.
+
+        `from_json` takes plain values as they are, because journals are read often and written by
+        touchbeam alone; what came from elsewhere is judged here, once.
+        """
+        values = ((key, getattr(self, key.name)) for key in self.json_keys())
+        return next((f"{key.name}: {v!r}" for key, v in values if not _fits(v, key.type)), "")
+
     @classmethod
     @cache
     def _reading(cls) -> tuple[tuple[str, ...], tuple[tuple[str, _Reader], ...], dict[str, Any]]:
@@ -123,6 +133,24 @@ def _reader(hint: Any) -> _Reader:
     if isinstance(hint, type) and issubclass(hint, tuple):
         return lambda values: hint(*values)
     return _as_it_is
+
+
+def _fits(value: Any, hint: Any) -> bool:
+    """Return whether `value` is one of type `hint`; a quantity must be one that can be."""
+    origin, parts = get_origin(hint), get_args(hint)
+    if origin is UnionType:
+        return any(_fits(value, part) for part in parts)
+    if origin is tuple:
+        return isinstance(value, tuple) and all(_fits(each, parts[0]) for each in value)
+    if origin is not None:
+        return isinstance(value, Mapping) and all(_fits(it, parts[1]) for it in value.values())
+    if hint is float:
+        return type(value) in {int, float} and abs(value) < _LARGEST  # not NaN
+    if hint not in {Any, bool, int, str} and issubclass(hint, tuple):
+        return isinstance(value, tuple) and all(map(_fits, value, hint.__annotations__.values()))
+    return hint is Any or (
+        type(value) is hint and not (isinstance(value, JsonRecord) and value.misfit())
+    )
 
 
 def _as_it_is(value: Any) -> Any:

@@ -17,6 +17,8 @@ CHANNELS = ("tangential_n", "normal_n", "position_m")
 BYTES_PER_COUNT = 2
 FULL_SCALE = 32_767
 """A count of this size, of either sign, may be a sensor at its limit."""
+MOST_COUNTS = 10**6
+"""Per channel: more than the longest touch has, 600 s, at the highest rate, 1 kHz."""
 _LEVEL = 1  # noise hardly compresses, and level 6 takes four times as long to save a twentieth
 
 
@@ -79,6 +81,8 @@ class Recording(JsonRecord):
         Raises:
             DamagedSamplesError: they are not those that were recorded.
         """
+        if not 0 <= self.count <= MOST_COUNTS:  # compressed, they fit into a thousandth of it
+            raise DamagedSamplesError(f"samples cannot be {self.count} in number")
         expected = self.count * BYTES_PER_COUNT * len(CHANNELS)
         try:
             unpacker = zlib.decompressobj()

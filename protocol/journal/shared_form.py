@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from functools import singledispatch
+from math import isfinite
 from typing import Any
 
 from protocol.errors import BadInput
@@ -19,16 +20,20 @@ from protocol.journal.events import (
     Event,
     NoteTaken,
     QuestionAnswered,
+    ResonanceMeasured,
     ScoresImported,
     SessionOpened,
     SessionResumed,
     StoredEvent,
+    TouchRecorded,
     TouchStarted,
     WatchdogTested,
     event_of,
 )
+from protocol.journal.recordings import CHANNELS
 from protocol.journal.state import folded
 from protocol.journal.transitions import NotAllowed
+from protocol.pseudonyms import pseudonym
 
 FOLDER = "sourcedata/touchbeam"
 STUDY_FILE = "study.toml"
@@ -37,8 +42,18 @@ SUFFIX = ".jsonl"
 """Where a data set holds the study file, its registration, and its sessions, a file each."""
 UNKNOWN_UTC = datetime(1970, 1, 1, tzinfo=UTC)
 """When every session began whose time of day is not known."""
-_WRONG = (NotAllowed, ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
+MOST_BYTES = 2**26
+"""Of a session: two hours of touches that are recorded without a pause."""
+_WRONG = (
+    *(NotAllowed, ArithmeticError, AttributeError, LookupError),
+    *(RecursionError, TypeError, ValueError),
+)
 """What reading a line that was edited or damaged can raise."""
+
+
+_KINDS = ("participant", "rehearsal")
+_MOST_SESSIONS = 999_999_999
+_LONGEST_QUOTE = 80
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,13 +91,26 @@ def shared_session(source: str, text: str) -> SharedSession:
         raise BadInput(f"{source}: cannot be read as a session of touchbeam ({error})") from error
     if opened is None:
         raise BadInput(f"{source}: must begin with the opening of a session")
+    known = isinstance(opened, ScoresImported) or opened.kind in _KINDS
+    if not known or not 1 <= opened.session <= _MOST_SESSIONS:
+        told = f"{opened.kind!r}, {opened.session}"
+        raise BadInput(f"{source}: must be a numbered session of a participant, got {told}")
+    try:
+        pseudonym(opened.participant)
+    except BadInput as error:
+        raise BadInput(f"{source}: {error}") from None
     return SharedSession(place=place, events=events, opened=opened)
 
 
 def _stored(
     seq: int, tag: str, since_s: float, monotonic_s: float, given: Mapping[str, Any]
 ) -> StoredEvent:
-    payload = event_of(tag, given).to_json()
+    event = event_of(tag, given)
+    if wrong := event.misfit() or _out_of_range(event):
+        raise ValueError(f"{tag}, {wrong[:_LONGEST_QUOTE]}")
+    if not isfinite(monotonic_s):
+        raise ValueError(f"{tag}, time: {monotonic_s}")
+    payload = event.to_json()
     json.dumps(payload, allow_nan=False)  # refuses what no journal can hold
     return StoredEvent(
         seq=seq,
@@ -91,6 +119,22 @@ def _stored(
         monotonic_s=float(monotonic_s),
         payload=payload,
     )
+
+
+def _out_of_range(event: Event) -> str:
+    """Return a key whose value nobody can have measured, with the value; else nothing."""
+    match event:
+        case ResonanceMeasured(frequency_hz=hz) if hz <= 0:
+            return f"frequency_hz: {hz}"
+        case TouchRecorded(rate_hz=hz) if hz <= 0:
+            return f"rate_hz: {hz}"
+        case TouchRecorded(scale=scale, moved_s=moved_s, tare_n=tare_n) if (
+            len(scale),
+            len(moved_s),
+            len(tare_n or (0.0, 0.0)),
+        ) != (len(CHANNELS), 2, 2):
+            return f"scale: {scale}, moved_s: {moved_s}, tare_n: {tare_n}"
+    return ""
 
 
 @singledispatch

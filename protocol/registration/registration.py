@@ -125,7 +125,7 @@ def registration_in(text: str, source: str = FILE) -> Registration:
             written=text,
         )
         _require_form(made, found["schema"])
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise BadInput(
             f"{source}: cannot be read by this version of touchbeam; use the one that wrote it, or "
             f"{_AGAIN}"

@@ -57,12 +57,12 @@ def import_scores(
     if scores.is_dir():
         _import_data_set(scores, study)
         return
-    from analysis.loading.published import published_table, unpredicted_note
+    from analysis.loading.published import MOST_BYTES, published_table, unpredicted_note
     from runner.study.files import bytes_of, text_of
     from runner.study.folder import StudyFolder
     from runner.study.published import import_table
 
-    content = bytes_of(scores)
+    content = bytes_of(scores, most=MOST_BYTES)
     table = published_table(text_of(content, scores), str(scores), keep_means=keep_means)
     rows = followed("subjects", table.by_subject().items(), len(table.subjects))
     import_table(StudyFolder(path=study), rows, scores.name, content)
@@ -156,7 +156,7 @@ def _report_in_crate(
     from runner.study.data_set import shared_sessions
 
     texts = {name: content.decode() for name, content in files.items() if name.endswith(SUFFIX)}
-    chains = [session.events for session in shared_sessions(texts)]
+    chains = [session.events for session in shared_sessions(texts.items())]
     if registered := files.get(f"{FOLDER}/{REGISTRATION_FILE}"):
         chains.insert(0, (shared_registration(registered.decode()),))
     recorded = load_sessions(chains)

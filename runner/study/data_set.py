@@ -1,6 +1,6 @@
 """Import of a data set that touchbeam exported, as a study with the same sessions."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,6 +8,7 @@ from protocol.errors import BadInput
 from protocol.journal.events import StoredEvent, StudyRegistered
 from protocol.journal.shared_form import (
     FOLDER,
+    MOST_BYTES,
     REGISTRATION_FILE,
     STUDY_FILE,
     SUFFIX,
@@ -16,6 +17,7 @@ from protocol.journal.shared_form import (
 )
 from protocol.registration.registration import shared_registration
 from protocol.study_file.loading import parsed_study
+from protocol.study_file.toml import LONGEST_TEXT
 from runner.journal.names import REHEARSAL, STUDY_CHAIN, session_name
 from runner.journal.opening import open_journal
 from runner.study.files import bytes_of, text_of
@@ -42,15 +44,15 @@ def read_data_set(source: Path) -> DataSet:
     """
     place = source / FOLDER
     study_file = place / STUDY_FILE
-    if not study_file.is_file():
+    if not study_file.exists():
         raise BadInput(
             f"{source}: must be what touchbeam export --format bids or rocrate wrote; "
             f"{FOLDER}/{STUDY_FILE} is missing"
         )
-    text = text_of(bytes_of(study_file), study_file)
+    text = text_of(bytes_of(study_file, most=LONGEST_TEXT), study_file)
     parsed_study(text, str(study_file), dialects=DIALECTS)
     files = sorted(place.glob(f"*{SUFFIX}"))
-    texts = {str(file): text_of(bytes_of(file), file) for file in files}
+    texts = ((str(file), text_of(bytes_of(file, most=MOST_BYTES), file)) for file in files)
     sessions = {_name(session): session for session in shared_sessions(texts)}
     if len(sessions) != len(files):
         raise BadInput(f"{place}: must hold each session once")
@@ -59,18 +61,19 @@ def read_data_set(source: Path) -> DataSet:
 
 def _registration(place: Path) -> StoredEvent | None:
     file = place / REGISTRATION_FILE
-    if not file.is_file():
+    if not file.exists():
         return None
-    return shared_registration(bytes_of(file).decode(errors="replace"), str(file))
+    text = bytes_of(file, most=LONGEST_TEXT).decode(errors="replace")
+    return shared_registration(text, str(file))
 
 
-def shared_sessions(texts: Mapping[str, str]) -> list[SharedSession]:
-    """Return the sessions in `texts`, by the names of their files, in the order of the study.
+def shared_sessions(texts: Iterable[tuple[str, str]]) -> list[SharedSession]:
+    """Return the sessions in `texts`, each after its file's name, in the order of the study.
 
     Raises:
         BadInput: one of the texts is no session.
     """
-    found = (shared_session(name, text) for name, text in texts.items())
+    found = (shared_session(name, text) for name, text in texts)
     return sorted(found, key=lambda session: session.place)
 
 

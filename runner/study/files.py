@@ -22,15 +22,15 @@ _PRIVATE_FILE = 0o600
 _DESCRIPTORS = re.compile(r"/proc/[^/]+/fd|/dev/fd")
 
 
-def bytes_of(path: Path, *, short: bool = False) -> bytes:
+def bytes_of(path: Path, *, most: int | None = None) -> bytes:
     """Return the content of the file `path`.
 
     Raises:
-        BadInput: the file is missing or unreadable or, if it must be `short`, exceeds the length
-            limit or is a pipe or a device.
+        BadInput: the file is missing or unreadable or, where there is a limit, has more than `most`
+            bytes or is a pipe or a device.
     """
     try:
-        return _short_bytes(path) if short else path.read_bytes()
+        return path.read_bytes() if most is None else _short_bytes(path, most)
     except FileNotFoundError:
         raise BadInput(f"{path}: no such file") from None
     except OSError as error:
@@ -70,14 +70,14 @@ def short_text(path: Path) -> str:
             never end.
         OSError: it cannot be read.
     """
-    return text_of(_short_bytes(path), path).replace("\r\n", "\n").replace("\r", "\n")
+    return text_of(_short_bytes(path, LONGEST_TEXT), path).replace("\r\n", "\n").replace("\r", "\n")
 
 
-def _short_bytes(path: Path) -> bytes:
+def _short_bytes(path: Path, most: int) -> bytes:
     require_end(path)
     size = path.stat().st_size
-    if size > LONGEST_TEXT:
-        raise BadInput(f"{path}: must have at most {LONGEST_TEXT} bytes, got {size}")
+    if size > most:
+        raise BadInput(f"{path}: must have at most {most} bytes, got {size}")
     return path.read_bytes()
 
 

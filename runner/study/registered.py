@@ -23,6 +23,7 @@ from protocol.registration.registry_text import registry_text
 from protocol.study.fields import require_printable
 from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study, text_digest
+from protocol.study_file.toml import LONGEST_TEXT
 from runner.clock import Clock
 from runner.journal.amendments import accepted_digests
 from runner.journal.names import STUDY_CHAIN
@@ -51,7 +52,7 @@ def registration_of(folder: Path) -> Registration | None:
     if not path.exists():
         return None
     # As it is: line ends and a byte order mark, too, would change the digest.
-    return registration_in(bytes_of(path, short=True).decode(errors="replace"), str(path))
+    return registration_in(bytes_of(path, most=LONGEST_TEXT).decode(errors="replace"), str(path))
 
 
 def checked_registration(folder: StudyFolder) -> Registration | None:
@@ -160,7 +161,7 @@ def _changed_registry_text(_: Journal, folder: StudyFolder, made: Registration) 
     known = (made.touchbeam, made.study_sha256) == (version("touchbeam"), text_digest(text))
     if not (known and path.exists()):
         return ""
-    if bytes_of(path, short=True) == registry_text(parsed_study(text), made).encode():
+    if bytes_of(path, most=LONGEST_TEXT) == registry_text(parsed_study(text), made).encode():
         return ""
     return (
         f"{path}: was changed after touchbeam register wrote it; move it away and run touchbeam "
@@ -225,7 +226,7 @@ def power_result(path: Path, study_sha256: str) -> dict[str, str]:
     Raises:
         BadInput: it is no JSON object, is too long, or holds other texts than printable lines.
     """
-    content = bytes_of(path, short=True)
+    content = bytes_of(path, most=LONGEST_TEXT)
     try:
         found = json.loads(text_of(content, path))
         said = {"answer": _line(found["answer"])} if "answer" in found else {}

@@ -1,8 +1,9 @@
 """A study that is exported to BIDS and comes back: the same data, without what is private."""
 
 import json
+import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
@@ -227,7 +228,14 @@ def test_a_folder_that_touchbeam_has_not_exported_is_refused(
         ('["device-armed"', '["session-completed"', "cannot be read as a session"),
         ('"trace": [[', '"trace": [[NaN, ', "cannot be read as a session"),
         ('"trace": [[', '"trace": [[0, ', "cannot be read as a session"),
-        ('"trace": [[0.0', '"trace": [["now"', "a session cannot be read (must be real number"),
+        ('"trace": [[0.0', '"trace": [["now"', "of touchbeam (touch-ended, trace: "),
+        ('"frequency_hz": 24000.0', '"frequency_hz": 0', "(resonance-measured, frequency_hz: 0)"),
+        ('"participant": "P03"', '"participant": null', "(session-opened, participant: None)"),
+        ('"participant": "P03"', '"participant": "../../x1"', "must be a pseudonym"),
+        ('"participant": "P03"', '"participant": "@study"', "must be a pseudonym"),
+        ('"session": 1', '"session": 0', "must be a numbered session of a participant"),
+        ('"kind": "participant"', '"kind": "slide"', "must be a numbered session of a participant"),
+        ('{"place": 0}', "[" * 100_000, "cannot be read as a session of touchbeam (maximum rec"),
         ('"participant": "P03"', '"participant": "P01"', "must hold each session once"),
         ('"participant": "P03", ', "", "cannot be read as a session"),
     ],
@@ -240,8 +248,62 @@ def test_a_session_that_was_changed_so_that_it_is_none_is_refused(
     file.write_text(text.replace(old, new, 1), encoding="utf-8")
     study = changed.parent / "study"
     assert typed("import", changed, study) == 2
-    assert problem in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert problem in said
+    assert said.count("\n") == 1
+    assert len(said) < 500
     assert not study.exists()
+
+
+def a_pipe(file: Path) -> None:
+    os.mkfifo(file)
+
+
+def endless(file: Path) -> None:
+    file.symlink_to("/dev/zero")
+
+
+def large(file: Path) -> None:
+    with file.open("wb") as hollow:
+        hollow.truncate(2**40)
+
+
+BAD_FILES = pytest.mark.parametrize(
+    ("make", "problem"),
+    [
+        (a_pipe, "must be a file, got a pipe or a device"),
+        (endless, "must be a file, got a pipe or a device"),
+        (large, "bytes, got 1099511627776"),
+    ],
+)
+
+
+@BAD_FILES
+@pytest.mark.parametrize("name", ["study.toml", "registration.toml", "sub-P03.jsonl"])
+def test_a_file_that_never_ends_or_is_too_long_is_refused(
+    make: Callable[[Path], None],
+    problem: str,
+    name: str,
+    changed: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    (changed / SESSIONS / name).unlink(missing_ok=True)
+    make(changed / SESSIONS / name)
+    assert typed("import", changed, changed.parent / "study") == 2
+    said = capsys.readouterr().err
+    assert f"{name}: must " in said
+    assert problem in said
+    assert not (changed.parent / "study").exists()
+
+
+@BAD_FILES
+def test_such_a_table_of_scores_is_refused(
+    make: Callable[[Path], None], problem: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    make(tmp_path / "scores.csv")
+    assert typed("import", tmp_path / "scores.csv", tmp_path / "study") == 2
+    assert problem in capsys.readouterr().err
+    assert not (tmp_path / "study").exists()
 
 
 def test_a_session_without_events_is_refused(

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.journal.recordings import FULL_SCALE, DamagedSamplesError, Recording
+from protocol.journal.recordings import FULL_SCALE, MOST_COUNTS, DamagedSamplesError, Recording
 
 COUNTS = st.lists(
     st.tuples(*3 * [st.integers(-FULL_SCALE - 1, FULL_SCALE)]), min_size=0, max_size=50
@@ -49,6 +49,7 @@ def test_samples_survive_the_journal(samples: list[tuple[int, ...]]) -> None:
         {"samples": b64encode(b"not compressed").decode()},
         {"count": 3},
         {"count": 1},
+        {"count": -1},
         {"sha256": "0" * 64},
     ],
 )
@@ -56,3 +57,15 @@ def test_damaged_samples_are_refused(damaged: dict[str, object]) -> None:
     whole = recording([(1, 2, 3), (4, 5, 6)])
     with pytest.raises(DamagedSamplesError, match="samples"):
         replace(whole, **damaged).counts()  # type: ignore[arg-type]
+
+
+def test_samples_that_only_fill_the_memory_are_not_unpacked() -> None:
+    """Their digest is right: who made them has made it, too."""
+    one = recording([(1, 2, 3)]).to_json()
+    known = {
+        name: value for name, value in one.items() if name not in {"samples", "sha256", "count"}
+    }
+    bomb = Recording.packed(bytes(6 * (MOST_COUNTS + 1)), **known)
+    assert len(bomb.samples) < 100_000
+    with pytest.raises(DamagedSamplesError, match="samples cannot be 1000001 in number"):
+        bomb.counts()

@@ -4,11 +4,14 @@ One module imports joblib, so that how processes are started, and how many threa
 may have, is decided in one place.
 """
 
-from collections.abc import Callable, Generator, Iterable
+import os
+from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import contextmanager
 from typing import TypeVar, cast
 from warnings import catch_warnings
 
 Result = TypeVar("Result")
+_SAFE_PATH = "PYTHONSAFEPATH"
 
 
 def done(work: Iterable[Callable[[], Result]], workers: int) -> Generator[Result, None, None]:
@@ -23,7 +26,7 @@ def done(work: Iterable[Callable[[], Result]], workers: int) -> Generator[Result
     # joblib takes a quarter of a second to import, which most commands need not spend.
     from joblib import Parallel, delayed, parallel_config
 
-    with parallel_config(backend="loky", inner_max_num_threads=1):
+    with _from_nothing_here(), parallel_config(backend="loky", inner_max_num_threads=1):
         parallel = Parallel(n_jobs=workers, return_as="generator_unordered", batch_size=1)
         given = parallel(delayed(piece)() for piece in work)
         results = cast("Generator[Result, None, None]", given)
@@ -33,3 +36,21 @@ def done(work: Iterable[Callable[[], Result]], workers: int) -> Generator[Result
         finally:
             with catch_warnings(action="ignore"):  # of work that nobody waits for any more
                 results.close()
+
+
+@contextmanager
+def _from_nothing_here() -> Iterator[None]:
+    """Let no Python that is started meanwhile import from the current folder.
+
+    joblib starts its processes with `python -m` and `python -c`, which look there first: in a
+    study that somebody sent.
+    """
+    before = os.environ.get(_SAFE_PATH)
+    os.environ[_SAFE_PATH] = "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            os.environ.pop(_SAFE_PATH, None)
+        else:
+            os.environ[_SAFE_PATH] = before

@@ -29,6 +29,7 @@ LONGEST = (
     "system/test_recorded_sessions.py",
     "system/test_slide.py",
     "system/test_power_workers.py",
+    "system/test_planted.py",
     "system/day/test_day.py",
     "runner/cli/test_app.py",
     "runner/test_pytest_plugin.py",

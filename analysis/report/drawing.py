@@ -2,22 +2,27 @@
 
 import io
 import re
+import sys
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import chdir
 from dataclasses import dataclass
 from functools import lru_cache
 from html import escape
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from matplotlib import font_manager, rc_context, rcParams
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.backends.backend_svg import FigureCanvasSVG
-from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from analysis.estimates import FloatArray, IntArray, Interval
 from analysis.report.findings import Scale
+
+with chdir(Path(sys.executable).parent):  # it reads a `matplotlibrc` in the current folder
+    from matplotlib import font_manager, rc_context, rcParams, rcParamsDefault
+    from matplotlib.axes import Axes
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+    from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 __all__ = ["Axes"]
 
@@ -55,6 +60,8 @@ GREY = "#767676"
 DASHES: tuple[Any, ...] = ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1)), "-")
 _FONT = "DejaVu Sans"
 _REPRODUCIBLE: Any = {
+    # Not what a notebook has set, or a file of settings in whatever folder it was started in.
+    **{name: value for name, value in rcParamsDefault.items() if name != "backend"},
     "svg.hashsalt": "touchbeam",
     "svg.fonttype": "none",
     "pdf.fonttype": 42,
@@ -130,10 +137,11 @@ def intervals(
 
 def panels_figure(panels: Sequence[Panel], kind: str = "svg") -> bytes:
     """Return panels, two per row, as reproducible `svg`, `png` or `pdf` bytes."""
-    figure = _panels(panels)
-    if kind == "svg":
-        return _reproducible_svg(figure).encode()
-    return _saved(figure, kind, "Software" if kind == "png" else "CreationDate")
+    with rc_context(_REPRODUCIBLE):
+        figure = _panels(panels)
+        if kind == "svg":
+            return _reproducible_svg(figure).encode()
+        return _saved(figure, kind, "Software" if kind == "png" else "CreationDate")
 
 
 def panels_drawing(panels: Sequence[Panel], words: Words) -> Drawing:
@@ -290,6 +298,5 @@ def _reproducible_svg(figure: Figure) -> str:
     """Return the same bytes every time: without a date or random ids."""
     out = io.StringIO()
     FigureCanvasSVG(figure)
-    with rc_context(_REPRODUCIBLE):
-        figure.savefig(out, format="svg", metadata={"Date": None})
+    figure.savefig(out, format="svg", metadata={"Date": None})
     return "<svg" + out.getvalue().partition("<svg")[2].replace("\r\n", "\n")

@@ -1,5 +1,7 @@
 """Commands for the device and this computer: device, simulate-device, doctor."""
 
+import os
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -162,6 +164,7 @@ def doctor(as_json: JsonOption = False) -> None:
 @app.command("participant-screens", hidden=True)
 def participant_screens(show: Annotated[bool, typer.Option("--show")] = False) -> None:
     """Print the screens as JSON, or show their numbers until the standard input ends."""
+    _leave_folder()
     from runner.displays.screen_numbers import print_screens, show_numbers
 
     (show_numbers if show else print_screens)()
@@ -170,6 +173,16 @@ def participant_screens(show: Annotated[bool, typer.Option("--show")] = False) -
 @app.command("participant-window", hidden=True)
 def participant_window() -> None:
     """Serve the participant's window; started by a session, which uses its pipes."""
+    _leave_folder()
     from runner.window.server import serve_window
 
     serve_window()
+
+
+def _leave_folder() -> None:
+    """Go where nothing lies but programs, before the libraries of screens and windows come.
+
+    They load shared libraries from `lib`, fonts from `fonts` and settings from files in the
+    current folder, which may be a study that somebody sent.
+    """
+    os.chdir(Path(sys.executable).parent)

@@ -326,7 +326,9 @@ def _started(command: Sequence[str], complaints: IO[bytes]) -> WindowProcess:
         stderr=complaints,
         text=True,
         encoding="utf-8",
-        env={**os.environ, "PSYCHOPYNOPACKAGES": "1"},  # else psychopy changes PYTHONPATH
+        # Without the one PsychoPy changes PYTHONPATH. Without the other git, which it asks for its
+        # version, obeys the settings of a study that the environment lies in.
+        env={**os.environ, "PSYCHOPYNOPACKAGES": "1", "GIT_DIR": os.devnull},
         # Ctrl-C reaches only the session, which turns the device off first.
         start_new_session=True,
         creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),

@@ -49,31 +49,40 @@ def end(process: subprocess.Popen[bytes]) -> None:
         process.wait()
 
 
-@pytest.fixture
-def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """A scheduler's address and two workers, on this machine alone."""
-    file, here = tmp_path / "scheduler.json", ("--host", "127.0.0.1", "--no-dashboard")
+Cluster = tuple[str, list[subprocess.Popen[bytes]]]
+
+
+@contextmanager
+def cluster_in(folder: Path, size: int = 2) -> Iterator[Cluster]:
+    """A scheduler's address, and the scheduler and its workers, on this machine alone."""
+    file, here = folder / "scheduler.json", ("--host", "127.0.0.1", "--no-dashboard")
     with ExitStack() as stack:
         started = running(
             *(DASK, "scheduler", *here, "--port", "0", "--scheduler-file", str(file)),
-            folder=tmp_path,
+            folder=folder,
         )
         scheduler = stack.enter_context(started)
         wait_for(file.exists, scheduler)
         address = json.loads(file.read_text())["address"]
         workers = [
             stack.enter_context(
-                running(*(DASK, "worker", address, *here, "--nthreads", "1"), folder=tmp_path)
+                running(*(DASK, "worker", address, *here, "--nthreads", "1"), folder=folder)
             )
-            for _ in range(2)
+            for _ in range(size)
         ]
-        yield address, workers
+        yield address, [scheduler, *workers]
+
+
+@pytest.fixture
+def cluster(tmp_path: Path) -> Iterator[Cluster]:
+    with cluster_in(tmp_path) as started:
+        yield started
 
 
 def test_a_cluster_gives_the_same_bits_though_a_worker_is_killed(
-    cluster: tuple[str, list[subprocess.Popen[bytes]]],
+    cluster: Cluster,
 ) -> None:
-    address, (first, _) = cluster
+    address, (_, first, _) = cluster
     alone = numbers_alone()
     assert numbers_by(1, address).tobytes() == alone.tobytes()
     memory, found = Memory(), {}

@@ -9,7 +9,8 @@ from protocol.journal.events import Event
 
 EXCLUDED = ("excluded", "dropped")
 """A session excluded after its completion or before it, which it is again once included."""
-_LIVING = ("idle", "armed", "paused", "trial", "touching", "completed")
+UNFINISHED = ("idle", "armed", "paused", "trial", "touching")
+_LIVING = (*UNFINISHED, "completed")
 
 _TABLE: dict[tuple[str, type[Event]], str] = {
     ("new", events.SessionOpened): "idle",
@@ -56,6 +57,17 @@ TRANSITIONS: dict[tuple[str, str], str] = {
     (state, event.TAG): after for (state, event), after in _TABLE.items()
 }
 """(state, event) → state. `armed`: the device may be driven. `idle`: it is off and not armed."""
+
+
+def in_words(state: str, *, running: bool) -> str:
+    """Return a session's state as people call it: all unfinished ones are one.
+
+    >>> in_words("touching", running=False), in_words("completed", running=False)
+    ('interrupted', 'completed')
+    """
+    if state in UNFINISHED:
+        return "running" if running else "interrupted"
+    return EXCLUDED[0] if state in EXCLUDED else state
 
 
 class NotAllowed(WorkFailed):

@@ -79,8 +79,10 @@ def verify(study: StudyOrBackupArgument, as_json: JsonOption = False) -> None:
     Checks the hash chains, the order of events, and that each trial is answered exactly once; of a
     registered study also its files, and that the orders follow from its digest.
     """
+    from runner.journal.names import session_name
     from runner.journal.opening import read_journal
     from runner.journal.verification import verdicts
+    from runner.launch.locks import held_sessions
     from runner.study.folder import StudyFolder
 
     folder = StudyFolder(path=study)
@@ -99,8 +101,12 @@ def verify(study: StudyOrBackupArgument, as_json: JsonOption = False) -> None:
             )
         if unlocked:
             say(f"FAIL  {unlocked}")
-        for line in [verdict.line() for verdict in found] or ["The journal contains no sessions."]:
-            say(line)
+        names = [session_name(verdict.participant, verdict.session) for verdict in found]
+        running = set() if study.is_file() else held_sessions(names, study)
+        for verdict in found:
+            say(verdict.line(running))
+        if not found:
+            say("The journal contains no sessions.")
     if not result["ok"]:
         raise typer.Exit(1)
 

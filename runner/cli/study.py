@@ -164,7 +164,7 @@ def run(
     ] = False,
     consent: ConsentOption = None,
     extra: Annotated[
-        bool, typer.Option("--extra", help="Allow a session beyond those that the study plans.")
+        bool, typer.Option("--extra", help="Allow a session that is not due.")
     ] = False,
     new_name: Annotated[
         bool, typer.Option("--new", help="The participant is new, though a name is nearly alike.")

@@ -1,6 +1,6 @@
 """Verification of a journal: unbroken chains, permitted events, each trial answered once."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence, Set
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from itertools import groupby
@@ -15,9 +15,9 @@ from protocol.journal.events import (
     Withdrawn,
 )
 from protocol.journal.state import SessionState, folded
-from protocol.journal.transitions import NotAllowed
+from protocol.journal.transitions import NotAllowed, in_words
 from runner.journal.chain import FIRST_HASH, ChainLink, chain_hash, event_fields, payload_digest
-from runner.journal.names import REHEARSAL, STUDY_CHAIN, parsed_name
+from runner.journal.names import REHEARSAL, STUDY_CHAIN, parsed_name, session_name
 from runner.journal.registrations import Registrations, registrations, session_problem
 from runner.journal.store import Journal, JournalError
 
@@ -51,21 +51,22 @@ class SessionVerdict:
         lacking = self.state == "completed" and self.missing > 0
         return self.chain_ok and not (self.problem or self.duplicates or lacking)
 
-    def line(self) -> str:
-        """Return one line for people to read."""
+    def line(self, running: Set[str] = frozenset()) -> str:
+        """Return one line for people to read; `running` are the sessions that a process runs."""
         chain = "chain unbroken" if self.chain_ok else "CHAIN BROKEN"
-        line = f"{'ok  ' if self.ok else 'FAIL'}  {self._summary()}, {chain}"
+        line = f"{'ok  ' if self.ok else 'FAIL'}  {self._summary(running)}, {chain}"
         if len(self.versions) > 1:
             line += f"; written by several versions of touchbeam: {', '.join(self.versions)}"
         return f"{line}; {self.problem}" if self.problem else line
 
-    def _summary(self) -> str:
+    def _summary(self, running: Set[str]) -> str:
         if self.participant == STUDY_CHAIN:
             return f"the study itself  {self.state}  {self.events} event{'s' * (self.events != 1)}"
         rehearsed = f" ({REHEARSAL})" if self.kind == REHEARSAL else ""
         done = "passes drawn" if self.participant == SLIDE else "trials answered"
+        name = session_name(self.participant, self.session)
         return (
-            f"{self.participant}/{self.session}{rehearsed}  {self.state}  "
+            f"{name}{rehearsed}  {in_words(self.state, running=name in running)}  "
             f"{self.trials_answered} of {self.trials_planned} {done}, "
             f"{self.trials_aborted} aborted, {self.duplicates} answered twice"
         )

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from device.resonance import Resonance
 from protocol.address import SIMULATED
 from protocol.errors import BadInput
+from protocol.journal.transitions import UNFINISHED
 from protocol.plan.slide_plan import slide_study
 from protocol.pseudonyms import pseudonym
 from protocol.registration.registration import Registration
@@ -19,8 +20,9 @@ from protocol.study_file.limits import slide_problems
 from protocol.study_file.loading import StudyError
 from runner.clock import Pace
 from runner.interfaces import AnswerSource
+from runner.journal.cohort import states
 from runner.journal.location import checked_place, mounts_of_this_machine
-from runner.journal.names import chain_name, session_name
+from runner.journal.names import chain_name, chains_of, parsed_name, session_name
 from runner.journal.opening import read_journal
 from runner.journal.store import Journal, JournalError
 from runner.launch.confirmation import Confirm, nearly_the_same
@@ -179,6 +181,11 @@ def require_meant(request: Request, confirm: Confirm) -> None:
             f"--session {options.number}: the study plans {planned} for each participant; add "
             "--extra for another one"
         )
+    if number := _not_completed(request):
+        confirm(
+            f"{request.name}: session {number} of {options.participant} is not completed",
+            "finish or exclude it first; if that is meant, add --extra",
+        )
     person = options.consent is not None or options.ratings != "virtual"
     if person and request.rehearsal and not options.rehearsal:
         why = "the device is simulated" if request.url == SIMULATED else "the ratings are virtual"
@@ -192,6 +199,22 @@ def require_meant(request: Request, confirm: Confirm) -> None:
             "somebody else",
             f"give --participant {other} if that is meant, else add --new",
         )
+
+
+def _not_completed(request: Request) -> int | None:
+    """Return which session must come before a new one; those that were excluded are over."""
+    options, path = request.options, request.options.folder.journal
+    if request.rehearsal or options.extra or options.number == 1:
+        return None
+    if not path.exists():
+        return 1
+    with suppress(JournalError), read_journal(path) as journal:  # opening it to write will tell
+        known = states(journal)
+        own = chains_of(journal, options.participant, rehearsal=False)
+        over = {parsed_name(chain).number for chain in own if known[chain].name not in UNFINISHED}
+        lacking = [number for number in range(1, options.number) if number not in over]
+        return lacking[0] if lacking and request.chain(journal) not in known else None
+    return None
 
 
 def _resembling(request: Request) -> str | None:

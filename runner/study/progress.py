@@ -9,6 +9,7 @@ from pathlib import Path
 
 from protocol.journal.events import SLIDE, SessionOpened
 from protocol.journal.state import SessionState
+from protocol.journal.transitions import in_words
 from protocol.study.study import Study
 from runner.journal.cohort import SessionSummary, session_summaries, slot_for
 from runner.journal.names import REHEARSAL, parsed_name, session_name
@@ -59,8 +60,20 @@ class Progress:
 
     @property
     def done(self) -> int:
-        """The number of participants with a completed session that counts."""
-        return len({each.participant for each in self._of_people if each.state == "completed"})
+        """The number of participants with as many completed sessions as the study plans."""
+        return sum(self._completed(who) >= self._each for who in self.participants)
+
+    @property
+    def _each(self) -> int:
+        """How many sessions the study plans for each participant."""
+        return 1 if self.study is None else self.study.design.sessions
+
+    def _completed(self, participant: str) -> int:
+        """Return how many sessions `participant` has completed that count."""
+        return sum(each.state == "completed" for each in self._had_by(participant))
+
+    def _had_by(self, participant: str) -> list[SessionSummary]:
+        return [each for each in self._of_people if each.participant == participant]
 
     def resume_before(self, state: SessionState) -> datetime | None:
         """Return until when an unfinished session may be resumed."""
@@ -81,14 +94,12 @@ class Progress:
             yield (
                 f"{name}  {summary.kind}  {self._state(chain, state)}  "
                 f"{summary.answered} of {summary.planned} {unit}{excluded}{noted}"
-                f"{self._advice(chain, state)}"
+                f"{self._advice(chain, state)}{self._following(summary, state)}"
             )
         yield self._cohort()
 
     def _state(self, chain: str, state: SessionState) -> str:
-        if state.shown_name in _OVER:
-            return state.shown_name
-        return "running" if parsed_name(chain).plain in self.running else "interrupted"
+        return in_words(state.name, running=parsed_name(chain).plain in self.running)
 
     def _advice(self, chain: str, state: SessionState) -> str:
         """Return what to do about an interrupted session."""
@@ -108,6 +119,17 @@ class Progress:
             f"; go on before {until.astimezone():%A %H:%M} with: "
             f"{self._command(*again, *_options(state))}"
         )
+
+    def _following(self, summary: SessionSummary, state: SessionState) -> str:
+        """Return after a participant's latest session how to begin the next one, if one lacks."""
+        who = summary.participant
+        had, done = self._had_by(who), self._completed(who)
+        if summary.state != "completed" or summary not in had[-1:] or done >= self._each:
+            return ""
+        number = 1 + max(each.session for each in had)
+        extra = ["--extra"] if number > self._each else []
+        options = ("--participant", who, "--session", str(number), *extra, *_options(state))
+        return f"; {done} of {self._each} sessions, next: {self._command('run', *options)}"
 
     def _cohort(self) -> str:
         of = "" if self.planned is None else f" of {self.planned}"

@@ -43,8 +43,9 @@ def run_session(
     number: int = 1,
     kind: Any = "participant",
     device: FakeDevice | None = None,
+    person: FakeParticipant | None = None,
 ) -> None:
-    """Run a session as `touchbeam run` does; without `device` to its end."""
+    """Run a session as `touchbeam run` does; without `device` and `person` to its end."""
     folder = StudyFolder(path=place)
     options = SessionOptions(
         folder=folder, participant=participant, number=number, rehearsal=kind == "rehearsal"
@@ -66,7 +67,7 @@ def run_session(
         context = SessionContext(
             session=session,
             device=device,
-            participant=FakeParticipant(),
+            participant=person or FakeParticipant(),
             operator=FakeOperator(device),
             clock=clock,
             log=SessionLog(journal, request.chain(journal), clock),

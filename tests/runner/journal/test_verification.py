@@ -118,6 +118,13 @@ def test_a_verdict_is_one_line(verdict: SessionVerdict, line: str) -> None:
     assert verdict.line() == line
 
 
+@pytest.mark.parametrize(("running", "state"), [("P01/1", "running"), ("P01/2", "interrupted")])
+def test_an_unfinished_session_is_called_as_status_calls_it(running: str, state: str) -> None:
+    for unfinished in ("idle", "armed", "paused", "trial", "touching"):
+        said = replace(GOOD, state=unfinished).line({running})
+        assert said == f"ok    P01/1  {state}  {SAYS}, chain unbroken"
+
+
 def version_of(event: Event, **versions: object) -> StoredEvent:
     payload = {**event.to_json(), "versions": versions}
     return StoredEvent(

@@ -1,6 +1,7 @@
 """What `touchbeam status` says about each session, and what to do next."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
 
@@ -102,6 +103,25 @@ def test_a_finished_study_is_to_be_reported() -> None:
     found = progress(*done)
     assert (found.done, found.planned, found.next_participant) == (9, 9, "P10")
     assert list(found.lines())[-1] == "Done: 9 of 9 participants. Next: touchbeam report 'my study'"
+
+
+def test_who_lacks_a_session_is_not_done_and_is_to_come_again() -> None:
+    design = STUDY.design.model_copy(update={"sessions": 2})
+    both = [*begun("P01"), SessionCompleted()], [*begun("P01"), SessionCompleted()]
+    of_one = [*begun("P02", slot=1), SessionCompleted()]
+    rehearsed = [*begun("P02", "rehearsal"), SessionCompleted()]
+    names = ("P01/1", "P01/2", "P02/1", "P02/1 (rehearsal)")
+    sessions = zip(names, (*both, of_one, rehearsed), strict=True)
+    found = replace(progress(*sessions), study=STUDY.model_copy(update={"design": design}))
+    assert found.done == 1
+    lines = list(found.lines())
+    assert [line.partition("; ")[2] for line in lines[:-1]] == [
+        "",
+        "",
+        "1 of 2 sessions, next: touchbeam run 'my study' --participant P02 --session 2",
+        "",
+    ]
+    assert lines[-1].startswith("Done: 1 of 9 participants. The next participant gets slot 2")
 
 
 @pytest.mark.parametrize(

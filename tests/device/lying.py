@@ -8,7 +8,9 @@ from device.drivers.discovery import driver_of
 from device.drivers.driver import Driver
 from device.drivers.limits import Limits, Setpoint
 from device.errors import DeviceError, LimitExceeded
+from device.gauges.owner import GaugeOwner
 from device.link.link import Link
+from device.resonance import Resonance
 from device.rig import RAMP_STEP_S, Rig
 from device.simulator.device import simulated_device
 from tests.device.rigs import LIMITS
@@ -131,12 +133,18 @@ _TOO_MUCH = Setpoint(voltage_v=1e6, frequency_hz=1e3, ramp_v_per_s=1.0)
 
 
 @contextmanager
-def watched(limits: Limits, dialect: str) -> Iterator[WatchedRig]:
+def watched(
+    limits: Limits,
+    dialect: str,
+    clock: SteppedClock | None = None,
+    gauge: GaugeOwner | None = None,
+    calibration: Resonance | None = None,
+) -> Iterator[WatchedRig]:
     """A rig, not armed yet, whose device may lie; it is closed afterwards, whatever it says."""
-    clock = SteppedClock()
+    clock = clock or SteppedClock()
     port = LyingPort(dialect, clock)
     driver = driver_of(dialect)(Link(port, monotonic=clock), limits, clock)
-    rig = Rig(driver, limits, monotonic=clock)
+    rig = Rig(driver, limits, calibration, clock, gauge)
     try:
         yield WatchedRig(rig=rig, port=port, clock=clock)
     finally:

@@ -22,8 +22,8 @@ SCALE = (2.5e-4, 2.5e-4, 5e-6)
 class GaugePort:
     """A port with a simulated gauge behind it; `lie` is applied to every answer to `of`."""
 
-    def __init__(self) -> None:
-        self.clock = SteppedClock()
+    def __init__(self, clock: SteppedClock | None = None) -> None:
+        self.clock = clock or SteppedClock()
         self.device = simulated_device(seed=1, wall_s=self.clock)
         self.of = ""
         self.lie: Callable[[str], str] = str

@@ -57,14 +57,15 @@ class FakeFinger:
 
 def sliding(
     journal: Journal,
-    device: FakeDevice,
+    device: Any,
     *,
     operator: FakeOperator | None = None,
     finger: FakeFinger | None = None,
     text: str = TEXT,
+    clock: FakeClock | None = None,
 ) -> SessionContext:
     """Return the context of slide/1, new or resumed, with its block in the participant's place."""
-    clock = FakeClock()
+    clock = clock or FakeClock()
     log = SessionLog(journal, "slide/1", clock)
     if log.state.opened:
         clock.passed_s = 3600.0

@@ -19,7 +19,11 @@ Cell = Scalar | tuple[Scalar, ...]
 BETWEEN_TOUCHES = ";"
 NOT_AVAILABLE = "n/a"
 
-_FORMULA = re.compile(r"\s*[=+\-@＝＋－＠]")
+# A spreadsheet may split a file at other marks than the file's own, even within quotation marks.
+_BEGINS = r"(?=[\s\"]*[=+\-@＝＋－＠])"
+_CSV_FORMULA = re.compile(rf"(^|[;\t\n]){_BEGINS}")
+_TSV_FORMULA = re.compile(rf"(^|[;,]){_BEGINS}")
+_GUARD = re.compile(rf"(^|[;\t\n])'{_BEGINS}")
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\ufeff\ud800-\udfff]")
 
 
@@ -56,13 +60,13 @@ def tsv_text(header: Sequence[str], rows: Iterable[Sequence[Cell]]) -> str:
 
 def csv_cell(text: str) -> str:
     """Return `text` as a cell of a CSV file holds it, before it is quoted."""
-    return _CONTROL.sub(_escape, _no_formula(_line_feeds(text)))
+    return _CONTROL.sub(_escape, _CSV_FORMULA.sub(r"\1'", _line_feeds(text)))
 
 
 def tsv_cell(text: str) -> str:
     """Return `text` as a cell of a TSV file holds it."""
     escaped = _line_feeds(text).replace("\\", "\\\\").replace("\t", "\\t").replace("\n", "\\n")
-    shown = _CONTROL.sub(_escape, _no_formula(escaped))
+    shown = _CONTROL.sub(_escape, _TSV_FORMULA.sub(r"\1'", escaped))
     return f"'{shown}" if shown.strip() == NOT_AVAILABLE else shown
 
 
@@ -95,18 +99,13 @@ def _line_feeds(text: str) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-def _no_formula(text: str) -> str:
-    return f"'{text}" if _FORMULA.match(text) else text
-
-
 def unguarded(text: str) -> str:
-    """Return `text` without the apostrophe that `csv_cell` puts before what looks like a formula.
+    """Return `text` without the apostrophes that `csv_cell` puts before what looks like a formula.
 
-    >>> unguarded("'=1+1"), unguarded("'s")
-    ('=1+1', "'s")
+    >>> unguarded("'=1+1;'-1"), unguarded("'s")
+    ('=1+1;-1', "'s")
     """
-    bare = text.removeprefix("'")
-    return bare if _FORMULA.match(bare) else text
+    return _GUARD.sub(r"\1", text)
 
 
 def _escape(match: re.Match[str]) -> str:

@@ -7,14 +7,15 @@ import re
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis.cells import csv_cell, csv_text, tsv_cell, tsv_text
+from analysis.cells import csv_cell, csv_text, tsv_cell, tsv_text, unguarded
 from analysis.export.dataset import label, labels
 from tests.analysis.hostile_study import NOTES
 
 TYPED = st.text() | st.sampled_from(NOTES)
 PRINTABLE = st.characters(exclude_categories=["Cc", "Cs"], exclude_characters="\u2028\u2029\ufeff")
 PLAIN = st.text(PRINTABLE)
-FORMULA = re.compile(r"\s*[=+\-@＝＋－＠]")
+FORMULA = re.compile(r"[\s\"]*[=+\-@＝＋－＠]")
+FORMULA_WITHIN = re.compile(rf"(^|[;,\t\n]){FORMULA.pattern}")
 
 
 @settings(deadline=None)
@@ -22,17 +23,28 @@ FORMULA = re.compile(r"\s*[=+\-@＝＋－＠]")
 def test_csv_keeps_every_text_but_blanks_and_formulas(rows: list[list[str]]) -> None:
     written = csv_text(["a", "b"], rows)
     read = list(csv.reader(io.StringIO(written, newline="")))[1:]
-    assert read == [
-        [f"'{text}" if FORMULA.match(text) else text if text.strip() else "" for text in row]
-        for row in rows
-    ]
+    assert read == [[csv_cell(text) if text.strip() else "" for text in row] for row in rows]
 
 
-@settings(deadline=None)
-@given(TYPED)
-def test_no_cell_starts_a_formula(text: str) -> None:
-    assert not FORMULA.match(csv_cell(text))
-    assert not FORMULA.match(tsv_cell(text))
+@given(PLAIN.filter(lambda text: "'" not in text))
+def test_a_guard_is_taken_off_again_and_is_nowhere_else(text: str) -> None:
+    assert unguarded(csv_cell(text)) == text
+    assert FORMULA.search(text) or csv_cell(text) == text
+
+
+@given(st.lists(TYPED | st.sampled_from(["a;", "b\t", "c\n", ", ", '"', "=1+1"])).map("".join))
+def test_no_cell_starts_a_formula_wherever_a_spreadsheet_splits_the_file(text: str) -> None:
+    for part in re.split("[;\t\n]", csv_cell(text)):
+        assert not FORMULA.match(part)
+    for part in re.split("[;,\t\n]", tsv_cell(text)):
+        assert not FORMULA.match(part)
+
+
+def test_a_formula_after_a_semicolon_is_guarded() -> None:
+    assert csv_cell("a;=1+1") == "a;'=1+1"
+    assert csv_text(["a"], [[("a;=1+1", "-1")]]) == "a\na\\;'=1+1;'-1\n"
+    assert csv_cell("warm, -5 °C; dry") == "warm, -5 °C; dry"
+    assert tsv_cell('"=1+1", =2') == "'\"=1+1\",' =2"
 
 
 @settings(deadline=None)
@@ -46,7 +58,9 @@ def test_a_tsv_record_is_one_line_of_as_many_cells(rows: list[tuple[str, str]]) 
 
 
 @settings(deadline=None)
-@given(PLAIN.filter(lambda text: text.strip() not in {"", "n/a"} and not FORMULA.match(text)))
+@given(
+    PLAIN.filter(lambda text: text.strip() not in {"", "n/a"} and not FORMULA_WITHIN.search(text))
+)
 def test_a_tsv_text_can_be_read_back(text: str) -> None:
     tabs = f"{text}\t\\t\n\\n"
     meant = {"\\\\": "\\", "\\t": "\t", "\\n": "\n"}

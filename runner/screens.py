@@ -111,11 +111,13 @@ class OwnFinger:
 class Ask:
     """A question; answered with a text that `StudyQuestion.answer` accepts.
 
-    `bands` name ranges of a scale of scores.
+    `bands` name ranges of a scale of scores; `letters` are those that the language's keyboard has
+    beside those from a to z.
     """
 
     question: StudyQuestion
     bands: tuple[Band, ...] = ()
+    letters: str = ""
 
 
 def ask_change(question: Question) -> Ask:

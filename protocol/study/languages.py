@@ -53,6 +53,12 @@ class Language(Record):
     font_package: Annotated[
         _Shown | None, Field(description="what brings the first font on Debian and Ubuntu")
     ] = None
+    letters: Annotated[
+        str,
+        Field(max_length=36, pattern=r"^\w*$"),
+        AfterValidator(require_printable),
+        Field(description="letters that the keyboard on the screen shows beside those from a to z"),
+    ] = ""
     bands: Annotated[
         dict[Name, Line],
         Field(

@@ -7,7 +7,7 @@ from protocol.journal.events import QuestionAnswered
 from protocol.journal.records import QuestionAnswer
 from protocol.journal.state import SessionState
 from protocol.plan.trials import Trial
-from protocol.study.participant_texts import page_key
+from protocol.study.participant_texts import language, page_key
 from protocol.study.study_question import Answer, StudyQuestion, When
 from runner.screens import Ask, Instruction, Response
 from runner.session.operator_view import update_view
@@ -89,7 +89,8 @@ def _times(session: Session, state: SessionState) -> Iterator[tuple[When, int | 
 
 
 def _asked(context: SessionContext, question: StudyQuestion) -> QuestionAnswer:
-    answer, given = asked(context, Ask(question=question))
+    letters = language(context.session.study, context.session.language).letters
+    answer, given = asked(context, Ask(question=question, letters=letters))
     return QuestionAnswer(
         name=question.name,
         answer=answer,

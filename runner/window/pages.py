@@ -30,15 +30,15 @@ from runner.window.questions.question_pages import (
     question_targets,
 )
 
-COUNT_SIZE, NOW_SIZE, PAGE_SIZE, BANNER_SIZE, SMALL_SIZE = 50.0, 24.0, 23.0, 20.0, 18.0
+COUNT_SIZE, NOW_SIZE, PAGE_SIZE, BANNER_SIZE, SMALL_SIZE = 46.0, 23.0, 23.0, 20.0, 18.0
 _WHOLE = Box(x=0, y=45, width=720, height=400)
 _ABOVE = Box(x=0, y=200, width=720, height=130)
 _PICTURE = Box(x=0, y=-20, width=720, height=290)
 _PROGRESS = Box(x=280, y=282, width=230, height=28)
 _CONSENT = Box(x=0, y=266, width=760, height=50)
-_BELOW_BEAM = Box(x=0, y=-129, width=720, height=91)
-_COUNT = Box(x=0, y=-115, width=120, height=64)
-_SOON = Box(x=0, y=-161, width=740, height=28)
+_BELOW_BEAM = Box(x=0, y=-126, width=720, height=87)
+_COUNT = Box(x=0, y=-112, width=120, height=58)
+_SOON = Box(x=0, y=-155, width=740, height=28)
 _CALL = Box(x=-295, y=-208, width=190, height=66)
 _BANNER = Box(x=0, y=-273, width=780, height=50)
 
@@ -70,8 +70,8 @@ def targets(screen: Screen) -> tuple[Target, ...]:
     match screen:
         case Welcome() | Instruction():
             return (ready, call)
-        case Ask(question=question):
-            return (*question_targets(question), call)
+        case Ask():
+            return (*question_targets(screen), call)
     return (ready,) if _is_last(screen) else (call,)
 
 

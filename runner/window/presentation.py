@@ -61,6 +61,7 @@ class ShownScreen:
     interval_s: float
     readable_s: float = 0.0
     progress: tuple[int, int] | None = None
+    start: float = 0.5
     saved: bool = field(default=False, init=False)
     finger: OwnFinger | None = field(default=None, init=False)
     pending: PendingResponse = field(init=False)
@@ -68,7 +69,7 @@ class ShownScreen:
     called_s: list[float] = field(default_factory=list, init=False)
 
     def __post_init__(self) -> None:
-        self.pending = PendingResponse(self.screen, self.readable_s)
+        self.pending = PendingResponse(self.screen, self.readable_s, self.start)
         self.frames = FrameTimes(self.interval_s)
 
     def take(self, given: Input, t_s: float) -> None:

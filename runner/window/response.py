@@ -23,6 +23,8 @@ class PendingResponse:
 
     screen: Screen
     readable_s: float = 0.0
+    start: float = 0.5
+    """Where the first arrow marks a visual analogue scale, as a share of its length."""
     chosen: str | None = field(default=None, init=False)
     answer: str | None = field(default=None, init=False)
     confirmed_s: float = field(default=0.0, init=False)
@@ -43,7 +45,7 @@ class PendingResponse:
             case Key(name="enter"):
                 self._confirm(t_s)
             case Key() | Typed() if isinstance(self.screen, Ask):
-                self._choose(by_key(self.screen.question, self._now, given), "key", t_s)
+                self._choose(by_key(self.screen.question, self._now, given, self.start), "key", t_s)
             case Pressed(x=x, y=y):
                 self._pressed(x, y, t_s)
             case Dragged(x=x) if self._held:

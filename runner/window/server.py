@@ -6,6 +6,7 @@ not access the device, so no frame waits for the device's link.
 
 import os
 import queue
+import random
 import sys
 import threading
 import time
@@ -85,6 +86,7 @@ class WindowServer:
     mailbox: Mailbox
     send: Callable[[Mapping[str, Any]], None]
     now_s: Callable[[], float] = time.monotonic
+    random: Callable[[], float] = random.random
     _standing: ShownScreen = field(init=False)
     _past: list[dict[str, Any]] = field(default_factory=list, init=False)
     _progress: tuple[int, int] | None = field(default=None, init=False)
@@ -162,8 +164,14 @@ class WindowServer:
                 self._ended = True
 
     def _show(self, number: int, screen: Screen) -> None:
-        readable_s = self.settings.readable_s
-        self._standing = ShownScreen(number, screen, self._interval_s, readable_s, self._progress)
+        self._standing = ShownScreen(
+            number,
+            screen,
+            self._interval_s,
+            self.settings.readable_s,
+            self._progress,
+            start=self.random(),
+        )
 
     def _frame(self) -> None:
         self.canvas.draw(self._page())

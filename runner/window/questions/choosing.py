@@ -21,8 +21,11 @@ class Choice:
     typed: str = ""
 
 
-def by_key(question: StudyQuestion, now: Choice, key: Key | Typed) -> Choice:
-    """Return the choice after a key; a text is read as the system composes it, else as keys."""
+def by_key(question: StudyQuestion, now: Choice, key: Key | Typed, start: float = 0.5) -> Choice:
+    """Return the choice after a key; a text is read as the system composes it, else as keys.
+
+    The first arrow marks a visual analogue scale at `start`, as a share of its length.
+    """
     if isinstance(key, Typed):
         return _longer(question, now, key.text) if question.kind == "text" else now
     if key.name == BACKSPACE:
@@ -34,7 +37,7 @@ def by_key(question: StudyQuestion, now: Choice, key: Key | Typed) -> Choice:
             label = _label_by_key(question, None, key.name if key.name.isdigit() else "")
             now = now if label is None else by_press(question, now, label)
         case "scale" | "analogue":
-            now = _place_by_key(question, now, key.name)
+            now = _place_by_key(question, now, key.name, start)
         case "number" if _is_sign(key.name):
             now = _longer(question, now, key.name)
     return now
@@ -112,7 +115,7 @@ def _turned(question: StudyQuestion, chosen: str | None, label: str) -> str | No
     return BETWEEN.join(value for value in question.values if value in now ^ {label}) or None
 
 
-def _place_by_key(question: StudyQuestion, now: Choice, name: str) -> Choice:
+def _place_by_key(question: StudyQuestion, now: Choice, name: str, start: float) -> Choice:
     if question.kind == "scale" and _is_sign(name):
         possible = (text for text in (now.typed + name, name) if _possible(question, text))
         text = next(possible, "")
@@ -120,7 +123,10 @@ def _place_by_key(question: StudyQuestion, now: Choice, name: str) -> Choice:
     steps = _ANALOGUE_STEPS if question.kind == "analogue" else _STEPS
     low, _, step = question.scale
     at = None if now.chosen is None else round((float(now.chosen) - low) / step)
-    moved = _stepped(at, steps.get(name, 0), question.places)
+    if at is None and question.kind == "analogue" and name in steps:
+        moved: int | None = round(start * question.places)  # an end would draw marks towards it
+    else:
+        moved = _stepped(at, steps.get(name, 0), question.places)
     return Choice(chosen=None if moved is None else str(question.place(moved)))
 
 

@@ -10,7 +10,7 @@ from runner.window.elements import ACCENT, FAINT, INK, PALE, WHITE, Box, Outline
 TITLE_SIZE, ANSWER_SIZE, BUTTON_SIZE, HINT_SIZE = 30.0, 26.0, 24.0, 22.0
 TITLE = Box(x=0, y=200, width=720, height=130)
 MIDDLE = Box(x=0, y=90, width=640, height=300)
-HINT = Box(x=0, y=-132, width=740, height=86)
+HINT = Box(x=0, y=-126, width=740, height=84)  # three lines, clear of the buttons
 BUTTON = Box(x=0, y=-208, width=320, height=66)
 _NUMBER_X, _NUMBER_WIDTH, _BESIDE_WORDS = 35.0, 60.0, 135.0
 

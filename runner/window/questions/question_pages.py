@@ -1,6 +1,6 @@
 """The page of each kind of question, and its targets for presses."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from math import ceil
 
@@ -31,18 +31,23 @@ _ENTRY_SIZE = 24.0
 _KEY_SIZE = 22.0
 _DIGITS = ("123456", "7890-.")
 _LETTERS = ("1234567890", "qwertyuiop", "asdfghjkl'", "zxcvbnm,.-")
+_MORE_LETTERS = 8
+"""As many of a language's own stand beside those from a to z; more, an alphabet, replace them."""
+_WIDEST_ROW = 744.0
 SPACE, BACKSPACE = "space", "backspace"
 """Keys on the screen that are not named by what they type."""
+_WIDE = {SPACE: 160.0, BACKSPACE: 160.0}
 
 
-def question_targets(question: StudyQuestion) -> tuple[Target, ...]:
+def question_targets(screen: Ask) -> tuple[Target, ...]:
     """Return the targets of a question: answers, a scale or keys, and the button."""
+    question = screen.question
     confirm = Target(name="confirm", box=BUTTON, role="button")
     if question.kind in {"choice", "several"}:
         return (*_answers(question.values), confirm)
     if question.kind in {"scale", "analogue"}:
         return (Target(name="scale", box=SCALE_BOX, role="scale"), confirm)
-    return (*_keys(question), confirm)
+    return (*_keys(screen), confirm)
 
 
 def question_page(screen: Ask, view: PageState, wording: Wording) -> Page:
@@ -55,7 +60,7 @@ def question_page(screen: Ask, view: PageState, wording: Wording) -> Page:
             at = None if chosen is None else float(chosen)
             shown, key = scale(question, screen.bands, wording, at), "hint.score"
         case _:
-            shown, key = _entry(question, view.typed), "hint.typed"
+            shown, key = _entry(screen, view.typed), "hint.typed"
     if question.kind in {"several", "analogue"}:
         key = f"hint.{question.kind}"
     elif len(question.values) == 2:
@@ -82,7 +87,7 @@ def _answers(values: tuple[str, ...]) -> tuple[Target, ...]:
     """Return the targets of the answers from top to bottom, in two columns if they are many."""
     columns = 1 if len(values) <= _FEW else 2
     rows = ceil(len(values) / columns)
-    step, gap = (78.0, 16.0) if rows <= 3 else (220.0 / rows, 10.0)
+    step, gap = (77.0, 16.0) if rows <= 3 else (220.0 / rows, 10.0)
     first = Box(x=0, y=131.0 - (step - gap) / 2, width=520, height=step - gap)
     if columns == 2:
         first = replace(first, x=-_COLUMN_X, width=2 * _COLUMN_X - 18)
@@ -116,14 +121,14 @@ def _answer_boxes(question: StudyQuestion, chosen: str | None, wording: Wording)
     )
 
 
-def _entry(question: StudyQuestion, typed: str) -> Page:
+def _entry(screen: Ask, typed: str) -> Page:
     """Return what is typed in its frame, and keys for those who answer by touch."""
-    unit = f" {question.unit}" if question.unit else ""
+    unit = f" {screen.question.unit}" if screen.question.unit else ""
     room = _ENTRY.width - 20
-    shown = f"{typed or '…'}{unit}"
+    shown = f"{typed}_{unit}"
     while text_width(shown, _ENTRY_SIZE) > room and len(shown) > 1:
         shown = shown[1:]  # the end, which is typed now, stays in view
-    keys = [element for key in _keys(question) for element in _key(key)]
+    keys = [element for key in _keys(screen) for element in _key(key)]
     return (
         Outline(points=_ENTRY.corners, fill=WHITE, edge=INK),
         Text(text=shown, box=_ENTRY, size=_ENTRY_SIZE),
@@ -138,13 +143,24 @@ def _key(key: Target) -> Page:
     return (frame, Text(text=text, box=key.box, size=_KEY_SIZE)) if text else (frame,)
 
 
-def _keys(question: StudyQuestion) -> Iterator[Target]:
-    rows, step, height = (_DIGITS, 54.0, 46.0) if question.kind == "number" else (_LETTERS, 34, 31)
-    top = 66.0 if question.kind == "text" else 50.0
-    last = (SPACE, BACKSPACE) if question.kind == "text" else (BACKSPACE,)
-    for row, names in enumerate((*map(tuple, rows), last)):
-        width = 66.0 if row < len(rows) else 160.0
-        for column, name in enumerate(names):
-            x = (column - (len(names) - 1) / 2) * width
-            box = Box(x=x, y=top - row * step, width=width - 4, height=height)
+def _keys(screen: Ask) -> Iterator[Target]:
+    number = screen.question.kind == "number"
+    rows = (*_DIGITS, (BACKSPACE,)) if number else _letter_rows(screen.letters)
+    step, height, top = (54.0, 46.0, 50.0) if number else (34.0, 31.0, 67.5)
+    for row, names in enumerate(rows):
+        widest = (_WIDEST_ROW - sum(_WIDE.get(name, 0.0) for name in names)) / len(names)
+        widths = [_WIDE.get(name, min(66.0, widest)) for name in names]
+        x = -sum(widths) / 2
+        for name, width in zip(names, widths, strict=True):
+            box = Box(x=x + width / 2, y=top - row * step, width=width - 4, height=height)
             yield Target(name=name, box=box)
+            x += width
+
+
+def _letter_rows(letters: str) -> Sequence[Sequence[str]]:
+    """Return the keys of a language with `letters` of its own."""
+    if len(letters) <= _MORE_LETTERS:
+        return (*_LETTERS, (*letters, SPACE, BACKSPACE))
+    third = ceil(len(letters) / 3)
+    own = [letters[at : at + third] for at in range(0, len(letters), third)]
+    return (_LETTERS[0], *own, ("'", ",", ".", "-", SPACE, BACKSPACE))

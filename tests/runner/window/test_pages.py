@@ -1,7 +1,7 @@
 """Pages: what they show, what they hide, and that every text fits."""
 
 from dataclasses import replace
-from itertools import combinations, pairwise
+from itertools import combinations, pairwise, product
 from typing import Literal, get_args
 
 import pytest
@@ -252,6 +252,11 @@ def test_elements_stay_on_the_canvas_and_texts_do_not_overlap(
             point for each in elements if isinstance(each, Outline) for point in each.points
         ]
         assert all(abs(x) <= CANVAS[0] / 2 and abs(y) <= CANVAS[1] / 2 for x, y in corners)
+        pressed = [target.box for target in targets(screen) if target.role in {"button", "call"}]
+        for one, other in product(rooms, pressed):
+            gap_x = abs(one.x - other.x) - (one.width + other.width) / 2
+            gap_y = abs(one.y - other.y) - (one.height + other.height) / 2
+            assert one == other or max(gap_x, gap_y) >= 5, (screen, one, other)
         for number, one in enumerate(rooms):
             for other in rooms[:number]:
                 apart_x = abs(one.x - other.x) >= (one.width + other.width) / 2

@@ -1,21 +1,26 @@
 """Choosing and confirming: every key and press, and no answer without confirmation."""
 
+import json
 import random
+from itertools import combinations
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from device.people.person import Person
+from protocol.study.participant_texts import study_wording
 from protocol.study.questions import ANSWERS, Question
 from protocol.study.rating import Rating
 from protocol.study.study_question import StudyQuestion, score_question
 from protocol.study_file.loading import parsed_study, template
 from runner.people.virtual_participant import VirtualParticipant
 from runner.screens import Ask, Instruction, Notice, Pacing, Screen, Welcome, ask_change, ask_score
-from runner.window.elements import Dragged, Input, Key, Pressed, Released
-from runner.window.pages import targets
+from runner.window.elements import Dragged, Input, Key, Pressed, Released, Text, Typed
+from runner.window.pages import page, targets
+from runner.window.preflight import fits
 from runner.window.questions.choosing import inputs_for
+from runner.window.questions.page_layout import PageState
 from runner.window.questions.rating_scale import score_x
 from runner.window.response import EARLY_S, PendingResponse
 from tests.protocol.studies import OWN_QUESTIONS
@@ -226,6 +231,19 @@ def test_the_first_arrow_starts_at_an_end_of_the_scale() -> None:
     assert {after(SCORE, key).chosen for key in keys} == {"0", "10"}
 
 
+def test_the_first_arrow_marks_an_analogue_scale_at_a_place_of_the_pages_own() -> None:
+    screen = Ask(question=StudyQuestion(name="line", kind="analogue"))
+    for start, marked in ((0.0, "0"), (0.2345, "23.4"), (1.0, "100")):
+        for arrow in ("left", "right", "up", "down"):
+            pending = PendingResponse(screen, start=start)
+            pending.take(Key(name=arrow), 1.0)
+            assert pending.trace()["start"] == {"t_s": 1.0, "value": marked, "by": "key"}
+    moved = PendingResponse(screen, start=0.5)
+    for second, key in enumerate(("right", "right", "up", "left"), start=1):
+        moved.take(Key(name=key), float(second))
+    assert moved.chosen == "60"
+
+
 KINDS = [
     *parsed_study(template("paper") + OWN_QUESTIONS).question,
     StudyQuestion(name="turn", kind="scale", minimum=-1.5, maximum=1.0, step=0.25),
@@ -259,3 +277,56 @@ def test_what_a_virtual_person_presses_gives_its_answer(question: StudyQuestion)
         pending = after(screen, *inputs_for(question, meant.answer), "enter")
         assert pending.answer is not None
         assert question.answer(pending.answer) == question.answer(meant.answer)
+
+
+@pytest.mark.parametrize(
+    "letters",
+    [
+        *("", "äöüß", "àâçéèêëîïôùœ", "αβγδεζηθικλμνξοπρσςτυφχψω"),
+        "абвгдеёжзийклмнопрстуфхцчшщъыьэюя",
+    ],
+)
+def test_the_keys_on_the_screen_type_every_letter_of_the_language(letters: str) -> None:
+    screen = Ask(question=StudyQuestion(name="words", kind="text", max_length=200), letters=letters)
+    keys = [target for target in targets(screen) if target.role == "answer"]
+    named = [key.name for key in keys if len(key.name) == 1]
+    assert after(screen, *(press(screen, name) for name in named)).typed == "".join(named)
+    assert set(letters) <= set(named)
+    assert all(abs(x) <= 400 for key in keys for x, _ in key.box.corners)
+    for one, other in combinations([target.box for target in targets(screen)], 2):
+        assert (
+            abs(one.x - other.x) >= (one.width + other.width) / 2
+            or abs(one.y - other.y) >= (one.height + other.height) / 2
+        )
+
+
+def test_a_thousand_hostile_texts_are_answers_as_typed_and_fit_their_frame() -> None:
+    """Typed, pasted or tapped; a text that is too long is cut, one of spaces is no answer."""
+    rng, words = random.Random(1), study_wording(parsed_study(template("paper")), "en")
+    question = StudyQuestion(name="words", kind="text", max_length=200, text={"en": "What?"})
+    screen = Ask(question=question)
+    tapped = [target.name for target in targets(screen) if target.role == "answer"]
+    for _ in range(1000):
+        given = "".join(rng.choices(HOSTILE, k=rng.randrange(1, 30)))
+        pending = PendingResponse(screen)
+        for second, sign in enumerate(given if rng.random() < 0.5 else [given], start=1):
+            pending.take(Typed(text=sign), float(second))
+        pending.take(press(screen, rng.choice(tapped)), 300.0)
+        pending.take(Key(name="enter"), 301.0)
+        typed = pending.typed
+        assert len(typed) <= 200
+        assert typed.startswith(given[:198]) or typed == given[:200][:-1]
+        assert pending.answer == (typed.strip() or None)
+        if pending.answer is not None:
+            assert question.answer(pending.answer) == pending.answer
+            assert json.loads(json.dumps(pending.trace()))["changes"][-1]["value"] == pending.answer
+        shown = page(screen, PageState(chosen=pending.chosen, typed=typed), words)
+        assert all(fits(element) for element in shown if isinstance(element, Text))
+
+
+HOSTILE = (
+    *(chr(code) for code in range(32, 127)),
+    *("=1+1", "@SUM(A1)", "<script>", "{x}", "%s", "\\", "'; DROP", ";", "\u202e", "\u200b"),
+    *("é", "e\u0301" * 9, "ﷺ", "漢字", "🙂", "👩\u200d🔬", "𝔘", "\ufffd", "W" * 40, " " * 40),
+)
+"""All that a window takes for text, what other programs obey, and what is wide or has no width."""

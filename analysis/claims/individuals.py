@@ -146,7 +146,7 @@ def _receptor_sensitivity_differs(law: str) -> Finding:
         gains_on_condition_effects=free,
         m2_gain_sd=lines.gain_sd,
         m2_gain_sd_interval=lines.gain_sd_interval,
-        m2_gain_sd_prior_interval=lines.gain_sd_prior_interval,
+        m2_equal_gains=lines.equal_gains,
         m2_subjects_with_another_gain=apart,
         levels_f=levels_f,
         levels_p=levels_p,

@@ -132,5 +132,5 @@ def _noise_share(
     if isinstance(m1, NotEstimable):
         return m1
     scored = is_scored(data.trials).to_numpy() & found.known
-    by_errors = m1.lines.gain**2 * float((found.best_error[scored] ** 2).mean())
+    by_errors = m1.lines.middle[1] ** 2 * float((found.best_error[scored] ** 2).mean())
     return min(by_errors / m1.residual_sd**2, 1.0)

@@ -113,7 +113,7 @@ def _of_model(model: str, cohort: Cohort) -> Mapping[str, _Estimated]:
         interval=np.array([lines.gain_interval]),
         truth=np.array([cohort.population_gain]),
         posterior=mixture.gain.part(slice(-1, None)),
-        weights=mixture.weights,
+        weights=mixture.points.weights,
     )
     return {f"{model} {name}": each for name, each in found.items()}
 
@@ -121,7 +121,7 @@ def _of_model(model: str, cohort: Cohort) -> Mapping[str, _Estimated]:
 def _of_subjects(
     cohort: Cohort, lines: Lines, mixture: LineMixture, rated: FloatArray
 ) -> dict[str, _Estimated]:
-    first, weights = int(np.argmax(rated)), mixture.weights
+    first, weights = int(np.argmax(rated)), mixture.points.weights
     chosen = [line for line in lines.subjects if line.trials > 0]
     gain = cohort.gain[rated]
     truths = {"bias": cohort.bias[rated], "gain": gain, "relative gain": gain - gain.mean()}

@@ -96,9 +96,13 @@ def fit_json(
 
 def _lines_json(lines: Lines) -> Json:
     population = {name: value for name, value in plain(lines).items() if name != "subjects"}
+    subjects = subjects_json(lines.subjects)
+    if not lines.group_known:
+        reason = "a single subject tells nothing about a population"
+        return {"subjects": subjects, "population": None, "population_reason": reason}
     small = {"below_share_of_gain": SMALL_SPREAD, "p": population.pop("small_gain_sd")}
     return {
-        "subjects": subjects_json(lines.subjects),
+        "subjects": subjects,
         "population": {**_line_json(population), "small_gain_sd": small},
     }
 

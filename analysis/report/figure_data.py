@@ -135,7 +135,8 @@ def scatter(found: Findings) -> Scatter | None:
     if isinstance(m2, OrdinalSensitivity):
         curves[HEADLINE] = m2.expected_ratings(at)
     if isinstance(m1, LinearSensitivity):
-        curves[SIMPLE] = m1.lines.bias + m1.lines.gain * at
+        bias, gain = m1.lines.middle
+        curves[SIMPLE] = bias + gain * at
     ratings = given.where(chosen)
     return Scatter(ratings=ratings, scale=found.scale, of=count, at=at, curves=curves)
 

@@ -28,7 +28,8 @@ _TERMS = {
     "own share": "how much of what is said of a subject comes from the subject's own trials; "
     "the rest is borrowed from the group.",
     "p": "probability of scores at least as different as these if conditions made no difference.",
-    "r": "rank-biserial correlation: 1 if every subject rated the first condition higher.",
+    "r": "rank-biserial correlation: 1 if every subject whose ratings differ rated the first "
+    "condition higher. Its interval is for this pair alone; p is corrected for all pairs.",
     "relative gain": "a subject's gain less the mean gain of all subjects.",
     "rung": "how the beam's motion is computed; the top rung is the most accurate.",
 }

@@ -11,7 +11,7 @@ import numpy as np
 from analysis.estimates import Interval, NotEstimable
 from analysis.report.findings import Findings
 from analysis.report.wording import bounded, chance, count_of, interval, number, p_equals
-from analysis.sensitivity.lines import SMALL_SPREAD, Lines
+from analysis.sensitivity.lines import UNEQUAL, Lines
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.statistics.omnibus import SkillingsMack
 from analysis.statistics.signed_rank import LEVEL, PairwiseTest, SignedRank
@@ -120,6 +120,8 @@ def _pair(found: Findings, pair: PairwiseTest) -> str:
 
 
 def _gain(lines: Lines, contrast: str) -> str:
+    if not lines.group_known:
+        return "A single participant tells nothing about a group."
     low, high = lines.gain_interval
     shown = (
         "so they do."
@@ -139,7 +141,7 @@ def _gain(lines: Lines, contrast: str) -> str:
 
 def _spread(lines: Lines, skin: str) -> Iterator[tuple[str, str]]:
     """Yield how much gains differ between subjects, if there are several."""
-    if len(lines.subjects) < 2:
+    if not lines.group_known:
         return
     apart = [
         line
@@ -151,14 +153,17 @@ def _spread(lines: Lines, skin: str) -> Iterator[tuple[str, str]]:
         f"({', '.join(line.subject for line in apart[:MOST_PAIRS])}"
         f"{', …' if len(apart) > MOST_PAIRS else ''})."
         if apart
-        else "no participant's gain differed from the group's mean gain."
+        else "no participant's gain can be told from the group's mean gain."
     )
-    yield (
-        "Are some people more sensitive?",
-        f"Gains had an SD of {number(lines.gain_sd, 2)}{_ci(lines.gain_sd_interval)} between "
-        f"participants (P {chance(lines.small_gain_sd)} that it is below {SMALL_SPREAD:.0%} of "
-        f"the gain); {who} {skin}",
+    spread = f"SD {number(lines.gain_sd, 2)}{_ci(lines.gain_sd_interval)}"
+    differ = (
+        f"Gains differed between participants, {spread}"
+        if lines.equal_gains < UNEQUAL
+        else "These data do not show that gains differ between participants: equal gains have "
+        f"P {chance(lines.equal_gains)} (.50 before the study), and if gains differ, their SD is "
+        f"below {number(lines.gain_sd_upper, 2)} with P = .95"
     )
+    yield "Are some people more sensitive?", f"{differ}; {who} {skin}"
 
 
 def _ranking(found: Findings) -> Iterator[tuple[str, str]]:

@@ -6,14 +6,14 @@ from typing import TypeAlias
 
 import numpy as np
 from scipy.sparse import csr_array
-from scipy.special import ndtr
+from scipy.special import erfcx
 
 from analysis.estimates import BoolArray, FloatArray, IntArray
-from analysis.statistics.ordinal_likelihood import log_interval
 
-# Below this probability its logarithm is computed in the tail, which costs more.
-SMALLEST = 1e-280
 LOG_ROOT_2_PI = np.log(2 * np.pi) / 2
+# Beyond it a normal distribution has no probability that a number of this machine can tell from 0.
+# Mills' ratio there is 1e297, and overflows soon after.
+BEYOND = -37.0
 Loadings: TypeAlias = tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 
 
@@ -101,7 +101,7 @@ class OrdinalTrials:
             found.append((shared, own))
         return found[0], found[1]
 
-    def curvature(self, slopes: "EdgeSlopes", residual_sd: FloatArray) -> "Curvature":
+    def curvature(self, slopes: "EdgeSlopes", residual_sd: FloatArray) -> "Slopes":
         """Return the likelihood's derivatives with respect to the parameters."""
         return curvature_of(self, slopes, residual_sd)
 
@@ -166,8 +166,8 @@ def counted(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Curvature:
-    """First and negative second derivatives with respect to shared and own parameters.
+class Slopes:
+    """First and negative second derivatives of a likelihood by shared and own parameters.
 
     The first axis of each is that of the points: `shared_gradient` (points, G), `own_gradient`
     (points, subjects, 2), `own_precision` (points, subjects, 2, 2), `cross` (points, subjects, 2,
@@ -180,56 +180,100 @@ class Curvature:
     cross: FloatArray
     whole: FloatArray
 
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Curvature(Slopes):
+    """Derivatives of a log posterior by shared parameters and by own ones in units of their prior.
+
+    Own parameters are L z, T = L L' being their covariance and `root` (points, 2, 2) being L; the
+    derivatives are those by z, whose prior precision is I. So nothing is divided by T, which may be
+    singular, and no term of a determinant cancels another.
+    """
+
+    root: FloatArray
+
+    @cached_property
+    def _own_inverse(self) -> tuple[FloatArray, FloatArray]:
+        """Inverse of `own_precision` and the logarithm of its determinant, per subject."""
+        a, b, d = (self.own_precision[..., i, j] for i, j in ((0, 0), (0, 1), (1, 1)))
+        # With I + Q in place of the precision: 1 + tr Q + |Q|, each of which is positive.
+        size = 1 + (a - 1) + (d - 1) + np.maximum((a - 1) * (d - 1) - b * b, 0.0)
+        inverse = np.stack([np.stack([d, -b], axis=-1), np.stack([-b, a], axis=-1)], axis=-2)
+        return np.asarray(inverse / size[..., None, None]), np.log(size)
+
     @cached_property
     def own_covariance(self) -> FloatArray:
-        """Inverse of `own_precision`."""
-        a, b, d = (self.own_precision[..., i, j] for i, j in ((0, 0), (0, 1), (1, 1)))
-        inverse = np.stack([np.stack([d, -b], axis=-1), np.stack([-b, a], axis=-1)], axis=-2)
-        return np.asarray(inverse / (a * d - b * b)[..., None, None])
+        """Covariance of each subject's own parameters, given the shared ones."""
+        root = self.root[:, None]
+        return np.asarray(root @ self._own_inverse[0] @ np.swapaxes(root, -1, -2))
+
+    @cached_property
+    def _response(self) -> FloatArray:
+        return np.asarray(self._own_inverse[0] @ self.cross)
 
     @cached_property
     def response(self) -> FloatArray:
         """How far the own parameters move against the shared ones, (points, subjects, 2, G)."""
-        return np.asarray(self.own_covariance @ self.cross)
+        return np.asarray(self.root[:, None] @ self._response)
 
     @cached_property
-    def shared_precision(self) -> FloatArray:
-        """Curvature with respect to the shared parameters, the subjects' own eliminated."""
+    def _scaled(self) -> tuple[FloatArray, FloatArray]:
+        """Shared parameters' precision, the own ones eliminated, with a diagonal of 1; its scale.
+
+        This is one step of Cholesky's factorisation of the whole matrix, so that rounding hurts it
+        no more than that.
+        """
         size = self.whole.shape[-1]
         cross = self.cross.reshape(len(self.cross), -1, size)
-        response = self.response.reshape(cross.shape)
-        return np.asarray(self.whole - np.swapaxes(cross, 1, 2) @ response)
+        precision = self.whole - np.swapaxes(cross, 1, 2) @ self._response.reshape(cross.shape)
+        # Where rounding leaves nothing of a positive number, the point has no weight.
+        scale = np.sqrt(np.maximum(np.diagonal(precision, axis1=1, axis2=2), 1e-300))
+        return precision / (scale[:, :, None] * scale[:, None, :]), scale
+
+    @cached_property
+    def shared_covariance(self) -> FloatArray:
+        """Covariance of the shared parameters, (points, G, G)."""
+        scaled, scale = self._scaled
+        return np.asarray(np.linalg.inv(scaled) / (scale[:, :, None] * scale[:, None, :]))
 
     @cached_property
     def log_determinant(self) -> FloatArray:
-        """Logarithm of the determinant of the whole curvature, (points,)."""
-        own = self.own_precision
-        blocks = own[..., 0, 0] * own[..., 1, 1] - own[..., 0, 1] ** 2
-        shared: FloatArray = np.linalg.slogdet(self.shared_precision)[1]
-        return np.asarray(np.log(blocks).sum(axis=1) + shared)
+        """Logarithm of the determinant of the whole curvature, (points,); NaN if it is lost."""
+        scaled, scale = self._scaled
+        sign, size = np.linalg.slogdet(scaled)
+        shared = np.where(sign > 0, size, np.nan) + 2 * np.log(scale).sum(axis=1)
+        return np.asarray(self._own_inverse[1].sum(axis=1) + shared)
 
     def newton_step(self) -> tuple[FloatArray, FloatArray]:
-        """Return the step of shared and own parameters to the peak of the parabola."""
-        pulled = np.einsum("psig,psi->pg", self.response, self.own_gradient)
+        """Return the step of shared parameters and of z to the peak of the parabola."""
+        pulled = np.einsum("psig,psi->pg", self._response, self.own_gradient)
         gap = (self.shared_gradient - pulled)[..., None]
-        shared = np.linalg.solve(self.shared_precision, gap)[..., 0]
-        own = (self.own_covariance @ self.own_gradient[..., None])[..., 0]
-        own = own - (self.response @ shared[:, None, :, None])[..., 0]
+        shared = (self.shared_covariance @ gap)[..., 0]
+        own = (self._own_inverse[0] @ self.own_gradient[..., None])[..., 0]
+        own = own - (self._response @ shared[:, None, :, None])[..., 0]
         return np.asarray(shared, dtype=np.float64), np.asarray(own, dtype=np.float64)
 
-    def with_prior(
-        self, at: tuple[FloatArray, FloatArray], shared: FloatArray, own: FloatArray
+    @classmethod
+    def of_posterior(
+        cls,
+        likelihood: Slopes,
+        at: tuple[FloatArray, FloatArray],
+        shared_precision: FloatArray,
+        root: FloatArray,
     ) -> "Curvature":
-        """Add normal priors about 0 with these precisions, at the given parameters."""
-        diagonal = np.arange(shared.shape[-1])
-        whole = self.whole.copy()
-        whole[:, diagonal, diagonal] += shared
-        return replace(
-            self,
-            shared_gradient=self.shared_gradient - shared * at[0],
-            own_gradient=self.own_gradient - at[1] @ own,
-            own_precision=self.own_precision + own[:, None],
+        """Return derivatives with normal priors about 0, at shared parameters and z."""
+        diagonal = np.arange(shared_precision.shape[-1])
+        whole = likelihood.whole.copy()
+        whole[:, diagonal, diagonal] += shared_precision
+        turned = np.swapaxes(root, -1, -2)[:, None]
+        gradient = (turned @ likelihood.own_gradient[..., None])[..., 0]
+        return cls(
+            shared_gradient=likelihood.shared_gradient - shared_precision * at[0],
+            own_gradient=gradient - at[1],
+            own_precision=turned @ likelihood.own_precision @ root[:, None] + np.eye(2),
+            cross=turned @ likelihood.cross,
             whole=whole,
+            root=root,
         )
 
     def at(self, points: BoolArray | IntArray) -> "Curvature":
@@ -249,24 +293,32 @@ class EdgeSlopes:
 
 
 def edge_slopes(lower: FloatArray, upper: FloatArray) -> EdgeSlopes:
-    """Return log(Φ(upper) - Φ(lower)) and its slopes."""
-    mirrored = np.where(lower > 0, -1.0, 1.0)
-    p = mirrored * (ndtr(mirrored * upper) - ndtr(mirrored * lower))
-    far = p < SMALLEST
-    log_p = np.log(np.maximum(p, SMALLEST))
-    if far.any():
-        log_p[far] = log_interval(lower[far], upper[far], "probit")
-    log_scale = -LOG_ROOT_2_PI - log_p
+    """Return log(Φ(upper) - Φ(lower)) and its slopes; each lower edge is below its upper one.
+
+    With Mills' ratio R(x) = (1 - Φ(x)) / φ(x), the probability between a and b, |a| <= b, is
+    φ(a) (R(a) - R(b) exp(-(b - a)(b + a) / 2)). So the slopes φ(a) / P and φ(b) / P need neither a
+    probability, which far out is 0, nor the difference of large squares.
+    """
+    mirrored = lower + upper < 0
+    near = np.maximum(np.where(mirrored, -upper, lower), BEYOND)
+    far = np.where(mirrored, -lower, upper)
+    fall = np.exp(-(far - near) * (far + near) / 2)
+    gap = _mills(near) - _mills(far) * fall
+    at_near, at_far = 1 / gap, fall / gap
     return EdgeSlopes(
         lower=np.where(np.isinf(lower), 0.0, lower),
         upper=np.where(np.isinf(upper), 0.0, upper),
-        log_p=log_p,
-        up=np.exp(log_scale - upper * upper / 2),
-        down=-np.exp(log_scale - lower * lower / 2),
+        log_p=np.log(gap) - near * near / 2 - LOG_ROOT_2_PI,
+        up=np.where(mirrored, at_near, at_far),
+        down=-np.where(mirrored, at_far, at_near),
     )
 
 
-def curvature_of(trials: OrdinalTrials, slopes: EdgeSlopes, residual_sd: FloatArray) -> Curvature:
+def _mills(x: FloatArray) -> FloatArray:
+    return np.asarray(np.sqrt(np.pi / 2) * erfcx(x / np.sqrt(2)))
+
+
+def curvature_of(trials: OrdinalTrials, slopes: EdgeSlopes, residual_sd: FloatArray) -> Slopes:
     """Return the likelihood's derivatives with respect to the parameters.
 
     A trial depends on two thresholds, one subject's line and one condition, so the derivatives are
@@ -310,7 +362,7 @@ def curvature_of(trials: OrdinalTrials, slopes: EdgeSlopes, residual_sd: FloatAr
     whole[:, rest, rest] = cells[..., 0].sum(axis=1)
     whole[:, line.stop :, thresholds] = coupling
     whole[:, thresholds, line.stop :] = np.swapaxes(coupling, 1, 2)
-    return Curvature(
+    return Slopes(
         shared_gradient=np.concatenate([gradient[:, free], pulls.sum(axis=1), pulled], axis=1),
         own_gradient=pulls,
         own_precision=own,

@@ -1,13 +1,16 @@
 """Deterministic integration over a few parameters, such as variance components."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import combinations_with_replacement
+from math import lgamma
 from typing import TypeAlias
 
 import numpy as np
 from scipy.special import gammaincinv, logsumexp, ndtr, ndtri
 
-from analysis.estimates import FloatArray, Interval, NotEstimable
+from analysis.estimates import BoolArray, FloatArray, IntArray, Interval, NotEstimable
 
 # Maps points of shape (count, dimensions) to log densities of shape (count,).
 LogDensity: TypeAlias = Callable[[FloatArray], FloatArray]
@@ -19,7 +22,22 @@ CURVATURE_STEP = 0.2
 MODE_STEPS, MODE_RISE, LONGEST_STEP = 30, 0.05, 1.0
 # Limits to which the curvature of a direction at the mode is clipped.
 LEAST_CURVATURE, MOST_CURVATURE = 0.1, 1e8
-QUANTILE_STEPS, QUANTILE_TOLERANCE = 60, 1e-9
+QUANTILE_STEPS, QUANTILE_TOLERANCE = 60, 1e-13
+# Bits to which proposals are rounded.
+BITS = 12
+# What stands for the log density of a point at which it is unknown, and how many points may be so.
+NOWHERE, MOST_UNKNOWN = -1e9, 0.01
+# A point of less weight changes no digit that is shown.
+NEGLIGIBLE = 1e-12
+# Halves of the points may disagree on a limit by so much of the interval's width.
+MOST_DISAGREEMENT = 0.1
+# A correction may be at its limit at points of so much weight.
+MOST_LIMITED = 0.25
+# Points at which a smooth function stands for the density, and the distance in SDs from which its
+# polynomial levels off.
+SMOOTH_POINTS, LEVEL_FROM = 4096, 5.0
+# A polynomial has at most this share of the number of points in coefficients.
+MOST_COEFFICIENTS = 0.25
 # Quantiles that are sought together, until all of them are found; their arrays fit into the cache.
 AT_ONCE = 64
 # A smaller skewness is taken for this one, for which the distribution still can be computed.
@@ -30,78 +48,163 @@ LEAST_SKEW = 1e-3
 class WeightedPoints:
     """A discretised posterior: points (count, dimensions) and weights that sum to 1.
 
-    It represents the density if at least `least` points are effective.
+    It represents the density if at least `least` points are effective, at a share of at most
+    `MOST_UNKNOWN` the density is `unknown`, and the two `halves` (2, count), weights of a set of
+    points each, which are shifted against each other, agree. `log_evidence` is the logarithm of the
+    integral of the density, `log_density` (count,) its own at the points.
     """
 
     points: FloatArray
     weights: FloatArray
+    halves: FloatArray
     least: float
+    effective: float
+    unknown: float
+    log_evidence: float
+    log_density: FloatArray
 
-    @property
-    def effective(self) -> float:
-        """Effective sample size: the number of equally weighted points that tell as much."""
-        return float(1 / (self.weights**2).sum())
+    def refusal(self, *quantities: "Marginals") -> NotEstimable | None:
+        """Return why the points do not tell the quantities, or None if they do."""
+        return next((NotEstimable(reason) for reason in self._reasons(quantities)), None)
 
-    @property
-    def refusal(self) -> NotEstimable | None:
-        """Why the points do not represent the density, or None if they do."""
-        if self.effective >= self.least:
-            return None
-        return NotEstimable(
-            "the integration over the differences between people reached "
-            f"{self.effective:.0f} effective points, and intervals need at least "
-            f"{self.least:.0f}"
-        )
+    def _reasons(self, quantities: Iterable["Marginals"]) -> Iterator[str]:
+        integration = "its integration over the differences between people"
+        if self.unknown > MOST_UNKNOWN:
+            yield f"it could not be evaluated at {self.unknown:.0%} of the points of {integration}"
+        if self.effective < self.least:
+            yield (
+                f"{integration} reached {self.effective:.0f} effective points, and intervals need "
+                f"at least {self.least:.0f}"
+            )
+        for each in quantities:
+            if each.limited is not None and (share := each.limited.max()) > MOST_LIMITED:
+                yield (
+                    "the trials tell too little for its approximation: the skewness of a posterior "
+                    f"is beyond the limit of its correction at {share:.0%} of the points of "
+                    f"{integration}, and {MOST_LIMITED:.0%} are allowed"
+                )
+            apart = each.disagreement(self.halves, each.interval_95(self.weights))
+            if apart > MOST_DISAGREEMENT:
+                yield (
+                    f"two sets of points of {integration} disagree on a limit by {apart:.0%} of "
+                    f"the interval's width, and {MOST_DISAGREEMENT:.0%} are allowed"
+                )
 
     def mean(self, values: FloatArray) -> FloatArray:
         """Return the posterior mean of values at the points, along the first axis."""
         return np.asarray(np.tensordot(self.weights, values, axes=1), dtype=np.float64)
 
-    def interval_95(self, values: FloatArray) -> Interval:
-        """Return the central 95% interval of values at the points."""
-        low, high = (weighted_quantile(self.weights, values, p) for p in (0.025, 0.975))
-        return low, high
+    @cached_property
+    def _smoothed(self) -> tuple[FloatArray, FloatArray]:
+        """More points with weights, and the points themselves with what the first ones leave over.
+
+        At the first the density is that of a normal distribution times a polynomial's exponential,
+        which was fitted at the points: so few of these leave noise in a quantile of a parameter.
+        What the polynomial misses, the weights of the second correct, some of them negative.
+        """
+        mean, size = self.mean(self.points), self.points.shape[1]
+        away = self.points - mean
+        covariance = (self.weights * away.T) @ away
+        inverse = np.linalg.inv(np.linalg.cholesky(covariance))
+        orders = range(1, 4 if _coefficients(size) < MOST_COEFFICIENTS * len(away) else 3)
+
+        def basis(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+            steps = (points - mean) @ inverse.T
+            squares = (steps**2).sum(axis=1, keepdims=True)
+            near = (steps / np.sqrt(1 + squares / LEVEL_FROM**2)).T
+            terms = [
+                near[list(of)].prod(axis=0)
+                for order in orders
+                for of in combinations_with_replacement(range(size), order)
+            ]
+            return np.column_stack([np.ones(len(points)), *terms]), -squares[:, 0] / 2
+
+        terms, normal = basis(self.points)
+        root = np.sqrt(self.weights + 0.01 / len(away))
+        fitted = np.linalg.lstsq(
+            root[:, None] * terms, root * (self.log_density - normal), rcond=1e-10
+        )[0]
+        more, log_proposal = _t_points(mean, covariance, SMOOTH_POINTS)
+        others, of_more = basis(more)
+        weights = _normalised(others @ fitted + of_more - log_proposal)
+        missed = self.weights - _normalised(
+            np.log(self.weights) + terms @ fitted + normal - self.log_density
+        )
+        return np.concatenate([more, self.points]), np.concatenate([weights, missed])
+
+    def quantiles(self, of: Callable[[FloatArray], FloatArray], *p: float) -> list[float]:
+        """Return quantiles of a function that maps points (count, dimensions) to (count,)."""
+        points, weights = self._smoothed
+        values = of(np.clip(points, -REACH, REACH))
+        return [weighted_quantile(weights, values, each) for each in p]
 
 
 def weighted_points(
     log_density: LogDensity, start: FloatArray, count: int, least: float | None = None
-) -> WeightedPoints:
-    """Return at least `count` weighted points that represent the density.
+) -> tuple[WeightedPoints, BoolArray]:
+    """Return weighted points that represent the density, and which of the last ones they are.
 
     Importance sampling from a t distribution with 5 degrees of freedom, first about the mode and
     scaled by the curvature there, then with the mean and covariance of the points so far, until
     the effective sample size is at least `least` (None for 200) or four times as many points do not
     reach it. The points are those of an additive low-discrepancy sequence instead of random ones,
-    so that the same input gives the same result.
+    and of a proposal that is rounded, so that the same input gives the same points on every
+    computer. Points without weight are left out.
     """
     least = LEAST_EFFECTIVE if least is None else least
     log_density = _within_reach(log_density)
-    centre, spread = mode_of(log_density, start)
+    centre, covariance = mode_of(log_density, start)
     for number in (PILOT, count, 2 * count, 4 * count):
-        points, log_proposal = _t_points(centre, spread, number)
-        log_weights = log_density(points) - log_proposal
-        weights = np.exp(log_weights - logsumexp(log_weights))
-        found = WeightedPoints(points=points, weights=weights, least=least)
-        if number >= count and found.effective >= least:
+        points, log_proposal = _t_points(centre, covariance, number)
+        known = log_density(points)
+        log_weights = known - log_proposal
+        weights = _normalised(log_weights)
+        effective = float(1 / (weights**2).sum())
+        if number >= count and effective >= least:
             break
-        centre, spread = _adapted(found, spread)
-    return replace(found, points=np.clip(points, -REACH, REACH))
+        centre, covariance = _adapted(points, weights, effective, covariance)
+    some = weights > NEGLIGIBLE
+    halves = (
+        weights * (np.arange(number) < number // 2),
+        weights * (np.arange(number) >= number // 2),
+    )
+    return WeightedPoints(
+        points=np.clip(points[some], -REACH, REACH),
+        weights=weights[some] / weights[some].sum(),
+        halves=np.array([half[some] / half[some].sum() for half in halves]),
+        least=least,
+        effective=effective,
+        unknown=float((known <= NOWHERE).mean()),
+        log_evidence=float(logsumexp(log_weights)) - float(np.log(number)),
+        log_density=known[some],
+    ), some
 
 
-def _adapted(found: WeightedPoints, spread: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return mean and spread of the points; few effective ones change the spread little."""
-    mean = found.mean(found.points)
-    away = found.points - mean
-    size, known = len(mean), found.effective
-    covariance = known * (found.weights * away.T) @ away + size * spread @ spread.T
-    return mean, np.asarray(np.linalg.cholesky(covariance / (known + size)), dtype=np.float64)
+def _normalised(log_weights: FloatArray) -> FloatArray:
+    """Return weights that sum to 1; the least are those that still are numbers."""
+    return np.asarray(np.exp(np.maximum(log_weights - logsumexp(log_weights), -300.0)))
+
+
+def _coefficients(size: int) -> int:
+    """Return how many a polynomial of third order has."""
+    return (size + 1) * (size + 2) * (size + 3) // 6
+
+
+def _adapted(
+    points: FloatArray, weights: FloatArray, known: float, covariance: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return mean and covariance of the points; few effective ones change the covariance little."""
+    mean, size = weights @ points, points.shape[1]
+    away = points - mean
+    return mean, (known * (weights * away.T) @ away + size * covariance) / (known + size)
 
 
 def _within_reach(log_density: LogDensity) -> LogDensity:
     # Densities may overflow far out: beyond REACH, the value at the boundary falls off steeply.
     def bounded(points: FloatArray) -> FloatArray:
         inside = np.clip(points, -REACH, REACH)
-        return np.asarray(log_density(inside) - STEEPNESS * ((points - inside) ** 2).sum(axis=1))
+        known = np.nan_to_num(log_density(inside), nan=NOWHERE)
+        return np.asarray(known - STEEPNESS * ((points - inside) ** 2).sum(axis=1))
 
     return bounded
 
@@ -119,23 +222,23 @@ def low_discrepancy(count: int, dimensions: int) -> FloatArray:
 
 
 def mode_of(log_density: LogDensity, start: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the mode, and a matrix whose columns are uncorrelated steps of one SD there.
+    """Return the mode, and the inverse of the curvature there.
 
     Found by Newton's method with differences over steps so long that small errors of the density
     do not matter; the mode need not be exact, as the points adapt.
     """
     mode = start
     for _ in range(MODE_STEPS):
-        gradient, spread = _parabola(log_density, mode)
-        step = spread @ (spread.T @ gradient)
+        gradient, covariance = _parabola(log_density, mode)
+        step = covariance @ gradient
         mode = mode + step / max(1.0, float(np.abs(step).max()) / LONGEST_STEP)
         if gradient @ step < MODE_RISE:
             break
-    return mode, spread
+    return mode, covariance
 
 
 def _parabola(log_density: LogDensity, centre: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the gradient and the spread of the parabola through values about the centre."""
+    """Return the gradient and inverse curvature of the parabola through values about the centre."""
     size = len(centre)
     first, second = np.triu_indices(size, 1)
     axes = np.eye(size) * CURVATURE_STEP
@@ -148,30 +251,49 @@ def _parabola(log_density: LogDensity, centre: FloatArray) -> tuple[FloatArray, 
     curvature[first, second] = (falls[size:] - falls[first] - falls[second]) / 2
     curvature[second, first] = curvature[first, second]
     eigenvalues, vectors = np.linalg.eigh(curvature)
-    spread = vectors / np.sqrt(np.clip(eigenvalues, LEAST_CURVATURE, MOST_CURVATURE))
-    return (ahead - behind)[:size] / (2 * CURVATURE_STEP), np.asarray(spread)
+    inverse = (vectors / np.clip(eigenvalues, LEAST_CURVATURE, MOST_CURVATURE)) @ vectors.T
+    return (ahead - behind)[:size] / (2 * CURVATURE_STEP), np.asarray(inverse)
 
 
-def _t_points(mode: FloatArray, spread: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
-    size = len(mode)
+def _t_points(
+    centre: FloatArray, covariance: FloatArray, count: int
+) -> tuple[FloatArray, FloatArray]:
+    size = len(centre)
+    spread = _rounded(np.asarray(np.linalg.cholesky(covariance), dtype=np.float64))
     cube = low_discrepancy(count, size + 1)
     normal = ndtri(cube[:, :size])
     chi_square = 2 * np.asarray(gammaincinv(PROPOSAL_DF / 2, cube[:, size]))
     scaled = normal * np.sqrt(PROPOSAL_DF / chi_square)[:, None]
-    log_proposal = -(PROPOSAL_DF + size) / 2 * np.log1p((scaled**2).sum(axis=1) / PROPOSAL_DF)
-    return mode + scaled @ spread.T, log_proposal
+    constant = lgamma((PROPOSAL_DF + size) / 2) - lgamma(PROPOSAL_DF / 2)
+    constant -= size / 2 * np.log(PROPOSAL_DF * np.pi) + np.log(np.diag(spread)).sum()
+    log_proposal = constant - (PROPOSAL_DF + size) / 2 * np.log1p(
+        (scaled**2).sum(axis=1) / PROPOSAL_DF
+    )
+    return _rounded(centre) + scaled @ spread.T, log_proposal
+
+
+def _rounded(values: FloatArray) -> FloatArray:
+    """Return the values to `BITS` bits.
+
+    Other processors round otherwise in the last of 53. What begins with these numbers would carry
+    on the difference, and any proposal will do.
+    """
+    mantissa, exponent = np.frexp(values)
+    return np.asarray(np.ldexp(np.round(mantissa * 2**BITS) / 2**BITS, exponent))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Marginals:
     """Mean, SD and skewness of quantities at each weighted point, shape (points, quantities).
 
-    Without skewness the quantities are normal.
+    Without skewness the quantities are normal. `limited` (quantities,) is the share of the points,
+    by weight, at which the correction of a quantity had to be limited.
     """
 
     means: FloatArray
     sds: FloatArray
     skews: FloatArray | None = None
+    limited: FloatArray | None = None
 
     def plus(self, constant: float | FloatArray) -> "Marginals":
         """Return the marginals of the quantities plus a constant, or one per point (points, 1)."""
@@ -181,17 +303,34 @@ class Marginals:
         """Return the marginals of the quantities over a positive number per point."""
         return replace(self, means=self.means / divisors[:, None], sds=self.sds / divisors[:, None])
 
-    def part(self, quantities: slice) -> "Marginals":
+    def part(self, quantities: slice | IntArray) -> "Marginals":
         """Return the marginals of some of the quantities."""
         return Marginals(
             means=self.means[:, quantities],
             sds=self.sds[:, quantities],
             skews=None if self.skews is None else self.skews[:, quantities],
+            limited=None if self.limited is None else self.limited[quantities],
         )
 
     def interval_95(self, weights: FloatArray) -> list[Interval]:
         """Return the central 95% interval of each quantity over all points."""
         return intervals_95(weights, self.means, self.sds, self.skews)
+
+    def disagreement(self, halves: FloatArray, intervals: list[Interval]) -> float:
+        """Return how far halves of the points differ on a limit, at most, in widths of intervals.
+
+        Parameters:
+            halves: shape (2, points), weights.
+            intervals: of each quantity over all points.
+        """
+        limits, normal_of = np.array(intervals).T, _normal_scores(self.means, self.sds, self.skews)
+        found = []
+        for limit in limits:
+            score, slope = normal_of(limit)
+            density = halves.mean(axis=0) @ (_normal_density(score) * slope)
+            apart = (halves[0] - halves[1]) @ ndtr(score)
+            found.append(np.abs(apart) / (density * (limits[1] - limits[0])))
+        return float(np.max(found))
 
     def quantile(self, weights: FloatArray, probability: float) -> FloatArray:
         """Return the quantile of each quantity over all points."""
@@ -251,10 +390,14 @@ def _quantile(
         if (np.abs(excess) < QUANTILE_TOLERANCE).all():
             break
         low, high = np.where(excess < 0, value, low), np.where(excess < 0, high, value)
-        density = weights @ (np.exp(-(score**2) / 2) * slope) / np.sqrt(2 * np.pi)
+        density = weights @ (_normal_density(score) * slope)
         step = value - excess / np.maximum(density, 1e-300)
         value = np.where((step > low) & (step < high), step, (low + high) / 2)
     return np.asarray(value)
+
+
+def _normal_density(score: FloatArray) -> FloatArray:
+    return np.asarray(np.exp(-(score**2) / 2) / np.sqrt(2 * np.pi))
 
 
 def _normal_scores(
@@ -289,5 +432,6 @@ def intervals_95(
 def weighted_quantile(weights: FloatArray, values: FloatArray, probability: float) -> float:
     """Return the interpolated quantile of values at weighted points."""
     order = np.argsort(values)
-    reached = np.cumsum(weights[order]) - weights[order] / 2
+    # A few weights may be negative.
+    reached = np.maximum.accumulate(np.cumsum(weights[order]) - weights[order] / 2)
     return float(np.interp(probability, reached, values[order]))

@@ -7,15 +7,18 @@ from typing import Protocol, Self
 import numpy as np
 
 from analysis.estimates import BoolArray, FloatArray, IntArray
-from analysis.sensitivity.curvature import Curvature, EdgeSlopes, Loadings, edge_slopes
+from analysis.sensitivity.curvature import Curvature, EdgeSlopes, Loadings, Slopes, edge_slopes
 
-STEPS = 60
+STEPS = 200
 # Prior SD of thresholds and population line, in SDs of the ratings. It is so wide that it only
 # keeps them finite if the answers do not overlap.
 WIDE = 10.0
-# Newton's method makes its last step if that is expected to raise the log posterior by less; with
-# more than LARGE different trials, by less than LARGE_RISE.
-RISE, LARGE_RISE = 1e-4, 1e-2
+# Newton's method has found a mode where its next step is expected to raise the log posterior by
+# less. The step before was about the root of it long, in SDs, so that flipping it changes nothing.
+RISE = 1e-8
+# A step that does not rise when it is so many times shorter is not the posterior's, but rounding's.
+SHORTEST = 1e-9
+# From so many different trials on a study is large.
 LARGE = 8_000
 # Trials times points whose derivatives are in memory at once.
 CELLS = 200_000
@@ -73,21 +76,17 @@ class LatentTrials(Protocol):
         """Return lower and upper edges about the trials' place over σ, (trials, points)."""
         ...
 
-    def curvature(self, slopes: EdgeSlopes, residual_sd: FloatArray) -> Curvature:
+    def curvature(self, slopes: EdgeSlopes, residual_sd: FloatArray) -> Slopes:
         """Return the likelihood's derivatives with respect to the parameters."""
         ...
 
 
-NOWHERE = -1e9
-"""The log evidence of a point that the likelihood says nothing about."""
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Components:
-    """σ (points,), T (points, 2, 2) and the SD of discrepancies (points,)."""
+    """σ (points,), L of T = L L' (points, 2, 2) and the SD of discrepancies (points,)."""
 
     residual_sd: FloatArray
-    between: FloatArray
+    root: FloatArray
     discrepancy_sd: FloatArray
 
     def at(self, points: IntArray) -> "Components":
@@ -99,12 +98,13 @@ class Components:
 class LatentModes:
     """At each point the mode of the latent parameters, its log posterior and curvature.
 
-    `shared` (points, G): free thresholds, population line, discrepancies; `own` (points, subjects,
-    2): each subject's departure from that line; `value` (points,).
+    `shared` (points, G): free thresholds, population line, discrepancies; `z` (points, subjects,
+    2): each subject's departure from that line, in units of its prior; `value` (points,), NaN where
+    the mode was not found.
     """
 
     shared: FloatArray
-    own: FloatArray
+    z: FloatArray
     value: FloatArray
     curvature: Curvature
 
@@ -112,7 +112,7 @@ class LatentModes:
         """Return the modes at some of the points."""
         return LatentModes(
             shared=self.shared[points],
-            own=self.own[points],
+            z=self.z[points],
             value=self.value[points],
             curvature=self.curvature.at(points),
         )
@@ -121,7 +121,7 @@ class LatentModes:
         """Return these modes, with others at some of the points."""
         return LatentModes(
             shared=_with(self.shared, points, others.shared),
-            own=_with(self.own, points, others.own),
+            z=_with(self.z, points, others.z),
             value=_with(self.value, points, others.value),
             curvature=Curvature(
                 **{
@@ -144,7 +144,7 @@ class LatentModes:
         return cls(
             **{
                 name: np.concatenate([getattr(part, name) for part in every])
-                for name in ("shared", "own", "value")
+                for name in ("shared", "z", "value")
             },
             curvature=Curvature(
                 **{
@@ -155,16 +155,24 @@ class LatentModes:
         )
 
     @property
+    def own(self) -> FloatArray:
+        """Each subject's departure from the population's line, (points, subjects, 2)."""
+        return departures(self.curvature.root, self.z)
+
+    @property
     def log_evidence(self) -> FloatArray:
-        """Log marginal likelihood at these components, up to a constant."""
-        with np.errstate(all="ignore"):  # far out the curvature can be no number
-            found = self.value - self.curvature.log_determinant / 2
-        return np.where(np.isfinite(found), found, NOWHERE)
+        """Log marginal likelihood at these components, up to a constant; NaN if it is unknown."""
+        return self.value - self.curvature.log_determinant / 2
 
     @property
     def parameters(self) -> FloatArray:
         """Shared parameters, then each subject's own, in one row per point."""
-        return np.concatenate([self.shared, self.own.reshape(len(self.own), -1)], axis=1)
+        return np.concatenate([self.shared, self.z.reshape(len(self.z), -1)], axis=1)
+
+
+def departures(root: FloatArray, z: FloatArray) -> FloatArray:
+    """Return L z of each subject, (points, subjects, 2)."""
+    return np.asarray(np.einsum("pij,psj->psi", root, z))
 
 
 def _with(values: FloatArray, points: IntArray, others: FloatArray) -> FloatArray:
@@ -184,7 +192,7 @@ class LatentField:
         self.trials = trials
 
     def start(self, points: int) -> tuple[FloatArray, FloatArray]:
-        """Return the initial shared and own parameters at each point."""
+        """Return the initial shared parameters and z at each point."""
         shared = np.tile(self.trials.shared_start, (points, 1))
         return shared, np.zeros((points, self.trials.subjects, 2))
 
@@ -199,58 +207,50 @@ class LatentField:
 
     def _modes(self, components: Components, start: tuple[FloatArray, FloatArray]) -> LatentModes:
         current = self.evaluated(*start, components)
-        (shared, own), rise = _newton(current)
+        lost = np.flatnonzero(np.isinf(current.value))
+        if lost.size:  # edges that were foreseen out of order
+            again = self.evaluated(*self.start(len(lost)), components.at(lost))
+            current = current.replaced(lost, again)
+        (shared, z), rise = _newton(current)
         length = np.ones(len(rise))
-        least = RISE if len(self.trials.x) <= LARGE else LARGE_RISE
         for _ in range(STEPS):
-            active = np.flatnonzero(rise >= least)
+            # A rise that is no number has not converged either: such a point stays unknown.
+            active = np.flatnonzero((rise >= RISE) & (length > SHORTEST))
             if not active.size:
                 break
             size = length[active]
             moved = self.evaluated(
                 current.shared[active] + size[:, None] * shared[active],
-                current.own[active] + size[:, None, None] * own[active],
+                current.z[active] + size[:, None, None] * z[active],
                 components.at(active),
             )
             risen = moved.value > current.value[active]
-            length[active] = np.where(risen, 1.0, size / 2)
+            length[active] = np.where(risen, np.minimum(2 * size, 1.0), size / 4)
             if not risen.any():
                 continue
             to, moved = active[risen], moved.at(risen)
             current = current.replaced(to, moved)
-            (shared[to], own[to]), rise[to] = _newton(moved)
-        return replace(
-            current,
-            shared=current.shared + shared,
-            own=current.own + own,
-            value=current.value + rise / 2,
-        )
+            (shared[to], z[to]), rise[to] = _newton(moved)
+        return replace(current, value=np.where(rise < RISE, current.value, np.nan))
 
-    def in_order(self, shared: FloatArray, own: FloatArray) -> BoolArray:
-        """Return at which points each trial's upper edge is above its lower one."""
-        lower, upper = self.trials.bounds(shared, own, np.ones(len(shared)))
-        return np.asarray((upper > lower).all(axis=0))
-
-    def evaluated(self, shared: FloatArray, own: FloatArray, components: Components) -> LatentModes:
+    def evaluated(self, shared: FloatArray, z: FloatArray, components: Components) -> LatentModes:
         """Return log posterior, gradient and curvature, -inf if edges are not in order."""
-        # A step that is too long may overflow; it is shortened.
-        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            lower, upper = self.trials.bounds(shared, own, components.residual_sd)
-            slopes = edge_slopes(lower, upper)
-            likelihood = self.trials.curvature(slopes, components.residual_sd)
-        departures = shared - self.trials.shared_start, own
-        precision = np.asarray(np.linalg.inv(components.between), dtype=np.float64)
-        shared_precision = self._shared_prior(components)
-        squares = np.einsum("psi,pij,psj->p", own, precision, own)
-        squares += (shared_precision * departures[0] ** 2).sum(axis=1)
-        determinants = own.shape[1] * np.linalg.slogdet(precision)[1]
-        determinants += np.log(shared_precision).sum(axis=1)
-        value = self.trials.weight @ slopes.log_p - (squares - determinants) / 2
+        lower, upper = self.trials.bounds(
+            shared, departures(components.root, z), components.residual_sd
+        )
+        in_order = (upper > lower).all(axis=0)
+        # Elsewhere there is no likelihood; any edges in order will do.
+        slopes = edge_slopes(np.where(in_order, lower, -1.0), np.where(in_order, upper, 1.0))
+        likelihood = self.trials.curvature(slopes, components.residual_sd)
+        away = shared - self.trials.shared_start
+        precision = self._shared_prior(components)
+        squares = (z**2).sum(axis=(1, 2)) + (precision * away**2).sum(axis=1)
+        value = self.trials.weight @ slopes.log_p - (squares - np.log(precision).sum(axis=1)) / 2
         return LatentModes(
             shared=shared,
-            own=own,
-            value=np.where((upper > lower).all(axis=0), value, -np.inf),
-            curvature=likelihood.with_prior(departures, shared_precision, precision),
+            z=z,
+            value=np.where(in_order, value, -np.inf),
+            curvature=Curvature.of_posterior(likelihood, (away, z), precision, components.root),
         )
 
     def _shared_prior(self, components: Components) -> FloatArray:
@@ -262,8 +262,8 @@ class LatentField:
 
 
 def _newton(found: LatentModes) -> tuple[tuple[FloatArray, FloatArray], FloatArray]:
-    """Return Newton's step of shared and own parameters, and the rise that it expects."""
+    """Return Newton's step of shared parameters and z, and twice the rise that it expects."""
     curvature = found.curvature
-    shared, own = curvature.newton_step()
+    shared, z = curvature.newton_step()
     rise = (curvature.shared_gradient * shared).sum(axis=1)
-    return (shared, own), rise + (curvature.own_gradient * own).sum(axis=(1, 2))
+    return (shared, z), rise + (curvature.own_gradient * z).sum(axis=(1, 2))

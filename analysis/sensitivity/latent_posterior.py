@@ -18,7 +18,7 @@ from analysis.sensitivity.marginals import Combinations, marginals
 
 # A study of few trials leaves the variance components uncertain, so that it needs more points to
 # integrate over them; each costs less.
-FEWEST_POINTS, MOST_POINTS = 400, 2000
+FEWEST_POINTS, MOST_POINTS = 400, 1000
 POINTS_BY_TRIALS = 6e7
 # From LARGE different trials on, the components are known so well that few points suffice. The
 # search for their mode begins at that of about so many trials.
@@ -76,7 +76,7 @@ class LatentPosterior:
         chosen = np.sort(rng.choice(len(self.residual_sds), size=count, p=self.points.weights))
         points, of_point = np.unique(chosen, return_inverse=True)
         modes = self.modes.at(np.isin(np.arange(len(self.residual_sds)), points))
-        root = np.linalg.cholesky(np.linalg.inv(modes.curvature.shared_precision))[of_point]
+        root = np.linalg.cholesky(modes.curvature.shared_covariance)[of_point]
         away = (root @ rng.standard_normal((count, root.shape[-1], 1)))[..., 0]
         own_root = np.linalg.cholesky(modes.curvature.own_covariance)
         own = rng.standard_normal((count, *own_root.shape[1:3]))
@@ -124,23 +124,22 @@ def integrated(
     if len(trials.x) > LARGE:
         few = trials.some(-(-len(trials.x) // MODE_TRIALS))
         start, _ = mode_of(_Density(few, start, components, log_prior), start)
-        points = weighted_points(density, start, LARGE_POINTS, LARGE_EFFECTIVE)
+        points, kept = weighted_points(density, start, LARGE_POINTS, LARGE_EFFECTIVE)
     else:
         wanted = int(POINTS_BY_TRIALS / len(trials.x) ** 2)
-        points = weighted_points(density, start, min(max(wanted, FEWEST_POINTS), MOST_POINTS))
+        wanted = min(max(wanted, FEWEST_POINTS), MOST_POINTS)
+        points, kept = weighted_points(density, start, wanted)
     # The last evaluation was at the returned points, so these are their modes.
     sds = components(points.points).residual_sd
-    return LatentPosterior(trials=trials, points=points, residual_sds=sds, modes=density.known[1])
+    modes = density.known[1].at(kept)
+    return LatentPosterior(trials=trials, points=points, residual_sds=sds, modes=modes)
 
 
 def _foreseen(
     field: LatentField, known: tuple[FloatArray, LatentModes], points: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return starts for the search of the modes at `points`, linear in those that are known.
-
-    Of a point so far out that its mode overflowed nothing is known.
-    """
-    fine = np.isfinite(known[1].parameters).all(axis=1)
+    """Return starts for the search of the modes at `points`, linear in those that are known."""
+    fine = np.isfinite(known[1].value)
     if not fine.any():
         return field.start(len(points))
     places, modes = known[0][fine], known[1].parameters[fine]
@@ -149,8 +148,6 @@ def _foreseen(
     columns = design.shape[1] if len(places) > 2 * design.shape[1] else 1 + points.shape[1]
     plane = np.linalg.lstsq(design[:, :columns], modes, rcond=1e-6)[0]
     found, size = wanted[:, :columns] @ plane, known[1].shared.shape[1]
-    in_order = field.in_order(found[:, :size], found[:, size:].reshape(len(points), -1, 2))
-    found = np.where(in_order[:, None], found, modes.mean(axis=0))
     return found[:, :size], found[:, size:].reshape(len(points), -1, 2)
 
 

@@ -13,7 +13,6 @@ from analysis.sensitivity.lines import (
     axes_of,
     covariance_matrices,
     log_prior_of_spread,
-    spread_of,
     summary,
     turn_of,
 )
@@ -172,11 +171,22 @@ def linear_posterior(ratings: Ratings) -> tuple[LinearSensitivity, LineMixture] 
         )
 
     def log_posterior(points: FloatArray) -> FloatArray:
-        prior = log_prior_of_spread(points[:, 1:3]).sum(axis=1) - 2 * np.log(np.cosh(points[:, 3]))
-        return np.asarray(line_posterior(sums, *_components(points)).log_likelihood + prior)
+        spread = log_prior_of_spread(points[:, 2]) - 2 * np.log(2**0.5 * np.cosh(points[:, 3]))
+        return np.asarray(_log_posterior(sums, points) + spread)
 
-    posterior = weighted_points(log_posterior, START, POINTS)
-    return posterior.refusal or _result(ratings, sums, posterior, axes)
+    def equal_gains(points: FloatArray) -> FloatArray:
+        return _log_posterior(sums, np.insert(points, [2, 2], [-np.inf, 0.0], axis=1))
+
+    posterior, _ = weighted_points(log_posterior, START, POINTS)
+    equal, _ = weighted_points(equal_gains, START[:2], POINTS // 2)
+    fit, mixture = _result(ratings, sums, posterior, axes, equal.log_evidence)
+    return mixture.refusal or (fit, mixture)
+
+
+def _log_posterior(sums: LineSums, points: FloatArray) -> FloatArray:
+    """Return the log posterior, but for the priors of τ_gain and ρ."""
+    known = line_posterior(sums, *_components(points))
+    return np.asarray(known.log_likelihood + log_prior_of_spread(points[:, 1]))
 
 
 def _components(points: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -185,7 +195,7 @@ def _components(points: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _result(
-    ratings: Ratings, sums: LineSums, posterior: WeightedPoints, axes: Axes
+    ratings: Ratings, sums: LineSums, posterior: WeightedPoints, axes: Axes, equal: float
 ) -> tuple[LinearSensitivity, LineMixture]:
     residual_sd, between = _components(posterior.points)
     known = line_posterior(sums, residual_sd, between)
@@ -197,17 +207,18 @@ def _result(
         Marginals(means=means[..., part], sds=np.sqrt(variances[..., part])) for part in (0, 1)
     )
     mixture = LineMixture(
-        weights=posterior.weights,
+        points=posterior,
+        axes=axes,
         bias=bias.plus(axes.y_mean),
         gain=gain,
         relative=_relative_gains(known, sums.counts > 0, float(turn[1, 1])),
         own_variance=_departure_variances(known)[..., 1, 1] / between[:, None, 1, 1],
-        spread=spread_of(between, axes),
         residual_sd=residual_sd * axes.y_sd,
-        gain_unit=float(turn[1, 1]),
+        log_evidence_equal=equal,
+        counts=sums.counts,
     )
     fit = LinearSensitivity(
-        lines=summary(ratings.subjects, sums.counts, mixture),
+        lines=summary(ratings.subjects, mixture),
         residual_sd=float(posterior.mean(residual_sd)) * axes.y_sd,
         effective_points=posterior.effective,
     )

@@ -1,16 +1,23 @@
 """Bias and gain of each subject with intervals, the result of every sensitivity model."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
+from scipy.special import expit
 
 from analysis.estimates import FloatArray, Interval, NotEstimable
-from analysis.sensitivity.integration import Marginals, weighted_quantile
+from analysis.sensitivity.integration import Marginals, WeightedPoints
 from analysis.sensitivity.ratings import Ratings
 
 SMALL_SPREAD = 0.25
 """A spread of gains that is small, as a share of the gain: skin alone spreads them by as much."""
+LEVELS = (0.5, 0.025, 0.975, 0.95)
+"""Quantiles of an SD between subjects that a fit says."""
+UNEQUAL = 0.025
+"""Below this probability of equal gains, gains differ."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,9 +52,11 @@ class SubjectLine:
 class Lines:
     """Lines of all subjects and of the population, and the SDs between subjects; 95% intervals.
 
-    The prior of an SD has no mass at 0, so that its interval never includes 0: beside it stand the
-    prior's interval, the value that the SD is below with 95% probability, and the probability
-    `small_gain_sd` that it is less than `SMALL_SPREAD` of the population's gain.
+    `equal_gains` is the probability that all subjects have the same gain, if that was as probable
+    as not before the study; `small_gain_sd` that of an SD below `SMALL_SPREAD` of the population's
+    gain, equal gains included. The other statements on SDs are for gains that differ, but for
+    the lower limit `gain_sd_interval`, which is 0 unless `equal_gains` is below `UNEQUAL`.
+    The values of the population are NaN with a single subject, which tells nothing about others.
     """
 
     subjects: tuple[SubjectLine, ...]
@@ -59,11 +68,24 @@ class Lines:
     bias_sd_interval: Interval
     gain_sd: float
     gain_sd_interval: Interval
-    gain_sd_prior_interval: Interval
     gain_sd_upper: float
     small_gain_sd: float
+    equal_gains: float
     jnd: float
     jnd_interval: Interval
+
+    @property
+    def group_known(self) -> bool:
+        """Whether there are several subjects, who tell about others."""
+        return not math.isnan(self.gain)
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        """Bias and gain of the population's line, or the line of the only subject with trials."""
+        if self.group_known:
+            return self.bias, self.gain
+        only = max(self.subjects, key=lambda line: line.trials)
+        return only.bias, only.gain
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,31 +118,55 @@ def axes_of(trials: Ratings) -> Axes | NotEstimable:
     return axes
 
 
+def roots_of_covariances(points: FloatArray) -> FloatArray:
+    """Return L of T = L L' at points (log τ_bias, log τ_gain, artanh ρ), shape (points, 2, 2)."""
+    bias, gain = np.exp(points[:, :2]).T
+    rows = [[bias, 0 * bias], [gain * np.tanh(points[:, 2]), gain / np.cosh(points[:, 2])]]
+    return np.moveaxis(np.array(rows), -1, 0)
+
+
 def covariance_matrices(points: FloatArray) -> FloatArray:
     """Return T of points (log τ_bias, log τ_gain, artanh ρ), shape (points, 2, 2)."""
-    sds = np.exp(points[:, :2])
-    across = np.tanh(points[:, 2]) * sds[:, 0] * sds[:, 1]
-    return np.moveaxis(np.array([[sds[:, 0] ** 2, across], [across, sds[:, 1] ** 2]]), -1, 0)
+    root = roots_of_covariances(points)
+    return np.asarray(root @ np.swapaxes(root, -1, -2))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LineMixture:
     """Posteriors of the lines in rating points, one per weighted point.
 
-    `weights` (points,); `bias` and `gain` of each subject and, last, of the population; `relative`
-    gain of each subject; `own_variance` (points, subjects), that of the departure from the
-    population's gain over the variance between subjects; `spread` (points, 2), the SDs of bias and
-    gain between subjects; `residual_sd` (points,); `gain_unit`, one standard unit of a gain.
+    `points` are variance components, log τ_bias, log τ_gain and artanh ρ in columns 1 to 3;
+    `bias` and `gain` of each subject and, last, of the population; `relative` gain of each subject;
+    `own_variance` (points, subjects), that of the departure from the population's gain over the
+    variance between subjects; `residual_sd` (points,); `log_evidence_equal`, that of the same model
+    with equal gains; `counts` (subjects,), the number of each one's trials.
     """
 
-    weights: FloatArray
+    points: WeightedPoints
+    axes: Axes
     bias: Marginals
     gain: Marginals
     relative: Marginals
     own_variance: FloatArray
-    spread: FloatArray
     residual_sd: FloatArray
-    gain_unit: float
+    log_evidence_equal: float
+    counts: FloatArray
+
+    @property
+    def alone(self) -> bool:
+        """Whether at most one subject has trials."""
+        return bool((self.counts > 0).sum() < 2)
+
+    @property
+    def equal_gains(self) -> float:
+        """Posterior probability that all gains are equal, which is 1/2 before the study."""
+        return float(expit(self.log_evidence_equal - self.points.log_evidence))
+
+    @property
+    def refusal(self) -> NotEstimable | None:
+        """Why the points do not represent the posterior, or None if they do."""
+        people = np.flatnonzero(np.append(self.counts > 0, not self.alone))
+        return self.points.refusal(self.bias.part(people), self.gain.part(people))
 
 
 def turn_of(axes: Axes) -> FloatArray:
@@ -133,30 +179,32 @@ def turn_of(axes: Axes) -> FloatArray:
     return turn * axes.y_sd
 
 
-def spread_of(between: FloatArray, axes: Axes) -> FloatArray:
-    """Return the SDs of bias and gain between subjects, of their covariances in standard units."""
-    turn = turn_of(axes)
-    return np.asarray(np.sqrt(np.diagonal(turn @ between @ turn.T, axis1=-2, axis2=-1)))
+def spread_at(points: FloatArray, axes: Axes) -> FloatArray:
+    """Return the SDs of bias and gain between subjects, (points, 2), as a mixture's points say."""
+    turned = turn_of(axes) @ roots_of_covariances(points[:, 1:4])
+    return np.asarray(np.sqrt((turned**2).sum(axis=-1)))
 
 
-def summary(subjects: tuple[str, ...], counts: FloatArray, known: LineMixture) -> Lines:
-    """Return the lines of a mixture; `counts` has each subject's number of trials."""
-    weights, spread = known.weights, known.spread
-    bias, gain = (weights @ part.means for part in (known.bias, known.gain))
-    bias_intervals, gain_intervals = (
-        part.interval_95(weights) for part in (known.bias, known.gain)
+def _column_of_spread(axes: Axes, column: int, points: FloatArray) -> FloatArray:
+    return spread_at(points, axes)[:, column]
+
+
+def summary(subjects: tuple[str, ...], known: LineMixture) -> Lines:
+    """Return the lines of a mixture."""
+    weights, equal = known.points.weights, known.equal_gains
+    (bias, bias_intervals), (gain, gain_intervals) = (
+        (weights @ part.means, part.interval_95(weights)) for part in (known.bias, known.gain)
     )
     relative = weights @ known.relative.means
     relative_intervals = known.relative.interval_95(weights)
-    if (counts > 0).sum() < 2:
-        relative = np.full(len(relative), np.nan)
-        relative_intervals = [(np.nan, np.nan)] * len(relative)
+    bias_sd, gain_sd = (
+        known.points.quantiles(partial(_column_of_spread, known.axes, column), *LEVELS)
+        for column in (0, 1)
+    )
     jnd = _jnd(known)
     # A variance that no trial reduces may exceed that between subjects by rounding.
     own = np.maximum(1 - weights @ known.own_variance, 0.0)
-    small = known.gain.part(slice(-1, None)).plus(-spread[:, 1:] / SMALL_SPREAD)
-    prior = [known.gain_unit * _prior_quantile_of_spread(p) for p in (0.025, 0.975)]
-    return Lines(
+    lines = Lines(
         subjects=tuple(
             SubjectLine(
                 subject=name,
@@ -169,7 +217,7 @@ def summary(subjects: tuple[str, ...], counts: FloatArray, known: LineMixture) -
                 jnd=jnd[row][1],
                 jnd_interval=(jnd[row][0], jnd[row][2]),
                 own_share=float(own[row]),
-                trials=int(counts[row]),
+                trials=int(known.counts[row]),
             )
             for row, name in enumerate(subjects)
         ),
@@ -177,22 +225,46 @@ def summary(subjects: tuple[str, ...], counts: FloatArray, known: LineMixture) -
         bias_interval=bias_intervals[-1],
         gain=float(gain[-1]),
         gain_interval=gain_intervals[-1],
-        bias_sd=weighted_quantile(weights, spread[:, 0], 0.5),
-        bias_sd_interval=_interval(weights, spread[:, 0]),
-        gain_sd=weighted_quantile(weights, spread[:, 1], 0.5),
-        gain_sd_interval=_interval(weights, spread[:, 1]),
-        gain_sd_prior_interval=(prior[0], prior[1]),
-        gain_sd_upper=weighted_quantile(weights, spread[:, 1], 0.95),
-        small_gain_sd=float(small.above_zero(weights)[0]),
+        bias_sd=bias_sd[0],
+        bias_sd_interval=(bias_sd[1], bias_sd[2]),
+        gain_sd=gain_sd[0],
+        gain_sd_interval=(0.0 if equal >= UNEQUAL else gain_sd[1], gain_sd[2]),
+        gain_sd_upper=gain_sd[3],
+        small_gain_sd=equal + (1 - equal) * _small_gain_sd(known),
+        equal_gains=equal,
         jnd=jnd[-1][1],
         jnd_interval=(jnd[-1][0], jnd[-1][2]),
     )
+    return _of_one_subject(lines) if known.alone else lines
+
+
+def _of_one_subject(lines: Lines) -> Lines:
+    """Return the lines without what compares the subject with others."""
+    nothing = math.nan, math.nan
+    group: dict[str, Any] = {
+        part.name: nothing if part.name.endswith("interval") else math.nan
+        for part in fields(Lines)
+        if part.name != "subjects"
+    }
+    subjects = tuple(
+        replace(line, relative_gain=math.nan, relative_gain_interval=nothing)
+        for line in lines.subjects
+    )
+    return replace(lines, subjects=subjects, **group)
+
+
+def _small_gain_sd(known: LineMixture) -> float:
+    """Return the probability that the SD of gains is a small share of the size of the gain."""
+    gain, weights = known.gain.part(slice(-1, None)), known.points.weights
+    least = spread_at(known.points.points, known.axes)[:, 1:] / SMALL_SPREAD
+    steep = gain.plus(-least).above_zero(weights) + 1 - gain.plus(least).above_zero(weights)
+    return float(steep[0])
 
 
 def _jnd(known: LineMixture) -> list[list[float]]:
     """Return lower limit, median and upper limit of each JND, infinite without a positive gain."""
     in_noise = known.gain.over(known.residual_sd)
-    steepest_first = [in_noise.quantile(known.weights, p) for p in (0.975, 0.5, 0.025)]
+    steepest_first = [in_noise.quantile(known.points.weights, p) for p in (0.975, 0.5, 0.025)]
     rows = np.transpose(steepest_first).tolist()
     return [[1 / gain if gain > 0 else math.inf for gain in row] for row in rows]
 
@@ -206,12 +278,3 @@ def log_prior_of_spread(log_sd: FloatArray) -> FloatArray:
     it falls off beyond.
     """
     return np.asarray(2 * log_sd - 1.5 * np.log1p(np.exp(2 * log_sd)))
-
-
-def _prior_quantile_of_spread(probability: float) -> float:
-    """Return the quantile of that prior, in standard units: P(s' < s) = 1 - 1 / √(1 + s²)."""
-    return float(np.sqrt((1 - probability) ** -2 - 1))
-
-
-def _interval(weights: FloatArray, values: FloatArray) -> Interval:
-    return (weighted_quantile(weights, values, 0.025), weighted_quantile(weights, values, 0.975))

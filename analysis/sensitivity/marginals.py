@@ -10,7 +10,7 @@ from analysis.sensitivity.integration import Marginals
 from analysis.sensitivity.laplace import LatentModes, LatentTrials
 
 # Skewness varies little between points, so that it is computed at a few and interpolated.
-FEWEST_SKEW_POINTS, MOST_SKEW_POINTS = 16, 200
+FEWEST_SKEW_POINTS, MOST_SKEW_POINTS = 16, 64
 SKEW_EVALUATIONS = 8_000
 # Limits beyond which a first-order correction means nothing; rounding may reach them where almost
 # no noise is left.
@@ -99,10 +99,12 @@ def marginals(
     found = skewness(trials, modes.at(few), residual_sd[few], combinations)
     everywhere = _interpolated(points, weights, np.concatenate([found.shift, found.skew], axis=1))
     shift, skew = np.split(everywhere, 2, axis=1)
+    beyond = (np.abs(found.shift) >= MOST_SHIFT) | (np.abs(found.skew) >= MOST_SKEW)
     return Marginals(
         means=combinations.of(modes.shared, modes.own) + shift * sds,
         sds=sds,
         skews=skew,
+        limited=weights[few] @ beyond / weights[few].sum(),
     )
 
 
@@ -115,7 +117,7 @@ def standard_deviations(curvature: Curvature, combinations: Combinations) -> Flo
     for first in range(0, len(curvature.whole), at_once):
         part = curvature.at(np.arange(first, min(first + at_once, len(curvature.whole))))
         blocks, reach = part.own_covariance, _reach(part, combinations)
-        variance = ((reach @ np.linalg.inv(part.shared_precision)) * reach).sum(axis=2)
+        variance = ((reach @ part.shared_covariance) * reach).sum(axis=2)
         of_mean = np.einsum("s,psij->pij", mean**2, blocks)
         variance += np.einsum("qi,pij,qj->pq", common, of_mean, common)
         # A combination's own subject is also part of the mean.
@@ -139,8 +141,6 @@ def _reach(curvature: Curvature, combinations: Combinations) -> FloatArray:
     return np.asarray(reach)
 
 
-# A far point's derivatives may overflow; it then has no shift and no skewness.
-@np.errstate(over="ignore", invalid="ignore")
 def skewness(
     trials: LatentTrials, modes: LatentModes, residual_sd: FloatArray, combinations: Combinations
 ) -> Skewness:
@@ -151,7 +151,7 @@ def skewness(
         standard_deviations(modes.curvature, combinations),
         _reach(modes.curvature, combinations),
     )
-    shared = np.linalg.inv(modes.curvature.shared_precision)
+    shared = modes.curvature.shared_covariance
     own_quantities, own_trials = _own_pairs(trials, combinations)
     mean, own = combinations.mean[trials.subject, None], combinations.own[own_quantities]
     shift, skew = np.empty_like(sds), np.empty_like(sds)
@@ -185,8 +185,8 @@ def skewness(
         shift[point] = (total + np.bincount(own_quantities, pulled, count)) / (2 * sds[point])
         skew[point] = (cubes + np.bincount(own_quantities, more, count)) / sds[point] ** 3
     return Skewness(
-        shift=np.clip(np.nan_to_num(shift), -MOST_SHIFT, MOST_SHIFT),
-        skew=np.clip(np.nan_to_num(skew), -MOST_SKEW, MOST_SKEW),
+        shift=np.clip(shift, -MOST_SHIFT, MOST_SHIFT),
+        skew=np.clip(skew, -MOST_SKEW, MOST_SKEW),
     )
 
 

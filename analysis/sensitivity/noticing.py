@@ -7,11 +7,12 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.special import ndtr
 
-from analysis.estimates import BoolArray, FloatArray, IntArray, Interval
-from analysis.sensitivity.curvature import Curvature, EdgeSlopes, Loadings, counted, sums
+from analysis.estimates import BoolArray, FloatArray, IntArray, Interval, NotEstimable
+from analysis.sensitivity.curvature import EdgeSlopes, Loadings, Slopes, counted, sums
+from analysis.sensitivity.integration import Marginals
 from analysis.sensitivity.laplace import WIDE, Components
 from analysis.sensitivity.latent_posterior import LatentDraws, LatentPosterior, integrated
-from analysis.sensitivity.lines import covariance_matrices, log_prior_of_spread
+from analysis.sensitivity.lines import log_prior_of_spread, roots_of_covariances
 from analysis.sensitivity.ratings import Ratings
 
 OPPOSITE, SAME, EXPECTED = -1, 0, 1
@@ -118,7 +119,7 @@ class NoticingTrials:
         weight = self.weight * np.sign(self.x)
         return sums(cell, cells * self.conditions, weight, self.x, 2)
 
-    def curvature(self, slopes: EdgeSlopes, residual_sd: FloatArray) -> Curvature:
+    def curvature(self, slopes: EdgeSlopes, residual_sd: FloatArray) -> Slopes:
         """Return the likelihood's derivatives with respect to the parameters.
 
         A trial depends on the criterion and on its place, which lean, d′ and discrepancy move.
@@ -159,7 +160,7 @@ class NoticingTrials:
         of_conditions = sums(self.condition, conditions, weight, self.x, 1)
         whole[:, rest, rest] = (of_conditions @ by_place).T
         lean = LEAN * of_subjects(place)[..., :1].sum(axis=1)
-        return Curvature(
+        return Slopes(
             shared_gradient=np.concatenate([lean, pulls.sum(axis=1), pulled], axis=1),
             own_gradient=pulls,
             own_precision=own,
@@ -196,14 +197,23 @@ class Noticing:
     subjects: tuple[str, ...]
     reference: float
 
+    @cached_property
+    def _found(self) -> Marginals:
+        """d′ of each subject, and then each one's criterion."""
+        d_primes = self.posterior.of_lines(np.array([0.0, 1.0]))
+        criteria = self.posterior.of_lines(np.array([1.0, 0.0]))
+        criteria.shared[:, 0] = -LEAN
+        return self.posterior.marginals(d_primes.followed_by(criteria))
+
+    @property
+    def refusal(self) -> NotEstimable | None:
+        """Why noticing is not known, or None."""
+        return self.posterior.points.refusal(self._found)
+
     @property
     def detection(self) -> tuple[ChangeDetection, ...]:
         """d′, criterion and false-alarm rate of each subject."""
-        posterior, weights = self.posterior, self.posterior.points.weights
-        d_primes = posterior.of_lines(np.array([0.0, 1.0]))
-        criteria = posterior.of_lines(np.array([1.0, 0.0]))
-        criteria.shared[:, 0] = -LEAN
-        found = posterior.marginals(d_primes.followed_by(criteria))
+        posterior, weights, found = self.posterior, self.posterior.points.weights, self._found
         medians, intervals = found.quantile(weights, 0.5), found.interval_95(weights)
         rates = _false_alarm_rates(posterior.draws(RATE_DRAWS, np.random.default_rng(0)))
         low, high = np.quantile(rates, [0.025, 0.975], axis=0)
@@ -260,7 +270,7 @@ def noticing(ratings: Ratings, answer: IntArray, two_sided: BoolArray) -> Notici
 def _components(points: FloatArray) -> Components:
     return Components(
         residual_sd=np.ones(len(points)),
-        between=covariance_matrices(points[:, :3]),
+        root=roots_of_covariances(points[:, :3]),
         discrepancy_sd=np.exp(points[:, 3]) if points.shape[1] > 3 else np.ones(len(points)),
     )
 

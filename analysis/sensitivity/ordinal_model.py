@@ -18,7 +18,7 @@ from analysis.sensitivity.lines import (
     axes_of,
     covariance_matrices,
     log_prior_of_spread,
-    spread_of,
+    roots_of_covariances,
     summary,
     turn_of,
 )
@@ -55,11 +55,12 @@ class OrdinalSensitivity:
     effective_points: float
 
     def expected_ratings(self, contrast: FloatArray) -> FloatArray:
-        """Return the mean rating of a subject on the population's line, by contrast.
+        """Return the mean rating of a subject on the line in the middle, by contrast.
 
         The categories must be ratings; discrepancies are 0, all parameters at their estimates.
         """
-        place = self.lines.bias + self.lines.gain * contrast[:, None]
+        bias, gain = self.lines.middle
+        place = bias + gain * contrast[:, None]
         above = ndtr((place - np.array(self.thresholds)) / self.residual_sd)
         values = np.array(self.categories, dtype=np.float64)
         return np.asarray(values[0] + above @ np.diff(values))
@@ -106,8 +107,8 @@ def ordinal_posterior(ratings: Ratings) -> tuple[OrdinalSensitivity, LineMixture
     ready = prepared_ratings(ratings)
     if isinstance(ready, NotEstimable):
         return ready
-    posterior = latent_posterior(ready)
-    return posterior.points.refusal or _fit_and_lines(ready, posterior)
+    fit, mixture = fit_and_lines(ready, latent_posterior(ready))
+    return mixture.refusal or (fit, mixture)
 
 
 def prepared_ratings(ratings: Ratings) -> PreparedTrials | NotEstimable:
@@ -158,29 +159,39 @@ def latent_posterior(ready: PreparedTrials) -> LatentPosterior:
     return integrated(ready.trials, start, _components, _log_prior)
 
 
+def _equal_gains(ready: PreparedTrials) -> float:
+    """Return the log evidence of the model with τ_gain = 0, in which ρ means nothing."""
+
+    def components(points: FloatArray) -> Components:
+        return _components(np.insert(points, [2, 2], [-np.inf, 0.0], axis=1))
+
+    start = np.delete(START, [2, 3] if ready.trials.conditions else [2, 3, 4])
+    return integrated(ready.trials, start, components, _log_prior_of_equal).points.log_evidence
+
+
 def _components(points: FloatArray) -> Components:
     return Components(
         residual_sd=np.exp(points[:, 0]),
-        between=covariance_matrices(points[:, 1:4]),
+        root=roots_of_covariances(points[:, 1:4]),
         discrepancy_sd=np.exp(points[:, 4]) if points.shape[1] > 4 else np.ones(len(points)),
     )
 
 
 def _log_prior(points: FloatArray) -> FloatArray:
-    spread = log_prior_of_spread(points[:, 1:3]).sum(axis=1)
-    others = np.delete(points, [1, 2, 3], axis=1)
+    spread = log_prior_of_spread(points[:, 2]) - 2 * np.log(2**0.5 * np.cosh(points[:, 3]))
+    return np.asarray(spread + _log_prior_of_equal(np.delete(points, [2, 3], axis=1)))
+
+
+def _log_prior_of_equal(points: FloatArray) -> FloatArray:
+    others = np.delete(points, 1, axis=1)
     half_cauchy = (others - np.log1p(np.exp(2 * others))).sum(axis=1)
-    return np.asarray(spread + half_cauchy - 2 * np.log(np.cosh(points[:, 3])))
+    return np.asarray(log_prior_of_spread(points[:, 1]) + half_cauchy)
 
 
-def fitted(ready: PreparedTrials, known: LatentPosterior) -> OrdinalSensitivity:
-    """Return lines, thresholds and discrepancies of the posterior, in rating points."""
-    return _fit_and_lines(ready, known)[0]
-
-
-def _fit_and_lines(
+def fit_and_lines(
     ready: PreparedTrials, known: LatentPosterior
 ) -> tuple[OrdinalSensitivity, LineMixture]:
+    """Return lines, thresholds and discrepancies of the posterior, in rating points."""
     points, trials, axes = known.points, ready.trials, ready.axes
     bias, gain = turn_of(axes)
     counts = np.bincount(trials.subject, weights=trials.weight, minlength=trials.subjects)
@@ -205,18 +216,19 @@ def _fit_and_lines(
     between = covariance_matrices(points.points[:, 1:4])
     others = slice(2 * lines, 2 * lines + trials.conditions)
     mixture = LineMixture(
-        weights=points.weights,
+        points=points,
+        axes=axes,
         bias=found.part(slice(lines)).plus(axes.y_mean),
         gain=found.part(slice(lines, 2 * lines)),
         relative=found.part(slice(others.stop, None)),
         own_variance=own_sds**2 / between[:, None, 1, 1],
-        spread=spread_of(between, axes),
         residual_sd=known.residual_sds * axes.y_sd,
-        gain_unit=gain_unit,
+        log_evidence_equal=_equal_gains(ready),
+        counts=counts.astype(np.float64),
     )
     thresholds = trials.edges((points.weights @ known.modes.shared)[None])[0, 1:-1]
     fit = OrdinalSensitivity(
-        lines=summary(ready.subjects, counts.astype(np.float64), mixture),
+        lines=summary(ready.subjects, mixture),
         residual_sd=float(points.mean(known.residual_sds)) * axes.y_sd,
         categories=ready.categories,
         thresholds=tuple((axes.y_mean + axes.y_sd * thresholds).tolist()),

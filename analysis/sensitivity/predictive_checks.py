@@ -14,7 +14,7 @@ from analysis.sensitivity.noticing import LEAN, Noticing
 from analysis.sensitivity.ordinal_model import (
     OrdinalSensitivity,
     PreparedTrials,
-    fitted,
+    fit_and_lines,
     latent_posterior,
     prepared_ratings,
 )
@@ -93,11 +93,11 @@ def checked_ordinal(ratings: Ratings) -> CheckedOrdinal:
     if isinstance(ready, NotEstimable):
         return CheckedOrdinal(fit=ready, check=ready)
     posterior = latent_posterior(ready)
-    if refusal := posterior.points.refusal:
+    fit, mixture = fit_and_lines(ready, posterior)
+    if refusal := mixture.refusal:
         return CheckedOrdinal(fit=refusal, check=refusal)
-    compared = _compared_scores(ready, posterior, ratings, np.random.default_rng(SEED))
-    check = _check(compared)
-    return CheckedOrdinal(fit=check.refusal or fitted(ready, posterior), check=check)
+    check = _check(_compared_scores(ready, posterior, ratings, np.random.default_rng(SEED)))
+    return CheckedOrdinal(fit=check.refusal or fit, check=check)
 
 
 def checked_two_stage(trials: AnsweredTrials) -> CheckedTwoStage:
@@ -108,7 +108,7 @@ def checked_two_stage(trials: AnsweredTrials) -> CheckedTwoStage:
     found = two_stage_posterior(trials)
     if isinstance(found, NotEstimable):
         return CheckedTwoStage(fit=found, check=found)
-    if refusal := found.rating.points.refusal:
+    if refusal := found.refusal:
         return CheckedTwoStage(fit=refusal, check=refusal)
     rng = np.random.default_rng(SEED)
     check = _check(

@@ -1,11 +1,13 @@
 """M3: changes are noticed first, and rated if they were noticed."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from analysis.estimates import BoolArray, IntArray, NotEstimable
 from analysis.sensitivity.latent_posterior import LatentPosterior
+from analysis.sensitivity.lines import LineMixture
 from analysis.sensitivity.noticing import (
     EXPECTED,
     OPPOSITE,
@@ -17,7 +19,7 @@ from analysis.sensitivity.noticing import (
 from analysis.sensitivity.ordinal_model import (
     OrdinalSensitivity,
     PreparedTrials,
-    fitted,
+    fit_and_lines,
     latent_posterior,
     prepared_ratings,
 )
@@ -80,11 +82,20 @@ class TwoStagePosterior:
     ready: PreparedTrials
     rating: LatentPosterior
 
+    @cached_property
+    def _rated(self) -> tuple[OrdinalSensitivity, LineMixture]:
+        return fit_and_lines(self.ready, self.rating)
+
+    @property
+    def refusal(self) -> NotEstimable | None:
+        """Why a stage is not known, or None."""
+        return self.noticing.refusal or self._rated[1].refusal
+
     @property
     def summary(self) -> TwoStageSensitivity:
         """The estimates."""
         return TwoStageSensitivity(
-            ratings=fitted(self.ready, self.rating),
+            ratings=self._rated[0],
             detection=self.noticing.detection,
             reference_contrast=self.noticing.reference,
         )
@@ -93,7 +104,9 @@ class TwoStagePosterior:
 def two_stage_sensitivity(trials: AnsweredTrials) -> TwoStageSensitivity | NotEstimable:
     """Return the estimates of `two_stage_posterior`, or why there are none."""
     posterior = two_stage_posterior(trials)
-    return posterior if isinstance(posterior, NotEstimable) else posterior.summary
+    if isinstance(posterior, NotEstimable):
+        return posterior
+    return posterior.refusal or posterior.summary
 
 
 def two_stage_posterior(trials: AnsweredTrials) -> TwoStagePosterior | NotEstimable:

@@ -57,6 +57,8 @@ from protocol.study.study import Study
 LINKS: tuple[Link, ...] = ("probit", "logit")
 PROCESSES = 2
 """They fit the models of a large study; each takes some 0.3 GB."""
+FEWEST_AT_PLACES = 40
+"""Of fewer ratings, gains at places alone would be the prior's rather than the data's."""
 _NO_CHANGE = frozenset(map(no_change, ANSWERS))
 
 
@@ -205,8 +207,8 @@ def made(fits: Mapping[str, Callable[[], Any]], trials: int) -> dict[str, Any]:
     """
     if trials < LARGE:
         return {name: fit() for name, fit in fits.items()}
-    named = [partial(_named, name, fit) for name, fit in fits.items()]
-    return dict(done(named, PROCESSES))
+    found = dict(done([partial(_named, name, fit) for name, fit in fits.items()], PROCESSES))
+    return {name: found[name] for name in fits}
 
 
 def _named(name: str, fit: Callable[[], Any]) -> tuple[str, Any]:
@@ -216,7 +218,11 @@ def _named(name: str, fit: Callable[[], Any]) -> tuple[str, Any]:
 def _place_m2(ratings: Ratings, changes: Mapping[str, Change]) -> OrdinalSensitivity | NotEstimable:
     if {changes[name].kind for name in changes} == {AT_A_PLACE}:
         return NotEstimable("all conditions are at a place")
-    return ordinal_sensitivity(at_places(ratings, changes))
+    chosen = at_places(ratings, changes)
+    count = len(chosen.given.rating)
+    if count < FEWEST_AT_PLACES:
+        return NotEstimable(f"at least {FEWEST_AT_PLACES} ratings there are needed, got {count}")
+    return ordinal_sensitivity(chosen)
 
 
 def _ordinal(scored: ScoredTrials, link: Link) -> OrdinalEffects | NotEstimable:

@@ -68,7 +68,8 @@ def gains_figure(data: Gains, words: Words) -> Drawing:
                 number,
                 f"{model}, 95% interval",
             )
-            axes.axhline(lines.gain, color=COLOURS[number], linewidth=0.8, linestyle="--")
+            if lines.group_known:
+                axes.axhline(lines.gain, color=COLOURS[number], linewidth=0.8, linestyle="--")
         _name_subjects(axes, data, next(iter(data.models.values())))
         axes.set_ylabel("gain, points per unit of contrast")
         axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncol=2, frameon=False)

@@ -98,6 +98,8 @@ def _gain(found: Findings) -> _Computed:
         return _missing(fit)
     assert isinstance(fit, OrdinalSensitivity)
     ends = fit.lines.gain_interval
+    if not fit.lines.group_known:
+        return _missing(NotEstimable("a single participant tells nothing about a group"))
     return f"gain {number(fit.lines.gain, 2)}, 95% CI {interval(ends)}", None, ends[0] > 0
 
 

@@ -178,9 +178,11 @@ def _spread_table(fits: Mapping[str, tuple[Fit, Fit]]) -> Table:
         name="measured-spread",
         caption="The group's gain and the spread of gains between subjects (posterior median) on "
         "predicted and on measured contrasts, with 95% intervals, and the value that the spread "
-        "is below with 95% probability. P(small): the probability that the spread is less than "
-        f"{SMALL_SPREAD:.0%} of the gain.",
-        columns=columns(*("model", "contrasts", "gain", "95%", "spread", "95% below", "P(small)")),
+        "is below with 95% probability. P(equal): the probability that there is no spread. "
+        f"P(small): the probability that the spread is less than {SMALL_SPREAD:.0%} of the gain.",
+        columns=columns(
+            *("model", "contrasts", "gain", "95%", "spread", "95% below", "P(equal)", "P(small)")
+        ),
         rows=[
             [model, kind, *_spread_cells(_lines(fit))]
             for model, both in fits.items()
@@ -191,11 +193,12 @@ def _spread_table(fits: Mapping[str, tuple[Fit, Fit]]) -> Table:
 
 def _spread_cells(lines: Lines | None) -> list[str]:
     if lines is None:
-        return [MISSING] * 5
+        return [MISSING] * 6
     return [
         *_gain_cells(lines),
         number(lines.gain_sd, 2),
         number(lines.gain_sd_upper, 2),
+        number(lines.equal_gains),
         number(lines.small_gain_sd),
     ]
 

@@ -16,13 +16,14 @@ from analysis.report.wording import (
     SKIN,
     SKIN_IN_SHORT,
     UNBOUNDED,
+    bounded,
     interval,
     number,
     of_all,
 )
 from analysis.sensitivity.integration import LEAST_EFFECTIVE
 from analysis.sensitivity.linear_model import LinearSensitivity
-from analysis.sensitivity.lines import SMALL_SPREAD, Lines, SubjectLine
+from analysis.sensitivity.lines import SMALL_SPREAD, UNEQUAL, Lines, SubjectLine
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.sensitivity.two_stage_model import TwoStageSensitivity
 from analysis.trials.law_order import LawOrder, critical_correlation, critical_rank_correlation
@@ -59,7 +60,7 @@ def section(found: Findings) -> Section:
 
 def _headline(fit: OrdinalSensitivity | NotEstimable) -> str:
     """Return the group's gain in a sentence, or an empty text without a fit."""
-    if isinstance(fit, NotEstimable):
+    if isinstance(fit, NotEstimable) or not fit.lines.group_known:
         return ""
     gain = fit.lines.gain_interval
     shown = "includes" if gain[0] <= 0 <= gain[1] else "excludes"
@@ -211,24 +212,24 @@ def _fits_table(fits: Mapping[str, LinearSensitivity | OrdinalSensitivity]) -> T
     """Return the spread of gains between subjects under each model, or None without a fit."""
     if not fits:
         return None
-    names = ("SD", "95%", "prior 95%", "95% below", "P(small)", "SD of noise")
+    names = ("SD", "95%", "95% below", "P(equal)", "P(small)", "SD of noise")
     return Table(
         name="spread",
-        caption="Spread of gains between subjects, in points per unit of contrast: its posterior "
-        "median and 95% interval, the 95% interval of its prior, and the value that it is below "
-        "with 95% probability. The prior excludes 0, so the interval does too and does not show "
-        "that subjects differ. P(small): the probability that the spread is less than "
-        f"{SMALL_SPREAD:.0%} of the group's gain, about as much as differences of skin alone "
-        "produce. Effective points: how well the fit is integrated, at least "
-        f"{LEAST_EFFECTIVE:.0f}. {SKIN_IN_SHORT}",
+        caption="Spread of gains between subjects, in points per unit of contrast: the median, "
+        "the 95% interval and the value that it is below with 95% probability, if gains differ. "
+        "P(equal): the probability that all gains are equal, .50 before the study; unless it is "
+        f"below {bounded(UNEQUAL, 3)}, the data show no difference, and the interval begins at 0. "
+        f"P(small): the probability that the spread is less than {SMALL_SPREAD:.0%} of the group's "
+        "gain, about as much as differences of skin alone produce. Effective points: how well the "
+        f"fit is integrated, at least {LEAST_EFFECTIVE:.0f}. {SKIN_IN_SHORT}",
         columns=columns("model", *names, "effective points"),
         rows=[
             [
                 model,
                 number(fit.lines.gain_sd, 2),
                 interval(fit.lines.gain_sd_interval),
-                interval(fit.lines.gain_sd_prior_interval),
                 number(fit.lines.gain_sd_upper, 2),
+                number(fit.lines.equal_gains),
                 number(fit.lines.small_gain_sd),
                 number(fit.residual_sd, 2),
                 f"{fit.effective_points:.0f}",

@@ -42,6 +42,7 @@ def is_sound(lines: Lines) -> bool:
         and 0 <= line.own_share <= 1
         and 0 < line.jnd_interval[0] <= line.jnd <= line.jnd_interval[1]
         for line in lines.subjects
+        if line.trials or lines.group_known
     )
 
 
@@ -73,7 +74,7 @@ def test_detection_is_finite_or_not_estimable(ratings: Ratings, chance: int) -> 
     assert np.isfinite([found.d_prime for found in result.detection]).all()
 
 
-@pytest.mark.parametrize("repeats", [1, 2])
+@pytest.mark.parametrize("repeats", [2, 4])
 def test_some_ratings_have_a_result(repeats: int) -> None:
     ratings = Ratings(
         subjects=("a", "b"),
@@ -86,5 +87,10 @@ def test_some_ratings_have_a_result(repeats: int) -> None:
     assert isinstance(linear_sensitivity(ratings), LinearSensitivity)
     assert isinstance(ordinal_sensitivity(ratings), OrdinalSensitivity)
     answer = np.where(ratings.rating > 2, 1, 0)
-    trials = AnsweredTrials(ratings=ratings, answer=answer, two_sided=answer == 1)
-    assert isinstance(two_stage_sensitivity(trials), TwoStageSensitivity)
+    apart = AnsweredTrials(ratings=ratings, answer=answer, two_sided=answer == 1)
+    found = two_stage_sensitivity(apart)
+    assert isinstance(found, NotEstimable)
+    assert "the skewness of a posterior is beyond the limit" in found.reason
+    answer = np.where(np.isin(ratings.rating, [1.0, 4.0, 5.0, 6.0, 9.0, 10.0]), 1, 0)
+    mixed = AnsweredTrials(ratings=ratings, answer=answer, two_sided=answer == 1)
+    assert isinstance(two_stage_sensitivity(mixed), TwoStageSensitivity)

@@ -19,7 +19,9 @@ from analysis.sensitivity.integration import (
 def test_a_correlated_normal_is_integrated() -> None:
     covariance = np.array([[1.0, 0.6, 0.0], [0.6, 0.5, 0.1], [0.0, 0.1, 2.0]])
     normal = stats.multivariate_normal(np.array([1.0, -2.0, 0.5]), covariance)
-    found = weighted_points(lambda points: np.atleast_1d(normal.logpdf(points)), np.zeros(3), 400)
+    found, _ = weighted_points(
+        lambda points: np.atleast_1d(normal.logpdf(points)), np.zeros(3), 400
+    )
     mean = found.mean(found.points)
     spread = found.mean((found.points - mean)[:, :, None] * (found.points - mean)[:, None, :])
     assert mean == pytest.approx([1.0, -2.0, 0.5], abs=0.05)
@@ -31,7 +33,7 @@ def test_a_skewed_density_is_integrated() -> None:
     def log_density(points: FloatArray) -> FloatArray:
         return np.asarray(3 * points[:, 0] - np.exp(points[:, 0]))
 
-    found = weighted_points(log_density, np.zeros(1), 200)
+    found, _ = weighted_points(log_density, np.zeros(1), 200)
     assert found.mean(found.points)[0] == pytest.approx(0.92278, abs=0.01)
     assert found.mean(np.exp(found.points))[0] == pytest.approx(3.0, abs=0.03)
 
@@ -45,7 +47,7 @@ def test_the_same_density_gives_the_same_points() -> None:
     def log_density(points: FloatArray) -> FloatArray:
         return np.asarray(-(points**2).sum(axis=1))
 
-    one, two = (weighted_points(log_density, np.ones(2), 32) for _ in range(2))
+    one, two = (weighted_points(log_density, np.ones(2), 32)[0] for _ in range(2))
     assert one.points.tobytes() == two.points.tobytes()
 
 
@@ -72,7 +74,7 @@ def test_an_unbounded_density_is_evaluated_within_reach_only() -> None:
         asked.append(float(np.abs(points).max()))
         return np.asarray(5.0 * points[:, 0] - points[:, 1] ** 2)
 
-    found = weighted_points(rising, np.zeros(2), 50)
+    found, _ = weighted_points(rising, np.zeros(2), 50)
     assert max(asked) <= REACH
     assert np.abs(found.points).max() <= REACH
     assert found.mean(found.points)[0] > REACH - 1

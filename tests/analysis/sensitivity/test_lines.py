@@ -5,11 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
 
 from analysis.estimates import Interval, NotEstimable
 from analysis.sensitivity.linear_model import LinearSensitivity, linear_sensitivity
-from analysis.sensitivity.lines import Lines, axes_of, log_prior_of_spread
+from analysis.sensitivity.lines import UNEQUAL, Lines
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensitivity
 from analysis.sensitivity.ratings import Ratings
 from tests.analysis.sensitivity.calibration import drawn, measured
@@ -92,19 +91,33 @@ def test_the_own_share_does_not_count_the_groups_uncertainty() -> None:
 
 
 @MODELS
-def test_the_priors_interval_holds_95_percent_of_it(fit: Fit) -> None:
-    ratings = drawn("middle", "9x5x1", 0).ratings
-    axes = axes_of(ratings)
-    assert not isinstance(axes, NotEstimable)
-    low, high = np.log(
-        np.array(lines_of(fit, ratings).gain_sd_prior_interval) * axes.x_sd / axes.y_sd
+def test_only_the_only_subject_has_a_line(fit: Fit) -> None:
+    """One person tells nothing about a group: its interval was [-189, 199]."""
+    ratings = drawn("middle", "9x5x4", 3).ratings
+    lines = lines_of(fit, ratings.where(ratings.subject == 0))
+    assert not lines.group_known
+    assert np.isnan([lines.gain, lines.bias, *lines.gain_interval, lines.equal_gains]).all()
+    assert lines.middle == (lines.subjects[0].bias, lines.subjects[0].gain)
+
+
+@MODELS
+def test_contrasts_of_the_other_sign_only_turn_the_gains(fit: Fit) -> None:
+    ratings = drawn("middle", "9x5x4", 3).ratings
+    one, other = lines_of(fit, ratings), lines_of(fit, replace(ratings, contrast=-ratings.contrast))
+    assert other.gain == pytest.approx(-one.gain, rel=0.02)
+    assert other.small_gain_sd == pytest.approx(one.small_gain_sd, abs=0.02)
+    assert other.equal_gains == pytest.approx(one.equal_gains, abs=0.02)
+
+
+@MODELS
+def test_gains_differ_only_where_they_do(fit: Fit) -> None:
+    alike, different = (
+        lines_of(fit, drawn(name, "20x5x8", 2).ratings) for name in ("no differences", "middle")
     )
-
-    def density(log_sd: float) -> float:
-        return float(np.exp(log_prior_of_spread(np.array(log_sd))))
-
-    assert quad(density, -20, low)[0] == pytest.approx(0.025, abs=1e-6)
-    assert quad(density, low, high)[0] == pytest.approx(0.95, abs=1e-6)
+    assert alike.equal_gains > 0.5
+    assert alike.gain_sd_interval[0] == 0
+    assert different.equal_gains < UNEQUAL
+    assert different.gain_sd_interval[0] > 0
 
 
 @MODELS

@@ -3,11 +3,12 @@
 from collections.abc import Callable
 from dataclasses import replace
 
+import mpmath
 import numpy as np
 import pytest
 
 from analysis.estimates import FloatArray, NotEstimable
-from analysis.sensitivity.curvature import OrdinalTrials, counted
+from analysis.sensitivity.curvature import OrdinalTrials, counted, edge_slopes
 from analysis.sensitivity.laplace import Components, LatentField
 from analysis.sensitivity.linear_model import LinearSensitivity, linear_sensitivity
 from analysis.sensitivity.lines import Lines
@@ -17,7 +18,9 @@ from analysis.sensitivity.ordinal_model import (
     ordinal_sensitivity,
     prepared_ratings,
 )
+from analysis.sensitivity.predictive_checks import checked_ordinal
 from analysis.sensitivity.ratings import Ratings
+from tests.analysis.sensitivity.calibration import drawn
 from tests.analysis.sensitivity.simulated_raters import VirtualPopulation, VirtualStudy
 
 StudyOf = Callable[..., VirtualStudy]
@@ -67,7 +70,7 @@ def a_field() -> LatentField:
 
 COMPONENTS = Components(
     residual_sd=np.array([0.7]),
-    between=np.array([[[0.8, 0.1], [0.1, 0.5]]]),
+    root=np.linalg.cholesky(np.array([[[0.8, 0.1], [0.1, 0.5]]])),
     discrepancy_sd=np.array([0.6]),
 )
 
@@ -109,13 +112,13 @@ def test_gradient_and_curvature_are_those_of_the_posterior() -> None:
 def test_newton_ends_at_the_mode() -> None:
     field = a_field()
     mode = field.modes(COMPONENTS, field.start(1))
-    there = field.evaluated(mode.shared, mode.own, COMPONENTS).curvature
+    there = field.evaluated(mode.shared, mode.z, COMPONENTS).curvature
     gradient = [there.shared_gradient[0], there.own_gradient.ravel()]
-    assert np.abs(np.concatenate(gradient)).max() < 1e-2
+    assert np.abs(np.concatenate(gradient)).max() < 1e-4
     rng = np.random.default_rng(1)
     for _ in range(20):
         shared = mode.shared[0] + 0.05 * rng.normal(size=7)
-        own = mode.own[0] + 0.05 * rng.normal(size=(4, 2))
+        own = mode.z[0] + 0.05 * rng.normal(size=(4, 2))
         assert value_of(field, shared, own) < mode.value[0]
 
 
@@ -222,3 +225,60 @@ def test_a_search_that_goes_astray_in_a_few_scores_comes_back() -> None:
     posterior = latent_posterior(ready)
     assert np.isfinite(posterior.modes.value).all(), "or nothing of the scores is in the posterior"
     assert posterior.points.weights.sum() == pytest.approx(1, abs=1e-12)
+
+
+def test_slopes_far_out_are_those_of_fifty_digits() -> None:
+    mpmath.mp.dps = 50
+    for near, far in ((1e4, 1e4 + 0.5), (50.0, np.inf), (-40.0, 3.0), (-2.0, -1.9), (-9e4, -8e4)):
+        found = edge_slopes(np.array([[near]]), np.array([[far]]))
+        ends = mpmath.mpf(near), mpmath.mpf(far)
+        # Both ends on the side where Φ is small.
+        below = (-ends[1], -ends[0]) if near + far > 0 else ends
+        p = mpmath.ncdf(below[1]) - mpmath.ncdf(below[0])
+        assert float(found.log_p[0, 0]) == pytest.approx(float(mpmath.log(p)), rel=1e-12)
+        for slope, end, sign in ((found.up, ends[1], 1), (found.down, ends[0], -1)):
+            exact = sign * mpmath.npdf(end) / p if mpmath.isfinite(end) else mpmath.mpf(0)
+            assert float(slope[0, 0]) == pytest.approx(float(exact), rel=1e-12, abs=1e-290)
+
+
+def test_the_evidence_is_that_of_a_dense_matrix_at_any_components() -> None:
+    """Far out, where σ is small and gains differ much, terms of 1e10 leave a determinant of 1."""
+    field = a_field()
+    corners = ((-0.4, 0.0, 1e-12), (-3.0, 1.0, 1e-9), (-6.0, 6.0, 1e-4), (6.0, -6.0, 1e-12))
+    for log_sd, log_tau, error in corners:
+        components = Components(
+            residual_sd=np.exp([log_sd]),
+            root=np.exp(log_tau) * COMPONENTS.root,
+            discrepancy_sd=np.array([0.6]),
+        )
+        mode = field.modes(components, field.start(1))
+        known, size = mode.curvature, mode.shared.shape[1]
+        whole = np.zeros((size + 8, size + 8))
+        whole[:size, :size] = known.whole[0]
+        whole[size:, :size] = known.cross[0].reshape(8, size)
+        whole[:size, size:] = whole[size:, :size].T
+        for number in range(4):
+            block = slice(size + 2 * number, size + 2 * number + 2)
+            whole[block, block] = known.own_precision[0, number]
+        exact = mpmath.log(mpmath.det(mpmath.matrix(whole.tolist())))
+        assert float(known.log_determinant[0]) == pytest.approx(float(exact), abs=error)
+        assert np.isfinite(mode.log_evidence[0])
+
+
+def test_a_mode_that_is_not_found_is_unknown(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the last step was expected to bring was added to where it had come: +39,101, not -70."""
+    field = a_field()
+    assert np.isfinite(field.modes(COMPONENTS, field.start(1)).log_evidence[0])
+    monkeypatch.setattr("analysis.sensitivity.laplace.STEPS", 1)
+    assert np.isnan(field.modes(COMPONENTS, field.start(1)).log_evidence[0])
+    found = ordinal_sensitivity(drawn("middle", "9x5x1", 0).ratings)
+    assert isinstance(found, NotEstimable)
+    assert "could not be evaluated at 100% of the points" in found.reason
+
+
+def test_ratings_without_noise_are_withheld_because_of_the_approximation() -> None:
+    rating = np.tile([7.0, 5, 8, 9, 4], 9)
+    ratings = replace(drawn("middle", "9x5x1", 0).ratings, rating=rating)
+    found = checked_ordinal(ratings)
+    assert isinstance(found.fit, NotEstimable)
+    assert "the skewness of a posterior is beyond the limit" in found.fit.reason

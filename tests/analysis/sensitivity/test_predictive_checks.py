@@ -69,7 +69,7 @@ def test_a_study_with_a_large_p_lies_within_the_simulated_ones() -> None:
     At these draws the study is very far from expected, at most it is not.
     """
     alike = NoticingPeople(
-        subjects=6, noise=0.005, noise_spread=0.0, criterion=0.07, criterion_spread=0.0
+        subjects=6, noise=0.04, noise_spread=0.0, criterion=0.07, criterion_spread=0.0
     )
     check = checked_two_stage(noticing_study(alike, generator(0), repeats=2).trials).check
     assert isinstance(check, PredictiveCheck)

@@ -55,7 +55,7 @@ def test_gradient_and_curvature_of_noticing_are_those_of_the_posterior() -> None
     )
     components = Components(
         residual_sd=np.ones(1),
-        between=np.array([[[0.8, 0.1], [0.1, 0.5]]]),
+        root=np.linalg.cholesky(np.array([[[0.8, 0.1], [0.1, 0.5]]])),
         discrepancy_sd=np.array([0.6]),
     )
 

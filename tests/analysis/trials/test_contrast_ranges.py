@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from analysis.estimates import NotEstimable
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.trials.contrast_ranges import (
     RUNGS,
@@ -76,5 +77,7 @@ def test_gains_at_places_take_only_the_ratings_there() -> None:
     changes = {name: CONDITIONS[name] for name in NAMES}
     chosen = at_places(trials.scored.ratings, changes)
     assert {NAMES[place] for place in chosen.condition} == {"structure", "voltage", "pressure"}
-    assert isinstance(trials.place_m2, OrdinalSensitivity)
-    assert {line.trials for line in trials.place_m2.lines.subjects} == {3}
+    assert trials.place_m2 == NotEstimable("at least 40 ratings there are needed, got 12")
+    twice = made([*SCORES] * 4, names=NAMES).trials.place_m2
+    assert isinstance(twice, OrdinalSensitivity)
+    assert {line.trials for line in twice.lines.subjects} == {3}

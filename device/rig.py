@@ -30,10 +30,21 @@ from protocol.journal.records import Identity, ReadBack
 
 FEEDS_PER_WATCHDOG = 5
 RAMP_STEP_S = 0.02
+LONGEST_CALL_S = 5.0
+"""More than a call takes at the slowest generator: the program stood still in a longer one."""
 MOST_BLOCKS = 4
 """Most blocks of samples that are asked for between two calls."""
 
 _Result = TypeVar("_Result")
+_COUNTS_SLEEP = getattr(time, "CLOCK_BOOTTIME", None)
+
+
+def passed_s() -> float:
+    """Return seconds since an arbitrary moment; on Linux they pass while the computer sleeps, too.
+
+    Other systems' `time.monotonic` counts as it does there.
+    """
+    return time.monotonic() if _COUNTS_SLEEP is None else time.clock_gettime(_COUNTS_SLEEP)
 
 
 class Rig:
@@ -47,7 +58,7 @@ class Rig:
         driver: Driver,
         limits: Limits,
         calibration: Resonance | None = None,
-        monotonic: Callable[[], float] = time.monotonic,
+        monotonic: Callable[[], float] = passed_s,
         gauge: GaugeOwner | None = None,
     ) -> None:
         self._driver = driver
@@ -61,7 +72,7 @@ class Rig:
         self._beats = 0
         self._fed_beats = 0
         self._fetched_beats = 0
-        self._beaten_s = self._fed_s = monotonic()
+        self._beaten_s = self._fed_s = self._alive_s = monotonic()
         self._armed = False
         self._ramping = False
         self._stopping = False
@@ -213,10 +224,14 @@ class Rig:
         A session on a stepped clock makes samples faster than the owner's pace.
 
         Raises:
-            DeviceError: the device failed since the last beat.
+            DeviceError: the device failed since the last beat, or the session stood still while
+                the output of a device without a watchdog was on.
         """
         if self._fault is not None:
             raise self._fault
+        now_s = self._monotonic()
+        self._require_no_pause(now_s - self._alive_s, self._watchdog_s)
+        self._alive_s = now_s
         self._beats += 1
         recording = self._recording
         if recording is not None and recording.wait_s() < -MOST_LATE_S:
@@ -273,7 +288,22 @@ class Rig:
         return self._owned(lambda: self._guarded(self._driver.vibration_m))
 
     def _owned(self, work: Callable[[], _Result]) -> _Result:
-        return self._put(work).result()
+        called_s = self._monotonic()
+        given = self._put(work).result()
+        self._alive_s = self._monotonic()
+        self._require_no_pause(self._alive_s - called_s, LONGEST_CALL_S)
+        return given
+
+    def _require_no_pause(self, paused_s: float, most_s: float) -> None:
+        """Turn off what was on while all of this program stood still, as when the computer slept.
+
+        The owner cannot tell: it stood still, too, and finds that the session moves again. A device
+        with a watchdog is off by then.
+        """
+        driven = self._driver.driven is not None and not self._driver.has_watchdog
+        if driven and paused_s > most_s:
+            stood = _stood_still(paused_s)
+            self._put(lambda: self._guarded(lambda: _raised(stood))).result()
 
     def _of_gauge(self, work: Callable[[], _Result]) -> _Result:
         """Return what the gauge gives; one that fails is a fault as any other."""
@@ -348,7 +378,7 @@ class Rig:
         if moved or self._driver.driven is None:
             self._driver.check()
         elif not self._driver.has_watchdog and self._silent_s() > self._watchdog_s:
-            raise DeviceError(f"the session did not move for {self._silent_s():.1f} s")
+            raise _stood_still(self._silent_s())
 
     def _silent_s(self) -> float:
         return self._monotonic() - self._beaten_s
@@ -411,6 +441,12 @@ class Rig:
         if isinstance(error, OutputUnknown):
             return error  # it was asked before, and did not say so then
         return type(error)(f"{error}; output off, read back")
+
+
+def _stood_still(seconds: float) -> DeviceError:
+    return DeviceError(
+        f"the session did not move for {seconds:.1f} s (it hung, or the computer slept)"
+    )
 
 
 def _raised(error: DeviceError) -> NoReturn:

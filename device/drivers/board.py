@@ -33,7 +33,8 @@ _FIRST_THAT_RECORDS = (1, 2)
 _FIRMWARE = re.compile(r"(\d+)\.(\d+)")
 _PROMISES = "OUTP:PROT:CAUS?;:SYST:BOOT?;:VOLT:LIM?;:SYST:WATC?"
 _CAUSES = {
-    "WATC": "its watchdog tripped: nothing was heard of this program for too long",
+    "WATC": "its watchdog tripped: nothing was heard of this program for too long (it hung, or the "
+    "computer slept)",
     "TEMP": "its protection tripped: over-temperature",
     "CURR": "its protection tripped: over-current",
 }

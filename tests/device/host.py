@@ -7,13 +7,13 @@ from device.rig import open_rig
 from tests.device.rigs import DRIVE, LIMITS
 
 
-def main(url: str, rate_hz: int = 0) -> None:
+def main(url: str, rate_hz: str = "0", dialect: str = "board") -> None:
     """Drive the device at `url`, record its forces if there is a rate, say so, and live on."""
-    rig = open_rig(url, LIMITS)
+    rig = open_rig(url, LIMITS, dialect)
     rig.arm()
     rig.drive(DRIVE)
-    if rate_hz:
-        rig.record(rate_hz)
+    if int(rate_hz):
+        rig.record(int(rate_hz))
     print("on", flush=True)
     while True:
         rig.beat()
@@ -21,4 +21,4 @@ def main(url: str, rate_hz: int = 0) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], *map(int, sys.argv[2:]))
+    main(sys.argv[1], *sys.argv[2:])

@@ -42,10 +42,12 @@ def control(simulator: Endpoints) -> Iterator[ControlClient]:
 
 
 @contextmanager
-def driving_host(url: str) -> Iterator["subprocess.Popen[str]"]:
+def driving_host(url: str, *more: str) -> Iterator["subprocess.Popen[str]"]:
     """A host in a process of its own, with the output on."""
-    command = [sys.executable, "-m", "tests.device.host", url]
-    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as host:
+    command = [sys.executable, "-m", "tests.device.host", url, *more]
+    with subprocess.Popen(
+        command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as host:
         try:
             assert host.stdout is not None
             assert host.stdout.readline() == "on\n"
@@ -233,8 +235,26 @@ def test_a_generator_is_turned_off_when_the_session_hangs() -> None:
         assert "this generator has no watchdog" in remarks[0]
         rig.drive(DRIVE)
         assert until(lambda: control.state()["output"] is False, within_s=2), "nobody beats"
-        with pytest.raises(DeviceError, match=r"session did not move for .* s; output off, read"):
+        with pytest.raises(DeviceError, match=r"session did not move for .*; output off, read"):
             driven_on(rig, control)
+
+
+@pytest.mark.parametrize("dialect", ["board", "keysight"])
+def test_a_host_that_was_stopped_turns_the_output_off_once_it_goes_on(dialect: str) -> None:
+    """As after the computer slept; a generator has been on all the time."""
+    with (
+        simulator_process(TOUCHBEAM, seed=1, dialect=dialect, keep=True) as other,
+        ControlClient(other.control) as control,
+        driving_host(other.url, "0", dialect) as host,
+    ):
+        assert until(lambda: control.state()["voltage_v"] > 50, within_s=2)
+        os.kill(host.pid, signal.SIGSTOP)
+        assert until(lambda: control.state()["output"] is False, within_s=3) is (dialect == "board")
+        os.kill(host.pid, signal.SIGCONT)
+        assert host.stderr is not None
+        *_, said = host.stderr.read().splitlines()
+        assert control.state()["output"] is False
+    assert said.endswith("(it hung, or the computer slept); output off, read back")
 
 
 def test_a_session_that_waits_for_a_slow_generator_does_not_hang() -> None:
@@ -246,7 +266,7 @@ def test_a_session_that_waits_for_a_slow_generator_does_not_hang() -> None:
     assert all(rig.read_back().output for _ in range(3)), "no beat, but calls"
     assert device.now_s() - begin_s > 2 * LIMITS.watchdog_s
     InProcessClock(datetime(2026, 1, 5, tzinfo=UTC), device, rig).sleep(2 * LIMITS.watchdog_s)
-    with pytest.raises(DeviceError, match=r"session did not move for .* s; output off, read"):
+    with pytest.raises(DeviceError, match=r"session did not move for .*; output off, read"):
         rig.beat()
 
 

@@ -1,5 +1,8 @@
 """When the rig feeds the device, and when it turns it off because the session is silent."""
 
+import inspect
+import sys
+import time
 from typing import cast
 
 import pytest
@@ -8,7 +11,7 @@ from device.drivers.driver import Driver, Reading
 from device.errors import (
     DeviceError,
 )
-from device.rig import FEEDS_PER_WATCHDOG, RAMP_STEP_S, Rig
+from device.rig import FEEDS_PER_WATCHDOG, RAMP_STEP_S, Rig, passed_s
 from tests.device.rig.bench import DRIVE, FEED_S, IDENTITY, LIMITS, SHOWN, Bench, RecordedDriver
 
 
@@ -74,7 +77,7 @@ def test_a_device_without_a_watchdog_is_turned_off_once_the_session_is_silent(
         assert unwatched.after(FEED_S, beats=False) == []
     assert unwatched.after(0.3 * FEED_S, beats=False) == []
     assert unwatched.after(FEED_S, beats=False) == ["send_off", "confirm_off"]
-    message = r"^the session did not move for 0\.5 s; output off, read back$"
+    message = r"^the session did not move for 0\.5 s \(.* slept\); output off, read back$"
     with pytest.raises(DeviceError, match=message):
         unwatched.rig.beat()
 
@@ -102,6 +105,42 @@ def test_a_session_that_waits_for_a_long_answer_is_not_silent(unwatched: Bench) 
     unwatched.rig.read_back()
     assert unwatched.calls() == ["read_back"]
     unwatched.rig.beat()
+
+
+@pytest.mark.parametrize("slept_in", ["the session", "a call"])
+def test_a_computer_that_slept_while_a_generator_was_on_turns_it_off_on_waking(
+    unwatched: Bench, slept_in: str
+) -> None:
+    """The session moves again before the owner of the port looks whether it does."""
+    message = r"^the session did not move for 60\.0 s \(.* slept\); output off, read back$"
+    if slept_in == "a call":
+        unwatched.driver.does["read_back"] = lambda: unwatched.clock.advance(60)
+        with pytest.raises(DeviceError, match=message):
+            unwatched.rig.read_back()
+    else:
+        unwatched.clock.advance(60)
+        with pytest.raises(DeviceError, match=message):
+            unwatched.rig.beat()
+    assert unwatched.calls()[-2:] == ["send_off", "confirm_off"]
+    with pytest.raises(DeviceError, match=message):
+        unwatched.rig.drive(DRIVE)
+
+
+def test_a_computer_may_sleep_while_the_output_is_off(unwatched: Bench) -> None:
+    unwatched.rig.off()
+    unwatched.clock.advance(60)
+    unwatched.rig.beat()
+    unwatched.rig.drive(DRIVE)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other clocks count it anyway, or never do")
+def test_a_rig_lives_by_a_clock_that_counts_the_time_asleep(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("time.clock_gettime", {time.CLOCK_BOOTTIME: 7.0}.get)
+    assert passed_s() == 7.0
+    default = inspect.signature(Rig).parameters["monotonic"].default
+    assert default is passed_s
 
 
 def test_a_device_with_a_watchdog_is_left_to_it(driven: Bench) -> None:

@@ -6,6 +6,7 @@ here, whatever the version: `copied_log` holds the write lock, and `merge_log` i
 file. SQLite's own checkpoint at the close of a last connection never runs on a log with events.
 """
 
+import errno
 import os
 import shutil
 import sqlite3
@@ -17,6 +18,7 @@ from contextlib import closing, contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from random import uniform
+from tempfile import TemporaryDirectory, gettempdir
 
 from runner.signals import raise_if_stopped, stops_deferred
 
@@ -25,6 +27,9 @@ SQLITE_ERRORS = (sqlite3.Error, UnicodeDecodeError)
 """What SQLite raises on a damaged file; names in its messages may be damaged, too."""
 _STEPS_BETWEEN_SIGNALS = 10_000
 _MOST_OBJECTS = 100
+_ATTEMPTS = 10
+_BLOCK = 1 << 20
+IN_MEMORY = Path("/dev/shm")  # noqa: S108 - the copy is in a folder that only the user can open
 _NAMES_A_FILE = bytes.fromhex("d9d505f920a163d7")
 """The end of a rollback journal that names a super-journal, as only ATTACH makes them."""
 _FIXED_BRANCHES = {(3, 44): 6, (3, 50): 7}
@@ -124,6 +129,96 @@ def _has_events(log: Path) -> bool:
 def is_writable(path: Path) -> bool:
     """Return whether the file and its folder, which holds the log, can be written."""
     return os.access(path, os.W_OK) and os.access(path.parent, os.W_OK)
+
+
+# A copy to read, where nothing can be written beside the file
+
+
+def lacks_writing(error: BaseException | None) -> bool:
+    """Return whether SQLite failed because it could not write beside a file that it should read.
+
+    To read a file with a log, SQLite makes an index of the log beside it, which a full disk or a
+    read-only folder refuses.
+    """
+    return isinstance(error, sqlite3.OperationalError) and error.sqlite_errorcode & 0xFF in {
+        sqlite3.SQLITE_FULL,
+        sqlite3.SQLITE_IOERR,
+        sqlite3.SQLITE_CANTOPEN,
+        sqlite3.SQLITE_READONLY,
+    }
+
+
+def connected_to_copy(path: Path) -> sqlite3.Connection:
+    """Return a connection to a private copy of a file and its log, both as at one moment.
+
+    The copy is in the system's temporary folder, or in memory if that is full. It loses its name
+    at once, so that it vanishes with the connection, whatever becomes of this process.
+
+    Raises:
+        sqlite3.Error: there is no room for a copy, or the file is being changed all the time.
+    """
+    _require_reaching_no_other(path)
+    for place in _temporary_folders():
+        try:
+            with TemporaryDirectory(prefix="touchbeam-", dir=place) as folder:
+                copy = Path(folder) / path.name
+                _copy_of_one_moment(path, copy)
+                connection = connected(copy)
+                with closed_on_error(connection):
+                    connection.execute("PRAGMA locking_mode = EXCLUSIVE")  # needs no index beside
+                    connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
+                return connection
+        except OSError as error:
+            if error.errno not in {errno.ENOSPC, errno.EDQUOT, errno.EROFS}:
+                raise
+    raise sqlite3.OperationalError(
+        "its disk is full or read-only, and no other has room for a copy; set TMPDIR to a folder "
+        "on a disk with room"
+    )
+
+
+def _temporary_folders() -> Iterator[str]:
+    with suppress(FileNotFoundError):  # none can be written
+        yield gettempdir()
+    if IN_MEMORY.is_dir():
+        yield str(IN_MEMORY)
+
+
+def _copy_of_one_moment(path: Path, copy: Path) -> None:
+    """Copy a file, its log and its rollback journal while other processes may change them.
+
+    What is the same before and after all was read is as it was at the moment between. Only the log
+    may have grown meanwhile: SQLite takes it up to the last transaction that is whole.
+    """
+    endings = ("", "-wal", "-journal")
+    for _ in range(_ATTEMPTS):
+        for ending in endings:
+            _copy_part(path.with_name(path.name + ending), copy.with_name(copy.name + ending))
+        if not log_aside(path).exists() and all(
+            _is_still(path.with_name(path.name + ending), copy.with_name(copy.name + ending))
+            for ending in reversed(endings)
+        ):
+            return
+    raise sqlite3.OperationalError("it changes while it is read; end what writes to it")
+
+
+def _copy_part(part: Path, copy: Path) -> None:
+    copy.unlink(missing_ok=True)
+    with suppress(FileNotFoundError):
+        if not stat.S_ISREG(part.lstat().st_mode):
+            raise sqlite3.DatabaseError(f"{part.name} must be a regular file")
+        shutil.copyfile(part, copy)
+
+
+def _is_still(part: Path, copy: Path) -> bool:
+    try:
+        with part.open("rb") as now, copy.open("rb") as then:
+            while block := then.read(_BLOCK):
+                if now.read(len(block)) != block:
+                    return False
+            return part.name.endswith("-wal") or not now.read(1)
+    except FileNotFoundError:
+        return part.exists() == copy.exists()
 
 
 # Schema

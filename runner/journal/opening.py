@@ -6,7 +6,7 @@ The tables and triggers are here; `runner.journal.store` appends and reads event
 import os
 import secrets
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -16,7 +16,9 @@ from runner.journal.database import (
     close_keeping_log,
     closed_on_error,
     connected,
+    connected_to_copy,
     is_writable,
+    lacks_writing,
     log_aside,
     log_of,
     transaction,
@@ -32,6 +34,8 @@ _READER_PATIENCE_S = 0.1
 """How long a reader waits to merge a log that a killed process has left, s."""
 _ONE_PAGE = 4096
 """Size of a database without tables, bytes."""
+
+Connect = Callable[[], sqlite3.Connection]
 
 _SCHEMA = (
     """CREATE TABLE event (
@@ -109,13 +113,24 @@ def unused(path: Path) -> bool:
 def read_journal(path: Path, *, to_verify: bool = False) -> Journal:
     """Return the journal at `path` opened read-only; the file need not be writable.
 
+    Where SQLite cannot even write its index, on a full disk for example, a copy is read.
+
     With `to_verify`, missing triggers are no error: `lacking_triggers` of the journal names them.
 
     Raises:
         JournalError: it cannot be read, or its schema is not touchbeam's.
     """
+    try:
+        return _read(path, lambda: connected(path, _access(path), LOCK_WAIT_S), to_verify=to_verify)
+    except JournalError as error:
+        if not lacks_writing(error.__cause__):
+            raise
+    return _read(path, lambda: connected_to_copy(path), to_verify=to_verify, is_copy=True)
+
+
+def _read(path: Path, connect: Connect, *, to_verify: bool, is_copy: bool = False) -> Journal:
     lacking: list[str] = []
-    with _opening(path, "read", _access(path)) as connection:
+    with _opening(path, "read", connect) as connection:
         connection.execute("PRAGMA query_only = ON")
         with transaction(connection):
             version = checked_version(connection, _SCHEMAS, lacking if to_verify else None)
@@ -126,13 +141,14 @@ def read_journal(path: Path, *, to_verify: bool = False) -> Journal:
                 salted=version != UNSALTED_VERSION,
                 lacking_triggers=lacking,
                 patience_s=_READER_PATIENCE_S,
+                is_copy=is_copy,
             )
         connection.close()  # made and never filled: its process was killed
         empty = sqlite3.connect(":memory:")
         with closed_on_error(empty):
             for statement in _SCHEMA:
                 empty.execute(statement)
-        return Journal(empty, path)
+        return Journal(empty, path, is_copy=True)
 
 
 def _access(path: Path) -> str:
@@ -147,9 +163,9 @@ def _access(path: Path) -> str:
 
 @contextmanager
 def _opening(
-    path: Path, what: str, access: str = "mode=rw", *, create: bool = False
+    path: Path, what: str, connect: Connect, *, create: bool = False
 ) -> Iterator[sqlite3.Connection]:
-    """Yield a connection to the journal at `path`, closed again only if the body fails.
+    """Yield what `connect` returns for the journal at `path`, closed only if the body fails.
 
     Raises:
         JournalError: the body has raised an error of SQLite or of the system, or the log is aside.
@@ -163,7 +179,7 @@ def _opening(
         if create:  # SQLite itself would make a file that others may read, as the umask has it
             with suppress(FileExistsError):
                 os.close(os.open(path, os.O_CREAT | os.O_EXCL, 0o600))
-        connection = connected(path, access, LOCK_WAIT_S)
+        connection = connect()
         try:
             yield connection
         except BaseException:
@@ -192,7 +208,9 @@ def open_journal(path: Path, random_bytes: RandomBytes = secrets.token_bytes) ->
             f"{path}: is missing, but its log {log_of(path).name} exists and holds the latest "
             "events; restore the journal beside it"
         )
-    with _opening(path, "opened", create=True) as connection:
+    with _opening(
+        path, "opened", lambda: connected(path, timeout_s=LOCK_WAIT_S), create=True
+    ) as connection:
         with transaction(connection):
             checked_version(connection, _SCHEMAS)
         _log_ahead(connection)

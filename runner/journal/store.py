@@ -75,7 +75,8 @@ class JournalError(WorkFailed):
 class Journal:
     """The events of all sessions of one study.
 
-    `salted` is false for schema 2, whose erased payloads can be guessed from their digests.
+    `salted` is false for schema 2, whose erased payloads can be guessed from their digests. One
+    that is read from a copy (`is_copy`) leaves the file at its path alone.
     """
 
     def __init__(
@@ -87,6 +88,7 @@ class Journal:
         random_bytes: RandomBytes = secrets.token_bytes,
         lacking_triggers: Sequence[str] = (),
         patience_s: float = LOCK_WAIT_S,
+        is_copy: bool = False,
     ) -> None:
         self.salted = salted
         self.lacking_triggers = tuple(lacking_triggers)
@@ -95,6 +97,7 @@ class Journal:
         self._connection = connection
         self._path = path
         self._patience_s = patience_s
+        self._is_copy = is_copy
         self._places = (str(path), str(log_of(path)))
         self._files = _files_at(self._places)
         self._last_hashes: dict[tuple[str, int], str] = {}
@@ -109,6 +112,9 @@ class Journal:
         trace: TracebackType | None,
     ) -> None:
         # An error of the body takes precedence; the log keeps every event.
+        if self._is_copy:
+            self._connection.close()
+            return
         hidden = nullcontext() if error is None else suppress(JournalError)
         with hidden, self._errors_explained("written"):
             leave(self._connection, self._path, self._patience_s)

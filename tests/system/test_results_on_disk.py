@@ -3,11 +3,18 @@
 import os
 import resource
 import subprocess
+from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
+from runner.journal.amendments import exclude_trial
+from runner.journal.database import log_of
+from runner.journal.opening import open_journal
 from tests.runner.command_line import TOUCHBEAM, assert_matches, everything, typed
+from tests.runner.fakes import FakeClock
+from tests.runner.registered_study import LATER_S, run_session, study_in
 
 PUBLISHED = Path(__file__).parents[1] / "data" / "published_scores.csv"
 
@@ -61,6 +68,52 @@ def test_a_full_disk_leaves_no_part_of_a_report() -> None:
     assert_matches(r"^touchbeam: deep/out/report\.\w+: File too large\n$", shown.stderr)
     assert shown.returncode == 1
     assert everything(Path()) == before
+
+
+@pytest.fixture
+def small_disk() -> Iterator[Path]:
+    """A disk of 2 MB."""
+    disk = Path("disk").resolve()
+    disk.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=2m", "none", str(disk)]
+    if subprocess.run(mount, capture_output=True, check=False).returncode:
+        pytest.skip("this user cannot mount a small disk")
+    try:
+        yield disk
+    finally:
+        subprocess.run(["umount", str(disk)], check=True)
+
+
+@pytest.mark.parametrize("unwritable", ["full", "read-only"])
+def test_from_a_disk_that_cannot_be_written_everything_can_be_read_and_saved(
+    small_disk: Path, unwritable: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run_session(study_in(small_disk / "study"), "P01")
+    journal = small_disk / "study" / "study.db"
+    with open_journal(journal) as kept:
+        exclude_trial(kept, FakeClock(LATER_S + 1e3), "P01/1", 2, "a noise")
+        copies = [(file, file.read_bytes()) for file in (journal, log_of(journal))]
+    for file, content in copies:  # as a killed process leaves them
+        file.write_bytes(content)
+    if unwritable == "full":
+        with suppress(OSError), (small_disk / "rest").open("wb", buffering=0) as rest:
+            while rest.write(bytes(4096)):
+                pass
+    else:
+        subprocess.run(["mount", "-o", "remount,ro", str(small_disk)], check=True)
+    capsys.readouterr()
+    study = small_disk / "study"
+    assert typed("status", study) == 0
+    assert "P01/1  participant  completed  7 of 7 trials, 1 excluded" in capsys.readouterr().out
+    assert typed("verify", study) == 0
+    assert typed("backup", study, "copy.db") == 0
+    assert typed("verify", "copy.db") == 0
+    assert typed("export", study, "csv", "--format", "csv") == 0
+    capsys.readouterr()
+    assert typed("exclude", study, "--participant", "P01", "--trial", "3", "--reason", "x") == 1
+    assert capsys.readouterr().err.count("\n") == 1
+    assert [(file, file.read_bytes()) for file, _ in copies] == copies
+    assert (Path("csv") / "trials.csv").read_text().count("a noise") == 1
 
 
 def test_a_pipe_that_is_written_to_stays_a_pipe(tmp_path: Path) -> None:

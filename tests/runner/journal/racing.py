@@ -2,16 +2,19 @@
 
 `python -m tests.runner.journal.racing SESSION SEED`: "write FILE" appends events to SESSION,
 checkpointing now and then; "read FILE" opens and reads the journal a few times. It answers each
-line with the number of events that it has written to the file by now.
+line with the number of events that it has written to the file by now. "copy FILE" copies the file
+as on a full disk, and answers with the number of events in the copy.
 """
 
 import random
 import sys
 import time
+from contextlib import closing
 from datetime import UTC, datetime
 from pathlib import Path
 
 from protocol.journal.events import StoredEvent
+from runner.journal.database import connected_to_copy
 from runner.journal.opening import open_journal, read_journal
 
 NOON = datetime(2026, 1, 1, 12, tzinfo=UTC)
@@ -37,6 +40,14 @@ def read(path: Path, draw: random.Random) -> None:
         time.sleep(draw.uniform(0, 0.004))
 
 
+def copied(path: Path) -> int:
+    with closing(connected_to_copy(path)) as copy:
+        assert copy.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+        chains = copy.execute("SELECT count(*), max(seq) FROM event GROUP BY session").fetchall()
+    assert all(count == last + 1 for count, last in chains), chains
+    return sum(count for count, _ in chains)
+
+
 def main() -> None:
     session, draw = sys.argv[1], random.Random(int(sys.argv[2]))
     written: dict[Path, int] = {}
@@ -44,6 +55,9 @@ def main() -> None:
         word, name = line.rstrip("\n").split(" ", 1)
         path = Path(name)
         before = written.get(path, 0)
+        if word == "copy":
+            print(copied(path), flush=True)
+            continue
         if word == "write":
             written[path] = write(path, session, before, draw)
         else:

@@ -1,7 +1,10 @@
 """The log of a journal, its checkpoints, and copies of both: no event is lost."""
 
+import errno
 import gc
+import os
 import sqlite3
+import tempfile
 import threading
 from contextlib import closing
 from pathlib import Path
@@ -13,6 +16,7 @@ from runner.clock import WallClock
 from runner.journal.database import (
     LogNotCopiedError,
     connected,
+    connected_to_copy,
     copied_log,
     copy_database,
     has_wal_reset_bug,
@@ -195,3 +199,66 @@ def test_the_events_of_this_process_must_be_in_the_main_file(study: Path) -> Non
 )  # fmt: skip
 def test_versions_with_the_wal_reset_bug_are_known(version: str, affected: bool) -> None:
     assert has_wal_reset_bug(version) == affected
+
+
+@pytest.fixture
+def unindexed(study: Path) -> Path:
+    """A journal with an event in its log alone, where SQLite cannot write the log's index."""
+    path = study / "study.db"
+    with open_journal(path) as journal, closing(connected(path)) as other:
+        noted(journal, "in the log alone")
+        other.execute("SELECT 1 FROM event").fetchone()
+        kept = path.read_bytes(), log_of(path).read_bytes()
+    path.write_bytes(kept[0])
+    log_of(path).write_bytes(kept[1])
+    path.with_name("study.db-shm").symlink_to("study.db-shm")  # nothing can be opened there
+    return path
+
+
+def test_where_nothing_can_be_written_a_copy_is_read_with_the_log(
+    unindexed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    places = [tmp_path / "tmp", tmp_path / "memory"]
+    for place in places:
+        place.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(places[0]))
+    monkeypatch.setattr("runner.journal.database.IN_MEMORY", places[1])
+    before = {file: file.lstat().st_mtime_ns for file in unindexed.parent.iterdir()}
+    with read_journal(unindexed) as journal:
+        assert journal.events("P01/1")[-1].payload == {"text": "in the log alone"}
+        assert [list(place.iterdir()) for place in places] == [[], []], "it has no name any more"
+        journal.copy_to(tmp_path / "copy.db")
+    assert {file: file.lstat().st_mtime_ns for file in unindexed.parent.iterdir()} == before
+    with read_journal(tmp_path / "copy.db") as copy:
+        assert copy.events("P01/1")[-1].payload == {"text": "in the log alone"}
+
+
+def test_a_copy_goes_where_there_is_room(unindexed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    full, tried = [tempfile.gettempdir()], list[Path]()
+
+    def copied(part: Path, copy: Path) -> None:
+        tried.append(copy.parent)
+        if str(copy.parent.parent) in full:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        copy.write_bytes(part.read_bytes())
+
+    monkeypatch.setattr("runner.journal.database.shutil.copyfile", copied)
+    with read_journal(unindexed) as journal:
+        assert journal.sessions() == ["P01/1"]
+    full.append("/dev/shm")
+    with pytest.raises(JournalError, match="and no other has room for a copy; set TMPDIR to a"):
+        read_journal(unindexed)
+    assert not any(place.exists() for place in tried)
+
+
+def test_a_log_that_is_put_aside_meanwhile_is_not_read_over(unindexed: Path) -> None:
+    log_of(unindexed).rename(unindexed.with_name("study.db-wal-aside"))
+    with pytest.raises(sqlite3.OperationalError, match="it changes while it is read"):
+        connected_to_copy(unindexed)
+
+
+def test_a_pipe_in_place_of_the_log_is_not_waited_for(unindexed: Path) -> None:
+    log_of(unindexed).unlink()
+    os.mkfifo(log_of(unindexed))
+    with pytest.raises(sqlite3.DatabaseError, match=r"study\.db-wal must be a regular file"):
+        connected_to_copy(unindexed)

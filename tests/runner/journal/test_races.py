@@ -30,11 +30,19 @@ def racer(session: str, seed: int) -> Iterator[subprocess.Popen[str]]:
 def race(racers: list[subprocess.Popen[str]], words: list[str], path: Path) -> int:
     """Start all at once; return the number of events that they have written to `path` so far."""
     for process, word in zip(racers, words, strict=True):
-        assert process.stdin is not None
-        process.stdin.write(f"{word} {path}\n")
-        process.stdin.flush()
-    lines = [process.stdout.readline() for process in racers if process.stdout is not None]
-    return sum(int(line) for line in lines)
+        tell(process, word, path)
+    return sum(map(answer, racers))
+
+
+def tell(process: subprocess.Popen[str], word: str, path: Path) -> None:
+    assert process.stdin is not None
+    process.stdin.write(f"{word} {path}\n")
+    process.stdin.flush()
+
+
+def answer(process: subprocess.Popen[str]) -> int:
+    assert process.stdout is not None
+    return int(process.stdout.readline())
 
 
 def in_main_file(path: Path) -> int:
@@ -69,6 +77,21 @@ def test_200_races_leave_every_event_in_the_main_file(tmp_path: Path) -> None:
     missing, written = missing_after(tmp_path, 200 // RACES, seed=1)
     assert missing == 0
     assert written > 400
+
+
+def test_a_copy_taken_in_a_race_has_every_event_that_was_there_before(tmp_path: Path) -> None:
+    """As a full disk has it read: while others write, checkpoint and leave."""
+    path, written = tmp_path / "study.db", 0
+    open_journal(path).__exit__(None, None, None)
+    with racer("P01/1", 1) as one, racer("P02/1", 2) as other, racer("", 3) as copier:
+        for _ in range(60):
+            seen = race([copier], ["copy"], path)
+            assert seen == written
+            for process in (one, other, copier):
+                tell(process, "copy" if process is copier else "write", path)
+            counts = [answer(process) for process in (one, other, copier)]
+            assert written <= counts[2] <= sum(counts[:2])
+            written = sum(counts[:2])
 
 
 @pytest.mark.soak

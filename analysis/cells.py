@@ -25,6 +25,8 @@ _CSV_FORMULA = re.compile(rf"(^|[;\t\n]){_BEGINS}")
 _TSV_FORMULA = re.compile(rf"(^|[;,]){_BEGINS}")
 _GUARD = re.compile(rf"(^|[;\t\n])'{_BEGINS}")
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\ufeff\ud800-\udfff]")
+_SURROGATE = re.compile("[\ud800-\udfff]")
+"""Half of a character, which no file in UTF-8 can hold."""
 
 
 def csv_text(header: Sequence[str], rows: Iterable[Sequence[Cell]]) -> str:
@@ -116,4 +118,4 @@ def json_text(document: object) -> str:
     """Return `document` as JSON for people and programs."""
     out = io.StringIO()  # takes a fifth of the memory of the list of parts that json.dumps joins
     json.dump(document, out, indent=2, ensure_ascii=False, allow_nan=False)
-    return out.getvalue() + "\n"
+    return _SURROGATE.sub(_escape, out.getvalue()) + "\n"

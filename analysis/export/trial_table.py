@@ -69,7 +69,8 @@ def trials_with_answers(
     planned = trials["attempts"].notna()
     excluded = [trials["session_exclusion"].notna(), trials["exclusion"].notna()]
     touches = found.touches["attempt_id"].value_counts().reindex(trials.index, fill_value=0)
-    return trials.assign(
+    answers = _answers(found.answers, trials, questions)
+    assigned = trials.assign(
         trial_index=trials["trial_index"].astype("Int64").where(planned),
         level=trials["level"].where(planned),
         opposite=trials["opposite"].astype("boolean").where(planned),
@@ -77,8 +78,9 @@ def trials_with_answers(
         exclusion_reason=trials["session_exclusion"].fillna(trials["exclusion"]),
         inclusion_reason=trials["session_inclusion"].fillna(trials["inclusion"]),
         touches=touches.astype("Int64").where(planned),
-        **_answers(found.answers, trials, questions),
     )
+    # All at once: pandas warns of a hundred columns that come one by one.
+    return assigned.join(pd.DataFrame(answers, trials.index))
 
 
 def _answers(

@@ -7,7 +7,7 @@ device's address and how answers came about in the window stay behind.
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from functools import singledispatch
@@ -31,6 +31,7 @@ from protocol.journal.events import (
     event_of,
 )
 from protocol.journal.recordings import CHANNELS
+from protocol.journal.records import PlannedTrial
 from protocol.journal.state import folded
 from protocol.journal.transitions import NotAllowed
 from protocol.pseudonyms import pseudonym
@@ -52,6 +53,7 @@ _WRONG = (
 
 
 _KINDS = ("participant", "rehearsal")
+_SCORED = ("trial", "catch")
 _MOST_SESSIONS = 999_999_999
 _LONGEST_QUOTE = 80
 
@@ -95,6 +97,10 @@ def shared_session(source: str, text: str) -> SharedSession:
     if not known or not 1 <= opened.session <= _MOST_SESSIONS:
         told = f"{opened.kind!r}, {opened.session}"
         raise BadInput(f"{source}: must be a numbered session of a participant, got {told}")
+    for trial in _planned(events):
+        if trial.kind in _SCORED and trial.condition not in opened.conditions:
+            told = f"trial {trial.index}, {trial.condition!r}"
+            raise BadInput(f"{source}: a trial must be of one of the session's conditions, {told}")
     try:
         pseudonym(opened.participant)
     except BadInput as error:
@@ -119,6 +125,14 @@ def _stored(
         monotonic_s=float(monotonic_s),
         payload=payload,
     )
+
+
+def _planned(events: Sequence[StoredEvent]) -> Iterator[PlannedTrial]:
+    for event in events:
+        if event.tag in {SessionOpened.TAG, SessionResumed.TAG}:
+            record = event.record
+            assert isinstance(record, SessionOpened | SessionResumed)
+            yield from record.trials
 
 
 def _out_of_range(event: Event) -> str:

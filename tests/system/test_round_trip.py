@@ -229,6 +229,7 @@ def test_a_folder_that_touchbeam_has_not_exported_is_refused(
         ('"trace": [[', '"trace": [[NaN, ', "cannot be read as a session"),
         ('"trace": [[', '"trace": [[0, ', "cannot be read as a session"),
         ('"trace": [[0.0', '"trace": [["now"', "of touchbeam (touch-ended, trace: "),
+        ('"condition": "voltage"', '"condition": null', "one of the session's conditions, trial "),
         ('"frequency_hz": 24000.0', '"frequency_hz": 0', "(resonance-measured, frequency_hz: 0)"),
         ('"participant": "P03"', '"participant": null', "(session-opened, participant: None)"),
         ('"participant": "P03"', '"participant": "../../x1"', "must be a pseudonym"),

@@ -6,9 +6,12 @@ may have, is decided in one place.
 
 import os
 from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from typing import TypeVar, cast
 from warnings import catch_warnings
+
+from protocol.errors import WorkFailed
 
 Result = TypeVar("Result")
 _SAFE_PATH = "PYTHONSAFEPATH"
@@ -22,6 +25,9 @@ def done(work: Iterable[Callable[[], Result]], workers: int) -> Generator[Result
     Args:
         work: what is done; it and its results are pickled.
         workers: how many processes do it; each has one thread.
+
+    Raises:
+        WorkFailed: one of the processes was killed.
     """
     # joblib takes a quarter of a second to import, which most commands need not spend.
     from joblib import Parallel, delayed, parallel_config
@@ -33,6 +39,10 @@ def done(work: Iterable[Callable[[], Result]], workers: int) -> Generator[Result
         try:
             for result in results:  # noqa: UP028 - `yield from` would close it, with a warning
                 yield result
+        except BrokenProcessPool as error:
+            raise WorkFailed(
+                "a process that computed was killed, as happens where memory runs out"
+            ) from error
         finally:
             with catch_warnings(action="ignore"):  # of work that nobody waits for any more
                 results.close()

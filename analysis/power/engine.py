@@ -1,6 +1,8 @@
 """Where tasks are computed: on the cores of this machine, or on a Dask cluster."""
 
+import asyncio
 import io
+import logging
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import closing, contextmanager
 from functools import partial
@@ -17,8 +19,8 @@ from protocol.errors import BadInput, WorkFailed
 if TYPE_CHECKING:
     from distributed import Client
 
-_ANSWER_WITHIN_S = 10
-_WORKERS_WITHIN_S = 30
+_ANSWER_WITHIN_S = 5
+_WORKERS_WITHIN_S = 8
 
 
 class Chunks(Protocol):
@@ -49,7 +51,7 @@ def completed(
 
     Raises:
         BadInput: the address is none, or the package for clusters is missing.
-        WorkFailed: the cluster cannot be reached or does not work.
+        WorkFailed: the cluster cannot be reached or does not work, or a process was killed.
     """
     left = []
     for task in wanted:
@@ -60,10 +62,14 @@ def completed(
             yield task, found
     if not left:
         return
-    with closing(_computed(job, left, workers, scheduler)) as results:
-        for task, found in results:
-            chunks.save(task.name, _to_keep(job, task, found))
-            yield task, found
+    try:
+        with closing(_computed(job, left, workers, scheduler)) as results:
+            for task, found in results:
+                chunks.save(task.name, _to_keep(job, task, found))
+                yield task, found
+    except (WorkFailed, OSError) as error:
+        error.add_note("what is done is kept; the same command goes on from there")
+        raise
 
 
 def _to_keep(job: Job, task: Task, found: FloatArray) -> bytes:
@@ -104,6 +110,7 @@ def _numbered(job: Job, task: Task) -> tuple[Task, FloatArray]:
 
 def _on_cluster(job: Job, left: Sequence[Task], scheduler: str) -> Results:
     from distributed import KilledWorker, as_completed
+    from distributed.client import FutureCancelledError
 
     with connected(scheduler) as client:
         futures = [client.submit(_numbered, job, task, pure=False) for task in left]
@@ -113,6 +120,8 @@ def _on_cluster(job: Job, left: Sequence[Task], scheduler: str) -> Results:
                 future.release()
         except KilledWorker as error:
             raise WorkFailed(f"{scheduler}: a task ended its workers again and again") from error
+        except (FutureCancelledError, OSError) as error:
+            raise WorkFailed(f"{scheduler}: the scheduler ended or cannot be reached") from error
 
 
 @contextmanager
@@ -131,20 +140,38 @@ def connected(scheduler: str) -> Iterator["Client"]:
         raise BadInput(
             "--scheduler needs the package distributed; install touchbeam[cluster]"
         ) from None
+    logging.disable()  # it prints tracebacks of what is said here in one line
     try:
-        client = Client(scheduler, timeout=_ANSWER_WITHIN_S, set_as_default=False)
-    except (OSError, ValueError) as error:
-        raise WorkFailed(
-            f"{scheduler}: no Dask scheduler answers there; start one with: dask scheduler"
-        ) from error
-    with client:
-        try:
-            client.wait_for_workers(1, timeout=_WORKERS_WITHIN_S)
-        except TimeoutError:
+        if asyncio.run(_kind(scheduler)) != "Scheduler":
             raise WorkFailed(
-                f"{scheduler}: the cluster has no workers; start one with: dask worker {scheduler}"
-            ) from None
-        yield client
+                f"{scheduler}: no Dask scheduler answers there; start one with: dask scheduler"
+            )
+        with Client(scheduler, timeout=_ANSWER_WITHIN_S, set_as_default=False) as client:
+            try:
+                client.wait_for_workers(1, timeout=_WORKERS_WITHIN_S)
+            except TimeoutError:
+                raise WorkFailed(
+                    f"{scheduler}: the cluster has no workers; "
+                    f"start one with: dask worker {scheduler}"
+                ) from None
+            yield client
+    finally:
+        logging.disable(logging.NOTSET)
+
+
+async def _kind(address: str) -> str:
+    """Return what of a Dask cluster answers, such as "Scheduler"; empty if nothing of it does.
+
+    A `Client` would wait far longer for what does not answer as a scheduler does.
+    """
+    from distributed import Security, rpc
+
+    try:
+        asked = Security().get_connection_args("client")
+        async with asyncio.timeout(_ANSWER_WITHIN_S), rpc(address, connection_args=asked) as peer:
+            return str((await peer.identity())["type"])
+    except Exception:  # of its codec and of the peer's making, of many kinds
+        return ""
 
 
 def cluster_size(scheduler: str) -> int:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+import psutil
 import pytest
 
 from analysis.power.engine import completed
@@ -91,6 +92,47 @@ def test_a_cluster_gives_the_same_bits_though_a_worker_is_killed(
         end(first)
     assert b"".join(found[task].tobytes() for task in wanted()) == alone.tobytes()
     assert memory.kept.keys() == {task.name for task in wanted()}
+
+
+def worker_of(parent: int) -> int:
+    """A process in which joblib computes for another one, 0 if there is none."""
+    for process in psutil.Process(parent).children():
+        if "LokyProcess" in " ".join(process.cmdline()):
+            return int(process.pid)
+    return 0
+
+
+def ended_by(kill: Callable[[subprocess.Popen[bytes]], object], folder: Path, *options: str) -> str:
+    """Start a power analysis, do what ends it once something is kept; return what it says."""
+    folder.mkdir()
+    (folder / "study.toml").write_text(template("paper"))
+    many = ("--participants", "3", "--studies", "4", "--null-studies", "100000")
+    with running(TOUCHBEAM, "power", str(folder), *many, *options, folder=folder) as process:
+        wait_for(lambda: any((folder / "power").rglob("*.npy")), process)
+        kill(process)
+        assert process.wait(WITHIN_S) == 1
+    assert any((folder / "power").rglob("*.npy"))
+    return (folder / "out.txt").read_text()
+
+
+GOES_ON = "; what is done is kept; the same command goes on from there\n"
+
+
+def test_a_killed_worker_is_said_in_one_line(tmp_path: Path) -> None:
+    said = ended_by(
+        lambda process: os.kill(worker_of(process.pid), signal.SIGKILL),
+        tmp_path / "study",
+        *("--workers", "2"),
+    )
+    assert said == (
+        "touchbeam: a process that computed was killed, as happens where memory runs out" + GOES_ON
+    )
+
+
+def test_a_lost_scheduler_is_said_in_one_line(cluster: Cluster, tmp_path: Path) -> None:
+    address, (scheduler, *_) = cluster
+    said = ended_by(lambda _: end(scheduler), tmp_path / "study", "--scheduler", address)
+    assert said == f"touchbeam: {address}: the scheduler ended or cannot be reached" + GOES_ON
 
 
 DESIGN = ("--participants", "4", "--studies", "5", "--null-studies", "20", "--seed", "2")

@@ -1,5 +1,9 @@
 """The engine: the same numbers by any number of workers, and from where it was stopped."""
 
+import socket
+import threading
+from contextlib import suppress
+
 import numpy as np
 import pytest
 
@@ -92,3 +96,26 @@ def test_an_address_that_is_none_is_refused() -> None:
         connected("nowhere"),
     ):
         pass
+
+
+@pytest.mark.parametrize("greeting", [b"", b"SSH-2.0-OpenSSH_9\r\n" + bytes(4000)])
+def test_what_is_no_scheduler_is_told_by_how_it_answers(
+    greeting: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("analysis.power.engine._ANSWER_WITHIN_S", 0.5)
+    peers = []
+
+    def serve(server: socket.socket) -> None:
+        with suppress(OSError):  # the server is closed
+            while True:
+                peers.append(server.accept()[0])
+                peers[-1].sendall(greeting)
+
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        threading.Thread(target=serve, args=(server,), daemon=True).start()
+        with (
+            pytest.raises(WorkFailed, match="no Dask scheduler answers there"),
+            connected(f"tcp://127.0.0.1:{server.getsockname()[1]}"),
+        ):
+            pass
+    assert peers, "nobody asked"

@@ -10,6 +10,7 @@ import shlex
 import socket
 import stat
 import tempfile
+import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from ipaddress import ip_address
@@ -30,6 +31,10 @@ class RigInUse(WorkFailed):
     """Another process holds the rig or the session."""
 
 
+class NoLocks(WorkFailed):
+    """The folder of the locks is on a file system that has none."""
+
+
 class UnsafeFolder(WorkFailed):
     """Other users can write to the folder of the locks, or may have created it."""
 
@@ -46,6 +51,7 @@ def rig_lock(url: str, common: Path = COMMON) -> Iterator[None]:
 
     Raises:
         RigInUse: another process holds the rig; the message gives its command.
+        NoLocks: the system cannot lock a file.
         UnsafeFolder: other users can open the folder of the locks.
     """
     lock = _lock(url, real_address(url), common) if url != SIMULATED else nullcontext()
@@ -59,11 +65,20 @@ def _lock(what: str, identity: str, common: Path) -> Iterator[None]:
     folder, name = _folder(common), _file_name(identity)
     lock, holder_file = FileLock(folder / f"{name}.lock"), folder / f"{name}.process"
     try:
-        lock.acquire(timeout=0)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # that it takes a lock which outlives its process
+            lock.acquire(timeout=0)
     except Timeout:
         raise RigInUse(
             f"{what} is in use by {_holder(holder_file)}; end that session first"
         ) from None
+    except (OSError, UserWarning) as error:
+        if isinstance(error, OSError) and error.filename is not None:  # a full disk, for example
+            raise
+        raise NoLocks(
+            f"{folder}: cannot lock {what} ({getattr(error, 'strerror', error)}): the folder is on "
+            "a network, or this computer has no locks left; keep it on a local disk, or restart"
+        ) from error
     try:
         _write_holder(holder_file)
         yield
@@ -78,6 +93,7 @@ def session_lock(session: str, study: Path) -> Iterator[None]:
 
     Raises:
         RigInUse: another process holds the session.
+        NoLocks: the system cannot lock a file.
         UnsafeFolder: other users can open the folder of the locks.
     """
     with _lock(f"session {session} of {study.resolve()}", _identity(session, study), COMMON):

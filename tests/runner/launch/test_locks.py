@@ -1,5 +1,6 @@
 """Locks: one session per rig, and one process per session, at a time."""
 
+import errno
 import hashlib
 import os
 import re
@@ -12,7 +13,9 @@ from pathlib import Path
 
 import pytest
 
+from protocol.study_file.loading import template
 from runner.launch.locks import RigInUse, UnsafeFolder, rig_lock, session_lock
+from tests.runner.command_line import everything, typed
 
 HERE = rf"in use by .+ in {re.escape(str(Path.cwd()))} \(process {os.getpid()}\); end that"
 
@@ -59,6 +62,24 @@ def test_a_second_session_learns_which_one_uses_the_rig(study: Path) -> None:
             pass
     with rig_lock("/dev/test-rig", study.parent), session_lock("P01/1", study):
         pass
+
+
+@pytest.mark.parametrize("code", [errno.ENOLCK, errno.ENOSYS, errno.ESTALE, errno.EIO])
+def test_a_file_system_without_locks_gives_one_line(
+    study: Path, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As a network's may be: no session starts that another one would not notice."""
+
+    def flock(*_: object) -> None:
+        raise OSError(code, os.strerror(code))
+
+    monkeypatch.setattr("fcntl.flock", flock)
+    (study / "study.toml").write_text(template("paper"), encoding="utf-8")
+    before = everything(study)
+    assert typed("run", study, "--participant", "P01", "--ratings", "virtual") == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert re.search(r"cannot lock session P01/1 of .*; keep it on a local disk, or restart", line)
+    assert everything(study) == before
 
 
 @pytest.mark.parametrize("ending", ["os._exit(7)", "os.kill(os.getpid(), 9)", "pass"])

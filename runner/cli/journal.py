@@ -19,7 +19,7 @@ from runner.cli.options import (
     TrialOption,
     study_journal,
 )
-from runner.cli.output import counted, print_json, require_confirmation, say
+from runner.cli.output import counted, print_json, program, require_confirmation, say
 
 if TYPE_CHECKING:
     from runner.journal.store import Journal
@@ -49,6 +49,7 @@ def status(study: StudyArgument, as_json: JsonOption = False) -> None:
         sessions=sessions,
         running=held_sessions([parsed_name(chain).plain for chain in sessions], study),
         now=WallClock().utc(),
+        program=program(),
     )
     if not as_json:
         for line in found.lines():

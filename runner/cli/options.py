@@ -26,7 +26,13 @@ Wire = Literal["pty", "tcp"]
 def _languages() -> Iterable[str]:
     from protocol.study.languages import built_in_codes
 
-    return built_in_codes()
+    return (*built_in_codes(), "CODE")
+
+
+def _templates() -> Iterable[str]:
+    from protocol.study_file.loading import TEMPLATES
+
+    return TEMPLATES
 
 
 def _simulated_dialects() -> Iterable[str]:
@@ -55,6 +61,7 @@ def _formats() -> Iterable[str]:
 
 _CHOICES: Mapping[str, Callable[[], Iterable[str]]] = {
     "language": _languages,
+    "template": _templates,
     "dialect": _simulated_dialects,
     "law": _laws,
     "eq15_overlap": _overlaps,
@@ -97,8 +104,13 @@ def _one_of(parameter: str) -> Callable[[str], str]:
     return parsed
 
 
-LanguageOption = Annotated[str | None, typer.Option(help="[default: the study's]")]
+LanguageOption = Annotated[
+    str | None, typer.Option(help="CODE: one of the study's own. [default: the study's]")
+]
 """Not checked here, because a study may have its own languages."""
+TemplateOption = Annotated[
+    str, typer.Option(parser=_one_of("template"), help="Built-in study to start from.")
+]
 DialectOption = Annotated[
     str, typer.Option(parser=_one_of("dialect"), help="The device's command set.")
 ]

@@ -4,10 +4,13 @@ No other module prints, so nothing reaches a terminal unescaped.
 """
 
 import errno
+import shlex
+import shutil
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TypeVar
 
 import typer
@@ -27,6 +30,15 @@ def say(line: str) -> None:
 def complain(line: str) -> None:
     """Print `line` on standard error."""
     typer.echo(visible(line), err=True)
+
+
+def program() -> str:
+    """Return how touchbeam was started, as its next command can be typed."""
+    started, found = Path(sys.argv[0]), shutil.which("touchbeam")
+    elsewhere = started.stem == "touchbeam" and started.parent != Path()
+    if not elsewhere or (found and started.exists() and started.samefile(found)):
+        return "touchbeam"
+    return shlex.quote(sys.argv[0])
 
 
 _DECIMALS = {"V": 2, "Hz": 0, "N": 3, "m": 4, "s": 2, "°C": 1, "Ω": 0}

@@ -6,7 +6,6 @@ from typing import Annotated
 
 import typer
 
-from protocol.errors import BadInput
 from runner.cli.options import (
     Choosing,
     ConsentOption,
@@ -17,12 +16,14 @@ from runner.cli.options import (
     SimulatedLawOption,
     SimulatedRungOption,
     StudyArgument,
+    TemplateOption,
     address,
     people_in_file,
 )
 from runner.cli.output import (
     complain,
     print_json_text,
+    program,
     progress,
     require_confirmation,
     say,
@@ -63,30 +64,28 @@ def demo(
     say("The participants are virtual and the device is simulated: no person gave these scores.")
     say(
         f"Now open {shlex.quote(str(folder.report / 'report.html'))} in a browser, "
-        "and begin a study of your own: touchbeam new mystudy"
+        f"and begin a study of your own: {program()} new mystudy"
     )
 
 
-@app.command()
+@app.command(cls=Choosing)
 def new(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="A new or an empty folder.")],
-    template: Annotated[str, typer.Option(help="Built-in study to start from.")] = "paper",
+    template: TemplateOption = "paper",
 ) -> None:
     """Create a study to edit."""
-    from protocol.study_file.loading import TEMPLATES, template_tests
     from protocol.study_file.loading import template as template_text
+    from protocol.study_file.loading import template_tests
     from runner.study.folder import StudyFolder, named_after, new_study
 
-    if template not in TEMPLATES:
-        raise BadInput(f"--template must be one of {', '.join(TEMPLATES)}, got {template!r}")
     study = StudyFolder(path=folder)
     text = named_after(folder.resolve().name, template_text(template))
     with new_study(study, text):
         study.test_file.write_text(template_tests(), encoding="utf-8")
     place = shlex.quote(str(folder))
     say(f"Edit {study.study_file}; docs/study-file.md describes every key. Then:")
-    say(f"  touchbeam check {place}")
-    say(f"  touchbeam run {place} --participant P01 --ratings virtual    # a rehearsal")
+    say(f"  {program()} check {place}")
+    say(f"  {program()} run {place} --participant P01 --ratings virtual    # a rehearsal")
     say(f"{study.test_file} tests the study with pytest (docs/study-tests.md); you may delete it.")
 
 
@@ -106,7 +105,7 @@ def translate(
     say(
         f'Translate {file}. Name "{code}" in `languages` of [session] in {folder.study_file}. Then:'
     )
-    say(f"  touchbeam check {shlex.quote(str(study))}")
+    say(f"  {program()} check {shlex.quote(str(study))}")
 
 
 @app.command()

@@ -68,7 +68,6 @@ class VirtualAtWindow:
             if wanted is None or answer(given.answer) != answer(wanted.answer):
                 raise WorkFailed(
                     f"the participant's window took {given.answer!r}, which the virtual "
-                    "participant did not answer; leave its keys alone, and run the same command "
-                    "to resume"
+                    "participant did not answer; leave its keys alone"
                 )
         return given

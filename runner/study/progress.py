@@ -31,6 +31,8 @@ class Progress:
     sessions: Mapping[str, SessionState]
     running: Set[str]
     now: datetime
+    program: str = "touchbeam"
+    """As it is typed here."""
 
     @property
     def next_slot(self) -> int:
@@ -145,7 +147,7 @@ class Progress:
         )
 
     def _command(self, name: str, *options: str) -> str:
-        return shlex.join(["touchbeam", name, str(self.folder), *options])
+        return f"{self.program} {shlex.join([name, str(self.folder), *options])}"
 
 
 def _options(state: SessionState) -> list[str]:

@@ -34,7 +34,7 @@ SILENT_S = 2.0
 _COUNTED_S = 0.25
 """Most silence counted between two polls, so that a slow session is not blamed on the window."""
 
-GO_ON = "run the same command to resume, with --ratings console if necessary"
+GO_ON = "--ratings console works without it"
 
 
 class WindowGone(WorkFailed):

@@ -1,7 +1,9 @@
 """The commands as a user types them: results, messages, exit codes, and nothing left behind."""
 
 import json
+import os
 import re
+import shutil
 import sqlite3
 import subprocess
 import sys
@@ -32,6 +34,7 @@ def test_the_demo_ends_with_table_4_and_the_device_off(tmp_path: Path) -> None:
     shown = [
         subprocess.run(
             [TOUCHBEAM, "demo", "--participants", "2", "--seed", "7"],
+            env={**os.environ, "PATH": str(Path(TOUCHBEAM).parent)},
             capture_output=True,
             text=True,
             check=True,
@@ -125,7 +128,7 @@ def test_the_journal_commands_work_on_a_rehearsal(capsys: pytest.CaptureFixture[
         (("new", "scores.csv"), 2, "scores.csv: cannot be used for a study .Not a directory"),
         (("import", "words.csv", "empty"), 2, "words.csv, line 2"),
         (("demo", "--out", "empty", "--participants", "100"), 2, "--participants"),
-        (("new", "other", "--template", "frob"), 2, "one of paper.*, got 'frob'"),
+        (("new", "other", "--template", "frob"), 2, "'frob' is not one of 'paper'"),
         (("simulate-device", "tcp", "x"), 2, "a port must be a whole number .* got 'x'"),
         (("simulate-device", "tcp", "70000"), 2, "a port must .* got '70000'"),
         (("simulate-device", "pty", "scores.csv"), 2, "scores.csv: cannot be used"),
@@ -236,6 +239,16 @@ def test_a_new_study_has_its_folders_name_and_commands_that_can_be_copied(
     assert """  touchbeam check 'my "own" study'\n""" in shown
     assert "test_study.py tests the study with pytest" in shown
     assert StudyFolder(path=Path('my "own" study')).study().study.name == 'my "own" study'
+
+
+def test_commands_that_are_printed_work_where_the_shell_does_not_find_touchbeam() -> None:
+    place = {**os.environ, "PATH": os.defpath}
+    assert not shutil.which("touchbeam", path=place["PATH"])
+    made = subprocess.check_output([TOUCHBEAM, "new", "mystudy"], env=place, text=True)
+    check, rehearse = (line for line in made.splitlines() if line.startswith("  "))
+    assert check == f"  {TOUCHBEAM} check mystudy"
+    assert rehearse.startswith(f"  {TOUCHBEAM} run mystudy ")
+    subprocess.run(check, env=place, shell=True, check=True)
 
 
 def test_debug_shows_a_traceback() -> None:

@@ -13,6 +13,7 @@ from device.friction.laws import LAWS
 from device.simulator.device import dialects
 from device.simulator.transports import LineKind
 from protocol.study.languages import built_in_codes
+from protocol.study_file.loading import TEMPLATES
 from runner.clock import Pace
 from runner.interfaces import AnswerSource
 from tests.runner.command_line import typed
@@ -32,7 +33,8 @@ HEAVY = {
 CHOICES = [
     (("run", "--ratings"), get_args(AnswerSource)),
     (("run", "--pace"), get_args(Pace)),
-    (("run", "--language"), built_in_codes()),
+    (("run", "--language"), (*built_in_codes(), "CODE")),
+    (("new", "--template"), tuple(TEMPLATES)),
     (("export", "--format"), tuple(EXPORTS)),
     (("predict", "--law"), tuple(LAWS)),
     (("predict", "--eq15-overlap"), get_args(Overlap)),

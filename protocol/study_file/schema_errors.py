@@ -139,6 +139,9 @@ def _near_miss(path: Path) -> str:
     if any(mark in key.lower() for mark in ("vpp", "peak", "_pp")):
         return f"{_PEAK}; known: {', '.join(names)}"
     close = _meant(path)
+    unit = unit_hint((close,)) if close and key.startswith(f"{close}_") else ""
+    if unit:
+        return f"did you mean {close!r}, {unit}"
     return f"did you mean {close!r}?" if close else f"known: {', '.join(names)}"
 
 

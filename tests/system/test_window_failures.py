@@ -66,7 +66,7 @@ CASES = [
     Case(
         name="crashed",
         harm=crash,
-        complaint="the participant's window ended unexpectedly (signal SIGKILL); run the same",
+        complaint="the participant's window ended unexpectedly (signal SIGKILL); --ratings",
     ),
     Case(name="closed", harm=close, complaint="the participant's window was closed"),
     Case(

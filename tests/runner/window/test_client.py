@@ -268,18 +268,20 @@ def test_a_window_that_sends_garbage_ends_the_session_in_one_line(garbage: bytes
 def test_an_incomplete_answer_ends_the_session_in_one_line() -> None:
     line = line_of({"answer": "ready", "of": 1, "trace": None})
     said = last_words(f"os.write(1, {line.encode()!r}); sys.stdin.read()")
-    assert said.startswith("the participant's window sent an answer without 'reaction_time_s'; run")
+    assert said.startswith(
+        "the participant's window sent an answer without 'reaction_time_s'; --ratings"
+    )
 
 
 @pytest.mark.parametrize(
     ("end", "told"),
     [
-        ("os.kill(os.getpid(), 9)", " (signal SIGKILL); run"),
-        ("os.abort()", " (signal SIGABRT); run"),
-        ("os._exit(3)", ": Xlib: extension missing; run"),
+        ("os.kill(os.getpid(), 9)", " (signal SIGKILL); --ratings"),
+        ("os.abort()", " (signal SIGABRT); --ratings"),
+        ("os._exit(3)", ": Xlib: extension missing; --ratings"),
         (
             "os.write(2, b'X connection to :7 broken\\n'); os._exit(1)",
-            " (its display was lost); run",
+            " (its display was lost); --ratings",
         ),
     ],
 )
@@ -302,7 +304,7 @@ def test_a_window_that_hangs_once_its_pipe_is_closed_is_waited_for_once(
 
     monkeypatch.setattr(subprocess.Popen, "wait", counted)
     said = last_words("os.write(2, b'lost'); os.close(1); import time; time.sleep(99)")
-    assert said.startswith("the participant's window ended unexpectedly: lost; run")
+    assert said.startswith("the participant's window ended unexpectedly: lost; --ratings")
     assert sum(waited) < 3.5
 
 

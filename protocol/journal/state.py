@@ -55,6 +55,8 @@ class SessionState:
     """Trials that come again, each with the one after which it does."""
     practised: list[bool] = field(default_factory=list)
     """Whether each judged touch of answered practice trials was as instructed."""
+    unfelt: dict[int, int] = field(default_factory=dict)
+    """How many touches of each answered trial showed no finger; all where no sensor sees one."""
     practice_rounds: int = 1
     excluded: dict[int, str] = field(default_factory=dict)
     last_event_utc: datetime | None = None
@@ -154,6 +156,7 @@ class SessionState:
                     self.answered_twice.append(event.index)
                 done = "drawn" if event.kind == "pass" else event.change or "felt"
                 self.answers[event.index] = ", ".join([done, *score])
+                self.unfelt[event.index] = sum(not made.judged for made in event.judged)
 
 
 def folded(chain: Iterable[StoredEvent]) -> SessionState:

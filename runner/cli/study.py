@@ -215,7 +215,9 @@ def run(
     )
     state = run_session(options, say=say, confirm=require_confirmation)
     dry_run = state.opened is not None and state.opened.kind == "rehearsal"
+    unfelt = sum(state.unfelt.values()) if options.folder.study().rig.dialect == "board" else 0
+    fingerless = f"; {unfelt} touch{'es' * (unfelt > 1)} without a finger on the beam"
     say(
         f"{participant}/{session} is complete: {len(state.answered)} trials answered, "
-        f"device off (read back){'; this was a rehearsal' * dry_run}."
+        f"device off (read back){fingerless * (unfelt > 0)}{'; this was a rehearsal' * dry_run}."
     )

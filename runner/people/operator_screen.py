@@ -22,7 +22,7 @@ from device.errors import UNKNOWN
 from device.force_channel.samples import Forces
 from runner.people.operator_console import DRY_RUN, Frame, Picture
 from runner.people.operator_keys import EMERGENCY, EXPLAINED, TYPING
-from runner.people.terminal import visible
+from runner.people.terminal import TerminalGone, visible
 from runner.screens import Aim, OperatorView, PlanUnit, said_of
 
 REDRAW_S = 0.1
@@ -81,8 +81,12 @@ class LiveDisplay:
         """Have `frame` drawn.
 
         Raises:
-            Exception: what ended the drawing, so that nobody watches a screen that stands still.
+            TerminalGone: the terminal was closed.
+            Exception: what else ended the drawing, so that nobody watches a screen that stands
+                still.
         """
+        if isinstance(self._error, OSError):
+            raise TerminalGone from self._error
         if self._error is not None:
             raise self._error
         if self._frame is None or len(frame.messages) > len(self._frame.messages):

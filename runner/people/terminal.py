@@ -7,13 +7,22 @@ import select
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TextIO
+
+from protocol.errors import WorkFailed
 
 _OBEYED = re.compile(
     "[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]"
 )
 _OBEYED_IN_JSON = re.compile(f"(?!\n){_OBEYED.pattern}")
+
+
+class TerminalGone(WorkFailed):
+    """The operator's terminal takes and gives nothing any more."""
+
+    def __init__(self) -> None:
+        super().__init__("the operator's terminal is gone: it was closed, or its connection broke")
 
 
 def visible(text: str) -> str:
@@ -75,7 +84,8 @@ def said_in_background(say: Callable[[str], None]) -> Iterator[Callable[[str], N
 def terminal_keys() -> Iterator[Callable[[bool], str]]:
     """Yield a function that returns the characters typed since the last call, without waiting.
 
-    The terminal does not echo in the body; its settings are restored afterwards.
+    It raises `TerminalGone` once there is no terminal any more. The terminal does not echo in the
+    body; its settings are restored afterwards.
     """
     try:
         import termios
@@ -85,11 +95,19 @@ def terminal_keys() -> Iterator[Callable[[bool], str]]:
     terminal = sys.stdin.fileno()
     before = termios.tcgetattr(terminal)
     _take_keys(terminal)
+
+    def typed(_: bool) -> str:
+        try:
+            return _typed(terminal)
+        except (OSError, termios.error) as error:
+            raise TerminalGone from error
+
     try:
-        yield lambda _: _typed(terminal)
+        yield typed
     finally:
-        # Not TCSADRAIN, which waits for a terminal that takes no output.
-        termios.tcsetattr(terminal, termios.TCSANOW, before)
+        with suppress(termios.error):  # it is gone
+            # Not TCSADRAIN, which waits for a terminal that takes no output.
+            termios.tcsetattr(terminal, termios.TCSANOW, before)
 
 
 def _take_keys(terminal: int) -> None:

@@ -239,6 +239,8 @@ class WindowProcess:
     def end(self) -> None:
         """Ask the process to end, then kill it; a stopped process cannot respond."""
         assert self.process.stdin is not None
+        with suppress(WindowGone):
+            self.send({"end": True})
         with suppress(OSError):
             self.process.stdin.close()
         try:

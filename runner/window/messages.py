@@ -2,8 +2,9 @@
 
 To the window: first the settings, then `{"show": id, "screen": …}`, `{"saved": id}` once the
 journal has the answer, `{"progress": [number, total]}` before each trial, `{"finger": …}`
-during a touch whose page shows the participant's finger, and `{"press": […]}` for the keys of a
-virtual participant. From the window:
+during a touch whose page shows the participant's finger, `{"press": […]}` for the keys of a
+virtual participant, and `{"end": true}`: a pipe that ends without it is that of a session whose
+process is gone. From the window:
 `opened` or `failed` once; then `alive` periodically, `shown` when a screen is first displayed,
 `answer`, `operator` when the participant calls, and `closed` or `broken` at an unexpected end.
 """

@@ -11,8 +11,10 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import pairwise
+from math import inf
 from statistics import median
 from typing import Any, Protocol, TextIO
 
@@ -32,6 +34,8 @@ from runner.window.presentation import ShownScreen
 
 ALIVE_EVERY_S = 0.2
 _USUAL_REFRESH_HZ = 60.0
+ORPHANED_S = 60.0
+"""How long the last page remains once the session's process is gone."""
 _SLICE_S = 0.004
 """Interval of input polls between frames, which limits the resolution of reaction times."""
 
@@ -74,12 +78,16 @@ class Canvas(Protocol):
 
 
 Mailbox = queue.SimpleQueue[Mapping[str, Any]]
-"""Messages from the session; `end` is the last one."""
+"""Messages from the session; the last one is `end`, or `lost` if its process is gone."""
 
 
 @dataclass
 class WindowServer:
-    """Shows the screens from the mailbox until the session ends or the window is closed."""
+    """Shows the screens from the mailbox until the session ends or the window is closed.
+
+    If the session's process is gone, nobody knows of the output: the page that asks to lift the
+    finger stays for a while.
+    """
 
     canvas: Canvas
     settings: Settings
@@ -90,7 +98,7 @@ class WindowServer:
     _standing: ShownScreen = field(init=False)
     _past: list[dict[str, Any]] = field(default_factory=list, init=False)
     _progress: tuple[int, int] | None = field(default=None, init=False)
-    _ended: bool = field(default=False, init=False)
+    _ends_s: float = field(default=inf, init=False)
     _alive_s: float = field(default=0.0, init=False)
     _due_s: float = field(default=0.0, init=False)
     _share: float = field(default=1.0, init=False)
@@ -108,7 +116,7 @@ class WindowServer:
             for screen in self.settings.foreseen
             for state in states(screen)
         )
-        while not (self._ended or self.canvas.closed):
+        while self.now_s() < self._ends_s and not self.canvas.closed:
             self._wait()
             self._frame()
             if foreseen := next(coming, None):  # one per frame, so that the session never waits
@@ -161,7 +169,14 @@ class WindowServer:
             case {"saved": number}:
                 self._standing.saved |= number == self._standing.number
             case _:
-                self._ended = True
+                self._end(lost="lost" in message)
+
+    def _end(self, *, lost: bool) -> None:
+        """End; if the session is lost, let the last page stand for a while, unless it stood."""
+        screen, self._ends_s = self._standing.screen, self.now_s()
+        if lost and not (isinstance(screen, Notice) and screen.is_last):
+            self._show(self._standing.number + 1, Notice(text="stopped"))
+            self._ends_s += ORPHANED_S
 
     def _show(self, number: int, screen: Screen) -> None:
         self._standing = ShownScreen(
@@ -197,6 +212,8 @@ class WindowServer:
             if len(standing.called_s) > called:
                 self.send({"operator": True})
             if answered is None and standing.pending.answer is not None:
+                if self._ends_s < inf:
+                    self._ends_s = self.now_s()  # nobody is there to be told that it was read
                 past, self._past = self._past, []
                 self.send(standing.answer(past, self._display, self.settings.wording))
 
@@ -211,8 +228,9 @@ def serve_window() -> None:
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
 
     def send(message: Mapping[str, Any]) -> None:
-        answers.write(line_of(message))
-        answers.flush()
+        with suppress(BrokenPipeError):  # the session's process is gone, as the mailbox says
+            answers.write(line_of(message))
+            answers.flush()
 
     settings = settings_of(message_of(sys.stdin.readline()))
     try:
@@ -246,7 +264,7 @@ def mailbox_of(source: TextIO) -> Mailbox:
                 mailbox.put(message_of(line))
         except ValueError as error:  # of the text's encoding too
             print(error, file=sys.stderr)  # the session reports the last line
-        mailbox.put({"end": True})
+        mailbox.put({"lost": True})
 
     threading.Thread(target=read, name="screens", daemon=True).start()
     return mailbox

@@ -41,6 +41,18 @@ def test_a_completed_session_is_not_run_again(capsys: pytest.CaptureFixture[str]
     )
 
 
+def test_the_end_of_a_session_says_how_many_touches_had_no_finger(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("runner.session.compliance.LIFTED_N", 1e6)
+    typed("new", "study")
+    assert typed(*RUN, "virtual") == 0
+    assert capsys.readouterr().out.splitlines()[-1] == (
+        "P01/1 is complete: 7 trials answered, device off (read back); 12 touches without a "
+        "finger on the beam; this was a rehearsal."
+    )
+
+
 def test_a_dry_run_on_a_real_device_is_a_rehearsal_with_the_same_watchdog(
     capsys: pytest.CaptureFixture[str],
 ) -> None:

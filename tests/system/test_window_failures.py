@@ -189,3 +189,23 @@ def test_a_stopped_session_ends_on_a_page_that_the_participant_closes(
         assert running.end() == 1
     assert running.complaint.startswith("touchbeam: stopped by the operator; output off, read back")
     assert any("the participant's last page stays for up to 20 s" in line for line in running.said)
+
+
+def test_a_participant_whose_session_was_killed_is_asked_to_lift_the_finger(
+    small_display: str, tmp_path: Path
+) -> None:
+    study = tiny_study().replace("voltage_v = 100 }]", LONG_SIGNAL, 1)
+    seat = Seat(tmp_path / "study", small_display, study=study)
+    person = Person(small_display, "keyboard")
+    with seat.start() as running:
+        while begun(seat, running) < 2 and running.process.poll() is None:
+            person.act()
+        window = running.window_process()
+        running.process.kill()
+        running.end()
+    while person.sight() != "button":
+        assert Path(f"/proc/{window}").exists(), "the page stays"
+        person.look_later()
+    person.key("Return")
+    while Path(f"/proc/{window}").exists():
+        person.look_later()

@@ -122,6 +122,13 @@ def test_each_renewal_of_practice_is_counted() -> None:
     assert [after(*[renewed] * times).practice_rounds for times in range(3)] == [1, 2, 3]
 
 
+def test_touches_without_a_finger_are_counted_once_for_each_answered_trial() -> None:
+    armed, felt = ("device-armed", ARMED), {"force_ok": True, "place_ok": False}
+    once, again = answer(0, judged=[felt, {}, {}]), answer(0, judged=[{}, felt])
+    assert after(armed, started(0), once).unfelt == {0: 2}
+    assert after(armed, started(0), once, started(0), again).unfelt == {0: 1}
+
+
 def test_touches_of_answered_practice_are_counted_if_they_were_judged() -> None:
     right, wrong = {"force_ok": True, "place_ok": True}, {"force_ok": True, "place_ok": False}
     armed, judged = ("device-armed", ARMED), [right, {}, wrong]

@@ -15,7 +15,7 @@ from device.drivers.driver import Reading
 from device.force_channel.samples import Forces
 from runner.people.operator_console import Frame
 from runner.people.operator_screen import LiveDisplay, Moment, screen_lines
-from runner.people.terminal import visible
+from runner.people.terminal import TerminalGone, visible
 from runner.screens import Aim
 from tests.runner.views import plan, view
 
@@ -255,12 +255,18 @@ def test_a_call_rings(monkeypatch: pytest.MonkeyPatch) -> None:
             assert written.count(b"\x07") == 1
 
 
-def test_what_ends_the_drawing_ends_the_session(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("error", "raised"),
+    [(OSError(5, "Input/output error"), TerminalGone), (ValueError("a gone font"), ValueError)],
+)
+def test_what_ends_the_drawing_ends_the_session(
+    error: Exception, raised: type[Exception], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Nobody must watch a screen that stands still."""
     frame = Frame(view=view())
 
     def broken() -> Reading:
-        raise OSError("the terminal is gone")
+        raise error
 
     def watched() -> None:
         with LiveDisplay(broken) as display:
@@ -269,5 +275,5 @@ def test_what_ends_the_drawing_ends_the_session(monkeypatch: pytest.MonkeyPatch)
 
     with Path(os.devnull).open("wb") as output:
         monkeypatch.setattr(sys, "stdout", output)
-        with pytest.raises(OSError, match="the terminal is gone"):
+        with pytest.raises(raised, match="gone"):
             watched()

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from runner.people.terminal import terminal_keys
+from runner.people.terminal import TerminalGone, terminal_keys
 
 
 @pytest.fixture
@@ -52,6 +52,16 @@ def test_in_the_background_the_terminal_is_left_alone(
         switch_to_lines(sys.stdin.fileno())
         assert typed(False) == ""
         assert termios.tcgetattr(sys.stdin.fileno())[3] & termios.ICANON
+
+
+def test_a_terminal_that_was_closed_is_said_to_be_gone() -> None:
+    keyboard, terminal = pty.openpty()
+    with os.fdopen(terminal, "rb+", buffering=0) as stdin, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "stdin", stdin)
+        with terminal_keys() as typed:
+            os.close(keyboard)
+            with pytest.raises(TerminalGone, match="terminal is gone: it was closed"):
+                typed(False)
 
 
 def test_the_settings_of_the_terminal_are_restored(keyboard: int) -> None:

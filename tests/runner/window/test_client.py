@@ -310,7 +310,7 @@ def test_a_window_that_hangs_once_its_pipe_is_closed_is_waited_for_once(
 
 def test_a_window_that_hears_garbage_says_so_and_ends(capsys: pytest.CaptureFixture[str]) -> None:
     mailbox = mailbox_of(io.StringIO("rubbish\n"))
-    assert mailbox.get(timeout=2) == {"end": True}
+    assert mailbox.get(timeout=2) == {"lost": True}
     assert capsys.readouterr().err == "a message must be one JSON object, got 'rubbish\\n'\n"
 
 

@@ -16,7 +16,7 @@ from runner.window.messages import Settings, press_message, show_message
 from runner.window.pages import page, targets
 from runner.window.presentation import FrameTimes
 from runner.window.questions.page_layout import Button, PageState
-from runner.window.server import Mailbox, WindowServer
+from runner.window.server import ORPHANED_S, Mailbox, WindowServer
 
 INTERVAL_S = 1 / 60
 SETTINGS = Settings(
@@ -130,6 +130,31 @@ def test_a_score_is_sent_with_its_trace_and_the_previous_screens() -> None:
     assert trace["scale"]["length_mm"] == 660 * 0.25
     assert trace["scale"]["ticks"] == list(range(11))
     assert canvas.prepared, "foreseen pages are built before they are needed"
+
+
+LOST = {"lost": True}
+
+
+def last_pages(canvas: FakeCanvas) -> list[Page]:
+    stopped = page(Notice(text="stopped"), PageState(), SETTINGS.wording)
+    return [drawn for drawn in canvas.drawn if set(stopped) <= set(drawn)]
+
+
+def test_a_window_whose_session_is_gone_asks_to_lift_the_finger_for_a_while() -> None:
+    canvas, _ = served({8: show_message(1, PACING), 30: LOST})
+    assert canvas.flips / 60 == pytest.approx(ORPHANED_S, abs=2)
+    assert len(last_pages(canvas)) > canvas.flips - 40
+
+
+@pytest.mark.parametrize("ends", [lambda canvas: canvas.press("enter"), FakeCanvas.close_window])
+def test_the_last_page_of_a_window_whose_session_is_gone_can_be_closed(ends: Any) -> None:
+    canvas, _ = served({8: show_message(1, PACING), 30: LOST, 60: ends})
+    assert 50 < canvas.flips < 70
+
+
+def test_a_window_that_shows_its_last_page_already_ends_with_its_session() -> None:
+    canvas, _ = served({8: show_message(1, Notice(text="thanks")), 30: LOST})
+    assert canvas.flips < 40
 
 
 @pytest.mark.parametrize("holds_back", [True, False])

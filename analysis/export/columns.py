@@ -8,6 +8,7 @@ from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import partial
 from typing import Any
 
+from device.friction.laws import LAWS
 from protocol.study.questions import QUESTIONS
 from protocol.study.study_question import StudyQuestion
 
@@ -262,11 +263,7 @@ CONTRAST_COLUMNS = (
     Column(
         "law",
         "Friction law of the prediction.",
-        levels={
-            "printed": "as the paper prints it",
-            "consistent": "its smallest repair, which the report's gains rest on",
-            "coulomb": "a bound by Coulomb's law",
-        },
+        levels={name: law.meaning for name, law in LAWS.items()},
     ),
     Column("rung", "Rung of the friction model; `touchbeam ladder` lists all."),
     Column(

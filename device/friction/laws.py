@@ -84,6 +84,7 @@ class Law:
     """A friction law: from the contact's terms to μ', and what a prediction must know of it.
 
     Attributes:
+        meaning: what it is, in a few words, for tables that name laws.
         formula: μ' of the terms.
         extremes_at_corners: it falls with r, rises with p and f_p/(uf), and is monotonic in s at
             fixed r, so that ranges of the terms bound μ' by their corners. `auto` takes the top
@@ -91,6 +92,7 @@ class Law:
         as_printed: it takes the paper's own quantities: a/u of Eq 15, η = ½ and f_p/(uf).
     """
 
+    meaning: str
     formula: Callable[[ContactTerms], FloatArray]
     extremes_at_corners: bool = False
     as_printed: bool = False
@@ -102,12 +104,23 @@ class Law:
 
 LAWS: Mapping[str, Law] = MappingProxyType(
     {
-        "printed": Law(formula=printed, extremes_at_corners=True, as_printed=True),
-        "consistent": Law(formula=consistent, extremes_at_corners=True),
-        "coulomb": Law(formula=coulomb, extremes_at_corners=True),
+        "printed": Law(
+            meaning="as the paper prints it",
+            formula=printed,
+            extremes_at_corners=True,
+            as_printed=True,
+        ),
+        "consistent": Law(
+            meaning="its smallest repair, which the report's gains rest on",
+            formula=consistent,
+            extremes_at_corners=True,
+        ),
+        "coulomb": Law(
+            meaning="a bound by Coulomb's law", formula=coulomb, extremes_at_corners=True
+        ),
     }
 )
-"""A new law is an entry here: commands, claims and reports take what this lists."""
+"""A new law is an entry here: commands, claims, reports and exports take what this lists."""
 
 
 def law_by_name(name: str) -> Law:

@@ -16,12 +16,19 @@ from protocol.study.fields import Line, Name, Record, known_as, require_printabl
 
 REFERENCE = "en"
 """The language whose texts say which keys there are, and with which fields in braces."""
-LATER: Mapping[str, str] = {
-    **dict.fromkeys(["hand.left", "hand.right"], ""),
-    **{f"finger.{name}": "" for name in ("thumb", "index", "middle", "ring", "little")},
-    **dict.fromkeys(["saved", "progress", "break.left", "beam.clamp", "beam.you"], ""),
-    **dict.fromkeys(["button.call", "console.again"], ""),
-    **dict.fromkeys(["again.force", "again.place", "again.speed", "own.finger"], ""),
+FIRST = frozenset({
+    "welcome", "consent", "ready", "practice", "break", "remember", "thanks", "wait", "pause",
+    "touch.smooth", "touch.smooth.harder", "touch.right", "touch.left", "touch.full",
+    "touch.full.harder", "touch.full.right", "touch.full.left", "touch.now", "touch.end",
+    "question.roughness", "question.strength", "question.places", "score", "answer.smoother",
+    "answer.rougher", "answer.stronger", "answer.weaker", "answer.same", "answer.swapped",
+    "answer.not swapped", "button.ready", "button.confirm", "button.close", "button.skip",
+    "hint.start", "hint.change", "hint.score", "hint.several", "hint.analogue", "hint.typed",
+    "operator.called",
+})  # fmt: skip
+"""Keys of the first language files, which every one must have. No key is ever added here: a study's
+own file would be refused that was complete when it was written."""
+_OLDER: Mapping[str, str] = {
     "stopped": "touch.end",
     "hint.change.two": "hint.change",
     "touch.soon": "wait",
@@ -29,10 +36,6 @@ LATER: Mapping[str, str] = {
     "wait.beam": "wait",
     "wait.touch": "wait",
 }
-"""Keys that a study's own language may lack, because they are newer than the first such files.
-
-Each with the older text that stands in for it; without one it is the text of the reference.
-"""
 FOLDER: Traversable = files("protocol") / "languages"
 CODE = r"[a-z]{2,3}(-[A-Za-z0-9]{2,8})*"
 
@@ -85,3 +88,12 @@ def built_in(code: str) -> Language:
 def reference_texts() -> dict[str, str]:
     """Return every key with its text in the language of reference."""
     return built_in(REFERENCE).texts
+
+
+@cache
+def later_texts() -> dict[str, str]:
+    """Return the keys that a study's own language may lack, because they came after the first ones.
+
+    Each with the older text that stands in for it; without one it is the text of the reference.
+    """
+    return {key: _OLDER.get(key, "") for key in reference_texts() if key not in FIRST}

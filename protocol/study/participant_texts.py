@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 from protocol.errors import Path
 from protocol.study.languages import (
-    LATER,
     REFERENCE,
     Language,
     built_in,
     built_in_codes,
+    later_texts,
     reference_texts,
 )
 from protocol.study.rating import PAPERS_BANDS, PAPERS_SCALE, Band, Rating
@@ -53,7 +53,7 @@ def study_wording(study: Study, code: str) -> Wording:
     """
     read, own = language(study, code), study.texts.get(code, {})
     texts = {**read.texts, **own}
-    for key, older in LATER.items():
+    for key, older in later_texts().items():
         if older in own and key not in own:  # the study has its say, as it had before the new key
             texts[key] = own[older]
         elif key not in texts:
@@ -199,8 +199,14 @@ _OF_OWN_QUESTIONS = {"hint.several", "hint.analogue", "hint.typed", "button.skip
 
 def required_texts(study: Study) -> tuple[str, ...]:
     """Return the keys of the texts that every language of the study must have."""
-    optional = set(LATER) if study.question else {*LATER, *_OF_OWN_QUESTIONS}
+    optional = {*later_texts(), *(() if study.question else _OF_OWN_QUESTIONS)}
     return tuple(key for key in reference_texts() if key not in optional)
+
+
+def read_in_reference(study: Study, code: str) -> tuple[str, ...]:
+    """Return the keys of texts that a study's own language lacks and no older one stands in for."""
+    given = {*language(study, code).texts, *study.texts.get(code, {})}
+    return tuple(key for key, older in later_texts().items() if given.isdisjoint({key, older}))
 
 
 def lacking(study: Study, code: str) -> Iterator[str]:

@@ -16,7 +16,7 @@ from protocol.preview.preview import Prediction, preview, preview_record
 from protocol.preview.text import preview_lines
 from protocol.proof.cohort import cohort_problems, cycle
 from protocol.registration.registration import Registration, locked
-from protocol.study.participant_texts import worded_as_built
+from protocol.study.participant_texts import read_in_reference, worded_as_built
 from protocol.study.questions import Question
 from protocol.study.study import Study
 from protocol.study.touch import Touch
@@ -104,7 +104,16 @@ def checked(
         record = {"ok": True, "problems": [], **preview_record(shown, model)}
         lock = {} if registered is None else {"registration": registered.digest}
         return [_json({**record, **lock})], [], True
-    return [*preview_lines(shown, model), *_lock_lines(folder, registered, text)], [], True
+    said = [*preview_lines(shown, model), *_lock_lines(folder, registered, text)]
+    return [*said, *_language_lines(study)], [], True
+
+
+def _language_lines(study: Study) -> Iterator[str]:
+    """Yield what is read in English because a language file of the study lacks it."""
+    for code in study.languages:
+        if keys := read_in_reference(study, code):
+            lacks = ", ".join(keys)
+            yield f"texts/{code}.toml lacks {lacks}: read in English until they are added."
 
 
 def _lock_lines(folder: StudyFolder, registered: Registration | None, text: str) -> Iterator[str]:

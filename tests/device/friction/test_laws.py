@@ -159,7 +159,10 @@ def test_a_law_of_which_no_corner_is_known_is_left_to_the_top_rung(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Such as a new one: an entry among the laws is all that it needs."""
-    wave = Law(formula=lambda terms: np.sin(terms.relative_tip_speed) + terms.same_direction)
+    wave = Law(
+        meaning="for this test",
+        formula=lambda terms: np.sin(terms.relative_tip_speed) + terms.same_direction,
+    )
     monkeypatch.setattr(laws, "LAWS", {**LAWS, "wave": wave})
     batch, choice = scene_batch(Scene(), PLACES), LawChoice(name="wave")
     chosen = auto_prediction(batch, choice, tolerance=0.5)

@@ -1,17 +1,24 @@
 """A study's own languages: read with the study file, and every mistake named by file and line."""
 
 from importlib.resources import files
+from pathlib import Path
 
 import pytest
 
 from protocol.errors import Problem
-from protocol.study.languages import LATER
-from protocol.study.participant_texts import band_names, study_codes, study_wording
+from protocol.study.languages import built_in, later_texts, reference_texts
+from protocol.study.participant_texts import (
+    band_names,
+    read_in_reference,
+    study_codes,
+    study_wording,
+)
 from protocol.study_file.language_files import with_languages
 from protocol.study_file.loading import StudyError, parsed_study, template, text_digest
 from protocol.study_file.toml import LONGEST_TEXT
 
 PAPER = template("paper")
+FIRST_FILE = Path(__file__).parents[2] / "data" / "language_1.0.0.toml"
 FRENCH = (
     (files("protocol") / "languages" / "en.toml")
     .read_text(encoding="utf-8")
@@ -42,7 +49,7 @@ def test_a_language_of_the_studys_own_is_one_more_that_it_can_be_read_in() -> No
 
 def test_a_language_from_before_the_newer_texts_stays_valid() -> None:
     """Older texts of the study stand in for them, and then the texts of the reference."""
-    newer = tuple(f'"{key}" = ' if "." in key else f"{key} = " for key in LATER)
+    newer = tuple(f'"{key}" = ' if "." in key else f"{key} = " for key in later_texts())
     lines = FRENCH.replace('wait = "Please wait."', 'wait = "Attendez."').splitlines(keepends=True)
     older = "".join(line for line in lines if not line.startswith(newer))
     texts = study_wording(parsed_study(with_languages(PAPER, {"fr": older})), "fr").texts
@@ -51,6 +58,27 @@ def test_a_language_from_before_the_newer_texts_stays_valid() -> None:
     assert texts["saved"] == "Saved"
     own = PAPER + '\n[texts.en]\nwait = "One moment."\n'
     assert study_wording(parsed_study(own), "en").texts["wait.touch"] == "One moment."
+
+
+def test_a_language_file_of_version_1_stays_valid() -> None:
+    """As `touchbeam translate` wrote it then. A text that has come since is no reason to refuse."""
+    content = FIRST_FILE.read_text(encoding="utf-8")
+    study = parsed_study(with_languages(PAPER, {"fr": content}))
+    assert study_wording(study, "fr").texts.keys() >= reference_texts().keys()
+    assert not study.languages["fr"].texts.keys() & {*read_in_reference(study, "fr")}
+
+
+def test_a_text_that_comes_later_is_read_in_english(monkeypatch: pytest.MonkeyPatch) -> None:
+    newer = {**reference_texts(), "button.louder": "Louder"}
+    english = built_in("en").model_copy(update={"texts": newer})
+    later_texts.cache_clear()
+    monkeypatch.setattr("protocol.study.languages.built_in", lambda _: english)
+    try:
+        study = parsed_study(with_languages(PAPER, {"fr": FRENCH}))
+        assert study_wording(study, "fr").texts["button.louder"] == "Louder"
+        assert read_in_reference(study, "fr") == ("button.louder",)
+    finally:
+        later_texts.cache_clear()
 
 
 def test_a_study_may_replace_a_built_in_language_and_a_text_of_its_own_language() -> None:

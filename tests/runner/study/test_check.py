@@ -225,6 +225,22 @@ def test_the_highest_resonance_within_the_limits_is_reported(
     assert (session["state"], session["trials_answered"], session["chain_ok"]) == ("idle", 0, True)
 
 
+def test_check_says_what_of_a_language_is_read_in_english(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    changed = Path(study(tmp_path, "paper"))
+    assert typed("translate", changed, "fr") == 0
+    file = changed / "texts" / "fr.toml"
+    french = file.read_text(encoding="utf-8").replace('name = "English"', 'name = "French"')
+    file.write_text(french.replace('saved = "', 'saved_ = "'), encoding="utf-8")
+    assert typed("check", changed) == 2
+    file.write_text("".join(line for line in french.splitlines(True) if line[:5] != "saved"))
+    capsys.readouterr()
+    assert typed("check", changed) == 0
+    told = capsys.readouterr().out
+    assert "texts/fr.toml lacks saved: read in English until they are added.\n" in told
+
+
 def test_check_and_run_report_a_text_that_does_not_fit_with_all_other_problems(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -1,7 +1,8 @@
 """How well a law explains who felt what, by the largest likelihood of M1."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.optimize import minimize
@@ -13,8 +14,8 @@ from analysis.sensitivity.ratings import Ratings
 from analysis.statistics.signed_rank import DECIMALS
 from analysis.trials.law_assignments import PredictionError, assignment_p, prediction_error
 
-# Logarithms of standard deviations, in those of the ratings, between which the best is sought.
-FARTHEST = 8.0
+# The best is sought between these standard deviations, in those of the ratings, and artanh ρ.
+SDS, CORRELATIONS = (float(np.exp(-8)), float(np.exp(8))), (-8.0, 8.0)
 
 
 def shared_contrasts(ratings: Ratings, contrast: FloatArray) -> bool:
@@ -93,10 +94,11 @@ def _largest(sums: LineSums) -> float:
     """Return the largest log-likelihood of partially pooled lines, population line included."""
 
     def cost(point: FloatArray) -> float:
-        known = line_posterior(sums, np.exp(point[:1]), covariance_matrices(point[None, 1:]))
+        spread = np.append(np.log(point[1:3]), point[3])
+        known = line_posterior(sums, point[:1], covariance_matrices(spread[None]))
         return -float(known.profile[0])
 
-    return -_smallest(cost, np.array([-0.5, -0.7, -0.7, 0.0]))
+    return -_smallest(cost, [SDS] * 3 + [CORRELATIONS], [0.6, 0.5, 0.5, 0.0])
 
 
 def _largest_level(trials: Ratings, y: FloatArray) -> float:
@@ -106,7 +108,7 @@ def _largest_level(trials: Ratings, y: FloatArray) -> float:
     squares = float((y**2).sum())
 
     def cost(point: FloatArray) -> float:
-        noise, level = np.exp(2 * point)
+        noise, level = point**2
         weight = counts / (noise + counts * level)
         mean = (sums / (noise + counts * level)).sum() / weight.sum()
         within = squares - 2 * mean * sums.sum() + mean**2 * counts.sum()
@@ -115,12 +117,24 @@ def _largest_level(trials: Ratings, y: FloatArray) -> float:
         quadratic = (within - shrunk.sum()) / noise
         return float(log_det + quadratic + counts.sum() * np.log(2 * np.pi)) / 2
 
-    return -_smallest(cost, np.array([-0.5, -0.7]))
+    return -_smallest(cost, [SDS] * 2, [0.6, 0.5])
 
 
-def _smallest(cost: Callable[[FloatArray], float], start: FloatArray) -> float:
-    bounds = [(-FARTHEST, FARTHEST)] * len(start)
-    return min(
-        float(minimize(cost, begin, method="L-BFGS-B", bounds=bounds).fun)
-        for begin in (start, np.where(start < 0, -3.0, start))
+def _smallest(
+    cost: Callable[[FloatArray], float], bounds: Sequence[Interval], start: Sequence[float]
+) -> float:
+    """Return the smallest cost of standard deviations, and of a correlation that may follow them.
+
+    Those that are best at 0 end at their bound, which a search of their logarithms only nears; and
+    slopes by one-sided differences would let it stop elsewhere on every processor.
+    """
+    search = partial(
+        minimize,
+        cost,
+        jac="3-point",
+        method="L-BFGS-B",
+        bounds=bounds,
+        options={"ftol": 1e-15, "gtol": 1e-9},
     )
+    small = [min(value, 0.05) for value in start]
+    return min(float(search(np.array(begin)).fun) for begin in (start, small))

@@ -64,6 +64,27 @@ def test_units_of_a_law_do_not_matter(extended_study: StudyOf) -> None:
     assert one.gain_over_none > 10
 
 
+@pytest.mark.parametrize(
+    "scores", [[[7, 5, 8, 9, 4]] * 3, [[7, 4, 7, 8, 10]], [[9, 10, 8, 6, 8]] * 2]
+)
+def test_rounding_of_the_contrasts_does_not_move_the_maximum(scores: list[list[int]]) -> None:
+    people = len(scores)
+    ratings = Ratings(
+        subjects=tuple(map(str, range(people))),
+        conditions=tuple("abcde"),
+        subject=np.repeat(np.arange(people), 5),
+        condition=np.tile(np.arange(5), people),
+        contrast=np.zeros(5 * people),
+        rating=np.ravel(scores).astype(float),
+    )
+    contrast = np.tile([0.1, 0.05, 0.35, 0.3, 0.06], people)
+    expected = likelihood(ratings, contrast).log_likelihood
+    for seed in range(4):
+        nudge = 1 + 1e-13 * np.random.default_rng(seed).normal(size=5)
+        found = likelihood(ratings, contrast * np.tile(nudge, people))
+        assert found.log_likelihood == pytest.approx(expected, abs=1e-10, rel=0)
+
+
 def test_contrasts_must_be_as_many_as_trials(extended_study: StudyOf) -> None:
     ratings = extended_study(OPEN, seed=1, subjects=2).ratings
     with pytest.raises(ValueError, match="coulomb needs 40 contrasts, got 3"):

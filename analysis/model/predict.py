@@ -1,5 +1,6 @@
 """Batch prediction: a table of scenes in, the same table with friction coefficients out."""
 
+import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, cast
@@ -7,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.estimates import FloatArray
+from analysis.estimates import BoolArray, FloatArray
 from analysis.model.scene_table import COLUMNS, SceneTable, scene_table
 from device.beam.beam import Beam
 from device.beam.eq15 import Overlap
@@ -128,19 +129,24 @@ class PredictedTable:
 
         The note names an a/u outside [0, 1], which the printed law takes from Eq 15 as it stands.
         """
-        ratio = self.predictions["same_direction_ratio"]
         given = {**self.table.numbers, **self.table.words}
         return {
             **{name: given[name] for name in COLUMNS},
             **{name: self.predictions[name] for name in OUTPUTS},
             "rung": self.rung,
             "error_bound": self.error_bound,
-            "note": np.where((ratio < 0) | (ratio > 1), "a/u outside 0 to 1", ""),
+            "note": np.where(self.impossible, "a/u outside 0 to 1", ""),
         }
+
+    @property
+    def impossible(self) -> BoolArray:
+        """Where a/u lies outside 0 to 1, so that the printed law may give friction below 0."""
+        ratio = self.predictions["same_direction_ratio"]
+        return (ratio < 0) | (ratio > 1)
 
 
 def predicted_table(table: SceneTable, options: PredictOptions) -> PredictedTable:
-    """The predictions for a table of scenes.
+    """The predictions for a table of scenes, with a warning if the printed law has impossible ones.
 
     Raises:
         BadInput: a mode lies beyond the cut-off of the rung it needs, or a contact is too short
@@ -158,7 +164,22 @@ def predicted_table(table: SceneTable, options: PredictOptions) -> PredictedTabl
         for name, column in columns.items():
             column[rows] = getattr(chosen.prediction, name)
         rung[rows], bound[rows] = chosen.rung, chosen.error_bound
-    return PredictedTable(table=table, predictions=columns, rung=rung, error_bound=bound)
+    predicted = PredictedTable(table=table, predictions=columns, rung=rung, error_bound=bound)
+    if predicted.impossible.any():
+        warnings.warn(_impossible(predicted), stacklevel=2)
+    return predicted
+
+
+def _impossible(predicted: PredictedTable) -> str:
+    """Return which scenes are impossible, with the numbers of the first one."""
+    rows, table = np.flatnonzero(predicted.impossible), predicted.table
+    names = ("same_direction_ratio", "mu_effective")
+    ratio, mu = (predicted.predictions[name][rows[0]] for name in names)
+    return (
+        f"by Eq 15, a/u lies outside 0 to 1 in {len(rows)} of {len(table.lines)} scenes, first in "
+        f"line {table.lines[rows[0]]} of {table.source}: a/u {ratio:.3g} makes mu_effective "
+        f"{mu:.3g}; take a longer contact, the ratio 'mode' or another law"
+    )
 
 
 def _texts(values: FloatArray, missing: str = "") -> list[str]:

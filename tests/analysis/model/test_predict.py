@@ -129,8 +129,10 @@ def test_a_contact_too_short_for_eq15_is_refused_under_the_repaired_laws(law: st
 
 
 @pytest.mark.parametrize("rung", ["auto", "eq15", "timoshenko-patched"])
-def test_an_impossible_ratio_of_the_printed_law_is_noted(rung: str) -> None:
-    rows = _rows(predict("s.csv", SHORT, PredictOptions(law="printed", rung=rung)))
+def test_an_impossible_ratio_of_the_printed_law_is_noted_with_a_warning(rung: str) -> None:
+    message = "in 1 of 2 scenes, first in line 3 of s.csv: a/u 1.74 makes mu_effective -0.0959;"
+    with pytest.warns(UserWarning, match=message):
+        rows = _rows(predict("s.csv", SHORT, PredictOptions(law="printed", rung=rung)))
     assert [row["note"] for row in rows] == ["", "a/u outside 0 to 1"]
     assert float(rows[1]["same_direction_ratio"]) == pytest.approx(1.74)
 
@@ -174,6 +176,7 @@ _SIZES: dict[str, tuple[str, ...]] = {
 }
 
 
+@pytest.mark.filterwarnings("ignore:by Eq 15")  # most of these contacts are not the paper's
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("rung", ["auto", "eq15", "mode", "modes:12", "timoshenko-patched"])
 def test_every_value_within_reach_gives_finite_numbers(law: str, rung: str) -> None:

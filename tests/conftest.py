@@ -4,16 +4,22 @@ import os
 
 # As the commands that compute: one thread is faster for small matrices, and sums in one order.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# A warning of numpy is an error in the processes that tests start, too.
+os.environ.setdefault("PYTHONWARNINGS", "error::RuntimeWarning")
 
 
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import settings
 
 from tests.runner.window.person import virtual_display
+
+# Underflow is none of these: the likelihood far out in a tail is 0.
+np.seterr(divide="raise", over="raise", invalid="raise")
 
 # No test is timed: a loaded machine says nothing about the program.
 settings.register_profile("untimed", deadline=None)

@@ -94,6 +94,7 @@ def readings(table: ScoreTable, trials: pd.DataFrame) -> dict[str, ScoreTable]:
     shares = withheld(table, trials)
     if not table.given.any() or (table.is_complete and not shares.any()):
         return {"missing": table}
+    # A cell without any score has nothing but withheld ones, if it is filled at all.
     given = np.nan_to_num(table.scores) * (1 - shares)
     fills = {"zero": 0.0, "lowest": float(trials["score"][is_scored(trials)].min())}
     return {"missing": table} | {

@@ -163,9 +163,8 @@ def course(found: Findings) -> Course | None:
     counts = np.bincount(which)
     means = np.bincount(which, weights=ratings.rating[known]) / counts
     squares = np.bincount(which, weights=(ratings.rating[known] - means[which]) ** 2)
-    # A place with a single score has no standard error: 0 / 0 gives NaN.
-    with np.errstate(invalid="ignore", divide="ignore"):
-        errors = np.sqrt(squares / (counts - 1) / counts)
+    # A place with a single score has no standard error.
+    errors = np.sqrt(squares / np.where(counts > 1, counts - 1, np.nan) / counts)
     return Course(places=places, scale=found.scale, means=means, errors=errors, counts=counts)
 
 

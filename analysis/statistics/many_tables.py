@@ -51,16 +51,14 @@ def pairwise_of_tables(scores: FloatArray) -> ManyPairs:
     p = _signed_rank_p(differences)
     given = ~np.isnan(differences)
     subjects = given.sum(axis=2)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        known = np.where(given, differences, 0.0)
-        mean = known.sum(axis=2) / subjects
-        squares = (np.where(given, differences - mean[..., None], 0.0) ** 2).sum(axis=2)
-        error = np.sqrt(squares / (subjects - 1) / subjects)
+    count = np.where(subjects > 0, subjects, np.nan)
+    mean = np.where(given, differences, 0.0).sum(axis=2) / count
+    squares = (np.where(given, differences - mean[..., None], 0.0) ** 2).sum(axis=2)
     return ManyPairs(
         p=p,
         p_holm=holm_of_rows(p),
         mean=mean,
-        standard_error=np.where(subjects > 1, error, np.nan),
+        standard_error=np.sqrt(squares / np.where(subjects > 1, subjects - 1, np.nan) / count),
         subjects=subjects.astype(np.int64),
     )
 
@@ -106,12 +104,12 @@ def _friedman_p(scores: FloatArray) -> FloatArray:
         return np.full(len(scores), np.nan)
     ranks, middle = ranks_of_rows(scores), conditions + 1
     between = ((ranks.sum(axis=1) - subjects * middle) ** 2).sum(axis=1)
-    within = ((ranks - middle) ** 2).sum(axis=(1, 2))
-    with np.errstate(invalid="ignore"):
-        p = np.asarray(chdtrc(conditions - 1, (conditions - 1) * between / within))
+    squares = ((ranks - middle) ** 2).sum(axis=(1, 2))
+    within = np.where(squares > 0, squares, np.nan)
+    p = np.asarray(chdtrc(conditions - 1, (conditions - 1) * between / within))
     if conditions <= MOST_CONDITIONS_EXACT:
         p = _exact_of_tables(ranks, between, p)
-    return np.where(within > 0, p, np.nan)
+    return np.where(squares > 0, p, np.nan)
 
 
 def _exact_of_tables(ranks: IntArray, between: IntArray, otherwise: FloatArray) -> FloatArray:

@@ -163,6 +163,7 @@ def _cheap_parts(
 def _worthwhile(batch: Batch, which: NDArray[np.intp]) -> bool:
     """Whether scenes have so many different drives that setting up the modes saves time."""
     damping = batch.damping_ratio[which]
+    # NaN stands for the resonance, and one NaN would be unlike another.
     drives = np.stack([np.nan_to_num(batch.frequency_hz[which], nan=-1.0), damping])
     return int(np.unique(drives, axis=1).shape[1]) >= FEWEST_DRIVES
 

@@ -184,6 +184,7 @@ def joined(parts: list[tuple[NDArray[np.intp], Prediction]], size: int) -> Predi
 
 def _solved_prediction(batch: Batch, rung: str, choice: LawChoice) -> Prediction:
     """Return the prediction of a rung that is set up once per drive frequency and damping ratio."""
+    # NaN stands for the resonance, and one NaN would be unlike another.
     keys = np.stack([np.nan_to_num(batch.frequency_hz, nan=-1.0), batch.damping_ratio])
     drives, group = np.unique(keys, axis=1, return_inverse=True)
     parts = []

@@ -134,8 +134,24 @@ def print_csv(text: str) -> None:
 def warnings_in_lines() -> Iterator[None]:
     """Print warnings of libraries in the body as lines on standard error."""
     with warnings.catch_warnings():
-        warnings.showwarning = lambda message, *_: complain(f"touchbeam: warning: {message}")
+        warnings.showwarning = lambda message, category, *_: complain(
+            f"touchbeam: warning: {message}{_computing(category)}"
+        )
         yield
+
+
+def _computing(category: type[Warning]) -> str:
+    """Return what was computed when numpy warned of a number, and what that means for results."""
+    frame = sys._getframe() if issubclass(category, RuntimeWarning) else None
+    while frame and not frame.f_globals["__name__"].startswith(("analysis.", "device.")):
+        frame = frame.f_back
+    if frame is None:
+        return ""
+    module = frame.f_globals
+    return (
+        f" in {module['__name__']}, line {frame.f_lineno}; what it computes may be wrong or "
+        f"missing: {(module['__doc__'] or '').partition(chr(10))[0]}"
+    )
 
 
 def print_table(title: str, lines: Sequence[Sequence[str]], *, of_sentences: bool = False) -> None:

@@ -82,7 +82,7 @@ def course_figure(data: Course, words: Words) -> Drawing:
     """Return mean scores by place in the session, with their standard errors."""
 
     def draw(axes: Axes) -> None:
-        errors = np.nan_to_num(data.errors)
+        errors = np.nan_to_num(data.errors)  # a single score has no bar
         axes.errorbar(data.places, data.means, yerr=errors, fmt="o-", color=COLOURS[0])
         axes.set_ylabel(f"mean score ± standard error, {data.scale}")
         axes.locator_params(axis="x", integer=True)
@@ -103,6 +103,7 @@ def levels_figure(data: Levels, words: Words) -> Drawing:
                 color=GREY,
                 alpha=0.5,
             )
+            # A level with a single score has no bar.
             axes.errorbar(
                 own.at, own.mean, yerr=np.nan_to_num(own.error), fmt="o", color=COLOURS[0]
             )

@@ -3,8 +3,10 @@
 import sys
 import warnings
 
+import numpy as np
 import pytest
 
+from analysis.statistics.intervals import mean_interval
 from runner.cli import output
 from runner.cli.output import print_table, progress, warnings_in_lines
 
@@ -68,3 +70,15 @@ def test_a_warning_is_one_line_without_its_source(capsys: pytest.CaptureFixture[
         warnings.simplefilter("always")
         warnings.warn("odd\x1b[2J", stacklevel=1)
     assert capsys.readouterr().err == "touchbeam: warning: odd\\x1b[2J\n"
+
+
+def test_a_warning_of_numpy_says_which_results_it_concerns(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with np.errstate(over="warn", invalid="ignore"), warnings_in_lines():
+        warnings.simplefilter("always")
+        mean_interval(np.array([1e308, 1e308, 0.0]))
+    (said, *_) = capsys.readouterr().err.splitlines()
+    assert said.startswith("touchbeam: warning: overflow encountered in ")
+    assert "in analysis.statistics.intervals, line" in said
+    assert "may be wrong or missing: 95% intervals of effect sizes" in said

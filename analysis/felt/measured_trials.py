@@ -12,7 +12,6 @@ from analysis.friction.borrowing import borrowed_contrasts
 from analysis.friction.jitter import Jitter, jitter_of
 from analysis.friction.measured_contrast import (
     Compared,
-    Course,
     MeasuredContrast,
     Rest,
     measured_contrast,
@@ -23,12 +22,9 @@ from analysis.friction.touch_measures import PREDICTORS, TouchMeasures, touch_me
 from analysis.loading.sessions import Sessions
 from analysis.trials.contrasts import trial_changes
 from device.friction.changes import Change
-from device.friction.contrasts import friction_at
 from protocol.study.study import Study
 from protocol.study.touch import Touch
 
-STOPS = 9
-"""Points of a ramp or sweep at which the model gives its course."""
 NOT_RECORDED = "it was not recorded"
 
 Forces = Mapping[int, TouchForces | NotEstimable]
@@ -212,23 +208,6 @@ def _of_trial(
         after=session.touches[last],
         along_path=len(change.places_m) > 1,
         contact_m=change.after.contact_m,
-        course=None if planned[last].programme == "hold" else _course(change, planned[last]),
+        within=planned[last].programme != "hold",
     )
     return measured_contrast(compared, session.jitter, session.rest)
-
-
-def _course(change: Change, planned: Touch) -> Course:
-    """Return how the model expects ln μ to change within a touch at one place."""
-    stops = np.linspace(0.0, 1.0, STOPS)
-    course = [
-        friction_at(
-            replace(
-                change.after,
-                voltage_v=planned.voltage_v + stop * (planned.end_voltage_v - planned.voltage_v),
-                frequency=planned.frequency + stop * (planned.end_frequency - planned.frequency),
-            ),
-            change.places_m[:1],
-        )[0]
-        for stop in stops.tolist()
-    ]
-    return stops, np.log(course)

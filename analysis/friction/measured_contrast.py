@@ -5,7 +5,6 @@ A sensor's gain multiplies all forces of a session and cancels in every contrast
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 
@@ -25,18 +24,16 @@ from analysis.friction.touch_measures import (
 )
 from protocol.study.questions import Effect
 
-BINS_OF_CONTACT = 5
-"""Bins of a path in one length of contact, over which friction hardly changes."""
+BINS_OF_CONTACT = 8
+"""Bins of a path in one length of contact. A bin is little longer than the path of one block; with
+fewer bins the averages would cut off the troughs of friction."""
 FEWEST_BINS = 4
-LEAST_CHANGE = 0.005
-"""Of ln μ within a touch, as expected; below it friction is taken to change in proportion to time,
-because the shape of hardly any change says nothing."""
+DEGREE = 3
+"""Of the polynomial in time that is fitted to a ramp or sweep. The course that the model expects is
+that of the nominal damping, and would bias the contrast on a rig with another one."""
 
 TINY = 1e-24
 """A mean square that is nothing, and may stand below a fraction."""
-
-Course: TypeAlias = tuple[FloatArray, FloatArray]
-"""Moments of a touch from 0 to 1, and ln μ that the model expects there."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -49,7 +46,7 @@ class Compared:
         after: the last touch.
         along_path: whether places along a path are compared, and not means.
         contact_m: length of the finger's contact.
-        course: how friction is expected to change within `after`, None where it does not.
+        within: whether the drive changes within `after`.
     """
 
     effect: Effect
@@ -58,7 +55,7 @@ class Compared:
     after: TouchForces
     along_path: bool
     contact_m: float
-    course: Course | None
+    within: bool
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,7 +96,7 @@ def measured_contrast(
     """Return the contrast of a trial as it was measured, positive when it is the expected one.
 
     - `friction`: difference of mean ln μ between the touches; within one touch, the difference
-      between its ends by least squares on the course that the model expects, whose size is free.
+      between the ends of a polynomial in time, by least squares.
     - `places`: rms over the path of the difference of ln μ(x).
     - `depth`: growth of the rms of ln μ(x) about the resting beam's.
 
@@ -107,10 +104,10 @@ def measured_contrast(
     autocorrelation, the sensor's noise, and the error of the zeros.
     """
     found: MeasuredContrast | NotEstimable
-    if compared.course is not None and (compared.along_path or compared.before is not None):
+    if compared.within and (compared.along_path or compared.before is not None):
         return NotEstimable("the drive changes along the path or after another touch")
-    if compared.course is not None:
-        found = _within(compared.after, compared.course, jitter)
+    if compared.within:
+        found = _within(compared.after, jitter)
     elif compared.before is None and isinstance(rest, NotEstimable):
         return rest
     elif compared.along_path:
@@ -123,13 +120,10 @@ def measured_contrast(
     return MeasuredContrast(value=-found.value, error=found.error, predictors=turned)
 
 
-def _within(touch: TouchForces, course: Course, jitter: Jitter) -> MeasuredContrast:
+def _within(touch: TouchForces, jitter: Jitter) -> MeasuredContrast:
     share = touch.t_s / touch.moved_s
-    first, last = course[1][0], course[1][-1]
-    if abs(last - first) > LEAST_CHANGE:
-        share = (np.interp(share, *course) - first) / (last - first)
-    away = share - share.mean()
-    weights = -away / (away @ away)
+    # From 0 to 1 a power grows by 1, so that the fitted growth is the sum of the coefficients.
+    weights = -np.linalg.pinv(np.vander(share, DEGREE + 1))[:-1].sum(axis=0)
     predictors = {name: float(weights @ logarithm(touch, name)) for name in LOGARITHMS}
     predictors[RATE] = float(weights @ touch.tangential_n) / touch.moved_s
     variance = jitter.covariance(weights[None], touch.noise)[0, 0] + (weights @ touch.tare) ** 2

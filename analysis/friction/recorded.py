@@ -72,7 +72,7 @@ class TouchForces:
 
     def with_drift(self, drift_n_per_s: float) -> "TouchForces":
         """Return the forces if the zero has drifted since it was measured."""
-        moved_n = drift_n_per_s * (self.touched_s - self.zero_s)
+        moved_n = drift_n_per_s * (self.touched_s + self.t_s - self.moved_s / 2 - self.zero_s)
         tangential_n = self.tangential_n - moved_n
         if (tangential_n <= 0).any():
             return self

@@ -21,7 +21,7 @@ DESIGNS = {"paper": PAPER, "extended": EXTENDED}
 STUDIES, PEOPLE = 25, 20
 DRAWS = {"M1": 4, "M2": 1}
 """Ratings of each study are drawn anew so many times for each model."""
-TARGET = 0.01
+TARGET, Z95 = 0.01, 1.96
 REQUIRED, ROUGH = Sensor(), Sensor(jitter_sd=0.2)
 
 pytestmark = pytest.mark.soak
@@ -43,22 +43,26 @@ def rms(values: FloatArray) -> float:
 
 
 @pytest.mark.parametrize("design", ["paper", "extended"])
-def test_measured_contrasts_are_true_to_a_hundredth(design: str) -> None:
-    errors, alone, scores, names = [], [], [], []
+def test_measured_contrasts_are_true_to_a_hundredth_and_errors_are_honest(design: str) -> None:
+    rows, names = [], []
     for study in studies(REQUIRED, design):
-        of = study.scored
-        errors.append((study.found.best - study.true)[of])
-        alone.append((study.found.value - study.true)[of])
-        scores.append(errors[-1] / study.found.best_error[of])
+        found, of = study.found, study.scored
+        alone, best = found.value - study.true, found.best - study.true
+        rows.append(np.array([alone, alone / found.error, best, best / found.best_error])[:, of])
         names.append(study.data.trials["condition"].to_numpy()[of])
-    error, single, name = (np.concatenate(each) for each in (errors, alone, names))
-    print(f"\n{STUDIES * PEOPLE} sessions, {len(error)} trials: RMS error of the best estimate ")
-    print(f"{rms(error):.4f}, of a trial alone {rms(single):.4f}; ", end="")
-    print(f"error over its standard error {rms(np.concatenate(scores)):.2f}")
+    table, name = np.hstack(rows), np.concatenate(names)
+    print(f"\n{STUDIES * PEOPLE} sessions, {len(name)} trials: one alone, then the best estimate")
     for condition in np.unique(name):
-        own = name == condition
-        print(f"{condition}: {rms(error[own]):.4f}, alone {rms(single[own]):.4f}")
-    assert rms(error) <= TARGET
+        for error, score in table[:, name == condition].reshape(2, 2, -1):
+            held = np.abs(score) < Z95
+            print(
+                f"{condition}: RMS error {rms(error):.4f}, bias {error.mean():+.4f}, "
+                f"error over standard error {rms(score):.2f}, covered {held.mean():.3f}"
+            )
+            chance = 2 * held.std() / np.sqrt(len(held))
+            assert 0.93 - chance <= held.mean() <= 0.99, condition
+            assert abs(error.mean()) <= 0.002 + 2 * error.std() / np.sqrt(len(error)), condition
+    assert rms(table[2]) <= TARGET
 
 
 def draw(

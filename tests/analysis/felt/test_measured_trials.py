@@ -56,7 +56,9 @@ def test_measured_contrasts_are_near_the_truth_and_say_how_near() -> None:
     assert of.sum() == 60
     assert rms((found.best - study.true)[of]) < 0.012
     assert rms((found.value - study.true)[of]) < 0.016
-    assert 0.7 < rms(((found.value - study.true) / found.error)[of]) < 1.3
+    scores, names = (found.value - study.true) / found.error, study.data.trials["condition"]
+    for condition in EXTENDED.conditions:
+        assert 0.6 < rms(scores[of & names.eq(condition).to_numpy()]) < 1.4, condition
     # What the model predicts is further off, because skin and rig are not the paper's.
     assert rms((study.predicted - study.true)[of]) > 0.03
 

@@ -67,7 +67,7 @@ def compared(
     *,
     along_path: bool = False,
     contrary: bool = False,
-    course: tuple[FloatArray, FloatArray] | None = None,
+    within: bool = False,
 ) -> Compared:
     return Compared(
         effect=effect,
@@ -76,7 +76,7 @@ def compared(
         after=after,
         along_path=along_path,
         contact_m=0.01,
-        course=course,
+        within=within,
     )
 
 
@@ -135,18 +135,25 @@ def test_swapped_places_and_growth_of_a_swing_are_root_mean_squares_over_the_pat
     assert alone.value == pytest.approx(0.3 / np.sqrt(2), rel=0.02)
 
 
-def test_a_ramp_is_fitted_by_the_shape_that_the_model_expects() -> None:
-    moments = np.linspace(0, 1, 9)
-    shape = -(moments**2)
-    t = (0.025 * np.arange(BLOCKS) + 0.0125) / 2.0
-    ramp = touch(np.log(0.4) - 0.5 * np.interp(t, moments, moments**2))
-    assert contrast(compared(None, ramp, course=(moments, shape))).value == pytest.approx(0.5)
-    # An expected change of half the size has the same shape.
-    assert contrast(compared(None, ramp, course=(moments, shape / 2))).value == pytest.approx(0.5)
-    straight = touch(np.log(0.4) - 0.5 * t)
-    assert contrast(compared(None, straight, course=(moments, 0 * shape))).value == pytest.approx(
-        0.5
-    )
+MOMENTS: FloatArray = np.linspace(0.00625, 0.99375, BLOCKS)
+
+
+@pytest.mark.parametrize("shape", [MOMENTS, MOMENTS**2, MOMENTS**3 - 4 * MOMENTS**2 + 4 * MOMENTS])
+def test_a_ramp_is_measured_between_its_ends_whatever_its_shape(shape: FloatArray) -> None:
+    ramp = touch(np.log(0.4) - 0.5 * shape)
+    assert contrast(compared(None, ramp, within=True)).value == pytest.approx(0.5)
+
+
+def test_the_error_of_a_ramp_is_that_of_repeated_measurements() -> None:
+    rng = np.random.default_rng(6)
+    jitter = Jitter(autocovariances=WHITE**2 * np.eye(LAGS + 1)[0])
+    found = [
+        contrast(compared(None, noisy(np.asarray(-0.3 * MOMENTS**2), rng), within=True), jitter)
+        for _ in range(300)
+    ]
+    errors = np.array([it.value - 0.3 for it in found]) / np.array([it.error for it in found])
+    assert errors.mean() == pytest.approx(0, abs=0.15)
+    assert errors.std() == pytest.approx(1, abs=0.1)
 
 
 def test_a_touch_of_its_own_is_compared_with_the_resting_beam() -> None:
@@ -159,8 +166,7 @@ def test_a_touch_of_its_own_is_compared_with_the_resting_beam() -> None:
 
 
 def test_what_cannot_be_compared_has_a_reason() -> None:
-    moments = np.linspace(0, 1, 9)
-    ramp = compared(held(0.4), held(0.3), course=(moments, moments))
+    ramp = compared(held(0.4), held(0.3), within=True)
     found = measured_contrast(ramp, QUIET, NO_REST)
     assert isinstance(found, NotEstimable)
     assert "after another touch" in found.reason

@@ -116,5 +116,6 @@ def test_a_steady_drift_of_the_zeros_is_found_and_taken_off() -> None:
     found = zero_drift_n_per_s(touches)
     assert found == pytest.approx(drift, rel=1e-3)
     assert touches[0].tangential_n.mean() > 0.2003
-    assert touches[0].with_drift(found).tangential_n.mean() == pytest.approx(0.2, abs=2e-5)
+    # From the beginning of a touch to its end, or a ramp would be too large or too small.
+    assert touches[0].with_drift(found).tangential_n == pytest.approx(0.2, abs=6e-5)
     assert zero_drift_n_per_s(touches[:3]) == 0.0

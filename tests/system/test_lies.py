@@ -10,6 +10,7 @@ import zlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal
 from unittest.mock import patch
@@ -26,11 +27,14 @@ from device.gauges.owner import GaugeOwner
 from device.link.codec import block as in_block
 from device.link.link import Link
 from device.resonance import Resonance
-from device.rig import RAMP_STEP_S
+from device.rig import RAMP_STEP_S, Rig
+from device.simulator.in_process import InProcessClock, InProcessDevice, in_process_rig
 from runner.journal.opening import open_journal
 from runner.screens import Instruction, Pacing, Screen
 from runner.session.loop import run
 from runner.session.session import SessionContext
+from tests.device.fault_table import BOARD as FAULTS_OF_A_BOARD
+from tests.device.fault_table import RECORDING, Row
 from tests.device.gauges.test_gauge import LIES as GAUGE_LIES
 from tests.device.gauges.test_gauge import GaugePort
 from tests.device.lying import SteppedClock, WatchedRig, watched
@@ -487,6 +491,28 @@ def _lying(made: SessionContext, when: str, lie: Callable[[], object]) -> Iterat
         yield began_s
 
 
+def drawn(
+    rig: Rig, clock: Any, folder: Path, when: str, lie: Callable[[], object]
+) -> tuple[Told, float]:
+    """Slide a block at a device that lies from the second pass on.
+
+    Returns what is told of it, which stands in the journal, too, and when it began to lie.
+    """
+    operator = FakeOperator(FakeDevice())
+    with open_journal(folder / "study.db") as journal:
+        made = sliding(
+            journal, rig, operator=operator, finger=FakeFinger(), text=SLIDE, clock=clock
+        )
+        with _lying(made, when, lie) as began_s:
+            told = told_by(lambda: run(made))
+        last = journal.events("slide/1")[-1]
+    if told == "nothing":
+        assert last.tag == "session-completed"
+    else:
+        assert (last.tag, last.payload["confirmed"]) == ("device-off", told == "off")
+    return told, began_s[0]
+
+
 def slid(
     watched_rig: WatchedRig,
     folder: Path,
@@ -494,30 +520,39 @@ def slid(
     lie: Callable[[], object],
     gauge: GaugeOwner | None = None,
 ) -> Told:
-    """Slide a block at a device that lies from the second pass on; return what is told of it.
-
-    What is told stands in the journal, and an output that goes off does so in time.
-    """
-    clock, operator = RigsClock(watched_rig, gauge), FakeOperator(FakeDevice())
-    with open_journal(folder / "study.db") as journal:
-        made = sliding(
-            journal,
-            watched_rig.rig,
-            operator=operator,
-            finger=FakeFinger(),
-            text=SLIDE,
-            clock=clock,
-        )
-        with _lying(made, when, lie) as began_s:
-            told = told_by(lambda: run(made))
-        last = journal.events("slide/1")[-1]
-    if told == "nothing":
-        assert last.tag == "session-completed"
-        return told
-    assert (last.tag, last.payload["confirmed"]) == ("device-off", told == "off")
-    if not is_on(watched_rig):
-        assert (watched_rig.port.off_s or 0.0) - began_s[0] <= NOTICED_S + BLOCK_S
+    """Return what is told of a device that lies; an output that goes off does so in time."""
+    clock = RigsClock(watched_rig, gauge)
+    told, began_s = drawn(watched_rig.rig, clock, folder, when, lie)
+    if told != "nothing" and not is_on(watched_rig):
+        assert (watched_rig.port.off_s or 0.0) - began_s <= NOTICED_S + BLOCK_S
     return told
+
+
+MOMENTS = {"driving": "driving", "recording": "driving", "between": "idle", "off": "off"}
+FAILING = [row for row in (*FAULTS_OF_A_BOARD, *RECORDING) if row.when in MOMENTS]
+
+
+@pytest.mark.parametrize("row", FAILING, ids=lambda row: row.name)
+def test_a_fault_in_a_sliding_experiment_leaves_no_output_on_silently(
+    row: Row, tmp_path: Path
+) -> None:
+    device = InProcessDevice(seed=1)
+    rig = in_process_rig(device, LIMITS)
+    clock = InProcessClock(datetime(2026, 1, 5, tzinfo=UTC), device, rig)
+
+    def fail() -> None:
+        device.fault(row.fault)
+        clock.sleep(SOON_S * (row.when == "between"))  # the block is put on the beam
+
+    told, _ = drawn(rig, clock, tmp_path, MOMENTS[row.when], fail)
+    instrument = device.inside.instrument
+    assert (told == "nothing") is (row.error is None)
+    if row.still_on:
+        assert told == "unknown"
+    else:
+        clock.sleep(LIMITS.watchdog_s)  # what hears nothing any more is off by then
+        assert not instrument.output
+        assert instrument.output_v < MONITOR_ABS_TOL_V
 
 
 @pytest.mark.parametrize("lie", BOARD, ids=lambda lie: lie.name)

@@ -6,7 +6,7 @@ import logging
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import closing, contextmanager
 from functools import partial
-from hashlib import sha256
+from hmac import compare_digest, digest
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -25,6 +25,11 @@ _WORKERS_WITHIN_S = 8
 
 class Chunks(Protocol):
     """Kept results of tasks."""
+
+    @property
+    def key(self) -> bytes:
+        """What only those have whose results are believed."""
+        ...
 
     def load(self, name: str) -> bytes | None:
         """Return what was kept under a name, if anything."""
@@ -65,32 +70,37 @@ def completed(
     try:
         with closing(_computed(job, left, workers, scheduler)) as results:
             for task, found in results:
-                chunks.save(task.name, _to_keep(job, task, found))
+                chunks.save(task.name, _to_keep(job, task, found, chunks.key))
                 yield task, found
     except (WorkFailed, OSError) as error:
         error.add_note("what is done is kept; the same command goes on from there")
         raise
 
 
-def _to_keep(job: Job, task: Task, found: FloatArray) -> bytes:
-    """Return numbers as they are kept: behind a digest, so that damage is noticed."""
+def _to_keep(job: Job, task: Task, found: FloatArray, key: bytes) -> bytes:
+    """Return numbers as they are kept: behind their seal."""
     content = io.BytesIO()
     np.save(content, found, allow_pickle=False)
-    return _digest(job, task, content.getvalue()) + content.getvalue()
+    return _seal(job, task, content.getvalue(), key) + content.getvalue()
 
 
 def kept(job: Job, task: Task, chunks: Chunks) -> FloatArray | None:
-    """Return the kept numbers of a task; None if there are none, or if they were damaged."""
+    """Return the kept numbers of a task; None if there are none, or if their seal is not right."""
     content = chunks.load(task.name)
-    if content is None or _digest(job, task, content[32:]) != content[:32]:
+    if content is None:
+        return None
+    if not compare_digest(_seal(job, task, content[32:], chunks.key), content[:32]):
         return None
     found: FloatArray = np.load(io.BytesIO(content[32:]), allow_pickle=False)
-    return found if len(found) == task.count else None
+    return found
 
 
-def _digest(job: Job, task: Task, content: bytes) -> bytes:
-    """Return the SHA-256 of numbers and of what they are the result of."""
-    return sha256(f"{job.digest}/{task.name}\n".encode() + content).digest()
+def _seal(job: Job, task: Task, content: bytes, key: bytes) -> bytes:
+    """Return the HMAC of numbers and of what they are the result of.
+
+    It tells damage, and results that somebody else put into a study, who can compute a digest.
+    """
+    return digest(key, f"{job.digest}/{task.name}\n".encode() + content, "sha256")
 
 
 Results = Generator[tuple[Task, FloatArray], None, None]

@@ -9,7 +9,7 @@ import typer
 
 from protocol.errors import BadInput
 from runner.cli.options import JsonOption, PeopleOption, StudyArgument, people_in_file
-from runner.cli.output import followed, print_json, print_table, say
+from runner.cli.output import complain, followed, print_json, print_table, say
 
 if TYPE_CHECKING:
     from analysis.estimates import FloatArray
@@ -97,7 +97,7 @@ def power(
     from runner.study.calibration import fitted_calibration
     from runner.study.files import short_text
     from runner.study.folder import StudyFolder
-    from runner.study.power_folder import PowerFolder
+    from runner.study.power_folder import PowerFolder, own_key
     from runner.study.registered import checked_registration
 
     begun_s = perf_counter()
@@ -131,13 +131,17 @@ def power(
         )
         for design in wanted
     }
-    place = PowerFolder(study=folder.path, digest=job.digest)
+    place = PowerFolder(study=folder.path, digest=job.digest, key=own_key())
+    every = (task for pair in to_do.values() for own in pair for task in own)
+    left = [task for task in every if kept(job, task, place) is None]
+    if others := sum(place.load(task.name) is not None for task in left):
+        complain(
+            f"touchbeam: warning: {others} kept results in {place.chunks} are damaged, or you have "
+            "not computed them on this computer; they are computed anew"
+        )
     used = workers or _cores()
     if scheduler:  # which need not be there if all is kept already
-        every = (task for pair in to_do.values() for own in pair for task in own)
-        used = (
-            cluster_size(scheduler) if any(kept(job, task, place) is None for task in every) else 0
-        )
+        used = cluster_size(scheduler) if left else 0
     hypotheses = registered.hypotheses if registered else ()
     found = _found(job, to_do, place, used, scheduler, hypotheses, as_json=as_json)
     # What lies on the disk depends neither on the machine nor on a registration, which names it.

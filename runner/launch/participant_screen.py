@@ -1,7 +1,6 @@
 """The choice of the participant's screen: asked for once, and kept for this computer."""
 
 import json
-import os
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -11,6 +10,7 @@ from pathlib import Path
 from protocol.errors import BadInput
 from runner.displays.screen_list import ScreenPlace, listed_screens, numbered_screens
 from runner.people.terminal import at_terminal
+from runner.study.files import state_folder
 
 Say = Callable[[str], None]
 """Prints a line."""
@@ -66,10 +66,8 @@ def _asked(there: Sequence[ScreenPlace], say: Say) -> ScreenPlace:
 
 
 def choice_file() -> Path:
-    """Return where the choice is kept: in the folder for the state of the user's programs."""
-    home = Path.home() / ".local" / "state"
-    folder = os.environ.get("XDG_STATE_HOME") or os.environ.get("LOCALAPPDATA") or home
-    return Path(folder) / "touchbeam" / "participant-screen.json"
+    """Return where the choice is kept."""
+    return state_folder() / "participant-screen.json"
 
 
 def _kept(there: Sequence[ScreenPlace]) -> ScreenPlace | None:

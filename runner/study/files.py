@@ -81,6 +81,15 @@ def _short_bytes(path: Path, most: int) -> bytes:
     return path.read_bytes()
 
 
+def state_folder() -> Path:
+    """Return the folder for what touchbeam keeps of this user on this computer."""
+    for name in ("XDG_STATE_HOME", "LOCALAPPDATA"):
+        folder = Path(os.environ.get(name, ""))
+        if folder.is_absolute():  # else it could lie in a study
+            return folder / "touchbeam"
+    return Path.home() / ".local" / "state" / "touchbeam"
+
+
 def own_file(path: Path, study: Path) -> Path:
     """Return `path`, a file below the folder `study` that touchbeam names itself and will write.
 

@@ -1,10 +1,37 @@
 """The folder of power analyses in a study's folder: figures, and results kept between runs."""
 
+import os
+import secrets
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
-from runner.study.files import require_end, write_files
+from protocol.errors import WorkFailed
+from runner.study.files import require_end, state_folder, write_files
+
+_KEY_BYTES = 32
+_LARGEST_CHUNK = 2**26
+
+
+def own_key() -> bytes:
+    """Return the key that seals kept results, which nobody has who may have sent a study.
+
+    Raises:
+        WorkFailed: it is not what touchbeam has written.
+        OSError: it cannot be read or written.
+    """
+    path = state_folder() / "power.key"
+    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    try:
+        with open(path, "xb", opener=partial(os.open, mode=0o600)) as new:
+            new.write(secrets.token_bytes(_KEY_BYTES))
+    except FileExistsError:
+        pass
+    key = path.read_bytes()
+    if len(key) != _KEY_BYTES:
+        raise WorkFailed(f"{path}: must have {_KEY_BYTES} bytes, got {len(key)}; delete it")
+    return key
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -13,6 +40,7 @@ class PowerFolder:
 
     study: Path
     digest: str
+    key: bytes = field(repr=False)
 
     @property
     def path(self) -> Path:
@@ -25,7 +53,7 @@ class PowerFolder:
         return self.path / "chunks" / self.digest[:16]
 
     def load(self, name: str) -> bytes | None:
-        """Return what was kept under a name, if anything.
+        """Return what was kept under a name, if anything; nothing of what is too long to be that.
 
         Raises:
             BadInput: a pipe or a device is there.
@@ -33,7 +61,7 @@ class PowerFolder:
         kept = self.chunks / f"{name}.npy"
         require_end(kept)
         try:
-            return kept.read_bytes()
+            return kept.read_bytes() if kept.stat().st_size <= _LARGEST_CHUNK else b""
         except FileNotFoundError:
             return None
 

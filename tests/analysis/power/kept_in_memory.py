@@ -17,6 +17,7 @@ DESIGN = Design(participants=4, repeats=1)
 @dataclass
 class Memory:
     kept: dict[str, bytes] = field(default_factory=dict)
+    key: bytes = b"mine"
 
     def load(self, name: str) -> bytes | None:
         return self.kept.get(name)

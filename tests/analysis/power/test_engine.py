@@ -7,7 +7,7 @@ from contextlib import suppress
 import numpy as np
 import pytest
 
-from analysis.power.engine import completed, connected
+from analysis.power.engine import completed, connected, kept
 from analysis.power.job import Job, Task, numbers
 from protocol.errors import BadInput, WorkFailed
 from tests.analysis.power.kept_in_memory import (
@@ -71,6 +71,14 @@ def test_a_chunk_of_another_task_or_job_is_computed_again() -> None:
         ((_, found),) = completed(job(), [one], memory, 1)
         assert found.tobytes() == numbers(job(), one).tobytes()
         assert memory.kept[one.name] == whole
+
+
+def test_a_chunk_sealed_by_somebody_else_is_computed_again() -> None:
+    (task,) = wanted(fitted=0)
+    theirs = Memory(key=b"theirs")
+    list(completed(job(), [task], theirs, 1))
+    assert kept(job(), task, Memory(theirs.kept)) is None
+    assert kept(job(), task, theirs) is not None
 
 
 def test_a_longer_run_has_the_studies_of_a_shorter_one() -> None:

@@ -233,3 +233,27 @@ def test_a_pipe_among_the_kept_results_is_refused(
     capsys.readouterr()
     assert typed("power", folder, *QUICK) == 2
     assert f"{kept.name}: must be a file, got a pipe or a device" in capsys.readouterr().err
+
+
+def test_results_that_a_stranger_has_kept_are_computed_anew(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(folder / "stranger"))
+    assert typed("power", folder, *QUICK) == 0
+    chunks = sorted((folder / "power" / "chunks").rglob("*.npy"))
+    with chunks[0].open("r+b") as huge:
+        huge.truncate(2**42)
+    monkeypatch.setenv("XDG_STATE_HOME", str(folder / "mine"))
+    monkeypatch.setenv("LOCALAPPDATA", "relative")
+    capsys.readouterr()
+    before = [path.stat().st_mtime_ns for path in chunks]
+    assert typed("power", folder, *QUICK) == 0
+    assert f"warning: {len(chunks)} kept results in " in capsys.readouterr().err
+    assert all(path.stat().st_mtime_ns > time for path, time in zip(chunks, before, strict=True))
+    assert typed("power", folder, *QUICK) == 0
+    assert capsys.readouterr().err == ""
+    key = folder / "mine" / "touchbeam" / "power.key"
+    assert key.stat().st_mode & 0o777 == 0o600
+    key.write_bytes(b"")
+    assert typed("power", folder, *QUICK) == 1
+    assert "power.key: must have 32 bytes, got 0; delete it" in capsys.readouterr().err

@@ -128,7 +128,7 @@ def withheld_beside_scores(trials: pd.DataFrame) -> list[str]:
     by_condition = ", ".join(f"{name} {n}" for name, n in Counter(partly).items())
     return [
         f"Not given in cells with other scores: {len(partly)} of {len(counted)} scores "
-        f"({by_condition}). Table 4 has the mean of the others, which is too high if weaker "
+        f"({by_condition}). The table has the mean of the others, which is too high if weaker "
         "changes were not noticed; the scores are also read as 0 and as the lowest score."
     ]
 

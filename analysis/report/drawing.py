@@ -8,6 +8,7 @@ from contextlib import chdir
 from dataclasses import dataclass
 from functools import lru_cache
 from html import escape
+from itertools import cycle
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -56,6 +57,8 @@ class Panel:
 # Okabe and Ito's palette, which suits colour-blind readers; marker shapes differ as well.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+FILLS = ("full", "none", "left", "bottom", "right", "top")
+"""How the shapes are filled, when all have had their turn."""
 GREY = "#767676"
 DASHES: tuple[Any, ...] = ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1)), "-")
 _FONT = "DejaVu Sans"
@@ -114,6 +117,20 @@ class Words:
     description: str
 
 
+def marked(number: int) -> dict[str, Any]:
+    """Return the `number`-th marker: its shape and filling, and its colour, which differ as well.
+
+    The first 42 differ in shape or filling, the first 252 in that or in colour.
+    """
+    turn, shape = divmod(number, len(MARKERS))
+    return {
+        "marker": MARKERS[shape],
+        "fillstyle": FILLS[turn % len(FILLS)],
+        "markerfacecoloralt": "white",
+        "color": COLOURS[(shape + turn) % len(COLOURS)],
+    }
+
+
 def intervals(
     axes: Axes,
     places: FloatArray | IntArray,
@@ -128,9 +145,9 @@ def intervals(
         places,
         middle,
         yerr=np.array([middle - low, high - middle]),
-        fmt=MARKERS[number],
-        color=COLOURS[number],
+        linestyle="none",
         linewidth=1,
+        **marked(number),
         label=label,
     )
 
@@ -161,7 +178,7 @@ def _panels(panels: Sequence[Panel]) -> Figure:
 
 
 def _draw_panel(axes: Axes, panel: Panel) -> None:
-    for series, colour, dashes in zip(panel.series, COLOURS, DASHES, strict=False):
+    for series, colour, dashes in zip(panel.series, cycle(COLOURS), cycle(DASHES), strict=False):
         style = {"marker": "o", "linestyle": "none"} if series.marked else {"linestyle": dashes}
         axes.plot(series.x, series.y, label=series.label, color=colour, linewidth=1.3, **style)
         if series.error is not None:

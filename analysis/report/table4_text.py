@@ -8,6 +8,9 @@ from analysis.cells import csv_cell, csv_text
 from analysis.statistics.table4 import Table4
 from protocol.study.fields import printable
 
+FEW_CONDITIONS = 8
+"""As many columns have room in a page's width."""
+_SHRUNK = r"\resizebox{\ifdim\width>\linewidth\linewidth\else\width\fi}{!}{%"
 _LATEX_MISSING = "--"
 _ESCAPED = {
     "\\": r"\textbackslash{}",
@@ -82,12 +85,16 @@ def table4_csv(result: Table4) -> str:
 def table4_tex(result: Table4, scale: str = "", notes: Sequence[str] = ()) -> str:
     """Return a LaTeX table to include; it requires the packages booktabs and fontenc (T1).
 
+    One of more than `FEW_CONDITIONS` also requires graphicx: its header is turned, and it shrinks
+    to the width of the text.
+
     Args:
         result: the table.
         scale: the scale in words, for the caption.
         notes: sentences below the table.
     """
     header, *rows, averages = table4_lines(result, _LATEX_MISSING)
+    many = len(header) > FEW_CONDITIONS + 2
     of_scale = f", {scale}" if scale else ""
     caption = f"Scores by subject and condition{of_scale}. The last column and row are means."
     below = (
@@ -100,15 +107,16 @@ def table4_tex(result: Table4, scale: str = "", notes: Sequence[str] = ()) -> st
         r"\centering",
         rf"\caption{{{escaped(caption)}}}",
         r"\label{tab:scores}",
+        *([_SHRUNK] if many else []),
         r"\begin{tabular}{l" + "r" * (len(header) - 1) + "}",
         r"\toprule",
-        _line(header),
+        _turned(header) if many else _line(header),
         r"\midrule",
         *map(_line, rows),
         r"\midrule",
         _line(averages),
         r"\bottomrule",
-        r"\end{tabular}",
+        r"\end{tabular}" + "%\n}" * many,
         *below,
         r"\end{table}",
     ]
@@ -117,6 +125,11 @@ def table4_tex(result: Table4, scale: str = "", notes: Sequence[str] = ()) -> st
 
 def _line(cells: list[str]) -> str:
     return " & ".join(map(escaped, cells)) + r" \\"
+
+
+def _turned(header: list[str]) -> str:
+    first, *names = map(escaped, header)
+    return " & ".join([first, *(rf"\rotatebox{{90}}{{{name}}}" for name in names)]) + r" \\"
 
 
 def escaped(text: str) -> str:

@@ -8,6 +8,7 @@ from scipy.special import fdtrc, stdtrit
 
 from analysis.estimates import BoolArray, FloatArray, IntArray, Interval, NotEstimable
 from analysis.loading.score_table import ScoreTable
+from analysis.statistics.intervals import NO_WIDTH
 from analysis.statistics.two_way import TwoWay, two_way
 
 
@@ -78,8 +79,10 @@ def additive_effects(table: ScoreTable) -> AdditiveEffects | NotEstimable:
 def _around(
     names: tuple[str, ...], effects: FloatArray, halves: FloatArray
 ) -> Mapping[str, Interval]:
+    """Return the interval of each effect, but for those whose residuals show no spread."""
     ends = zip((effects - halves).tolist(), (effects + halves).tolist(), strict=True)
-    return dict(zip(names, ends, strict=True))
+    known = zip(names, ends, (halves > NO_WIDTH).tolist(), strict=True)
+    return {name: interval for name, interval, wide in known if wide}
 
 
 def _halves(fit: TwoWay) -> tuple[FloatArray, FloatArray]:

@@ -25,6 +25,8 @@ COVERAGE: Final[Mapping[str, float]] = {
     "effects of subjects": 0.95,
 }
 """Share of intervals that cover the truth under `DESIGN`, measured by tests/soak."""
+NO_WIDTH = 1e-9
+"""Half of an interval that only rounding keeps from nothing: it would claim to be certain."""
 
 
 def mean_interval(values: FloatArray) -> Interval | NotEstimable:
@@ -36,6 +38,8 @@ def mean_interval(values: FloatArray) -> Interval | NotEstimable:
     if values.size < 2:
         return NotEstimable(f"an interval needs at least 2 subjects, got {values.size}")
     half = stdtrit(values.size - 1, 0.975) * values.std(ddof=1) / np.sqrt(values.size)
+    if half <= NO_WIDTH:
+        return NotEstimable("all subjects agree, which says nothing of how far they spread")
     return float(values.mean() - half), float(values.mean() + half)
 
 
@@ -70,5 +74,7 @@ def concordance_interval(ranks: FloatArray) -> Interval | NotEstimable:
     middle = np.arctanh(np.clip(all_r, -NEARLY_ONE, NEARLY_ONE))
     left_out = np.arctanh(np.clip(without, -NEARLY_ONE, NEARLY_ONE))
     half = stdtrit(n - 1, 0.975) * np.sqrt((n - 1) * left_out.var())
+    if half <= NO_WIDTH:
+        return NotEstimable("without any one subject it is the same, so that no spread is known")
     low, high = (1 + (n - 1) * np.tanh(np.array([middle - half, middle + half]))) / n
     return float(max(0.0, low)), float(high)

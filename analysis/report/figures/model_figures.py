@@ -9,7 +9,6 @@ from analysis.report.drawing import (
     GREY,
     HEIGHT_IN,
     LEGEND_ROW_IN,
-    MARKERS,
     Axes,
     Drawing,
     Words,
@@ -18,6 +17,7 @@ from analysis.report.drawing import (
     jitter,
     labels_of,
     limits,
+    marked,
     name_places,
 )
 from analysis.report.figure_data import HEADLINE, Gains, Scatter
@@ -37,8 +37,7 @@ def scatter_figure(data: Scatter, words: Words) -> Drawing:
                 ratings.contrast[own],
                 ratings.rating[own] + jitter(int(own.sum()), data.scale),
                 linestyle="none",
-                marker=MARKERS[place % len(MARKERS)],
-                color=COLOURS[place % len(COLOURS)],
+                **marked(int(place)),
                 alpha=0.7,
                 label=labels[place],
             )

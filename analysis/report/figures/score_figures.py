@@ -25,6 +25,8 @@ from analysis.report.findings import Scale
 
 FEWEST_FOR_A_CLOUD = 8
 """Fewer scores have no density that a cloud could show."""
+FEW_NAMES, NAMES_IN_A_ROW = 6, 45
+"""How many names of conditions have room upright in a sixth of a figure, and small in all of it."""
 _CLOUD_SD = 0.04
 """Standard deviation of the clouds' density kernel, as a share of the scale."""
 
@@ -134,9 +136,11 @@ def people_figure(data: People, words: Words) -> Drawing:
             axes.set_ylim(limits(data.scale))
         for axes in grid[len(data.scores) :]:
             axes.set_axis_off()
+        size = "medium" if count <= FEW_NAMES else "x-small"
         for axes in grid:
-            axes.set_xticks(places, labels_of(data.conditions, "condition"), rotation=90)
+            axes.set_xticks(places, names, rotation=90, fontsize=size)
 
-    columns = min(len(data.scores), 6)
+    count, names = len(data.conditions), labels_of(data.conditions, "condition")
+    columns = min(len(data.scores), 6, max(1, NAMES_IN_A_ROW // count))
     rows = -(-len(data.scores) // columns)
     return grid_drawing(words, draw, rows, columns, 1.0 + 1.1 * rows)

@@ -61,7 +61,8 @@ def _pairwise_table(pairs: Sequence[PairwiseTest]) -> Table:
         name="pairwise",
         caption="Two-sided Wilcoxon signed-rank test of each pair of conditions. V is the sum of "
         "the ranks of positive differences; zero differences are dropped and counted; p (Holm) is "
-        "corrected for the number of pairs that could be tested. In brackets: 95% intervals.",
+        "corrected for the number of pairs that could be tested. In brackets: 95% intervals; a "
+        "mean difference has none where all subjects differ by the same.",
         columns=columns("pair", *numbers, "method"),
         rows=[[f"{pair.a} − {pair.b}", *_pair_cells(pair)] for pair in pairs],
         unbroken=True,
@@ -73,7 +74,8 @@ def _pair_cells(pair: PairwiseTest) -> list[str | Cell]:
     if not isinstance(test, SignedRank):
         return [*[number(None)] * 7, test.reason]
     return [
-        number(test.mean_difference, 2) + beside(test.mean_difference_interval),
+        number(test.mean_difference, 2)
+        + (beside(test.mean_difference_interval) or " (no interval)"),
         f"{test.statistic:g}",
         str(test.n),
         str(test.n_zero),

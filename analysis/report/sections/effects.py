@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from functools import partial
 
-from analysis.estimates import Json, NotEstimable, or_null, plain, why
+from analysis.estimates import Interval, Json, NotEstimable, or_null, plain, why
 from analysis.report.blocks import Figure, Section, Table, columns
 from analysis.report.figure_data import people
 from analysis.report.figures.score_figures import people_figure
@@ -143,9 +143,13 @@ def _condition_table(found: Findings) -> Table:
 
 def _with_intervals(effects: AdditiveEffects) -> dict[str, str]:
     return {
-        name: number(effect) + beside(effects.condition_intervals[name])
+        name: number(effect) + _ends(effects.condition_intervals, name)
         for name, effect in effects.conditions.items()
     }
+
+
+def _ends(intervals: Mapping[str, Interval], name: str) -> str:
+    return beside(intervals[name]) if name in intervals else " (no interval)"
 
 
 def _effect(effects: OrdinalEffects | NotEstimable, name: str) -> str:
@@ -173,7 +177,7 @@ def _subject_table(table: TableStatistics) -> Table | None:
         rows=[
             [
                 name,
-                number(effect) + beside(effects.subject_intervals[name]),
+                number(effect) + _ends(effects.subject_intervals, name),
                 number(effects.subject_shrinkage[name]),
                 number(slopes.get(name)),
             ]

@@ -5,10 +5,10 @@ import re
 import numpy as np
 import pytest
 
-from analysis.report.drawing import Words
-from analysis.report.figure_data import Raincloud, Scatter
+from analysis.report.drawing import Words, marked
+from analysis.report.figure_data import People, Raincloud, Scatter
 from analysis.report.figures.model_figures import scatter_figure
-from analysis.report.figures.score_figures import raincloud_figure
+from analysis.report.figures.score_figures import people_figure, raincloud_figure
 from analysis.report.findings import Scale
 from analysis.sensitivity.ratings import Ratings
 from tests.analysis.reports import SCORES, imported, made
@@ -59,3 +59,23 @@ def test_many_conditions_have_room(count: int) -> None:
     data = Scatter(ratings=ratings, scale=scale, of=4, at=at, curves={"M2": at, "M1": 2 * at})
     svg = scatter_figure(data, words).svg
     assert len(set(re.findall(">condition [0-9]+</text>", svg))) == count
+
+
+def test_no_two_conditions_have_the_same_marker() -> None:
+    made = [marked(number) for number in range(100)]
+    assert len({(each["marker"], each["fillstyle"]) for each in made[:42]}) == 42
+    looks = {(each["marker"], each["fillstyle"], each["color"]) for each in made}
+    assert len(looks) == 100
+    assert [each["fillstyle"] for each in made[:7]] == ["full"] * 7
+
+
+@pytest.mark.parametrize("count", [5, 12, 30])
+def test_the_names_of_many_conditions_have_room_below_each_subject(count: int) -> None:
+    names = tuple(f"condition {number}" for number in range(count))
+    means = np.full(count, 5.0)
+    scores = {f"P{who}": tuple(np.array([5.0]) for _ in names) for who in range(12)}
+    data = People(conditions=names, scores=scores, means=means, scale=Scale(0, 10), of=12)
+    svg = people_figure(data, Words(name="people", title="", description="")).svg
+    names_at = re.findall(r"translate\(([\d.]+) [\d.]+\) rotate\(-90\)", svg)
+    places = sorted({float(x) for x in names_at})
+    assert min(np.diff(places)) > 9  # pt

@@ -45,3 +45,14 @@ def test_the_latex_table_has_the_rules_of_booktabs_and_escapes_names() -> None:
 
 def test_special_characters_of_latex_are_escaped() -> None:
     assert escaped("\\a{b}[c]") == r"\textbackslash{}a\{b\}{[}c{]}"
+
+
+def test_a_wide_latex_table_turns_its_header_and_shrinks_to_the_page() -> None:
+    names = [f"c_{number}" for number in range(9)]
+    lines = table4_tex(table4(imported(np.full((2, 9), 5), names=names).table)).splitlines()
+    begin = lines.index(r"\begin{tabular}{lrrrrrrrrrr}")
+    assert lines[begin - 1].startswith(r"\resizebox{\ifdim\width>\linewidth\linewidth\else")
+    assert lines[begin + 2].startswith(r"subject & \rotatebox{90}{c\_0} & \rotatebox{90}{c\_1}")
+    assert lines[-3:] == [r"\end{tabular}%", "}", r"\end{table}"]
+    few = table4_tex(table4(imported(np.full((2, 8), 5), names=names[:8]).table))
+    assert "box" not in few

@@ -8,6 +8,7 @@ from scipy import stats
 
 from analysis.estimates import FloatArray, NotEstimable
 from analysis.loading.score_table import ScoreTable
+from analysis.report.report import report_html
 from analysis.statistics.additive import AdditiveEffects, additive_effects
 from analysis.statistics.intervals import (
     concordance_interval,
@@ -15,6 +16,7 @@ from analysis.statistics.intervals import (
     rank_biserial_interval,
 )
 from analysis.statistics.two_way import IntraclassCorrelation, intraclass_correlation
+from tests.analysis.reports import made
 
 TableOf = Callable[[FloatArray], ScoreTable]
 
@@ -108,6 +110,21 @@ def test_the_interval_of_concordance_is_the_jackknife_of_rank_correlations() -> 
     half = stats.t.ppf(0.975, 7) * error
     ends = np.tanh(mean_r(ranks) + np.array([-half, half]))
     assert concordance_interval(ranks) == pytest.approx((1 + 7 * ends) / 8, rel=1e-9)
+
+
+def test_subjects_who_all_agree_have_no_interval_in_place_of_one_without_width(
+    table_of: TableOf,
+) -> None:
+    """Two subjects who differ by the same said, with 95% confidence, that everybody does."""
+    alike = np.array([[5.0, 7.0, 9.0], [4.0, 6.0, 8.0]])
+    assert isinstance(mean_interval(alike[:, 1] - alike[:, 0]), NotEstimable)
+    assert isinstance(concordance_interval(np.tile([-1.0, 0.0, 1.0], (3, 1))), NotEstimable)
+    found = additive_effects(table_of(alike))
+    assert not isinstance(found, NotEstimable)
+    assert not {**found.condition_intervals, **found.subject_intervals}
+    page = report_html(made(alike))
+    assert "−2.00 (no interval)" in page
+    assert "0.500 (no interval)" in page
 
 
 def test_too_few_subjects_have_no_interval() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.report.report import report_html, report_json
-from tests.analysis.reports import SCORES, ReadPage, made, study_report
+from tests.analysis.reports import SCORES, ReadPage, made, plain_report, study_report
 
 
 def test_a_subject_without_scores_has_a_row() -> None:
@@ -32,3 +32,7 @@ def test_every_score_links_to_its_trials_and_every_average_to_predictions() -> N
         links
     )
     assert links.count("#predictions") == 5
+
+
+def test_the_table_bears_its_name() -> None:
+    assert "<caption><strong>Table 4.</strong> Scores by subject" in report_html(plain_report())

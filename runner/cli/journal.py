@@ -197,7 +197,7 @@ def include(
     trial: TrialOption = None,
     rehearsal: OfRehearsalOption = False,
 ) -> None:
-    """Take the exclusion of a trial or a session back.
+    """Take back the exclusion of a trial or a session.
 
     The journal keeps both decisions, and reports name them.
     """

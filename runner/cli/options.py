@@ -114,7 +114,7 @@ TemplateOption = Annotated[
 DialectOption = Annotated[
     str, typer.Option(parser=_one_of("dialect"), help="The device's command set.")
 ]
-LawOption = Annotated[str, typer.Option(parser=_one_of("law"))]
+LawOption = Annotated[str, typer.Option(parser=_one_of("law"), help="Friction law.")]
 SimulatedLawOption = Annotated[
     str | None,
     typer.Option(
@@ -178,7 +178,12 @@ OverlapOption = Annotated[
     ),
 ]
 FormatOption = Annotated[
-    str, typer.Option("--format", parser=_one_of("as_format"), help="csv: one tidy table.")
+    str,
+    typer.Option(
+        "--format",
+        parser=_one_of("as_format"),
+        help="csv: tidy tables; the others: data sets for archives.",
+    ),
 ]
 
 

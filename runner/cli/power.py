@@ -79,7 +79,7 @@ def power(
     seed: Annotated[int, typer.Option(min=0)] = 1,
     as_json: JsonOption = False,
 ) -> None:
-    """Simulate a study again and again: power of its tests, precision of its estimates.
+    """Simulate a study many times: its power and its precision.
 
     Results are kept in STUDY/power, so that an interrupted run goes on and a longer one goes
     further. docs/power.md explains every number.

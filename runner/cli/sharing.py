@@ -49,7 +49,7 @@ def import_scores(
         ),
     ] = False,
 ) -> None:
-    """Create a study from published scores, or from the BIDS export of another one.
+    """Create a study from published scores or from a BIDS export.
 
     A table is a CSV file with a column `subject` and one column per condition. Each subject is a
     pseudonym of letters, digits, - and _ with a digit in it; a blank cell is a missing score.

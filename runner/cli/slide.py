@@ -52,12 +52,14 @@ def slide(
     rehearsal: Annotated[
         bool, typer.Option("--rehearsal", help="Keep the session apart, as a rehearsal.")
     ] = False,
-    seed: Annotated[int | None, typer.Option(min=0, help="[default: the study's]")] = None,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Of all noise. [default: the study's]")
+    ] = None,
     law: SimulatedLawOption = None,
     rung: SimulatedRungOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Draw a block along the beam and fit the rig to its friction.
+    """Draw a block along the beam, and fit the rig to it.
 
     The sliding experiment of the paper's section 5.1, without a participant: the operator draws
     the block as the screen says. It resumes at the pass in which it stopped. On the simulated

@@ -40,8 +40,8 @@ def demo(
     out: Annotated[
         Path | None, typer.Option(help="A new folder. [default: ./demo, then ./demo-2, …]")
     ] = None,
-    participants: Annotated[int, typer.Option(min=1, max=99)] = 9,
-    seed: Annotated[int, typer.Option(min=0)] = 1,
+    participants: Annotated[int, typer.Option(min=1, max=99, help="Virtual ones.")] = 9,
+    seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 1,
     people: PeopleOption = None,
 ) -> None:
     """Run and report the paper's study in simulation.
@@ -92,9 +92,9 @@ def new(
 @app.command()
 def translate(
     study: StudyArgument,
-    code: Annotated[str, typer.Argument(metavar="CODE", help="Of a language, such as fr.")],
+    code: Annotated[str, typer.Argument(metavar="CODE", help="The language, such as fr.")],
 ) -> None:
-    """Copy the texts that participants read into the study, to translate them.
+    """Copy the participants' texts into the study, to translate them.
 
     Writes texts/CODE.toml in English, or in the built-in language of that code.
     """
@@ -134,7 +134,7 @@ def check(
 def run(
     study: StudyArgument,
     participant: Annotated[str, typer.Option(help="A pseudonym, such as P01.")],
-    session: Annotated[int, typer.Option(min=1)] = 1,
+    session: Annotated[int, typer.Option(min=1, help="Number of the participant's session.")] = 1,
     device: Annotated[
         str | None,
         typer.Option(
@@ -142,10 +142,15 @@ def run(
             callback=address,
         ),
     ] = None,
-    ratings: Annotated[AnswerSource, typer.Option()] = "window",
+    ratings: Annotated[
+        AnswerSource, typer.Option(help="Where the participant answers; virtual: a program does.")
+    ] = "window",
     pace: Annotated[
         Pace | None,
-        typer.Option(help="[default: stepped if device and ratings are simulated, else wall]"),
+        typer.Option(
+            help="wall: real time; stepped: without waiting. "
+            "[default: stepped if device and ratings are simulated, else wall]"
+        ),
     ] = None,
     rehearsal: Annotated[
         bool, typer.Option("--rehearsal", help="Take no slot of the design; omit from reports.")
@@ -168,7 +173,9 @@ def run(
     new_name: Annotated[
         bool, typer.Option("--new", help="The participant is new, though a name is nearly alike.")
     ] = False,
-    seed: Annotated[int | None, typer.Option(min=0, help="[default: the study's]")] = None,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Of everything random. [default: the study's]")
+    ] = None,
     law: SimulatedLawOption = None,
     rung: SimulatedRungOption = None,
     damping: SimulatedDampingOption = None,

@@ -345,7 +345,7 @@ def _clock(seconds: float) -> str:
 def _plan_and_log(frame: Frame, width: int, rows: int) -> list[Text]:
     """Return a heading and `rows` - 1 lines: the plan on the left, the messages on the right."""
     left_width = 11 * width // 20
-    plan = _plan(frame.view, rows - 1)
+    plan = _plan(frame.view, rows - 1, left_width)
     log = _log(frame.messages, width - left_width - 2, rows - 1)
     lines = [_rule("plan", left_width) + Text("┬", "dim") + _rule("log", width - left_width - 1)]
     for number in range(rows - 1):
@@ -360,8 +360,8 @@ def _rule(name: str, width: int) -> Text:
     return Text(f"─ {name} {'─' * (width - len(name) - 3)}", "dim")
 
 
-def _plan(view: OperatorView, rows: int) -> list[Text]:
-    """Return the trials around the running one, with ticks and answers."""
+def _plan(view: OperatorView, rows: int, width: int) -> list[Text]:
+    """Return the trials around the running one, with ticks and answers, which are never cut."""
     lines: list[Text] = []
     for number, trial in enumerate(view.plan, start=1):
         is_next = not view.trial and trial.answer is None and trial.label == view.next_trial
@@ -369,7 +369,9 @@ def _plan(view: OperatorView, rows: int) -> list[Text]:
         if trial.running or (is_next and not any(line.style == "bold" for line in lines)):
             mark, style = "▶", "bold"
         answer = "" if trial.answer is None else f": {trial.answer}"
-        lines.append(Text(f" {mark} {number:>2} {visible(trial.label + answer)}", style))
+        line = Text(f" {mark} {number:>2} {visible(trial.label)}", style)
+        line.truncate(max(width - cell_len(visible(answer)), 0), overflow="ellipsis")
+        lines.append(line.append(visible(answer)))
     at = next((number for number, line in enumerate(lines) if line.style == "bold"), len(lines))
     first = min(max(at - rows // 2, 0), max(len(lines) - rows, 0))
     return lines[first : first + rows]

@@ -53,8 +53,8 @@ def _instead(session: Session) -> str:
         return f"--session {session.number + 1} draws the block anew"
     if session.kind == "rehearsal":
         return (
-            f"it was a rehearsal, so that {session.participant} can still have the session itself; "
-            "rehearse as another participant"
+            "rehearse as another participant; a rehearsal does not use up the session of "
+            f"{session.participant}"
         )
     return "choose another participant or --session"
 

@@ -31,7 +31,7 @@ def test_a_completed_session_is_not_run_again(capsys: pytest.CaptureFixture[str]
         "P01/1 is complete: 7 trials answered, device off (read back); this was a rehearsal."
     )
     assert typed(*arguments) == 2
-    assert "P01/1 is already completed; it was a rehearsal" in capsys.readouterr().err
+    assert "P01/1 is already completed; rehearse as another participant" in capsys.readouterr().err
     assert typed("run", "study", "--participant", "p1", "--ratings", "virtual") == 2
     assert "p1 resembles P01, who has a session here" in (said := capsys.readouterr().err)
     assert said.endswith("give --participant P01 if that is meant, else add --new\n")

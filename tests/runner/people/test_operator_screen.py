@@ -16,7 +16,7 @@ from device.force_channel.samples import Forces
 from runner.people.operator_console import Frame
 from runner.people.operator_screen import LiveDisplay, Moment, screen_lines
 from runner.people.terminal import TerminalGone, visible
-from runner.screens import Aim
+from runner.screens import Aim, PlanLine
 from tests.runner.views import plan, view
 
 SIZES = [(80, 24), (120, 40), (60, 20), (30, 16), (10, 3), (200, 60)]
@@ -154,6 +154,12 @@ def test_the_screen_is_filled_and_nothing_is_too_wide(width: int, height: int) -
     assert max(line.cell_len for line in found) <= width
     terminal = Console(file=io.StringIO(), width=width, height=height, force_terminal=True)
     assert len(terminal.render_lines(Group(*found))) == height
+
+
+def test_a_long_condition_is_cut_and_its_score_is_not() -> None:
+    long = PlanLine(label="voltage with a slow rise, catch", answer="no change, score 10")
+    shown = lines(Frame(view=replace(view(), plan=(long,))))
+    assert any("voltage with a s…: no change, score 10│" in line for line in shown), shown
 
 
 @pytest.mark.parametrize(("width", "height"), SIZES[:4])

@@ -303,7 +303,7 @@ def edge_slopes(lower: FloatArray, upper: FloatArray) -> EdgeSlopes:
     near = np.maximum(np.where(mirrored, -upper, lower), BEYOND)
     far = np.where(mirrored, -lower, upper)
     fall = np.exp(-(far - near) * (far + near) / 2)
-    gap = _mills(near) - _mills(far) * fall
+    gap = mills_ratio(near) - mills_ratio(far) * fall
     at_near, at_far = 1 / gap, fall / gap
     return EdgeSlopes(
         lower=np.where(np.isinf(lower), 0.0, lower),
@@ -314,7 +314,8 @@ def edge_slopes(lower: FloatArray, upper: FloatArray) -> EdgeSlopes:
     )
 
 
-def _mills(x: FloatArray) -> FloatArray:
+def mills_ratio(x: FloatArray) -> FloatArray:
+    """Return (1 - Φ(x)) / φ(x) of numbers that are not below `BEYOND`."""
     return np.asarray(np.sqrt(np.pi / 2) * erfcx(x / np.sqrt(2)))
 
 

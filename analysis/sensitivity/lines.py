@@ -24,6 +24,7 @@ UNEQUAL = 0.025
 class SubjectLine:
     """One subject's bias (rating at contrast 0) and gain (rating points per unit of contrast).
 
+    They are posterior medians: where few ratings do not exclude a large gain, the mean is too high.
     `relative_gain` is the gain minus the mean gain of the subjects with trials, NaN for a single
     one. `jnd` is the contrast that moves a rating by the SD of its noise, infinite where the gain
     need not be positive. `own_share` is the share of the subject's departure from the group's gain
@@ -193,9 +194,10 @@ def summary(subjects: tuple[str, ...], known: LineMixture) -> Lines:
     """Return the lines of a mixture."""
     weights, equal = known.points.weights, known.equal_gains
     (bias, bias_intervals), (gain, gain_intervals) = (
-        (weights @ part.means, part.interval_95(weights)) for part in (known.bias, known.gain)
+        (part.quantile(weights, 0.5), part.interval_95(weights))
+        for part in (known.bias, known.gain)
     )
-    relative = weights @ known.relative.means
+    relative = gain[:-1] - gain[:-1][known.counts > 0].mean()
     relative_intervals = known.relative.interval_95(weights)
     bias_sd, gain_sd = (
         known.points.quantiles(partial(_column_of_spread, known.axes, column), *LEVELS)

@@ -210,7 +210,7 @@ class Noticing:
         """Why noticing is not known, or None."""
         return self.posterior.points.refusal(self._found)
 
-    @property
+    @cached_property
     def detection(self) -> tuple[ChangeDetection, ...]:
         """d′, criterion and false-alarm rate of each subject."""
         posterior, weights, found = self.posterior, self.posterior.points.weights, self._found

@@ -113,7 +113,7 @@ def checked_two_stage(trials: AnsweredTrials) -> CheckedTwoStage:
     rng = np.random.default_rng(SEED)
     check = _check(
         _compared_answers(found.noticing, trials, rng)
-        | _compared_scores(found.ready, found.rating, trials.noticed, rng)
+        | _compared_scores(found.rating.ready, found.rating.posterior, found.rating.ratings, rng)
     )
     return CheckedTwoStage(fit=check.refusal or found.summary, check=check)
 

@@ -2,10 +2,13 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
+from scipy.special import expit
 
 from analysis.estimates import BoolArray, IntArray, NotEstimable
+from analysis.sensitivity.curvature import BEYOND, mills_ratio
 from analysis.sensitivity.latent_posterior import LatentPosterior
 from analysis.sensitivity.lines import LineMixture
 from analysis.sensitivity.noticing import (
@@ -24,6 +27,9 @@ from analysis.sensitivity.ordinal_model import (
     prepared_ratings,
 )
 from analysis.sensitivity.ratings import Ratings
+
+# The noise of people who hardly notice anything is known to be large, and not how large.
+LEAST_D_PRIME = 0.1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,39 +71,66 @@ class AnsweredTrials:
         )
 
 
+Kind = Literal["the change", "what was felt"]
+"""What people score: the change, with other noise, or what they felt when they noticed it."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class TwoStageSensitivity:
-    """The fit of M3; d′ is at `reference_contrast`, the mean contrast of expected changes."""
+    """The fit of M3; d′ is at `reference_contrast`, the mean contrast of expected changes.
+
+    `scored` is the kind of people under which the scores are more probable, with the posterior
+    probability `scored_p` if both were equally probable before; `other_gain` is the group's gain if
+    they are of the other kind.
+    """
 
     ratings: OrdinalSensitivity
     detection: tuple[ChangeDetection, ...]
     reference_contrast: float
+    scored: Kind
+    scored_p: float
+    other_gain: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RatingStage:
+    """The second stage for one kind of people: its trials and their posterior."""
+
+    kind: Kind
+    ratings: Ratings
+    ready: PreparedTrials
+    posterior: LatentPosterior
+
+    @cached_property
+    def fit(self) -> tuple[OrdinalSensitivity, LineMixture]:
+        """The estimates, and the posteriors of which they are means and limits."""
+        return fit_and_lines(self.ready, self.posterior)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TwoStagePosterior:
-    """Posteriors of both stages."""
+    """Posteriors of both stages; `rating` is that of the more probable kind of people."""
 
     noticing: Noticing
-    ready: PreparedTrials
-    rating: LatentPosterior
-
-    @cached_property
-    def _rated(self) -> tuple[OrdinalSensitivity, LineMixture]:
-        return fit_and_lines(self.ready, self.rating)
+    rating: RatingStage
+    other: RatingStage
 
     @property
     def refusal(self) -> NotEstimable | None:
         """Why a stage is not known, or None."""
-        return self.noticing.refusal or self._rated[1].refusal
+        return self.noticing.refusal or self.rating.fit[1].refusal
 
     @property
     def summary(self) -> TwoStageSensitivity:
         """The estimates."""
+        more, less = (stage.posterior.points.log_evidence for stage in (self.rating, self.other))
         return TwoStageSensitivity(
-            ratings=self._rated[0],
+            ratings=self.rating.fit[0],
             detection=self.noticing.detection,
             reference_contrast=self.noticing.reference,
+            scored=self.rating.kind,
+            scored_p=float(expit(more - less)),
+            other_gain=self.other.fit[0].lines.gain,
         )
 
 
@@ -112,11 +145,12 @@ def two_stage_sensitivity(trials: AnsweredTrials) -> TwoStageSensitivity | NotEs
 def two_stage_posterior(trials: AnsweredTrials) -> TwoStagePosterior | NotEstimable:
     """Return noticing and rating of changes, or why they are not estimable.
 
-    The likelihood of a trial is that of the answer (`noticing`), times that of the score (M2, of
-    the size of the change) if the change was noticed in its direction and scored. So a score that
-    was withheld because the answer disagreed is an answer and not missing data. The stages have no
-    parameter in common and are fitted one after the other. What was scored without a change, or
-    after the wrong answer, tells nothing about the gain and is left out of the second stage.
+    The likelihood of a trial is that of the answer (`noticing`), times that of the score (M2) if
+    the change was noticed in its direction and scored. So a score that was withheld because the
+    answer disagreed is an answer and not missing data. The stages are fitted one after the other.
+    What was scored without a change, or after the wrong answer, tells nothing about the gain and is
+    left out of the second stage. That is fitted twice: to the sizes of the changes, and to what
+    those who notice feel of them (`felt_if_noticed`). The kind with the higher evidence is taken.
     """
     if refusal := _refusal(trials):
         return refusal
@@ -124,7 +158,31 @@ def two_stage_posterior(trials: AnsweredTrials) -> TwoStagePosterior | NotEstima
     if isinstance(ready, NotEstimable):
         return NotEstimable(f"of the changes that were noticed, {ready.reason}")
     first = noticing(trials.ratings, trials.answer, trials.two_sided)
-    return TwoStagePosterior(noticing=first, ready=ready, rating=latent_posterior(ready))
+    stages = [
+        _stage("the change", trials.noticed),
+        _stage("what was felt", felt_if_noticed(trials.noticed, first)),
+    ]
+    other, rating = sorted(stages, key=lambda stage: stage.posterior.points.log_evidence)
+    return TwoStagePosterior(noticing=first, rating=rating, other=other)
+
+
+def _stage(kind: Kind, ratings: Ratings) -> RatingStage:
+    ready = prepared_ratings(ratings)
+    assert isinstance(ready, PreparedTrials)
+    return RatingStage(kind=kind, ratings=ratings, ready=ready, posterior=latent_posterior(ready))
+
+
+def felt_if_noticed(noticed: Ratings, first: Noticing) -> Ratings:
+    """Return the trials with what is felt on average by those who notice the change.
+
+    Somebody who scores only what exceeds the criterion κ felt more of a weak change than there was:
+    c + σ / R on average, with Mills' ratio R at (κ - c) / σ (Heckman, Econometrica 47, 1979). σ and
+    κ are each subject's medians of the first stage.
+    """
+    d_prime, criterion = np.array([[e.d_prime, e.criterion] for e in first.detection]).T
+    noise = (first.reference / np.maximum(d_prime, LEAST_D_PRIME))[noticed.subject]
+    above = np.maximum(criterion[noticed.subject] - noticed.contrast / noise, BEYOND)
+    return replace(noticed, contrast=noticed.contrast + noise / mills_ratio(above))
 
 
 def _refusal(trials: AnsweredTrials) -> NotEstimable | None:

@@ -17,6 +17,7 @@ from analysis.report.wording import (
     SKIN_IN_SHORT,
     UNBOUNDED,
     bounded,
+    chance,
     interval,
     number,
     of_all,
@@ -266,7 +267,7 @@ def _detection_table(fit: TwoStageSensitivity) -> Table:
         f"contrast of {fit.reference_contrast:.3f}; the criterion for the expected change, in SDs "
         "of the noise; the false-alarm rate, the probability that a change in either direction is "
         "reported without one; gain in rating points; with 95% intervals. "
-        f"{SKIN_IN_SHORT}",
+        f"{_scored(fit)} {SKIN_IN_SHORT}",
         columns=columns(
             *("subject", "d′", "95%", "criterion", "95%"),
             *("false alarms", "95%", "gain", "95%"),
@@ -285,6 +286,18 @@ def _detection_table(fit: TwoStageSensitivity) -> Table:
             ]
             for entry, line in zip(fit.detection, fit.ratings.lines.subjects, strict=True)
         ],
+    )
+
+
+def _scored(fit: TwoStageSensitivity) -> str:
+    """Return what the scores are taken to follow, and what else they would mean."""
+    felt = fit.scored == "what was felt"
+    return (
+        f"Scores are taken to follow {'what was felt' if felt else 'the change itself'} "
+        f"(P {chance(fit.scored_p)}, .50 before the study); if they follow "
+        f"{'the change itself' if felt else 'what was felt of the changes that were noticed'}, "
+        f"the group's gain is {number(fit.other_gain, 2)} rather than "
+        f"{number(fit.ratings.lines.gain, 2)}."
     )
 
 

@@ -14,6 +14,7 @@ from analysis.sensitivity.two_stage_model import (
     two_stage_sensitivity,
 )
 from tests.analysis.sensitivity.noticing_people import (
+    CONTRASTS,
     NoticingPeople,
     NoticingStudy,
     noticing_study,
@@ -148,3 +149,33 @@ def test_invalid_answers_are_refused() -> None:
         replace(trials, answer=trials.answer + 1)
     with pytest.raises(ValueError, match="answer must have 270 trials, got 3"):
         replace(trials, answer=trials.answer[:3])
+
+
+def people_who_score_what_they_felt(seed: int) -> NoticingStudy:
+    """The noise that lets them notice a change is also in their scores."""
+    known, rng = a_study(seed), np.random.default_rng([8, seed])
+    ratings = known.trials.ratings
+    noise = CONTRASTS.mean() / known.d_prime[ratings.subject]
+    felt = ratings.contrast + rng.normal(0, noise)
+    noticed = np.abs(felt) > known.criterion[ratings.subject] * noise
+    answer = np.where(noticed, np.sign(felt), 0).astype(int)
+    score = np.round(4 + known.gain[ratings.subject] * np.abs(felt) + rng.normal(0, 0.5, len(felt)))
+    agrees = noticed & (answer == np.sign(ratings.contrast))
+    rating = np.where(agrees, np.clip(score, 0, 10), np.nan)
+    trials = replace(known.trials, answer=answer, ratings=replace(ratings, rating=rating))
+    return replace(known, trials=trials)
+
+
+def test_people_who_score_what_they_felt_have_no_smaller_gain() -> None:
+    """A line on the change itself was too flat by a quarter, and covered .83 of gains."""
+    kinds, covered, group = [], [], []
+    for seed in range(6):
+        study = people_who_score_what_they_felt(seed)
+        found = fit(study.trials)
+        kinds.append(found.scored)
+        ends = np.array([line.gain_interval for line in found.ratings.lines.subjects]).T
+        covered.append(((ends[0] <= study.gain) & (study.gain <= ends[1])).mean())
+        group.append(found.ratings.lines.gain / study.gain.mean())
+    assert kinds.count("what was felt") >= 4
+    assert np.mean(covered) > 0.9
+    assert np.mean(group) == pytest.approx(1.0, abs=0.2)

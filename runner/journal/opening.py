@@ -9,6 +9,7 @@ import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from shutil import disk_usage
 
 from runner.journal.database import (
     SQLITE_ERRORS,
@@ -32,6 +33,8 @@ UNSALTED_VERSION = 2
 
 _READER_PATIENCE_S = 0.1
 """How long a reader waits to merge a log that a killed process has left, s."""
+_INDEX_BYTES = 32_768
+"""Least size of the index of a log, which SQLite writes before anything else."""
 _ONE_PAGE = 4096
 """Size of a database without tables, bytes."""
 
@@ -187,7 +190,11 @@ def _opening(
             raise
     except (OSError, *SQLITE_ERRORS) as error:
         raise_if_stopped()
-        raise JournalError(f"{path}: cannot be {what} as a journal ({error})") from error
+        # Of a full disk SQLite says "disk I/O error", too.
+        failed = getattr(error, "sqlite_errorcode", 0) & 0xFF == sqlite3.SQLITE_IOERR
+        full = failed and path.exists() and disk_usage(path).free < _INDEX_BYTES
+        why = "the disk is full" if full else error
+        raise JournalError(f"{path}: cannot be {what} as a journal ({why})") from error
 
 
 def open_journal(path: Path, random_bytes: RandomBytes = secrets.token_bytes) -> Journal:

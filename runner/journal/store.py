@@ -213,7 +213,7 @@ class Journal:
         Raises:
             JournalError: it cannot be copied.
         """
-        with self._errors_explained("copied"):
+        with self._errors_explained(f"copied to {new.parent}"):
             copy_database(self._connection, new)
 
     def _emptied_log(self) -> bool:

@@ -45,7 +45,7 @@ def run_session(
     device: FakeDevice | None = None,
     person: FakeParticipant | None = None,
 ) -> None:
-    """Run a session as `touchbeam run` does; without `device` and `person` to its end."""
+    """Run or resume a session as `touchbeam run` does; without `device` and `person` to its end."""
     folder = StudyFolder(path=place)
     options = SessionOptions(
         folder=folder, participant=participant, number=number, rehearsal=kind == "rehearsal"
@@ -63,6 +63,7 @@ def run_session(
     )
     device = device or FakeDevice()
     with journal_if_used(folder.journal) as journal:
+        new = request.chain(journal) not in journal.sessions()
         session = opened_session(request, journal, clock)
         context = SessionContext(
             session=session,
@@ -71,7 +72,7 @@ def run_session(
             operator=FakeOperator(device),
             clock=clock,
             log=SessionLog(journal, request.chain(journal), clock),
-            opened_now=True,
+            opened_now=new,
         )
         run(context)
 

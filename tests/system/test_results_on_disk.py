@@ -2,18 +2,22 @@
 
 import os
 import resource
+import shutil
 import subprocess
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
+from random import Random
 
 import pytest
 
 from runner.journal.amendments import exclude_trial
 from runner.journal.database import log_of
-from runner.journal.opening import open_journal
+from runner.journal.opening import open_journal, read_journal
+from runner.journal.store import JournalError
+from runner.journal.verification import verdicts
 from tests.runner.command_line import TOUCHBEAM, assert_matches, everything, typed
-from tests.runner.fakes import FakeClock
+from tests.runner.fakes import FakeClock, FakeDevice, FakeParticipant
 from tests.runner.registered_study import LATER_S, run_session, study_in
 
 PUBLISHED = Path(__file__).parents[1] / "data" / "published_scores.csv"
@@ -84,6 +88,80 @@ def small_disk() -> Iterator[Path]:
         subprocess.run(["umount", str(disk)], check=True)
 
 
+def fill(disk: Path, free: int) -> None:
+    """Fill a disk, but for so many bytes."""
+    with suppress(OSError), (disk / "rest").open("wb", buffering=0) as rest:
+        while rest.write(bytes(4096)):
+            pass
+    size = (disk / "rest").stat().st_size
+    os.truncate(disk / "rest", max(0, size - free))
+
+
+class Acknowledged(FakeParticipant):
+    """Counts how often the screen said "Saved"."""
+
+    told = 0
+
+    def saved(self) -> None:
+        self.told += 1
+
+
+def test_a_disk_that_is_full_at_any_moment_of_a_session_loses_no_answer(small_disk: Path) -> None:
+    """The output is off, what was saved can be read at once, and the session is resumed."""
+    random, study = Random(1), small_disk / "study"
+    for _ in range(6):
+        shutil.rmtree(study, ignore_errors=True)
+        (small_disk / "rest").unlink(missing_ok=True)
+        study_in(study, "extended")
+        fill(small_disk, random.randrange(60) * 4096)
+        device, person = FakeDevice(), Acknowledged()
+        with pytest.raises(JournalError, match="disk is full"):
+            run_session(study, "P01", device=device, person=person)
+        assert not device.on
+        if (study / "study.db").exists():
+            with read_journal(study / "study.db") as journal:
+                (verdict,) = verdicts(journal)
+            assert verdict.ok
+            assert verdict.trials_answered >= person.told
+        else:
+            assert everything(study) == {"study.toml"}
+            assert person.told == 0
+        (small_disk / "rest").unlink()
+        run_session(study, "P01")
+        with read_journal(study / "study.db") as journal:
+            (verdict,) = verdicts(journal)
+        assert (verdict.state, verdict.ok) == ("completed", True)
+        assert everything(study) == {"study.toml", "study.db"}
+
+
+@pytest.mark.parametrize("form", ["csv", "backup"])
+def test_a_disk_that_is_full_at_any_moment_gets_no_part_of_a_result(
+    form: str, small_disk: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One line, and what was there before is as it was."""
+    study, random = study_in(Path("study")), Random(1)
+    run_session(study, "P01")
+    place, refused = small_disk / "out", 0
+    export = ("export", study, place, "--format", form)
+    for _ in range(6):
+        (small_disk / "notes").write_text("kept")
+        fill(small_disk, random.randrange(20) * 4096)
+        before = contents(small_disk)
+        capsys.readouterr()
+        if typed(*(("backup", study, place) if form == "backup" else export)):
+            refused += 1
+            said = capsys.readouterr().err
+            assert_matches(rf"^touchbeam: .*{small_disk}.*(No space left|disk is full).*\n$", said)
+            assert contents(small_disk) == before
+        for file in small_disk.iterdir():
+            shutil.rmtree(file) if file.is_dir() else file.unlink()
+    assert refused > 2
+
+
+def contents(folder: Path) -> dict[Path, bytes]:
+    return {path: path.read_bytes() if path.is_file() else b"" for path in folder.rglob("*")}
+
+
 @pytest.mark.parametrize("unwritable", ["full", "read-only"])
 def test_from_a_disk_that_cannot_be_written_everything_can_be_read_and_saved(
     small_disk: Path, unwritable: str, capsys: pytest.CaptureFixture[str]
@@ -96,9 +174,7 @@ def test_from_a_disk_that_cannot_be_written_everything_can_be_read_and_saved(
     for file, content in copies:  # as a killed process leaves them
         file.write_bytes(content)
     if unwritable == "full":
-        with suppress(OSError), (small_disk / "rest").open("wb", buffering=0) as rest:
-            while rest.write(bytes(4096)):
-                pass
+        fill(small_disk, 0)
     else:
         subprocess.run(["mount", "-o", "remount,ro", str(small_disk)], check=True)
     capsys.readouterr()

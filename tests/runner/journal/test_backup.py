@@ -73,7 +73,7 @@ def test_a_backup_that_does_not_fit_leaves_nothing(
 ) -> None:
     with room_for(40_000):
         assert typed("backup", study, "copy.db") == 1
-    assert "study.db: cannot be copied (" in capsys.readouterr().err
+    assert "study.db: cannot be copied to " in capsys.readouterr().err
     assert [file.name for file in tmp_path.iterdir()] == ["study"]
 
 

@@ -95,7 +95,8 @@ class Study:
     broken: tuple[str, ...]
 
     def __repr__(self) -> str:
-        return f"<touchbeam.Study {self.folder.path}: {len(self.sessions)} sessions>"
+        count = len(self.sessions)
+        return f"<touchbeam.Study {self.folder.path}: {count} session{'s' * (count != 1)}>"
 
     @cached_property
     def _rig(self) -> "Calibration":

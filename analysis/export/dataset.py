@@ -217,11 +217,11 @@ class Dataset:
     def summary(self) -> str:
         """Return in one line what is here and what is not."""
         return (
-            f"{_counted(len(self.trials), 'trial')} of "
-            f"{_counted(self.people, 'participant')} "
-            f"({_counted(self.trials_excluded, 'trial')} excluded, marked); left out: "
-            f"{_counted(self.rehearsals_left_out, 'rehearsal')}, "
-            f"{_counted(self.sessions_withdrawn, 'withdrawn session')}"
+            f"{counted(len(self.trials), 'trial')} of "
+            f"{counted(self.people, 'participant')} "
+            f"({counted(self.trials_excluded, 'trial')} excluded, marked); left out: "
+            f"{counted(self.rehearsals_left_out, 'rehearsal')}, "
+            f"{counted(self.sessions_withdrawn, 'withdrawn session')}"
         )
 
     @property
@@ -349,7 +349,8 @@ def language_of(trials: pd.DataFrame) -> str | None:
     return found
 
 
-def _counted(number: int, what: str) -> str:
+def counted(number: int, what: str) -> str:
+    """Return a number of things in words, such as `1 trial`."""
     return f"{number} {what}{'' if number == 1 else 's'}"
 
 

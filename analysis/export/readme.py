@@ -2,7 +2,7 @@
 
 from html import escape
 
-from analysis.export.dataset import Dataset
+from analysis.export.dataset import Dataset, counted
 from analysis.loading.study_data import changed_journal
 
 _REHEARSALS = (
@@ -39,11 +39,12 @@ def readme(data: Dataset, tables: str) -> str:
         f"{_line(data.description())}\n",
         f"{tables}\n",
         _PUBLISHED_ROWS if data.published else _ROWS,
-        f"- {data.people} participants, {len(data.sessions)} sessions, "
-        f"{len(data.trials)} trials\n"
-        f"- excluded: {data.trials_excluded} trials\n"
-        f"- not here: {data.rehearsals_left_out} rehearsals, {data.sessions_withdrawn} sessions "
-        f"that were withdrawn, {data.sessions_without_trials} in which no trial was begun\n",
+        f"- {counted(data.people, 'participant')}, {counted(len(data.sessions), 'session')}, "
+        f"{counted(len(data.trials), 'trial')}\n"
+        f"- excluded: {counted(data.trials_excluded, 'trial')}\n"
+        f"- not here: {counted(data.rehearsals_left_out, 'rehearsal')}, "
+        f"{counted(data.sessions_withdrawn, 'withdrawn session')}, "
+        f"{counted(data.sessions_without_trials, 'session')} in which no trial was begun\n",
         *_facts(data),
         f"Written by touchbeam {data.touchbeam} from the study's journal "
         f"(SHA-256 of its events: {data.source_sha256}).\n",

@@ -136,10 +136,10 @@ def answer(found: Sequence[Findings]) -> str:
         return design_answer(found[0])
     enough = [each for each in found if _power_of(each, OMNIBUS) >= ENOUGH]
     if not enough:
-        return f"No design has 80 % power; the largest: {design_answer(_largest(found))}"
+        return f"No design has 80% power; the largest: {design_answer(_largest(found))}"
     smallest = min(enough, key=lambda each: (_size(each.design), each.design))
     return (
-        f"The smallest design with 80 % power to tell that the conditions differ: "
+        f"The smallest design with 80% power to tell that the conditions differ: "
         f"{design_answer(smallest)}"
     )
 
@@ -165,8 +165,8 @@ def design_answer(found: Findings) -> str:
     ]
     strong = _pairs_with_power(found)
     parts.append(f"{_percent(_power_of(found, OMNIBUS))} power to tell that the conditions differ")
-    listed = f"80 % power for {', '.join(strong[:4])}{_rest(strong[4:])}"
-    parts.append(listed if strong else "less than 80 % power for every pair of conditions")
+    listed = f"80% power for {', '.join(strong[:4])}{_rest(strong[4:])}"
+    parts.append(listed if strong else "less than 80% power for every pair of conditions")
     parts += [
         f"{_percent(each.power.value)} power for the registered primary hypothesis, {each.name}"
         for each in found.registered[:1]
@@ -194,7 +194,7 @@ def _rest(names: Sequence[str]) -> str:
 
 
 def _percent(value: float) -> str:
-    return f"{100 * value:.0f} %" if math.isfinite(value) else "unknown"
+    return f"{value:.0%}" if math.isfinite(value) else "unknown"
 
 
 def lines_of_tests(found: Findings) -> list[list[str]]:

@@ -16,11 +16,12 @@ _TERMS = {
     "gain": "rating points per unit of contrast: a subject's sensitivity.",
     "Holm's correction": "p-values of several tests, raised so that the chance of any false "
     "difference stays below 5%.",
-    "JND": "just noticeable difference: the contrast that moves a rating by one standard "
-    "deviation of its noise.",
+    "JND": "just noticeable difference, by ratings: the contrast that moves a rating by one "
+    "standard deviation of its noise, which is that deviation over the gain. It is no threshold "
+    "of a psychometric function: nobody compared two changes.",
     "Kendall's W": "agreement of the subjects' rankings: 0 none, 1 perfect.",
-    "law": "how friction follows from vibration. {laws}: `printed` is the paper's law as it "
-    "stands, `consistent` repairs it so that it has the right limits, `coulomb` cannot exceed "
+    "law": "how friction follows from vibration. {laws}: printed is the paper's law as it "
+    "stands, consistent repairs it so that it has the right limits, coulomb cannot exceed "
     "Coulomb's friction.",
     "M1, M2, M3": "models of the ratings. M1 is a straight line per subject. M2, the headline, "
     "adds steps of the scale, its ceiling, and what conditions have beyond their contrast. M3 "

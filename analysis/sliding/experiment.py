@@ -28,15 +28,21 @@ UNITS: Mapping[str, tuple[str, float, str]] = {
 }
 """What each property is called, and its unit in print."""
 
+_IN_WORDS = {
+    "sliding_speed_m_s": "sliding speed",
+    "body_mass_kg": "mass of the bodies",
+    "sensor_gain": "gain of the force sensor",
+}
 ALWAYS_UNKNOWN: Mapping[str, str] = {
     "sliding_speed_m_s": (
         "friction depends on speed through (h/2 + h_c)/v alone. The speed that the position "
-        "sensor shows is taken, and the height of the bodies follows; speed_ratio is the reverse"
+        "sensor shows is taken, and the height of the bodies follows; the speed over the "
+        "measured one is the reverse"
     ),
     "body_mass_kg": "only its product with the gain counts; 0.01 kg per metre is taken",
     "sensor_gain": (
-        "an error in the gain of the tangential force is an error in friction_coefficient, which "
-        "no pass shows; its interval does not contain it"
+        "an error in the gain of the tangential force is an error in the friction coefficient, "
+        "which no pass shows; its interval does not contain it"
     ),
 }
 """What no sliding experiment of this kind tells, and why."""
@@ -170,7 +176,10 @@ def _rows(estimates: Mapping[str, Estimate | NotEstimable]) -> list[list[str]]:
             continue
         value, low, high = (f"{factor * number:.5g}" for number in (found.value, *found.interval))
         rows.append([label, value + unit, f"{low} to {high}{unit}"])
-    return [*rows, *([name, "not determined", why] for name, why in ALWAYS_UNKNOWN.items())]
+    return [
+        *rows,
+        *([_IN_WORDS[name], "not determined", why] for name, why in ALWAYS_UNKNOWN.items()),
+    ]
 
 
 def _extreme_row(one: Extreme) -> list[str]:

@@ -262,7 +262,7 @@ class _Fit:
         text = f"its standard error would be {known}; {factor * LIMITS[name]:g} {unit} is due"
         if name == "damping_ratio":
             nearest = 100 * self.problem.detuning()
-            text += f". The nearest drive is {nearest:.2g} % from the resonance"
+            text += f". The nearest drive is {nearest:.2g}% from the resonance"
             text += ", where friction hardly depends on the damping" if nearest > 1 else ""
         size = np.sqrt(np.diag(inverse))
         place = self.free.index(name)

@@ -96,8 +96,7 @@ class SlidingResult:
             cells = zip(row, widths, strict=True)
             yield "  ".join(cell.ljust(width) for cell, width in cells).rstrip()
         if unknown := [row[0] for row in rows if row[1] == _UNKNOWN]:
-            names = ", ".join(name.replace("_", " ") for name in unknown)
-            yield f"Not told by these passes: {names} (the page says why)."
+            yield f"Not told by these passes: {', '.join(unknown)} (the page says why)."
         for index, why in drawn.left_out:
             yield f"Left out: pass {index + 1}, {why}."
         if len(drawn.passes) + len(drawn.left_out) < drawn.planned:

@@ -40,7 +40,7 @@ class SessionRules(Record):
         tuple[OperatorQuestion, ...],
         Field(
             description="what the operator notes before the first trial: the skin is dry, normal "
-            "or moist, the temperature 0 to 50 °C, the humidity 0 to 100 %; Enter skips a question"
+            "or moist, the temperature 0 to 50 °C, the humidity 0 to 100%; Enter skips a question"
         ),
     ] = ()
     blind_operator: Annotated[

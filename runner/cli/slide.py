@@ -94,8 +94,9 @@ def slide(
     )
     tell = complain if as_json else say
     state = run_session(options, say=tell)
+    made = f"{len(state.answered)} pass{'es' * (len(state.answered) != 1)}"
     tell(
-        f"slide/{number} is complete: {len(state.answered)} passes, device off (read "
+        f"slide/{number} is complete: {made}, device off (read "
         f"back){'; this was a rehearsal' * rehearsal}."
     )
     write_result(folder, number, rehearsal=rehearsal, calibrate=calibrate, as_json=as_json)

@@ -22,6 +22,7 @@ from runner.cli.options import (
 )
 from runner.cli.output import (
     complain,
+    counted,
     print_json_text,
     program,
     progress,
@@ -225,6 +226,6 @@ def run(
     unfelt = sum(state.unfelt.values()) if options.folder.study().rig.dialect == "board" else 0
     fingerless = f"; {unfelt} touch{'es' * (unfelt > 1)} without a finger on the beam"
     say(
-        f"{participant}/{session} is complete: {len(state.answered)} trials answered, "
+        f"{participant}/{session} is complete: {counted(len(state.answered), 'trial')} answered, "
         f"device off (read back){fingerless * (unfelt > 0)}{'; this was a rehearsal' * dry_run}."
     )

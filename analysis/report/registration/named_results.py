@@ -19,7 +19,7 @@ class NamedResult:
 
     `supported` is None where it cannot be computed; `found` says why, or what was found. A
     secondary hypothesis is supported only if the primary one is, so that without any effect one of
-    them is supported in 5 % of studies at most.
+    them is supported in 5% of studies at most.
     """
 
     name: str

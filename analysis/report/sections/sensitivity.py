@@ -149,8 +149,8 @@ def _relative_figure(trials: TrialStatistics) -> Figure:
     return Figure(
         name="relative-gains",
         title="Who is more sensitive than whom",
-        caption=f"Relative gain of each subject by {model}: the gain less the mean gain of the "
-        f"subjects (dashed), with its 95% interval. {SKIN_IN_SHORT}"
+        caption=f"Relative gain of each subject by {model}, a model of the ratings: the gain less "
+        f"the mean gain of the subjects (dashed), with its 95% interval. {SKIN_IN_SHORT}"
         f"{of_all(len(data.shown), data.of, 'subjects')}",
         draw=partial(relative_gains_figure, data),
         front=True,
@@ -166,8 +166,9 @@ def _gains_table(model: str, lines: Lines) -> Table:
         "rating points per unit of contrast. Relative gain: the subject's gain less the mean gain "
         "of the subjects, which tells who is more sensitive than whom and is known better than the "
         "gain itself. JND (just noticeable difference): the contrast that changes a rating by the "
-        "standard deviation of its noise, without an upper limit where the gain may be 0. Own "
-        "share: the share of a subject's departure from the group's gain that comes from the "
+        "standard deviation of its noise (no threshold of a psychometric function), without an "
+        "upper limit where the gain may be 0. Own share: the share of a "
+        "subject's departure from the group's gain that comes from the "
         f"subject's own trials; the rest comes from the group. {SKIN_IN_SHORT}",
         columns=columns("subject", *names),
         rows=[

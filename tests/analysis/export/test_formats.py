@@ -445,3 +445,9 @@ def test_an_erased_session_is_passed_over() -> None:
     ]
     data = dataset([erased, kept.events], kept.study, "0", rehearsals=False)
     assert (data.sessions["participant"].tolist(), data.sessions_withdrawn) == (["P01"], 1)
+
+
+def test_one_of_a_kind_is_counted_as_one() -> None:
+    page = bids_export(published("1"))["README.md"]
+    assert "- 1 participant, 1 session, 2 trials\n" in page
+    assert not re.search(r"\b1 (participants|sessions|trials|rehearsals)\b", page)

@@ -132,10 +132,10 @@ def test_subjects_who_are_left_out_count_for_nothing() -> None:
 def test_the_answer_says_which_condition_is_above_which() -> None:
     rows = rows_of_tables(list(tables(6, 200, (0, 0, 0, 0, 3.5))))
     said = design_answer(found(rows, rows[:10]))
-    assert said.startswith("9 participants x 1 repeat: 98 % power to tell that the conditions")
-    assert ", less than 80 % power for every pair of conditions." in design_answer(
+    assert said.startswith("9 participants x 1 repeat: 98% power to tell that the conditions")
+    assert ", less than 80% power for every pair of conditions." in design_answer(
         found(rows_of_tables(list(tables(5, 50))), rows)
     )
     names = columns(5, models=False)
     rows[:, names.index("pair p 3")] = 0.01
-    assert "80 % power for e above a" in design_answer(found(rows, rows[:10]))
+    assert "80% power for e above a" in design_answer(found(rows, rows[:10]))

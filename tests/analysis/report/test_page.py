@@ -83,3 +83,14 @@ def test_the_documentation_names_every_section() -> None:
     _, _, listed = docs.partition("The sections are ")
     known = [section.name for section in plain_report().sections]
     assert [name for name in known if f"`{name}`" not in listed.partition("\n\n")[0]] == []
+
+
+def test_the_page_has_no_marks_of_another_format_and_says_what_a_model_is_before_it_names_it() -> (
+    None
+):
+    page = report_html(study_report())
+    assert "`" not in page
+    first = page.index("M2")
+    assert "M2, a model of the ratings" in page[first : first + 30]
+    for place in (it.end() for it in re.finditer(r"just noticeable difference", page)):
+        assert "no threshold" in page[place : place + 250]

@@ -15,7 +15,7 @@ from analysis.statistics.signed_rank import DECIMALS
 from analysis.trials.law_assignments import PredictionError, assignment_p, prediction_error
 
 # The best is sought between these standard deviations, in those of the ratings, and artanh ρ.
-SDS, CORRELATIONS = (float(np.exp(-8)), float(np.exp(8))), (-8.0, 8.0)
+NOISE, SPREAD, CORRELATION = (float(np.exp(-8)), 3e3), (1e-6, 3e3), (-8.0, 8.0)
 
 
 def shared_contrasts(ratings: Ratings, contrast: FloatArray) -> bool:
@@ -98,7 +98,7 @@ def _largest(sums: LineSums) -> float:
         known = line_posterior(sums, point[:1], covariance_matrices(spread[None]))
         return -float(known.profile[0])
 
-    return -_smallest(cost, [SDS] * 3 + [CORRELATIONS], [0.6, 0.5, 0.5, 0.0])
+    return -_smallest(cost, [NOISE, SPREAD, SPREAD, CORRELATION], [0.6, 0.5, 0.5, 0.0])
 
 
 def _largest_level(trials: Ratings, y: FloatArray) -> float:
@@ -117,7 +117,7 @@ def _largest_level(trials: Ratings, y: FloatArray) -> float:
         quadratic = (within - shrunk.sum()) / noise
         return float(log_det + quadratic + counts.sum() * np.log(2 * np.pi)) / 2
 
-    return -_smallest(cost, [SDS] * 2, [0.6, 0.5])
+    return -_smallest(cost, [NOISE, SPREAD], [0.6, 0.5])
 
 
 def _smallest(

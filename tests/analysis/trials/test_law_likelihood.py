@@ -65,7 +65,12 @@ def test_units_of_a_law_do_not_matter(extended_study: StudyOf) -> None:
 
 
 @pytest.mark.parametrize(
-    "scores", [[[7, 5, 8, 9, 4]] * 3, [[7, 4, 7, 8, 10]], [[9, 10, 8, 6, 8]] * 2]
+    "scores",
+    [
+        [[7, 4, 7, 8, 10]],
+        [[3, 7, 8, 9, 9], [6, 6, 10, 6, 10], [5, 5, 5, 8, 10]],
+        [[9, 10, 8, 6, 8]] * 2,
+    ],
 )
 def test_rounding_of_the_contrasts_does_not_move_the_maximum(scores: list[list[int]]) -> None:
     people = len(scores)

@@ -20,7 +20,7 @@ from protocol.journal.events import (
     Withdrawn,
 )
 from protocol.journal.state import folded
-from protocol.journal.transitions import NotAllowed
+from protocol.journal.transitions import NotAllowed, in_words
 from protocol.study_file.loading import text_digest
 from runner.clock import Clock
 from runner.journal.names import STUDY_CHAIN, chains_of
@@ -92,7 +92,7 @@ def include_session(journal: Journal, clock: Clock, session: str, reason: str) -
     if not log.state.is_excluded:
         trials = ", ".join(map(str, log.state.excluded))
         hint = f"; its excluded trials are {trials}: name one with --trial" if trials else ""
-        raise BadInput(f"{session} is {log.state.name}, not excluded{hint}")
+        raise BadInput(f"{session} is {_state(log)}, not excluded{hint}")
     _append(log, session, SessionIncluded(reason=reason))
 
 
@@ -182,7 +182,11 @@ def _append(log: SessionLog, session: str, decision: Event) -> None:
         log.append(decision)
     except NotAllowed:
         what = decision.TAG.rpartition("-")[2]
-        raise BadInput(f"{session} is {log.state.shown_name}; it cannot be {what} now") from None
+        raise BadInput(f"{session} is {_state(log)}; it cannot be {what} now") from None
+
+
+def _state(log: SessionLog) -> str:
+    return in_words(log.state.name, running=False)  # a running one was refused before
 
 
 def _span(indices: set[int]) -> str:

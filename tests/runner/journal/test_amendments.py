@@ -73,6 +73,20 @@ def test_a_session_can_be_excluded_only_once(tmp_path: Path) -> None:
             exclude_session(journal, CLOCK, "P01/1", "ill")
 
 
+@pytest.mark.parametrize("more", [(), (TrialStarted(index=0, kind="trial"),)])
+def test_a_decision_about_a_session_that_was_killed_waits_until_it_goes_on(
+    more: tuple[TrialStarted, ...], tmp_path: Path
+) -> None:
+    with open_journal(tmp_path / "study.db") as journal:
+        context(journal, FakeDevice(), FakeParticipant())  # opens it
+        exclude_trial(journal, CLOCK, "P01/1", 3, "noise")
+        log = SessionLog(journal, "P01/1", CLOCK)
+        for event in (DeviceArmed(idn="fake", boot=1, device_time_s=0.0), *more):
+            log.append(event)
+        with pytest.raises(BadInput, match="P01/1 is interrupted; it cannot be included now"):
+            include_trial(journal, CLOCK, "P01/1", 3, "it was quiet")
+
+
 def test_a_trial_can_be_excluded_only_once(tmp_path: Path) -> None:
     with finished(tmp_path) as journal:
         exclude_trial(journal, CLOCK, "P01/1", 3, "noise")

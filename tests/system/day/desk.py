@@ -43,8 +43,8 @@ def _decisions(day: "Day") -> Iterator[tuple[str, int | None]]:
 def _taken_back(day: "Day", name: str, trial: int | None) -> None:
     outcome = day.lab.command(lambda: _include(day, name, trial))
     day.refused_while_running(name, outcome)
-    # A session that was killed is armed in its journal until it goes on.
-    day.may_fail(outcome, "is armed; it cannot be included now" in outcome.line)
+    # A session that was killed stands where it was, armed or in a trial, until it goes on.
+    day.may_fail(outcome, "is interrupted; it cannot be included now" in outcome.line)
     if outcome.code != 0:
         return
     if trial is None:

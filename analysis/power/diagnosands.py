@@ -4,7 +4,7 @@ Every one is a ratio of two sums over independent studies, so that the number of
 study may differ and its subjects may resemble each other.
 """
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -27,6 +27,14 @@ class Measured:
     error: float
 
 
+UNKNOWN = Measured(float("nan"), float("nan"))
+
+
+def too_often(false: Measured) -> bool:
+    """Return whether claims that are false are made in more than 5 %, beyond Monte Carlo error."""
+    return false.value - 2 * false.error > LEVEL
+
+
 def ratio(above: FloatArray, below: FloatArray) -> Measured:
     """Return the ratio of two sums over studies and its standard error (delta method).
 
@@ -38,7 +46,7 @@ def ratio(above: FloatArray, below: FloatArray) -> Measured:
     """
     total = float(below.sum())
     if not total > 0:
-        return Measured(float("nan"), float("nan"))
+        return UNKNOWN
     value = float(above.sum()) / total
     if value in {0.0, 1.0} and (above == value * below).all():
         studies = int((below > 0).sum())
@@ -53,7 +61,11 @@ def share(happened: FloatArray | BoolArray) -> Measured:
 
 @dataclass(frozen=True, kw_only=True)
 class TestPower:
-    """How often a test rejects at 5%, and how often the family's rule lets it be claimed."""
+    """How often a test rejects at 5%, and how often the family's rule lets it be claimed.
+
+    `supported` is NaN where the rule does not hold what it promises: without any effect the claim
+    is made more often than in 5%.
+    """
 
     __test__ = False  # no test of pytest's
 
@@ -86,7 +98,7 @@ class EstimateQuality:
 
 @dataclass(frozen=True, kw_only=True)
 class RegisteredPower:
-    """How often a registered hypothesis is supported; NaN where no simulation tells.
+    """How often a registered hypothesis is supported; NaN where that is not known or not protected.
 
     `row` is the test or estimate that decides on it, empty if it is none of those simulated.
     """
@@ -134,6 +146,8 @@ def findings(
     table = _Table(rows, columns(len(conditions), models=models))
     null = _Table(null_rows, columns(len(conditions), models=False))
     names, null_claims = _names(conditions), _claims(null, len(conditions))
+    false = {name: share(made) for name, made in zip(names, null_claims.T, strict=True)}
+    broken = {name for name, each in false.items() if too_often(each)}
     p, claimed = _p_values(table, len(conditions)), _claims(table, len(conditions))
     return Findings(
         design=design,
@@ -141,7 +155,11 @@ def findings(
         null_studies=len(null_rows),
         omnibus="Friedman" if (table["complete"] == 1).all() else "Friedman or Skillings-Mack",
         tests=tuple(
-            TestPower(name=name, power=share(p[:, place] < LEVEL), supported=share(made))
+            TestPower(
+                name=name,
+                power=share(p[:, place] < LEVEL),
+                supported=UNKNOWN if name in broken else share(made),
+            )
             for place, (name, made) in enumerate(zip(names, claimed.T, strict=True))
         ),
         estimates=(
@@ -149,8 +167,8 @@ def findings(
             *(_of_difference(table, pair, name) for pair, name in enumerate(names[2:])),
         ),
         any_false_claim=share(np.asarray(null_claims.any(axis=1))),
-        false_claims={name: share(made) for name, made in zip(names, null_claims.T, strict=True)},
-        registered=_registered(table, conditions, hypotheses),
+        false_claims=false,
+        registered=_registered(table, conditions, hypotheses, broken),
     )
 
 
@@ -191,11 +209,15 @@ _GROUPS_GAIN = "M2 group's gain"
 
 
 def _registered(
-    table: _Table, conditions: Sequence[str], hypotheses: Sequence[str]
+    table: _Table, conditions: Sequence[str], hypotheses: Sequence[str], broken: Container[str]
 ) -> tuple[RegisteredPower, ...]:
     """Return the power for each hypothesis; all but the first count only together with it."""
-    held = _held(table, conditions)
-    nothing = "", np.full(len(table.rows), np.nan)
+    every = np.full(len(table.rows), np.nan)
+    held = {
+        name: (row, every if row in broken else supported)
+        for name, (row, supported) in _held(table, conditions).items()
+    }
+    nothing = "", every
     _, first = held.get(hypotheses[0], nothing) if hypotheses else nothing
     found = [(name, *held.get(name, nothing)) for name in hypotheses]
     return tuple(

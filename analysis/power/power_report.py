@@ -13,12 +13,17 @@ from analysis.power.diagnosands import (
     Findings,
     Measured,
     TestPower,
+    too_often,
 )
 from analysis.report.drawing import Panel, Series, panels_figure
 from protocol.registration.hypotheses import GAINS, OMNIBUS
 from protocol.study.study import Study
 
 ENOUGH = 0.8
+_LEAST = 0.9
+"""Coverage of a 95% interval below which a warning is due."""
+_MOST_PAIRS = 15
+"""In a table on the terminal."""
 RELATIVE = "M2 relative gain"
 FAMILY = (
     "Supported is what holds for the whole report at 5%: that the conditions differ and that gains "
@@ -43,6 +48,7 @@ def power_record(found: Sequence[Findings], study: Study, study_sha256: str, see
         "study_sha256": study_sha256,
         **designs[0],
         "answer": answer(found),
+        "warnings": warnings(found, study),
         "family": FAMILY,
         "designs": designs,
     }
@@ -144,6 +150,43 @@ def answer(found: Sequence[Findings]) -> str:
     )
 
 
+def warnings(found: Sequence[Findings], study: Study) -> list[str]:
+    """Return what a report of the study would promise and not keep, and what is not simulated."""
+    broken = [line for each in found for line in (*_false_claims(each), *_narrow(each))]
+    sessions = study.design.sessions
+    first = f"only the first of {sessions} sessions of each participant is simulated"
+    return [*broken, *([first] if sessions > 1 else [])]
+
+
+def _false_claims(found: Findings) -> list[str]:
+    guilty = [name for name, each in found.false_claims.items() if too_often(each)]
+    if not guilty and not too_often(found.any_false_claim):
+        return []
+    listed = "; ".join(
+        f"do not claim {name!r}, which {_percent(found.false_claims[name].value)} of them do"
+        for name in guilty
+    )
+    return [
+        f"{found.design}: without any effect {_percent(found.any_false_claim.value)} of reports "
+        f"claim something, where at most 5% should{'; ' * bool(guilty)}{listed}"
+    ]
+
+
+def _narrow(found: Findings) -> list[str]:
+    """Return which 95% intervals hold the truth in less than 90%, beyond Monte Carlo error."""
+    narrow = [
+        each for each in found.estimates if each.coverage.value + 2 * each.coverage.error < _LEAST
+    ]
+    if not narrow:
+        return []
+    worst = min(narrow, key=lambda each: each.coverage.value)
+    others = f", and {len(narrow) - 1} other estimates do in less than 90%" * (len(narrow) > 1)
+    return [
+        f"{found.design}: the 95% intervals of {worst.name} hold the truth in "
+        f"{_percent(worst.coverage.value)}{others}"
+    ]
+
+
 def _largest(found: Sequence[Findings]) -> Findings:
     return max(found, key=lambda each: (_size(each.design), each.design))
 
@@ -197,14 +240,23 @@ def _percent(value: float) -> str:
     return f"{value:.0%}" if math.isfinite(value) else "unknown"
 
 
+def left_out(found: Findings) -> set[str]:
+    """Return the pairs that are not shown on a terminal: of many those that have least power."""
+    pairs = [test for test in found.tests if test.name not in {OMNIBUS, GAINS}]
+    pairs.sort(key=lambda test: -test.power.value)
+    return {test.name for test in pairs[_MOST_PAIRS:]} - {each.row for each in found.registered}
+
+
 def lines_of_tests(found: Findings) -> list[list[str]]:
     """Return the table of tests: a header, rows, and a footer."""
+    hidden = left_out(found)
     rows = [
         [
             _marked(found, test.name),
             *map(_with_error, (test.power, test.supported, found.false_claims[test.name])),
         ]
         for test in found.tests
+        if test.name not in hidden
     ]
     footer = ["anything", "", "", _with_error(found.any_false_claim)]
     return [["test", "power", "supported", "without any effect"], *rows, footer]
@@ -213,10 +265,12 @@ def lines_of_tests(found: Findings) -> list[list[str]]:
 def lines_of_estimates(found: Findings) -> list[list[str]]:
     """Return the table of the models' estimates: a header, rows, and an empty footer."""
     names = ("bias", "rmse", "coverage", "width", "type_s", "type_m")
+    hidden = {f"mean difference {name}" for name in left_out(found)}
     header = ["estimate", "bias", "RMSE", "coverage", "width", "type S", "type M"]
     rows = [
         [_marked(found, each.name), *(_with_error(getattr(each, name)) for name in names)]
         for each in found.estimates
+        if each.name not in hidden
     ]
     return [header, *rows, [""] * len(header)]
 
@@ -294,6 +348,7 @@ def _panel(title: str, y_label: str, lines: Mapping[str, Sequence[tuple[int, Mea
         title=title,
         x_label="participants",
         y_label=y_label,
+        of_shares=y_label.startswith("share"),
         series=tuple(
             Series(
                 label=name,

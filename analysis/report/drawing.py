@@ -45,13 +45,14 @@ class Series:
 
 @dataclass(frozen=True, kw_only=True)
 class Panel:
-    """Axes of a figure with the series drawn in them."""
+    """Axes of a figure with the series drawn in them; `of_shares` lie between 0 and 1."""
 
     title: str
     x_label: str
     y_label: str
     series: tuple[Series, ...]
     logarithmic_x: bool = False
+    of_shares: bool = False
 
 
 # Okabe and Ito's palette, which suits colour-blind readers; marker shapes differ as well.
@@ -191,6 +192,8 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
     if panel.logarithmic_x:
         axes.set_xscale("log")
         axes.margins(x=0.25)
+    if panel.of_shares:
+        axes.set_ylim(0, 1)
     if len(panel.series) > 1:
         axes.legend(frameon=False, fontsize=7)
 

@@ -12,7 +12,7 @@ from runner.cli.options import JsonOption, PeopleOption, StudyArgument, people_i
 from runner.cli.output import complain, followed, print_json, print_table, say
 
 if TYPE_CHECKING:
-    from analysis.estimates import FloatArray
+    from analysis.estimates import FloatArray, Json
     from analysis.power.designs import Design
     from analysis.power.diagnosands import Findings
     from analysis.power.job import Job, Kind, Task
@@ -152,7 +152,7 @@ def power(
     if as_json:
         print_json({**record, "elapsed_s": round(perf_counter() - begun_s, 3), "workers": used})
         return
-    _print(found, record["answer"], place.path)
+    _print(found, record, place.path)
 
 
 def _found(
@@ -186,13 +186,17 @@ def _found(
     ]
 
 
-def _print(found: "list[Findings]", answer: str, place: Path) -> None:
-    from analysis.power.power_report import FAMILY, lines_of_estimates, lines_of_tests
+def _print(found: "list[Findings]", record: "Json", place: Path) -> None:
+    from analysis.power.power_report import FAMILY, left_out, lines_of_estimates, lines_of_tests
 
+    say(record["answer"])
+    for warning in record["warnings"]:
+        say(f"WARNING: {warning}.")
     for each in found:
         print_table(f"Tests: {each.design}", lines_of_tests(each))
         print_table(f"Estimates: {each.design}", lines_of_estimates(each))
+        if hidden := left_out(each):
+            say(f"{len(hidden)} more pairs, with less power, stand in power.json.")
     say(FAMILY)
     say(f"Simulated: {found[0].studies} studies, {found[0].null_studies} without any effect.")
-    say(answer)
     say(f"Written: {place / 'power.json'}; beside it power.svg and calibration.svg")

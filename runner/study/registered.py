@@ -39,6 +39,8 @@ from runner.study.folder import StudyFolder
 REGISTRY_FILE = "registration.txt"
 _MOST_TESTS = 50
 _LONGEST_LINE = 10_000
+_LONGEST_POWER_BYTES = 2**24
+"""Of every design and pair of conditions there are some 800 bytes."""
 _STALE = "it has changed since this analysis; run touchbeam power again"
 
 
@@ -226,7 +228,7 @@ def power_result(path: Path, study_sha256: str) -> dict[str, str]:
     Raises:
         BadInput: it is no JSON object, is too long, or holds other texts than printable lines.
     """
-    content = bytes_of(path, most=LONGEST_TEXT)
+    content = bytes_of(path, most=_LONGEST_POWER_BYTES)
     try:
         found = json.loads(text_of(content, path))
         said = {"answer": _line(found["answer"])} if "answer" in found else {}

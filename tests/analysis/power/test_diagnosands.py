@@ -7,7 +7,15 @@ from analysis.estimates import FloatArray
 from analysis.power.designs import Design
 from analysis.power.diagnosands import Findings, findings, ratio
 from analysis.power.diagnosis import ESTIMATES, columns, rows_of_tables
-from analysis.power.power_report import design_answer
+from analysis.power.power_report import (
+    design_answer,
+    figures,
+    left_out,
+    lines_of_estimates,
+    lines_of_tests,
+    warnings,
+)
+from protocol.study_file.loading import parsed_study, template
 
 DESIGN = Design(participants=9, repeats=1)
 NAMES = ("a", "b", "c", "d", "e")
@@ -54,7 +62,7 @@ def test_no_null_cohort_in_twenty_has_a_false_claim() -> None:
 
 def test_power_is_the_share_of_studies_and_pairs_wait_for_the_omnibus_test() -> None:
     rows = rows_of_tables(list(tables(6, 400, (0, 0, 0, 0, 2.5))))
-    made = found(rows, rows[:10])
+    made = found(rows, rows[:0])
     by_name = {test.name: test for test in made.tests}
     differ = by_name["conditions differ"]
     assert differ.power.value == pytest.approx((rows[:, 0] < 0.05).mean())
@@ -70,7 +78,7 @@ def test_a_registered_hypothesis_counts_only_with_its_sign_and_after_the_primary
     names = ("e above a", "a above e", "conditions differ", "order of conditions as predicted")
 
     def powers(*hypotheses: str) -> list[float]:
-        made = findings(DESIGN, NAMES, rows, rows[:10], hypotheses).registered
+        made = findings(DESIGN, NAMES, rows, rows[:0], hypotheses).registered
         assert [each.name for each in made] == list(hypotheses)
         return [each.power.value for each in made]
 
@@ -87,7 +95,7 @@ def test_a_registered_hypothesis_counts_only_with_its_sign_and_after_the_primary
 
 def test_t_intervals_of_differences_cover_and_have_the_right_sign() -> None:
     rows = rows_of_tables(list(tables(7, 1500, (0, 0, 0, 0, 2.0))))
-    made = {one.name: one for one in found(rows, rows[:10]).estimates}
+    made = {one.name: one for one in found(rows, rows[:0]).estimates}
     big, none = made["mean difference a - e"], made["mean difference a - b"]
     for one in (big, none):
         assert abs(one.coverage.value - 0.95) < 4 * one.coverage.error
@@ -131,11 +139,55 @@ def test_subjects_who_are_left_out_count_for_nothing() -> None:
 
 def test_the_answer_says_which_condition_is_above_which() -> None:
     rows = rows_of_tables(list(tables(6, 200, (0, 0, 0, 0, 3.5))))
-    said = design_answer(found(rows, rows[:10]))
+    said = design_answer(found(rows, rows[:0]))
     assert said.startswith("9 participants x 1 repeat: 98% power to tell that the conditions")
     assert ", less than 80% power for every pair of conditions." in design_answer(
         found(rows_of_tables(list(tables(5, 50))), rows)
     )
     names = columns(5, models=False)
     rows[:, names.index("pair p 3")] = 0.01
-    assert "80% power for e above a" in design_answer(found(rows, rows[:10]))
+    assert "80% power for e above a" in design_answer(found(rows, rows[:0]))
+
+
+def test_a_claim_that_is_not_protected_is_not_counted_and_told() -> None:
+    rng = np.random.default_rng(8)
+    scatter = np.geomspace(0.05, 2.5, 9)[:, None]  # Mandel's F supposes that all scatter alike
+    null = rows_of_tables(list(5 + scatter * rng.standard_normal((400, 9, 5))))
+    rows = rows_of_tables(list(tables(6, 50, (0, 0, 0, 0, 2.5))))
+    made = findings(DESIGN, NAMES, rows, null, ["gains differ", "conditions differ"])
+    differ, gains, *_ = made.tests
+    assert made.false_claims["gains differ"].value > 0.1
+    assert np.isfinite(gains.power.value)
+    assert np.isnan(gains.supported.value)
+    assert differ.supported.value > 0.9
+    assert all(np.isnan(each.power.value) for each in made.registered)
+    study = parsed_study(template("paper"))
+    (line,) = warnings([made], study)
+    assert line.startswith("9 participants x 1 repeat: without any effect ")
+    assert "where at most 5% should; do not claim 'gains differ', which" in line
+    assert warnings([found(rows, rows_of_tables(list(tables(5, 400))))], study) == []
+    design = study.design.model_copy(update={"sessions": 2})
+    (line,) = warnings([found(rows, rows[:0])], study.model_copy(update={"design": design}))
+    assert line == "only the first of 2 sessions of each participant is simulated"
+
+
+def test_intervals_that_miss_the_truth_are_told() -> None:
+    rows = rows_of_tables(list(tables(6, 400)))
+    place = columns(5, models=False).index("pair error 0")
+    rows[:, place] /= 3
+    (line,) = warnings(
+        [found(rows, rows_of_tables(list(tables(5, 400))))], parsed_study(template("paper"))
+    )
+    assert "the 95% intervals of mean difference a - b hold the truth in " in line
+
+
+def test_many_pairs_are_shown_by_their_power_and_shares_from_nothing_to_all() -> None:
+    names = tuple("abcdefghijkl")
+    rng = np.random.default_rng(9)
+    rows = rows_of_tables(list(rng.standard_normal((40, 6, 12)) + 9 * (np.arange(12) == 11)))
+    made = findings(DESIGN, names, rows, rows[:0], ["k above l"])
+    shown = [line[0] for line in lines_of_tests(made)]
+    assert len(shown) == len(lines_of_estimates(made)) + 2 == 2 + 15 + 1 + 2
+    assert "k - l (registered, primary)" in shown
+    assert len(left_out(made)) == 66 - 15 - 1
+    assert "\u22120.".encode() not in figures([made])["power.svg"]

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from protocol.study_file.loading import text_digest
-from runner.study.power_folder import PowerFolder
+from runner.study import files
 from tests.runner.command_line import typed
 
 FEW = ("--participants", "4", "--workers", "1")
@@ -95,6 +95,7 @@ def test_people_read_tables_and_an_answer(folder: Path, capsys: pytest.CaptureFi
     assert "Tests: 4 participants x 1 repeat" in out
     assert "conditions differ" in out
     assert "Simulated: 30 studies, 20 without any effect." in out
+    assert out.index("power to tell that") < out.index("Tests: 4"), "the answer stands first"
     assert "power to tell that the conditions differ" in out
 
 
@@ -193,19 +194,39 @@ def test_nobody_at_the_scheduler_s_address_is_a_failure(
     assert "no Dask scheduler answers there" in capsys.readouterr().err
 
 
-def test_a_full_disk_is_said_in_one_line(
+def test_a_disk_that_is_full_at_any_write_is_said_in_one_line_and_nothing_is_lost(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def save(_: PowerFolder, name: str, content: bytes) -> None:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), name)
+    whole = folder.with_name("whole")
+    whole.mkdir()
+    (whole / "study.toml").write_bytes((folder / "study.toml").read_bytes())
+    assert typed("power", whole, *QUICK) == 0
+    kept, left, create = 0, 0, files._create
 
-    monkeypatch.setattr(PowerFolder, "save", save)
-    options = ("--participants", "4", "--studies", "40", "--workers", "2")
-    assert typed("power", folder, *options) == 1
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert "No space left on device" in err
-    assert err.count("\n") == 1
+    def full(path: Path, data: bytes, mode: int) -> None:
+        nonlocal left
+        left -= 1
+        create(path, data if left >= 0 else data[:10], mode)
+        if left < 0:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+
+    monkeypatch.setattr(files, "_create", full)
+    for written in range(100):
+        left = written
+        capsys.readouterr()
+        code = typed("power", folder, *QUICK)
+        chunks = len(list((folder / "power").rglob("*.npy")))
+        assert chunks >= kept
+        assert not list(folder.rglob(".touchbeam-*"))
+        kept, (out, err) = chunks, capsys.readouterr()
+        if code == 0:
+            break
+        assert (code, out) == (1, "")
+        assert "No space left on device" in err
+        assert err.count("\n") == 1
+    assert written > 2
+    for name in ("power.json", "power.svg", "power.png"):
+        assert (folder / "power" / name).read_bytes() == (whole / "power" / name).read_bytes()
 
 
 def test_kept_results_need_no_scheduler(

@@ -89,7 +89,9 @@ def test_the_result_of_a_power_analysis_is_part_of_it(
     (tmp_path / "registration.toml").unlink()
     (tmp_path / "power").mkdir()
     tested = {"name": "voltage above structure", "power": 0.9, "mc_error": 0.0123456}
-    (tmp_path / "power" / "power.json").write_text(json.dumps({"tests": [tested]}))
+    many = [{"name": f"mean difference {pair}", "bias": 0.123456789} for pair in range(10_000)]
+    found_power = {"tests": [tested], "estimates": many}  # as of a dozen conditions and designs
+    (tmp_path / "power" / "power.json").write_text(json.dumps(found_power))
     assert typed("register", tmp_path) == 0
     found = registration_of(tmp_path)
     assert found is not None

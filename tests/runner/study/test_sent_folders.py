@@ -154,7 +154,7 @@ def test_a_file_is_not_read_before_its_size_is_known(
     study = study_in(tmp_path)
     (study / "power").mkdir()
     sparse(study / "power" / "power.json")
-    assert "power.json: must have at most 262144 bytes" in refused(capsys, "register", study)
+    assert "power.json: must have at most 16777216 bytes" in refused(capsys, "register", study)
     (study / "power" / "power.json").unlink()
     sparse(study / "registration.toml")
     line = refused(capsys, "register", study)

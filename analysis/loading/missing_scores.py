@@ -82,11 +82,13 @@ def withheld(table: ScoreTable, trials: pd.DataFrame) -> FloatArray:
     return shares.reindex(index=table.subjects, columns=table.conditions).fillna(0.0).to_numpy()
 
 
-def readings(table: ScoreTable, trials: pd.DataFrame) -> dict[str, ScoreTable]:
+def readings(table: ScoreTable, trials: pd.DataFrame, least: float = 0.0) -> dict[str, ScoreTable]:
     """Return the table with withheld scores left "missing", as "zero" and as the "lowest" score.
 
+    "zero" is the `least` score of the scale, which is 0 in the paper.
+
     A score is withheld when the answer disagrees with the expectation (paper, section 5.2). This
-    can mean nothing, none at all (0), or an effect no stronger than the weakest reported. A cell
+    can mean nothing, none at all, or an effect no stronger than the weakest reported. A cell
     with other scores is the mean of all, those that were withheld among them; one that is empty
     for another reason stays missing. A complete table without withheld scores, and one without any
     score, has the first reading only.
@@ -96,7 +98,7 @@ def readings(table: ScoreTable, trials: pd.DataFrame) -> dict[str, ScoreTable]:
         return {"missing": table}
     # A cell without any score has nothing but withheld ones, if it is filled at all.
     given = np.nan_to_num(table.scores) * (1 - shares)
-    fills = {"zero": 0.0, "lowest": float(trials["score"][is_scored(trials)].min())}
+    fills = {"zero": least, "lowest": float(trials["score"][is_scored(trials)].min())}
     return {"missing": table} | {
         name: replace(table, scores=np.where(shares > 0, given + shares * score, table.scores))
         for name, score in fills.items()
@@ -117,7 +119,7 @@ def unscored(table: ScoreTable) -> tuple[tuple[str, ...], tuple[str, ...]]:
     )
 
 
-def withheld_beside_scores(trials: pd.DataFrame) -> list[str]:
+def withheld_beside_scores(trials: pd.DataFrame, least: float = 0.0) -> list[str]:
     """Return in a line how many trials lack a score in cells that have one, if there are any."""
     counted = trials[is_scored(trials)]
     given = counted["score"].notna()
@@ -129,17 +131,21 @@ def withheld_beside_scores(trials: pd.DataFrame) -> list[str]:
     return [
         f"Not given in cells with other scores: {len(partly)} of {len(counted)} scores "
         f"({by_condition}). The table has the mean of the others, which is too high if weaker "
-        "changes were not noticed; the scores are also read as 0 and as the lowest score."
+        f"changes were not noticed; the scores are also read as {least:g} and as the lowest score."
     ]
 
 
-def notes(table: ScoreTable, empty: EmptyCells) -> list[str]:
+def notes(table: ScoreTable, empty: EmptyCells, least: float = 0.0) -> list[str]:
     """Return what stands under Table 4: each mark, how often, and who or what has no score."""
     causes = Counter(empty.values())
     readable = _READ if table.given.any() else frozenset()
     said = [
         f"{MARKS[why]} {_TOLD[why]}: {'1 cell' if causes[why] == 1 else f'{causes[why]} cells'}, "
-        + ("also read as 0 and as the lowest score." if why in readable else "missing throughout.")
+        + (
+            f"also read as {least:g} and as the lowest score."
+            if why in readable
+            else "missing throughout."
+        )
         for why in Why
         if causes[why]
     ]

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import chain
 from typing import TypeVar
 
@@ -98,10 +97,12 @@ class StudyData:
         """The trials that count for Table 4."""
         return self.trials[is_scored(self.trials)]
 
-    @cached_property
-    def readings(self) -> dict[str, ScoreTable]:
-        """The table under each reading of withheld scores, by name."""
-        return readings(self.table, self.trials)
+    def readings(self, least: float = 0.0) -> dict[str, ScoreTable]:
+        """Return the table under each reading of withheld scores, by name.
+
+        `least` is the lowest score of the scale.
+        """
+        return readings(self.table, self.trials, least)
 
 
 def load_study_data(

@@ -22,8 +22,8 @@ class Choice(StrEnum):
     RUNG = "rung of the model"
 
 
-READINGS = {"missing": "left missing", "zero": "as 0", "lowest": "as the lowest score"}
-"""What the readings of withheld scores are called."""
+READINGS = {"missing": "left missing", "zero": "as {least:g}", "lowest": "as the lowest score"}
+"""What the readings of withheld scores are called; `least` is the lowest score of the scale."""
 DECIDED, NOTHING, STRICT = "as decided", "nothing excluded", "touches not as instructed, too"
 TOUCHED, PLANNED, MEASURED = "predicted, as touched", "predicted, as planned", "measured"
 
@@ -74,14 +74,14 @@ def _same_trials(one: StudyData, other: StudyData) -> bool:
     )
 
 
-def differing_readings(found: Mapping[str, StudyData]) -> dict[str, list[ScoreTable]]:
+def differing_readings(found: Mapping[str, StudyData], least: float) -> dict[str, list[ScoreTable]]:
     """Return the tables of each choice of what to leave out, by reading of missing scores.
 
     A reading whose tables are all equal to those of one before it is absent.
     """
     kept: dict[str, list[ScoreTable]] = {}
     for name in READINGS:
-        tables = [data.readings.get(name, data.table) for data in found.values()]
+        tables = [data.readings(least).get(name, data.table) for data in found.values()]
         if not any(_equal(tables, others) for others in kept.values()):
             kept[name] = tables
     return kept

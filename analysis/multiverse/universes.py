@@ -69,10 +69,11 @@ def universes(
         rig: its damping, gain and bodies.
     """
     left_out, whole = exclusions(recorded, decided, study.exclusions)
-    readings = differing_readings(left_out)
+    least = 0 if decided.kinds == ("published",) else study.rating.minimum
+    readings = differing_readings(left_out, least)
     tables = {
         (name, which): Universe(
-            chosen={Choice.EXCLUSIONS: name, Choice.READING: READINGS[which]},
+            chosen={Choice.EXCLUSIONS: name, Choice.READING: READINGS[which].format(least=least)},
             reading=reading(which, table),
             contrasts={},
         )

@@ -128,7 +128,10 @@ class Findings:
     def table_notes(self) -> list[str]:
         """Notes below Table 4."""
         loaded = self.loaded
-        return [*notes(loaded.table, loaded.empty), *withheld_beside_scores(loaded.trials)]
+        return [
+            *notes(loaded.table, loaded.empty, self.scale.lowest),
+            *withheld_beside_scores(loaded.trials, self.scale.lowest),
+        ]
 
     @property
     def rehearsals(self) -> bool:

@@ -75,13 +75,14 @@ def report(
         origin = replace(origin, rig=NOMINAL)
     if loaded.lock is not None:
         origin = origin.under(loaded.lock)
+    least = 0 if loaded.kinds == ("published",) else study.rating.minimum
     trials = trial_statistics(loaded, study, origin.rig)
     return Report(
         title=title,
         loaded=loaded,
         study=study,
         origin=origin,
-        table=table_statistics(loaded.readings),
+        table=table_statistics(loaded.readings(least)),
         trials=trials,
         measured=measured_statistics(study, loaded, trials.contrasts.by_law[LAW]),
         multiverse=None

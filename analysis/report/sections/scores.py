@@ -137,13 +137,14 @@ def _readings_table(found: Findings) -> Table | None:
     readings, table = found.table.readings, found.loaded.table
     if len(readings) == 1 or not withheld(table, found.loaded.trials).any():
         return None
-    words = {"missing": "left missing", "zero": "as 0", "lowest": "as the lowest observed score"}
+    least = f"as {found.scale.lowest:g}"
+    words = {"missing": "left missing", "zero": least, "lowest": "as the lowest observed score"}
     numbers = (*table.conditions, "all", "pairs that differ (Holm)")
     return Table(
         name="readings",
         caption="Sensitivity of the results to scores withheld because the answer disagreed with "
         "the expectation: condition means and omnibus test with these scores left missing, read "
-        "as 0, or read as the lowest observed score. Blank cells of a published table "
+        f"{least}, or read as the lowest observed score. Blank cells of a published table "
         "count as withheld; cells whose trials were excluded or never reached stay missing.",
         columns=[*columns("withheld scores", *numbers), Column(name="test", kind="sentence")],
         rows=[

@@ -12,7 +12,7 @@ from analysis.export.dataset import dataset
 from analysis.export.formats import EXPORTS
 from analysis.loading.study_data import load_study_data
 from analysis.report.findings import Scale
-from analysis.report.report import Report, report, report_files, report_html
+from analysis.report.report import Report, report, report_files, report_html, report_json
 from protocol.journal.events import Answered, StoredEvent
 from protocol.study.participant_texts import scale_in_words
 from protocol.study.rating import Band
@@ -102,3 +102,16 @@ def test_only_the_highest_score_of_the_scale_is_at_the_ceiling() -> None:
     warning = "of the scores are the highest possible"
     assert f"8% {warning}" in report_html(plain_report())
     assert warning not in report_html(to_seven())
+
+
+def test_a_withheld_score_is_never_read_as_one_that_the_scale_lacks() -> None:
+    """The scale begins at 1."""
+    numbers = report_json(to_seven())
+    assert numbers["table4"]["empty"]
+    shown = report_html(to_seven())
+    assert "also read as 1 and as the lowest score." in shown
+    assert "read as 0" not in shown
+    readings = to_seven().loaded.readings(1)
+    assert np.nanmin(readings["zero"].scores) == 1
+    given = [reading.table4.table.scores.tolist() for reading in to_seven().table.readings[1:]]
+    assert given[0] == readings["zero"].scores.tolist()

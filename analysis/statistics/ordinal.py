@@ -1,13 +1,19 @@
 """Cumulative mixed model of the scores: condition effects that a ceiling does not bias."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import chdtrc, chdtri, ndtri
 
 from analysis.estimates import FloatArray, IntArray, Interval, NotEstimable
-from analysis.statistics.ordinal_likelihood import MANY, Link, ScoreCounts, unpacked
+from analysis.statistics.ordinal_likelihood import (
+    MANY,
+    Link,
+    ScoreCounts,
+    log_likelihood,
+    unpacked,
+)
 from analysis.statistics.ordinal_maximum import (
     Maximum,
     covariance_at,
@@ -99,13 +105,15 @@ def ordinal_effects_of_trials(
     covariance = covariance_at(best, data, link)
     if isinstance(covariance, NotEstimable):
         return covariance
-    fitted = unpacked(best.packed, data)
     if covariance is None:
-        extreme = conditions[int(np.argmax(np.abs(fitted.effects)))]
         return NotEstimable(
-            "the likelihood has no maximum, because scores do not overlap between "
-            f"conditions or subjects; the effect that diverges is that of {extreme}"
+            "the likelihood has no maximum, because scores do not overlap between conditions or "
+            "subjects"
         )
+    # A climb stops elsewhere on every processor; a step of Newton's from there does not.
+    slope = log_likelihood(best.packed, data, link, best.nodes)[1]
+    best = replace(best, packed=best.packed + covariance @ slope)
+    fitted = unpacked(best.packed, data)
     return OrdinalEffects(
         link=link,
         reference=conditions[0],

@@ -12,7 +12,7 @@ from scipy import integrate, stats
 from analysis.estimates import FloatArray, NotEstimable
 from analysis.loading.score_table import ScoreTable
 from analysis.statistics.ordinal import OrdinalEffects, ordinal_effects_of_trials
-from analysis.statistics.ordinal_likelihood import Link, ScoreCounts, log_likelihood
+from analysis.statistics.ordinal_likelihood import Link, Parameters, ScoreCounts, log_likelihood
 
 TableOf = Callable[[FloatArray], ScoreTable]
 LINKS: tuple[Link, ...] = ("probit", "logit")
@@ -159,7 +159,12 @@ def test_missing_scores_and_a_ceiling_do_not_bias_the_effects() -> None:
         ([[1.0, 2.0]], "at least 2 subjects, got 1"),
         ([[1.0, 1.0], [1.0, 1.0]], "2 to 21 different scores, got 1"),
         ([[1.0, np.nan], [2.0, np.nan]], "no score was given under c1"),
-        ([[1.0, 9.0], [2.0, 8.0], [1.0, 8.0], [2.0, 9.0]], "that of c1"),
+        ([[1.0, 9.0], [2.0, 8.0], [1.0, 8.0], [2.0, 9.0]], "because scores do not overlap"),
+        # Three effects diverge alike, and rounding chose one to be named.
+        (
+            [[4.0, 5.0, 6.0, 10.0, 9.0], [4.0, 5.0, 9.0, 6.0, 9.0]],
+            "do not overlap between conditions or subjects",
+        ),
         # One score per subject differs, so levels and residuals cannot be told apart.
         (
             [[7.0, score] for score in (5.0, 6.0, 7.0, 7.0, 8.0, 9.0, 6.0, 8.0)],
@@ -174,3 +179,31 @@ def test_tables_without_a_maximum_give_the_reason(
         result = ordinal_effects(table_of(np.array(scores)), link=link)
         assert isinstance(result, NotEstimable)
         assert reason in result.reason
+
+
+@pytest.mark.parametrize("link", LINKS)
+def test_the_slope_at_the_maximum_is_none(table_of: TableOf, link: Link) -> None:
+    scores = np.array(
+        [
+            [6, 9, 9, 6, 6],
+            [10, 6, 10, 6, 6],
+            [8, 5, 8, 7, 10],
+            [10, 6, 9, 9, 10],
+            [10, 5, 8, 5, 5],
+            [7, 6, 7, 8, 9],
+            [9, 6, 10, 6, 10],
+            [9, 8, 8, 7, 7],
+            [7, 5, 8, 8, 6],
+        ],
+        dtype=float,
+    )
+    found = result_of(table_of(scores), link)
+    categories = np.searchsorted(found.categories, scores)
+    parameters = Parameters(
+        thresholds=np.array(found.thresholds),
+        effects=np.array([0.0, *found.effects.values()]),
+        sds=np.array([found.subject_sd]),
+    )
+    data = ScoreCounts(counts=np.eye(len(found.categories))[categories])
+    slope = log_likelihood(parameters.packed, data, link, 81)[1]
+    assert slope == pytest.approx(0, abs=1e-10)

@@ -96,7 +96,7 @@ def two_way(table: ScoreTable) -> TwoWay | NotEstimable:
         grand_mean=centre + float(row_effects.mean()) + float(column_effects.mean()),
         rows=row_effects - row_effects.mean(),
         columns=column_effects - column_effects.mean(),
-        residuals=np.where(given, residuals, np.nan),
+        residuals=np.where(given, residuals * (residual > 0), np.nan),
         row_squares=max(0.0, by_rows - residual),
         column_squares=max(0.0, by_columns - residual),
         residual_squares=residual,

@@ -294,3 +294,11 @@ def test_equal_scores_have_effects_of_zero_and_no_correlation(table_of: TableOf)
     assert gain_heterogeneity(table_of(scores)) == NotEstimable(
         "the conditions do not differ, so slopes cannot be estimated"
     )
+
+
+@pytest.mark.parametrize("row", [[9, 9, 10, 8, 10], [7, 5, 8, 9, 4], [1, 2, 3, 4, 7]])
+def test_rounding_is_no_spread_of_gains(table_of: TableOf, row: list[int]) -> None:
+    for subjects in range(3, 12):
+        found = gain_heterogeneity(table_of(np.tile(np.array(row, dtype=float), (subjects, 1))))
+        assert isinstance(found, NotEstimable)
+        assert "fit the scores exactly" in found.reason

@@ -140,7 +140,7 @@ def lacks_writing(error: BaseException | None) -> bool:
     To read a file with a log, SQLite makes an index of the log beside it, which a full disk or a
     read-only folder refuses.
     """
-    return isinstance(error, sqlite3.OperationalError) and error.sqlite_errorcode & 0xFF in {
+    return getattr(error, "sqlite_errorcode", 0) & 0xFF in {  # errors of Python have no code
         sqlite3.SQLITE_FULL,
         sqlite3.SQLITE_IOERR,
         sqlite3.SQLITE_CANTOPEN,

@@ -46,6 +46,9 @@ _SESSION = (
 SELECTIONS: Mapping[str, tuple[str, ...]] = {
     "device/drivers/limits.py": (_LIMITS,),
     "device/study_limits.py": ("tests/device/test_study_limits.py",),
+    "protocol/proof/slide_checks.py": (
+        "tests/protocol/plan/test_slide_plan.py", "tests/runner/launch/test_opened_session.py",
+    ),
     "protocol/proof/limit_checks.py": (
         "tests/protocol/proof/test_limit_checks.py", "tests/protocol/proof/test_trial_checks.py",
         "tests/protocol/plan/test_feasibility.py",

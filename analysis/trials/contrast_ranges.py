@@ -1,10 +1,12 @@
 """The range of each condition's contrast over rungs, laws, and what the paper leaves open."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from analysis.estimates import Interval
 from analysis.loading.study_data import StudyData
 from analysis.sensitivity.ratings import Ratings
 from device.friction.calibration import NOMINAL, Calibration
@@ -35,6 +37,17 @@ class ContrastRange:
     by_law: Mapping[str, float]
     by_damping: Mapping[str, float]
     by_speed: Mapping[str, float]
+
+    @property
+    def ends(self) -> Interval:
+        """The smallest and the largest value under the same law."""
+        values = [
+            value
+            for known in (self.by_rung, self.by_damping, self.by_speed)
+            for value in known.values()
+            if not math.isnan(value)
+        ]
+        return min(values, default=self.value), max(values, default=self.value)
 
 
 def condition_changes(study: Study, data: StudyData) -> dict[str, Change]:

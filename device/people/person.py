@@ -92,7 +92,7 @@ class Person:
     lapse: Annotated[
         float,
         _share(
-            "trials answered and scored at random, whatever is felt",
+            "trials answered at random and scored as no change, whatever is felt",
             "assumed, as usual for psychometric functions: Wichmann and Hill 2001, "
             "doi 10.3758/BF03194544",
         ),

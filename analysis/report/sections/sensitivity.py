@@ -1,7 +1,7 @@
 """Sensitivity of each subject under the models M1, M2 and M3, with the limits of the data."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 
 from analysis.estimates import Json, NotEstimable, why
@@ -27,6 +27,7 @@ from analysis.sensitivity.linear_model import LinearSensitivity
 from analysis.sensitivity.lines import SMALL_SPREAD, UNEQUAL, Lines, SubjectLine
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.sensitivity.two_stage_model import TwoStageSensitivity
+from analysis.trials.contrast_ranges import ContrastRange
 from analysis.trials.law_order import LawOrder, critical_correlation, critical_rank_correlation
 from analysis.trials.trial_statistics import TrialStatistics
 
@@ -41,7 +42,7 @@ def section(found: Findings) -> Section:
         name="sensitivity",
         title="Sensitivity",
         blocks=[
-            _headline(trials.m2),
+            _headline(trials.m2, trials.ranges),
             SKIN,
             Items(heading="Limitations of these data.", lines=_limits(found)),
             *(
@@ -59,7 +60,7 @@ def section(found: Findings) -> Section:
     )
 
 
-def _headline(fit: OrdinalSensitivity | NotEstimable) -> str:
+def _headline(fit: OrdinalSensitivity | NotEstimable, ranges: Sequence[ContrastRange]) -> str:
     """Return the group's gain in a sentence, or an empty text without a fit."""
     if isinstance(fit, NotEstimable) or not fit.lines.group_known:
         return ""
@@ -67,7 +68,21 @@ def _headline(fit: OrdinalSensitivity | NotEstimable) -> str:
     shown = "includes" if gain[0] <= 0 <= gain[1] else "excludes"
     return (
         f"By M2, ratings change by {number(fit.lines.gain, 2)} points per unit of predicted "
-        f"contrast in the group, 95% interval {interval(gain)}, which {shown} 0."
+        f"contrast in the group, 95% interval {interval(gain)}, which {shown} 0.{_known(ranges)}"
+    )
+
+
+def _known(ranges: Sequence[ContrastRange]) -> str:
+    """Return what the interval of a gain takes for known, by the least certain contrast."""
+    if not ranges:
+        return ""
+    low, high, name = max(
+        ((*entry.ends, entry.condition) for entry in ranges), key=lambda ends: ends[1] - ends[0]
+    )
+    return (
+        f" The interval takes the contrasts as known, but that of {name} is {number(low)} to "
+        f"{number(high)} under other assumptions of the friction model (see How certain the "
+        "contrasts are)."
     )
 
 

@@ -9,7 +9,7 @@ SCORES = [[7, 8, 9, 6, 5], [8, 7, 9, 7, 6], [6, 8, 8, 8, 4], [7, 9, 10, 6, 6]]
 
 
 def test_law_rung_kind_and_ranges_stand_beside_the_contrasts() -> None:
-    result = made(SCORES, names=NAMES)
+    result = made(SCORES * 4, names=NAMES)
     numbers, page = report_json(result), report_html(result)
     assert (numbers["contrast_law"], numbers["contrast_rung"]) == ("consistent", TOP_RUNG)
     ranges = {entry["condition"]: entry for entry in numbers["contrast_ranges"]}
@@ -19,7 +19,8 @@ def test_law_rung_kind_and_ranges_stand_beside_the_contrasts() -> None:
     for words in ("growth of a swing", "over a path", "at a place", f"rung {TOP_RUNG}"):
         assert words in page
     places = numbers["sensitivity_at_places"]
-    assert [line["subject"] for line in places["subjects"]] == ["P00", "P01", "P02", "P03"]
+    assert [line["subject"] for line in places["subjects"]][:2] == ["P00", "P01"]
+    assert len(places["subjects"]) == 16
     assert places["population"]["gain_ci"][0] < places["population"]["gain"]
     assert 'id="place-gains"' in page
 

@@ -17,9 +17,15 @@ def test_catch_and_opposite_trials_give_change_detection() -> None:
 def test_a_single_subject_has_no_relative_gain() -> None:
     scores = [[5, 7, 9, 4, 8]]
     names = ("voltage", "structure", "pressure", "frequency", "direction")
-    (line,) = report_json(made(scores, names=names))["sensitivity"]
+    numbers = report_json(made(scores, names=names))
+    assert numbers["sensitivity"] == []
+    assert "the skewness of a posterior is beyond the limit" in numbers["sensitivity_reason"]
+    (line,) = numbers["sensitivity_simple"]["subjects"]
     assert (line["relative_gain"], line["relative_gain_ci"]) == (None, [None, None])
     assert line["relative_gain_reason"] == "a single subject has no others to compare with"
+    m1 = numbers["sensitivity_models"]["M1"]
+    assert m1["population"] is None
+    assert m1["population_reason"] == "a single subject tells nothing about a population"
 
 
 def test_ratings_without_a_latent_scale_leave_the_simple_comparison() -> None:

@@ -133,7 +133,8 @@ def calibration(name: str, design: str) -> dict[str, tuple[float, float]]:
         for key, (mean, error) in table.items()
     )
     print(f"\n{design}, {name}, {len(found)} studies: {shown}")
-    assert len(found) >= 0.98 * STUDIES_PER_CELL
+    # Few ratings of which two thirds are the highest tell too little now and then.
+    assert len(found) >= 0.8 * STUDIES_PER_CELL
     return table
 
 
@@ -143,7 +144,8 @@ def test_m2_is_calibrated(name: str, design: str) -> None:
     found = calibration(name, design)
     for measure in ("bias", "gain", "relative_gain", "group_gain"):
         coverage, error = found[measure]
-        assert coverage >= 0.93 - 2 * error, measure
-    if name == "no gain":
-        share, error = found["group_excludes_0"]
-        assert share <= 0.05 + 2 * max(error, np.sqrt(0.05 * 0.95 / STUDIES_PER_CELL))
+        assert coverage >= 0.94 - 2 * error, measure
+    false = {"no gain": "group_excludes_0", "equal gains": "differ", "no differences": "differ"}
+    if name in false:
+        share, _ = found[false[name]]
+        assert share <= 0.05 + 2 * np.sqrt(0.05 * 0.95 / STUDIES_PER_CELL)

@@ -6,6 +6,7 @@ import numpy as np
 
 from analysis.estimates import FloatArray, Interval, NotEstimable
 from analysis.sensitivity.linear_model import LinearSensitivity, linear_sensitivity
+from analysis.sensitivity.lines import UNEQUAL
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensitivity
 from tests.analysis.sensitivity.simulated_raters import (
     VirtualPopulation,
@@ -15,7 +16,7 @@ from tests.analysis.sensitivity.simulated_raters import (
 
 # Contrasts of the paper's five conditions; subjects, and ratings of each condition by each.
 CONTRASTS = np.array([0.187, 0.109, 0.406, 0.447, 0.043])
-DESIGNS = {"9x5x1": (9, 1), "9x5x4": (9, 4), "20x5x8": (20, 8)}
+DESIGNS = {"9x5x1": (9, 1), "9x5x4": (9, 4), "3x5x4": (3, 4), "20x5x8": (20, 8)}
 
 EVEN = tuple(level + 0.5 for level in range(10))
 # The ratings 5 and 8 are used more often than their neighbours.
@@ -24,6 +25,9 @@ MIDDLE = VirtualPopulation(bias=4.0, gain=6.0, gain_sd=2.0, noise_sd=1.0, thresh
 POPULATIONS = {
     "middle": MIDDLE,
     "ceiling": replace(MIDDLE, bias=7.4),
+    "two thirds tens": replace(MIDDLE, bias=9.0),
+    "lapses": replace(MIDDLE, lapse_rate=0.05),
+    "equal gains": replace(MIDDLE, gain_sd=0.0),
     "off the line": replace(MIDDLE, discrepancy_sd=0.8),
     "uneven use": replace(MIDDLE, thresholds=UNEVEN),
     "no differences": replace(MIDDLE, bias_sd=0.0, gain_sd=0.0),
@@ -33,7 +37,10 @@ POPULATIONS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Measures:
-    """What one fit gives: shares of intervals that hold the truth, and their mean widths."""
+    """What one fit gives: shares of intervals that hold the truth, and their mean widths.
+
+    `differ` is 1 if it says that gains differ; `gain_error` is in the study's own points.
+    """
 
     bias: float
     gain: float
@@ -41,6 +48,7 @@ class Measures:
     group_gain: float
     group_excludes_0: float
     gain_sd: float
+    differ: float
     gain_error: float
     gain_width: float
     relative_width: float
@@ -106,7 +114,8 @@ def _measures(
         group_gain=held([lines.gain_interval], group),
         group_excludes_0=1 - held([lines.gain_interval], 0.0),
         gain_sd=held([lines.gain_sd_interval], unit * spread),
-        gain_error=float(np.mean([line.gain for line in lines.subjects] - gain)),
+        differ=float(lines.equal_gains < UNEQUAL),
+        gain_error=float(np.mean([line.gain for line in lines.subjects] - gain) / unit),
         gain_width=float(np.diff(gains).mean()),
         relative_width=float(np.diff(relative).mean()),
         own_share=float(np.mean([line.own_share for line in lines.subjects])),

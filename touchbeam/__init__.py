@@ -256,12 +256,14 @@ class Study:
         out: "str | os.PathLike[str] | None" = None,
         *,
         sections: str | Sequence[str] | None = None,
+        figures: bool = False,
     ) -> Path:
         """Write the report that `touchbeam report` writes; return the path of its page.
 
         Args:
             out: its folder; by default `report` in the study's folder.
             sections: one or more of the page, by name; by default those of `report.toml`, or all.
+            figures: whether each figure is also written as files.
 
         Raises:
             ValueError: there is no section of that name.
@@ -289,7 +291,8 @@ class Study:
         made = report(title, self._counted, self.file, origin, shown, self.recorded)
         folder = self.folder.report if out is None else Path(out)
         own = self.folder.path if out is None else None
-        write_files(report_files(made), folder, replaced=made.figure_files, study=own)
+        files = report_files(made, figures=figures)
+        write_files(files, folder, replaced=made.figure_files, study=own)
         return folder / "report.html"
 
     def predict(

@@ -145,13 +145,13 @@ def report_html(result: Report) -> str:
     return page_html(result, result.sections, result.chosen)
 
 
-def report_files(result: Report) -> dict[str, bytes]:
-    """Return the contents of all files of the report, by relative path."""
+def report_files(result: Report, *, figures: bool) -> dict[str, bytes]:
+    """Return the contents of the report's files, by relative path, those of `figures` if asked."""
     texts = {name: text for section in result.sections for name, text in section.files.items()}
     texts["report.html"] = report_html(result)
     texts["report.json"] = json_text(report_json(result))
     found = {name: text.encode() for name, text in texts.items()}
-    for figure in result.figures:
+    for figure in result.figures if figures else ():
         if figure.drawing is not None:
             paths = _figure_paths(figure)
             found |= dict(zip(paths, figure.drawing.files().values(), strict=True))

@@ -55,18 +55,21 @@ def report(
             help="Sections of the page, by commas; else those of report.toml, or all.",
         ),
     ] = None,
+    figures: Annotated[
+        bool, typer.Option("--figures", help="Also write each figure as files: SVG, PDF, PNG.")
+    ] = False,
     show: Annotated[bool, typer.Option("--open", help="Open the page in a browser.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Report Table 4, statistics and figures.
 
-    Writes an HTML page, figures, CSV, LaTeX and JSON files.
+    Writes an HTML page with all figures, CSV, LaTeX and JSON files.
     """
     from runner.study.folder import StudyFolder
 
     folder = StudyFolder(path=study)
     named = None if sections is None else tuple(map(str.strip, sections.split(",")))
-    write_report(folder, out, rehearsals=rehearsals, as_json=as_json, named=named)
+    write_report(folder, out, rehearsals=rehearsals, as_json=as_json, named=named, figures=figures)
     if show:
         import webbrowser
 
@@ -169,10 +172,11 @@ def write_report(
     rehearsals: bool,
     as_json: bool,
     named: tuple[str, ...] | None = None,
+    figures: bool = False,
 ) -> None:
     """Write the report on the study in `folder` to the folder `out` and print Table 4.
 
-    Without `out` it goes to `report` in the study's folder.
+    Without `out` it goes to `report` in the study's folder. Its `figures` become files if asked.
     Its page shows the sections `named`; without them those of `report.toml`, or all.
     """
     from analysis.loading.missing_scores import marks
@@ -203,16 +207,19 @@ def write_report(
     place = out or folder.report
     if place.exists() and not place.is_dir():
         raise BadInput(f"{place}: must be a folder for the report, got a file")
-    files = report_files(result)
+    files = report_files(result, figures=figures)
     own = None if out else folder.path
     write_files(files, place, replaced=result.figure_files, study=own)
     if as_json:
         print_json_text(files["report.json"].decode())
         return
     table4 = result.table.main.table4
-    figures = len(result.figure_files & files.keys())
+    drawn = len(result.figure_files & files.keys())
     others = files.keys() - result.figure_files - {"report.html"}
-    beside = [*sorted(others), f"{figures} figure files"]
+    beside = [
+        *sorted(others),
+        f"{drawn} figure files" if figures else "with --figures figure files",
+    ]
     print_table("Table 4", table4_lines(table4, "–", marks(result.loaded.empty)))
     for line in (
         *result.table_notes,

@@ -167,7 +167,9 @@ def _report_in_crate(
         complain(f"touchbeam: warning: there is no report in it: {error}")
         return {}
     result = report_on(source, found, broken, rehearsals=rehearsals, named=None, recorded=recorded)
-    return {f"{REPORT}/{name}": content for name, content in report_files(result).items()}
+    return {
+        f"{REPORT}/{name}": content for name, content in report_files(result, figures=True).items()
+    }
 
 
 def _crate_metadata(data: "Dataset", files: Mapping[str, bytes]) -> dict[str, bytes]:

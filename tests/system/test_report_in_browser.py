@@ -60,7 +60,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = report(TYPED, found, EXTENDED, ORIGIN, ("multiverse",), recorded)
     every = (section.name for section in made.sections if section.name != "multiverse")
     alone = {"multiverse.html": report_html(made).encode()}
-    write_files(report_files(replace(made, shown=tuple(every))) | alone, place)
+    write_files(report_files(replace(made, shown=tuple(every)), figures=False) | alone, place)
     return place
 
 

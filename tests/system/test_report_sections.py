@@ -54,7 +54,7 @@ def test_sections_are_chosen_by_file_and_by_name(
 def test_all_choices_of_analysis_are_made_only_if_they_are_named(study: Path) -> None:
     assert typed("report", study) == 0
     plain = (study / "report" / "report.json").read_bytes()
-    assert typed("report", study, "--sections", "multiverse,methods") == 0
+    assert typed("report", study, "--figures", "--sections", "multiverse,methods") == 0
     assert shown(study) == ["multiverse", "methods"]
     numbers = json.loads((study / "report" / "report.json").read_text())
     assert command(study) == "touchbeam report study --sections multiverse,methods"
@@ -68,7 +68,8 @@ def test_all_choices_of_analysis_are_made_only_if_they_are_named(study: Path) ->
     assert follows["decides"] == "friction law"
     drawn = study / "report" / "figures" / "multiverse-order-follows-model.pdf"
     assert drawn.exists()
-    touchbeam.load(study).report(sections="multiverse")
+    touchbeam.load(study).report(sections="multiverse", figures=True)
+    assert drawn.exists()
     assert shown(study) == ["multiverse"]
     assert command(study) == "touchbeam report study --sections multiverse"
     assert typed("report", study) == 0

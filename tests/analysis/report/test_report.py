@@ -13,7 +13,8 @@ from tests.analysis.reports import SCORES, ReadPage, made, plain_report, study_r
 
 
 def test_page_csv_and_json_agree() -> None:
-    files = report_files(plain_report())
+    files = report_files(plain_report(), figures=False)
+    assert not files.keys() & plain_report().figure_files
     numbers = json.loads(files["report.json"])
     averages = files["table4.csv"].decode().splitlines()[-1].split(",")
     words = ReadPage(files["report.html"].decode()).words
@@ -60,14 +61,14 @@ def test_every_missing_number_has_a_reason(scores: list[list[float]]) -> None:
 
 
 def test_a_cell_that_starts_like_a_formula_is_kept_as_text() -> None:
-    files = report_files(made(SCORES[:1], names=("=cmd()", "@sum", "voltage")))
+    files = report_files(made(SCORES[:1], names=("=cmd()", "@sum", "voltage")), figures=False)
     header = files["table4.csv"].decode().splitlines()[0]
     assert header == "subject,'=cmd(),'@sum,voltage,comprehensive"
 
 
 def test_every_figure_is_written_in_all_formats_with_title_and_table() -> None:
     result = study_report()
-    files = report_files(result)
+    files = report_files(result, figures=True)
     names = [figure.name for figure in result.figures]
     figures = {f"figures/{name}{end}" for name in names for end in FORMATS}
     drawn = {figure.name for figure in result.figures if figure.drawing is not None}
@@ -112,7 +113,7 @@ def test_each_key_comes_from_one_section_and_a_number_is_followed_by_its_reason(
 def test_a_figure_that_is_not_drawn_has_no_file() -> None:
     result = plain_report()
     assert result.figure_files == study_report().figure_files
-    lacking = result.figure_files - report_files(result).keys()
+    lacking = result.figure_files - report_files(result, figures=True).keys()
     missing = {Path(path).name.split(".")[0].removesuffix("-column") for path in lacking}
     multiverse = {name for name in missing if name.startswith("multiverse-")}
     others = {*("course", "forces", "levels", "places", "predictive-m3", "reaction-times")}

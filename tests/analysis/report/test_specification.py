@@ -40,7 +40,7 @@ def test_nothing_of_it_is_made_unless_it_is_asked_for() -> None:
     assert "multiverse" not in report_json(plain_report())
     assert "h-multiverse" not in report_html(plain_report())
     stale = {"figures/multiverse-voltage-best.svg", "figures/multiverse-order-follows-model.pdf"}
-    assert stale <= plain_report().figure_files - report_files(plain_report()).keys()
+    assert stale <= plain_report().figure_files - report_files(plain_report(), figures=True).keys()
 
 
 def test_a_sentence_counts_the_analyses_and_names_the_choice_that_matters() -> None:
@@ -77,7 +77,7 @@ def test_a_single_analysis_is_told_in_words_of_its_own() -> None:
 
 
 def test_each_claim_has_a_figure_with_its_numbers_beside_it() -> None:
-    files = report_files(explored())
+    files = report_files(explored(), figures=True)
     svg = files["figures/multiverse-voltage-best.svg"].decode()
     for text in ("left missing", "nothing excluded", "least mean", "supported, p ≥ .05"):
         assert f">{text}" in svg, "text is text"

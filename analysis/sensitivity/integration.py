@@ -172,7 +172,8 @@ def weighted_points(
     return WeightedPoints(
         points=np.clip(points[some], -REACH, REACH),
         weights=weights[some] / weights[some].sum(),
-        halves=np.array([half[some] / half[some].sum() for half in halves]),
+        # A half without any weight agrees with nothing.
+        halves=np.array([half[some] / max(half[some].sum(), NEGLIGIBLE) for half in halves]),
         least=least,
         effective=effective,
         unknown=float((known <= NOWHERE).mean()),

@@ -178,6 +178,8 @@ def linear_posterior(ratings: Ratings) -> tuple[LinearSensitivity, LineMixture] 
         return _log_posterior(sums, np.insert(points, [2, 2], [-np.inf, 0.0], axis=1))
 
     posterior, _ = weighted_points(log_posterior, START, POINTS)
+    if refusal := posterior.refusal():
+        return refusal
     equal, _ = weighted_points(equal_gains, START[:2], POINTS // 2)
     fit, mixture = _result(ratings, sums, posterior, axes, equal.log_evidence)
     return mixture.refusal or (fit, mixture)

@@ -107,8 +107,7 @@ def ordinal_posterior(ratings: Ratings) -> tuple[OrdinalSensitivity, LineMixture
     ready = prepared_ratings(ratings)
     if isinstance(ready, NotEstimable):
         return ready
-    fit, mixture = fit_and_lines(ready, latent_posterior(ready))
-    return mixture.refusal or (fit, mixture)
+    return lines_or_refusal(ready, latent_posterior(ready))
 
 
 def prepared_ratings(ratings: Ratings) -> PreparedTrials | NotEstimable:
@@ -186,6 +185,16 @@ def _log_prior_of_equal(points: FloatArray) -> FloatArray:
     others = np.delete(points, 1, axis=1)
     half_cauchy = (others - np.log1p(np.exp(2 * others))).sum(axis=1)
     return np.asarray(log_prior_of_spread(points[:, 1]) + half_cauchy)
+
+
+def lines_or_refusal(
+    ready: PreparedTrials, known: LatentPosterior
+) -> tuple[OrdinalSensitivity, LineMixture] | NotEstimable:
+    """Return `fit_and_lines`, or why the posterior does not tell them."""
+    if refusal := known.points.refusal():
+        return refusal
+    fit, mixture = fit_and_lines(ready, known)
+    return mixture.refusal or (fit, mixture)
 
 
 def fit_and_lines(

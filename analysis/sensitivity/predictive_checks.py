@@ -14,8 +14,8 @@ from analysis.sensitivity.noticing import LEAN, Noticing
 from analysis.sensitivity.ordinal_model import (
     OrdinalSensitivity,
     PreparedTrials,
-    fit_and_lines,
     latent_posterior,
+    lines_or_refusal,
     prepared_ratings,
 )
 from analysis.sensitivity.ratings import Ratings
@@ -93,11 +93,11 @@ def checked_ordinal(ratings: Ratings) -> CheckedOrdinal:
     if isinstance(ready, NotEstimable):
         return CheckedOrdinal(fit=ready, check=ready)
     posterior = latent_posterior(ready)
-    fit, mixture = fit_and_lines(ready, posterior)
-    if refusal := mixture.refusal:
-        return CheckedOrdinal(fit=refusal, check=refusal)
+    found = lines_or_refusal(ready, posterior)
+    if isinstance(found, NotEstimable):
+        return CheckedOrdinal(fit=found, check=found)
     check = _check(_compared_scores(ready, posterior, ratings, np.random.default_rng(SEED)))
-    return CheckedOrdinal(fit=check.refusal or fit, check=check)
+    return CheckedOrdinal(fit=check.refusal or found[0], check=check)
 
 
 def checked_two_stage(trials: AnsweredTrials) -> CheckedTwoStage:
@@ -108,14 +108,15 @@ def checked_two_stage(trials: AnsweredTrials) -> CheckedTwoStage:
     found = two_stage_posterior(trials)
     if isinstance(found, NotEstimable):
         return CheckedTwoStage(fit=found, check=found)
-    if refusal := found.refusal:
-        return CheckedTwoStage(fit=refusal, check=refusal)
+    summary = found.summary
+    if isinstance(summary, NotEstimable):
+        return CheckedTwoStage(fit=summary, check=summary)
     rng = np.random.default_rng(SEED)
     check = _check(
         _compared_answers(found.noticing, trials, rng)
         | _compared_scores(found.rating.ready, found.rating.posterior, found.rating.ratings, rng)
     )
-    return CheckedTwoStage(fit=check.refusal or found.summary, check=check)
+    return CheckedTwoStage(fit=check.refusal or summary, check=check)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,5 +1,6 @@
 """M3: changes are noticed first, and rated if they were noticed."""
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
@@ -10,7 +11,6 @@ from scipy.special import expit
 from analysis.estimates import BoolArray, IntArray, NotEstimable
 from analysis.sensitivity.curvature import BEYOND, mills_ratio
 from analysis.sensitivity.latent_posterior import LatentPosterior
-from analysis.sensitivity.lines import LineMixture
 from analysis.sensitivity.noticing import (
     EXPECTED,
     OPPOSITE,
@@ -22,8 +22,8 @@ from analysis.sensitivity.noticing import (
 from analysis.sensitivity.ordinal_model import (
     OrdinalSensitivity,
     PreparedTrials,
-    fit_and_lines,
     latent_posterior,
+    lines_or_refusal,
     prepared_ratings,
 )
 from analysis.sensitivity.ratings import Ratings
@@ -81,7 +81,7 @@ class TwoStageSensitivity:
 
     `scored` is the kind of people under which the scores are more probable, with the posterior
     probability `scored_p` if both were equally probable before; `other_gain` is the group's gain if
-    they are of the other kind.
+    they are of the other kind, NaN if that cannot be told.
     """
 
     ratings: OrdinalSensitivity
@@ -102,9 +102,10 @@ class RatingStage:
     posterior: LatentPosterior
 
     @cached_property
-    def fit(self) -> tuple[OrdinalSensitivity, LineMixture]:
-        """The estimates, and the posteriors of which they are means and limits."""
-        return fit_and_lines(self.ready, self.posterior)
+    def fit(self) -> OrdinalSensitivity | NotEstimable:
+        """The estimates, or why there are none."""
+        found = lines_or_refusal(self.ready, self.posterior)
+        return found if isinstance(found, NotEstimable) else found[0]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -115,31 +116,29 @@ class TwoStagePosterior:
     rating: RatingStage
     other: RatingStage
 
-    @property
-    def refusal(self) -> NotEstimable | None:
-        """Why a stage is not known, or None."""
-        return self.noticing.refusal or self.rating.fit[1].refusal
-
-    @property
-    def summary(self) -> TwoStageSensitivity:
-        """The estimates."""
+    @cached_property
+    def summary(self) -> TwoStageSensitivity | NotEstimable:
+        """The estimates, or why a stage tells none."""
+        if refusal := self.noticing.refusal:
+            return refusal
+        fit, other = self.rating.fit, self.other.fit
+        if isinstance(fit, NotEstimable):
+            return fit
         more, less = (stage.posterior.points.log_evidence for stage in (self.rating, self.other))
         return TwoStageSensitivity(
-            ratings=self.rating.fit[0],
+            ratings=fit,
             detection=self.noticing.detection,
             reference_contrast=self.noticing.reference,
             scored=self.rating.kind,
             scored_p=float(expit(more - less)),
-            other_gain=self.other.fit[0].lines.gain,
+            other_gain=math.nan if isinstance(other, NotEstimable) else other.lines.gain,
         )
 
 
 def two_stage_sensitivity(trials: AnsweredTrials) -> TwoStageSensitivity | NotEstimable:
     """Return the estimates of `two_stage_posterior`, or why there are none."""
     posterior = two_stage_posterior(trials)
-    if isinstance(posterior, NotEstimable):
-        return posterior
-    return posterior.refusal or posterior.summary
+    return posterior if isinstance(posterior, NotEstimable) else posterior.summary
 
 
 def two_stage_posterior(trials: AnsweredTrials) -> TwoStagePosterior | NotEstimable:

@@ -78,3 +78,17 @@ def test_an_unbounded_density_is_evaluated_within_reach_only() -> None:
     assert max(asked) <= REACH
     assert np.abs(found.points).max() <= REACH
     assert found.mean(found.points)[0] > REACH - 1
+
+
+def test_points_of_which_one_has_all_the_weight_are_refused_before_anything_is_made_of_them() -> (
+    None
+):
+    """Their covariance is singular, and one half of them has no weight at all."""
+
+    def spike(points: FloatArray) -> FloatArray:
+        return np.where(np.arange(len(points)) == len(points) // 3, 1e4, 0.0)
+
+    found, _ = weighted_points(spike, np.zeros(2), 50)
+    refusal = found.refusal()
+    assert refusal is not None
+    assert refusal.reason.endswith("reached 1 effective points, and intervals need at least 200")

@@ -2,11 +2,11 @@
 
 import asyncio
 import io
-import logging
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import closing, contextmanager
 from functools import partial
 from hmac import compare_digest, digest
+from logging import NOTSET, disable
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -150,7 +150,7 @@ def connected(scheduler: str) -> Iterator["Client"]:
         raise BadInput(
             "--scheduler needs the package distributed; install touchbeam[cluster]"
         ) from None
-    logging.disable()  # it prints tracebacks of what is said here in one line
+    disable()  # it prints tracebacks of what is said here in one line
     try:
         if asyncio.run(_kind(scheduler)) != "Scheduler":
             raise WorkFailed(
@@ -166,7 +166,7 @@ def connected(scheduler: str) -> Iterator["Client"]:
                 ) from None
             yield client
     finally:
-        logging.disable(logging.NOTSET)
+        disable(NOTSET)
 
 
 async def _kind(address: str) -> str:

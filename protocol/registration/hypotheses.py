@@ -31,6 +31,7 @@ def hypotheses(conditions: Iterable[str]) -> dict[str, str]:
             "method over all pairs of conditions; p < .05 and a mean difference above 0"
             for higher, lower in pairs
         },
+        # These words stand in registered texts, which are compared: another p of F leaves them.
         GAINS: "F test of the participants' slopes on the conditions' effects (Mandel); p < .05",
         FOLLOWS: "gain of the ordinal mixed model M2; its 95 % interval lies above 0",
         ORDER: "Spearman's correlation of predicted contrasts and mean ratings of the conditions; "

@@ -78,7 +78,8 @@ def _additive_line(table: TableStatistics) -> str:
     slopes = (
         f"not estimable ({gains.reason})"
         if isinstance(gains, NotEstimable)
-        else f"F({gains.df[0]}, {gains.df[1]}) = {gains.f:.3f}, {p_equals(gains.p)}, "
+        else f"Mandel's F({gains.df[0]}, {gains.df[1]}) = {gains.f:.3f}, by shuffling "
+        f"{p_equals(gains.p)}, "
         f"standard deviation of the slopes (moment estimate) τ = {number(gains.tau)}"
     )
     return (

@@ -29,7 +29,7 @@ def test_on_the_conditions_effects_the_test_is_mandels() -> None:
     mandel = gain_heterogeneity(PUBLISHED.table)
     assert isinstance(mandel, GainHeterogeneity)
     found = gain_spread(SCORES, SCORES.mean(axis=0))
-    assert (found.f, found.p) == pytest.approx((mandel.f, mandel.p))
+    assert found.f == pytest.approx(mandel.f)
     assert found.df == (8, 24)
     assert found.mean == pytest.approx(1.0)
 

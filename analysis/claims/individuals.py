@@ -56,7 +56,8 @@ def gain_spread(scores: FloatArray, x: FloatArray) -> GainSpread:
     Q = Σ(x - x̄)². With gains of standard deviation τ between subjects and residuals of variance σ²,
     F is (1 + τ²Q/σ²) times a variable of the F distribution, which gives the power. The limits of
     τ² are S(1 - q/F)/(Qc), with q and c the same quantile of F and of chi-square, and 0 below that
-    (Williams, Biometrika 49, 1962). Gains and residuals are taken as normal.
+    (Williams, Biometrika 49, 1962). Gains and residuals are taken as normal, and everybody's
+    residuals to scatter alike.
 
     Parameters:
         scores: shape (subjects, conditions), none missing.

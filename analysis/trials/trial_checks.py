@@ -191,7 +191,7 @@ def gain_differences(ratings: Ratings) -> FTest | NotEstimable:
     """Return the test of slopes of the subjects' own on the contrast, beyond a common one.
 
     Subjects and conditions have levels of their own, so that what a condition does to all is no
-    difference between subjects.
+    difference between subjects. F supposes that everybody's ratings scatter alike.
     """
     trials, contrast = ratings.given, ratings.given.contrast[:, None]
     if not len(contrast):

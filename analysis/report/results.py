@@ -49,6 +49,8 @@ def paragraphs(found: Findings) -> Iterator[tuple[str, str]]:
 def _who(found: Findings) -> str:
     given = found.loaded.table.given
     subjects, conditions = int(given.any(axis=1).sum()), int(given.any(axis=0).sum())
+    if not subjects:
+        return "Nobody gave a score."
     return (
         f"{count_of(subjects, 'participant')} rated {count_of(conditions, 'condition')} "
         f"from {found.scale}."
@@ -88,9 +90,10 @@ def _pairs(found: Findings, pairs: Sequence[PairwiseTest]) -> str:
     told = "; ".join(_pair(found, pair) for pair in differ[:MOST_PAIRS])
     if not differ:
         largest = max((pair for pair in pairs if isinstance(pair.test, SignedRank)), key=_size)
+        told = f"The largest difference: {_pair(found, largest)}"
         return (
             "No two conditions differed significantly (Wilcoxon's signed-rank tests, Holm's "
-            f"correction). The largest difference: {_pair(found, largest)}."
+            f"correction). {told if _size(largest) else 'No pair of means differs'}."
         )
     more = len(differ) - MOST_PAIRS
     others = f" {count_of(more, 'other pair')} differed, too.".capitalize() if more > 0 else ""
@@ -124,17 +127,17 @@ def _gain(lines: Lines, contrast: str) -> str:
         return "A single participant tells nothing about a group."
     low, high = lines.gain_interval
     shown = (
-        "so they do."
+        "so ratings follow it."
         if low > 0
-        else "so they fall where a larger change is predicted."
+        else "so ratings fall where a larger change is predicted."
         if high < 0
-        else "so these data do not show that they do."
+        else "which includes 0, so these data do not show that ratings follow it."
     )
-    verb, by, ends = ("rose", lines.gain, lines.gain_interval)
+    what, by, ends = ("rise", lines.gain, lines.gain_interval)
     if lines.gain < 0:
-        verb, by, ends = ("fell", -lines.gain, (-high, -low))
+        what, by, ends = ("fall", -lines.gain, (-high, -low))
     return (
-        f"Per unit of {contrast}, a rating {verb} by {number(by, 2)} points in the group"
+        f"Per unit of {contrast}, the estimate is a {what} of {number(by, 2)} points in the group"
         f"{_ci(ends)}, {shown}"
     )
 

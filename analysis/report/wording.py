@@ -104,6 +104,8 @@ def count_of(count: int, what: str) -> str:
 
 def interval(ends: Interval, digits: int = 2, *, bounded: bool = False) -> str:
     """Return an interval that a line break cannot split; `bounded` ends cannot exceed 1."""
+    if any(map(math.isnan, ends)):
+        return MISSING
     written = _bounded if bounded else number
     low, high = (written(end, digits) if end < math.inf else UNBOUNDED for end in ends)
     return f"[{low},\N{NO-BREAK SPACE}{high}]"

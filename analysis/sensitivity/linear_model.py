@@ -76,6 +76,18 @@ def line_sums(subject: IntArray, subjects: int, x: FloatArray, y: FloatArray) ->
     )
 
 
+def without_noise(sums: LineSums) -> NotEstimable | None:
+    """Return why ratings in standard units tell no noise, or None if they do."""
+    own = np.linalg.pinv(sums.gram, rcond=1e-9, hermitian=True) @ sums.products[..., None]
+    explained = (sums.products * own[..., 0]).sum(axis=1)
+    if (sums.squares - explained).sum() > 1e-9 * sums.counts.sum():
+        return None
+    return NotEstimable(
+        "each subject's ratings lie exactly on a line, so there is no residual to "
+        "separate noise from differences between subjects"
+    )
+
+
 def line_posterior(sums: LineSums, residual_sd: FloatArray, between: FloatArray) -> LinePosterior:
     """Return likelihood and lines at given variance components.
 
@@ -162,13 +174,8 @@ def linear_posterior(ratings: Ratings) -> tuple[LinearSensitivity, LineMixture] 
     x = (trials.contrast - axes.x_mean) / axes.x_sd
     y = (trials.rating - axes.y_mean) / axes.y_sd
     sums = line_sums(trials.subject, len(trials.subjects), x, y)
-    own = np.linalg.pinv(sums.gram, rcond=1e-9, hermitian=True) @ sums.products[..., None]
-    explained = (sums.products * own[..., 0]).sum(axis=1)
-    if (sums.squares - explained).sum() <= 1e-9 * len(trials.rating):
-        return NotEstimable(
-            "each subject's ratings lie exactly on a line, so there is no residual to "
-            "separate noise from differences between subjects"
-        )
+    if refusal := without_noise(sums):
+        return refusal
 
     def log_posterior(points: FloatArray) -> FloatArray:
         spread = log_prior_of_spread(points[:, 2]) - 2 * np.log(2**0.5 * np.cosh(points[:, 3]))

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from analysis.estimates import FloatArray, Interval, NotEstimable
-from analysis.sensitivity.linear_model import LineSums, line_posterior, line_sums
+from analysis.sensitivity.linear_model import LineSums, line_posterior, line_sums, without_noise
 from analysis.sensitivity.lines import axes_of, covariance_matrices
 from analysis.sensitivity.ratings import Ratings
 from analysis.statistics.signed_rank import DECIMALS
@@ -78,9 +78,11 @@ def _law_likelihood(
         return axes
     x = (contrast - axes.x_mean) / axes.x_sd
     y = (trials.rating - axes.y_mean) / axes.y_sd
-    subjects = len(trials.subjects)
+    sums = line_sums(trials.subject, len(trials.subjects), x, y)
+    if refusal := without_noise(sums):
+        return refusal
     unit = len(y) * np.log(axes.y_sd)
-    with_law = _largest(line_sums(trials.subject, subjects, x, y)) - unit
+    with_law = _largest(sums) - unit
     without = _largest_level(trials, y) - unit
     return LawLikelihood(
         log_likelihood=float(with_law),

@@ -43,13 +43,13 @@ def section(found: Findings) -> Section:
         title="Sensitivity",
         blocks=[
             _headline(trials.m2, trials.ranges),
-            SKIN,
-            Items(heading="Limitations of these data.", lines=_limits(found)),
             *(
                 f"{model} has no estimates: {fit.reason}."
                 for model, fit in (("M2", trials.m2), ("M1", trials.m1))
                 if isinstance(fit, NotEstimable)
             ),
+            SKIN if _fits(trials) else None,
+            Items(heading="Limitations of these data.", lines=_limits(found)),
             _relative_figure(trials),
             _gains_figure(trials),
             _fits_table(_fits(trials)),
@@ -89,7 +89,7 @@ def _known(ranges: Sequence[ContrastRange]) -> str:
 def _limits(found: Findings) -> list[str]:
     """Return the limitations of the data, a sentence or two each."""
     limits, trials = [], found.trials
-    if not trials.has_repeats:
+    if not trials.has_repeats and _fits(trials):
         limits.append(
             "With one rating per subject and condition, differences between subjects in "
             "sensitivity cannot be established: a subject's gain is known only by pooling with the "
@@ -147,8 +147,9 @@ def _gains_figure(trials: TrialStatistics) -> Figure:
     return Figure(
         name="sensitivity",
         title="Sensitivity of each subject",
-        caption="Sensitivity of each subject with its 95% interval; dashed lines show the group. "
-        f"{SKIN_IN_SHORT}{of_all(len(data.shown), data.of, 'subjects')}",
+        caption="Sensitivity of each subject with its 95% interval; dashed lines show the group, "
+        f"if there are several subjects. {SKIN_IN_SHORT}"
+        f"{of_all(len(data.shown), data.of, 'subjects')}",
         draw=partial(gains_figure, data),
         table=_gains_table(*next(iter(data.models.items()))),
     )
@@ -188,7 +189,7 @@ def _gains_table(model: str, lines: Lines) -> Table:
         columns=columns("subject", *names),
         rows=[
             ["group", *_line_cells(lines), "", "", *_jnd_cells(lines), ""],
-            *([line.subject, *_subject_cells(line)] for line in lines.subjects),
+            *([line.subject, *_subject_cells(line)] for line in lines.subjects if line.trials),
         ],
     )
 
@@ -270,6 +271,7 @@ def _simple_table(fit: LinearSensitivity | NotEstimable) -> Table | None:
             *(
                 [line.subject, *_line_cells(line), number(line.own_share, 2)]
                 for line in fit.lines.subjects
+                if line.trials
             ),
         ],
     )

@@ -89,12 +89,12 @@ def test_the_head_has_the_authors_facts() -> None:
 @pytest.mark.parametrize(
     ("gain", "ends", "told"),
     [
-        (2.5, (1.0, 4.0), "rose by 2.50 points in the group, 95% CI [1.00, 4.00], so they do."),
+        (2.5, (1.0, 4.0), "a rise of 2.50 points in the group, 95% CI [1.00, 4.00], so ratings f"),
         (
             *(-2.5, (-4.0, -1.0)),
-            "fell by 2.50 points in the group, 95% CI [1.00, 4.00], so they fall where a larger",
+            "a fall of 2.50 points in the group, 95% CI [1.00, 4.00], so ratings fall where",
         ),
-        (-0.5, (-2.0, 1.0), "fell by 0.50 points in the group, 95% CI [−1.00, 2.00], so these"),
+        (-0.5, (-2.0, 1.0), "a fall of 0.50 points in the group, 95% CI [−1.00, 2.00], which incl"),
     ],
 )
 def test_ratings_rise_or_fall_by_a_positive_number(

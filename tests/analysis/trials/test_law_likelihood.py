@@ -94,3 +94,18 @@ def test_contrasts_must_be_as_many_as_trials(extended_study: StudyOf) -> None:
     ratings = extended_study(OPEN, seed=1, subjects=2).ratings
     with pytest.raises(ValueError, match="coulomb needs 40 contrasts, got 3"):
         law_likelihoods(ratings, {"coulomb": np.zeros(3)}, SCALE)
+
+
+def test_ratings_on_lines_have_no_likelihood() -> None:
+    """It grows without end as the noise falls: what a search came to depended on the processor."""
+    ratings = Ratings(
+        subjects=("a", "b"),
+        conditions=("voltage", "pressure"),
+        subject=np.array([0, 0, 1, 1]),
+        condition=np.array([0, 1, 0, 1]),
+        contrast=np.array([0.4, 0.1, 0.4, 0.1]),
+        rating=np.array([7.0, 3.0, 9.0, 2.0]),
+    )
+    found = law_likelihoods(ratings, {"law": ratings.contrast}, SCALE)["law"]
+    assert isinstance(found, NotEstimable)
+    assert "lie exactly on a line" in found.reason

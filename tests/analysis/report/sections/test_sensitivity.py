@@ -1,5 +1,6 @@
 """Sensitivities and the detection of changes."""
 
+import numpy as np
 import pytest
 
 from analysis.report.report import report_html, report_json
@@ -46,3 +47,14 @@ def test_a_fit_with_too_few_effective_points_is_withheld(monkeypatch: pytest.Mon
     assert "effective points" in numbers["sensitivity_reason"]
     assert "effective points" in numbers["sensitivity_simple"]["reason"]
     assert 'id="gains"' not in report_html(result)
+
+
+def test_who_gave_no_score_has_no_row_and_a_single_subject_no_group() -> None:
+    names = ("voltage", "structure", "pressure", "frequency")
+    scores = [[5, 7, 9, 4], [6, 8, 9, 3], [4, 6, 9, 5], [np.nan] * 4]
+    page = report_html(made(scores, names=names))
+    table = page[page.index('id="simple"') :]
+    assert ">P02<" in table[: table.index("</table>")]
+    assert ">P03<" not in table[: table.index("</table>")]
+    alone = report_html(made(scores[:1], names=names))
+    assert "unbounded,\N{NO-BREAK SPACE}unbounded" not in alone

@@ -1,11 +1,21 @@
 """Import of a data set that touchbeam exported, as a study with the same sessions."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from protocol.errors import BadInput
-from protocol.journal.events import StoredEvent, StudyRegistered
+from protocol.journal.events import (
+    Answered,
+    Event,
+    QuestionAnswered,
+    SessionOpened,
+    SessionResumed,
+    StoredEvent,
+    StudyRegistered,
+    TouchStarted,
+)
+from protocol.journal.records import PlannedTrial
 from protocol.journal.shared_form import (
     FOLDER,
     MOST_BYTES,
@@ -16,7 +26,9 @@ from protocol.journal.shared_form import (
     shared_session,
 )
 from protocol.registration.registration import shared_registration
-from protocol.study_file.loading import parsed_study
+from protocol.study.questions import ANSWERS
+from protocol.study.rating import Rating
+from protocol.study_file.loading import parsed_study, text_digest
 from protocol.study_file.toml import LONGEST_TEXT
 from runner.journal.names import REHEARSAL, STUDY_CHAIN, session_name
 from runner.journal.opening import open_journal
@@ -50,10 +62,13 @@ def read_data_set(source: Path) -> DataSet:
             f"{FOLDER}/{STUDY_FILE} is missing"
         )
     text = text_of(bytes_of(study_file, most=LONGEST_TEXT), study_file)
-    parsed_study(text, str(study_file), dialects=DIALECTS)
+    rating = parsed_study(text, str(study_file), dialects=DIALECTS).rating
     files = sorted(place.glob(f"*{SUFFIX}"))
     texts = ((str(file), text_of(bytes_of(file, most=MOST_BYTES), file)) for file in files)
-    sessions = {_name(session): session for session in shared_sessions(texts)}
+    found = [(name, shared_session(name, content)) for name, content in texts]
+    for name, session in found:
+        _require_possible(name, session, {text_digest(text): rating})
+    sessions = {_name(session): session for session in _in_order(it for _, it in found)}
     if len(sessions) != len(files):
         raise BadInput(f"{place}: must hold each session once")
     return DataSet(study_text=text, sessions=sessions, registration=_registration(place))
@@ -73,8 +88,69 @@ def shared_sessions(texts: Iterable[tuple[str, str]]) -> list[SharedSession]:
     Raises:
         BadInput: one of the texts is no session.
     """
-    found = (shared_session(name, text) for name, text in texts)
-    return sorted(found, key=lambda session: session.place)
+    return _in_order(shared_session(name, text) for name, text in texts)
+
+
+def _in_order(sessions: Iterable[SharedSession]) -> list[SharedSession]:
+    return sorted(sessions, key=lambda session: session.place)
+
+
+def _require_possible(source: str, session: SharedSession, known: Mapping[str, Rating]) -> None:
+    """Refuse answers that nobody can have given to what a session asked.
+
+    Args:
+        source: the name of the session's file.
+        session: the session.
+        known: the rating of the study file, by its digest; a session before an amendment was
+            rated as its own study file says.
+    """
+    ratings, trials = dict(known), dict[int, PlannedTrial]()
+    for line, stored in enumerate(session.events, start=2):  # the first one has the place
+        event = stored.record
+        if isinstance(event, SessionOpened | SessionResumed):
+            trials.update({trial.index: trial for trial in event.trials})
+            own = event.study_text
+            if own and (digest := text_digest(own)) not in ratings:
+                where = f"{source}: line {line}, study_text"
+                ratings[digest] = parsed_study(own, where, dialects=DIALECTS).rating
+        for wrong in _impossible(event, trials, ratings.values()):
+            raise BadInput(f"{source}: line {line}, {event.TAG}, {wrong}")
+
+
+def _impossible(
+    event: Event, trials: Mapping[int, PlannedTrial], ratings: Iterable[Rating]
+) -> Iterator[str]:
+    """Yield which values of an event nobody can have given, and what they must be."""
+    for time_s in _reaction_times_s(event):
+        if time_s < 0:
+            yield f"reaction_time_s: must be at least 0, got {time_s:g}"
+    if not isinstance(event, Answered):
+        return
+    scales = [range(rating.minimum, rating.maximum + 1) for rating in ratings]
+    if event.score is not None and not any(event.score in scale for scale in scales):
+        scale = scales[-1]
+        yield f"score: must be from {scale[0]} to {scale[-1]}, got {event.score}"
+    if event.change is None:
+        return
+    trial = trials[event.index]
+    possible = next((them for asked, them in ANSWERS.items() if asked == trial.question), ())
+    if event.change not in possible:
+        told = ", ".join(possible) or "null, as nothing was asked"
+        yield f"change: must be one of {told}, got {event.change[:80]!r}"
+    if event.agrees is not (event.change == trial.expected):
+        yield f"agrees: must say whether {event.change!r} is the expected {trial.expected!r}"
+
+
+def _reaction_times_s(event: Event) -> tuple[float, ...]:
+    match event:
+        case Answered():
+            asked = tuple(given.reaction_time_s for given in event.questions)
+            return event.reaction_time_s + asked
+        case QuestionAnswered(reaction_time_s=time_s):
+            return (time_s,)
+        case TouchStarted(instruction=given) if given:
+            return (given.reaction_time_s,)
+    return ()
 
 
 def import_data_set(folder: StudyFolder, data: DataSet) -> None:

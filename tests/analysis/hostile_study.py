@@ -117,7 +117,8 @@ class Written:
 
     def answer(self, trial: Trial, score: int | None) -> None:
         """Answer as expected with `score`, or, if it is None, against the expectation."""
-        change = trial.expected if score is not None else "same" if trial.expected else None
+        against = "not swapped" if trial.question == "places" else "same"
+        change = trial.expected if score is not None else against if trial.expected else None
         self.add(
             "answered",
             index=trial.index,

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -254,6 +255,51 @@ def test_a_session_that_was_changed_so_that_it_is_none_is_refused(
     assert said.count("\n") == 1
     assert len(said) < 500
     assert not study.exists()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "problem"),
+    [
+        (r'"score": \d+', '"score": 99', "score: must be from 0 to 10, got 99"),
+        (r'"score": \d+', '"score": -1', "score: must be from 0 to 10, got -1"),
+        (r'"change": "\w+"', '"change": "=1+1"', "change: must be one of "),
+        (r'"agrees": true', '"agrees": false', "agrees: must say whether "),
+        (
+            r'"reaction_time_s": 0.5',
+            '"reaction_time_s": -0.5',
+            "reaction_time_s: must be at least 0, got -0.5",
+        ),
+    ],
+)
+def test_an_answer_that_nobody_can_have_given_is_refused(
+    old: str, new: str, problem: str, changed: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = changed / SESSIONS / "sub-P03.jsonl"
+    lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
+    at = next(
+        number
+        for number, line in enumerate(lines)
+        if line.startswith('["answered"') and re.search(old, line)
+    )
+    lines[at] = re.sub(old, new, lines[at], count=1)
+    file.write_text("".join(lines), encoding="utf-8")
+    assert typed("import", changed, changed.parent / "study") == 2
+    said = capsys.readouterr().err
+    assert f"sub-P03.jsonl: line {at + 1}, answered, {problem}" in said
+    assert said.count("\n") == 1
+    assert not (changed.parent / "study").exists()
+
+
+def test_scores_before_an_amendment_of_the_scale_come_back(
+    original: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study = Path(shutil.copytree(original, tmp_path / "amended"))
+    bands = re.compile(r"bands = \[.*?^\]$", re.DOTALL | re.MULTILINE)
+    amended = bands.sub("minimum = 11\nmaximum = 20", TEXT)
+    (study / "study.toml").write_text(amended, encoding="utf-8")
+    assert typed("amend", study, "--reason", "a shorter scale") == 0, capsys.readouterr().err
+    assert typed("export", study, tmp_path / "bids", "--format", "bids") == 0
+    assert typed("import", tmp_path / "bids", tmp_path / "back") == 0, capsys.readouterr().err
 
 
 def a_pipe(file: Path) -> None:

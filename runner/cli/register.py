@@ -60,7 +60,7 @@ def register(
         secondary=hypothesis or [],
         law=LAW,
         rung=RUNG,
-        analysis=analysis_settings(),
+        analysis=analysis_settings(checked.rating.minimum),
         exclusions=rules_in_words(checked.exclusions),
         power=power or (kept if (kept := study / "power" / "power.json").exists() else None),
     )

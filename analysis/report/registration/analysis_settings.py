@@ -7,11 +7,14 @@ from analysis.statistics.signed_rank import LARGEST_EXACT, LEVEL
 from analysis.trials.contrasts import FORCE_STEP, FREQUENCY_DIGITS, PLACE_STEP_M
 
 
-def analysis_settings() -> dict[str, str | float]:
+def analysis_settings(least: float = 0) -> dict[str, str | float]:
     """Return what this version's tests and estimates depend on, by name.
 
-    Every value is a text or a number, so that a registration can hold it.
+    Every value is a text or a number, so that a registration can hold it. `least` is the lowest
+    score of the scale; where it is 0 the words stay, since a registration's digest depends on them.
     """
+    zero = "as zero" if least == 0 else "as the lowest score of the scale"
+    lowest = "as the lowest score" if least == 0 else "as the lowest score given"
     return {
         "significance level": LEVEL,
         "omnibus test": "Friedman, corrected for ties; exact by enumeration, else Monte Carlo; "
@@ -23,7 +26,7 @@ def analysis_settings() -> dict[str, str | float]:
         "permutations, most": MOST_SHUFFLES,
         "permutations, seed": SHUFFLED_BY,
         "score of a condition": "mean over a participant's scored trials",
-        "withheld scores": "missing; beside it read as zero and as the lowest score",
+        "withheld scores": f"missing; beside it read {zero} and {lowest}",
         "sensitivity model": "M2, ordinal mixed model, integrated over its variances",
         "effective points of the integration, fewest": LEAST_EFFECTIVE,
         "measured force, step relative to the planned one": FORCE_STEP,

@@ -79,7 +79,7 @@ def conduct(found: Findings, lock: StudyLock) -> Conduct:
         study_sha256=origin.study_sha256,
         law=LAW,
         rung=RUNG,
-        analysis=analysis_settings(),
+        analysis=analysis_settings(found.rating.minimum),
         touchbeam=version("touchbeam"),
         later=origin.later.origin if origin.later else "",
         broken_file=origin.unlocked,

@@ -223,9 +223,18 @@ def test_every_changed_character_of_the_settings_is_a_deviation(
             if isinstance(value, str) or old.isdigit():
                 changed = f"{text[:place]}{'2' if old == '1' else '1'}{text[place + 1 :]}"
                 used = {**settled, name: type(value)(changed)}
-                monkeypatch.setattr(f"{conduct.__module__}.analysis_settings", lambda now=used: now)
+                monkeypatch.setattr(
+                    f"{conduct.__module__}.analysis_settings", lambda _, now=used: now
+                )
                 said = f"{name}: {used[name]}; registered: {value}"
                 assert told(loaded) == [("analysis", said)]
+
+
+def test_the_reading_of_withheld_scores_is_that_of_the_scale() -> None:
+    before = "missing; beside it read as zero and as the lowest score"
+    assert analysis_settings(0)["withheld scores"] == before  # digests depend on it
+    told = "missing; beside it read as the lowest score of the scale and as the lowest score given"
+    assert analysis_settings(1)["withheld scores"] == told
 
 
 def test_each_session_is_predicted_under_the_calibration_in_force() -> None:

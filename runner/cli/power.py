@@ -136,8 +136,8 @@ def power(
     left = [task for task in every if kept(job, task, place) is None]
     if others := sum(place.load(task.name) is not None for task in left):
         complain(
-            f"touchbeam: warning: {others} kept results in {place.chunks} are damaged, or you have "
-            "not computed them on this computer; they are computed anew"
+            f"touchbeam: warning: {others} kept result{'s' * (others != 1)} in {place.chunks}: "
+            "damaged, or not computed by you on this computer; computed anew"
         )
     used = workers or _cores()
     if scheduler:  # which need not be there if all is kept already

@@ -81,6 +81,8 @@ class StudyFolder:
             return None
         try:
             given = tomllib.loads(short_text(path))
+        except BadInput:  # it names the file already
+            raise
         except (OSError, ValueError) as error:
             raise BadInput(f"{path}: {error}") from error
         names = given.pop("sections", [])

@@ -270,6 +270,9 @@ def test_results_that_a_stranger_has_kept_are_computed_anew(
     before = [path.stat().st_mtime_ns for path in chunks]
     assert typed("power", folder, *QUICK) == 0
     assert f"warning: {len(chunks)} kept results in " in capsys.readouterr().err
+    chunks[0].write_bytes(b"")
+    assert typed("power", folder, *QUICK) == 0
+    assert "warning: 1 kept result in " in capsys.readouterr().err
     assert all(path.stat().st_mtime_ns > time for path, time in zip(chunks, before, strict=True))
     assert typed("power", folder, *QUICK) == 0
     assert capsys.readouterr().err == ""

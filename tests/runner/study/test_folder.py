@@ -22,6 +22,13 @@ def name(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 
 
+def test_a_pipe_in_place_of_the_choice_of_sections_is_named_once(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "report.toml")
+    with pytest.raises(BadInput) as caught:
+        StudyFolder(path=tmp_path).report_sections()
+    assert str(caught.value).count("report.toml") == 1
+
+
 def test_a_pipe_or_a_device_is_refused_without_being_read(tmp_path: Path, name: str) -> None:
     os.mkfifo(tmp_path / name)
     with pytest.raises(BadInput, match=f"{name}: must be a file, got a pipe or a device$"):

@@ -1,6 +1,7 @@
 """The registration of a study on disk: made, read, and compared with the journal."""
 
 import json
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
@@ -95,8 +96,8 @@ def file_problem(
         )
     if kept is None:
         return (
-            f"{FILE} is missing, but the study is registered; touchbeam register restores it, with "
-            "the options that were given then"
+            f"{FILE} is missing, but the study is registered; restore it with: "
+            f"{_command(registration_in(recorded.text))}"
         )
     if kept.digest != recorded.registration:
         return (
@@ -105,6 +106,14 @@ def file_problem(
             "touchbeam register"
         )
     return ""
+
+
+def _command(made: Registration) -> str:
+    """Return the command that makes this registration again, for a study's folder STUDY."""
+    asked = [word for name in made.secondary for word in ("--hypothesis", name)]
+    command = shlex.join(["touchbeam", "register", "STUDY", "--primary", made.primary, *asked])
+    file = made.power.get("file")
+    return f"{command} --power FILE (that with {file})" if file else command
 
 
 def changed_files(journal: Journal, folder: StudyFolder) -> str:

@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shlex
 import sqlite3
 from contextlib import suppress
 from importlib.resources import files
@@ -224,6 +225,12 @@ def test_a_lost_file_is_restored_from_the_journal(
     assert "P01/1 is recorded under registration" in line
 
 
+def _advised(said: str) -> list[str]:
+    """Return the options of the command that restores a registration."""
+    command = said.partition("restore it with: touchbeam register STUDY ")[2]
+    return shlex.split(command.splitlines()[0])
+
+
 def test_a_registration_says_what_it_replaces(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -234,7 +241,11 @@ def test_a_registration_says_what_it_replaces(
     first = digest_of(tmp_path)
     (tmp_path / "registration.toml").unlink()
     assert typed("verify", tmp_path) == 1
-    assert "restores it, with the options that were given then" in capsys.readouterr().out
+    found = capsys.readouterr().out
+    assert typed("register", tmp_path, *_advised(found)) == 0
+    assert "replaces" not in capsys.readouterr().out
+    assert digest_of(tmp_path) == first
+    (tmp_path / "registration.toml").unlink()
     assert typed("register", tmp_path) == 0
     told = f"This replaces registration {first[:12]}, which the journal keeps; changed: secondary\n"
     assert told in capsys.readouterr().out

@@ -15,7 +15,7 @@ from device.errors import OutOfRangeError
 from device.friction.calibration import NOMINAL, Calibration
 from protocol.errors import BadInput
 from protocol.journal.events import ResonanceMeasured
-from runner.study.files import own_file, short_text, write_whole
+from runner.study.files import own_file, require_no_link, short_text, write_whole
 
 if TYPE_CHECKING:
     from device.resonance import Resonance
@@ -136,6 +136,7 @@ def _kept(path: Path) -> dict[str, Any] | None:
     if not path.exists():
         return None
     try:
+        require_no_link(path)
         kept = json.loads(short_text(path))
         return dict(kept.items())
     except BadInput:

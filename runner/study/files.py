@@ -47,6 +47,17 @@ def require_end(path: Path) -> None:
         raise BadInput(f"{path}: must be a file, got a pipe or a device")
 
 
+def require_no_link(path: Path) -> None:
+    """Refuse a link where touchbeam names the file itself: it could lead to another person's file.
+
+    Raises:
+        BadInput: `path` is a link; a pipe or a device behind it is named as such.
+    """
+    require_end(path)
+    if path.is_symlink():
+        raise BadInput(f"{path}: must be a file, got a link; put the file itself there")
+
+
 def text_of(content: bytes, path: Path) -> str:
     """Decode `content` of the file `path`, without a byte order mark.
 

@@ -18,7 +18,14 @@ from protocol.study.languages import CODE, FOLDER, REFERENCE, built_in_codes
 from protocol.study.study import Study
 from protocol.study_file.language_files import picture_names, with_languages, with_pictures
 from protocol.study_file.loading import parsed_study
-from runner.study.files import make_folder, own_file, short_text, take_away, write_whole
+from runner.study.files import (
+    make_folder,
+    own_file,
+    require_no_link,
+    short_text,
+    take_away,
+    write_whole,
+)
 from runner.study.pictures import picture_digests
 
 
@@ -80,6 +87,7 @@ class StudyFolder:
         if not path.exists():
             return None
         try:
+            require_no_link(path)
             given = tomllib.loads(short_text(path))
         except BadInput:  # it names the file already
             raise
@@ -133,6 +141,7 @@ class StudyFolder:
 
     def _study_text(self) -> str:
         try:
+            require_no_link(self.study_file)
             return short_text(self.study_file)
         except FileNotFoundError:
             raise BadInput(

@@ -34,7 +34,7 @@ from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal
 from runner.study.calibration import FILE as CALIBRATION_FILE
 from runner.study.calibration import fitted_calibration
-from runner.study.files import bytes_of, own_file, text_of, write_whole
+from runner.study.files import bytes_of, own_file, require_no_link, text_of, write_whole
 from runner.study.folder import StudyFolder
 
 REGISTRY_FILE = "registration.txt"
@@ -54,6 +54,7 @@ def registration_of(folder: Path) -> Registration | None:
     path = folder / FILE
     if not path.exists():
         return None
+    require_no_link(path)
     # As it is: line ends and a byte order mark, too, would change the digest.
     return registration_in(bytes_of(path, most=LONGEST_TEXT).decode(errors="replace"), str(path))
 

@@ -9,7 +9,9 @@ import pytest
 
 import touchbeam
 from protocol.errors import BadInput
-from runner.study.calibration import keep_calibration, keep_fit
+from runner.study.calibration import keep_calibration, keep_fit, kept_calibration
+from runner.study.folder import StudyFolder
+from runner.study.registered import registration_of
 from tests.runner.command_line import everything, typed
 from tests.runner.registered_study import registered_in, run_session, study_in
 from tests.runner.study.test_calibration import FITTED, FOUND, SLID, WHEN
@@ -41,6 +43,26 @@ def test_register_follows_no_link(
         (study / name).unlink()
     assert_untouched(outside)
     assert everything(study) == {"study.toml"}, "not even the journal has it"
+
+
+@pytest.mark.parametrize(
+    "name", ["study.toml", "registration.toml", "calibration.json", "report.toml"]
+)
+def test_a_link_is_not_read(name: str, tmp_path: Path) -> None:
+    outside, study = victim_in(tmp_path), study_in(tmp_path / "study")
+    (study / name).unlink(missing_ok=True)
+    (study / name).symlink_to("../outside/victim")
+    readers: dict[str, Callable[[], object]] = {
+        "study.toml": StudyFolder(path=study).study,
+        "registration.toml": lambda: registration_of(study),
+        "calibration.json": lambda: kept_calibration(study),
+        "report.toml": StudyFolder(path=study).report_sections,
+    }
+    with pytest.raises(BadInput) as caught:
+        readers[name]()
+    told = f"{study / name}: must be a file, got a link; put the file itself there"
+    assert str(caught.value) == told
+    assert_untouched(outside)
 
 
 def a_folder(path: Path) -> None:

@@ -69,8 +69,8 @@ def test_the_figure_has_measured_friction_beside_each_law_and_rung() -> None:
 def test_tables_say_what_is_not_known_and_why() -> None:
     rows = {row[0]: row for row in findings().lines()}
     assert rows["damping ratio"][2].startswith("0.00")
-    assert rows["sliding_speed_m_s"][1] == "not determined"
-    assert "(h/2 + h_c)/v alone" in rows["sliding_speed_m_s"][2]
+    assert rows["sliding speed"][1] == "not determined"
+    assert "(h/2 + h_c)/v alone" in rows["sliding speed"][2]
     assert "speed over the measured one" in rows
     assert len(findings().extreme_lines()) == 1 + len(findings().extremes)
     assert len(findings().mismatch_lines()) == 1 + len(findings().mismatches)

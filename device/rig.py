@@ -131,6 +131,9 @@ class Rig:
         self._vibration_m()  # a device that measures none refuses before anything is driven
         try:
             return resonance(self.drive, self._vibration_m, settled, near_hz, self._limits)
+        except DeviceError:
+            self.read_back()  # one that turned itself off moves nothing: its own reason comes first
+            raise
         finally:
             self.off()
 

@@ -66,3 +66,21 @@ def test_a_long_wait_of_the_search_is_cut_into_pieces_of_a_feed(bench: Bench) ->
         bench.rig.resonance(24_000, sleep)
     assert waits == pytest.approx([FEED_S] * 21 * 5)
     assert len(beats) == len(waits), "each wait comes after a beat of its own"
+
+
+def test_a_search_ends_with_the_reason_of_a_device_that_turned_itself_off(bench: Bench) -> None:
+    """It moves nothing then: that the vibration is 0 is only what follows from it."""
+
+    def tripped() -> None:
+        raise DeviceError("protection tripped")
+
+    def vibration_m() -> float:
+        if len(bench.driver.asked) < 30:
+            return 1e-7 if len(bench.driver.asked) == 10 else 1e-9
+        bench.driver.does["read_back"] = tripped
+        return 0.0
+
+    bench.driver.does["vibration_m"] = vibration_m
+    with pytest.raises(DeviceError, match=r"^protection tripped; output off"):
+        bench.rig.resonance(24_000, lambda _: None)
+    assert bench.calls()[-1] == "off"

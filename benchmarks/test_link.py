@@ -17,7 +17,7 @@ from pyvisa.resources import MessageBasedResource
 from benchmarks.compared import compare
 from device.drivers.board import Board
 from device.drivers.limits import Limits
-from device.force_channel.blocks import encoded
+from device.force_channel.recording import encoded
 from device.link.codec import LineBuffer, text
 from device.link.codec import block as in_block
 from device.link.link import open_link

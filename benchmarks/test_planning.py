@@ -10,7 +10,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 
 from benchmarks.compared import compare, tell
 from protocol.plan.plan import plan
-from protocol.proof.cohort import cohort_problems
+from protocol.proof.trial_checks import cohort_problems
 from protocol.study_file.loading import parsed_study, template
 
 TOUCHBEAM = str(Path(sys.executable).with_name("touchbeam"))

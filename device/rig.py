@@ -20,8 +20,7 @@ from device.drivers.discovery import driver_of
 from device.drivers.driver import Driver, Reading
 from device.drivers.limits import Limits, Setpoint
 from device.errors import DeviceError, EmergencyStop, ForeignDevice, OutputUnknown
-from device.force_channel.recording import Recording
-from device.force_channel.samples import Forces, Samples
+from device.force_channel.recording import Forces, Recording, Samples
 from device.gauges.owner import MOST_LATE_S, GaugeOwner, Job
 from device.link.link import open_link
 from device.resonance import Resonance, resonance

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from protocol.plan.trials import Plan, plan_swaps, session_s
-from protocol.proof.cohort import carry_over, cohort_problems
+from protocol.proof.trial_checks import carry_over, cohort_problems
 from protocol.study.study import Study
 
 

@@ -17,7 +17,7 @@ from pathlib import Path
 from protocol.study.languages import built_in, built_in_codes
 from runner.displays.screen_list import listed_screens
 from runner.journal.database import SQLITE_VERSION, has_wal_reset_bug
-from runner.window.text_layout import first_font, missing_font
+from runner.window.elements import first_font, missing_font
 
 PACKAGES = ("protocol", "device", "runner", "analysis", "touchbeam")
 DEPENDENCIES = ("psychopy", "pyserial", "numpy", "scipy", "matplotlib", "pydantic")

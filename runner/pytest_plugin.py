@@ -121,7 +121,7 @@ def virtual_participant(simulated_rig: "SessionRig", study: "Study") -> "Virtual
     """Return a virtual participant with a finger on the simulated device, in stepped time."""
     from datetime import UTC, datetime
 
-    from device.people.population import DEFAULT, drawn_person
+    from device.people.person import DEFAULT, drawn_person
     from runner.clock import SteppedClock
     from runner.people.virtual_participant import VirtualParticipant
 

@@ -4,13 +4,10 @@ from collections import Counter
 from typing import Any
 
 from analysis.claims import (
-    eq15_ratio,
     equations,
     full_coverage,
     hardware,
     human_factors,
-    individuals,
-    local_coverage,
     published_scores,
     vibration,
 )
@@ -20,13 +17,10 @@ from device.friction.laws import LAWS
 CLAIMS: tuple[Claim, ...] = (
     *vibration.CLAIMS,
     *equations.CLAIMS,
-    *eq15_ratio.CLAIMS,
     *hardware.CLAIMS,
     *full_coverage.CLAIMS,
-    *local_coverage.CLAIMS,
     *hardware.SLIDING_CLAIMS,
     *published_scores.CLAIMS,
-    *individuals.CLAIMS,
     *human_factors.CLAIMS,
 )
 LAW_FREE = "law-free"

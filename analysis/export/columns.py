@@ -9,8 +9,7 @@ from functools import partial
 from typing import Any
 
 from device.friction.laws import LAWS
-from protocol.study.questions import QUESTIONS
-from protocol.study.study_question import StudyQuestion
+from protocol.study.study_question import QUESTIONS, StudyQuestion
 
 YES_NO = {"true": "yes", "false": "no"}
 

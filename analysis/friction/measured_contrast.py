@@ -22,7 +22,7 @@ from analysis.friction.touch_measures import (
     mean_variance,
     profile,
 )
-from protocol.study.questions import Effect
+from protocol.study.study_question import Effect
 
 BINS_OF_CONTACT = 8
 """Bins of a path in one length of contact. A bin is little longer than the path of one block; with

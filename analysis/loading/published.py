@@ -14,7 +14,7 @@ from device.friction.changes import CONDITIONS
 from protocol.errors import BadInput
 from protocol.pseudonyms import pseudonym
 from protocol.study.fields import LONGEST_NAME, require_printable
-from protocol.study.rating import PAPERS_SCALE
+from protocol.study.rules import PAPERS_SCALE
 
 NAMES = frozenset({"average", "comprehensive", "mean", "total"})
 LEAST_OTHERS = 3

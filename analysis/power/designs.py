@@ -7,11 +7,11 @@ from itertools import product
 from pydantic import ValidationError
 
 from protocol.errors import BadInput
-from protocol.study.design import MOST_REPEATS
-from protocol.study.design import Design as DesignOfStudy
+from protocol.study.rules import MOST_REPEATS
+from protocol.study.rules import Design as DesignOfStudy
 from protocol.study.study import Study
 from protocol.study_file.limits import problems
-from protocol.study_file.schema_errors import schema_problems
+from protocol.study_file.loading import schema_problems
 
 PAPERS_PARTICIPANTS = 9
 MOST_PARTICIPANTS = 1_000

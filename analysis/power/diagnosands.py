@@ -14,7 +14,7 @@ from analysis.estimates import BoolArray, FloatArray
 from analysis.power.designs import Design
 from analysis.power.diagnosis import ESTIMATES, RANK, columns
 from analysis.statistics.many_tables import holm_of_rows, pairs_of
-from protocol.registration.hypotheses import FOLLOWS, GAINS, OMNIBUS, above
+from protocol.registration.registration import FOLLOWS, GAINS, OMNIBUS, above
 
 LEVEL = 0.05
 

@@ -15,7 +15,7 @@ from analysis.power.diagnosis import rows_of_cohorts, rows_of_tables
 from analysis.power.people_cohorts import PeopleCohorts
 from device.friction.calibration import NOMINAL, Calibration
 from device.people.people_file import people_in
-from device.people.population import DEFAULT
+from device.people.person import DEFAULT
 from protocol.errors import WorkFailed
 from protocol.study_file.loading import parsed_study
 

@@ -14,9 +14,8 @@ from analysis.simulation.simulation import Simulation
 from analysis.trials.arrays import scored_trials
 from analysis.trials.contrasts import trial_contrasts
 from device.friction.calibration import NOMINAL, Calibration
-from device.people.population import DEFAULT, Population, people_of
-from device.people.world import World
-from protocol.study.rating import PAPERS_SCALE
+from device.people.person import DEFAULT, Population, World, people_of
+from protocol.study.rules import PAPERS_SCALE
 from protocol.study.study import Study
 
 _DRAWN_FOR_MEANS = 10_000

@@ -16,7 +16,7 @@ from analysis.power.diagnosands import (
     too_often,
 )
 from analysis.report.drawing import Panel, Series, panels_figure
-from protocol.registration.hypotheses import GAINS, OMNIBUS
+from protocol.registration.registration import GAINS, OMNIBUS
 from protocol.study.study import Study
 
 ENOUGH = 0.8

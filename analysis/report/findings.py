@@ -18,7 +18,7 @@ from analysis.trials.contrasts import TrialContrasts
 from analysis.trials.trial_statistics import TrialStatistics
 from device.friction.calibration import NOMINAL, Calibration
 from protocol.study.participant_texts import scale_in_words
-from protocol.study.rating import PAPERS_SCALE, Rating
+from protocol.study.rules import PAPERS_SCALE, Rating
 from protocol.study.study import Study
 from protocol.study_file.loading import text_digest
 

@@ -9,12 +9,18 @@ import numpy as np
 from analysis.estimates import BoolArray, FloatArray, IntArray
 from analysis.simulation.planned_trials import PlannedTrials, TrialKind
 from device.friction.scenes import REFERENCE_SPEED_M_S, Direction
-from device.people.answering import QUESTION_NUMBERS, Answering, on_scale
-from device.people.perceiving import Felt, beyond, felt_contrast
-from device.people.person import People
-from device.people.random_numbers import uniforms_of
-from device.people.touching import TOUCH_NUMBERS, course, fractions
-from device.people.world import BODY_HEIGHT_M, Fingers, World, felt_friction
+from device.people.answering import (
+    QUESTION_NUMBERS,
+    TOUCH_NUMBERS,
+    Answering,
+    Felt,
+    beyond,
+    course,
+    felt_contrast,
+    fractions,
+    on_scale,
+)
+from device.people.person import BODY_HEIGHT_M, Fingers, People, World, felt_friction, uniforms_of
 from protocol.study.study import Study
 
 Drive = tuple[float, Direction]

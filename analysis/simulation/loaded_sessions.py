@@ -8,8 +8,7 @@ from analysis.loading.sessions import Sessions
 from analysis.simulation.cohort import Cohort
 from analysis.simulation.planned_trials import PlannedTrials, TrialKind
 from device.people.answering import answer_of
-from device.people.population import truth_of
-from device.people.world import World
+from device.people.person import World, truth_of
 
 
 def loaded_sessions(

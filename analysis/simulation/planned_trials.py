@@ -6,12 +6,11 @@ from functools import cached_property
 import numpy as np
 
 from analysis.estimates import IntArray
-from device.people.answering import meaning
-from device.people.perceiving import Kind, kind_of_change
+from device.people.answering import Kind, kind_of_change, meaning
 from protocol.plan.plan import plan
 from protocol.plan.trials import Plan, Trial
-from protocol.study.questions import ANSWERS
 from protocol.study.study import Study
+from protocol.study.study_question import ANSWERS
 from protocol.study.touch import Mark, Touch, mark_of
 
 

@@ -12,14 +12,14 @@ from analysis.simulation.cohort import Cohort, cohort
 from analysis.simulation.loaded_sessions import loaded_sessions
 from analysis.simulation.planned_trials import PlannedTrials
 from analysis.simulation.score_tables import score_tables
-from device.people.population import (
+from device.people.person import (
     DEFAULT,
     Population,
+    World,
     people_of,
     person_name,
     session_name,
 )
-from device.people.world import World
 from protocol.study.study import Study
 
 _AT_ONCE = 2_000

@@ -22,7 +22,7 @@ from protocol.journal.events import (
 from protocol.journal.recordings import DamagedSamplesError, Recording
 from protocol.journal.records import LIFTED_N, CommandedDrive
 from protocol.journal.state import folded
-from protocol.study.slide import Slide
+from protocol.study.touch import Slide
 from protocol.study_file.loading import parsed_study
 
 Zero = tuple[float, float]

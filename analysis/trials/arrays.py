@@ -14,8 +14,8 @@ from analysis.sensitivity.ratings import Ratings
 from analysis.sensitivity.two_stage_model import AnsweredTrials
 from analysis.trials.contrasts import TrialContrasts
 from device.friction.contrasts import LAW
-from protocol.study.questions import ANSWERS, CONTRARIES, no_change
 from protocol.study.study import Study
+from protocol.study.study_question import ANSWERS, CONTRARIES, no_change
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

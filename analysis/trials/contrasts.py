@@ -15,8 +15,8 @@ from device.friction.calibration import NOMINAL, Calibration
 from device.friction.changes import CONDITIONS, Change, Moment, trial_change
 from device.friction.contrasts import RUNG, predicted_contrast
 from device.friction.laws import LAWS
-from protocol.study.questions import QUESTIONS, Question
 from protocol.study.study import Study
+from protocol.study.study_question import QUESTIONS, Question
 from protocol.study.touch import Touch
 from protocol.study_file.loading import StudyError, parsed_study
 

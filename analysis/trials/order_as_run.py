@@ -6,8 +6,7 @@ from analysis.estimates import NotEstimable
 from analysis.loading.study_data import SessionOrder, StudyData
 from protocol.plan.plan import plan
 from protocol.plan.trials import Plan
-from protocol.proof.cohort import CarryOver, carry_over
-from protocol.proof.order_checks import order_problems
+from protocol.proof.trial_checks import CarryOver, carry_over, order_problems
 from protocol.registration.registration import locked
 from protocol.study.study import Study
 

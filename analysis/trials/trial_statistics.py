@@ -51,8 +51,8 @@ from device.friction.calibration import NOMINAL, Calibration
 from device.friction.changes import AT_A_PLACE, CONDITIONS, Change
 from device.friction.contrasts import predicted_contrast
 from device.friction.laws import LAWS
-from protocol.study.questions import ANSWERS, no_change
 from protocol.study.study import Study
+from protocol.study.study_question import ANSWERS, no_change
 
 LINKS: tuple[Link, ...] = ("probit", "logit")
 PROCESSES = 2

@@ -9,8 +9,7 @@ from typing import ClassVar
 from device.drivers.driver import NO_TEMPERATURE, Driver
 from device.drivers.limits import Setpoint
 from device.errors import CannotRecord, DeviceError, LinkTimeout
-from device.force_channel.blocks import Block, decoded
-from device.force_channel.samples import Scale, scale_of
+from device.force_channel.recording import Block, Scale, decoded, scale_of
 from device.link.codec import fields, number, number_text, switch, whole
 from protocol.journal.records import Identity, ReadBack
 

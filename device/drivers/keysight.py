@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping
 from typing import ClassVar
 
-from device.drivers.scpi_generator import ScpiGenerator, Words
+from device.drivers.generator import ScpiGenerator, Words
 
 _SWITCHES = ("0", "1")
 _MODULATIONS = {

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import ClassVar
 
-from device.drivers.scpi_generator import ScpiGenerator, Words
+from device.drivers.generator import ScpiGenerator, Words
 from device.link.link import EVENT_ENABLE, Register
 
 _ONE_CHANNEL = {

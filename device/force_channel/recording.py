@@ -1,13 +1,376 @@
 """A recording in progress: what its source must do, and its start, its blocks and its end."""
 
-from collections.abc import Callable
+import math
+import struct
+import sys
+import zlib
+from array import array
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from typing import Protocol
 
-from device.errors import DeviceError
-from device.force_channel.blocks import Block
-from device.force_channel.clocks import asked_offset
-from device.force_channel.recorder import Recorder
-from device.force_channel.samples import Forces, Samples, Scale
+from device.errors import DeviceError, ProtocolError
+from protocol.journal import recordings
+
+# The source's clock on the host's: the offset by the shortest of several round trips.
+
+QUERIES = 5
+"""How often the clock is asked at either end of a recording."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClockOffset:
+    """The host's clock minus the source's lies in [`low_s`, `high_s`]."""
+
+    low_s: float
+    high_s: float
+
+    @property
+    def offset_s(self) -> float:
+        """The middle of the range, s."""
+        return (self.low_s + self.high_s) / 2
+
+    @property
+    def error_s(self) -> float:
+        """The largest error of that, s."""
+        return (self.high_s - self.low_s) / 2
+
+
+def asked_offset(source_s: Callable[[], float], host_s: Callable[[], float]) -> ClockOffset:
+    """Return the offset by the shortest round trip of `QUERIES`: the answer lies inside it."""
+    trips = []
+    for _ in range(QUERIES):
+        sent_s = host_s()
+        told_s = source_s()
+        trips.append(ClockOffset(low_s=sent_s - told_s, high_s=host_s() - told_s))
+    return min(trips, key=lambda trip: trip.error_s)
+
+
+def throughout(offsets: Sequence[ClockOffset]) -> ClockOffset:
+    """Return the range that holds all of `offsets`; it is wider if the clocks drift."""
+    return ClockOffset(
+        low_s=min(offset.low_s for offset in offsets),
+        high_s=max(offset.high_s for offset in offsets),
+    )
+
+
+# What the force channel gives: the samples of one recording, and the newest forces.
+
+CHANNELS = len(recordings.CHANNELS)
+FULL_SCALE = recordings.FULL_SCALE
+BLOCKS_PER_S = 20
+"""A block holds at most 50 ms, so that nothing waits longer than that for the port."""
+
+Scale = tuple[float, float, float]
+"""Size of one count: tangential force (N), normal force (N), position (m)."""
+_RANGES = ((0.01, 1000.0), (0.01, 1000.0), (1e-3, 10.0))
+"""Least and most that a channel may measure: no sensor of a finger on a beam lies outside."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Samples:
+    """The samples of one recording, none lost and none doubled.
+
+    Attributes:
+        source: what measured: `board`, or the dialect of the gauge.
+        rate_hz: samples per second and channel.
+        first_s: time of the first sample on the source's own clock, s.
+        scale: size of one count of each channel.
+        counts: 16-bit counts, least byte first: all of tangential force, of normal force, of
+            position.
+        saturated: samples in which a channel was at its limit.
+        clock_offset_s: the host's monotonic clock minus the source's, s.
+        clock_error_s: largest error of that, s.
+    """
+
+    source: str
+    rate_hz: float
+    first_s: float
+    scale: Scale
+    counts: bytes
+    saturated: int
+    clock_offset_s: float
+    clock_error_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Forces:
+    """Means of the newest block, which ends at `at_s` on the host's monotonic clock."""
+
+    at_s: float
+    tangential_n: float
+    normal_n: float
+    position_m: float
+
+
+def scale_of(sizes: Sequence[float]) -> Scale:
+    """Return the `sizes` of one count as a scale: N, N, m.
+
+    Raises:
+        ProtocolError: no such sensor is on a rig, so that its forces cannot be believed.
+    """
+    largest = [size * FULL_SCALE for size in sizes]
+    within = [low <= value <= high for value, (low, high) in zip(largest, _RANGES, strict=False)]
+    if len(sizes) != CHANNELS or not all(within):
+        raise ProtocolError(
+            "the force channel must measure up to 0.01 to 1000 N, twice, and 0.001 to 10 m, got "
+            f"{', '.join(f'{value:g}' for value in largest)}"
+        )
+    tangential_n, normal_n, position_m = sizes
+    return tangential_n, normal_n, position_m
+
+
+def most_in_block(rate_hz: float) -> int:
+    """Return the most samples that one block may hold.
+
+    >>> most_in_block(1000), most_in_block(50)
+    (50, 2)
+    """
+    return max(int(rate_hz) // BLOCKS_PER_S, 1)
+
+
+# The content of a block of samples. docs/wire-protocol.md says the same.
+#
+# Little-endian: number of the first sample, count, flags, device time of the first sample, the
+# samples with their three channels side by side, and the CRC-32 of everything before it.
+
+SAMPLES_LOST = 1
+"""The flag of a block before which samples were lost."""
+_HEADER = struct.Struct("<IHHd")
+_CRC = struct.Struct("<I")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Block:
+    """Consecutive samples; `counts` holds the three counts of each, one sample after the other."""
+
+    first: int
+    first_s: float
+    counts: "array[int]"
+    lost: bool = False
+
+    @property
+    def count(self) -> int:
+        """The number of samples."""
+        return len(self.counts) // CHANNELS
+
+
+def encoded(block: Block) -> bytes:
+    """Return `block` as bytes, its digest at the end."""
+    flags = SAMPLES_LOST if block.lost else 0
+    header = _HEADER.pack(block.first, block.count, flags, block.first_s)
+    body = header + little_endian(block.counts)
+    return body + _CRC.pack(zlib.crc32(body))
+
+
+def decoded(content: bytes) -> Block:
+    """Return the block of samples that `content` holds.
+
+    Raises:
+        ProtocolError: it is cut short, was changed on its way, or contradicts itself.
+    """
+    body, digest = content[: -_CRC.size], content[-_CRC.size :]
+    if len(body) < _HEADER.size:
+        raise ProtocolError(f"a block of samples must have 20 bytes or more, got {len(content)}")
+    if _CRC.unpack(digest)[0] != zlib.crc32(body):
+        raise ProtocolError("a block of samples differs from its digest")
+    first, count, flags, first_s = _HEADER.unpack_from(body)
+    counts = array("h")
+    if len(body) != _HEADER.size + CHANNELS * counts.itemsize * count:
+        raise ProtocolError(f"a block must hold its {count} samples, got {len(content)} bytes")
+    if flags & ~SAMPLES_LOST or not math.isfinite(first_s):
+        raise ProtocolError(f"a block must have known flags and a time, got {flags}, {first_s}")
+    counts.frombytes(body[_HEADER.size :])
+    if sys.byteorder == "big":
+        counts.byteswap()
+    return Block(first=first, first_s=first_s, counts=counts, lost=bool(flags))
+
+
+def little_endian(counts: "array[int]") -> bytes:
+    """Return `counts` as bytes, least byte first."""
+    if sys.byteorder == "big":
+        counts = counts[:]
+        counts.byteswap()
+    return counts.tobytes()
+
+
+# A recording while it grows: blocks in their order, at their rate, none lost and none doubled.
+
+SILENT_S = 0.5
+"""How long a source that was started may give no samples."""
+_CLOCK_REL_TOL = 1e-4
+"""How far the rate of a source's samples may be from what was set, by its own clock."""
+MISDATED_S = 0.1
+"""How far samples may be dated from when they were taken, beyond what the round trips leave open.
+
+It covers a source that starts slowly. Samples further off would put the wrong part of a touch into
+the results.
+"""
+
+
+@dataclass
+class Recorder:
+    """The samples of one recording so far.
+
+    Attributes:
+        source: what measures: `board`, or the dialect of the gauge.
+        rate_hz: samples per second and channel, as set.
+        scale: size of one count of each channel.
+        offset: the host's clock minus the source's, when the recording began.
+        told_s: when the source was told to begin, on the host's clock.
+        began_s: when it had confirmed that, on the host's clock.
+    """
+
+    source: str
+    rate_hz: float
+    scale: Scale
+    offset: ClockOffset
+    told_s: float
+    began_s: float
+    latest: Forces | None = None
+    """Means of the newest block."""
+    _channels: tuple["array[int]", ...] = field(
+        default_factory=lambda: tuple(array("h") for _ in range(CHANNELS))
+    )
+    _first_s: float = 0.0
+    _saturated: int = 0
+    _heard_s: float = field(init=False)
+    due_s: float = field(init=False)
+    """When to ask for the next block, on the host's clock: once a whole one should be ready."""
+
+    def __post_init__(self) -> None:
+        self._heard_s = self.began_s
+        self.due_s = self.began_s + self._block_s
+
+    @property
+    def count(self) -> int:
+        """The number of samples so far, and so the number of the next one."""
+        return len(self._channels[0])
+
+    @property
+    def _most(self) -> int:
+        return most_in_block(self.rate_hz)
+
+    @property
+    def _block_s(self) -> float:
+        return self._most / self.rate_hz
+
+    def checked(self, block: Block) -> Block:
+        """Return `block` if it is the next one.
+
+        Raises:
+            ProtocolError: its samples were given before, are too many, have another rate, or are
+                not dated at the time at which they were taken.
+            DeviceError: samples before it were lost.
+        """
+        if block.lost or block.first > self.count:
+            raise DeviceError(
+                f"samples of the force channel were lost: sample {self.count} is due, got "
+                f"{block.first}"
+            )
+        if block.first < self.count:
+            raise ProtocolError(
+                f"sample {self.count} of the force channel is due, got {block.first} again"
+            )
+        if block.count > self._most:
+            raise ProtocolError(
+                f"a block must hold at most {self._most} samples, got {block.count}"
+            )
+        if block.count and self.count:
+            self._require_rate(block)
+        elif block.count:
+            self._require_begin(block)
+        return block
+
+    def add(self, block: Block, now_s: float) -> None:
+        """Add a block that is the next one, heard at `now_s` on the host's clock.
+
+        Raises:
+            DeviceError: the source has given no samples for `SILENT_S`.
+        """
+        if block.count:
+            self._heard_s = now_s
+            self._keep(block)
+        elif now_s > self._heard_s + SILENT_S:
+            raise DeviceError(f"the force channel gave no samples for {SILENT_S:g} s")
+        ready_s = self.began_s + self.count / self.rate_hz + self._block_s
+        is_short = 2 * block.count < self._most  # a line of a gauge may hold less than a block
+        self.due_s = max(ready_s, now_s + self._block_s / 4) if is_short else ready_s
+
+    def samples(self, offset: ClockOffset) -> Samples:
+        """Return the recording; `offset` is that of the clocks at its end.
+
+        Raises:
+            DeviceError: one of the clocks was set or stood still since the beginning.
+        """
+        clocks = throughout((self.offset, offset))
+        if clocks.error_s > MISDATED_S:
+            raise DeviceError(
+                "the clock of the force channel moved by "
+                f"{offset.offset_s - self.offset.offset_s:+.3g} s against this computer's while it "
+                f"recorded; {MISDATED_S:g} s are allowed"
+            )
+        return Samples(
+            source=self.source,
+            rate_hz=self.rate_hz,
+            first_s=self._first_s,
+            scale=self.scale,
+            counts=b"".join(map(little_endian, self._channels)),
+            saturated=self._saturated,
+            clock_offset_s=clocks.offset_s,
+            clock_error_s=clocks.error_s,
+        )
+
+    def require_until(self, source_s: float) -> None:
+        """See that the samples reach to `source_s` on the source's clock.
+
+        Raises:
+            DeviceError: they end a block or more before it.
+        """
+        end_s = self._first_s + self.count / self.rate_hz
+        missing = round((source_s - end_s) * self.rate_hz)
+        if missing > self._most:
+            raise DeviceError(f"the last {missing} samples of the force channel were lost")
+
+    def _require_begin(self, block: Block) -> None:
+        """See that the first sample was taken once the source was told to begin, and not later."""
+        first_s = block.first_s + self.offset.offset_s
+        off_s = first_s - min(max(first_s, self.told_s), self.began_s)
+        if abs(off_s) > MISDATED_S + self.offset.error_s:
+            raise ProtocolError(
+                f"the first sample of the force channel is dated {off_s:+.3g} s from its time; "
+                f"{MISDATED_S:g} s are allowed"
+            )
+
+    def _require_rate(self, block: Block) -> None:
+        passed_s = self.count / self.rate_hz
+        off_s = block.first_s - self._first_s - passed_s
+        if abs(off_s) > 1 / self.rate_hz + _CLOCK_REL_TOL * passed_s:
+            raise ProtocolError(
+                f"sample {block.first} of the force channel is {1e3 * off_s:+.3g} ms from its time"
+            )
+
+    def _keep(self, block: Block) -> None:
+        if not self.count:
+            self._first_s = block.first_s
+        parts = [block.counts[channel::CHANNELS] for channel in range(CHANNELS)]
+        for channel, part in zip(self._channels, parts, strict=True):
+            channel.extend(part)
+        if max(map(abs, block.counts)) >= FULL_SCALE:
+            rows = zip(*parts, strict=True)
+            self._saturated += sum(max(map(abs, row)) >= FULL_SCALE for row in rows)
+        self.latest = self._means(block, parts)
+
+    def _means(self, block: Block, parts: list["array[int]"]) -> Forces:
+        means = [sum(part) / len(part) * size for part, size in zip(parts, self.scale, strict=True)]
+        end_s = block.first_s + block.count / self.rate_hz
+        return Forces(
+            at_s=end_s + self.offset.offset_s,
+            tangential_n=means[0],
+            normal_n=means[1],
+            position_m=means[2],
+        )
+
 
 MOST_LEFT_S = 5.0
 """More than any source still has when it is stopped."""

@@ -6,8 +6,8 @@ from types import MappingProxyType
 from typing import Literal
 
 from device.friction.scenes import REFERENCE_SPEED_M_S
-from protocol.study.questions import CONTRARIES, QUESTIONS, Effect, Question
 from protocol.study.study import Study
+from protocol.study.study_question import CONTRARIES, QUESTIONS, Effect, Question
 from protocol.study.touch import Coverage, Direction, Place, Touch, TouchDefaults
 
 

@@ -8,9 +8,8 @@ from collections.abc import Callable
 from typing import ClassVar
 
 from device.errors import DeviceError, ProtocolError
-from device.force_channel.blocks import Block
-from device.force_channel.samples import CHANNELS, FULL_SCALE, Scale, scale_of
-from device.gauges.gauge_driver import GaugeDriver
+from device.force_channel.recording import CHANNELS, FULL_SCALE, Block, Scale, scale_of
+from device.gauges.owner import GaugeDriver
 from device.link.codec import fields, number, number_text, switch, whole
 from device.link.link import Register
 

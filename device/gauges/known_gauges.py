@@ -3,8 +3,7 @@
 from functools import cache
 
 from device.drivers.discovery import defined_in
-from device.gauges.gauge_driver import GaugeDriver
-from device.gauges.owner import GaugeOwner
+from device.gauges.owner import GaugeDriver, GaugeOwner
 from device.link.link import open_link
 from protocol.address import AddressError
 

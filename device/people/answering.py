@@ -1,15 +1,19 @@
 """How virtual people answer: the reported change, its score, reaction times, and who leaves."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from device.beam.beam import Beam
 from device.beam.modes import FloatArray
 from device.people.person import People
-from protocol.study.questions import ANSWERS, Question
-from protocol.study.rating import PAPERS_SCALE
+from protocol.study.rules import PAPERS_SCALE
+from protocol.study.study_question import ANSWERS, QUESTIONS, Question
+from protocol.study.touch import Mark
 
 QUESTION_NUMBERS = 8
 """Random numbers per question on a change, in this order."""
@@ -117,3 +121,140 @@ def on_scale(score: FloatArray, lowest: float, highest: float) -> FloatArray:
     """Return scores of the paper's scale as far between the ends of another one."""
     above = (score - PAPERS_SCALE.minimum) * ((highest - lowest) / PAPERS_SCALE.span)
     return np.asarray(np.round(lowest + above))
+
+
+# What a virtual person makes of what its finger felt: one signed change per question.
+
+Kind = Literal["swing", "strength", "ramp", "swap", "press", "other"]
+"""Kinds of change that people may score unlike one another, however large they feel."""
+_SLIGHT = 0.01
+"""Change of log friction within a touch below which the touch counts as constant."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Felt:
+    """Friction coefficients felt during a touch, shape (people, fractions of the mark)."""
+
+    mark: Mark
+    friction: FloatArray
+
+
+def kind_of_change(question: Question, marks: Sequence[Mark]) -> Kind:
+    """Return what the touches were about, as somebody who makes them can tell."""
+    if question == "places":
+        return "swap"
+    if question == "strength":
+        return "swing" if marks[-1].slides else "strength"
+    if len(marks) == 1:
+        return "ramp"
+    return "press" if marks[-1].harder else "other"
+
+
+def felt_contrast(question: Question, touches: Sequence[Felt], resting: FloatArray) -> FloatArray:
+    """Return the change of log friction that a question asks about, shape (people,).
+
+    The last touch is compared with the first. If there is only one touch, its end is compared with
+    its beginning, or, if they feel the same or the finger slid, with the remembered beam at rest.
+
+    Args:
+        question: the question.
+        touches: those of the trial.
+        resting: the remembered friction of the beam at rest, shape (people,).
+    """
+    first, last = touches[0], touches[-1]
+    effect = QUESTIONS[question].effect
+    if effect == "places":
+        back = last.friction
+        if first.mark.direction != last.mark.direction:
+            back = back[:, ::-1]
+        return _rms(np.log(first.friction / back))
+    if effect == "depth":
+        return _depth(last, resting) - _depth(first, resting)
+    if len(touches) > 1:
+        return _ends(np.log(first.friction / last.friction), last)
+    within = np.log(first.friction[:, 0] / first.friction[:, -1])
+    from_rest = _ends(np.log(resting[:, None] / first.friction), first)
+    return from_rest if first.mark.slides else np.where(np.abs(within) > _SLIGHT, within, from_rest)
+
+
+def _ends(change: FloatArray, touch: Felt) -> FloatArray:
+    """Return the mean change along a slide, or that at the end of a touch of one place."""
+    return np.asarray(change.mean(axis=1) if touch.mark.slides else change[:, -1])
+
+
+def _depth(touch: Felt, resting: FloatArray) -> FloatArray:
+    """Return the root mean square of the log friction relative to the beam at rest."""
+    return _rms(np.log(touch.friction / resting[:, None]))
+
+
+def _rms(logs: FloatArray) -> FloatArray:
+    return np.asarray(np.sqrt(np.mean(logs * logs, axis=1)))
+
+
+def beyond(kind: Kind, people: People) -> FloatArray:
+    """Return the points that people score a kind of change beyond its size, shape (people,)."""
+    if kind == "other":
+        return np.zeros(people.size)
+    return np.asarray(getattr(people, f"beyond_{kind}"))
+
+
+# A virtual finger: how hard, how fast and where it touches, and when it feels.
+
+_SLIDE = np.linspace(0.0, 1.0, 25)
+_HOLD = np.array([0.0, 1.0])
+TOUCH_NUMBERS = 2
+"""Random numbers per touch: for force and speed."""
+_LEAST = 0.2
+"""Of force and speed, relative to the instructed ones: a finger touches, and moves."""
+_LENGTH_M = Beam().length_m
+
+
+def fractions(mark: Mark) -> FloatArray:
+    """Return the parts of a touch's time at which a finger notes what it feels.
+
+    They are the same however often it is looked at.
+    """
+    return _SLIDE if mark.slides else _HOLD
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Course:
+    """A touch as people make it: force, speed (m/s, 0 without a slide) and way, shape (people,).
+
+    `speed_factor` is relative to the mark's, `offset_m` how far right of it the finger is.
+    """
+
+    mark: Mark
+    force_n: FloatArray
+    speed_factor: FloatArray
+    offset_m: FloatArray
+
+    @property
+    def speed_m_s(self) -> FloatArray:
+        """The speed of a slide."""
+        return self.speed_factor * abs(self.mark.end_m - self.mark.start_m) / self.mark.duration_s
+
+    def places_m(self, parts: FloatArray) -> FloatArray:
+        """Return where the finger is at parts of the touch's time, shape (people, parts).
+
+        It stops after the length of the mark's way, and at the ends of the beam.
+        """
+        gone = np.minimum(self.speed_factor[:, None] * parts, 1.0)
+        way_m = self.mark.end_m - self.mark.start_m
+        places_m = self.mark.start_m + self.offset_m[:, None] + way_m * gone
+        return np.asarray(np.clip(places_m, 0.0, _LENGTH_M))
+
+
+def course(people: People, u: FloatArray, mark: Mark) -> Course:
+    """Return how people make a touch.
+
+    `u` are their random numbers for it, shape (people, TOUCH_NUMBERS).
+    """
+    force = people.force_factor * (1 + people.force_error * ndtri(u[:, 0]))
+    speed = people.speed_factor * (1 + people.speed_error * ndtri(u[:, 1]))
+    return Course(
+        mark=mark,
+        force_n=mark.force_n * np.maximum(force, _LEAST),
+        speed_factor=np.maximum(speed, _LEAST),
+        offset_m=people.place_offset_m,
+    )

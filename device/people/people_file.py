@@ -21,18 +21,20 @@ from dataclasses import replace
 from difflib import get_close_matches
 from typing import Any
 
-from device.people.person import PARAMETERS, Parameter, Person
-from device.people.population import (
+from device.people.person import (
     DEFAULT,
+    PARAMETERS,
     Distribution,
     LogNormal,
     Normal,
     OneOf,
+    Parameter,
+    Person,
     Population,
     Uniform,
 )
 from protocol.errors import BadInput, Path, Problem
-from protocol.study_file.language_files import located
+from protocol.study_file.loading import located
 from protocol.study_file.toml import toml_document
 
 _TABLES = ("person", "population")

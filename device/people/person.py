@@ -1,13 +1,24 @@
 """A virtual person: its parameters, each with unit, limits, meaning and source."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from typing import Annotated, get_args, get_type_hints
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from hashlib import shake_128
+from types import MappingProxyType
+from typing import Annotated, Protocol, get_args, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtr, ndtri
 
+from device.beam.beam import Beam
 from device.beam.modes import FloatArray
+from device.friction.contact import contact_of
+from device.friction.contrasts import LAW, RUNG
+from device.friction.prediction import LawChoice, law_state
+from device.friction.rungs import rung_field, rung_resonance_hz
+from device.friction.scenes import Direction, Drive, Scene, Structure
+from protocol.journal.records import VirtualTruth
 
 TABLE_4 = "the paper's Table 4"
 ASSUMED = "assumed"
@@ -252,3 +263,283 @@ class People:
     def __getitem__(self, number: int) -> Person:
         """Return one person."""
         return Person(**{name: float(column[number]) for name, column in self._columns.items()})
+
+
+# Random numbers of a virtual person, each at a known place of a stream that its name determines.
+#
+# SHAKE-128 defines them, so that they are the same on every machine, and a session, which draws
+# them one row at a time, gets those that a simulated cohort draws at once.
+
+
+def uniforms(stream: str, rows: int, columns: int) -> FloatArray:
+    """Return the first rows of a stream: numbers between 0 and 1, shape (rows, columns).
+
+    >>> bool((uniforms("a", 3, 2)[:2] == uniforms("a", 2, 2)).all())
+    True
+    """
+    return np.asarray(uniforms_of([stream], rows, columns)[0])
+
+
+def uniforms_of(streams: Sequence[str], rows: int, columns: int) -> FloatArray:
+    """Return the first rows of each stream, shape (streams, rows, columns)."""
+    size = 8 * rows * columns
+    digests = b"".join([shake_128(name.encode()).digest(size) for name in streams])
+    words = np.frombuffer(digests, dtype="<u8").reshape(len(streams), rows, columns)
+    return np.asarray(((words >> 11) + 0.5) * 2.0**-53)
+
+
+# The world that virtual people touch: a beam's law, rung and hidden properties, and their skin.
+
+MODE = 6
+BODY_HEIGHT_M = 1e-3
+
+
+@dataclass(frozen=True, kw_only=True)
+class World:
+    """What a simulated beam obeys, which need not be what the analysis assumes.
+
+    `gain` is how much of the amplitude reaches the beam. The beam's resonance is not among it:
+    drives are relative to it.
+    """
+
+    law: str = LAW
+    rung: str = RUNG
+    damping_ratio: float = field(default_factory=lambda: Beam().damping_ratio)
+    gain: float = 1.0
+
+    @cached_property
+    def beam(self) -> Beam:
+        """The paper's beam with this damping."""
+        return Beam(damping_ratio=self.damping_ratio)
+
+    @property
+    def resonance_hz(self) -> float:
+        """The resonance of the paper's beam on this rung."""
+        return rung_resonance_hz(self.rung, Beam(), MODE)
+
+
+Number = FloatArray | float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fingers:
+    """Fingers on the beam; arrays of shape (n,), or numbers that are those of all of them.
+
+    `voltage_v` is the amplitude that was asked for.
+    """
+
+    place_m: FloatArray
+    force_n: Number
+    speed_m_s: Number
+    voltage_v: FloatArray
+    body_height_m: Number
+    skin: Number
+    mu0: Number
+
+
+def felt_friction(
+    world: World, fingers: Fingers, model_hz: float, direction: Direction
+) -> FloatArray:
+    """Return the friction coefficient `mu0 · μ · (μ'/μ)^skin` that each finger feels, shape (n,).
+
+    `model_hz` is the frequency of the drive where `world.resonance_hz` is that of the beam.
+    """
+    choice, structure = LawChoice(name=world.law), Structure(beam=world.beam)
+    resting = structure.friction_coefficient
+    if not (fingers.voltage_v.any() or choice.law.as_printed):  # at rest no rung need be set up
+        return np.asarray(fingers.mu0 * resting * np.ones(fingers.place_m.shape))
+    drive = Drive(voltage_v=world.gain, frequency_hz=model_hz, mode=MODE)
+    contact = replace(
+        contact_of(Scene(structure=structure, direction=direction), fingers.place_m),
+        finger_load_n=fingers.force_n,
+        body_height_m=fingers.body_height_m,
+        sliding_speed_m_s=fingers.speed_m_s,
+    )
+    field = rung_field(world.rung, world.beam, drive).scaled(fingers.voltage_v)
+    driven = choice.law(law_state(contact, field, world.rung, choice).terms)
+    size = np.abs(driven / resting) ** fingers.skin
+    return np.asarray(fingers.mu0 * resting * np.copysign(size, driven))
+
+
+# Populations to draw virtual persons from; the default one scores as the people of Table 4.
+
+
+class Distribution(Protocol):
+    """How a parameter differs between persons."""
+
+    def values(self, u: FloatArray, limits: Parameter) -> FloatArray:
+        """Return the quantiles at `u`, between 0 and 1, of the part within the limits."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Normal:
+    """A normal distribution, cut off at the parameter's limits."""
+
+    mean: float
+    sd: float
+
+    def values(self, u: FloatArray, limits: Parameter) -> FloatArray:
+        """Return the quantiles at `u`."""
+        if self.sd == 0:
+            return np.full(u.shape, self.mean)
+        low, high = (ndtr((end - self.mean) / self.sd) for end in (limits.low, limits.high))
+        return np.asarray(self.mean + self.sd * ndtri(low + (high - low) * u))
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogNormal:
+    """A log-normal distribution, cut off at the parameter's limits."""
+
+    median: float
+    log_sd: float
+
+    def values(self, u: FloatArray, limits: Parameter) -> FloatArray:
+        """Return the quantiles at `u`."""
+        ends = (np.log(limits.low) if limits.low > 0 else -np.inf, np.log(limits.high))
+        inner = Normal(mean=float(np.log(self.median)), sd=self.log_sd)
+        low, high = ends
+        cut = Parameter(meaning="", unit="", source="", low=low, high=high)
+        return np.exp(inner.values(u, cut))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Uniform:
+    """All values between two ends, equally likely."""
+
+    low: float
+    high: float
+
+    def values(self, u: FloatArray, limits: Parameter) -> FloatArray:  # noqa: ARG002 - within them
+        """Return the quantiles at `u`."""
+        return self.low + (self.high - self.low) * u
+
+
+@dataclass(frozen=True, kw_only=True)
+class OneOf:
+    """Some values, each with its share of the persons."""
+
+    values_of: tuple[float, ...]
+    shares: tuple[float, ...]
+
+    def values(self, u: FloatArray, limits: Parameter) -> FloatArray:  # noqa: ARG002 - within them
+        """Return the quantiles at `u`."""
+        ends = np.cumsum(self.shares) / np.sum(self.shares)
+        return np.array(self.values_of)[np.searchsorted(ends[:-1], u, side="right")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Population:
+    """Persons to draw: a typical one, and the distributions of what differs between them."""
+
+    typical: Person = field(default_factory=Person)
+    varied: Mapping[str, Distribution] = field(default_factory=dict)
+
+
+def people_of(population: Population, names: Sequence[str]) -> People:
+    """Return the person of each name: the same one wherever that name is drawn.
+
+    A name holds seed and participant, such as `1/P01`: see `person_name`.
+    """
+    values = np.tile(list(vars(population.typical).values()), (len(names), 1))
+    columns = list(PARAMETERS)
+    u = uniforms_of([f"person/{name}" for name in names], 1, len(columns))[:, 0]
+    for parameter, distribution in population.varied.items():
+        column = columns.index(parameter)
+        values[:, column] = distribution.values(u[:, column], PARAMETERS[parameter])
+    return People(values)
+
+
+def drawn_person(population: Population, name: str) -> Person:
+    """Return the person of that name."""
+    return people_of(population, [name])[0]
+
+
+def person_name(seed: int | str, participant: str) -> str:
+    """Return the name of the participant of a study that is run with this seed.
+
+    A seed may be a spawn key: any text.
+    """
+    return f"{seed}/{participant}"
+
+
+def session_name(seed: int | str, participant: str, session: int) -> str:
+    """Return the name that the random numbers of a session are drawn under."""
+    return f"{seed}/{participant}/{session}"
+
+
+def truth_of(person: Person, world: World) -> VirtualTruth:
+    """Return the true parameters of a person and of a simulated beam."""
+    return VirtualTruth(
+        **vars(person),
+        law=world.law,
+        rung=world.rung,
+        damping_ratio=world.damping_ratio,
+        beam_gain=world.gain,
+    )
+
+
+def person_of(truth: VirtualTruth) -> Person:
+    """Return the person with these true parameters."""
+    known = {name: getattr(truth, name) for name in PARAMETERS}
+    return Person(**{name: value for name, value in known.items() if value is not None})
+
+
+DEFAULT = Population(
+    typical=Person(
+        rating_noise=1.0,
+        beyond_swing=0.55,
+        beyond_strength=1.55,
+        beyond_ramp=2.4,
+        beyond_press=-1.65,
+        force_error=0.05,
+        speed_error=0.05,
+        tremor=0.03,
+    ),
+    varied=MappingProxyType(
+        {
+            "bias": Normal(mean=7.0, sd=1.0),
+            "gain": Normal(mean=4.0, sd=1.0),
+            "criterion": LogNormal(median=0.08, log_sd=0.2),
+            "criterion_less": LogNormal(median=0.13, log_sd=0.2),
+            "lapse": Uniform(low=0.0, high=0.04),
+            "number_step": OneOf(values_of=(1.0, 2.0), shares=(0.9, 0.1)),
+            "end_aversion": Uniform(low=0.0, high=0.1),
+            "serial": Normal(mean=0.05, sd=0.05),
+            "drift": Normal(mean=0.0, sd=0.01),
+            "fatigue": Uniform(low=0.0, high=0.004),
+            "force_factor": Uniform(low=0.85, high=1.15),
+            "speed_factor": Uniform(low=0.9, high=1.1),
+            "place_offset_m": Uniform(low=-1e-3, high=1e-3),
+            "skin": LogNormal(median=1.0, log_sd=0.2),
+            "mu0": LogNormal(median=1.0, log_sd=0.15),
+            "reaction_median_s": LogNormal(median=0.8, log_sd=0.25),
+        }
+    ),
+)
+"""Bias, gain, noise and what each kind of change adds are fitted to Table 4: see docs/people.md."""
+
+_EXACT = Person()
+_OF_TOUCHES = (
+    "force_factor",
+    "force_error",
+    "speed_factor",
+    "speed_error",
+    "place_offset_m",
+    "tremor",
+)
+SENSITIVE = Population(
+    typical=replace(
+        DEFAULT.typical,
+        felt_noise=0.015,
+        **{name: getattr(_EXACT, name) for name in _OF_TOUCHES},
+    ),
+    varied=MappingProxyType(
+        {name: how for name, how in DEFAULT.varied.items() if name not in _OF_TOUCHES}
+        | dict.fromkeys(("criterion", "criterion_less"), LogNormal(median=0.025, log_sd=0.2))
+    ),
+)
+"""As `DEFAULT`, but they touch as instructed and feel small changes.
+
+The paper's nine people said what was expected in all 45 trials.
+"""

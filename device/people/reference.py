@@ -2,8 +2,7 @@
 
 from dataclasses import fields
 
-from device.people.person import PARAMETERS, Person
-from device.people.population import DEFAULT, Distribution
+from device.people.person import DEFAULT, PARAMETERS, Distribution, Person
 
 
 def parameter_table() -> str:

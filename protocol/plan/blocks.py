@@ -1,14 +1,348 @@
 """Blocks of a session: the order of their conditions, grouped where beam swaps must be few."""
 
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from hashlib import sha256
+from itertools import accumulate, chain, pairwise
+from math import comb
+from typing import Literal, TypeVar
 
-from protocol.plan.counterbalancing import Blocks, block_orders
-from protocol.plan.randomisation import Stream
 from protocol.plan.trials import Beams, beams_of, swap_count
-from protocol.plan.variants import opposite_expected
-from protocol.study.design import Grouping
-from protocol.study.study import Study
+from protocol.study.rules import Grouping, Order
+from protocol.study.study import Condition, Study
+from protocol.study.study_question import opposite_answer
+from protocol.study.touch import Touch
+
+# Named random streams, one for each purpose, and constrained shuffles.
+#
+# Python guarantees the same sequence on every platform and version for `random.random` only, not
+# for its shuffles. Here SHA-256 defines every draw, so that a seed gives the same plan
+# everywhere.
+
+T = TypeVar("T")
+Name = tuple[int, *tuple[object, ...]]
+"""A seed, and the words that name one of its streams."""
+
+
+class Stream:
+    """An endless sequence of independent uniform draws, given by a seed and a name."""
+
+    def __init__(self, seed: int, *name: object) -> None:
+        self._name = "/".join(map(str, (seed, *name))).encode()
+        self._pool = 0
+        self._bits = 0
+        self._blocks = 0
+
+    def below(self, limit: int) -> int:
+        """Return a whole number, uniform in [0, limit).
+
+        Bits are drawn until they form a number below `limit`, so that all values are equally
+        likely (a remainder would favour small ones).
+
+        Raises:
+            ValueError: `limit` is below 1.
+        """
+        if limit < 1:
+            raise ValueError(f"limit must be at least 1, got {limit}")
+        wanted = (limit - 1).bit_length()
+        while (drawn := self._drawn(wanted)) >= limit:
+            pass
+        return drawn
+
+    def _drawn(self, bits: int) -> int:
+        while self._bits < bits:
+            block = sha256(self._name + b"#%d" % self._blocks).digest()
+            self._pool |= int.from_bytes(block, "little") << self._bits
+            self._bits += 256
+            self._blocks += 1
+        drawn = self._pool & ((1 << bits) - 1)
+        self._pool >>= bits
+        self._bits -= bits
+        return drawn
+
+    def shuffled(self, items: Iterable[T]) -> list[T]:
+        """Return the items in a uniformly random order (Fisher-Yates)."""
+        left = list(items)
+        for last in range(len(left) - 1, 0, -1):
+            chosen = self.below(last + 1)
+            left[last], left[chosen] = left[chosen], left[last]
+        return left
+
+    def one_of(self, items: Sequence[T]) -> T:
+        """Return one of the items, each equally likely."""
+        return items[self.below(len(items))]
+
+    def weighted(self, weights: Sequence[int]) -> int:
+        """Return an index, drawn in proportion to the whole numbers `weights`."""
+        return bisect_right(list(accumulate(weights)), self.below(sum(weights)))
+
+
+def shuffle(kinds: int, repeats: int, max_run: int, stream: Stream) -> list[int]:
+    """Return `kinds` items, each `repeats` times, in random order with short runs.
+
+    Every order in which no item comes more than `max_run` times in a row is equally likely.
+
+    Raises:
+        ValueError: no such order exists.
+    """
+    if kinds == 1 and repeats > max_run:
+        raise ValueError(f"one item {repeats} times cannot have runs of at most {max_run}")
+    if max_run >= repeats:
+        return stream.shuffled(item for item in range(kinds) for _ in range(repeats))
+    if max_run == 1:
+        return _without_neighbours_alike(kinds, repeats, stream)
+    while (drawn := _attempt(kinds, repeats, max_run, stream)) is None:
+        pass
+    return drawn
+
+
+def _attempt(kinds: int, repeats: int, max_run: int, stream: Stream) -> list[int] | None:
+    """Return a shuffle, or None at the first run that is too long: rejection keeps it uniform."""
+    left = [item for item in range(kinds) for _ in range(repeats)]
+    drawn: list[int] = []
+    run = 0
+    while left:
+        chosen = stream.below(len(left))
+        item, left[chosen] = left[chosen], left[-1]
+        left.pop()
+        run = run + 1 if drawn and drawn[-1] == item else 1
+        if run > max_run:
+            return None
+        drawn.append(item)
+    return drawn
+
+
+def _without_neighbours_alike(kinds: int, repeats: int, stream: Stream) -> list[int]:
+    """Insert the kinds one by one, by exact counts; rejection would almost never succeed here.
+
+    A gap between two equal neighbours is bad. Each kind is split into `parts` runs, of which
+    `mending` go into bad gaps and the others elsewhere; a run of m items leaves m - 1 bad gaps.
+    """
+    drawn = [0] * repeats
+    for kind in range(1, kinds):
+        bad = [at for at in range(1, len(drawn)) if drawn[at] == drawn[at - 1]]
+        choices = list(_choices(len(bad), kind, repeats))
+        weights = [
+            ways * _completions(kinds, repeats, kind + 1, len(bad) - mending + repeats - parts)
+            for parts, mending, ways in choices
+        ]
+        parts, mending, _ = choices[stream.weighted(weights)]
+        good = [at for at in range(len(drawn) + 1) if at not in bad]
+        gaps = stream.shuffled(bad)[:mending] + stream.shuffled(good)[: parts - mending]
+        # All lists of `parts` positive lengths with the sum `repeats` are equally likely.
+        cuts = sorted(stream.shuffled(range(1, repeats))[: parts - 1])
+        lengths = [end - begin for begin, end in pairwise([0, *cuts, repeats])]
+        runs = dict(zip(sorted(gaps), lengths, strict=True))
+        woven = ([kind] * runs.get(at, 0) + drawn[at : at + 1] for at in range(len(drawn) + 1))
+        drawn = list(chain.from_iterable(woven))
+    return drawn
+
+
+def _choices(bad: int, kind: int, repeats: int) -> Iterator[tuple[int, int, int]]:
+    """Yield (parts, mending, ways) of inserting the next kind among `kind` earlier ones."""
+    good = kind * repeats + 1 - bad
+    for parts in range(1, repeats + 1):
+        for mending in range(min(parts, bad) + 1):
+            ways = comb(repeats - 1, parts - 1) * comb(bad, mending) * comb(good, parts - mending)
+            yield parts, mending, ways
+
+
+@lru_cache(maxsize=65_536)
+def _completions(kinds: int, repeats: int, kind: int, bad: int) -> int:
+    """Return the number of ways to insert the kinds from `kind` on so that no bad gap is left."""
+    if kind == kinds:
+        return int(bad == 0)
+    return sum(
+        ways * _completions(kinds, repeats, kind + 1, bad - mending + repeats - parts)
+        for parts, mending, ways in _choices(bad, kind, repeats)
+        if ways
+    )
+
+
+def spaced_places(allowed: list[int], number: int, apart: int, stream: Stream) -> list[int]:
+    """Return `number` of the ascending places `allowed`, each at least `apart` after the last.
+
+    Every such choice is equally likely.
+
+    Raises:
+        ValueError: no such choice exists.
+    """
+    # ways[i][k]: the number of choices of k places among allowed[i:]
+    after = [bisect_left(allowed, place + apart) for place in allowed]
+    ways = [[1] + [0] * number for _ in range(len(allowed) + 1)]
+    for i in reversed(range(len(allowed))):
+        for wanted in range(1, number + 1):
+            ways[i][wanted] = ways[i + 1][wanted] + ways[after[i]][wanted - 1]
+    if not ways[0][number]:
+        raise ValueError(f"cannot choose {number} places at least {apart} apart, got {allowed}")
+    chosen: list[int] = []
+    at = 0
+    for wanted in range(number, 0, -1):
+        while stream.below(ways[at][wanted]) >= ways[after[at]][wanted - 1]:
+            at += 1
+        chosen.append(allowed[at])
+        at = after[at]
+    return chosen
+
+
+# Counterbalancing over a cohort: Williams designs, block orders and the next slot to fill.
+
+Orders = tuple[tuple[int, ...], ...]
+
+
+@lru_cache(maxsize=64)
+def williams_sequences(n: int) -> Orders:
+    """Return the sequences of a Williams design for `n` conditions, numbered from 0.
+
+    There are `n` sequences for even `n` and `2 n` for odd `n`. Over all of them, every condition
+    comes equally often at every position and directly after every other condition.
+
+    Source: E. J. Williams, Experimental designs balanced for the estimation of residual effects
+    of treatments, Australian Journal of Scientific Research A 2 (1949) 149-168.
+
+    >>> williams_sequences(4)
+    ((0, 1, 3, 2), (1, 2, 0, 3), (2, 3, 1, 0), (3, 0, 2, 1))
+
+    Raises:
+        ValueError: `n` is below 1.
+    """
+    if n < 1:
+        raise ValueError(f"a design needs at least 1 condition, got {n}")
+    # 0, 1, n-1, 2, n-2, …: the differences of neighbours are all distinct.
+    first = [(step + 1) // 2 if step % 2 else (n - step // 2) % n for step in range(n)]
+    square = tuple(tuple((start + row) % n for start in first) for row in range(n))
+    if n % 2 == 0 or n == 1:
+        return square
+    return square + tuple(sequence[::-1] for sequence in square)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Blocks:
+    """The number of blocks and conditions, and how they are ordered (see `Design`)."""
+
+    order: Order
+    conditions: int
+    repeats: int
+    max_run: int
+
+
+def block_orders(wanted: Blocks, name: Name, slot: int) -> Orders:
+    """Return the order of the conditions, numbered from 0, in each block of one participant.
+
+    For `williams`, slots take the sequences of a Williams design in cycles: if the design has s
+    sequences, slots k s to (k + 1) s - 1 use each of them once per block, with the conditions
+    relabelled at random for every block. A cohort of whole cycles is therefore balanced, and the
+    order of a single slot is uniform over all orders.
+
+    Args:
+        wanted: the blocks. No condition comes more than `max_run` times in a row, also across the
+            end of a block; the caller must check this for a single condition.
+        name: seed and names of the random stream.
+        slot: slot of the participant, from 0.
+    """
+    if wanted.order == "fixed" or wanted.conditions == 1:
+        return (tuple(range(wanted.conditions)),) * wanted.repeats
+    if wanted.order == "williams":
+        size = len(williams_sequences(wanted.conditions))
+        cycle = _williams_cycle(wanted, name, slot // size)
+        return tuple(block[slot % size] for block in cycle)
+    stream = Stream(*name, "slot", slot)
+    if wanted.order == "blocks":
+        return _blocks(wanted, stream)
+    size = wanted.conditions
+    drawn = shuffle(size, wanted.repeats, wanted.max_run, stream)
+    return tuple(tuple(drawn[start : start + size]) for start in range(0, len(drawn), size))
+
+
+@lru_cache(maxsize=256)
+def _williams_cycle(wanted: Blocks, name: Name, cycle: int) -> tuple[Orders, ...]:
+    """Return the orders of one cycle of slots, one slot per sequence, block by block."""
+    stream = Stream(*name, "cycle", cycle)
+    blocks: list[Orders] = []
+    while len(blocks) < wanted.repeats:
+        labels = stream.shuffled(range(wanted.conditions))
+        sequences = stream.shuffled(williams_sequences(wanted.conditions))
+        drawn = tuple(tuple(labels[number] for number in sequence) for sequence in sequences)
+        before = blocks[-1] if blocks and wanted.max_run == 1 else ()
+        if all(order[-1] != after[0] for order, after in zip(before, drawn, strict=False)):
+            blocks.append(drawn)
+    return tuple(blocks)
+
+
+def _blocks(wanted: Blocks, stream: Stream) -> Orders:
+    blocks: list[tuple[int, ...]] = []
+    while len(blocks) < wanted.repeats:
+        drawn = tuple(stream.shuffled(range(wanted.conditions)))
+        if not blocks or wanted.max_run > 1 or blocks[-1][-1] != drawn[0]:
+            blocks.append(drawn)
+    return tuple(blocks)
+
+
+SlotState = Literal["free", "running", "done", "dropped"]
+
+
+def next_slot(states: Sequence[SlotState]) -> int:
+    """Return the slot, from 0, of the next participant: the first neither running nor done.
+
+    The slot of a participant who dropped out is used again, so that the orders stay balanced over
+    the participants who finish. An interrupted session that may be resumed is still `running`.
+
+    >>> next_slot(["done", "dropped", "running"])
+    1
+    >>> next_slot(["done", "running"])
+    2
+    """
+    free = (slot for slot, state in enumerate(states) if state not in {"running", "done"})
+    return next(free, len(states))
+
+
+# Variants of a condition: its touches at another level, at 0 V, or in the opposite order.
+
+
+def scaled(touch: Touch, level: float) -> Touch:
+    """Return `touch` with its amplitudes multiplied by `level`."""
+    ramp_to_v = None if touch.ramp_to_v is None else touch.ramp_to_v * level
+    return touch.model_copy(update={"voltage_v": touch.voltage_v * level, "ramp_to_v": ramp_to_v})
+
+
+@lru_cache(maxsize=4096)
+def at_level(touches: tuple[Touch, ...], level: float) -> tuple[Touch, ...]:
+    """Return the touches with every amplitude multiplied by `level`; at 0 it is a catch trial."""
+    return touches if level == 1 else tuple(scaled(touch, level) for touch in touches)
+
+
+@lru_cache(maxsize=4096)
+def opposite(touches: tuple[Touch, ...]) -> tuple[Touch, ...]:
+    """Return the touches in the opposite order, each ramp and sweep run backwards."""
+    return tuple(_backwards(touch) for touch in reversed(touches))
+
+
+def _backwards(touch: Touch) -> Touch:
+    update: dict[str, float] = {}
+    if touch.ramp_to_v is not None:
+        update |= {"voltage_v": touch.ramp_to_v, "ramp_to_v": touch.voltage_v}
+    if touch.sweep_to is not None:
+        update |= {"frequency": touch.sweep_to, "sweep_to": touch.frequency}
+    return touch.model_copy(update=update)
+
+
+@lru_cache(maxsize=1024)
+def opposite_expected(condition: Condition) -> str | None:
+    """Return the answer expected of the opposite trial, or `None` if the condition has none."""
+    answer = opposite_answer(condition.question, condition.expected)
+    there, back = map(_courses, (condition.touches, opposite(condition.touches)))
+    return None if there == back else answer
+
+
+def _courses(touches: tuple[Touch, ...]) -> list[Touch]:
+    """The touches with their ends written out: a ramp from 100 V to 100 V is a hold."""
+    return [
+        touch.model_copy(update={"ramp_to_v": touch.end_voltage_v, "sweep_to": touch.end_frequency})
+        for touch in touches
+    ]
+
 
 LEVELS: tuple[Grouping, ...] = ("no", "block", "session")
 MAX_GROUPS = 8

@@ -6,11 +6,17 @@ The checks count instead of trying orders: a constraint is refused if a single o
 from collections.abc import Iterator
 
 from protocol.errors import Problem
-from protocol.plan.blocks import MAX_GROUPS, beam_groups, grouping, most_swaps
+from protocol.plan.blocks import (
+    MAX_GROUPS,
+    at_level,
+    beam_groups,
+    grouping,
+    most_swaps,
+    opposite_expected,
+)
 from protocol.plan.trials import beams_of, between_trials_s, touches_s
-from protocol.plan.variants import at_level, opposite_expected
-from protocol.study.questions import ANSWERS
 from protocol.study.study import Study
+from protocol.study.study_question import ANSWERS
 from protocol.study.touch import Touch
 
 

@@ -1,14 +1,25 @@
 """The plan of a session: opening, practice, and scored trials in the slot's order with catches."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from itertools import groupby, pairwise, product
+from typing import NamedTuple
 
-from protocol.plan.blocks import ordered_conditions, practice_pool
-from protocol.plan.randomisation import Name, Stream, spaced_places
-from protocol.plan.trials import Plan, Trial, beams_of
-from protocol.plan.variants import at_level, opposite, opposite_expected
-from protocol.study.questions import no_change
+from protocol.journal.events import SLIDE
+from protocol.plan.blocks import (
+    Name,
+    Stream,
+    at_level,
+    opposite,
+    opposite_expected,
+    ordered_conditions,
+    practice_pool,
+    spaced_places,
+)
+from protocol.plan.trials import Beams, Plan, Trial, beams_of, swap_count
 from protocol.study.study import Condition, Opening, Study
+from protocol.study.study_question import no_change
+from protocol.study.touch import Slide, SlidePass
 
 
 def level_draws(study: Study, name: Name) -> list[list[float]]:
@@ -54,7 +65,7 @@ def catch_places(study: Study, order: list[int], name: Name) -> dict[int, int]:
 def plan(study: Study, slot: int, session: int = 1) -> Plan:
     """Return the plan for a `slot`, counted from 0 over the cohort, and a `session`, from 1.
 
-    The study's seed determines the plan: orders (see `protocol.plan.counterbalancing`), levels,
+    The study's seed determines the plan: orders (see `protocol.plan.blocks`), levels,
     opposite, catch and practice trials are each drawn from a random stream of their own.
 
     Raises:
@@ -142,3 +153,192 @@ def _trial(
         opposite=turned,
         break_s=break_s,
     )
+
+
+# Trials that come again because a touch was not as instructed: where in their block they stand.
+
+Deferral = tuple[int, int]
+"""Numbers of a trial, and of the one after which it comes again; its own if it comes at once."""
+
+
+def running_order(trials: Sequence[Trial], deferrals: Iterable[Deferral]) -> list[Trial]:
+    """Return the trials of a session in the order in which they are run.
+
+    Args:
+        trials: as planned.
+        deferrals: in the order in which they happened.
+    """
+    order = list(trials)
+    for index, after in deferrals:
+        here = _place(order, index)
+        moved = replace(order.pop(here), break_s=0.0)  # the break has been taken
+        order.insert(here if after == index else _place(order, after) + 1, moved)
+    return order
+
+
+def _place(order: Sequence[Trial], index: int) -> int:
+    return next(place for place, trial in enumerate(order) if trial.index == index)
+
+
+def deferral(
+    study: Study, order: Sequence[Trial], trial: Trial, mounted: str | None, stream: Stream
+) -> Deferral:
+    """Return after which trial of its block `trial` comes again.
+
+    Each place is equally likely where it needs no further beam swap and breaks no rule of the
+    design that the order has kept so far. Without such a place, and before the first block, the
+    trial comes at once.
+
+    Args:
+        study: whose design the order follows.
+        order: the trials as they are run, `trial` among them.
+        trial: the running one.
+        mounted: the beam on the rig.
+        stream: of the draw.
+    """
+    here = _place(order, trial.index)
+    later = [entry for entry in order[here + 1 :] if trial.block == entry.block > 0]
+
+    def costs(after: int) -> tuple[int, int, int]:
+        """Return beam swaps from now on, those of the whole order, and the rules that it breaks."""
+        moved = running_order(order, [(trial.index, after)])
+        return _swaps(study, moved[here:], mounted), _swaps(study, moved), _broken(study, moved)
+
+    at_once = costs(trial.index)
+    fitting = [
+        entry.index
+        for entry in later
+        if all(cost <= limit for cost, limit in zip(costs(entry.index), at_once, strict=True))
+    ]
+    return trial.index, stream.one_of(fitting) if fitting else trial.index
+
+
+def _swaps(study: Study, order: Sequence[Trial], mounted: str | None = None) -> int:
+    own = study.touch.beam
+    touches = [touch for trial in order for touch in trial.touches]
+    return swap_count((mounted or own, *beams_of(touches, own)))
+
+
+def _broken(study: Study, order: Sequence[Trial]) -> int:
+    """Return how often an order breaks the rules on runs of a condition and on catch trials."""
+    runs = groupby(trial.condition for trial in order if trial.kind == "trial")
+    long_runs = [max(len(list(run)) - study.design.max_alike_in_row, 0) for _, run in runs]
+    catches = [place for place, trial in enumerate(order) if trial.kind == "catch"]
+    close = [later - place - 1 < study.design.catch_apart for place, later in pairwise(catches)]
+    misplaced = [
+        order[place].block != order[place - 1].block
+        or _beams(study, order[place]) != _beams(study, order[place - 1])
+        for place in catches
+    ]
+    return sum(long_runs) + sum(close) + sum(misplaced)
+
+
+def _beams(study: Study, trial: Trial) -> Beams:
+    return beams_of(trial.touches, study.touch.beam)
+
+
+# The plan of a sliding experiment: its passes in random order, references spread among them.
+
+DEFAULT_RATE_HZ = 1_000
+
+
+def slide_study(study: Study) -> Study:
+    """Return the study as a sliding experiment runs it: the block touches, and nobody is asked.
+
+    Forces are always recorded, at `DEFAULT_RATE_HZ` unless the study says otherwise. A study that
+    was made so stays as it is.
+    """
+    rate_hz = study.force_channel.rate_hz or DEFAULT_RATE_HZ
+    rules = study.as_instructed.model_copy(update={"retries": 0, "feedback": "never"})
+    return study.model_copy(
+        update={
+            "slide": study.slide,
+            "touch": study.slide.finger(study.touch),
+            "force_channel": study.force_channel.model_copy(update={"rate_hz": rate_hz}),
+            "as_instructed": rules,
+            "session": study.session.model_copy(update={"blind_operator": False}),
+            "question": (),
+            "page": (),
+            "opening": (),
+            "condition": (),
+        }
+    )
+
+
+def slide_plan(study: Study, session: int = 1) -> Plan:
+    """Return the passes of a sliding experiment in the order in which they are made.
+
+    Each repeat has every driven pass once, in an order drawn from the study's seed. References
+    come in rounds, each with every path, speed and direction: the first round before the first
+    driven pass, the last one after the last, the others evenly between them.
+    """
+    slide, name = study.slide, (study.study.seed, SLIDE, session)
+    drives = _drives(slide, study.rig.nominal_resonance_hz)
+    driven_once = [trial for drive in drives for trial in _passes(slide, drive)]
+    # At a frequency that is driven anyway, so that a reference breaks no limit of its own.
+    rest = drives[0]._replace(label="reference, 0 V", voltage_v=0.0)
+    driven = [
+        replace(trial, block=repeat)
+        for repeat in range(1, slide.repeats + 1)
+        for trial in Stream(*name, repeat).shuffled(driven_once)
+    ]
+    gaps = max(slide.references - 1, 1)
+    before = [round(number * len(driven) / gaps) for number in range(slide.references)]
+    order: list[Trial] = []
+    for place in range(len(driven) + 1):
+        for number in (number for number, at in enumerate(before) if at == place):
+            references = Stream(*name, "reference", number).shuffled(_passes(slide, rest))
+            block = driven[min(place, len(driven) - 1)].block
+            order += [replace(trial, block=block) for trial in references]
+        order += driven[place : place + 1]
+    return Plan(
+        slot=0,
+        session=session,
+        sequence=(),
+        trials=tuple(replace(trial, index=index) for index, trial in enumerate(order)),
+    )
+
+
+class _Drive(NamedTuple):
+    """The drive of a pass."""
+
+    label: str
+    voltage_v: float
+    frequency: float
+    frequency_hz: float | None = None
+
+
+def _drives(slide: Slide, nominal_hz: float) -> list[_Drive]:
+    volts = slide.voltage_v
+    relative = [_Drive(f"{each:g} x resonance", volts, each) for each in slide.frequencies]
+    fixed = [_Drive(f"{hz:g} Hz", volts, hz / nominal_hz, hz) for hz in slide.frequencies_hz]
+    return relative + fixed
+
+
+def _passes(slide: Slide, drive: _Drive) -> Iterator[Trial]:
+    """Yield the passes of one drive, each named by what tells it from the others."""
+    for path_m, speed_m_s, direction in product(slide.paths_m, slide.speeds_m_s, slide.directions):
+        left_mm, right_mm = (1e3 * end_m for end_m in path_m)
+        said = {
+            f"to the {direction}": len(slide.directions),
+            f"{1e3 * speed_m_s:g} mm/s": len(slide.speeds_m_s),
+            f"{left_mm:g} to {right_mm:g} mm": len(slide.paths_m),
+        }
+        made = SlidePass(
+            place="path",
+            voltage_v=drive.voltage_v,
+            frequency_hz=drive.frequency_hz,
+            direction=direction,
+            path_m=path_m,
+            duration_s=round((path_m[1] - path_m[0]) / speed_m_s, 9),
+        )
+        yield Trial(
+            index=0,
+            block=1,
+            kind="pass",
+            condition=", ".join([drive.label, *(text for text, many in said.items() if many > 1)]),
+            question=None,
+            expected=None,
+            scored=False,
+            touches=(made.model_copy(update={"frequency": drive.frequency}),),
+        )

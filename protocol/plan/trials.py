@@ -6,8 +6,8 @@ from itertools import groupby, pairwise
 from typing import Literal
 
 from protocol.journal.records import PlannedTrial
-from protocol.study.questions import Question
 from protocol.study.study import Study
+from protocol.study.study_question import Question
 from protocol.study.touch import Touch, on_s
 
 TrialKind = Literal["baseline", "signal", "practice", "trial", "catch", "pass"]

@@ -6,18 +6,19 @@ from textwrap import wrap
 from typing import get_args
 
 from protocol.plan.trials import Trial
-from protocol.preview.precision import Precision, confounded
 from protocol.preview.preview import (
     LINE_BAUD,
+    Precision,
     Prediction,
     Preview,
     assumed_cohort,
+    confounded,
     levels,
     line_share,
     precision_by_length,
     scored_contrasts,
 )
-from protocol.proof.cohort import balance_guaranteed, sequences
+from protocol.proof.trial_checks import balance_guaranteed, sequences
 from protocol.study.languages import reference_texts
 from protocol.study.rig_settings import ForceChannel
 from protocol.study.study_question import When

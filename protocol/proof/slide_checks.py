@@ -7,9 +7,9 @@ from math import isclose
 
 from protocol.errors import Problem
 from protocol.plan.trials import Plan, Trial
-from protocol.proof.limit_checks import Violations, limit_violations
-from protocol.study.slide import SlidePass
+from protocol.proof.trial_checks import Violations, limit_violations
 from protocol.study.study import Study
+from protocol.study.touch import SlidePass
 
 Kind = tuple[float, tuple[float, float], float, str]
 """Drive (relative, or in Hz), ends of the way, m, its duration, s, and direction of a pass."""

@@ -4,18 +4,109 @@ Each check states one requirement of the study file anew, without regard to how 
 """
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import groupby, pairwise
-from math import isclose
+from math import isclose, pi
 
 from protocol.errors import Problem
-from protocol.plan.trials import Plan, Trial
-from protocol.proof.limit_checks import limit_violations
-from protocol.study.questions import ANSWERS
+from protocol.plan.trials import Plan, Trial, plan_swaps
+from protocol.study.rig_settings import TARE_S
 from protocol.study.study import Condition, Study
+from protocol.study.study_question import ANSWERS
 from protocol.study.touch import Touch
 
+# Checks of a plan's trials against the limits of the rig.
+
 Violations = Iterator[tuple[str, str]]
+
+_ROUNDING = 1 + 1e-12
+
+
+def limit_violations(study: Study, plan: Plan) -> Violations:
+    """Yield (rule, value) for every limit that the plan exceeds."""
+    for trial in plan.trials:
+        for touch in trial.touches:
+            for rule, value, limit in _measures(study, touch):
+                if value > limit * _ROUNDING:
+                    yield (
+                        f"{rule} must not exceed {limit:.12g}",
+                        f"{value:.12g} in trial {trial.index}",
+                    )
+    yield from _beams(study, plan)
+    duration_s = plan_s(study, plan)
+    if duration_s > study.timing.max_session_s * _ROUNDING:
+        yield (
+            f"a session must not take more than {study.timing.max_session_s:g} s",
+            f"{duration_s:.0f} s",
+        )
+
+
+def _measures(study: Study, touch: Touch) -> Iterator[tuple[str, float, float]]:
+    """Yield (quantity, value, limit) for each limited quantity of a touch."""
+    rig = study.rig
+    volts = max(touch.voltage_v, touch.end_voltage_v)
+    hertz = max(touch.frequency, touch.end_frequency) * rig.nominal_resonance_hz
+    seconds = _touch_s(study, touch)
+    before_s = max(study.touch.lead_in_s, touch.voltage_v / rig.ramp_v_per_s)
+    yield "amplitude, V,", volts, rig.max_voltage_v
+    yield "frequency, Hz,", hertz, rig.max_frequency_hz
+    yield "slew, V/us,", 2e-6 * pi * hertz * volts, rig.max_slew_v_per_us
+    yield "ramp, V/s,", abs(touch.end_voltage_v - touch.voltage_v) / seconds, rig.ramp_v_per_s
+    yield "drive, s,", before_s + seconds if volts else 0.0, rig.max_drive_s
+    if rig.amplifier_gain is not None:
+        yield "generator, V peak-to-peak,", 2 * volts / rig.amplifier_gain, rig.generator_max_vpp
+    if rig.capacitance_nf is not None and rig.max_current_ma is not None:
+        milliamperes = 2e-6 * pi * hertz * volts * rig.capacitance_nf
+        yield "current, mA,", milliamperes, rig.max_current_ma
+
+
+def _touch_s(study: Study, touch: Touch) -> float:
+    left_m, right_m = study.touch.path_m
+    slide_s = (right_m - left_m) / study.touch.sliding_speed_m_s
+    return touch.duration_s or (slide_s if touch.place == "path" else study.touch.hold_s)
+
+
+def _mounted(study: Study, plan: Plan) -> list[str | None]:
+    needed = [touch.beam or study.touch.beam for trial in plan.trials for touch in trial.touches]
+    return [study.touch.beam, *needed]
+
+
+def _beams(study: Study, plan: Plan) -> Violations:
+    mounted = _mounted(study, plan)
+    for beam in sorted({beam for beam in mounted if beam is not None} - set(study.beams)):
+        yield "a beam must be one of the study's", repr(beam)
+    swaps = sum(before != after for before, after in pairwise(mounted))
+    if study.design.max_beam_swaps is not None and swaps > study.design.max_beam_swaps:
+        yield f"at most {study.design.max_beam_swaps} beam swaps are allowed", str(swaps)
+
+
+def plan_s(study: Study, plan: Plan) -> float:
+    """Return the duration of the plan, s, computed here independently of `protocol.plan`."""
+    timing, rig = study.timing, study.rig
+    mounted = _mounted(study, plan)
+    total_s = timing.beam_swap_s * sum(a != b for a, b in pairwise(mounted))
+    blocks = len({trial.block for trial in plan.trials} - {0})
+    times = {"before": 1, "after": 1, "block": blocks}
+    total_s += timing.reading_s if study.design.practice_trials else 0.0
+    for page in study.page:
+        every_block = blocks if page.block is None else page.block <= blocks
+        total_s += timing.reading_s * (every_block if page.before == "block" else 1)
+    for question in study.question:
+        if question.sessions == "every" or plan.session == 1:
+            total_s += timing.answer_s * times.get(question.when, 0)
+    for trial in plan.trials:
+        after = [question for question in study.question if question.when == "trial"]
+        asked = [q for q in after if not q.conditions or trial.condition in q.conditions]
+        total_s += timing.answer_s * len(asked) * (trial.condition is not None)
+        total_s += trial.break_s + timing.inter_trial_s
+        total_s += timing.answer_s * (trial.question is not None) + timing.score_s * trial.scored
+        total_s += timing.between_touches_s * (len(trial.touches) - 1)
+        total_s += TARE_S * len(trial.touches) * (study.force_channel.rate_hz is not None)
+        for touch in trial.touches:
+            before_s = max(study.touch.lead_in_s, touch.voltage_v / rig.ramp_v_per_s)
+            total_s += timing.reading_s + before_s + _touch_s(study, touch)
+    return total_s
 
 
 def content_violations(study: Study, plan: Plan) -> Violations:
@@ -240,3 +331,149 @@ def _groups(study: Study, plan: Plan) -> Violations:
 def _beam_set(study: Study, touches: Sequence[Touch]) -> tuple[str | None, ...]:
     beams = [touch.beam or study.touch.beam for touch in touches]
     return tuple(beam for beam, _ in groupby(beams))
+
+
+# Checks of a cohort: each plan by itself, and the carry-over compared with the design.
+
+
+def cohort_problems(study: Study, plans: Sequence[Plan], first: int = 0) -> list[Problem]:
+    """Return every requirement that the plans of slots 0, 1, 2 and so on violate.
+
+    The slot that they begin with may also be the `first` of another `cycle`.
+    """
+    if not plans:
+        return [_problem("there must be at least one plan", "none")]
+    found = [problem for plan in plans for problem in plan_problems(study, plan)]
+    slots = [plan.slot for plan in plans]
+    if slots != list(range(first, first + len(plans))):
+        found.append(_problem(f"slots must be numbered from {first}", slots))
+    if balance_guaranteed(study, len(plans)):
+        pairs, names = _pairs(plans, within_blocks=True), study.conditions
+        counts = {(a, b): pairs[a, b] for a in names for b in names if a != b}
+        if len(set(counts.values())) > 1:
+            found.append(_problem("every condition must follow every other equally often", counts))
+    return found
+
+
+def _problem(rule: str, value: object) -> Problem:
+    return Problem(where="cohort", rule=rule, value=str(value))
+
+
+Pairs = Counter[tuple[str | None, str | None]]
+
+
+def _pairs(plans: Iterable[Plan], *, within_blocks: bool) -> Pairs:
+    """Count how often one condition directly follows another, within or across blocks."""
+    pairs: Pairs = Counter()
+    for plan in plans:
+        main = [trial for trial in plan.trials if trial.kind == "trial"]
+        pairs.update(
+            (before.condition, after.condition)
+            for before, after in pairwise(main)
+            if (before.block == after.block) == within_blocks
+        )
+    return pairs
+
+
+Counts = tuple[tuple[int, ...], ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CarryOver:
+    """First-order carry-over: `counts[a][b]` is how often condition b directly follows a.
+
+    Scored trials of the same block are counted; catch trials between them are ignored.
+    `across_blocks` counts the pairs on both sides of a block's end, which no design balances.
+    `guaranteed` says whether the design balances every cohort of this size.
+    """
+
+    counts: Counts
+    across_blocks: Counts
+    guaranteed: bool
+
+    @property
+    def balanced(self) -> bool:
+        """Whether every condition follows every other one, and equally often."""
+        return self.imbalance == 0 and 0 not in self._pairs
+
+    @property
+    def imbalance(self) -> int:
+        """Largest difference between the counts of two pairs of different conditions."""
+        return max(self._pairs, default=0) - min(self._pairs, default=0)
+
+    @property
+    def _pairs(self) -> list[int]:
+        size = range(len(self.counts))
+        return [self.counts[a][b] for a in size for b in size if a != b]
+
+
+def carry_over(study: Study, plans: Sequence[Plan]) -> CarryOver:
+    """Return the carry-over of `plans`, conditions in the order of the file."""
+    return CarryOver(
+        counts=_counts(study.conditions, _pairs(plans, within_blocks=True)),
+        across_blocks=_counts(study.conditions, _pairs(plans, within_blocks=False)),
+        guaranteed=balance_guaranteed(study, len(plans)),
+    )
+
+
+def _counts(names: Sequence[str], pairs: Pairs) -> Counts:
+    return tuple(tuple(pairs[before, after] for after in names) for before in names)
+
+
+def balance_guaranteed(study: Study, participants: int) -> bool:
+    """Return whether the design balances carry-over exactly for a cohort of this size.
+
+    It does in Williams order, without grouping and without a limit on beam swaps, if the cohort is
+    a multiple of n (n conditions, n even) or 2n (n odd).
+    """
+    design = study.design
+    free = design.group_by_beam == "no" and design.max_beam_swaps is None
+    return design.order == "williams" and free and participants % sequences(study) == 0
+
+
+def cycle(study: Study, slot: int) -> range:
+    """Return the slots over which the design balances carry-over together with `slot`.
+
+    That is `slot` alone where it balances nothing.
+    """
+    size = sequences(study)
+    first = slot // size * size
+    return range(first, first + size) if balance_guaranteed(study, size) else range(slot, slot + 1)
+
+
+def sequences(study: Study) -> int:
+    """Return how many sequences a Williams design of the study's conditions has."""
+    conditions = len(study.condition)
+    return conditions if conditions % 2 == 0 or conditions == 1 else 2 * conditions
+
+
+# Checks of the order in which trials were run, where some came again: the plan's rules anew.
+
+
+def order_problems(study: Study, plan: Plan, order: Sequence[int]) -> list[Problem]:
+    """Return every rule that the trials break in the order in which they were answered.
+
+    Args:
+        study: the study.
+        plan: of the session.
+        order: the numbers of the trials, as far as the session came.
+    """
+    by_index = {trial.index: trial for trial in plan.trials}
+    found: list[tuple[str, str]] = []
+    if twice := [index for index, times in Counter(order).items() if times > 1]:
+        found.append(("every trial must be answered once", f"twice: {twice}"))
+    if unknown := [index for index in order if index not in by_index]:
+        found.append(("every trial must be planned", f"not planned: {unknown}"))
+    run = [by_index[index] for index in order if index in by_index]
+    blocks = [trial.block for trial in run]
+    if blocks != sorted(blocks):
+        found.append(("blocks must follow one another", str(blocks)))
+    first = [trial.index for trial in run if trial.block == 0]
+    if first != sorted(first):
+        found.append(("opening and practice must come as planned", str(first)))
+    as_run = replace(plan, trials=tuple(run))
+    if len(run) == len(plan.trials) and plan_swaps(study, as_run) > plan_swaps(study, plan):
+        rule = f"there must be at most {plan_swaps(study, plan)} beam swaps"
+        found.append((rule, str(plan_swaps(study, as_run))))
+    found += order_violations(study, run)
+    return [Problem(where=f"order of slot {plan.slot}", rule=r, value=v) for r, v in found]

@@ -3,15 +3,27 @@
 import json
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from hashlib import sha256
+from itertools import permutations
 from typing import Any
 
 from protocol.errors import BadInput
-from protocol.journal.events import StoredEvent, StudyRegistered
+from protocol.journal.events import (
+    SLIDE,
+    SessionOpened,
+    SessionResumed,
+    StoredEvent,
+    StudyRegistered,
+)
+from protocol.journal.records import PlannedTrial
 from protocol.journal.shared_form import REGISTRATION_FILE, UNKNOWN_UTC
+from protocol.plan.plan import plan, slide_plan, slide_study
+from protocol.plan.trials import Plan, planned_trial
 from protocol.study.study import Study
+from protocol.study_file.loading import parsed_study, text_digest
 
 FILE = REGISTRATION_FILE
 _NOTE = """\
@@ -208,3 +220,107 @@ def _value(value: Any) -> str:
     """Return a text, number or list of texts as TOML: JSON but for one control character."""
     values = list(value) if isinstance(value, tuple) else value
     return json.dumps(values, ensure_ascii=False, allow_nan=False).replace("\x7f", "\\u007f")
+
+
+# The hypotheses that a registration can name, each with the test that decides on it.
+
+OMNIBUS = "conditions differ"
+GAINS = "gains differ"
+FOLLOWS = "ratings follow the prediction"
+ORDER = "order of conditions as predicted"
+"""Names of the hypotheses that every study has, beside one for each ordered pair of conditions."""
+
+
+def above(higher: str, lower: str) -> str:
+    """Return the name of the hypothesis that one condition is rated above another."""
+    return f"{higher} above {lower}"
+
+
+def hypotheses(conditions: Iterable[str]) -> dict[str, str]:
+    """Return the test of each hypothesis of a study with these conditions, by name.
+
+    >>> list(hypotheses(["a", "b"]))[1:3]
+    ['a above b', 'b above a']
+    """
+    pairs = permutations(conditions, 2)
+    return {
+        OMNIBUS: "Friedman's test, or the Skillings–Mack test where scores are missing; p < .05",
+        **{
+            above(higher, lower): "Wilcoxon's signed-rank test, two-sided, corrected by Holm's "
+            "method over all pairs of conditions; p < .05 and a mean difference above 0"
+            for higher, lower in pairs
+        },
+        # These words stand in registered texts, which are compared: another p of F leaves them.
+        GAINS: "F test of the participants' slopes on the conditions' effects (Mandel); p < .05",
+        FOLLOWS: "gain of the ordinal mixed model M2; its 95 % interval lies above 0",
+        ORDER: "Spearman's correlation of predicted contrasts and mean ratings of the conditions; "
+        "p < .05 and a correlation above 0",
+    }
+
+
+def require_known(name: str, known: Iterable[str]) -> None:
+    """Refuse the name of a hypothesis that the study does not have.
+
+    Raises:
+        BadInput: the message lists the names that it has.
+    """
+    names = list(known)
+    if name not in names:
+        raise BadInput(f"no hypothesis {name!r}; there are {', '.join(map(repr, names))}")
+
+
+# The proof that orders follow from a digest: each session's plan is drawn again and compared.
+
+
+def order_problem(opened: SessionOpened, under: SessionOpened | SessionResumed) -> str:
+    """Return why the trials of a registered session are not those of its digest; '' if they are.
+
+    The plan is drawn from the study file and the digest that the journal holds, so that a journal
+    proves its orders by itself.
+
+    Args:
+        opened: the session's first event.
+        under: the same, or a later one that resumes the session.
+    """
+    if under.registration is None or under.study_text is None:
+        return ""
+    if under.study_sha256 != text_digest(under.study_text):
+        return "its study file does not have the digest that the journal names"
+    slot = None if opened.participant == SLIDE else opened.slot
+    try:
+        drawn = _drawn(under.study_text, under.registration, slot, opened.session)
+    except ValueError as error:  # a study file that this version refuses, or no digest
+        return f"its order cannot be drawn again ({error})"
+    if len(drawn.trials) != len(under.trials):
+        return f"the digest gives {len(drawn.trials)} trials, the journal has {len(under.trials)}"
+    for trial, recorded in zip(drawn.trials, under.trials, strict=True):
+        if not _is_recorded(planned_trial(trial), recorded):
+            return (
+                f"its order does not follow from the registration: trial {recorded.index} is "
+                f"{recorded.condition or recorded.kind}, the digest gives "
+                f"{trial.condition or trial.kind}"
+            )
+    return ""
+
+
+@lru_cache(maxsize=256)
+def _drawn(study_text: str, digest: str, slot: int | None, session: int) -> Plan:
+    """Return the plan of a slot, or of a sliding experiment, which has none."""
+    try:
+        study = locked(parsed_study(study_text), digest)
+    except BadInput as error:
+        raise ValueError(str(error)) from error
+    return slide_plan(slide_study(study), session) if slot is None else plan(study, slot, session)
+
+
+def _is_recorded(trial: PlannedTrial, recorded: PlannedTrial) -> bool:
+    """Return whether a trial is the recorded one; keys that its build did not write are skipped."""
+    drawn, kept = trial.to_json(), recorded.to_json()
+    made, before = drawn.pop("touches"), kept.pop("touches")
+    return (
+        drawn == kept
+        and len(made) == len(before)
+        and all(
+            {key: new.get(key) for key in old} == old for new, old in zip(made, before, strict=True)
+        )
+    )

@@ -2,9 +2,8 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 
-from protocol.registration.hypotheses import hypotheses
-from protocol.registration.registration import Registration
-from protocol.study.design import Order
+from protocol.registration.registration import Registration, hypotheses
+from protocol.study.rules import Order
 from protocol.study.study import Study
 from protocol.study.study_question import When
 from protocol.study.touch import Touch

@@ -16,7 +16,7 @@ from protocol.study.languages import (
     later_texts,
     reference_texts,
 )
-from protocol.study.rating import PAPERS_BANDS, PAPERS_SCALE, Band, Rating
+from protocol.study.rules import PAPERS_BANDS, PAPERS_SCALE, Band, Rating
 from protocol.study.study import Study
 from protocol.study.study_question import SCORE, Label, StudyQuestion
 from protocol.study.touch import Touch

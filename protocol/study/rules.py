@@ -2,9 +2,9 @@
 
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
-from protocol.study.fields import Count, Positive, Record, Share, Whole
+from protocol.study.fields import Count, Line, NotNegative, Positive, Record, Share, Whole
 from protocol.study.languages import KnownCode
 
 Hand = Literal["left", "right"]
@@ -164,3 +164,246 @@ class Exclusions(Record):
                 f"min_reaction_s must be less than max_reaction_s = {slowest:g}, got {fastest:g}"
             )
         return self
+
+
+# The design of a study, the pauses and durations of its sessions, and facts for publication.
+
+Order = Literal["williams", "blocks", "random", "fixed"]
+Grouping = Literal["no", "block", "session"]
+MOST_REPEATS = 20
+"""Of a condition in a session."""
+Pause = Annotated[NotNegative, Field(le=600)]
+"""Within a trial or before it, s: more than 10 minutes are in ms."""
+ReadableTime = Annotated[NotNegative, Field(le=10)]
+"""Of a page, s: with more than 10 s people take the button for broken."""
+LongPause = Annotated[NotNegative, Field(le=3_600)]
+"""Between trials, s: more than an hour ends the session."""
+
+
+class Design(Record):
+    """Which trials there are and how they are ordered over the cohort."""
+
+    order: Annotated[
+        Order,
+        Field(
+            description="`williams`: balanced over the cohort; `blocks`: every block a random "
+            "order of all conditions; `random`: all trials shuffled, as many to a block as there "
+            "are conditions; `fixed`: as in the file"
+        ),
+    ] = "williams"
+    repeats: Annotated[
+        Count,
+        Field(
+            le=MOST_REPEATS, description="how often a participant gets each condition, per session"
+        ),
+    ] = 1
+    max_alike_in_row: Annotated[
+        Count,
+        Field(description="largest number of scored trials of one condition in a row"),
+    ] = 2
+    practice_trials: Annotated[
+        Whole,
+        Field(
+            le=20,
+            description="number of trials before the first block, of conditions on the study's own "
+            "beam, at the last of their levels; never analysed",
+        ),
+    ] = 0
+    catch_trials: Annotated[
+        Whole,
+        Field(
+            le=50,
+            description="number of trials at 0 V among the others, in which nothing changes; of "
+            "any condition on the mounted beam, also the one that was just felt",
+        ),
+    ] = 0
+    catch_apart: Annotated[
+        Count, Field(description="smallest number of other trials between two catch trials")
+    ] = 1
+    opposite_repeats: Annotated[
+        Whole,
+        Field(
+            description="number of repeats of a condition in which the touches come in the "
+            "opposite order, so that the opposite answer is expected"
+        ),
+    ] = 0
+    group_by_beam: Annotated[
+        Grouping,
+        Field(
+            description="whether trials with the same beam come together, within each block or "
+            "over the session; carry-over is then not balanced"
+        ),
+    ] = "no"
+    max_beam_swaps: Annotated[
+        Whole | None,
+        Field(
+            description="largest number per session; trials are grouped further if this is "
+            "necessary"
+        ),
+    ] = None
+    break_every_blocks: Annotated[
+        Whole, Field(description="number of blocks between two breaks; 0: no break")
+    ] = 0
+    break_s: Annotated[LongPause, Field(description="shortest duration of a break")] = 60.0
+    sessions: Annotated[
+        Count, Field(le=50, description="number of sessions of each participant")
+    ] = 1
+    participants: Annotated[
+        Count | None, Field(le=10_000, description="planned size of the cohort")
+    ] = None
+
+    @model_validator(mode="after")
+    def _some_repeats_are_not_opposite(self) -> Self:
+        if self.opposite_repeats >= self.repeats:
+            raise ValueError(
+                f"opposite_repeats must be less than repeats = {self.repeats}, "
+                f"got {self.opposite_repeats}"
+            )
+        return self
+
+
+class Timing(Record):
+    """Pauses that the session keeps, and assumptions from which its duration is estimated.
+
+    A session waits for as long as a pause says. What is assumed is waited for by nobody: it enters
+    the length that `touchbeam check` foresees, the time left that the operator sees, and the limit
+    on it.
+    """
+
+    between_touches_s: Annotated[Pause, Field(description="pause within a trial")] = 1.0
+    inter_trial_s: Annotated[Pause, Field(description="pause before a trial")] = 2.0
+    readable_s: Annotated[
+        ReadableTime, Field(description="how long a page is shown before its button works")
+    ] = 1.0
+    reading_s: Annotated[Pause, Field(description="assumed time to read an instruction")] = 4.0
+    answer_s: Annotated[Pause, Field(description="assumed time to answer a question")] = 5.0
+    score_s: Annotated[Pause, Field(description="assumed time to give a score")] = 5.0
+    beam_swap_s: Annotated[LongPause, Field(description="assumed time to mount another beam")] = (
+        60.0
+    )
+    max_session_s: Annotated[
+        Positive, Field(le=14_400, description="longest session that may be planned")
+    ] = 5_400.0
+
+
+class Publication(Record):
+    """Facts that only the study's author knows, for exported data; none is ever invented."""
+
+    title: Annotated[Line | None, Field(description="title of the data set")] = None
+    authors: Annotated[tuple[Line, ...], Field(description="authors in the order of citation")] = ()
+    licence: Annotated[Line | None, Field(description="such as `CC0`")] = None
+    institution: Annotated[Line | None, Field(description="where the study was done")] = None
+    institution_address: Annotated[Line | None, Field(description="address of the institution")] = (
+        None
+    )
+    ethics_approvals: Annotated[
+        tuple[Line, ...], Field(description="committee and reference number")
+    ] = ()
+    funding: Annotated[tuple[Line, ...], Field(description="grants")] = ()
+    references: Annotated[tuple[Line, ...], Field(description="what to read and cite")] = ()
+    doi: Annotated[Line | None, Field(description="DOI of the data set")] = None
+    keywords: Annotated[tuple[Line, ...], Field(description="keywords of the data set")] = ()
+
+
+# The scale of scores: its ends, its ticks and its bands; and the spread expected of scores.
+
+Score = Annotated[Whole, Field(le=1_000)]
+"""Whole, so that it can be typed and counted."""
+
+
+class Band(Record):
+    """A range of scores, and its name in each language by the language's code."""
+
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[
+        str, Annotated[Line, Field(description="its name in that language, such as `en`")]
+    ] = Field(init=False)
+
+    first: Annotated[Score, Field(alias="from", description="lowest score of the band")]
+    last: Annotated[Score, Field(alias="to", description="highest score of the band")]
+
+    @property
+    def names(self) -> dict[str, str]:
+        """The names that the study file gives, by language."""
+        return self.__pydantic_extra__
+
+
+PAPERS_BANDS = {
+    (0, 0): "no effect",
+    (1, 4): "very weak",
+    (5, 7): "general",
+    (8, 10): "very effective",
+}
+"""The paper's names of its scores (section 5.2): first and last score, and the key in languages."""
+
+
+class Rating(Record):
+    """When and on which scale the effect is scored, and how the scores are named."""
+
+    score_when: Annotated[
+        Literal["agrees", "always"],
+        Field(description="ask for the score only if the answer agrees with the expectation"),
+    ] = "agrees"
+    minimum: Annotated[Score, Field(description="lowest score")] = 0
+    maximum: Annotated[Score, Field(description="highest score, above the lowest")] = 10
+    ticks: Annotated[
+        Literal["all", "bands", "ends"], Field(description="which scores are marked on the scale")
+    ] = "all"
+    bands: Annotated[
+        tuple[Band, ...], Field(description="names of ranges, which together cover the scale")
+    ] = ()
+
+    @model_validator(mode="after")
+    def _ends_are_apart(self) -> Self:
+        if self.minimum >= self.maximum:
+            raise ValueError(f"maximum must be above minimum = {self.minimum}, got {self.maximum}")
+        return self
+
+    @model_validator(mode="after")
+    def _bands_cover_the_scale(self) -> Self:
+        covered = [score for band in self.bands for score in range(band.first, band.last + 1)]
+        if self.bands and covered != list(range(self.minimum, self.maximum + 1)):
+            spans = ", ".join(f"{band.first}-{band.last}" for band in self.bands)
+            raise ValueError(
+                f"bands must follow one another from {self.minimum} to {self.maximum}, got {spans}"
+            )
+        return self
+
+    @property
+    def span(self) -> int:
+        """How far the ends of the scale are apart."""
+        return self.maximum - self.minimum
+
+
+PAPERS_SCALE = Rating.model_validate(
+    {
+        "bands": [
+            {"from": first, "to": last, "en": name} for (first, last), name in PAPERS_BANDS.items()
+        ]
+    }
+)
+"""From 0 to 10 (section 5.2)."""
+
+
+class Forecast(Record):
+    """Standard deviations of ratings on the paper's scale of 0 to 10, from its Table 4.
+
+    `residual_sd` is that about each person's own line (27 df); the others are M2's medians.
+    """
+
+    residual_sd: Annotated[
+        Positive,
+        Field(le=10, description="SD of a score about the participant's own line, points"),
+    ] = 1.48
+    off_the_line_sd: Annotated[
+        NotNegative,
+        Field(
+            le=10,
+            description="SD between conditions of what they add for everybody beside the "
+            "predicted contrast, points",
+        ),
+    ] = 1.8
+    gain_sd: Annotated[
+        NotNegative,
+        Field(le=1000, description="SD of gains between people, points per unit of contrast"),
+    ] = 4.1

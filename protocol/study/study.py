@@ -8,16 +8,21 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from protocol.study.design import Design, Publication, Timing
 from protocol.study.fields import Line, Name, NotNegative, Positive, Record, Whole
 from protocol.study.languages import Code, KnownCode, Language
-from protocol.study.questions import ANSWERS, Question
-from protocol.study.rating import Forecast, Rating
 from protocol.study.rig_settings import ForceChannel, Rig
-from protocol.study.rules import Exclusions, SessionRules, TouchRules
-from protocol.study.slide import Slide
-from protocol.study.study_question import InstructionPage, StudyQuestion, When
-from protocol.study.touch import Touch, TouchDefaults
+from protocol.study.rules import (
+    Design,
+    Exclusions,
+    Forecast,
+    Publication,
+    Rating,
+    SessionRules,
+    Timing,
+    TouchRules,
+)
+from protocol.study.study_question import ANSWERS, InstructionPage, Question, StudyQuestion, When
+from protocol.study.touch import Slide, Touch, TouchDefaults
 
 Level = Annotated[Positive, Field(ge=0.001, le=200)]
 """Of an amplitude: 200 makes 1 V the largest there is, and a thousandth drives nothing."""

@@ -18,9 +18,9 @@ from protocol.study.participant_texts import (
     study_wording,
     text_path,
 )
-from protocol.study.questions import ANSWERS
-from protocol.study.rating import Band
+from protocol.study.rules import Band
 from protocol.study.study import Study
+from protocol.study.study_question import ANSWERS, BETWEEN, MOST_LABELS, Label, StudyQuestion
 from protocol.study.touch import Touch
 
 
@@ -186,3 +186,203 @@ def _fields(text: str) -> list[str]:
         for _, name, form, conversion in parsed
         if name is not None
     )
+
+
+# What is wrong with a study's own questions and pages: names, keys, labels, places and texts.
+
+REACTION_TIME = "_reaction_time_s"
+"""Ending of the exported column beside a question's own."""
+_COLUMNS = """
+inclusion_reason subject
+abort_reasons aborted agrees answer_order answered_utc attempts beam block change cleaning
+commanded_frequency_hz commanded_voltage_v condition coverage device direction duration_s
+end_frequency_hz end_monitor_v end_voltage_v excluded exclusion_reason expected force_n force_ok
+humidity language level notes opposite participant participant_id place place_ok places
+planned_end_frequency planned_end_voltage_v planned_frequency planned_voltage_v press pseudonym
+question reaction_time_s resonance_hz resonance_tip_m_per_v room_temperature roughness score
+score_reaction_time_s seed session session_completed session_kind session_kinds sessions
+skin_state slot speed_ok start_frequency_hz start_monitor_v start_voltage_v started_monotonic_s
+started_utc strength study_sha256 touchbeam_version touches trial_index trial_kind
+friction friction_error measured_contrast measured_contrast_error normal_n rate_n_per_s speed_m_s
+stick_slip vector_n
+"""
+PICTURE_RULE = (
+    "must be a PNG or JPEG file in the study's folder, at most 4 MB and 4096 pixels wide and high, "
+    "and no link"
+)
+TAKEN = frozenset(_COLUMNS.split())
+"""Names of the columns that every export has, and of the built-in questions."""
+_KINDS = {
+    "labels": {"choice", "several", "scale", "analogue"},
+    "minimum": {"scale", "number"},
+    "maximum": {"scale", "number"},
+    "step": {"scale"},
+    "ticks": {"scale"},
+    "decimals": {"number"},
+    "unit": {"number"},
+    "max_length": {"text"},
+}
+"""The kinds of question that each key is for; the other keys are for all."""
+
+_Found = Iterator[tuple[str | int, str, str, str]]
+"""Key, rule, value and hint of each problem."""
+
+
+def question_problems(study: Study) -> Iterator[Problem]:
+    """Yield what is wrong with the study's own questions."""
+    yield from _name_problems(study)
+    for number, question in enumerate(study.question):
+        path: Path = ("question", number)
+        for key, rule, value, hint in (*_key_problems(study, question), *_form(question)):
+            yield _problem(question, (*path, key), rule, value, hint)
+        yield from _texts_problems(study, path, question)
+
+
+def page_problems(study: Study) -> Iterator[Problem]:
+    """Yield what is wrong with the study's own pages."""
+    for number, page in enumerate(study.page):
+        path: Path = ("page", number)
+        yield from unnamed_problems(study, (*path, "text"), page.text)
+        found: list[tuple[str, str, str]] = []
+        if page.block is not None and page.before != "block":
+            found.append(("block", 'must be left out unless before = "block"', str(page.block)))
+        if page.block is not None and page.block > _most_blocks(study):
+            rule = f"must be at most {_most_blocks(study)}, the number of blocks"
+            found.append(("block", rule, str(page.block)))
+        if page.before == "practice" and study.design.practice_trials == 0:
+            found.append(("before", 'must not be "practice" without practice_trials', "one"))
+        if page.picture is not None and page.picture not in study.pictures:
+            found.append(("picture", PICTURE_RULE, repr(page.picture)))
+        for key, rule, value in found:
+            where = f"page {number + 1}, {key}"
+            yield Problem(where=where, rule=rule, value=value, path=(*path, key))
+
+
+def _most_blocks(study: Study) -> int:
+    """Return how many blocks a session has; at most, where trials are grouped by beam."""
+    design = study.design
+    is_grouped = design.group_by_beam != "no" or design.max_beam_swaps is not None
+    return design.repeats * (len(study.condition) if is_grouped else 1)
+
+
+def _problem(question: StudyQuestion, path: Path, rule: str, value: str, hint: str = "") -> Problem:
+    where = f"question {question.name}, {dotted(path[2:])}"
+    return Problem(where=where, rule=rule, value=value, hint=hint, path=path)
+
+
+def _name_problems(study: Study) -> Iterator[Problem]:
+    taken = set(TAKEN)
+    for number, question in enumerate(study.question):
+        name = question.name
+        if name in taken or name + REACTION_TIME in taken:
+            rule = "a question must have a name of its own, for it becomes a column"
+            yield _problem(question, ("question", number, "name"), rule, repr(name), "rename it")
+        taken |= {name, name + REACTION_TIME}
+
+
+def _key_problems(study: Study, question: StudyQuestion) -> _Found:
+    for key in sorted(question.model_fields_set & _KINDS.keys()):
+        if question.kind not in _KINDS[key]:
+            kinds = ", ".join(sorted(_KINDS[key]))
+            yield key, f"must be left out where kind = {question.kind!r}", "one", f"for {kinds}"
+    if question.conditions and question.when != "trial":
+        yield "when", 'must be "trial" where conditions are named', repr(question.when), ""
+    if question.sessions == "first" and question.when not in {"before", "after"}:
+        rule = 'must be "before" or "after" where sessions = "first"'
+        yield "when", rule, repr(question.when), ""
+    for name in question.conditions:
+        if name not in study.conditions:
+            known = f"known: {', '.join(study.conditions)}"
+            yield "conditions", "must be conditions of the study", repr(name), known
+    for twice in _repeated(question.conditions):
+        yield "conditions", "must differ", repr(twice), "name it once"
+
+
+def _form(question: StudyQuestion) -> _Found:
+    match question.kind:
+        case "choice" | "several":
+            yield from _choices(question)
+        case "scale" | "analogue":
+            yield from _scale(question)
+        case "number" if question.minimum is not None and question.maximum is not None:
+            if question.minimum >= question.maximum:
+                rule = f"must be above minimum = {question.minimum:.15g}"
+                yield "maximum", rule, f"{question.maximum:.15g}", ""
+
+
+def _choices(question: StudyQuestion) -> _Found:
+    if not 2 <= len(question.labels) <= MOST_LABELS:
+        yield "labels", f"must be 2 to {MOST_LABELS}", str(len(question.labels)), ""
+    for value in _without(question.labels, "value"):
+        yield "labels", 'must each have a value, such as { value = "left", en = "…" }', value, ""
+    for twice in _repeated(question.values):
+        yield "labels", "must have values that differ", repr(twice), ""
+    for value in question.values:
+        if BETWEEN in value or value != value.strip() or is_typed_to_choose(value):
+            rule = f"a value must have no {BETWEEN!r} or spaces at its ends, and be no number"
+            yield "labels", rule, repr(value), ""
+
+
+def _scale(question: StudyQuestion) -> _Found:
+    for value in _without(question.labels, "at"):
+        yield "labels", 'must each have a place, such as { at = 1, en = "…" }', value, ""
+    places = [label.at for label in question.labels if label.at is not None]
+    for twice in _repeated(places):
+        yield "labels", "must be at places that differ", f"{twice:.15g}", ""
+    if question.kind == "analogue":
+        if sorted(places) != [0, 100]:
+            rule = "must be two, one at = 0 and one at = 100"
+            yield "labels", rule, ", ".join(f"{place:.15g}" for place in places) or "none", ""
+    elif question.minimum is None or question.maximum is None:
+        for key in ("minimum", "maximum"):
+            if getattr(question, key) is None:
+                yield key, "must be given", "nothing", ""
+    else:
+        yield from _places(question, places)
+
+
+def _places(question: StudyQuestion, named: Sequence[float]) -> _Found:
+    low, high, step = question.scale
+    if low >= high:
+        yield "maximum", f"must be above minimum = {low:.15g}", f"{high:.15g}", ""
+    elif abs((high - low) / step - question.places) > 1e-9 * question.places:
+        rule = f"must divide the {high - low:.15g} from minimum to maximum"
+        yield "step", rule, f"{step:.15g}", ""
+    else:
+        for place in named:
+            if not _lies_on(question, place):
+                rule = f"must be at places of the scale from {low:.15g} to {high:.15g}"
+                yield "labels", rule, f"{place:.15g}", ""
+
+
+def _lies_on(question: StudyQuestion, place: float) -> bool:
+    try:
+        question.answer(repr(place))
+    except ValueError:
+        return False
+    return True
+
+
+def _without(labels: Iterable[Label], key: str) -> Iterator[str]:
+    other = "at" if key == "value" else "value"
+    for number, label in enumerate(labels, start=1):
+        if getattr(label, key) is None or getattr(label, other) is not None:
+            yield f"label {number} with {other}" if getattr(label, other) else f"label {number}"
+
+
+def _repeated(values: Sequence[str | float]) -> list[str | float]:
+    return [value for number, value in enumerate(values) if value in values[:number]]
+
+
+def _texts_problems(study: Study, path: Path, question: StudyQuestion) -> Iterator[Problem]:
+    yield from unnamed_problems(study, (*path, "text"), question.text)
+    seen: dict[tuple[str, str], str] = {}
+    for number, label in enumerate(question.labels):
+        place = (*path, "labels", number)
+        yield from unnamed_problems(study, place, label.names, ("value", "at"))
+        for code, text in label.names.items():
+            if question.values and is_typed_to_choose(text):
+                yield _problem(question, (*place, code), TYPED_TO_CHOOSE, repr(text))
+            if question.values and seen.setdefault((code, plain(text)), str(number)) != str(number):
+                rule = "answers to one question must differ"
+                yield _problem(question, (*place, code), rule, repr(text))

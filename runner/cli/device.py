@@ -165,7 +165,7 @@ def doctor(as_json: JsonOption = False) -> None:
 def participant_screens(show: Annotated[bool, typer.Option("--show")] = False) -> None:
     """Print the screens as JSON, or show their numbers until the standard input ends."""
     _leave_folder()
-    from runner.displays.screen_numbers import print_screens, show_numbers
+    from runner.displays.screen_list import print_screens, show_numbers
 
     (show_numbers if show else print_screens)()
 

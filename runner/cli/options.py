@@ -13,7 +13,7 @@ from protocol.errors import BadInput
 
 if TYPE_CHECKING:
     from device.beam.eq15 import Overlap
-    from device.people.population import Population
+    from device.people.person import Population
     from runner.journal.store import Journal
     from runner.study.folder import StudyFolder
 else:  # typer evaluates annotations at run time

@@ -40,8 +40,7 @@ def register(
     from analysis.loading.exclusions import rules_in_words
     from analysis.report.registration.analysis_settings import analysis_settings
     from device.friction.contrasts import LAW, RUNG
-    from protocol.registration.hypotheses import OMNIBUS
-    from protocol.registration.registration import FILE
+    from protocol.registration.registration import FILE, OMNIBUS
     from protocol.registration.registry_text import registry_text
     from runner.clock import WallClock
     from runner.journal.location import checked_place, mounts_of_this_machine

@@ -31,7 +31,7 @@ from runner.cli.output import (
 )
 from runner.cli.results import write_report
 from runner.clock import Pace
-from runner.interfaces import AnswerSource
+from runner.screens import AnswerSource
 
 app = typer.Typer()
 
@@ -49,7 +49,7 @@ def demo(
 
     Uses the simulated device and virtual participants, who feel small changes as the paper's did.
     """
-    from device.people.population import SENSITIVE
+    from device.people.person import SENSITIVE
     from protocol.study_file.loading import template
     from runner.launch.device_access import touchbeam_command
     from runner.launch.rehearsal import rehearse_cohort

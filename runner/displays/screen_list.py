@@ -5,10 +5,16 @@ connection to it.
 """
 
 import json
+import re
 import subprocess
+import sys
+import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import pyglet
 
 _WITHIN_S = 20.0
 
@@ -65,3 +71,91 @@ def numbered_screens(touchbeam: Sequence[str]) -> Iterator[None]:
                 process.wait(_WITHIN_S)
             except subprocess.TimeoutExpired:
                 process.kill()
+
+
+# The process that lists the screens of the display and shows their numbers on them.
+#
+# The import of pyglet's windows needs a display, so only this process imports them.
+
+_XRANDR_WITHIN_S = 5.0
+_FRAME_S = 0.05
+_MONITOR = re.compile(
+    r" (?P<width>\d+)/\d+x(?P<height>\d+)/\d+\+(?P<x>\d+)\+(?P<y>\d+) +(?P<name>\S+)$"
+)
+
+Place = tuple[int, int, int, int]
+"""x, y, width and height in pixels."""
+
+
+def connectors(listed: str) -> dict[Place, str]:
+    """Return the connector at each place in the output of `xrandr --listmonitors`.
+
+    >>> connectors(" 0: +*HDMI-1 1920/480x1080/270+1280+0  HDMI-1")
+    {(1280, 0, 1920, 1080): 'HDMI-1'}
+    """
+    found = filter(None, map(_MONITOR.search, listed.splitlines()))
+    return {
+        (int(each["x"]), int(each["y"]), int(each["width"]), int(each["height"])): each["name"]
+        for each in found
+    }
+
+
+def _connectors() -> dict[Place, str]:
+    with suppress(OSError, subprocess.SubprocessError):
+        command = ["xrandr", "--listmonitors"]
+        done = subprocess.run(
+            command, capture_output=True, text=True, check=True, timeout=_XRANDR_WITHIN_S
+        )
+        return connectors(done.stdout)
+    return {}
+
+
+def print_screens() -> None:
+    """Print the screens of the display as JSON."""
+    names = _connectors()
+    screens = [
+        asdict(ScreenPlace(number=number, x=x, y=y, width=width, height=height, name=name))
+        for number, screen in enumerate(_screens())
+        for x, y, width, height in [(screen.x, screen.y, screen.width, screen.height)]
+        for name in [names.get((x, y, width, height))]
+    ]
+    print(json.dumps(screens))
+
+
+def show_numbers() -> None:
+    """Show on each screen its number until the standard input ends."""
+    ended = threading.Event()
+    threading.Thread(target=_wait_for_end, args=(ended,), daemon=True).start()
+    windows = [_numbered(number, screen) for number, screen in enumerate(_screens())]
+    while not ended.wait(_FRAME_S):
+        for window, label in windows:
+            window.switch_to()
+            window.dispatch_events()
+            window.clear()
+            label.draw()
+            window.flip()
+
+
+def _screens() -> list[Any]:
+    return list(pyglet.canvas.get_display().get_screens())
+
+
+def _wait_for_end(ended: threading.Event) -> None:
+    sys.stdin.read()
+    ended.set()
+
+
+def _numbered(number: int, screen: Any) -> tuple[Any, Any]:
+    """Return a window that covers `screen`, and the label with its number."""
+    width, height = screen.width, screen.height
+    window = pyglet.window.Window(width, height, screen=screen, style="borderless")
+    window.set_location(screen.x, screen.y)
+    label = pyglet.text.Label(
+        str(number),
+        font_size=height // 3,
+        x=width // 2,
+        y=height // 2,
+        anchor_x="center",
+        anchor_y="center",
+    )
+    return window, label

@@ -9,7 +9,7 @@ from protocol.journal.events import SessionOpened, SessionResumed
 from protocol.journal.records import PlannedTrial
 from protocol.journal.state import SessionState, folded
 from protocol.journal.transitions import EXCLUDED
-from protocol.plan.counterbalancing import SlotState, next_slot
+from protocol.plan.blocks import SlotState, next_slot
 from runner.journal.names import STUDY_CHAIN, parsed_name
 from runner.journal.store import Journal
 from runner.journal.verification import readable_events

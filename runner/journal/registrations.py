@@ -11,8 +11,7 @@ from protocol.journal.events import (
     StoredEvent,
     StudyRegistered,
 )
-from protocol.registration.order_proof import order_problem
-from protocol.registration.registration import registration_in
+from protocol.registration.registration import order_problem, registration_in
 from runner.journal.names import STUDY_CHAIN, chains_of, is_rehearsal, parsed_name
 from runner.journal.store import Journal
 

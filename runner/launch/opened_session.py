@@ -10,11 +10,10 @@ from protocol.errors import BadInput, Problem
 from protocol.journal.events import SessionOpened
 from protocol.journal.records import RigCalibration, VirtualTruth
 from protocol.journal.state import SessionState
-from protocol.plan.plan import plan
-from protocol.plan.slide_plan import slide_plan
+from protocol.plan.plan import plan, slide_plan
 from protocol.plan.trials import Plan
-from protocol.proof.cohort import cohort_problems, cycle
 from protocol.proof.slide_checks import slide_plan_problems
+from protocol.proof.trial_checks import cohort_problems, cycle
 from protocol.registration.registration import locked
 from protocol.study.study import Study
 from runner.clock import Clock
@@ -23,7 +22,7 @@ from runner.journal.opening import read_journal
 from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal, JournalError
 from runner.launch.request import Request, SessionOptions
-from runner.session.resume import require_resumable
+from runner.session.loop import require_resumable
 from runner.session.session import Session, answer_order
 from runner.study.calibration import fitted_calibration
 from runner.study.check import require_proved
@@ -150,8 +149,7 @@ def _virtual_truth(request: Request, before: SessionState | None) -> VirtualTrut
     options = request.options
     if options.ratings != "virtual" or options.slides:
         return None
-    from device.people.population import truth_of
-    from device.people.world import World
+    from device.people.person import World, truth_of
     from device.simulator.hardware.beam_and_finger import SimulatedBeam
 
     person = _person(request, before)
@@ -170,7 +168,7 @@ def _person(request: Request, before: SessionState | None) -> "Person":
     Raises:
         BadInput: `--people` describes somebody else.
     """
-    from device.people.population import DEFAULT, drawn_person, person_name, person_of
+    from device.people.person import DEFAULT, drawn_person, person_name, person_of
 
     options = request.options
     name = person_name(request.seed, options.participant)

@@ -7,11 +7,10 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from device.drivers.driver import Reading
-from device.force_channel.samples import Forces
+from device.force_channel.recording import Forces
 from device.simulator.client import BeamControl, swapping
 from protocol.study.participant_texts import study_wording
 from runner.clock import Clock, SteppedClock
-from runner.interfaces import Operator, Participant
 from runner.launch.device_access import SessionRig
 from runner.people.operator_console import (
     Display,
@@ -21,12 +20,10 @@ from runner.people.operator_console import (
     line_help,
 )
 from runner.people.participant_console import ConsoleParticipant, TypedLines
-from runner.people.slide_plot import SlidePlot
-from runner.people.sliding_block import SlidingBlock
+from runner.people.sliding_block import SlidePlot, SlidingBlock
 from runner.people.terminal import at_terminal, terminal_keys
-from runner.people.untouched_beam import UntouchedBeam
-from runner.people.virtual_keys import VirtualAtWindow
-from runner.screens import PlanUnit
+from runner.people.virtual_participant import UntouchedBeam, VirtualAtWindow
+from runner.screens import Operator, Participant, PlanUnit
 from runner.session.session import Session
 from runner.window.client import WindowParticipant
 
@@ -127,7 +124,7 @@ def _virtual_participant(
     session: Session, finger: "Finger", clock: Clock, control: BeamControl | None
 ) -> Participant:
     """Return the participant that the journal describes; a simulated beam gets its skin."""
-    from device.people.population import person_of, session_name
+    from device.people.person import person_of, session_name
     from runner.people.virtual_participant import VirtualParticipant
 
     assert session.virtual is not None, "a virtual participant has parameters"

@@ -21,7 +21,7 @@ from runner.launch.run_session import run_session
 from runner.study.folder import StudyFolder
 
 if TYPE_CHECKING:
-    from device.people.population import Population
+    from device.people.person import Population
 
 _Kind = TypeVar("_Kind", bound=Event)
 

@@ -10,16 +10,14 @@ from device.resonance import Resonance
 from protocol.address import SIMULATED
 from protocol.errors import BadInput
 from protocol.journal.transitions import UNFINISHED
-from protocol.plan.slide_plan import slide_study
+from protocol.plan.plan import slide_study
 from protocol.pseudonyms import pseudonym
 from protocol.registration.registration import Registration
 from protocol.study.participant_texts import Wording, lacking, study_codes, study_wording
 from protocol.study.study import Study
-from protocol.study_file.language_files import located
 from protocol.study_file.limits import slide_problems
-from protocol.study_file.loading import StudyError
+from protocol.study_file.loading import StudyError, located
 from runner.clock import Pace
-from runner.interfaces import AnswerSource
 from runner.journal.cohort import states
 from runner.journal.location import checked_place, mounts_of_this_machine
 from runner.journal.names import chain_name, chains_of, parsed_name, session_name
@@ -27,13 +25,14 @@ from runner.journal.opening import read_journal
 from runner.journal.store import Journal, JournalError
 from runner.launch.confirmation import Confirm, nearly_the_same
 from runner.people.participant_console import require_typist
+from runner.screens import AnswerSource
 from runner.session.session import SessionKind
 from runner.study.check import validated_study
 from runner.study.folder import StudyFolder
 from runner.study.registered import registration_of
 
 if TYPE_CHECKING:
-    from device.people.population import Population
+    from device.people.person import Population
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,7 +21,7 @@ from runner.launch.participant_screen import participants_screen
 from runner.launch.participants import Say, participant_and_operator
 from runner.launch.request import Request, SessionOptions, requested, require_meant
 from runner.people.terminal import said_in_background
-from runner.people.untouched_beam import UntouchedBeam
+from runner.people.virtual_participant import UntouchedBeam
 from runner.session.loop import run
 from runner.session.session import SessionContext, versions
 from runner.signals import Stopped

@@ -19,9 +19,8 @@ from rich.text import Text
 
 from device.drivers.driver import Reading
 from device.errors import UNKNOWN
-from device.force_channel.samples import Forces
-from runner.people.operator_console import DRY_RUN, Frame, Picture
-from runner.people.operator_keys import EMERGENCY, EXPLAINED, TYPING
+from device.force_channel.recording import Forces
+from runner.people.operator_console import DRY_RUN, EMERGENCY, EXPLAINED, TYPING, Frame, Picture
 from runner.people.terminal import TerminalGone, visible
 from runner.screens import Aim, OperatorView, PlanUnit, said_of
 

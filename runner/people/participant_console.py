@@ -12,7 +12,7 @@ from typing import TextIO
 from protocol.errors import BadInput, WorkFailed
 from protocol.study.participant_texts import Wording, band_names, label_text, question_text
 from protocol.study.study_question import BETWEEN, StudyQuestion
-from runner.people.operator_keys import OPERATOR_MARK, ORDERS
+from runner.people.operator_console import OPERATOR_MARK, ORDERS
 from runner.people.terminal import at_terminal
 from runner.screens import (
     Ask,

@@ -3,27 +3,177 @@
 At a rig the operator draws it. On a simulated device a simulated finger does.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import inf
 from typing import Protocol
 
-from device.force_channel.samples import Forces
+from device.force_channel.recording import Forces
+from protocol.journal.records import LIFTED_N
 from protocol.plan.trials import Plan
 from runner.clock import Clock
-from runner.interfaces import Operator
-from runner.people.slide_plot import Drawing, SlidePlot
 from runner.screens import (
     FingerPath,
     Instruction,
     LeadIn,
     Notice,
+    Operator,
     OwnFinger,
     Pacing,
     Response,
     Screen,
     Welcome,
 )
+
+# The live plot of a sliding experiment: friction against place, and where the block should be.
+
+_LEFT = 7
+"""Columns for the figures at the axis of friction."""
+_BESIDE = 5
+"""Lines for the title, the axis of places with its figures, the pace and what is said of it."""
+_LOWEST = 3
+"""Lines of a plot that still shows something."""
+_STEP = 0.05
+"""Friction is drawn between two multiples of this."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drawing:
+    """The pass that is drawn: its ends, when the mark begins to move, and for how long it does."""
+
+    label: str
+    start_m: float
+    end_m: float
+    moves_s: float
+    duration_s: float
+
+    def mark_m(self, now_s: float) -> float:
+        """Return where the mark is, m."""
+        share = min(max((now_s - self.moves_s) / self.duration_s, 0.0), 1.0)
+        return self.start_m + share * (self.end_m - self.start_m)
+
+
+@dataclass
+class SlidePlot:
+    """Friction along the beam as it is measured, of one pass at a time.
+
+    `resting` is the mean friction of the last pass at 0 V, None before there is one.
+    """
+
+    resting: float | None = None
+    drawing: Drawing | None = None
+    _points: list[tuple[float, float]] = field(default_factory=list, init=False)
+    _last_s: float = field(default=0.0, init=False)
+    _low: float = field(default=math.inf, init=False)
+    _high: float = field(default=-math.inf, init=False)
+
+    def begin(self, drawing: Drawing) -> None:
+        """Begin to draw a pass."""
+        self.drawing, self._points, self._last_s = drawing, [], 0.0
+
+    def take(self, forces: Forces | None) -> None:
+        """Add the newest forces, unless they are known already or the block is not on the beam."""
+        if forces is None or forces.at_s == self._last_s or forces.normal_n < LIFTED_N:
+            return
+        self._last_s = forces.at_s
+        friction = forces.tangential_n / forces.normal_n
+        self._points.append((forces.position_m, friction))
+        self._low, self._high = min(self._low, friction), max(self._high, friction)
+
+    def summary(self) -> str:
+        """Return the pass in words."""
+        if self.drawing is None or not self._points:
+            return "no forces were measured: was the block on the beam?"
+        values = [friction for _, friction in self._points]
+        mean = sum(values) / len(values)
+        return f"{self.drawing.label}: mu {mean:.3f}, from {min(values):.3f} to {max(values):.3f}"
+
+    def end(self, *, driven: bool) -> str:
+        """End the pass and return it in words; one at 0 V is what others are compared with."""
+        if not driven and self._points:
+            self.resting = sum(friction for _, friction in self._points) / len(self._points)
+        return self.summary()
+
+    def lines(self, width: int, rows: int, now_s: float) -> list[str]:
+        """Return `rows` lines of at most `width` columns; a few hold the pace alone."""
+        if self.drawing is None:
+            found = ["the plot begins with the first pass"]
+        else:
+            found = self._lines(self.drawing, max(width - _LEFT - 2, 10), rows, now_s)
+        return [line[:width] for line in [*found, *[""] * rows][:rows]]
+
+    def _lines(self, drawing: Drawing, columns: int, rows: int, now_s: float) -> list[str]:
+        pace = _pace(drawing, columns, now_s, self._points[-1][0] if self._points else None)
+        if rows < _BESIDE + _LOWEST:
+            return pace
+        ends_mm = sorted((1e3 * drawing.start_m, 1e3 * drawing.end_m))
+        left, right = (f"{end_mm:.0f} mm" for end_mm in ends_mm)
+        return [
+            f"mu against place  {drawing.label}",
+            *self._grid(drawing, columns, rows - _BESIDE),
+            f"{'':{_LEFT}}└{'─' * columns}",
+            f"{'':{_LEFT}} {left:<{columns - len(right)}}{right}",
+            *pace,
+        ]
+
+    def _grid(self, drawing: Drawing, columns: int, rows: int) -> list[str]:
+        """Return the plot itself: a dot per column for the mean friction there."""
+        low, high = self._range()
+        cells = [[" "] * columns for _ in range(rows)]
+
+        def row(friction: float) -> int:
+            share = (high - friction) / (high - low)
+            return min(max(round(share * (rows - 1)), 0), rows - 1)
+
+        if self.resting is not None:
+            cells[row(self.resting)] = ["·"] * columns
+        within: dict[int, list[float]] = {}
+        for place_m, friction in self._points:
+            within.setdefault(_column(drawing, columns, place_m), []).append(friction)
+        for column, values in within.items():
+            cells[row(sum(values) / len(values))][column] = "●"
+        figures = {0: f"{high:.2f}", rows // 2: "", rows - 1: f"{low:.2f}"}
+        if self.resting is not None and figures.get(row(self.resting), "") == "":
+            figures[row(self.resting)] = f"{self.resting:.3f}"
+        return [
+            f"{figures.get(number, ''):>{_LEFT - 1}} │{''.join(line)}".rstrip()
+            for number, line in enumerate(cells)
+        ]
+
+    def _range(self) -> tuple[float, float]:
+        """Return between which friction coefficients everything so far lies."""
+        known = [self._low, self._high] if self._low <= self._high else [0.4]
+        known += [] if self.resting is None else [self.resting]
+        low = _STEP * math.floor(min(known) / _STEP - 0.2)
+        return low, max(_STEP * math.ceil(max(known) / _STEP + 0.2), low + 2 * _STEP)
+
+
+def _column(drawing: Drawing, columns: int, place_m: float) -> int:
+    left_m, right_m = sorted((drawing.start_m, drawing.end_m))
+    share = (place_m - left_m) / (right_m - left_m)
+    return min(max(int(share * columns), 0), columns - 1)
+
+
+def _pace(drawing: Drawing, columns: int, now_s: float, block_m: float | None) -> list[str]:
+    """Return the bar on which the mark (|) leads the block (◆), and what is said of it."""
+    mark_m = drawing.mark_m(now_s)
+    bar = ["─"] * columns
+    if block_m is not None:
+        bar[_column(drawing, columns, block_m)] = "◆"
+    bar[_column(drawing, columns, mark_m)] = "┃"
+    wait_s, left_s = drawing.moves_s - now_s, drawing.moves_s + drawing.duration_s - now_s
+    if wait_s > 0 or math.isinf(left_s):
+        said = f"the mark moves in {max(math.ceil(wait_s), 0)}"
+    elif left_s <= 0:
+        said = "end of the pass: output off, lift the block"
+    else:
+        behind_mm = 0.0 if block_m is None else 1e3 * (mark_m - block_m)
+        behind_mm *= 1 if drawing.end_m > drawing.start_m else -1
+        side = "behind" if behind_mm > 0 else "ahead of"
+        block = "" if block_m is None else f", the block is {abs(behind_mm):.0f} mm {side} the mark"
+        said = f"draw: {left_s:.0f} s left{block}"
+    return [f"{'pace':>{_LEFT - 1}}  {''.join(bar)}", f"{'':{_LEFT}} {said}"]
 
 
 class MovingFinger(Protocol):

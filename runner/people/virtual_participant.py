@@ -14,14 +14,34 @@ from typing import Protocol
 import numpy as np
 
 from device.beam.modes import FloatArray
-from device.people.answering import QUESTION_NUMBERS, Answering, answer_of, on_scale
-from device.people.perceiving import Felt, beyond, felt_contrast, kind_of_change
-from device.people.person import People, Person
-from device.people.random_numbers import uniforms
-from device.people.touching import TOUCH_NUMBERS, Course, course, fractions
+from device.drivers.driver import Reading
+from device.friction.changes import Moment
+from device.friction.contrasts import friction_at
+from device.people.answering import (
+    QUESTION_NUMBERS,
+    TOUCH_NUMBERS,
+    Answering,
+    Course,
+    Felt,
+    answer_of,
+    beyond,
+    course,
+    felt_contrast,
+    fractions,
+    kind_of_change,
+    on_scale,
+)
+from device.people.person import People, Person, uniforms
 from protocol.errors import WorkFailed
-from protocol.study.questions import ANSWERS, QUESTIONS, Question
-from protocol.study.study_question import BETWEEN, SCORE, StudyQuestion
+from protocol.study.study import Study
+from protocol.study.study_question import (
+    ANSWERS,
+    BETWEEN,
+    QUESTIONS,
+    SCORE,
+    Question,
+    StudyQuestion,
+)
 from protocol.study.touch import Mark
 from runner.clock import Clock
 from runner.screens import (
@@ -30,6 +50,7 @@ from runner.screens import (
     Notice,
     OwnFinger,
     Pacing,
+    Participant,
     Response,
     Screen,
     Welcome,
@@ -108,7 +129,7 @@ class VirtualParticipant:
     """A participant who answers at once.
 
     A touch for which `slips` returns True is pressed twice as hard as instructed. `name` determines
-    all random numbers: see `device.people.population.session_name`.
+    all random numbers: see `device.people.person.session_name`.
     """
 
     control: Finger
@@ -249,3 +270,141 @@ def _range(question: StudyQuestion) -> tuple[float, float, int]:
     high = low + 50.0 if high is None else high
     steps = 10**decimals
     return math.ceil(low * steps) / steps, math.floor(high * steps) / steps, decimals
+
+
+# A real beam that nobody touches, in a dry run: its friction is predicted from what is read back.
+#
+# A virtual participant on a real device cannot feel it. It gets the friction that the model
+# predicts for what the device has said last about its drive, so that its answers follow what was
+# driven.
+
+_FREQUENCY_DIGITS = 4
+"""Of the drive relative to the resonance: each new frequency takes the model about 50 ms."""
+
+
+class UntouchedBeam:
+    """The finger of a virtual participant on a beam that is driven, and that nobody touches.
+
+    Args:
+        study: gives the beams, and how the finger touches.
+        reading: returns what the device has said last.
+        resonance_hz: returns the resonance of the mounted beam, 0 before it is known.
+    """
+
+    def __init__(
+        self,
+        study: Study,
+        reading: Callable[[], Reading | None],
+        resonance_hz: Callable[[], float],
+    ) -> None:
+        self._study = study
+        self._reading = reading
+        self._resonance_hz = resonance_hz
+        self._beam = study.touch.beam
+        # Loads the model, which takes longer than a touch may wait for.
+        self._friction(study.touch.force_n, study.touch.smooth_place_m, "right", 0.0, 1.0)
+
+    def mount(self, beam: str) -> None:
+        """Note that the operator is to mount the study's beam `beam`."""
+        self._beam = beam
+
+    def touch(
+        self,
+        force_n: float,
+        position_m: float,
+        direction: str,
+        speed_m_s: float = 0.0,  # noqa: ARG002 - it slides as fast as the study says
+    ) -> float:
+        """Return the friction coefficient that a finger would feel there now."""
+        said, resonance_hz = self._reading(), self._resonance_hz()
+        if said is None or not said.output or not resonance_hz:
+            return self._friction(force_n, position_m, direction, 0.0, 1.0)
+        frequency = round(said.frequency_hz / resonance_hz, _FREQUENCY_DIGITS)
+        return self._friction(force_n, position_m, direction, said.amplitude_v, frequency)
+
+    def lift(self) -> None:
+        """Do nothing: no finger is there."""
+
+    def _friction(
+        self, force_n: float, position_m: float, direction: str, voltage_v: float, frequency: float
+    ) -> float:
+        finger = self._study.touch
+        moment = Moment(
+            voltage_v=voltage_v,
+            frequency=frequency,
+            direction="left" if direction == "left" else "right",
+            coverage="local",
+            force_n=force_n,
+            contact_m=finger.contact_m,
+            sliding_speed_m_s=finger.sliding_speed_m_s,
+            has_bodies=self._beam is None or self._study.beams[self._beam] > 0,
+        )
+        return float(friction_at(moment, (position_m,))[0])
+
+
+# A virtual participant who answers at the participant's window, by pressing its keys.
+
+CLOSES_AFTER_S = 2.0
+"""How long the last page is read."""
+
+
+class Keys(Participant, Protocol):
+    """A window with a keyboard."""
+
+    def press(self, answer: str, reaction_time_s: float) -> None:
+        """Let `answer` be chosen and confirmed once the screen was shown for that long."""
+        ...
+
+
+@dataclass
+class VirtualAtWindow:
+    """A virtual `person` who touches and answers as ever, but gives each answer in the `window`.
+
+    The window says what was answered and when, as it does for people.
+    """
+
+    person: Participant
+    window: Keys
+    _screen: Screen | None = field(default=None, init=False)
+    _meant: Response | None = field(default=None, init=False)
+
+    def show(self, screen: Screen) -> None:
+        """Show `screen` to the person in the window; the last one is closed when it is read."""
+        self._screen, self._meant = screen, None
+        self.window.show(screen)
+        self.person.show(screen)
+        if isinstance(screen, Notice) and screen.is_last:
+            self.window.press("ready", CLOSES_AFTER_S)
+
+    def progress(self, number: int, total: int) -> None:
+        """Tell both which trial comes next."""
+        self.window.progress(number, total)
+        self.person.progress(number, total)
+
+    def saved(self) -> None:
+        """Let the window say that the answer is saved."""
+        self.window.saved()
+
+    def felt(self, finger: OwnFinger) -> None:
+        """Let the window show the finger."""
+        self.window.felt(finger)
+
+    def poll(self) -> Response | None:
+        """Return the answer that the window took, None before it did.
+
+        Raises:
+            WorkFailed: it is another answer than the person gave, or the window failed.
+            VirtualParticipantLeft: the person has dropped out.
+        """
+        if meant := self.person.poll():
+            self._meant = meant
+            self.window.press(meant.answer, meant.reaction_time_s)
+        given = self.window.poll()
+        if given is not None and isinstance(self._screen, Ask):
+            answer, wanted = self._screen.question.answer, self._meant
+            if wanted is None or answer(given.answer) != answer(wanted.answer):
+                raise WorkFailed(
+                    f"the participant's window took {given.answer!r}, which the virtual "
+                    "participant did not answer; leave its keys alone"
+                )
+        return given

@@ -1,16 +1,136 @@
 """Session setup: arm the device, ask the operator, mount the beam, measure its resonance."""
 
+import sys
+from array import array
+from collections.abc import Sequence
+from dataclasses import replace
+from statistics import fmean
+
+from device.force_channel.recording import Samples
 from protocol.errors import BadInput
-from protocol.journal.events import BeamMounted, DeviceArmed, ResonanceMeasured, RigDescribed
+from protocol.journal.events import (
+    BeamMounted,
+    DeviceArmed,
+    ResonanceMeasured,
+    RigDescribed,
+    TouchRecorded,
+)
+from protocol.journal.recordings import BYTES_PER_COUNT, CHANNELS
+from protocol.journal.records import LIFTED_N
+from protocol.study.rig_settings import TARE_S
 from protocol.study.rules import OperatorQuestion
 from protocol.study.study_question import Label, StudyQuestion
 from protocol.study_file.limits import problems_at
 from runner.screens import Notice, Welcome
-from runner.session.operator_view import update_view
-from runner.session.recording import tare
-from runner.session.session import SessionContext
-from runner.session.waiting import operator_answer, response, wait
+from runner.session.session import SessionContext, Zero
+from runner.session.waiting import operator_answer, response, update_view, wait
 from runner.session.watchdog import require_watchdog
+
+# The force channel in a session: its zero before each touch, and what each touch recorded.
+
+DRIFT_N = 0.02
+"""A zero that moved further within a minute is told: twice the drift of a usual sensor."""
+TOUCHED_N = 0.1
+"""One that moved further is no zero: a finger rests on the beam, or the sensor is broken."""
+
+
+def tare(context: SessionContext) -> str:
+    """Measure the force channel's zero on the untouched beam; return a warning, or nothing.
+
+    The context's zero is the new one, unless something seems to touch the beam: then it stays the
+    one before, and is not `trusted`. The first one on a beam is believed, and so is one that is
+    found twice.
+    """
+    rate_hz = context.session.study.force_channel.rate_hz
+    if rate_hz is None:
+        return ""
+    context.device.record(rate_hz, context.clock.monotonic_s)
+    wait(context, TARE_S)
+    found = means(context.device.recorded())
+    if found is None:
+        context.zero = None
+        return "the force channel gave no samples on the untouched beam"
+    before, now_s = context.zero, context.clock.monotonic_s()
+    context.zero = Zero(forces_n=found, at_s=now_s)
+    if before is None:
+        return ""
+    moved_n, usual_n = _moved_n(found, before.forces_n), _drift_n(now_s - before.at_s)
+    told = f"the zero of the force channel moved by {1e3 * moved_n:+.0f} mN"
+    again = before.doubted_n is not None and abs(_moved_n(found, before.doubted_n)) <= usual_n
+    if abs(moved_n) > TOUCHED_N + usual_n and not again:
+        context.zero = replace(before, doubted_n=found)
+        return f"{told}: something touches the beam, or the sensor drifts; this touch has no tare"
+    return told if abs(moved_n) > usual_n else ""
+
+
+def _drift_n(passed_s: float) -> float:
+    return DRIFT_N * max(passed_s / 60, 1.0)
+
+
+def _moved_n(now_n: tuple[float, float], before_n: tuple[float, float]) -> float:
+    """The larger change of the two forces."""
+    return max((now - before for now, before in zip(now_n, before_n, strict=True)), key=abs)
+
+
+def begin(context: SessionContext) -> None:
+    """Record the force channel from now on, if the study says so."""
+    if (rate_hz := context.session.study.force_channel.rate_hz) is not None:
+        context.device.record(rate_hz, context.clock.monotonic_s)
+
+
+def end(context: SessionContext, touch: int, moved_s: tuple[float, float]) -> list[str]:
+    """Stop recording and store what `touch` recorded; return what the operator must know.
+
+    Args:
+        context: the running session; the output is off.
+        touch: its number in its trial.
+        moved_s: when the mark began to move, and when the touch was over.
+    """
+    if context.session.study.force_channel.rate_hz is None:
+        return []
+    samples = context.device.recorded()
+    tare_n = context.zero.forces_n if context.zero and context.zero.trusted else None
+    told = {name: value for name, value in vars(samples).items() if name != "counts"}
+    context.log.append(
+        TouchRecorded.packed(
+            samples.counts,
+            touch=touch,
+            moved_s=moved_s,
+            tare_n=tare_n,
+            **told,
+        )
+    )
+    felt = means(samples, moved_s)
+    warnings = []
+    if samples.saturated:
+        warnings.append(f"the force channel was at its limit in {samples.saturated} samples")
+    if felt is None or (tare_n is not None and felt[1] - tare_n[1] < LIFTED_N):
+        warnings.append("the force channel felt no finger")
+    return warnings
+
+
+def means(samples: Samples, within_s: Sequence[float] = ()) -> tuple[float, float] | None:
+    """Return the mean tangential and normal force, N; None without samples.
+
+    Args:
+        samples: what was recorded.
+        within_s: begin and end on the session's clock; everything without them.
+    """
+    counts = array("h", samples.counts)
+    if sys.byteorder == "big":
+        counts.byteswap()
+    count = len(samples.counts) // (BYTES_PER_COUNT * len(CHANNELS))
+    first_s = samples.first_s + samples.clock_offset_s
+    places = [round((moment_s - first_s) * samples.rate_hz) for moment_s in within_s]
+    low, high = (min(max(place, 0), count) for place in (places or (0, count)))
+    if low >= high:
+        return None
+    tangential, normal = (
+        size * fmean(counts[channel * count + low : channel * count + high])
+        for channel, size in enumerate(samples.scale[:2])
+    )
+    return tangential, normal
+
 
 _QUESTIONS: dict[OperatorQuestion, tuple[str, StudyQuestion]] = {
     "skin state": (

@@ -1,15 +1,154 @@
 """Waiting while the watchdog is fed and the operator and participant are served."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TypeVar
 
-from protocol.journal.events import Paused, Unpaused
-from protocol.plan.trials import Trial
-from runner.screens import Instruction, Notice, Response
-from runner.session.operator_view import update_view
-from runner.session.orders import obey
+from protocol.errors import WorkFailed
+from protocol.journal.events import NoteTaken, Paused, Unpaused
+from protocol.journal.records import ReadBack
+from protocol.plan.trials import Trial, remaining_s
+from runner.screens import Aim, Instruction, Note, Notice, OperatorView, PlanLine, Response, pacing
 from runner.session.session import SessionContext
 from runner.signals import raise_if_stopped
+
+# What the operator sees of a running session.
+
+
+def update_view(
+    context: SessionContext,
+    device: ReadBack | None = None,
+    warning: str = "",
+    *,
+    busy: str = "",
+    unknown: bool = False,
+) -> None:
+    """Show the operator the session's progress and, while the output is on, its read-back."""
+    state, session = context.log.state, context.session
+    trials = context.order
+    blind = session.study.session.blind_operator and state.name != "completed"
+    running = next((trial for trial in trials if trial.index == state.trial), None)
+    context.operator.show(
+        OperatorView(
+            session=f"{session.participant}/{session.number}",
+            kind=session.kind,
+            state=state.name,
+            plan=tuple(
+                PlanLine(
+                    label=f"trial {number}" if blind else _label(trial),
+                    answer=_answer(context, trial, blind=blind),
+                    running=trial is running,
+                )
+                for number, trial in enumerate(trials, start=1)
+            ),
+            left_s=_left_s(context, [t for t in trials if t.index not in state.answers]),
+            device=device,
+            rig=session.study.rig,
+            has_watchdog=context.device.has_watchdog,
+            busy=busy,
+            warning=warning,
+            aim=_aim(context, running) if running and state.name == "touching" else None,
+            identity=context.identity,
+            resonance_hz=context.resonance_hz,
+            beam=state.beam,
+            unknown=unknown,
+            blind=blind,
+            records=session.study.force_channel.rate_hz is not None,
+            zero_n=context.zero.forces_n if context.zero else (0.0, 0.0),
+            unit=session.unit,
+        )
+    )
+
+
+def _aim(context: SessionContext, trial: Trial) -> Aim:
+    study = context.session.study
+    touch = trial.touches[context.log.state.touch or 0].at(context.resonance_hz)
+    cue = pacing(touch, study.touch)
+    slack_n = study.as_instructed.force_within * cue.force_n
+    return Aim(
+        voltage_v=touch.end_voltage_v,
+        frequency_hz=touch.end_frequency * context.resonance_hz,
+        path_m=(cue.start_m, cue.end_m),
+        force_n=cue.force_n,
+        force_range_n=(cue.force_n - slack_n, cue.force_n + slack_n),
+    )
+
+
+def _left_s(context: SessionContext, left: Sequence[Trial]) -> float:
+    """Return the expected time to the end of the session; touches already made do not count."""
+    state, study = context.log.state, context.session.study
+    ahead = [
+        replace(trial, touches=trial.touches[state.touch or 0 :], break_s=0.0)
+        if trial.index == state.trial
+        else trial
+        for trial in left
+    ]
+    return remaining_s(study, ahead, state.beam or study.touch.beam)
+
+
+def _answer(context: SessionContext, trial: Trial, *, blind: bool) -> str | None:
+    answer = context.log.state.answers.get(trial.index)
+    return "answer given" if blind and answer is not None else answer
+
+
+def _label(trial: Trial) -> str:
+    """Return the operator's label of `trial`, such as `voltage, level 0.5`."""
+    parts = [trial.condition or trial.kind]
+    if trial.condition and trial.kind not in {"trial", "pass"}:
+        parts.append(trial.kind)
+    elif trial.level != 1:
+        parts.append(f"level {trial.level:g}")
+    return ", ".join([*parts, *["opposite order"] * trial.opposite])
+
+
+# The operator's orders: stop, repeat, pause, note.
+
+
+class StoppedByOperator(WorkFailed):
+    """The operator stopped the session; it can be resumed."""
+
+
+class RepeatTrial(Exception):
+    """The operator asked to repeat the running trial."""
+
+
+def obey(context: SessionContext) -> None:
+    """Carry out the operator's next order, if there is one.
+
+    Raises:
+        StoppedByOperator: the operator stopped the session; an emergency stop has already sent
+            the command that turns the output off.
+        RepeatTrial: the operator asked to repeat the running trial.
+    """
+    match context.operator.order():
+        case "emergency stop":
+            context.device.emergency_stop()
+            context.operator.notify("emergency stop: off was sent")
+            raise StoppedByOperator("emergency stop")
+        case "stop":
+            context.operator.notify("stopping; the output goes off")
+            raise StoppedByOperator("stopped by the operator")
+        case "repeat":
+            _repeat(context)
+        case "pause":
+            context.pause_wanted = not context.pause_wanted
+            context.operator.pausing(context.pause_wanted)
+        case Note(text=text):
+            context.log.append(NoteTaken(text=text))
+            context.operator.notify(f"noted: {text}")
+
+
+def _repeat(context: SessionContext) -> None:
+    """Repeat the running trial, unless it has just begun to be repeated."""
+    state, unit = context.log.state, context.session.unit
+    if state.trial is None:
+        context.operator.notify(f"there is no running {unit} to repeat")
+    elif state.touch is None and state.aborted[-1:] == [state.trial]:
+        context.operator.notify(f"this {unit} is being repeated already")
+    else:
+        context.operator.notify(f"the {unit} is broken off and will be repeated")
+        raise RepeatTrial
+
 
 TICK_S = 0.05
 SAVED_S = 0.5

@@ -5,10 +5,8 @@ from dataclasses import replace
 from device.errors import DeviceError
 from protocol.address import SIMULATED
 from protocol.journal.events import WatchdogTested
-from runner.session.operator_view import update_view
-from runner.session.orders import obey
 from runner.session.session import SessionContext
-from runner.session.waiting import operator_answer
+from runner.session.waiting import obey, operator_answer, update_view
 from runner.signals import raise_if_stopped
 
 _HANDS_OFF = "The watchdog will be tested; nobody may touch the beam. Press Enter once it is free."

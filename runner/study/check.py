@@ -14,14 +14,13 @@ from protocol.plan.plan import plan
 from protocol.plan.trials import Trial
 from protocol.preview.preview import Prediction, preview, preview_record
 from protocol.preview.text import preview_lines
-from protocol.proof.cohort import cohort_problems, cycle
+from protocol.proof.trial_checks import cohort_problems, cycle
 from protocol.registration.registration import Registration, locked
 from protocol.study.participant_texts import read_in_reference, worded_as_built
-from protocol.study.questions import Question
 from protocol.study.study import Study
+from protocol.study.study_question import Question
 from protocol.study.touch import Touch
-from protocol.study_file.language_files import located
-from protocol.study_file.loading import StudyError, parsed_study, text_digest
+from protocol.study_file.loading import StudyError, located, parsed_study, text_digest
 from runner.journal.amendments import accepted_digests
 from runner.journal.opening import read_journal
 from runner.study.calibration import fitted_calibration

@@ -26,8 +26,8 @@ from protocol.journal.shared_form import (
     shared_session,
 )
 from protocol.registration.registration import shared_registration
-from protocol.study.questions import ANSWERS
-from protocol.study.rating import Rating
+from protocol.study.rules import Rating
+from protocol.study.study_question import ANSWERS
 from protocol.study_file.loading import parsed_study, text_digest
 from protocol.study_file.toml import LONGEST_TEXT
 from runner.journal.names import REHEARSAL, STUDY_CHAIN, session_name

@@ -16,8 +16,7 @@ from protocol.errors import BadInput
 from protocol.study.fields import LONGEST_NAME, Names, printable
 from protocol.study.languages import CODE, FOLDER, REFERENCE, built_in_codes
 from protocol.study.study import Study
-from protocol.study_file.language_files import picture_names, with_languages, with_pictures
-from protocol.study_file.loading import parsed_study
+from protocol.study_file.loading import parsed_study, picture_names, with_languages, with_pictures
 from runner.study.files import (
     make_folder,
     own_file,

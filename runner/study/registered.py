@@ -12,13 +12,14 @@ from typing import Any
 from device.friction.calibration import Calibration
 from protocol.errors import BadInput
 from protocol.journal.events import StudyRegistered
-from protocol.registration.hypotheses import hypotheses, require_known
 from protocol.registration.registration import (
     FILE,
     Registration,
     Setting,
+    hypotheses,
     registered_event,
     registration_in,
+    require_known,
 )
 from protocol.registration.registry_text import registry_text
 from protocol.study.fields import require_printable

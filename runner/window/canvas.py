@@ -16,6 +16,7 @@ from pyglet.window import key, mouse
 from protocol.errors import WorkFailed
 from runner.window.elements import (
     BACKGROUND,
+    LINE_HEIGHT,
     Dot,
     Dragged,
     Element,
@@ -28,10 +29,12 @@ from runner.window.elements import (
     Released,
     Text,
     Typed,
+    first_font,
+    missing_font,
     pixels_per_unit,
+    wrapped,
 )
 from runner.window.messages import Settings
-from runner.window.text_layout import LINE_HEIGHT, first_font, missing_font, wrapped
 
 SMALL_WINDOW_PX = (800, 600)
 MOST_KEPT = 1000

@@ -25,7 +25,7 @@ from runner.window.messages import (
     settings_message,
     show_message,
 )
-from runner.window.questions.choosing import inputs_for
+from runner.window.questions.question_pages import inputs_for
 from runner.window.response import EARLY_S, PendingResponse
 
 SILENT_S = 2.0

@@ -3,8 +3,13 @@
 The canvas is scaled to the screen as a whole, so that a page looks the same on every screen.
 """
 
+import unicodedata
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from functools import cache
+from itertools import pairwise
+from typing import Literal, NamedTuple
 
 CANVAS = (800.0, 600.0)
 
@@ -138,3 +143,129 @@ class Typed:
 
 
 Input = Pressed | Dragged | Released | Key | Typed
+
+
+# Text layout without a screen, from upper bounds on the size of text.
+#
+# A Latin letter counts with its advance in DejaVu Sans, which is wider than its substitute fonts;
+# an East Asian character is as wide as high. The same lines are measured and drawn, so a text
+# that fits here fits on the screen.
+
+LINE_HEIGHT = 1.25
+"""Distance of two lines, in ems."""
+
+ROUNDING = 1.04
+"""Letters are drawn at whole pixels; at 16 pixels that widens a line by up to this factor."""
+
+_FIRST = 32
+# fmt: off
+_ADVANCES = (
+    318, 401, 460, 838, 636, 950, 780, 275, 390, 390, 500, 838, 318, 361, 318, 337,  # space to /
+    636, 636, 636, 636, 636, 636, 636, 636, 636, 636, 337, 337, 838, 838, 838, 531,  # 0 to ?
+    1000, 684, 686, 698, 770, 632, 575, 775, 752, 295, 295, 656, 557, 863, 748, 787,  # @ to O
+    603, 787, 695, 635, 611, 732, 684, 989, 685, 611, 685, 390, 337, 390, 838, 500,  # P to _
+    500, 613, 635, 550, 635, 615, 352, 635, 634, 278, 278, 579, 278, 974, 634, 612,  # ` to o
+    635, 635, 411, 521, 392, 634, 592, 818, 592, 592, 525, 636, 337, 636, 838,  # p to ~
+)
+# fmt: on
+"""Advance widths of the printable ASCII characters in DejaVu Sans 2.37, thousandths of an em."""
+
+_CLOSING = "，。、；：？！）”’,.;:?!)"
+"""Characters that must not begin a line."""
+
+
+def text_width(text: str, size: float) -> float:
+    """Return the largest width of one line of `text`, in the unit of `size`.
+
+    >>> round(text_width("smooth", 20), 1)
+    77.9
+    >>> round(text_width("光滑", 20), 1)
+    41.6
+    """
+    return _thousandths(text) * size * ROUNDING / 1000
+
+
+def text_height(lines: int, size: float) -> float:
+    """Return the height of `lines` lines."""
+    return lines * size * LINE_HEIGHT
+
+
+def wrapped(text: str, size: float, width: float) -> tuple[str, ...]:
+    """Return `text` in lines that are at most `width` wide, as far as it can be broken.
+
+    Latin text breaks at spaces, Chinese text between any two characters but not before closing
+    marks. The lines are about equally long: as narrow, in steps of half an em, as the smallest
+    number of lines allows. A line feed ends a line in any case.
+    """
+    if "\n" in text:
+        return tuple(line for part in text.split("\n") for line in wrapped(part, size, width))
+    if text_width(text.rstrip(), size) <= width:
+        return (text.strip(),)
+    cuts = [at for at, (left, right) in enumerate(pairwise(text), start=1) if _breaks(left, right)]
+    texts = [text[start:end] for start, end in pairwise([0, *cuts, len(text)])]
+    pieces = [_Piece(part, _thousandths(part), _thousandths(part.rstrip())) for part in texts]
+
+    def lines(halves: int) -> tuple[str, ...]:
+        return _filled(pieces, (width - halves * size / 2) * 1000 / (size * ROUNDING))
+
+    fewest = len(lines(0))
+    narrower = range(1, int(2 * width / size))
+    return lines(bisect_right(narrower, fewest, key=lambda halves: len(lines(halves))))
+
+
+class _Piece(NamedTuple):
+    """An unbreakable part of a text and its width in thousandths of an em."""
+
+    text: str
+    advance: int
+    ink: int
+    """Width without trailing space."""
+
+
+def _filled(pieces: list[_Piece], box: float) -> tuple[str, ...]:
+    """Return lines filled with as many pieces as fit; `box` in thousandths of an em."""
+    lines, taken = [""], 0
+    for piece in pieces:
+        if lines[-1] and taken + piece.ink > box:
+            lines.append(piece.text)
+            taken = piece.advance
+        else:
+            lines[-1] += piece.text
+            taken += piece.advance
+    return tuple(line.strip() for line in lines)
+
+
+def _thousandths(text: str) -> int:
+    return sum(map(_advance, text))
+
+
+@cache
+def _advance(character: str) -> int:
+    if unicodedata.combining(character):
+        return 0
+    index = ord(character) - _FIRST
+    return _ADVANCES[index] if 0 <= index < len(_ADVANCES) else 1000
+
+
+def _breaks(left: str, right: str) -> bool:
+    """Return whether a line may end between two characters."""
+    if left == " ":
+        return right != " "
+    return (_wide(left) or _wide(right)) and right not in _CLOSING and right != " "
+
+
+def _wide(character: str) -> bool:
+    return unicodedata.east_asian_width(character) in "WF"
+
+
+def missing_font(code: str, fonts: Sequence[str], package: str | None) -> str:
+    """Return what to say when a language has none of its fonts; `package` brings the first."""
+    return (
+        f"no font for the language {code} (looked for {', '.join(fonts)}); "
+        f"install {package or 'one of them'}, or use --ratings console"
+    )
+
+
+def first_font(fonts: Sequence[str], there: Callable[[str], bool]) -> str | None:
+    """Return the first of `fonts` that is `there`, None if none is."""
+    return next(filter(there, fonts), None)

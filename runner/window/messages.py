@@ -15,7 +15,7 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from protocol.study.participant_texts import Wording
-from protocol.study.rating import Band
+from protocol.study.rules import Band
 from protocol.study.study_question import StudyQuestion
 from runner.screens import Ask, FingerPath, Instruction, LeadIn, Notice, Pacing, Screen, Welcome
 from runner.window.elements import Input, Key, Pressed, Released, Typed

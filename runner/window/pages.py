@@ -8,12 +8,34 @@ from collections.abc import Iterator, Mapping
 from math import ceil
 from typing import get_args
 
+from device.beam.beam import Beam
 from protocol.study.participant_texts import Wording, is_own_page
-from runner.screens import Ask, Instruction, LeadIn, Notice, Pacing, Screen, Welcome
-from runner.window.beam_sketch import fingers, labels, sketch
-from runner.window.elements import FAINT, INK, WHITE, Box, Outline, Page, Picture, Target, Text
-from runner.window.finger_feedback import own_finger
-from runner.window.questions.page_layout import (
+from runner.screens import (
+    Ask,
+    FingerPath,
+    Instruction,
+    LeadIn,
+    Notice,
+    OwnFinger,
+    Pacing,
+    Screen,
+    Welcome,
+)
+from runner.window.elements import (
+    ACCENT,
+    FAINT,
+    INK,
+    PALE,
+    WHITE,
+    Box,
+    Dot,
+    Outline,
+    Page,
+    Picture,
+    Target,
+    Text,
+)
+from runner.window.questions.question_pages import (
     BUTTON,
     HINT,
     MIDDLE,
@@ -22,13 +44,127 @@ from runner.window.questions.page_layout import (
     Button,
     PageState,
     button,
-    hint,
-)
-from runner.window.questions.question_pages import (
     chosen_in_advance,
+    hint,
     question_page,
     question_targets,
 )
+
+# The sketch of the beam with the touch to make, and the marks that pace it.
+
+BEAM_M = Beam().length_m
+_LEFT, _LENGTH = -280.0, 600.0
+BEAM_Y, _BEAM_HEIGHT = 0.0, 34.0
+_ARROW_Y = 52.0
+_LABEL_Y = -70.0
+LABEL_SIZE = 18.0
+_HEAD = 16.0
+_FINGER_RADIUS = 24.0
+
+BESIDE_M = (-0.024, -0.008, 0.008, 0.024)
+"""Positions of several fingers relative to their centre."""
+
+
+def beam_x(position_m: float) -> float:
+    """Return where a place on the beam lies across the canvas; the clamp is on the left."""
+    return _LEFT + _LENGTH * position_m / BEAM_M
+
+
+def sketch(way: FingerPath) -> Page:
+    """Return the beam and the touch: an arrow along it, or marks that point at places."""
+    if way.start_m != way.end_m:
+        return (*_beam(), *_arrow(way))
+    marks = [mark for place_m in _places(way, way.start_m) for mark in _mark(place_m, way.harder)]
+    return (*_beam(), *marks)
+
+
+def labels(texts: Mapping[str, str]) -> Page:
+    """Return what the clamp is, and on which side of the beam the participant sits."""
+    places = (("beam.clamp", _LEFT - 20, 150.0), ("beam.you", _LEFT + _LENGTH / 2, 300.0))
+    return tuple(
+        Text(
+            text=texts[key],
+            box=Box(x=x, y=_LABEL_Y, width=width, height=24),
+            size=LABEL_SIZE,
+            colour=FAINT,
+        )
+        for key, x, width in places
+    )
+
+
+def fingers(way: FingerPath, fraction: float) -> tuple[Dot, ...]:
+    """Return the pacing marks after `fraction` of the way, from 0 to 1."""
+    position_m = way.start_m + fraction * (way.end_m - way.start_m)
+    return tuple(
+        Dot(x=beam_x(place_m), y=BEAM_Y, radius=_FINGER_RADIUS)
+        for place_m in _places(way, position_m)
+    )
+
+
+def _places(way: FingerPath, position_m: float) -> list[float]:
+    """Return the positions of the fingers; of several, only those on the beam."""
+    if not way.several:
+        return [position_m]
+    places = [position_m + beside_m for beside_m in BESIDE_M]
+    return [place_m for place_m in places if 0 <= place_m <= BEAM_M]
+
+
+def _beam() -> Page:
+    clamp = Box(x=_LEFT - 20, y=BEAM_Y, width=40, height=110)
+    beam = Box(x=_LEFT + _LENGTH / 2, y=BEAM_Y, width=_LENGTH, height=_BEAM_HEIGHT)
+    return (
+        Outline(points=clamp.corners, fill=FAINT),
+        Outline(points=beam.corners, fill=PALE, edge=INK),
+    )
+
+
+def _arrow(way: FingerPath) -> Page:
+    start, end = beam_x(way.start_m), beam_x(way.end_m)
+    base = end - _HEAD if end > start else end + _HEAD
+    head = ((end, _ARROW_Y), (base, _ARROW_Y + _HEAD), (base, _ARROW_Y - _HEAD))
+    return (
+        Outline(points=((start, _ARROW_Y), (base, _ARROW_Y)), edge=ACCENT, width=6),
+        Outline(points=((start, _ARROW_Y - 14), (start, _ARROW_Y + 14)), edge=ACCENT, width=6),
+        Outline(points=head, fill=ACCENT),
+    )
+
+
+def _mark(place_m: float, harder: bool) -> Page:
+    """Return the mark of a place to touch: one tip points at it, two mean to press harder."""
+    x = beam_x(place_m)
+    place = Outline(points=((x, BEAM_Y - 17), (x, BEAM_Y + 17)), edge=ACCENT, width=6)
+    tips = [((x, y), (x + 17, y + 26), (x - 17, y + 26)) for y in (26.0, 56.0)[: 1 + harder]]
+    return (place, *(Outline(points=points, fill=ACCENT) for points in tips))
+
+
+# The participant's own finger on the page of a touch: where it is, and how hard it presses.
+
+TEXT_SIZE = 18.0
+_OWN_RADIUS = 9.0
+_BAR = Box(x=20, y=-196, width=360, height=26)
+_LABEL = Box(x=20, y=-228, width=380, height=26)
+_LONGEST = 2.0
+"""Force at the bar's right end, relative to the instructed one."""
+
+
+def own_finger(finger: OwnFinger, texts: Mapping[str, str]) -> Page:
+    """Return a dot at the finger's place, and a bar with the range in which its force should be."""
+    low, high = (_bar_x(1 + sign * finger.within) for sign in (-1, 1))
+    wanted = Box(x=(low + high) / 2, y=_BAR.y, width=high - low, height=_BAR.height)
+    place_m = min(max(finger.position_m, 0.0), BEAM_M)
+    return (
+        Outline(points=_BAR.corners, fill=WHITE, edge=INK),
+        Outline(points=wanted.corners, fill=PALE, edge=ACCENT),
+        Text(text=texts["own.finger"], box=_LABEL, size=TEXT_SIZE),
+        Dot(x=_bar_x(finger.force), y=_BAR.y, radius=_OWN_RADIUS, fill=INK),
+        Dot(x=beam_x(place_m), y=BEAM_Y, radius=_OWN_RADIUS, fill=INK),
+    )
+
+
+def _bar_x(force: float) -> float:
+    share = min(max(force, 0.0), _LONGEST) / _LONGEST
+    return _BAR.x + (share - 0.5) * _BAR.width
+
 
 COUNT_SIZE, NOW_SIZE, PAGE_SIZE, BANNER_SIZE, SMALL_SIZE = 46.0, 23.0, 23.0, 20.0, 18.0
 _WHOLE = Box(x=0, y=45, width=720, height=400)

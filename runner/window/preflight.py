@@ -17,7 +17,7 @@ from protocol.study.participant_texts import (
     text_path,
 )
 from protocol.study.study import Item, Study
-from protocol.study_file.question_checks import question_problems
+from protocol.study_file.text_checks import question_problems
 from runner.screens import (
     Ask,
     Instruction,
@@ -31,12 +31,10 @@ from runner.screens import (
     pacing,
 )
 from runner.window.client import WindowParticipant, participant_window
-from runner.window.elements import Text
+from runner.window.elements import Text, text_height, text_width, wrapped
 from runner.window.messages import Settings
 from runner.window.pages import page
-from runner.window.questions.page_layout import PageState
-from runner.window.questions.rating_scale import MOST_STEPS
-from runner.window.text_layout import text_height, text_width, wrapped
+from runner.window.questions.question_pages import MOST_STEPS, PageState
 
 _NOTICES = (
     "wait", "wait.beam", "wait.touch", "touch.end", "again.force", "again.place", "again.speed",

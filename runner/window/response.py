@@ -10,8 +10,7 @@ from typing import Any
 from runner.screens import Ask, Screen
 from runner.window.elements import Dragged, Input, Key, Pressed, Released, Typed
 from runner.window.pages import target_at, targets
-from runner.window.questions.choosing import Choice, by_key, by_press, on_scale
-from runner.window.questions.rating_scale import score_at
+from runner.window.questions.question_pages import Choice, by_key, by_press, on_scale, score_at
 
 EARLY_S = 0.15
 """Shorter than any reaction time: an earlier press was meant for the previous screen."""

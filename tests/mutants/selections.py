@@ -49,7 +49,7 @@ SELECTIONS: Mapping[str, tuple[str, ...]] = {
     "protocol/proof/slide_checks.py": (
         "tests/protocol/plan/test_slide_plan.py", "tests/runner/launch/test_opened_session.py",
     ),
-    "protocol/proof/limit_checks.py": (
+    "protocol/proof/trial_checks.py": (
         "tests/protocol/proof/test_limit_checks.py", "tests/protocol/proof/test_trial_checks.py",
         "tests/protocol/plan/test_feasibility.py",
     ),
@@ -66,7 +66,7 @@ SELECTIONS: Mapping[str, tuple[str, ...]] = {
     **{
         f"device/drivers/{name}.py": _DRIVERS
         for name in (
-            "board", "discovery", "driver", "generator", "keysight", "rigol", "scpi_generator",
+            "board", "discovery", "driver", "generator", "keysight", "rigol",
             "siglent",
         )
     },

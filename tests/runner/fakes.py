@@ -7,7 +7,7 @@ from datetime import UTC, datetime, timedelta
 
 from device.drivers.limits import Setpoint
 from device.errors import DeviceError, OutputUnknown
-from device.force_channel.samples import Forces, Samples
+from device.force_channel.recording import Forces, Samples
 from device.resonance import Resonance
 from protocol.address import SIMULATED
 from protocol.journal.events import ScoresImported

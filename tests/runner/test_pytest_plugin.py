@@ -10,7 +10,7 @@ import pytest
 
 from device.resonance import Resonance
 from protocol.plan.plan import plan
-from protocol.study.questions import ANSWERS
+from protocol.study.study_question import ANSWERS
 from protocol.study_file.loading import parsed_study, template, template_tests
 from runner.launch.device_access import SessionRig
 from runner.launch.rehearsal import Rehearsal, rehearse

@@ -12,8 +12,7 @@ from analysis.sensitivity.ordinal_model import ordinal_sensitivity
 from analysis.simulation.simulation import Simulation
 from analysis.trials.arrays import scored_trials
 from analysis.trials.contrasts import trial_contrasts
-from device.people.person import Person
-from device.people.population import Normal, Population
+from device.people.person import Normal, Person, Population
 from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study, template
 from tests.system.in_process_sessions import loaded_rehearsals

@@ -8,7 +8,7 @@ import pytest
 
 from analysis.loading.study_data import StudyData
 from analysis.simulation.simulation import Simulation
-from device.people.population import DEFAULT, Population
+from device.people.person import DEFAULT, Population
 from device.simulator.hardware.beam_and_finger import SimulatedBeam
 from protocol.study_file.loading import parsed_study, template
 from tests.system.in_process_sessions import loaded_rehearsals

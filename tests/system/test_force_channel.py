@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from device.errors import DeviceError, EmergencyStop
-from device.force_channel.samples import Samples
+from device.force_channel.recording import Samples
 from device.rig import Rig
 from device.simulator.client import ControlClient, Endpoints, simulator_process
 from runner.clock import SteppedClock

@@ -20,8 +20,7 @@ import pytest
 from device.drivers.board import MONITOR_ABS_TOL_V
 from device.drivers.limits import Setpoint
 from device.errors import DeviceError, OutputUnknown
-from device.force_channel.blocks import Block, decoded, encoded
-from device.force_channel.recorder import SILENT_S
+from device.force_channel.recording import SILENT_S, Block, decoded, encoded
 from device.gauges.gauge import LineGauge
 from device.gauges.owner import GaugeOwner
 from device.link.codec import block as in_block

@@ -23,7 +23,7 @@ from analysis.loading.study_data import StudyData
 from analysis.report.report import report, report_json
 from analysis.report.results import paragraphs
 from analysis.simulation.simulation import Simulation
-from device.people.population import SENSITIVE
+from device.people.person import SENSITIVE
 from tests.analysis.reports import ORIGIN, PAPER, imported
 
 NEAR, SMALL = 1e-7, 1e-3

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from protocol.study.questions import ANSWERS
+from protocol.study.study_question import ANSWERS
 from tests.runner.window.person import Controls, Person, virtual_display
 from tests.runner.window.sessions import READABLE_S, Running, Seat, short_study, tiny_study
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from device.force_channel.blocks import Block, decoded, encoded
+from device.force_channel.recording import Block, decoded, encoded
 from device.gauges.gauge import LineGauge
 from device.gauges.gauge import block as samples_in
 from device.link.codec import block, number

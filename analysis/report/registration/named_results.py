@@ -10,7 +10,7 @@ from analysis.report.results import DIFFER, FOLLOW, ORDERED, WHICH, omnibus_p, p
 from analysis.report.wording import interval, number, p_equals
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.statistics.signed_rank import LEVEL, SignedRank
-from protocol.registration.hypotheses import FOLLOWS, GAINS, OMNIBUS, ORDER, above
+from protocol.registration.registration import FOLLOWS, GAINS, OMNIBUS, ORDER, above
 
 
 @dataclass(frozen=True, kw_only=True)

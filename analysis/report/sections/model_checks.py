@@ -13,7 +13,7 @@ from analysis.sensitivity.lines import SubjectLine
 from analysis.sensitivity.predictive_checks import LEVEL, PredictiveCheck
 from device.friction.contrasts import LAW, RUNG
 from protocol.journal.records import VirtualTruth
-from protocol.study.rating import PAPERS_SCALE
+from protocol.study.rules import PAPERS_SCALE
 
 _REPORTED = (LAW, RUNG)
 

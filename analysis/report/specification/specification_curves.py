@@ -2,9 +2,8 @@
 
 from functools import partial
 
-from analysis.multiverse.choices import Choice
-from analysis.multiverse.curve import Curve, Multiverse, PairTally
-from analysis.multiverse.named_claims import NAMES
+from analysis.multiverse.curve import NAMES, Curve, Multiverse, PairTally
+from analysis.multiverse.universes import Choice
 from analysis.report.blocks import Block, Column, Figure, Items, Row, Section, Table, columns
 from analysis.report.findings import Findings
 from analysis.report.specification.specification_figure import specification_figure

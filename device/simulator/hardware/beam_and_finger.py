@@ -23,7 +23,7 @@ from device.friction.scenes import (
     Scene,
     Structure,
 )
-from device.people.world import BODY_HEIGHT_M, MODE, Fingers, World, felt_friction
+from device.people.person import BODY_HEIGHT_M, MODE, Fingers, World, felt_friction
 from device.simulator.hardware.force_sensor import ForceSensor, Skin
 from device.simulator.hardware.power_stage import Instrument
 

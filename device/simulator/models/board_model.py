@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 
-from device.force_channel.blocks import encoded
+from device.force_channel.recording import encoded
 from device.link.codec import block, number_text
 from device.simulator.hardware.beam_and_finger import SimulatedBeam
 from device.simulator.hardware.force_sampler import RATE_RANGE_HZ, SCALE, ForceSampler

@@ -3,7 +3,7 @@
 import zlib
 
 from device.errors import DeviceError
-from device.force_channel.samples import CHANNELS, FULL_SCALE
+from device.force_channel.recording import CHANNELS, FULL_SCALE
 from device.link.codec import number, number_text
 from device.simulator.hardware.beam_and_finger import SimulatedBeam
 from device.simulator.hardware.force_sampler import RATE_RANGE_HZ, SCALE, ForceSampler

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.claims import human_factors, individuals, published_scores
+from analysis.claims import human_factors, published_scores
 from analysis.claims.audit import CLAIMS, claims_json, claims_lines, counts, summary_line
 from analysis.claims.claim import Audited, Verdict
 from analysis.model import ladder
@@ -137,9 +137,7 @@ def test_the_summary_counts_the_claims_that_hold(results: tuple[Audited, ...]) -
 def test_human_claims_have_their_uncertainty_in_the_sentence(
     results: tuple[Audited, ...],
 ) -> None:
-    human = {
-        claim.id for room in (published_scores, individuals, human_factors) for claim in room.CLAIMS
-    }
+    human = {claim.id for room in (published_scores, human_factors) for claim in room.CLAIMS}
     assert len(human) > 15
     for result in results:
         words = {finding.evidence for finding in result.findings.values()}

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.claims import eq15_ratio
+from analysis.claims import equations
 from tests.analysis.claims.conftest import Find
 
 
@@ -25,7 +25,7 @@ def test_a_single_jump_decides(
     def ratio(x_m: Any, *_: Any) -> Any:
         return np.asarray(x_m) + jump * (np.asarray(x_m) > 0.0231)
 
-    monkeypatch.setattr(eq15_ratio, "same_direction_ratio", ratio)
+    monkeypatch.setattr(equations, "same_direction_ratio", ratio)
     assert find("eq15-continuous").verdict == verdict
 
 
@@ -48,7 +48,7 @@ def test_the_verdict_on_the_extremes_moves_with_the_mode(
     def window(_: int, __: float, places_m: Any, *___: Any) -> Any:
         return SimpleNamespace(right=0.5 + swing * np.sin(2 * np.pi * places_m / 0.0182))
 
-    monkeypatch.setattr(eq15_ratio, "mode_window", window)
+    monkeypatch.setattr(equations, "mode_window", window)
     assert find("eq13-maximum").verdict == largest
     assert find("eq13-maximum").scope == (largest != "fails",) * 2
     assert find("eq14-minimum").verdict == smallest

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from analysis.claims import individuals
-from analysis.claims.individuals import GainSpread, gain_spread, prediction_interval
+from analysis.claims import human_factors
+from analysis.claims.human_factors import GainSpread, gain_spread, prediction_interval
 from analysis.claims.published_scores import PUBLISHED, SCORES
 from analysis.estimates import FloatArray
 from analysis.statistics.additive import GainHeterogeneity, gain_heterogeneity
@@ -95,8 +95,8 @@ def test_the_verdict_on_sensitivity_moves_with_the_scores(
 ) -> None:
     random = np.random.default_rng(3)
     scores = simulated(random, people=people, gain_sd=gain_sd, noise=noise)
-    original = individuals.gain_spread
-    monkeypatch.setattr(individuals, "gain_spread", lambda _, x: original(scores, X))
+    original = human_factors.gain_spread
+    monkeypatch.setattr(human_factors, "gain_spread", lambda _, x: original(scores, X))
     assert find("receptor-sensitivity-differs", "consistent").verdict == verdict
 
 
@@ -115,7 +115,7 @@ def test_the_third_subject_stands_out_in_voltage_alone(
     assert found.evidence == "outside the 95% prediction interval: voltage 8, others 9.0 to 10.8"
     alike = SCORES.copy()
     alike[2, 2] = 10
-    monkeypatch.setattr(individuals, "SCORES", alike)
+    monkeypatch.setattr(human_factors, "SCORES", alike)
     assert find("third-subject-like-others").verdict == "holds"
     alike[2, :4] = 0
     assert find("third-subject-like-others").verdict == "fails"

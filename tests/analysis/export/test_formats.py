@@ -20,7 +20,7 @@ from analysis.export.psychds import psychds_export
 from analysis.loading.study_data import load_study_data
 from protocol.journal.events import StoredEvent
 from protocol.study_file.loading import parsed_study
-from protocol.study_file.question_checks import TAKEN
+from protocol.study_file.text_checks import TAKEN
 from tests.analysis.chains import published_chain
 from tests.analysis.export.data_slips import (
     bids_slips,

@@ -23,7 +23,7 @@ from analysis.friction.touch_measures import (
     VECTOR,
     touch_measures,
 )
-from protocol.study.questions import Effect
+from protocol.study.study_question import Effect
 
 QUIET = Jitter(autocovariances=np.zeros(LAGS + 1))
 BLOCKS = 80

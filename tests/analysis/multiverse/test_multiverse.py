@@ -10,10 +10,17 @@ import pytest
 from analysis.estimates import NotEstimable
 from analysis.loading.sessions import load_sessions
 from analysis.loading.study_data import study_data
-from analysis.multiverse.choices import NOTHING, STRICT, Choice
-from analysis.multiverse.curve import Curve, Multiverse, curve, multiverse
-from analysis.multiverse.named_claims import Claim, Judged, above, named_claims
-from analysis.multiverse.universes import Universe, universes
+from analysis.multiverse.curve import (
+    Claim,
+    Curve,
+    Judged,
+    Multiverse,
+    above,
+    curve,
+    multiverse,
+    named_claims,
+)
+from analysis.multiverse.universes import NOTHING, STRICT, Choice, Universe, universes
 from analysis.trials.contrast_ranges import RUNGS
 from device.friction.laws import LAWS
 from protocol.journal.events import Event, StoredEvent, TouchEnded, TrialExcluded

@@ -15,7 +15,7 @@ from analysis.report.findings import Scale
 from analysis.report.report import Report, report, report_files, report_html, report_json
 from protocol.journal.events import Answered, StoredEvent
 from protocol.study.participant_texts import scale_in_words
-from protocol.study.rating import Band
+from protocol.study.rules import Band
 from protocol.study_file.loading import parsed_study, template
 from tests.analysis.chains import chain
 from tests.analysis.reports import ORIGIN, plain_report, session_events

@@ -9,7 +9,7 @@ from analysis.report.findings import Findings
 from analysis.report.masthead import masthead
 from analysis.report.results import paragraphs
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
-from protocol.study.design import Publication
+from protocol.study.rules import Publication
 from tests.analysis.reports import PAPER, made, plain_report, study_report
 
 CLEAR = [[1, 5, 9], [2, 6, 10], [0, 4, 8], [1, 5, 10], [2, 4, 9], [1, 6, 8], [0, 5, 9]]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensitivity
-from protocol.preview.precision import Cohort, relative_gain_half_width
+from protocol.preview.preview import Cohort, relative_gain_half_width
 from tests.analysis.sensitivity.simulated_raters import VirtualPopulation, virtual_study
 
 CONTRASTS = np.array([0.276, 0.103, 0.347, 0.451, 0.065])

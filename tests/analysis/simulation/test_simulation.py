@@ -9,9 +9,7 @@ import pytest
 
 from analysis.loading.published import published_table
 from analysis.simulation.simulation import Simulation
-from device.people.person import Person
-from device.people.population import DEFAULT, SENSITIVE, Population
-from device.people.world import World
+from device.people.person import DEFAULT, SENSITIVE, Person, Population, World
 from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study, template
 

@@ -31,7 +31,7 @@ from protocol.journal.events import (
     TrialStarted,
 )
 from protocol.journal.records import NOT_JUDGED, CommandedDrive, PlannedTrial
-from protocol.plan.slide_plan import slide_plan, slide_study
+from protocol.plan.plan import slide_plan, slide_study
 from protocol.study_file.loading import parsed_study, template
 
 SECTION = "[slide]\nfrequencies = [1.0]\nfrequencies_hz = []\nreferences = 1\nload_n = 0.7\n"

@@ -12,7 +12,7 @@ from analysis.trials.answers import Answers, answers_by_question
 from protocol.journal.events import Answered, Event, QuestionAnswered, StoredEvent
 from protocol.journal.records import QuestionAnswer
 from protocol.study_file.loading import parsed_study, template
-from protocol.study_file.question_checks import TAKEN
+from protocol.study_file.text_checks import TAKEN
 from tests.analysis.chains import chain, scored_session
 from tests.protocol.studies import OWN_QUESTIONS
 

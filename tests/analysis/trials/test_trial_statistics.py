@@ -10,7 +10,7 @@ from analysis.loading.study_data import load_study_data
 from analysis.report.report import report, report_html, report_json
 from analysis.trials.trial_checks import Discrimination
 from analysis.trials.trial_statistics import catch_answers
-from protocol.study.questions import ANSWERS, Question
+from protocol.study.study_question import ANSWERS, Question
 from tests.analysis.reports import EXTENDED, ORIGIN, cohort
 
 

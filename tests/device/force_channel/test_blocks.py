@@ -7,8 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from device.errors import ProtocolError
-from device.force_channel.blocks import Block, decoded, encoded
-from device.force_channel.samples import most_in_block
+from device.force_channel.recording import Block, decoded, encoded, most_in_block
 
 COUNTS = st.integers(-32_768, 32_767)
 BLOCKS = st.builds(

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from device.force_channel.clocks import QUERIES, asked_offset, throughout
+from device.force_channel.recording import QUERIES, asked_offset, throughout
 
 DELAYS = st.lists(
     st.tuples(st.floats(0, 0.2), st.floats(0, 0.2)), min_size=2 * QUERIES, max_size=2 * QUERIES

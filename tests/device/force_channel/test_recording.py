@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 import pytest
 
 from device.errors import CannotRecord, DeviceError
-from device.force_channel.samples import Samples
+from device.force_channel.recording import Samples
 from device.rig import RAMP_STEP_S, Rig
 from device.simulator.in_process import InProcessClock, InProcessDevice, in_process_rig
 from device.simulator.models.board_model import BoardDialect

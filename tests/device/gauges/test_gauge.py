@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from device.errors import DeviceError, ProtocolError
-from device.force_channel.samples import Samples
+from device.force_channel.recording import Samples
 from device.gauges.gauge import LineGauge, block
 from device.gauges.owner import GaugeOwner
 from device.link.link import Link

@@ -5,8 +5,7 @@ import re
 import pytest
 
 from device.people.people_file import PeopleError, people_in
-from device.people.person import Person
-from device.people.population import DEFAULT, LogNormal, Normal, OneOf, Uniform, drawn_person
+from device.people.person import DEFAULT, LogNormal, Normal, OneOf, Person, Uniform, drawn_person
 
 
 def test_a_file_with_a_person_alone_is_that_person() -> None:

@@ -5,22 +5,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from device.people.person import PARAMETERS, People, Person
-from device.people.population import (
+from device.people.person import (
     DEFAULT,
+    PARAMETERS,
     Distribution,
     LogNormal,
     Normal,
     OneOf,
+    People,
+    Person,
     Population,
     Uniform,
+    World,
     drawn_person,
     people_of,
     person_name,
     person_of,
     truth_of,
 )
-from device.people.world import World
 
 NAMES = [person_name(seed, "P01") for seed in range(4000)]
 

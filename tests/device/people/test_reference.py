@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from device.people.people_file import people_in
-from device.people.population import DEFAULT
+from device.people.person import DEFAULT
 from device.people.reference import parameter_table
 
 PAGE = (Path(__file__).parents[3] / "docs" / "people.md").read_text(encoding="utf-8")

@@ -8,7 +8,7 @@ import pytest
 
 from device.drivers.driver import Driver
 from device.errors import DeviceError
-from device.force_channel.samples import CHANNELS
+from device.force_channel.recording import CHANNELS
 from device.gauges.gauge import LineGauge
 from device.gauges.owner import GaugeOwner
 from device.link.link import Link

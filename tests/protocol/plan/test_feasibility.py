@@ -6,8 +6,7 @@ from protocol.plan.blocks import grouping, most_swaps
 from protocol.plan.feasibility import most_session_s
 from protocol.plan.plan import plan
 from protocol.plan.trials import plan_swaps, session_s
-from protocol.proof.limit_checks import plan_s
-from protocol.proof.trial_checks import plan_problems
+from protocol.proof.trial_checks import plan_problems, plan_s
 from protocol.study.study import Study
 from protocol.study_file.limits import problems
 from protocol.study_file.loading import parsed_study, template

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from scipy.stats import chisquare
 
 from protocol.plan.plan import plan
-from protocol.proof.cohort import balance_guaranteed, carry_over, cohort_problems, cycle
+from protocol.proof.trial_checks import balance_guaranteed, carry_over, cohort_problems, cycle
 from protocol.study.study import Study
 from protocol.study_file.limits import problems
 from protocol.study_file.loading import parsed_study, template

@@ -6,11 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from protocol.plan.plan import plan
-from protocol.plan.randomisation import Stream
-from protocol.plan.retries import deferral, running_order
+from protocol.plan.blocks import Stream
+from protocol.plan.plan import deferral, plan, running_order
 from protocol.plan.trials import Plan
-from protocol.proof.order_checks import order_problems
+from protocol.proof.trial_checks import order_problems
 from protocol.study.study import Study
 from protocol.study_file.limits import problems
 from tests.protocol.studies import Document, documents, small

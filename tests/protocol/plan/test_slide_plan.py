@@ -6,12 +6,11 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.plan.slide_plan import DEFAULT_RATE_HZ, slide_plan, slide_study
+from protocol.plan.plan import DEFAULT_RATE_HZ, slide_plan, slide_study
 from protocol.plan.trials import Plan, Trial
 from protocol.proof.slide_checks import slide_plan_problems
-from protocol.study.slide import Slide, SlidePass
 from protocol.study.study import Study
-from protocol.study.touch import Direction
+from protocol.study.touch import Direction, Slide, SlidePass
 from tests.protocol.studies import small
 
 DIRECTIONS: list[tuple[Direction, ...]] = [("right",), ("left",), ("right", "left")]

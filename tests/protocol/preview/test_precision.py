@@ -9,17 +9,18 @@ from scipy.stats import t
 
 from protocol.plan.plan import plan
 from protocol.plan.trials import session_s
-from protocol.preview.precision import (
+from protocol.preview.preview import (
     Cohort,
+    SessionLength,
     cohort,
     confounded,
     precisions,
     relative_gain_half_width,
+    session_lengths,
     squared_spread,
     t_quantile,
 )
-from protocol.preview.session_length import SessionLength, session_lengths
-from protocol.study.rating import PAPERS_SCALE, Forecast, Rating
+from protocol.study.rules import PAPERS_SCALE, Forecast, Rating
 from protocol.study.study import Study
 from protocol.study_file.limits import problems
 from protocol.study_file.loading import StudyError, parsed_study, template

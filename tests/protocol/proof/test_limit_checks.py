@@ -8,7 +8,7 @@ import pytest
 
 from protocol.plan.plan import plan
 from protocol.plan.trials import Plan
-from protocol.proof.limit_checks import limit_violations, plan_s
+from protocol.proof.trial_checks import limit_violations, plan_s
 from protocol.study.study import Study
 from tests.protocol.studies import small, small_document
 

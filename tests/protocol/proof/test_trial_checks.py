@@ -8,8 +8,7 @@ import pytest
 
 from protocol.plan.plan import plan
 from protocol.plan.trials import Plan, Trial
-from protocol.proof.cohort import cohort_problems
-from protocol.proof.trial_checks import plan_problems
+from protocol.proof.trial_checks import cohort_problems, plan_problems
 from protocol.study_file.loading import parsed_study, template
 from tests.protocol.studies import small
 

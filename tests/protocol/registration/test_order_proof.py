@@ -5,11 +5,9 @@ from dataclasses import replace
 import pytest
 
 from protocol.journal.events import SLIDE, SessionOpened, event_of
-from protocol.plan.plan import plan
-from protocol.plan.slide_plan import slide_plan, slide_study
+from protocol.plan.plan import plan, slide_plan, slide_study
 from protocol.plan.trials import planned_trial
-from protocol.registration.order_proof import order_problem
-from protocol.registration.registration import locked
+from protocol.registration.registration import locked, order_problem
 from protocol.study_file.loading import parsed_study, template, text_digest
 
 TEXT = template("extended")

@@ -8,11 +8,15 @@ from hashlib import sha256
 import pytest
 
 from protocol.errors import BadInput
-from protocol.plan.plan import plan
-from protocol.plan.slide_plan import slide_plan, slide_study
-from protocol.proof.cohort import cohort_problems
-from protocol.registration.hypotheses import hypotheses, require_known
-from protocol.registration.registration import Registration, locked, registration_in
+from protocol.plan.plan import plan, slide_plan, slide_study
+from protocol.proof.trial_checks import cohort_problems
+from protocol.registration.registration import (
+    Registration,
+    hypotheses,
+    locked,
+    registration_in,
+    require_known,
+)
 from protocol.registration.registry_text import registry_text
 from protocol.study_file.loading import parsed_study, template
 

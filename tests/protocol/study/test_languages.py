@@ -5,8 +5,7 @@ import json
 import pytest
 
 from protocol.study.languages import REFERENCE, built_in, built_in_codes
-from protocol.study_file.language_files import with_languages
-from protocol.study_file.loading import parsed_study, template
+from protocol.study_file.loading import parsed_study, template, with_languages
 
 
 def test_english_and_chinese_are_there_and_a_study_must_have_both() -> None:

@@ -3,7 +3,7 @@
 from protocol.plan.plan import plan
 from protocol.study.languages import reference_texts
 from protocol.study.participant_texts import band_names, study_wording, touch_text
-from protocol.study.questions import ANSWERS
+from protocol.study.study_question import ANSWERS
 from protocol.study_file.loading import parsed_study, template
 
 STUDY = parsed_study(template("paper"))

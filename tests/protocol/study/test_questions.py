@@ -8,9 +8,14 @@ from pydantic import ValidationError
 from protocol.errors import Problem
 from protocol.study.languages import built_in, built_in_codes
 from protocol.study.participant_texts import question_text, study_wording, worded_as_built
-from protocol.study.questions import QUESTIONS, Effect, Question
-from protocol.study.rating import PAPERS_SCALE, Rating
-from protocol.study.study_question import change_question, score_question
+from protocol.study.rules import PAPERS_SCALE, Rating
+from protocol.study.study_question import (
+    QUESTIONS,
+    Effect,
+    Question,
+    change_question,
+    score_question,
+)
 from protocol.study_file.loading import StudyError, parsed_study, template
 
 PAPER = template("paper")

@@ -3,8 +3,7 @@
 import pytest
 from pydantic import ValidationError
 
-from protocol.study.slide import Slide, SlidePass
-from protocol.study.touch import Touch, TouchDefaults, touch_s
+from protocol.study.touch import Slide, SlidePass, Touch, TouchDefaults, touch_s
 
 
 def test_the_default_is_the_papers_block_at_drives_around_the_resonance() -> None:

@@ -2,9 +2,9 @@
 
 import pytest
 
-from protocol.plan.variants import at_level, opposite, opposite_expected
-from protocol.study.questions import ANSWERS, no_change, opposite_answer
+from protocol.plan.blocks import at_level, opposite, opposite_expected
 from protocol.study.rig_settings import Rig
+from protocol.study.study_question import ANSWERS, no_change, opposite_answer
 from protocol.study.touch import Touch, TouchDefaults, driven_s, touch_s
 from protocol.study_file.loading import parsed_study, template
 

@@ -13,8 +13,13 @@ from protocol.study.participant_texts import (
     study_codes,
     study_wording,
 )
-from protocol.study_file.language_files import with_languages
-from protocol.study_file.loading import StudyError, parsed_study, template, text_digest
+from protocol.study_file.loading import (
+    StudyError,
+    parsed_study,
+    template,
+    text_digest,
+    with_languages,
+)
 from protocol.study_file.toml import LONGEST_TEXT
 
 PAPER = template("paper")

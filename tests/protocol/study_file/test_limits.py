@@ -6,11 +6,11 @@ from typing import Any
 import pytest
 
 from protocol.errors import Problem
-from protocol.plan.slide_plan import slide_plan, slide_study
+from protocol.plan.plan import slide_plan, slide_study
 from protocol.plan.trials import session_s
 from protocol.study.rig_settings import Rig
-from protocol.study.slide import Slide
 from protocol.study.study import Study
+from protocol.study.touch import Slide
 from protocol.study_file.limits import (
     limit_problems,
     max_resonance_hz,

@@ -11,9 +11,13 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from protocol.study.study import Study
-from protocol.study_file.loading import StudyError, parsed_study, template
-from protocol.study_file.recovery import recovered
-from protocol.study_file.schema_errors import schema_problems
+from protocol.study_file.loading import (
+    StudyError,
+    parsed_study,
+    recovered,
+    schema_problems,
+    template,
+)
 
 PAPER = template("paper")
 DIALECTS = {"dialects": lambda: ("board", "keysight"), "gauge dialects": lambda: ("gauge",)}

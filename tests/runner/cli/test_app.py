@@ -15,7 +15,7 @@ import pandas as pd
 import pytest
 
 from analysis.simulation.simulation import Simulation
-from device.people.population import SENSITIVE
+from device.people.person import SENSITIVE
 from protocol.study_file.loading import parsed_study, template
 from runner.doctor import findings
 from runner.study.folder import StudyFolder

@@ -15,7 +15,7 @@ from device.simulator.transports import LineKind
 from protocol.study.languages import built_in_codes
 from protocol.study_file.loading import TEMPLATES
 from runner.clock import Pace
-from runner.interfaces import AnswerSource
+from runner.screens import AnswerSource
 from tests.runner.command_line import typed
 
 HEAVY = {

@@ -34,8 +34,7 @@ from runner.journal.opening import open_journal, read_journal
 from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal, JournalError
 from runner.journal.verification import verdicts
-from runner.session.loop import run
-from runner.session.resume import require_resumable
+from runner.session.loop import require_resumable, run
 from tests.runner.fakes import IMPORTED, FakeClock, FakeDevice, FakeParticipant, context
 from tests.runner.journal.tampering import tampering
 

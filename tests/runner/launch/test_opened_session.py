@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from protocol.plan.plan import plan as drawn
-from protocol.plan.slide_plan import slide_plan as slides_drawn
+from protocol.plan.plan import slide_plan as slides_drawn
 from protocol.plan.trials import Plan, Trial
 from protocol.study.study import Study
 from protocol.study_file.loading import template

@@ -5,8 +5,13 @@ from collections.abc import Iterable
 import pytest
 
 from protocol.journal.records import ReadBack
-from runner.people.operator_console import Frame, OperatorConsole, PlainDisplay, line_help
-from runner.people.operator_keys import OperatorKeys
+from runner.people.operator_console import (
+    Frame,
+    OperatorConsole,
+    OperatorKeys,
+    PlainDisplay,
+    line_help,
+)
 from runner.screens import Note
 from tests.runner.views import plan, view
 

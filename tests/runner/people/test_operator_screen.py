@@ -12,7 +12,7 @@ import pytest
 from rich.console import Console, Group
 
 from device.drivers.driver import Reading
-from device.force_channel.samples import Forces
+from device.force_channel.recording import Forces
 from runner.people.operator_console import Frame
 from runner.people.operator_screen import LiveDisplay, Moment, screen_lines
 from runner.people.terminal import TerminalGone, visible

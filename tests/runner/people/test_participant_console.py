@@ -9,7 +9,7 @@ import pytest
 
 from protocol.errors import BadInput
 from protocol.study.participant_texts import study_wording
-from protocol.study.rating import Rating
+from protocol.study.rules import Rating
 from protocol.study_file.loading import parsed_study, template
 from runner.people.participant_console import (
     MOST_LINES,

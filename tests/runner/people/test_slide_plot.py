@@ -4,10 +4,10 @@ import math
 
 import pytest
 
-from device.force_channel.samples import Forces
+from device.force_channel.recording import Forces
 from runner.people.operator_console import Frame
 from runner.people.operator_screen import screen_lines
-from runner.people.slide_plot import Drawing, SlidePlot
+from runner.people.sliding_block import Drawing, SlidePlot
 from runner.screens import PlanLine
 from tests.runner.people.test_operator_screen import SIZES, moment
 from tests.runner.views import view

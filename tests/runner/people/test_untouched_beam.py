@@ -9,8 +9,7 @@ from device.people.person import Person
 from protocol.journal.events import Answered
 from protocol.study_file.loading import parsed_study, template
 from runner.journal.opening import open_journal
-from runner.people.untouched_beam import UntouchedBeam
-from runner.people.virtual_participant import VirtualParticipant
+from runner.people.virtual_participant import UntouchedBeam, VirtualParticipant
 from runner.session.loop import run
 from tests.runner.fakes import FakeDevice, FakeParticipant, context
 

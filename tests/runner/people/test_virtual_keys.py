@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import pytest
 
 from protocol.errors import WorkFailed
-from runner.people.virtual_keys import CLOSES_AFTER_S, VirtualAtWindow
+from runner.people.virtual_participant import CLOSES_AFTER_S, VirtualAtWindow
 from runner.screens import Notice, Response, ask_change
 from tests.runner.fakes import FakeParticipant
 

@@ -7,9 +7,8 @@ from typing import Any
 import pytest
 
 from device.people.person import Person
-from protocol.study.questions import ANSWERS, Question
-from protocol.study.rating import PAPERS_SCALE, Rating
-from protocol.study.study_question import StudyQuestion
+from protocol.study.rules import PAPERS_SCALE, Rating
+from protocol.study.study_question import ANSWERS, Question, StudyQuestion
 from protocol.study_file.loading import parsed_study, template
 from runner.people.virtual_participant import VirtualParticipant, VirtualParticipantLeft
 from runner.screens import Ask, Instruction, Notice, Pacing, ask_change, ask_score

@@ -28,9 +28,8 @@ from runner.screens import (
     Welcome,
 )
 from runner.session.loop import run
-from runner.session.orders import StoppedByOperator
 from runner.session.session import SessionContext
-from runner.session.waiting import pause_if_wanted
+from runner.session.waiting import StoppedByOperator, pause_if_wanted
 from tests.runner.fakes import FakeDevice, FakeOperator, FakeParticipant, context
 
 TEXT = template("paper")

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from device.errors import DeviceError
-from device.force_channel.samples import Samples
+from device.force_channel.recording import Samples
 from protocol.errors import WorkFailed
 from protocol.journal.events import Event, TouchRecorded
 from protocol.study_file.loading import template

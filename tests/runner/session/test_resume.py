@@ -13,8 +13,7 @@ from runner.journal.cohort import states
 from runner.journal.opening import open_journal
 from runner.journal.store import JournalError
 from runner.journal.verification import verdicts
-from runner.session.loop import run
-from runner.session.resume import require_resumable
+from runner.session.loop import require_resumable, run
 from tests.runner.fakes import FakeClock, FakeDevice, FakeParticipant, context
 from tests.runner.journal.tampering import tampering
 

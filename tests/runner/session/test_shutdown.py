@@ -16,8 +16,8 @@ from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal, JournalError
 from runner.screens import Instruction, Notice, OperatorView, Screen
 from runner.session.loop import run
-from runner.session.orders import StoppedByOperator
 from runner.session.session import SessionContext
+from runner.session.waiting import StoppedByOperator
 from tests.runner.fakes import FakeDevice, FakeOperator, FakeParticipant, context
 
 TEXT = template("paper")

@@ -9,19 +9,18 @@ import pytest
 from device.errors import DeviceError
 from protocol.errors import BadInput
 from protocol.journal.events import SLIDE, Answered, SessionOpened, TouchStarted
-from protocol.plan.slide_plan import slide_plan, slide_study
-from protocol.study.slide import SlidePass
+from protocol.plan.plan import slide_plan, slide_study
+from protocol.study.touch import SlidePass
 from protocol.study_file.loading import parsed_study, template
 from runner.journal.opening import open_journal
 from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal
 from runner.journal.verification import verdicts
-from runner.people.slide_plot import SlidePlot
-from runner.people.sliding_block import SlidingBlock
+from runner.people.sliding_block import SlidePlot, SlidingBlock
 from runner.screens import Note, Order
 from runner.session.loop import run
-from runner.session.orders import StoppedByOperator
 from runner.session.session import Session, SessionContext
+from runner.session.waiting import StoppedByOperator
 from tests.runner.fakes import FakeClock, FakeDevice, FakeOperator
 from tests.system.test_killed import DyingJournal, Killed
 

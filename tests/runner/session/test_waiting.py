@@ -9,10 +9,16 @@ import pytest
 from protocol.journal.events import DeviceArmed
 from runner.journal.opening import open_journal
 from runner.screens import Instruction, Notice, Response, Screen, Welcome
-from runner.session.orders import StoppedByOperator
 from runner.session.session import SessionContext
 from runner.session.setup import prepare
-from runner.session.waiting import operator_answer, pause_if_wanted, response, tick, wait
+from runner.session.waiting import (
+    StoppedByOperator,
+    operator_answer,
+    pause_if_wanted,
+    response,
+    tick,
+    wait,
+)
 from runner.window.client import WindowGone
 from tests.runner.fakes import FakeClock, FakeDevice, FakeOperator, FakeParticipant, context
 

@@ -14,8 +14,8 @@ from runner.journal.opening import open_journal
 from runner.journal.verification import verdicts
 from runner.screens import Note, OperatorView, Order
 from runner.session.loop import run
-from runner.session.orders import StoppedByOperator
 from runner.session.session import SessionContext
+from runner.session.waiting import StoppedByOperator
 from tests.runner.fakes import FakeClock, FakeDevice, FakeOperator, FakeParticipant, context
 
 RIG = "/dev/ttyUSB0"

@@ -15,7 +15,7 @@ from typing import Any
 from PIL import Image, ImageGrab
 
 from protocol.study.participant_texts import Wording, study_wording
-from protocol.study.rating import Rating
+from protocol.study.rules import Rating
 from protocol.study.study import Study
 from protocol.study.touch import Touch
 from protocol.study_file.loading import parsed_study, template
@@ -32,12 +32,11 @@ from runner.screens import (
     pacing,
 )
 from runner.window.canvas import PsychopyCanvas
-from runner.window.elements import Text
+from runner.window.elements import Text, text_width, wrapped
 from runner.window.messages import Settings
 from runner.window.pages import page
 from runner.window.preflight import foreseen
-from runner.window.questions.page_layout import PageState
-from runner.window.text_layout import text_width, wrapped
+from runner.window.questions.question_pages import PageState
 from tests.protocol.studies import OWN_QUESTIONS
 
 Shown = tuple[str, Screen, PageState]

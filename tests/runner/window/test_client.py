@@ -29,7 +29,7 @@ from runner.window.client import (
     WindowProcess,
     participant_window,
 )
-from runner.window.elements import Input, Key, Pressed, Released, Typed
+from runner.window.elements import Input, Key, Pressed, Released, Typed, first_font, missing_font
 from runner.window.messages import (
     Settings,
     inputs_of,
@@ -43,7 +43,6 @@ from runner.window.messages import (
 )
 from runner.window.preflight import foreseen
 from runner.window.server import mailbox_of
-from runner.window.text_layout import first_font, missing_font
 
 PAPER = parsed_study(template("paper"))
 ALIVE = {"alive": 1.0}

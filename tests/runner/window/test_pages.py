@@ -11,13 +11,11 @@ from hypothesis import strategies as st
 from protocol.errors import BadInput
 from protocol.study.languages import FOLDER, built_in, built_in_codes
 from protocol.study.participant_texts import Wording, study_wording, touch_text, worded_as_built
-from protocol.study.rating import Band, Rating
-from protocol.study.rules import Finger, Hand
+from protocol.study.rules import Band, Finger, Hand, Rating
 from protocol.study.study import Study
 from protocol.study.study_question import StudyQuestion, score_question
 from protocol.study.touch import Direction, Touch, TouchDefaults
-from protocol.study_file.language_files import with_languages
-from protocol.study_file.loading import TEMPLATES, parsed_study, template
+from protocol.study_file.loading import TEMPLATES, parsed_study, template, with_languages
 from runner.screens import (
     FingerPath,
     Instruction,
@@ -29,12 +27,18 @@ from runner.screens import (
     lead_in,
     pacing,
 )
-from runner.window.beam_sketch import beam_x, fingers
 from runner.window.elements import CANVAS, Dot, Outline, Text
-from runner.window.pages import page, targets
+from runner.window.pages import beam_x, fingers, page, targets
 from runner.window.preflight import fit_problems, foreseen, require_fit
-from runner.window.questions.page_layout import PageState
-from runner.window.questions.rating_scale import SCALE_BOX, labelled, look, marked, nearest, score_x
+from runner.window.questions.question_pages import (
+    SCALE_BOX,
+    PageState,
+    labelled,
+    look,
+    marked,
+    nearest,
+    score_x,
+)
 
 PAPER = parsed_study(template("paper"))
 RIGHT = Pacing(start_m=0.01, end_m=0.081, duration_s=1.775, force_n=0.5, direction="right")

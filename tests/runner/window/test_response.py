@@ -10,18 +10,15 @@ from hypothesis import strategies as st
 
 from device.people.person import Person
 from protocol.study.participant_texts import study_wording
-from protocol.study.questions import ANSWERS, Question
-from protocol.study.rating import Rating
-from protocol.study.study_question import StudyQuestion, score_question
+from protocol.study.rules import Rating
+from protocol.study.study_question import ANSWERS, Question, StudyQuestion, score_question
 from protocol.study_file.loading import parsed_study, template
 from runner.people.virtual_participant import VirtualParticipant
 from runner.screens import Ask, Instruction, Notice, Pacing, Screen, Welcome, ask_change, ask_score
 from runner.window.elements import Dragged, Input, Key, Pressed, Released, Text, Typed
 from runner.window.pages import page, targets
 from runner.window.preflight import fits
-from runner.window.questions.choosing import inputs_for
-from runner.window.questions.page_layout import PageState
-from runner.window.questions.rating_scale import score_x
+from runner.window.questions.question_pages import PageState, inputs_for, score_x
 from runner.window.response import EARLY_S, PendingResponse
 from tests.protocol.studies import OWN_QUESTIONS
 from tests.runner.fakes import FakeClock

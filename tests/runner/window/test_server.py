@@ -8,15 +8,14 @@ from typing import Any
 import pytest
 
 from protocol.study.participant_texts import study_wording
-from protocol.study.rating import Rating
+from protocol.study.rules import Rating
 from protocol.study_file.loading import parsed_study, template
 from runner.screens import Instruction, Notice, Pacing, ask_score
 from runner.window.elements import Dot, Input, Key, Page, Pressed
 from runner.window.messages import Settings, press_message, show_message
 from runner.window.pages import page, targets
-from runner.window.presentation import FrameTimes
-from runner.window.questions.page_layout import Button, PageState
-from runner.window.server import ORPHANED_S, Mailbox, WindowServer
+from runner.window.questions.question_pages import Button, PageState
+from runner.window.server import ORPHANED_S, FrameTimes, Mailbox, WindowServer
 
 INTERVAL_S = 1 / 60
 SETTINGS = Settings(

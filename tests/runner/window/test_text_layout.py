@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runner.window.text_layout import text_height, text_width, wrapped
+from runner.window.elements import text_height, text_width, wrapped
 
 WORDS = st.lists(
     st.sampled_from(["a", "beam", "smooth", "光滑", "的", "位置，", "10"]), max_size=30

@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from protocol.plan.plan import plan
-from protocol.proof.cohort import cohort_problems
-from protocol.proof.trial_checks import plan_problems
+from protocol.proof.trial_checks import cohort_problems, plan_problems
 from runner.journal.names import STUDY_CHAIN
 from runner.journal.opening import read_journal
 from runner.journal.verification import readable_chains, verdicts

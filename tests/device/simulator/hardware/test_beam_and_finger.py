@@ -9,7 +9,7 @@ from device.friction.coefficient import friction_coefficient
 from device.friction.contrasts import LAW, RUNG
 from device.friction.rungs import TOP_RUNG
 from device.friction.scenes import Drive, FingerContact, Scene, Structure
-from device.people.world import MODE
+from device.people.person import MODE
 from device.simulator.hardware.beam_and_finger import SimulatedBeam
 from device.simulator.hardware.power_stage import Instrument
 

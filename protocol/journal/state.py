@@ -94,9 +94,10 @@ class SessionState:
             NotAllowed: the state does not allow it; nothing changes.
             KeyError, TypeError, AttributeError: no build has written such a payload.
         """
-        self.name = next_state(self.name, event.tag)
+        tag = event.tag
+        self.name = next_state(self.name, tag)
         self.last_event_utc = event.utc
-        if event.tag in _FOLDED and not event.erased:
+        if tag in _FOLDED and not event.erased:
             self._take_record(event.record)
 
     def _take_record(self, event: Event) -> None:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from protocol.errors import BadInput
-from protocol.journal.shared_form import FOLDER, REGISTRATION_FILE, SUFFIX
 from runner.cli.options import (
     Choosing,
     FormatOption,
@@ -152,6 +151,7 @@ def _report_in_crate(
     from analysis.loading.sessions import load_sessions
     from analysis.loading.study_data import NothingToReport, study_data
     from analysis.report.report import report_files
+    from protocol.journal.shared_form import FOLDER, REGISTRATION_FILE, SUFFIX
     from protocol.registration.registration import shared_registration
     from runner.study.data_set import shared_sessions
 

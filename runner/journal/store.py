@@ -129,7 +129,9 @@ class Journal:
 
     def events(self, session: str) -> list[StoredEvent]:
         """Return the events of `session` in order."""
-        return [link.event for link in self.chain(session)]
+        with self._errors_explained("read"):
+            rows = self._connection.execute(self._sql.chain, (session,))
+            return [chain_link(row).event for row in rows]
 
     def events_of(self, *kinds: type[Event]) -> list[StoredEvent]:
         """Return the events of these kinds in all sessions, in the order of writing."""

@@ -4,11 +4,12 @@ from collections.abc import Sequence
 
 import pandas as pd
 
-from analysis.cells import BETWEEN_TOUCHES, csv_text, json_text
+from analysis.cells import BETWEEN_TOUCHES, csv_of_columns, json_text
 from analysis.export.columns import CONTRAST_COLUMNS, TOUCH_COLUMNS, Column, known
 from analysis.export.dataset import Dataset
 from analysis.export.recordings import DRIVEN, MEASURED, TIME, samples_csv
-from analysis.export.trial_table import cells, touch_table
+from analysis.export.trial_table import touch_table
+from analysis.loading.records import values
 
 
 def csv_tables(data: Dataset, *, shared: bool = False) -> dict[str, str]:
@@ -33,7 +34,7 @@ def _table(
 ) -> dict[str, str]:
     names = [column.name for column in columns]
     return {
-        f"{name}.csv": csv_text(names, cells(table[names])),
+        f"{name}.csv": csv_of_columns(names, (values(table[name]) for name in names)),
         f"{name}.json": json_text({column.name: _described(column, data) for column in columns}),
     }
 

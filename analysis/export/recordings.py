@@ -102,7 +102,8 @@ def recorded_touches(events: Sequence[StoredEvent]) -> tuple[RecordedTouch, ...]
 
     Nothing of a session that was withdrawn, and no samples that are not those recorded.
     """
-    if any(event.erased or event.tag == Withdrawn.TAG for event in events):
+    tags = {event.tag for event in events}
+    if TouchRecorded.TAG not in tags or Withdrawn.TAG in tags or any(it.erased for it in events):
         return ()
     found: dict[int, list[RecordedTouch]] = {}
     trial = 0

@@ -158,13 +158,15 @@ def _utc(moments: "pd.Series[Any]") -> "pd.Series[str]":
 
 def _touches(touches: pd.DataFrame, attempts: "pd.Index[int]") -> dict[str, list[Any]]:
     """Return by column one value per touch of each attempt."""
-    rows_of = touches.groupby("attempt_id").indices
-    rows = [rows_of.get(attempt, ()) for attempt in attempts]
+    # The touches of an attempt follow one another, and attempts are numbered as they began.
+    told_of = touches["attempt_id"].to_numpy()
+    ends = (np.searchsorted(told_of, attempts, side).tolist() for side in ("left", "right"))
+    spans = [slice(*span) for span in zip(*ends, strict=True)]
     table: dict[str, list[Any]] = {}
     for column in COLUMNS:
         if column.per_touch:
             told = values(touches[column.name])
-            table[column.name] = [tuple(told[row] for row in own) for own in rows]
+            table[column.name] = [tuple(told[span]) for span in spans]
     return table
 
 

@@ -5,7 +5,7 @@ and payload keys are written nowhere else; docs/journal.md is generated from thi
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Annotated, Any, ClassVar
 
@@ -436,8 +436,12 @@ class StoredEvent:
     monotonic_s: float
     payload: Mapping[str, Any]
     erased: bool = False
+    _parsed: Event | None = field(default=None, init=False, repr=False, compare=False)
 
     @property
     def record(self) -> Event:
-        """The event, parsed at each access; it is lost once erased. Raises as `event_of`."""
-        return event_of(self.tag, self.payload)
+        """The event, parsed at the first access; it is lost once erased. Raises as `event_of`."""
+        if self._parsed is None:  # who verifies a session and who analyses it both ask
+            object.__setattr__(self, "_parsed", event_of(self.tag, self.payload))
+        assert self._parsed is not None
+        return self._parsed

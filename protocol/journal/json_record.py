@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
+from itertools import starmap
 from types import NoneType, UnionType
 from typing import Annotated, Any, Final, NamedTuple, Self, get_args, get_origin, get_type_hints
 
@@ -126,7 +127,10 @@ def _reader(hint: Any) -> _Reader:
         read = _reader(next(part for part in get_args(hint) if part is not NoneType))
         return read if read is _as_it_is else lambda value: None if value is None else read(value)
     if get_origin(hint) is tuple:
-        each = _reader(get_args(hint)[0])
+        kind = get_args(hint)[0]
+        if isinstance(kind, type) and issubclass(kind, tuple):  # the samples of long traces
+            return lambda values: tuple(starmap(kind, values))
+        each = _reader(kind)
         return tuple if each is _as_it_is else lambda values: tuple(map(each, values))
     if isinstance(hint, type) and issubclass(hint, JsonRecord):
         return hint.from_json

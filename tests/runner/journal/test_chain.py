@@ -1,5 +1,7 @@
 """The stored form of an event: what touchbeam cannot have written is damaged, whatever it is."""
 
+import hashlib
+import json
 from datetime import UTC, datetime
 from typing import Any
 
@@ -113,3 +115,11 @@ def test_a_payload_without_a_number_is_not_stored() -> None:
     event = StoredEvent(seq=0, tag="t", utc=EVENT.utc, monotonic_s=0.0, payload={"a": float("nan")})
     with pytest.raises(ValueError, match="not JSON compliant"):
         payload_text(event)
+
+
+@pytest.mark.parametrize("monotonic_s", [0.0, -0.0, 1e22, 1e-7, 3, float("inf")])
+@pytest.mark.parametrize("session", ["P01/1", "触觉\n\"'\\/1"])
+def test_a_hash_is_that_of_the_json_list(session: str, monotonic_s: float) -> None:
+    fields = (session, 3, "note", NOON, monotonic_s, "d" * 64)
+    listed = json.dumps([FIRST_HASH, *fields]).encode()
+    assert chain_hash(FIRST_HASH, fields) == hashlib.sha256(listed).hexdigest()

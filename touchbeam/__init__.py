@@ -269,7 +269,7 @@ class Study:
             ValueError: there is no section of that name.
         """
         from analysis.report.findings import origin_of, title_of
-        from analysis.report.report import report, report_files
+        from analysis.report.report import FIGURE_FILES, report, report_files
         from runner.journal.opening import read_journal
         from runner.study.files import write_files
         from runner.study.registered import registration_problem
@@ -292,7 +292,7 @@ class Study:
         folder = self.folder.report if out is None else Path(out)
         own = self.folder.path if out is None else None
         files = report_files(made, figures=figures)
-        write_files(files, folder, replaced=made.figure_files, study=own)
+        write_files(files, folder, replaced=FIGURE_FILES, study=own)
         return folder / "report.html"
 
     def predict(

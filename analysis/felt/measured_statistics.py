@@ -2,18 +2,21 @@
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from analysis.estimates import FloatArray, NotEstimable
 from analysis.felt.measured_trials import MeasuredTrials, measured_trials
 from analysis.felt.predictors import predictor_scores
+from analysis.kept import Kept
 from analysis.loading.sessions import is_scored
 from analysis.loading.study_data import StudyData
 from analysis.sensitivity.linear_model import LinearSensitivity, linear_sensitivity
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.sensitivity.predictive_checks import checked_ordinal, checked_two_stage
+from analysis.sensitivity.ratings import Ratings
 from analysis.sensitivity.two_stage_model import TwoStageSensitivity
 from analysis.trials.arrays import detection_trials, scored_trials
 from analysis.trials.contrasts import TrialContrasts
@@ -45,60 +48,84 @@ class ConditionContrast:
 class MeasuredStatistics:
     """What the recordings of a study say; the models are those of `TrialStatistics`.
 
-    `left_out` counts scored trials without a measured contrast, by reason. `noise_share` is the
-    part of the variance of M1's residuals that the errors of the contrasts explain, `differences`
-    the test of differences in gain between subjects.
+    They take each trial's best contrast in place of the predicted one (regression calibration).
+    The variance of its error, times the square of the gain, is part of the variance of a rating,
+    which they estimate. Each is computed when it is asked for.
+
+    `predicted`, shape (trials,), has the contrasts that the model predicts.
     """
 
-    trials: MeasuredTrials
-    conditions: tuple[ConditionContrast, ...]
-    left_out: Mapping[str, int]
-    m1: LinearSensitivity | NotEstimable
-    m2: OrdinalSensitivity | NotEstimable
-    m3: TwoStageSensitivity | NotEstimable
-    noise_share: float | NotEstimable
-    differences: FTest | NotEstimable
-    predictors: tuple[LawScore, ...]
+    study: Study
+    data: StudyData
+    predicted: FloatArray
+    keep: Kept = field(default_factory=Kept)
+
+    @cached_property
+    def trials(self) -> MeasuredTrials:
+        """The measured contrasts."""
+        data = self.data
+        return measured_trials(self.study, data.trials, data.touches, data.forces)
+
+    @cached_property
+    def conditions(self) -> tuple[ConditionContrast, ...]:
+        """The measured contrasts of each condition."""
+        return _conditions(self.data, self.trials, self.predicted)
+
+    @cached_property
+    def left_out(self) -> Mapping[str, int]:
+        """How many scored trials have no measured contrast, by reason."""
+        whys = zip(self.trials.why, is_scored(self.data.trials), strict=True)
+        return dict(Counter(why for why, counts in whys if counts and why is not None))
+
+    @cached_property
+    def _contrasts(self) -> TrialContrasts:
+        return TrialContrasts(by_law={LAW: self.trials.best}, measured=self.trials.known)
+
+    @cached_property
+    def _ratings(self) -> Ratings:
+        return scored_trials(self.data, self._contrasts).ratings
+
+    @property
+    def m1(self) -> LinearSensitivity | NotEstimable:
+        """The simple comparison."""
+        return self.keep(linear_sensitivity, self._ratings)
+
+    @property
+    def m2(self) -> OrdinalSensitivity | NotEstimable:
+        """The headline."""
+        return self.keep(checked_ordinal, self._ratings).fit
+
+    @property
+    def m3(self) -> TwoStageSensitivity | NotEstimable:
+        """Noticing a change, then rating it."""
+        answered = detection_trials(self.data, self._contrasts, self.study)
+        return self.keep(checked_two_stage, answered).fit
+
+    @property
+    def noise_share(self) -> float | NotEstimable:
+        """The part of the variance of M1's residuals that the contrasts' errors explain."""
+        return _noise_share(self.data, self.trials, self.m1)
+
+    @property
+    def differences(self) -> FTest | NotEstimable:
+        """The test of differences in gain between subjects."""
+        return self.keep(gain_differences, self._ratings)
+
+    @cached_property
+    def predictors(self) -> tuple[LawScore, ...]:
+        """What else might be felt, as laws are scored."""
+        rating = self.study.rating
+        scale = (float(rating.minimum), float(rating.maximum))
+        return predictor_scores(self.data, self.trials, scale, self.keep)
 
 
 def measured_statistics(
-    study: Study, data: StudyData, predicted: FloatArray
+    study: Study, data: StudyData, predicted: FloatArray, keep: Kept | None = None
 ) -> MeasuredStatistics | None:
-    """Return the statistics of the trials with recorded touches; None if nothing was recorded.
-
-    The models take each trial's best contrast in place of the predicted one (regression
-    calibration). The variance of its error, times the square of the gain, is part of the variance
-    of a rating, which they estimate.
-
-    Parameters:
-        study: the present study.
-        data: its data.
-        predicted: shape (trials,), contrasts that the model predicts.
-    """
+    """Return the statistics of the trials with recorded touches; None if nothing was recorded."""
     if not data.forces:
         return None
-    found = measured_trials(study, data.trials, data.touches, data.forces)
-    contrasts = TrialContrasts(by_law={LAW: found.best}, measured=found.known)
-    ratings = scored_trials(data, contrasts).ratings
-    m1 = linear_sensitivity(ratings)
-    rating = study.rating
-    return MeasuredStatistics(
-        trials=found,
-        conditions=_conditions(data, found, predicted),
-        left_out=dict(
-            Counter(
-                reason
-                for reason, counts in zip(found.why, is_scored(data.trials), strict=True)
-                if counts and reason is not None
-            )
-        ),
-        m1=m1,
-        m2=checked_ordinal(ratings).fit,
-        m3=checked_two_stage(detection_trials(data, contrasts, study)).fit,
-        noise_share=_noise_share(data, found, m1),
-        differences=gain_differences(ratings),
-        predictors=predictor_scores(data, found, (float(rating.minimum), float(rating.maximum))),
-    )
+    return MeasuredStatistics(study=study, data=data, predicted=predicted, keep=keep or Kept())
 
 
 def _conditions(

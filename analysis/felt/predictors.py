@@ -3,6 +3,7 @@
 from analysis.estimates import Interval
 from analysis.felt.measured_trials import MeasuredTrials
 from analysis.friction.touch_measures import FRICTION
+from analysis.kept import Kept
 from analysis.loading.study_data import StudyData
 from analysis.trials.arrays import scored_trials
 from analysis.trials.contrasts import TrialContrasts
@@ -11,7 +12,7 @@ from device.friction.contrasts import LAW
 
 
 def predictor_scores(
-    data: StudyData, measured: MeasuredTrials, scale: Interval
+    data: StudyData, measured: MeasuredTrials, scale: Interval, keep: Kept
 ) -> tuple[LawScore, ...]:
     """Return how each predictor orders the conditions and fits the ratings, on the same trials.
 
@@ -23,4 +24,4 @@ def predictor_scores(
     )
     scored = scored_trials(data, contrasts)
     by_name = {name: scored.contrasts[name] for name in measured.predictors}
-    return law_scores(data, scored.ratings, by_name, scale)
+    return law_scores(data, scored.ratings, by_name, scale, keep)

@@ -1,12 +1,13 @@
 """Building blocks of a section: tables, figures, lists and data for the other files."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar, Literal
 
 from analysis.estimates import NotEstimable
-from analysis.report.drawing import Drawing, Words
+from analysis.kept import Kept
+from analysis.report.drawing import Draw, Drawing, Words, kept_drawing
 from analysis.report.wording import p_value
 
 ColumnKind = Literal["number", "word", "text", "ranking", "sentence"]
@@ -100,6 +101,7 @@ class Figure:
     Attributes:
         name: id in the page, and name of its files.
         draw: draws the figure; None if there is nothing to draw.
+        keep: what keeps the drawing.
         instead: paragraph above the table if the figure is not drawn.
         front: whether it stands among the results, with its table in the section.
     """
@@ -109,7 +111,8 @@ class Figure:
     name: str
     title: str = ""
     caption: str = ""
-    draw: Callable[[Words], Drawing] | None = None
+    draw: Draw | None = None
+    keep: Kept = field(default_factory=Kept)
     instead: str = ""
     table: Table | None = None
     front: bool = False
@@ -118,7 +121,7 @@ class Figure:
     def drawing(self) -> Drawing | None:
         """The drawn figure, or None if there is nothing to draw."""
         words = Words(name=self.name, title=self.title, description=self.caption)
-        return None if self.draw is None else self.draw(words)
+        return None if self.draw is None else kept_drawing(self.draw, words, self.keep)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import chdir
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from html import escape
 from itertools import cycle
 from pathlib import Path
@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from analysis.estimates import FloatArray, IntArray, Interval
+from analysis.kept import Kept
 from analysis.report.findings import Scale
 
 with chdir(Path(sys.executable).parent):  # it reads a `matplotlibrc` in the current folder
@@ -116,6 +117,31 @@ class Words:
     name: str
     title: str
     description: str
+
+
+Draw = Callable[[Words], Drawing]
+
+
+def kept_drawing(draw: Draw, words: Words, keep: Kept) -> Drawing:
+    """Return what `draw` draws, or drew before; its files are made when they are asked for."""
+
+    @cache
+    def drawn() -> Drawing:
+        return draw(words)
+
+    return Drawing(
+        name=words.name,
+        svg=keep.made(lambda: drawn().svg, _svg_of, draw, words),
+        files=lambda: keep.made(lambda: drawn().files(), _files_of, draw, words),
+    )
+
+
+def _svg_of(draw: Draw, words: Words) -> str:
+    return draw(words).svg
+
+
+def _files_of(draw: Draw, words: Words) -> Mapping[str, bytes]:
+    return draw(words).files()
 
 
 def marked(number: int) -> dict[str, Any]:

@@ -2,12 +2,13 @@
 
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
 from analysis.estimates import plain
 from analysis.felt.measured_statistics import MeasuredStatistics
+from analysis.kept import Kept
 from analysis.loading.missing_scores import notes, withheld_beside_scores
 from analysis.loading.records import values
 from analysis.loading.study_data import StudyData
@@ -30,6 +31,7 @@ class Origin:
     `broken_chains` names the sessions whose journal was changed after recording; `rig` is the rig
     as it was calibrated. Of a registered study, `rig` is the registered one, `later` a calibration
     made since the sessions, and `unlocked` says what is wrong with the file of the registration.
+    `alone` is whether the command named sections, so that nothing is computed for others.
     """
 
     command: str
@@ -38,6 +40,7 @@ class Origin:
     rig: Calibration = NOMINAL
     later: Calibration | None = None
     unlocked: str = ""
+    alone: bool = False
 
     def under(self, lock: StudyLock) -> "Origin":
         """Return the origin of the report on a registered study."""
@@ -68,6 +71,7 @@ def origin_of(
         broken_chains=tuple(broken),
         rig=rig,
         unlocked=unlocked,
+        alone=sections is not None,
     )
 
 
@@ -108,6 +112,7 @@ class Findings:
     trials: TrialStatistics
     measured: MeasuredStatistics | None
     multiverse: Multiverse | None = None
+    keep: Kept = field(default_factory=Kept)
 
     @cached_property
     def trial_records(self) -> list[dict[str, Any]]:

@@ -65,6 +65,16 @@ SECTIONS: Mapping[str, Callable[[Findings], Section]] = MappingProxyType(
 )
 """The sections of the page by name, in the order in which an author needs them."""
 
+FRONTS: Mapping[str, Callable[[Findings], Sequence[Block]]] = MappingProxyType(
+    {
+        "table4": scores.front,
+        "tests": differences.front,
+        "sensitivity": sensitivity.front,
+        "model": predictions.front,
+    }
+)
+"""What stands among the results whichever sections are shown, by the section that it belongs to."""
+
 
 def require_sections(names: Iterable[str]) -> None:
     """Refuse a name that no section has.

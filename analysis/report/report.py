@@ -7,19 +7,27 @@ from typing import Any
 
 from analysis.cells import json_text
 from analysis.felt.measured_statistics import measured_statistics
+from analysis.kept import Kept
 from analysis.loading.sessions import Sessions
 from analysis.loading.study_data import StudyData
-from analysis.multiverse.curve import multiverse
+from analysis.multiverse.curve import NAMES, multiverse
 from analysis.report.blocks import Figure, Section
 from analysis.report.drawing import FORMATS
 from analysis.report.findings import Findings, Origin
-from analysis.report.page import SECTIONS, page_html, require_sections
+from analysis.report.page import FRONTS, SECTIONS, page_html, require_sections
 from analysis.report.specification.specification_curves import MULTIVERSE
-from analysis.statistics.summary import table_statistics
-from analysis.trials.trial_statistics import trial_statistics
+from analysis.statistics.summary import TableStatistics
+from analysis.trials.trial_statistics import LINKS, TrialStatistics
 from device.friction.calibration import NOMINAL
 from device.friction.contrasts import LAW
 from protocol.study.study import Study
+
+ALWAYS = frozenset({"table4", "provenance"})
+"""The sections without which there is no report."""
+
+
+def _figure_paths(name: str) -> list[str]:
+    return [f"figures/{name}{end}" for end in FORMATS]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,27 +39,60 @@ class Report(Findings):
 
     @cached_property
     def sections(self) -> tuple[Section, ...]:
-        """All sections, shown or not."""
-        return tuple(section(self) for section in SECTIONS.values())
+        """All sections, shown or not; if they are wanted `alone`, those shown and `ALWAYS`."""
+        return tuple(SECTIONS[name](self) for name in self.needed)
+
+    @property
+    def needed(self) -> tuple[str, ...]:
+        """The names of `sections`."""
+        wanted = {*self._shown, *ALWAYS} if self.origin.alone else SECTIONS.keys()
+        return tuple(name for name in SECTIONS if name in wanted)
 
     @property
     def chosen(self) -> tuple[Section, ...]:
         """Sections of the page, in its order; that on the registration is never left out."""
-        known = dict(zip(SECTIONS, self.sections, strict=True))
-        names = self.shown or tuple(known)
+        known = {section.name: section for section in self.sections}
+        return tuple(known[name] for name in self._shown)
+
+    @property
+    def _shown(self) -> tuple[str, ...]:
+        names = self.shown or tuple(SECTIONS)
         if self.loaded.lock is not None and "registration" not in names:  # the page refers to it
             names = ("registration", *names)
-        return tuple(known[name] for name in dict.fromkeys(names))
+        return tuple(dict.fromkeys(names))
+
+    @cached_property
+    def fronts(self) -> tuple[Section, ...]:
+        """Sections with at least what stands among the results."""
+        own = {section.name: section for section in self.sections}
+        return tuple(
+            own.get(name) or Section(name=name, title="", blocks=front(self))
+            for name, front in FRONTS.items()
+        )
 
     @property
     def figures(self) -> list[Figure]:
-        """Figures of all sections, drawn or not."""
-        return [figure for section in self.sections for figure in section.figures]
+        """Figures of these sections and among the results, drawn or not."""
+        whole = {section.name: section for section in (*self.fronts, *self.sections)}
+        in_order = (whole[name] for name in SECTIONS if name in whole)
+        return [figure for section in in_order for figure in section.figures]
 
-    @property
-    def figure_files(self) -> frozenset[str]:
-        """Paths of all figure files, including figures that are not drawn."""
-        return frozenset(path for figure in self.figures for path in _figure_paths(figure))
+
+FIGURES = (
+    *("scores", "people", "relative-gains", "sensitivity", "model", "levels", "course"),
+    *("reaction-times", "forces", "places", "predictive-m2", "predictive-m3"),
+    *(f"{MULTIVERSE}-{claim}" for claim in NAMES),
+)
+"""The names of all figures that a report may have."""
+FIGURE_FILES = frozenset(path for name in FIGURES for path in _figure_paths(name))
+_FITS = {
+    "agreement": LINKS,
+    "sensitivity": ("M3",),
+    "measured": ("M3",),
+    "predictive": ("M3",),
+    "contrasts": ("M2 at places",),
+}
+"""The fits that a section needs beside M2, which the results in words need, too."""
 
 
 def report(
@@ -61,10 +102,13 @@ def report(
     origin: Origin,
     shown: tuple[str, ...] | None = None,
     recorded: Sessions | None = None,
+    *,
+    keep: Kept | None = None,
 ) -> Report:
     """Return the report on the data `loaded` from `study`; its page shows the sections `shown`.
 
-    If they name `multiverse`, that is made of all sessions `recorded`.
+    If they name `multiverse`, that is made of all sessions `recorded`. What `keep` knows is
+    not computed again.
     Scores of a published table were felt on a rig of their own, which no calibration describes.
 
     Raises:
@@ -76,20 +120,25 @@ def report(
     if loaded.lock is not None:
         origin = origin.under(loaded.lock)
     least = 0 if loaded.kinds == ("published",) else study.rating.minimum
-    trials = trial_statistics(loaded, study, origin.rig)
-    return Report(
+    keep = keep or Kept()
+    trials = TrialStatistics(data=loaded, study=study, rig=origin.rig, keep=keep)
+    result = Report(
         title=title,
         loaded=loaded,
         study=study,
         origin=origin,
-        table=table_statistics(loaded.readings(least)),
+        table=TableStatistics(tables=loaded.readings(least), keep=keep),
         trials=trials,
-        measured=measured_statistics(study, loaded, trials.contrasts.by_law[LAW]),
+        measured=measured_statistics(study, loaded, trials.contrasts.by_law[LAW], keep),
         multiverse=None
         if recorded is None or not asks_for_multiverse(shown)
         else multiverse(recorded, loaded, study, origin.rig),
         shown=shown,
+        keep=keep,
     )
+    needed = (fit for name in result.needed for fit in _FITS.get(name, ()))
+    trials.fit_ahead(dict.fromkeys(("M2", *needed)))
+    return result
 
 
 def asks_for_multiverse(shown: Sequence[str] | None) -> bool:
@@ -142,7 +191,7 @@ def _place(key: str) -> int:
 
 def report_html(result: Report) -> str:
     """Return the report as one page that needs no network."""
-    return page_html(result, result.sections, result.chosen)
+    return page_html(result, result.fronts, result.chosen)
 
 
 def report_files(result: Report, *, figures: bool) -> dict[str, bytes]:
@@ -153,10 +202,6 @@ def report_files(result: Report, *, figures: bool) -> dict[str, bytes]:
     found = {name: text.encode() for name, text in texts.items()}
     for figure in result.figures if figures else ():
         if figure.drawing is not None:
-            paths = _figure_paths(figure)
+            paths = _figure_paths(figure.name)
             found |= dict(zip(paths, figure.drawing.files().values(), strict=True))
     return found
-
-
-def _figure_paths(figure: Figure) -> list[str]:
-    return [f"figures/{figure.name}{end}" for end in FORMATS]

@@ -171,18 +171,18 @@ def _spread(lines: Lines, skin: str) -> Iterator[tuple[str, str]]:
 
 def _ranking(found: Findings) -> Iterator[tuple[str, str]]:
     """Yield what the order of the conditions says of the law, if there is anything to say."""
-    for score in found.trials.laws:
-        if score.law != LAW or isinstance(score.order, NotEstimable):
-            continue
-        order, rho, p = score.order, score.order.spearman, score.order.p
-        if isinstance(rho, NotEstimable) or isinstance(p, NotEstimable):
-            continue
-        yield (
-            ORDERED,
-            f"Predicted contrasts and mean ratings of {count_of(order.rated, 'condition')} "
-            f"correlated by Spearman's ρ = {bounded(rho)}, {p_equals(p)} (law {LAW}): "
-            f"{_evidence(rho, p)}.",
-        )
+    order = found.trials.orders[LAW]
+    if isinstance(order, NotEstimable):
+        return
+    rho, p = order.spearman, order.p
+    if isinstance(rho, NotEstimable) or isinstance(p, NotEstimable):
+        return
+    yield (
+        ORDERED,
+        f"Predicted contrasts and mean ratings of {count_of(order.rated, 'condition')} "
+        f"correlated by Spearman's ρ = {bounded(rho)}, {p_equals(p)} (law {LAW}): "
+        f"{_evidence(rho, p)}.",
+    )
 
 
 def _evidence(rho: float, p: float) -> str:

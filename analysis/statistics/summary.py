@@ -1,9 +1,11 @@
 """Statistics of the score table, under each reading of its withheld scores."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 from analysis.estimates import NotEstimable
+from analysis.kept import Kept
 from analysis.loading.score_table import ScoreTable
 from analysis.statistics.additive import (
     AdditiveEffects,
@@ -31,32 +33,49 @@ class Reading:
     pairwise: tuple[PairwiseTest, ...]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class TableStatistics:
-    """The statistics of one table; all but `readings` are computed from the first reading."""
+    """The statistics of one table, by reading of its withheld scores; computed when asked for.
 
-    readings: tuple[Reading, ...]
-    icc_subjects: IntraclassCorrelation | NotEstimable
-    icc_conditions: IntraclassCorrelation | NotEstimable
-    additive: AdditiveEffects | NotEstimable
-    heterogeneity: GainHeterogeneity | NotEstimable
+    All but `readings` are of the first reading, which leaves missing scores missing.
+    """
+
+    tables: Mapping[str, ScoreTable]
+    keep: Kept = field(default_factory=Kept)
+
+    @cached_property
+    def main(self) -> Reading:
+        """The first reading."""
+        return self.keep(reading, *next(iter(self.tables.items())))
+
+    @cached_property
+    def readings(self) -> tuple[Reading, ...]:
+        """All readings."""
+        return tuple(self.keep(reading, *named) for named in self.tables.items())
 
     @property
-    def main(self) -> Reading:
-        """The reading that leaves missing scores missing."""
-        return self.readings[0]
+    def _table(self) -> ScoreTable:
+        return next(iter(self.tables.values()))
 
+    @cached_property
+    def icc_subjects(self) -> IntraclassCorrelation | NotEstimable:
+        """How reliably scores measure a subject."""
+        return self.keep(intraclass_correlation, self._table, target="subjects")
 
-def table_statistics(readings: Mapping[str, ScoreTable]) -> TableStatistics:
-    """Return the statistics of a table, given by reading of its withheld scores."""
-    table = readings["missing"]
-    return TableStatistics(
-        readings=tuple(reading(name, filled) for name, filled in readings.items()),
-        icc_subjects=intraclass_correlation(table, target="subjects"),
-        icc_conditions=intraclass_correlation(table, target="conditions"),
-        additive=additive_effects(table),
-        heterogeneity=gain_heterogeneity(table),
-    )
+    @cached_property
+    def icc_conditions(self) -> IntraclassCorrelation | NotEstimable:
+        """How reliably scores measure a condition."""
+        return self.keep(intraclass_correlation, self._table, target="conditions")
+
+    @cached_property
+    def additive(self) -> AdditiveEffects | NotEstimable:
+        """Effects of conditions and subjects."""
+        return self.keep(additive_effects, self._table)
+
+    @cached_property
+    def heterogeneity(self) -> GainHeterogeneity | NotEstimable:
+        """Differences between subjects in the size of the conditions' effects."""
+        return self.keep(gain_heterogeneity, self._table)
 
 
 def reading(name: str, table: ScoreTable) -> Reading:

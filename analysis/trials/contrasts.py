@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.estimates import BoolArray, FloatArray
+from analysis.kept import Kept
 from device.beam.beam import Beam
 from device.friction.calibration import NOMINAL, Calibration
 from device.friction.changes import CONDITIONS, Change, Moment, trial_change
@@ -49,6 +50,7 @@ def trial_contrasts(
     *,
     rung: str = RUNG,
     as_felt: bool = True,
+    keep: Kept | None = None,
 ) -> TrialContrasts:
     """Return the contrasts of all trials under every law.
 
@@ -65,6 +67,7 @@ def trial_contrasts(
         rig: its damping, gain and bodies, where no calibration was in force.
         rung: of the model.
         as_felt: whether what was measured takes the place of what was planned.
+        keep: what keeps them.
     """
     changes = trial_changes(study, trials, touches, as_felt=as_felt)
     rigs = [own if isinstance(own, Calibration) else rig for own in trials["rig"]]
@@ -73,14 +76,29 @@ def trial_contrasts(
     number_of = {each: number for number, each in enumerate(dict.fromkeys(felt))}
     numbers = [number_of[each] for each in felt]
     measured = touches["attempt_id"][touches["force_n"].notna() | touches["place_m"].notna()]
-    by_law = {}
-    for law in LAWS:
-        found = [
-            np.nan if change is None else predicted_contrast(change, law, rung, own)
-            for change, own in number_of
-        ]
-        by_law[law] = np.array(found, float)[numbers]
-    return TrialContrasts(by_law=by_law, measured=trials.index.isin(measured))
+    by_law = (keep or Kept())(contrasts_by_law, tuple(number_of), rung)
+    return TrialContrasts(
+        by_law={law: values[numbers] for law, values in by_law.items()},
+        measured=trials.index.isin(measured),
+    )
+
+
+Felt = tuple[Change | None, Calibration]
+"""A change, None where none is known, and the rig on which it was felt."""
+
+
+def contrasts_by_law(felt: tuple[Felt, ...], rung: str) -> dict[str, FloatArray]:
+    """Return the contrasts of changes, shape (changes,), by law; NaN where none is predicted."""
+    return {
+        law: np.array(
+            [
+                np.nan if change is None else predicted_contrast(change, law, rung, rig)
+                for change, rig in felt
+            ],
+            float,
+        )
+        for law in LAWS
+    }
 
 
 _ASKED = ["trial_kind", "condition", "question", "expected", "resonance_hz", "study_text"]

@@ -1,26 +1,29 @@
 """Everything that is computed from single trials: sensitivities, laws, and checks."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import partial
-from typing import Any
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from analysis.estimates import FloatArray, Interval, NotEstimable
+from analysis.kept import Kept
 from analysis.loading.published import SCALE
 from analysis.loading.study_data import StudyData
 from analysis.sensitivity.laplace import LARGE
 from analysis.sensitivity.linear_model import LinearSensitivity, linear_sensitivity
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensitivity
 from analysis.sensitivity.predictive_checks import (
+    CheckedOrdinal,
+    CheckedTwoStage,
     PredictiveCheck,
     checked_ordinal,
     checked_two_stage,
 )
 from analysis.sensitivity.ratings import Ratings
-from analysis.sensitivity.two_stage_model import TwoStageSensitivity
+from analysis.sensitivity.two_stage_model import AnsweredTrials, TwoStageSensitivity
 from analysis.statistics.ordinal import OrdinalEffects, ordinal_effects_of_trials
 from analysis.statistics.ordinal_likelihood import Link
 from analysis.statistics.table4 import table4
@@ -46,7 +49,6 @@ from analysis.trials.trial_checks import (
     order_effect,
     proportion,
 )
-from analysis.workers import done
 from device.friction.calibration import NOMINAL, Calibration
 from device.friction.changes import AT_A_PLACE, CONDITIONS, Change
 from device.friction.contrasts import predicted_contrast
@@ -130,28 +132,153 @@ class SignalAnswers:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TrialStatistics:
-    """The statistics of single trials; `ordinal` is by link, `laws` in a fixed order.
+    """The statistics of the trials that count, felt on that rig; each is computed when it is asked.
 
-    `place_m2` is M2 of the conditions at a place alone, where there are others too.
-    `predictive` has the posterior predictive checks by model; a model that fails is not estimable.
+    `ordinal` is by link, `laws` in a fixed order. `place_m2` is M2 of the conditions at a place
+    alone, where there are others too. `predictive` has the posterior predictive checks by model; a
+    model that fails is not estimable.
     """
 
-    contrasts: TrialContrasts
-    scored: ScoredTrials
-    ordinal: Mapping[str, OrdinalEffects | NotEstimable]
-    m1: LinearSensitivity | NotEstimable
-    m2: OrdinalSensitivity | NotEstimable
-    m3: TwoStageSensitivity | NotEstimable
-    place_m2: OrdinalSensitivity | NotEstimable
-    ranges: tuple[ContrastRange, ...]
-    predictive: Mapping[str, PredictiveCheck | NotEstimable]
-    laws: tuple[LawScore, ...]
-    drift: Drift | NotEstimable
-    order: FTest | NotEstimable
-    carry_over: FTest | NotEstimable
-    as_run: OrderAsRun | NotEstimable
-    catch: CatchAnswers
-    signal: SignalAnswers
+    data: StudyData
+    study: Study
+    rig: Calibration = NOMINAL
+    keep: Kept = field(default_factory=Kept)
+
+    @cached_property
+    def contrasts(self) -> TrialContrasts:
+        """Contrasts of all trials, by law."""
+        return trial_contrasts(
+            self.study, self.data.trials, self.data.touches, self.rig, keep=self.keep
+        )
+
+    @cached_property
+    def scored(self) -> ScoredTrials:
+        """The trials that count for Table 4."""
+        return scored_trials(self.data, self.contrasts)
+
+    @cached_property
+    def m1(self) -> LinearSensitivity | NotEstimable:
+        """The simple comparison."""
+        return self.keep(linear_sensitivity, self.scored.ratings)
+
+    @cached_property
+    def m2(self) -> OrdinalSensitivity | NotEstimable:
+        """The headline."""
+        return self._m2.fit
+
+    @cached_property
+    def m3(self) -> TwoStageSensitivity | NotEstimable:
+        """Noticing a change, then rating it."""
+        return self._m3.fit
+
+    @property
+    def predictive(self) -> Mapping[str, PredictiveCheck | NotEstimable]:
+        """The checks of M2 and M3."""
+        return {"M2": self._m2.check, "M3": self._m3.check}
+
+    @cached_property
+    def _m2(self) -> CheckedOrdinal:
+        return self.keep(checked_ordinal, self.scored.ratings)
+
+    @cached_property
+    def _m3(self) -> CheckedTwoStage:
+        return self.keep(checked_two_stage, self._answered)
+
+    @cached_property
+    def _answered(self) -> AnsweredTrials:
+        return detection_trials(self.data, self.contrasts, self.study)
+
+    @cached_property
+    def ordinal(self) -> Mapping[str, OrdinalEffects | NotEstimable]:
+        """Effects of the conditions in the ordinal mixed model."""
+        return {link: self.keep(ordinal_effects, self.scored.every.given, link) for link in LINKS}
+
+    @cached_property
+    def place_m2(self) -> OrdinalSensitivity | NotEstimable:
+        """M2 of the conditions at a place."""
+        return self.keep(_place_m2, self.scored.ratings, self._changes)
+
+    @cached_property
+    def _changes(self) -> Mapping[str, Change]:
+        return condition_changes(self.study, self.data)
+
+    @cached_property
+    def ranges(self) -> tuple[ContrastRange, ...]:
+        """How certain the contrast of each condition is."""
+        changes = self._changes.items()
+        return tuple(self.keep(contrast_range, name, change, self.rig) for name, change in changes)
+
+    def fit_ahead(self, models: Iterable[str]) -> None:
+        """Fit those of `models`, named `M2`, `M3`, `M2 at places` or as in `LINKS`, two at a time.
+
+        The numbers do not depend on where they are computed. Below `LARGE` trials nothing is done:
+        to start processes would take longer.
+        """
+        ratings = self.scored.ratings
+        if len(ratings.rating) < LARGE:
+            return
+        calls: dict[str, partial[Any]] = {
+            "M2": partial(checked_ordinal, ratings),
+            "M3": partial(checked_two_stage, self._answered),
+            **{link: partial(ordinal_effects, self.scored.every.given, link) for link in LINKS},
+            "M2 at places": partial(_place_m2, ratings, self._changes),
+        }
+        self.keep.ahead([calls[model] for model in models], PROCESSES)
+
+    @cached_property
+    def laws(self) -> tuple[LawScore, ...]:
+        """Each law, and the paper's own ranking, against the ratings."""
+        published, rating = self.data.kinds == ("published",), self.study.rating
+        scale = SCALE if published else (float(rating.minimum), float(rating.maximum))
+        ratings, contrasts = self.scored.ratings, self.scored.contrasts
+        found = law_scores(self.data, ratings, contrasts, scale, self.keep)
+        ranking = _papers_ranking(self.data)
+        if ranking is None:
+            return found
+        nobody = NotEstimable("the claim ranks conditions and says nothing of single persons")
+        return (*found, _law_score(PAPERS_RANKING, ranking, nobody, self.keep))
+
+    @cached_property
+    def orders(self) -> Mapping[str, LawOrder | NotEstimable]:
+        """How each law orders the conditions, by law; what `laws` says of it, without its fit."""
+        means = mean_contrasts(self.data, self.scored.ratings, self.scored.contrasts)
+        if ranking := _papers_ranking(self.data):
+            means[PAPERS_RANKING] = ranking
+        return {law: self.keep(law_order, *of) for law, of in means.items()}
+
+    @cached_property
+    def drift(self) -> Drift | NotEstimable:
+        """Change of the scores over the session."""
+        return drift(self.scored.every, self.scored.place) if self._ordered else _UNORDERED
+
+    @cached_property
+    def order(self) -> FTest | NotEstimable:
+        """Effect of the place in the session."""
+        return order_effect(self.scored.every, self.scored.place) if self._ordered else _UNORDERED
+
+    @cached_property
+    def carry_over(self) -> FTest | NotEstimable:
+        """Effect of the condition directly before."""
+        return carry_over(self.scored.every, self.scored.previous) if self._ordered else _UNORDERED
+
+    @property
+    def _ordered(self) -> bool:
+        return bool((self.scored.place > 0).any())
+
+    @cached_property
+    def as_run(self) -> OrderAsRun | NotEstimable:
+        """The order of the trials as they were answered."""
+        return order_as_run(self.data, self.study)
+
+    @cached_property
+    def catch(self) -> CatchAnswers:
+        """Answers to catch trials."""
+        return catch_answers(self.data.trials)
+
+    @cached_property
+    def signal(self) -> SignalAnswers:
+        """Answers to the first signal."""
+        return _signal(self.data.trials, self.contrasts, self.rig)
 
     @property
     def has_repeats(self) -> bool:
@@ -159,60 +286,6 @@ class TrialStatistics:
         ratings = self.scored.every.given
         cells = np.stack([ratings.subject, ratings.condition])
         return len(np.unique(cells, axis=1).T) < len(ratings.rating)
-
-
-def trial_statistics(data: StudyData, study: Study, rig: Calibration = NOMINAL) -> TrialStatistics:
-    """Return the statistics of the trials that count, felt on that rig."""
-    contrasts = trial_contrasts(study, data.trials, data.touches, rig)
-    scored = scored_trials(data, contrasts)
-    changes = condition_changes(study, data)
-    fits = made(
-        {
-            "M2": partial(checked_ordinal, scored.ratings),
-            "M3": partial(checked_two_stage, detection_trials(data, contrasts, study)),
-            **{link: partial(_ordinal, scored, link) for link in LINKS},
-            "M2 at places": partial(_place_m2, scored.ratings, changes),
-        },
-        trials=len(scored.ratings.rating),
-    )
-    m2, m3 = fits["M2"], fits["M3"]
-    ordered = bool((scored.place > 0).any())
-    published, rating = data.kinds == ("published",), study.rating
-    scale = SCALE if published else (float(rating.minimum), float(rating.maximum))
-    return TrialStatistics(
-        contrasts=contrasts,
-        scored=scored,
-        ordinal={link: fits[link] for link in LINKS},
-        m1=linear_sensitivity(scored.ratings),
-        m2=m2.fit,
-        m3=m3.fit,
-        predictive={"M2": m2.check, "M3": m3.check},
-        place_m2=fits["M2 at places"],
-        ranges=tuple(contrast_range(name, change, rig) for name, change in changes.items()),
-        laws=_laws(data, scored, scale),
-        drift=drift(scored.every, scored.place) if ordered else _UNORDERED,
-        order=order_effect(scored.every, scored.place) if ordered else _UNORDERED,
-        carry_over=carry_over(scored.every, scored.previous) if ordered else _UNORDERED,
-        as_run=order_as_run(data, study),
-        catch=catch_answers(data.trials),
-        signal=_signal(data.trials, contrasts, rig),
-    )
-
-
-def made(fits: Mapping[str, Callable[[], Any]], trials: int) -> dict[str, Any]:
-    """Return the results of fits to `trials` trials, by name: of many, two are made at a time.
-
-    The numbers do not depend on where they are computed. Below `LARGE` trials they are made here:
-    to start processes would take longer.
-    """
-    if trials < LARGE:
-        return {name: fit() for name, fit in fits.items()}
-    found = dict(done([partial(_named, name, fit) for name, fit in fits.items()], PROCESSES))
-    return {name: found[name] for name in fits}
-
-
-def _named(name: str, fit: Callable[[], Any]) -> tuple[str, Any]:
-    return name, fit()
 
 
 def _place_m2(ratings: Ratings, changes: Mapping[str, Change]) -> OrdinalSensitivity | NotEstimable:
@@ -225,8 +298,8 @@ def _place_m2(ratings: Ratings, changes: Mapping[str, Change]) -> OrdinalSensiti
     return ordinal_sensitivity(chosen)
 
 
-def _ordinal(scored: ScoredTrials, link: Link) -> OrdinalEffects | NotEstimable:
-    given = scored.every.given
+def ordinal_effects(given: Ratings, link: Link) -> OrdinalEffects | NotEstimable:
+    """Return effects of conditions on these ratings, all of them given."""
     return ordinal_effects_of_trials(
         scores=given.rating,
         subject=given.subject,
@@ -236,45 +309,62 @@ def _ordinal(scored: ScoredTrials, link: Link) -> OrdinalEffects | NotEstimable:
     )
 
 
-def _laws(data: StudyData, scored: ScoredTrials, scale: Interval) -> tuple[LawScore, ...]:
-    found = law_scores(data, scored.ratings, scored.contrasts, scale)
-    if not data.table.conditions or not set(_CLAIMED) <= set(data.table.conditions):
-        return found
-    claimed = np.array([_CLAIMED.get(name, 0.0) for name in data.table.conditions])
-    nobody = NotEstimable("the claim ranks conditions and says nothing of single persons")
-    observed = table4(data.table).column_means
-    return (*found, _law_score(PAPERS_RANKING, data, claimed, observed, nobody))
-
-
 def law_scores(
-    data: StudyData, ratings: Ratings, contrasts: Mapping[str, FloatArray], scale: Interval
+    data: StudyData,
+    ratings: Ratings,
+    contrasts: Mapping[str, FloatArray],
+    scale: Interval,
+    keep: Kept,
 ) -> tuple[LawScore, ...]:
     """Return how contrasts of these trials, by law, order the conditions and fit the ratings."""
-    likelihoods = law_likelihoods(ratings, contrasts, scale)
-    observed = table4(data.table).column_means
-    counts = np.bincount(ratings.condition, minlength=observed.size)
-    found = []
+    likelihoods = keep(law_likelihoods, ratings, contrasts, scale)
+    means = mean_contrasts(data, ratings, contrasts)
+    return tuple(_law_score(law, means[law], likelihoods[law], keep) for law in contrasts)
+
+
+class MeanContrasts(NamedTuple):
+    """Mean predicted contrast and mean rating of the conditions that have a prediction."""
+
+    conditions: tuple[str, ...]
+    predicted: FloatArray
+    observed: FloatArray
+
+
+def mean_contrasts(
+    data: StudyData, ratings: Ratings, contrasts: Mapping[str, FloatArray]
+) -> dict[str, MeanContrasts]:
+    """Return the means of contrasts of these trials, by law."""
+    counts = np.bincount(ratings.condition, minlength=len(data.table.conditions))
+    found = {}
     for law, values in contrasts.items():
-        sums = np.bincount(ratings.condition, weights=values, minlength=observed.size)
-        means = np.full(observed.size, np.nan)
+        sums = np.bincount(ratings.condition, weights=values, minlength=len(counts))
+        means = np.full(len(counts), np.nan)
         np.divide(sums, counts, out=means, where=counts > 0)
-        found.append(_law_score(law, data, means, observed, likelihoods[law]))
-    return tuple(found)
+        found[law] = _of_conditions(data, means)
+    return found
+
+
+def _of_conditions(data: StudyData, predicted: FloatArray) -> MeanContrasts:
+    known = ~np.isnan(predicted)
+    names = tuple(name for name, has in zip(data.table.conditions, known, strict=True) if has)
+    return MeanContrasts(names, predicted[known], table4(data.table).column_means[known])
+
+
+def _papers_ranking(data: StudyData) -> MeanContrasts | None:
+    """Return the paper's own ranking in place of contrasts, if the study has its conditions."""
+    conditions = data.table.conditions
+    if not conditions or not set(_CLAIMED) <= set(conditions):
+        return None
+    return _of_conditions(data, np.array([_CLAIMED.get(name, 0.0) for name in conditions]))
 
 
 def _law_score(
-    law: str,
-    data: StudyData,
-    predicted: FloatArray,
-    observed: FloatArray,
-    likelihood: LawLikelihood | NotEstimable,
+    law: str, means: MeanContrasts, likelihood: LawLikelihood | NotEstimable, keep: Kept
 ) -> LawScore:
-    known = ~np.isnan(predicted)
-    names = tuple(np.array(data.table.conditions, dtype=object)[known])
     return LawScore(
         law=law,
-        predicted=dict(zip(names, predicted[known].tolist(), strict=True)),
-        order=law_order(names, predicted[known], observed[known]),
+        predicted=dict(zip(means.conditions, means.predicted.tolist(), strict=True)),
+        order=keep(law_order, *means),
         likelihood=likelihood,
     )
 

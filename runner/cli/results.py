@@ -184,7 +184,7 @@ def write_report(
     from analysis.loading.study_data import study_data
     from analysis.report.page import require_sections
     from analysis.report.registration.registered import registered_lines
-    from analysis.report.report import asks_for_multiverse, report_files
+    from analysis.report.report import FIGURE_FILES, asks_for_multiverse, report_files
     from analysis.report.sections.left_out import left_out_lines
     from analysis.report.table4_text import table4_lines
     from analysis.report.wording import omnibus_line
@@ -209,13 +209,13 @@ def write_report(
         raise BadInput(f"{place}: must be a folder for the report, got a file")
     files = report_files(result, figures=figures)
     own = None if out else folder.path
-    write_files(files, place, replaced=result.figure_files, study=own)
+    write_files(files, place, replaced=FIGURE_FILES, study=own)
     if as_json:
         print_json_text(files["report.json"].decode())
         return
     table4 = result.table.main.table4
-    drawn = len(result.figure_files & files.keys())
-    others = files.keys() - result.figure_files - {"report.html"}
+    drawn = len(FIGURE_FILES & files.keys())
+    others = files.keys() - FIGURE_FILES - {"report.html"}
     beside = [
         *sorted(others),
         f"{drawn} figure files" if figures else "with --figures figure files",

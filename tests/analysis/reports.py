@@ -1,15 +1,18 @@
 """Reports for the tests, made from scores alone or from sessions that were really planned."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from html.parser import HTMLParser
 from typing import Any
 
 import numpy as np
 
+from analysis.estimates import NotEstimable
 from analysis.loading.study_data import StudyData, load_study_data
 from analysis.report.findings import Origin
 from analysis.report.report import Report, report
+from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from protocol.journal.events import (
     Answered,
     DeviceArmed,
@@ -163,6 +166,13 @@ def study_report() -> Report:
     """A report of sessions of the extended study, with catch and opposite trials."""
     found = load_study_data(cohort(EXTENDED, 4), rehearsals=False, rules=EXTENDED.exclusions)
     return report("a study", found, EXTENDED, ORIGIN)
+
+
+def with_m2(found: Report, fit: OrdinalSensitivity | NotEstimable) -> Report:
+    """The report with another fit of M2."""
+    trials = replace(found.trials)
+    vars(trials)["m2"] = fit
+    return replace(found, trials=trials)
 
 
 class ReadPage(HTMLParser):

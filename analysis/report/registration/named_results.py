@@ -104,15 +104,15 @@ def _gain(found: Findings) -> _Computed:
 
 
 def _order(found: Findings, law: str) -> _Computed:
-    for score in found.trials.laws:
-        if score.law == law and not isinstance(score.order, NotEstimable):
-            rho, p = score.order.spearman, score.order.p
-            if isinstance(rho, NotEstimable):
-                return _missing(rho)
-            if isinstance(p, NotEstimable):
-                return _missing(p)
-            return f"ρ = {number(rho, 2)}, {p_equals(p)}", p, rho > 0 and p < LEVEL
-    return "too few conditions with a prediction", None, None
+    order = found.trials.orders.get(law)
+    if order is None or isinstance(order, NotEstimable):
+        return "too few conditions with a prediction", None, None
+    rho, p = order.spearman, order.p
+    if isinstance(rho, NotEstimable):
+        return _missing(rho)
+    if isinstance(p, NotEstimable):
+        return _missing(p)
+    return f"ρ = {number(rho, 2)}, {p_equals(p)}", p, rho > 0 and p < LEVEL
 
 
 def _pair(found: Findings, name: str) -> _Computed:

@@ -8,7 +8,7 @@ import numpy as np
 from analysis.estimates import Json, NotEstimable, or_null, why
 from analysis.loading.score_table import ScoreTable
 from analysis.report.as_json import friedman_json, pair_json, skillings_mack_json
-from analysis.report.blocks import Cell, Figure, Section, Table, columns, p_cell
+from analysis.report.blocks import Block, Cell, Figure, Section, Table, columns, p_cell
 from analysis.report.figure_data import raincloud
 from analysis.report.figures.score_figures import raincloud_figure
 from analysis.report.findings import Findings
@@ -34,6 +34,11 @@ def section(found: Findings) -> Section:
         ],
         data=_tests_json(main),
     )
+
+
+def front(found: Findings) -> list[Block]:
+    """Return what of it stands among the results."""
+    return [_scores_figure(found)]
 
 
 def _coverage_line() -> str:
@@ -96,6 +101,7 @@ def _scores_figure(found: Findings) -> Figure:
         "eight scores or more, bars the interquartile range with the median, and diamonds the "
         f"means.{drawn}",
         draw=partial(raincloud_figure, data),
+        keep=found.keep,
         table=_quartile_table(data.table),
         front=True,
     )

@@ -203,6 +203,7 @@ def _people_figure(found: Findings) -> Figure:
         caption="Scores of each subject's trials by condition (points), and the mean of all "
         f"subjects (grey line).{some}",
         draw=partial(people_figure, data),
+        keep=found.keep,
     )
 
 

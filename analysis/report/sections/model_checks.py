@@ -5,6 +5,7 @@ from dataclasses import replace
 from functools import partial
 
 from analysis.estimates import Json, NotEstimable, plain
+from analysis.kept import Kept
 from analysis.report.blocks import Block, Figure, Section, Table, columns, p_cell
 from analysis.report.figures.model_figures import predictive_figure
 from analysis.report.findings import Findings, Scale
@@ -28,13 +29,13 @@ def predictive(found: Findings) -> Section:
             "Each model simulates the study with parameters drawn from its posterior. A model "
             "whose simulated studies differ from the real one is not shown. The rule, set in "
             f"advance, is p < {LEVEL:g} for any of its statistics after Holm's correction.",
-            *(_check_figure(model, check) for model, check in checks.items()),
+            *(_check_figure(model, check, found.keep) for model, check in checks.items()),
         ],
         data={"predictive_checks": {model: _check_json(check) for model, check in checks.items()}},
     )
 
 
-def _check_figure(model: str, check: PredictiveCheck | NotEstimable) -> Figure:
+def _check_figure(model: str, check: PredictiveCheck | NotEstimable, keep: Kept) -> Figure:
     if isinstance(check, NotEstimable):
         instead = f"{model} has no check: {check.reason}."
         return Figure(name=f"predictive-{model.lower()}", instead=instead)
@@ -44,6 +45,7 @@ def _check_figure(model: str, check: PredictiveCheck | NotEstimable) -> Figure:
         caption=f"Distance of the study from what {model} expects (diamonds), and of studies that "
         "the model itself simulates (median and 95% interval), relative to their median.",
         draw=partial(predictive_figure, check.statistics),
+        keep=keep,
         table=_check_table(model, check),
     )
 

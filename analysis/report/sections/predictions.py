@@ -5,7 +5,7 @@ from functools import partial
 
 from analysis.estimates import NotEstimable, plain
 from analysis.report.as_json import law_json
-from analysis.report.blocks import Column, Figure, Section, Table, columns
+from analysis.report.blocks import Block, Column, Figure, Section, Table, columns
 from analysis.report.figure_data import HEADLINE, SIMPLE, Levels, levels, scatter
 from analysis.report.figures.model_figures import scatter_figure
 from analysis.report.figures.score_figures import levels_figure
@@ -26,7 +26,7 @@ def section(found: Findings) -> Section:
         title="Ratings against the model",
         blocks=[
             _signal_line(found.trials),
-            _ratings_figure(found),
+            _ratings_figure(found, _prediction_table(found)),
             _levels_figure(found),
             _laws_line(found.trials),
             _law_table(found.trials.laws),
@@ -38,6 +38,11 @@ def section(found: Findings) -> Section:
             "contrast_rung": RUNG,
         },
     )
+
+
+def front(found: Findings) -> list[Block]:
+    """Return what of it stands among the results."""
+    return [_ratings_figure(found)]
 
 
 def _signal_line(trials: TrialStatistics) -> str:
@@ -58,8 +63,8 @@ _LINES = {
 }
 
 
-def _ratings_figure(found: Findings) -> Figure:
-    data, table = scatter(found), _prediction_table(found)
+def _ratings_figure(found: Findings, table: Table | None = None) -> Figure:
+    data = scatter(found)
     if data is None:
         instead = "No rated trial has a prediction, so there is no figure."
         return Figure(name="model", instead=instead, table=table)
@@ -71,6 +76,7 @@ def _ratings_figure(found: Findings) -> Figure:
         f"{''.join(_LINES[model] for model in data.curves)}"
         f"{SKIN_IN_SHORT}{of_all(len(data.ratings.rating), data.of, 'ratings')}",
         draw=partial(scatter_figure, data),
+        keep=found.keep,
         table=table,
         front=True,
     )
@@ -87,6 +93,7 @@ def _levels_figure(found: Findings) -> Figure:
         "large ones means with standard errors. The line is the mean rating that M2 expects of "
         "the group's average subject at the predicted contrasts.",
         draw=partial(levels_figure, data),
+        keep=found.keep,
         table=_levels_table(data),
     )
 

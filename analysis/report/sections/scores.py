@@ -3,7 +3,7 @@
 from analysis.estimates import Json, plain
 from analysis.loading.missing_scores import LABELS, marks, unscored, withheld
 from analysis.report.as_json import friedman_json, pair_json
-from analysis.report.blocks import Cell, Column, Items, Row, Section, Table, columns
+from analysis.report.blocks import Block, Cell, Column, Items, Row, Section, Table, columns
 from analysis.report.findings import Findings
 from analysis.report.sections.predictions import PREDICTIONS
 from analysis.report.sections.trials import cell_anchor, is_scored, trials_anchor
@@ -22,11 +22,7 @@ def section(found: Findings) -> Section:
     return Section(
         name="table4",
         title="Other readings of withheld scores",
-        blocks=[
-            _score_table(found),
-            Items(name="table4-notes", lines=found.table_notes, front=True),
-            _readings_table(found),
-        ],
+        blocks=[*front(found), _readings_table(found)],
         data={
             "table4": {**_means_json(main), **_empty_json(found)},
             "missing_readings": _readings_json(found.table.readings),
@@ -36,6 +32,12 @@ def section(found: Findings) -> Section:
             "table4.tex": table4_tex(main, found.scale_in_words, found.table_notes),
         },
     )
+
+
+def front(found: Findings) -> list[Block]:
+    """Return what of it stands among the results."""
+    notes = Items(name="table4-notes", lines=found.table_notes, front=True)
+    return [_score_table(found), notes]
 
 
 def own_questions(found: Findings) -> Section:

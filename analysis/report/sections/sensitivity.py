@@ -6,7 +6,7 @@ from functools import partial
 
 from analysis.estimates import Json, NotEstimable, why
 from analysis.report.as_json import fit_json, subjects_json
-from analysis.report.blocks import Figure, Items, Section, Table, columns
+from analysis.report.blocks import Block, Figure, Items, Section, Table, columns
 from analysis.report.figure_data import HEADLINE, SIMPLE, gains
 from analysis.report.figures.model_figures import gains_figure, relative_gains_figure
 from analysis.report.findings import Findings
@@ -60,6 +60,11 @@ def section(found: Findings) -> Section:
     )
 
 
+def front(found: Findings) -> list[Block]:
+    """Return what of it stands among the results."""
+    return [_relative_figure(found.trials)]
+
+
 def _headline(fit: OrdinalSensitivity | NotEstimable, ranges: Sequence[ContrastRange]) -> str:
     """Return the group's gain in a sentence, or an empty text without a fit."""
     if isinstance(fit, NotEstimable) or not fit.lines.group_known:
@@ -104,7 +109,7 @@ def _limits(found: Findings) -> list[str]:
             "narrow, above all those of the group; M2, the headline, includes a discrepancy for "
             "each condition."
         )
-    rated = [score.order.rated for score in trials.laws if isinstance(score.order, LawOrder)]
+    rated = [order.rated for order in trials.orders.values() if isinstance(order, LawOrder)]
     if rated:
         limits.append(_too_few_means(rated[0]))
     scores = found.loaded.scored["score"].dropna()
@@ -151,6 +156,7 @@ def _gains_figure(trials: TrialStatistics) -> Figure:
         f"if there are several subjects. {SKIN_IN_SHORT}"
         f"{of_all(len(data.shown), data.of, 'subjects')}",
         draw=partial(gains_figure, data),
+        keep=trials.keep,
         table=_gains_table(*next(iter(data.models.items()))),
     )
 
@@ -169,6 +175,7 @@ def _relative_figure(trials: TrialStatistics) -> Figure:
         f"the mean gain of the subjects (dashed), with its 95% interval. {SKIN_IN_SHORT}"
         f"{of_all(len(data.shown), data.of, 'subjects')}",
         draw=partial(relative_gains_figure, data),
+        keep=trials.keep,
         front=True,
     )
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from analysis.estimates import Json, NotEstimable, or_null, plain, why
+from analysis.kept import Kept
 from analysis.report.blocks import Figure, Items, Section, Table, columns
 from analysis.report.figure_data import MOST_INTERVALS, MOST_POINTS, Course, course, thinned
 from analysis.report.figures.score_figures import course_figure
@@ -141,6 +142,7 @@ def _course_figure(found: Findings) -> Figure:
         title="Scores over the session",
         caption="Mean score with standard error, by the trial's place in the session.",
         draw=partial(course_figure, data),
+        keep=found.keep,
         table=_course_table(data),
     )
 
@@ -157,6 +159,7 @@ def _reaction_times(found: Findings) -> Figure:
             for name in found.study.conditions
         },
         ("reaction time, s", "condition"),
+        found.keep,
         logarithmic=True,
     )
 
@@ -173,6 +176,7 @@ def _forces(found: Findings) -> Figure:
         f"{FORCE_STEP:.0%}, by subject; bars show medians.",
         _by_subject(found, in_steps, touches),
         ("force, made / asked", "subject"),
+        found.keep,
         asked=1.0,
     )
 
@@ -189,6 +193,7 @@ def _places(found: Findings) -> Figure:
         f"{1e3 * PLACE_STEP_M:g} mm, by subject; bars show medians.",
         _by_subject(found, in_steps_mm, touches),
         ("place, made − asked, mm", "subject"),
+        found.keep,
         asked=0.0,
     )
 
@@ -212,6 +217,7 @@ def _strips(
     caption: str,
     groups: Mapping[str, Any],
     axes: tuple[str, str],
+    keep: Kept,
     **style: Any,
 ) -> Figure:
     """Return the figure of values in groups, with a table; none without values."""
@@ -236,7 +242,7 @@ def _strips(
         rows=rows,
     )
     caption += of_all(count, of, "points")
-    return Figure(name=name, title=title, caption=caption, draw=draw, table=table)
+    return Figure(name=name, title=title, caption=caption, draw=draw, keep=keep, table=table)
 
 
 def _course_table(data: Course) -> Table:

@@ -2,6 +2,7 @@
 
 from functools import partial
 
+from analysis.kept import Kept
 from analysis.multiverse.curve import NAMES, Curve, Multiverse, PairTally
 from analysis.multiverse.universes import Choice
 from analysis.report.blocks import Block, Column, Figure, Items, Row, Section, Table, columns
@@ -27,7 +28,7 @@ def section(found: Findings) -> Section:
         title="Other choices of analysis",
         blocks=[Figure(name=_figure_name(name)) for name in NAMES]
         if made is None
-        else _blocks(made),
+        else _blocks(made, found.keep),
         data={} if made is None else {MULTIVERSE: made.as_json()},
     )
 
@@ -36,14 +37,14 @@ def _figure_name(claim: str) -> str:
     return f"{MULTIVERSE}-{claim}"
 
 
-def _blocks(made: Multiverse) -> list[Block]:
+def _blocks(made: Multiverse, keep: Kept) -> list[Block]:
     alone = [f"{choice.capitalize()}: {why}." for choice, why in made.single.items()]
     return [
         _INTRODUCTION,
         Items(heading="Choices that make no difference in this study", lines=alone),
         Items(heading="Claims", lines=[in_words(curve) for curve in made.curves]),
         _pair_table(made.pairs) if any(pair.analyses > 1 for pair in made.pairs) else None,
-        *(_figure(curve) for curve in made.curves),
+        *(_figure(curve, keep) for curve in made.curves),
     ]
 
 
@@ -104,7 +105,7 @@ def _pair_table(pairs: tuple[PairTally, ...]) -> Table:
     )
 
 
-def _figure(curve: Curve) -> Figure:
+def _figure(curve: Curve, keep: Kept) -> Figure:
     name = _figure_name(curve.claim.id)
     if not curve.options:
         return Figure(name=name)
@@ -117,6 +118,7 @@ def _figure(curve: Curve) -> Figure:
         f"effect to the largest. Above: {curve.claim.effect}.{bars} Below: squares mark the "
         f"options that each analysis took.{own}",
         draw=partial(specification_figure, curve),
+        keep=keep,
         table=_option_table(name, curve),
     )
 

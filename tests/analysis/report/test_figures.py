@@ -7,8 +7,8 @@ import numpy as np
 from analysis.estimates import NotEstimable
 from analysis.report.figure_data import HEADLINE, MOST_PEOPLE, SIMPLE, levels, people, scatter
 from analysis.report.sections import predictions
-from analysis.statistics.summary import table_statistics
-from tests.analysis.reports import imported, plain_report, study_report
+from analysis.statistics.summary import TableStatistics
+from tests.analysis.reports import imported, plain_report, study_report, with_m2
 
 
 def test_conditions_with_several_levels_are_drawn_against_them() -> None:
@@ -35,7 +35,7 @@ def test_of_many_subjects_the_extreme_ones_are_drawn() -> None:
     scores = np.clip(np.arange(70)[:, None] * 0.1 + np.array([0.0, 1.0, 2.0]), 0, 10)
     scores[5] = [0, 10, 0]
     loaded = imported(scores)
-    table = table_statistics(loaded.readings())
+    table = TableStatistics(tables=loaded.readings())
     found = people(replace(plain_report(), loaded=loaded, table=table))
     assert found.of == 70
     assert MOST_PEOPLE < 70
@@ -46,7 +46,7 @@ def test_of_many_subjects_the_extreme_ones_are_drawn() -> None:
 
 def test_the_caption_names_the_curves_that_are_drawn() -> None:
     whole = study_report()
-    withheld = replace(whole, trials=replace(whole.trials, m2=NotEstimable(reason="rejected")))
+    withheld = with_m2(whole, NotEstimable(reason="rejected"))
     solid, dashed = "solid line is the mean rating that M2", "dashed line is the group's by M1"
     for found, named in ((whole, True), (withheld, False)):
         figure = predictions.section(found).figures[0]

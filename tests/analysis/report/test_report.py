@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from analysis.report.drawing import FORMATS
-from analysis.report.report import report_files, report_html, report_json
+from analysis.report.report import FIGURE_FILES, report_files, report_html, report_json
 from tests.analysis.reports import SCORES, ReadPage, made, plain_report, study_report
 
 
 def test_page_csv_and_json_agree() -> None:
     files = report_files(plain_report(), figures=False)
-    assert not files.keys() & plain_report().figure_files
+    assert not files.keys() & FIGURE_FILES
     numbers = json.loads(files["report.json"])
     averages = files["table4.csv"].decode().splitlines()[-1].split(",")
     words = ReadPage(files["report.html"].decode()).words
@@ -76,7 +76,7 @@ def test_every_figure_is_written_in_all_formats_with_title_and_table() -> None:
     assert written == {
         path for path in figures if Path(path).name.split(".")[0].removesuffix("-column") in drawn
     }
-    assert figures == result.figure_files
+    assert figures == FIGURE_FILES
     page = ReadPage(files["report.html"].decode())
     tables = [attrs.get("id") for tag, attrs in page.tags if tag == "table"]
     for figure in result.figures:
@@ -111,9 +111,7 @@ def test_each_key_comes_from_one_section_and_a_number_is_followed_by_its_reason(
 
 
 def test_a_figure_that_is_not_drawn_has_no_file() -> None:
-    result = plain_report()
-    assert result.figure_files == study_report().figure_files
-    lacking = result.figure_files - report_files(result, figures=True).keys()
+    lacking = FIGURE_FILES - report_files(plain_report(), figures=True).keys()
     missing = {Path(path).name.split(".")[0].removesuffix("-column") for path in lacking}
     multiverse = {name for name in missing if name.startswith("multiverse-")}
     others = {*("course", "forces", "levels", "places", "predictive-m3", "reaction-times")}

@@ -10,7 +10,7 @@ from analysis.report.masthead import masthead
 from analysis.report.results import paragraphs
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from protocol.study.rules import Publication
-from tests.analysis.reports import PAPER, made, plain_report, study_report
+from tests.analysis.reports import PAPER, made, plain_report, study_report, with_m2
 
 CLEAR = [[1, 5, 9], [2, 6, 10], [0, 4, 8], [1, 5, 10], [2, 4, 9], [1, 6, 8], [0, 5, 9]]
 
@@ -103,6 +103,5 @@ def test_ratings_rise_or_fall_by_a_positive_number(
     made = study_report()
     assert isinstance(made.trials.m2, OrdinalSensitivity)
     lines = replace(made.trials.m2.lines, gain=gain, gain_interval=ends)
-    trials = replace(made.trials, m2=replace(made.trials.m2, lines=lines))
-    found = said(replace(made, trials=trials))
+    found = said(with_m2(made, replace(made.trials.m2, lines=lines)))
     assert told in found["Do ratings follow the predicted change of friction?"]

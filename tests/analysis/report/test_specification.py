@@ -7,7 +7,14 @@ import pytest
 from analysis.loading.sessions import load_sessions
 from analysis.loading.study_data import study_data
 from analysis.multiverse.curve import Multiverse
-from analysis.report.report import Report, report, report_files, report_html, report_json
+from analysis.report.report import (
+    FIGURE_FILES,
+    Report,
+    report,
+    report_files,
+    report_html,
+    report_json,
+)
 from analysis.report.specification.specification_curves import in_words
 from protocol.journal.events import TrialExcluded
 from tests.analysis.chains import chain, published_chain, scored_session
@@ -40,7 +47,7 @@ def test_nothing_of_it_is_made_unless_it_is_asked_for() -> None:
     assert "multiverse" not in report_json(plain_report())
     assert "h-multiverse" not in report_html(plain_report())
     stale = {"figures/multiverse-voltage-best.svg", "figures/multiverse-order-follows-model.pdf"}
-    assert stale <= plain_report().figure_files - report_files(plain_report(), figures=True).keys()
+    assert stale <= FIGURE_FILES - report_files(plain_report(), figures=True).keys()
 
 
 def test_a_sentence_counts_the_analyses_and_names_the_choice_that_matters() -> None:

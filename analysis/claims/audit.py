@@ -4,8 +4,8 @@ from collections import Counter
 from typing import Any
 
 from analysis.claims import (
+    coverage,
     equations,
-    full_coverage,
     hardware,
     human_factors,
     published_scores,
@@ -18,7 +18,7 @@ CLAIMS: tuple[Claim, ...] = (
     *vibration.CLAIMS,
     *equations.CLAIMS,
     *hardware.CLAIMS,
-    *full_coverage.CLAIMS,
+    *coverage.CLAIMS,
     *hardware.SLIDING_CLAIMS,
     *published_scores.CLAIMS,
     *human_factors.CLAIMS,

@@ -7,7 +7,7 @@ from typing import get_args
 import numpy as np
 
 from analysis.claims.claim import Claims, Finding, finding, near
-from analysis.claims.full_coverage import (
+from analysis.claims.coverage import (
     BEAM,
     CONTACT_M,
     MU,

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.claims.claim import Claims, Finding, finding
-from analysis.claims.full_coverage import (
+from analysis.claims.coverage import (
     BEAM,
     PATCH_START_M,
     ZONES,

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import chdtri, fdtrc, fdtri, stdtrit
 
 from analysis.claims.claim import Claims, Finding, human_finding
-from analysis.claims.full_coverage import MU, along_path, mu
+from analysis.claims.coverage import MU, along_path, mu
 from analysis.claims.published_scores import (
     ALPHA,
     PUBLISHED,

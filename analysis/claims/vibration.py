@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from analysis.claims.claim import Claims, Finding, finding
-from analysis.claims.full_coverage import (
+from analysis.claims.coverage import (
     BEAM,
     MU,
     ZONES,

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.claims.full_coverage import PLACES_M, full_coverage, local_curve, local_scene
+from analysis.claims.coverage import PLACES_M, full_coverage, local_curve, local_scene
 from analysis.report.drawing import Panel, Series
 from device.beam.eq15 import same_direction_ratio
 from device.beam.modes import FloatArray

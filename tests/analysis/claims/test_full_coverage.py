@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from analysis.claims import full_coverage
+from analysis.claims import coverage
 from device.friction.laws import LAWS
 from tests.analysis.claims.conftest import Find
 
@@ -43,7 +43,7 @@ def test_falling_decides_and_straightness_is_a_detail(
     mu: Callable[[float], float],
     verdict: str,
 ) -> None:
-    monkeypatch.setattr(full_coverage, "full_coverage", lambda _, **given: mu(given["voltage_v"]))
+    monkeypatch.setattr(coverage, "full_coverage", lambda _, **given: mu(given["voltage_v"]))
     assert find("voltage-lowers-mu", "consistent").verdict == verdict
 
 
@@ -60,7 +60,7 @@ def test_the_advice_fails_where_all_of_it_is_wrong(
     def mu(_: str, *, same_direction: float = 10, bodies: int = 20, voltage_v: float = 100) -> Any:
         return same_direction * 0.01 + voltage_v * 0.001 + 10.0 / bodies
 
-    monkeypatch.setattr(full_coverage, "full_coverage", mu)
+    monkeypatch.setattr(coverage, "full_coverage", mu)
     assert find("raise-a-and-voltage", "consistent").scope == (False, False, False)
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from analysis.claims.full_coverage import PLACES_M, trough_places_m
+from analysis.claims.coverage import PLACES_M, trough_places_m
 from device.friction.coefficient import friction_coefficient
 from device.friction.laws import LAWS
 from device.friction.prediction import LawChoice

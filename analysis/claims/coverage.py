@@ -1,4 +1,4 @@
-"""Claims about full coverage, where the finger covers every body (Figs 8 and 13, Section 4.1)."""
+"""Friction along the beam and under a whole hand (Figs 8, 12 to 14), and claims about it."""
 
 import math
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from device.friction.prediction import LawChoice
 from device.friction.rungs import TOP_RUNG
 from device.friction.scenes import Drive, FingerContact, Scene, Structure
 
-# Friction along the beam and under a whole hand (the paper's Figs 8, 12, 13 and 14).
+# Scenes and curves that claims share.
 
 BEAM = Beam()
 ZONES = zones(6, BEAM.length_m)
@@ -125,6 +125,8 @@ def from_02_to_06(low: float, high: float) -> Finding:
     """Return whether these extremes of μ' are about 0.2 and 0.6, as in Figs 8 and 12."""
     return finding([abs(low - 0.2) < 0.02, abs(high - 0.6) < 0.02], lowest=low, highest=high)
 
+
+# Claims about full coverage, where the finger covers every body: Figs 8 and 13, Section 4.1.
 
 CLAIMS = Claims()
 

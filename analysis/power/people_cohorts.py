@@ -2,21 +2,29 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
+from math import nan
+from typing import NamedTuple
 
 import numpy as np
 
-from analysis.estimates import FloatArray
-from analysis.loading.study_data import NothingToReport
+from analysis.estimates import BoolArray, FloatArray, IntArray
 from analysis.power.cohorts import Cohort
 from analysis.sensitivity.ratings import Ratings
-from analysis.simulation.simulation import Simulation
-from analysis.trials.arrays import scored_trials
-from analysis.trials.contrasts import trial_contrasts
+from analysis.simulation.cohort import Cohort as SimulatedCohort
+from analysis.simulation.planned_trials import TrialKind
+from analysis.simulation.score_tables import counted_trials
+from analysis.simulation.simulation import Simulation, names_of
+from analysis.trials.contrasts import felt_change, planned_change_of
 from device.friction.calibration import NOMINAL, Calibration
+from device.friction.changes import Change
+from device.friction.contrasts import LAW, RUNG, predicted_contrast
+from device.friction.laws import LAWS
 from device.people.person import DEFAULT, Population, World, people_of
+from protocol.journal.records import LIFTED_N
 from protocol.study.rules import PAPERS_SCALE
 from protocol.study.study import Study
+from protocol.study.touch import Touch
 
 _DRAWN_FOR_MEANS = 10_000
 
@@ -40,32 +48,63 @@ class PeopleCohorts:
         A person's true gain is per unit of the predicted contrast, as the estimated one is, so
         that its skin, which changes the contrast, is a part of it.
         """
-        try:
-            data = self._simulation.data(self.participants, key)
-        except NothingToReport:  # the rules of exclusion leave nobody
-            return self._of_nobody()
-        contrasts = trial_contrasts(self.study, data.trials, data.touches, self.rig)
-        truths = [data.virtual[name] for name in data.table.subjects]
+        simulation, names = self._simulation, names_of(self.participants)
+        made = simulation.cohort(self.participants, key)
+        counted, out = counted_trials(simulation.planned, made)
+        # Who left before the first answer breaks no rule, because there is nothing to judge.
+        kept = np.flatnonzero(~(out & made.answered.any(axis=1)))
         unit = self.study.rating.span / PAPERS_SCALE.span
         zero = self.study.rating.minimum - unit * PAPERS_SCALE.minimum
+        people = made.people.rows(kept)
         return Cohort(
-            ratings=scored_trials(data, contrasts).ratings,
-            bias=np.array([zero + unit * truth.bias for truth in truths]),
-            gain=np.array([unit * truth.gain * truth.skin for truth in truths]),
-            population_gain=unit * self._mean_gain,
+            ratings=self._ratings(made, counted, kept, tuple(names[who] for who in kept)),
+            bias=zero + unit * people.bias,
+            gain=unit * people.gain * people.skin,
+            population_gain=unit * self._mean_gain if kept.size else 0.0,
         )
 
-    def _of_nobody(self) -> Cohort:
-        nothing, none = np.zeros(0), np.zeros(0, dtype=np.int64)
-        ratings = Ratings(
-            subjects=(),
-            conditions=self.study.conditions,
-            subject=none,
-            condition=none,
-            contrast=nothing,
-            rating=nothing,
+    def _ratings(
+        self, made: SimulatedCohort, counted: BoolArray, kept: IntArray, names: tuple[str, ...]
+    ) -> Ratings:
+        """Return the trials of those who are `kept`, with contrasts as a report has them."""
+        who, trial = np.nonzero(counted[kept])
+        every = self._contrasts(made, kept[who], trial)
+        predicted = np.isfinite(every).all(axis=1)
+        of = self._simulation.planned.kinds
+        known = self.study.conditions
+        asked = (kind.trial.condition for kind in of)
+        positions = [known.index(name) if name in known else -1 for name in asked]
+        return Ratings(
+            subjects=names,
+            conditions=known,
+            subject=who[predicted],
+            condition=np.array(positions)[made.kinds[kept[who], trial]][predicted],
+            contrast=every[predicted, list(LAWS).index(LAW)],
+            rating=made.score[kept[who], trial][predicted],
         )
-        return Cohort(ratings=ratings, bias=nothing, gain=nothing, population_gain=0.0)
+
+    def _contrasts(self, made: SimulatedCohort, who: IntArray, trial: IntArray) -> FloatArray:
+        """Return the contrast of each trial of a person under each law, shape (trials, laws)."""
+        of, resonance_hz = self._simulation.planned.kinds, self.study.rig.nominal_resonance_hz
+        changes = [
+            planned_change_of(self.study, it.question, it.expected, it.touches)
+            for it in (kind.trial for kind in of)
+        ]
+        count = np.array([len(kind.marks) for kind in of])[made.kinds]
+        begin = np.cumsum(count, axis=1) - count
+        found = np.full((len(who), len(LAWS)), np.nan)
+        for row, (person, number) in enumerate(zip(who.tolist(), trial.tolist(), strict=True)):
+            kind = int(made.kinds[person, number])
+            if (planned := changes[kind]) is None:
+                continue
+            forces_n = made.force_n[person, begin[person, number] :]
+            offset_m = float(made.people.place_offset_m[person])
+            touches = [
+                _touched(of[kind], place, float(forces_n[place]), offset_m, resonance_hz)
+                for place in dict.fromkeys([0, len(of[kind].marks) - 1])
+            ]
+            found[row] = _by_law(felt_change(planned, touches, resonance_hz), self.rig)
+        return found
 
     @cached_property
     def _simulation(self) -> Simulation:
@@ -77,3 +116,38 @@ class PeopleCohorts:
         names = [f"mean/{number}" for number in range(_DRAWN_FOR_MEANS)]
         people = people_of(self.population, names)
         return float((people.gain * people.skin).mean())
+
+
+class _Touched(NamedTuple):
+    """A simulated touch with the names that a loaded one has in the table of touches."""
+
+    planned: Touch
+    force_n: float
+    place_m: float
+    start_voltage_v: float
+    start_frequency_hz: float
+    end_voltage_v: float
+    end_frequency_hz: float
+
+
+def _touched(
+    kind: TrialKind, number: int, force_n: float, offset_m: float, resonance_hz: float
+) -> _Touched:
+    """Return a touch as the rig would have measured it: see `loaded_sessions`."""
+    touch, mark = kind.trial.touches[number], kind.marks[number]
+    held = touch.place != "path" and not mark.slides and force_n > LIFTED_N
+    return _Touched(
+        planned=touch,
+        force_n=round(force_n, 4),
+        place_m=mark.start_m + offset_m if held else nan,
+        start_voltage_v=touch.voltage_v,
+        start_frequency_hz=touch.frequency * resonance_hz,
+        end_voltage_v=touch.end_voltage_v,
+        end_frequency_hz=touch.end_frequency * resonance_hz,
+    )
+
+
+@lru_cache(maxsize=16_384)
+def _by_law(change: Change, rig: Calibration) -> tuple[float, ...]:
+    """Return the contrast of a change under each law; measured values come in steps, so again."""
+    return tuple(predicted_contrast(change, law, RUNG, rig) for law in LAWS)

@@ -17,19 +17,30 @@ def score_tables(planned: PlannedTrials, made: Cohort) -> FloatArray:
     conditions = planned.study.conditions
     of = planned.kinds
     condition = np.array([_position(conditions, kind.trial.condition) for kind in of])[made.kinds]
-    scored = np.array([kind.trial.kind == "trial" for kind in of])[made.kinds]
-    catch = np.array([kind.trial.kind == "catch" for kind in of])[made.kinds]
-    kept = made.answered & ~_too_soon_or_late(planned, made, scored | catch)
-    given = kept & scored & ~np.isnan(made.score)
+    counted, out = counted_trials(planned, made)
+    given = counted & ~np.isnan(made.score)
     table = np.full((made.people.size, len(conditions)), np.nan)
     for column in range(len(conditions)):
         counts = given & (condition == column)
         number = counts.sum(axis=1)
         total = np.where(counts, made.score, 0.0).sum(axis=1)
         np.divide(total, number, out=table[:, column], where=number > 0)
-    alarms = catch & (made.change != SAME)
-    table[_left_out(planned, kept & scored, given, kept & catch, kept & alarms)] = np.nan
+    table[out] = np.nan
     return table
+
+
+def counted_trials(planned: PlannedTrials, made: Cohort) -> tuple[BoolArray, BoolArray]:
+    """Return which trials with a score or without it count, and whom the rules leave out.
+
+    Shapes (people, trials) and (people,); the trials of those who are left out may be among them.
+    """
+    of = planned.kinds
+    scored = np.array([kind.trial.kind == "trial" for kind in of])[made.kinds]
+    catch = np.array([kind.trial.kind == "catch" for kind in of])[made.kinds]
+    kept = made.answered & ~_too_soon_or_late(planned, made, scored | catch)
+    given = kept & scored & ~np.isnan(made.score)
+    alarms = kept & catch & (made.change != SAME)
+    return kept & scored, _left_out(planned, kept & scored, given, kept & catch, alarms)
 
 
 def _position(conditions: tuple[str, ...], name: str | None) -> int:

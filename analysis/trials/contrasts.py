@@ -121,7 +121,7 @@ def trial_changes(
     # Most trials share their plan with others.
     @cache
     def planned_change(text: str | None, *planned: Any) -> Change | None:
-        return _planned_change(in_force(text), *planned)
+        return planned_change_of(in_force(text), *planned)
 
     made: dict[Any, list[Any]] = {attempt: [] for attempt in trials.index}
     for touch in touches[_FELT].itertuples():
@@ -141,7 +141,7 @@ def _readable(text: str | None) -> Study | None:
         return None
 
 
-def _planned_change(
+def planned_change_of(
     study: Study, question: Question | None, expected: str | None, planned: tuple[Touch, ...]
 ) -> Change | None:
     """Return the change as planned; None without a known question or with an unknown beam."""
@@ -164,11 +164,14 @@ def _change(
     change = planned_change(trial.study_text, trial.question, trial.expected, planned)
     if change is None or not as_felt:
         return change
-    return _felt_change(change, touches, trial.resonance_hz)
+    return felt_change(change, touches, trial.resonance_hz)
 
 
-def _felt_change(change: Change, touches: Sequence[Any], resonance_hz: float | None) -> Change:
-    """Return the planned change with measured values in place of planned ones."""
+def felt_change(change: Change, touches: Sequence[Any], resonance_hz: float | None) -> Change:
+    """Return the planned change with measured values in place of planned ones.
+
+    `touches` have the columns of touches that the change depends on, as attributes.
+    """
     first, last = touches[0], touches[-1]
     before = _pressed(change.before, first)
     if len(touches) > 1 or first.planned.programme != "hold":  # else it started at rest

@@ -1,0 +1,70 @@
+"""Simulated cohorts as arrays are those that a report makes of the same sessions."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from analysis.estimates import FloatArray
+from analysis.loading.study_data import NothingToReport
+from analysis.power.people_cohorts import PeopleCohorts
+from analysis.simulation.simulation import Simulation
+from analysis.trials.arrays import scored_trials
+from analysis.trials.contrasts import trial_contrasts
+from device.friction.calibration import Calibration
+from device.people.person import DEFAULT, Population, World
+from protocol.study.rules import Exclusions
+from protocol.study.study import Study
+from protocol.study_file.loading import parsed_study, template
+
+NO_RULES = Exclusions()
+RULES = Exclusions(
+    max_false_alarms=0.4,
+    max_missing_scores=0.3,
+    min_reaction_s=0.4,
+    max_reaction_s=2.5,
+    min_trials=4,
+)
+CARELESS = replace(
+    DEFAULT,
+    typical=replace(DEFAULT.typical, dropout=0.08, lapse=0.2, place_offset_m=0.001, criterion=0.1),
+)
+RIG = Calibration(damping_ratio=0.007, gain=0.8, body_height_m=2e-5, origin="a test")
+
+
+@pytest.mark.parametrize("name", ["paper", "extended"])
+@pytest.mark.parametrize("people", [DEFAULT, CARELESS])
+@pytest.mark.parametrize("rules", [NO_RULES, RULES])
+def test_a_cohort_is_what_a_report_makes_of_its_sessions(
+    name: str, people: Population, rules: Exclusions
+) -> None:
+    study = parsed_study(template(name)).model_copy(update={"exclusions": rules})
+    made = PeopleCohorts(study=study, participants=6, population=people, rig=RIG)
+    for key in ("a", "b"):
+        found = made.cohort(key)
+        names, arrays, truths = _as_reported(study, people, key)
+        assert found.ratings.subjects == names
+        assert found.ratings.conditions == study.conditions
+        for entry, expected in arrays.items():
+            np.testing.assert_array_equal(getattr(found.ratings, entry), expected)
+        np.testing.assert_array_equal(found.gain, truths)
+
+
+def _as_reported(
+    study: Study, people: Population, key: str
+) -> tuple[tuple[str, ...], dict[str, FloatArray], FloatArray]:
+    """Return subjects, the arrays of their trials, and their true gains, by way of the tables."""
+    world = World(damping_ratio=RIG.damping_ratio, gain=RIG.gain)
+    try:
+        data = Simulation(study=study, population=people, world=world).data(6, key)
+    except NothingToReport:
+        return (), {}, np.zeros(0)
+    contrasts = trial_contrasts(study, data.trials, data.touches, RIG)
+    ratings = scored_trials(data, contrasts).ratings
+    arrays = {
+        entry.name: getattr(ratings, entry.name)
+        for entry in fields(ratings)
+        if entry.name not in {"subjects", "conditions"}
+    }
+    truths = [data.virtual[name] for name in data.table.subjects]
+    return data.table.subjects, arrays, np.array([each.gain * each.skin for each in truths])

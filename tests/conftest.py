@@ -7,14 +7,20 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # A warning of numpy is an error in the processes that tests start, too.
 os.environ.setdefault("PYTHONWARNINGS", "error::RuntimeWarning")
 
-
+import atexit
 import shutil
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import settings
+
+# What commands keep goes to a folder of this run's own, which its workers share.
+if "TOUCHBEAM_CACHE" not in os.environ:
+    os.environ["TOUCHBEAM_CACHE"] = tempfile.mkdtemp(prefix="touchbeam-kept-")
+    atexit.register(shutil.rmtree, os.environ["TOUCHBEAM_CACHE"], ignore_errors=True)
 
 from tests.runner.window.person import virtual_display
 

@@ -268,15 +268,18 @@ class Study:
         Raises:
             ValueError: there is no section of that name.
         """
+        from analysis.kept import Kept
         from analysis.report.findings import origin_of, title_of
         from analysis.report.report import FIGURE_FILES, report, report_files
         from runner.journal.opening import read_journal
         from runner.study.files import write_files
+        from runner.study.kept_files import code_version, kept_files
         from runner.study.registered import registration_problem
 
         named = (sections,) if isinstance(sections, str) else sections
         with read_journal(self.folder.existing_journal()) as journal:
             unlocked = registration_problem(journal, self.folder.path)
+            keep = Kept(kept_files(journal), code_version())
         origin = origin_of(
             self.folder.path.resolve().name,
             self.folder.text(),
@@ -288,7 +291,7 @@ class Study:
         )
         shown = self.folder.report_sections() if named is None else tuple(named)
         title = title_of(self.file)
-        made = report(title, self._counted, self.file, origin, shown, self.recorded)
+        made = report(title, self._counted, self.file, origin, shown, self.recorded, keep=keep)
         folder = self.folder.report if out is None else Path(out)
         own = self.folder.path if out is None else None
         files = report_files(made, figures=figures)

@@ -19,7 +19,7 @@ from runner.cli.options import (
     TrialOption,
     study_journal,
 )
-from runner.cli.output import counted, print_json, program, require_confirmation, say
+from runner.cli.output import complain, counted, print_json, program, require_confirmation, say
 
 if TYPE_CHECKING:
     from runner.journal.store import Journal
@@ -277,6 +277,7 @@ def withdraw(
     from runner.launch.confirmation import refused
     from runner.launch.locks import session_lock
     from runner.study.folder import StudyFolder
+    from runner.study.kept_files import forget
     from runner.study.old_results import old_results
 
     folder = StudyFolder(path=study)
@@ -291,6 +292,8 @@ def withdraw(
             ask = refused if as_json else require_confirmation
             ask(f"this erases for good: {told}", "add --yes to erase without a question")
         erase(journal, WallClock(), participant, rehearsal=rehearsal)
+        if remaining := forget(journal):
+            complain(f"{remaining}: kept results cannot be deleted; delete this folder")
         kept = [] if rehearsal else chains_of(journal, participant, rehearsal=True)
         kept = [chain for chain in kept if chain not in chains]
     old = old_results(study, participant)

@@ -244,13 +244,16 @@ def report_on(
 
     Its page shows the sections `named`; without them those of `report.toml`, or all.
     """
+    from analysis.kept import Kept
     from analysis.report.findings import origin_of, title_of
     from analysis.report.report import report
     from runner.study.calibration import fitted_calibration
+    from runner.study.kept_files import code_version, kept_files
     from runner.study.registered import registration_problem
 
     with study_journal(folder) as journal:
         unlocked = registration_problem(journal, folder.path)
+        keep = Kept(kept_files(journal), code_version())
     name, rig, study = folder.path.resolve().name, fitted_calibration(folder.path), folder.study()
     origin = origin_of(
         name,
@@ -262,7 +265,7 @@ def report_on(
         sections=named,
     )
     shown = folder.report_sections() if named is None else named
-    return report(title_of(study), found, study, origin, shown, recorded)
+    return report(title_of(study), found, study, origin, shown, recorded, keep=keep)
 
 
 def warn_of_broken(sessions: "Sequence[str]", study: Path) -> None:

@@ -26,7 +26,9 @@ def install(name: str) -> None:
 def environment(name: str) -> Mapping[str, str]:
     """Return the environment in which each Python has the mutant `name`."""
     paths = (str(Path(__file__).with_name("site")), str(ROOT))
-    return {**os.environ, VARIABLE: name, "PYTHONPATH": os.pathsep.join(paths)}
+    # What another mutant, or none, has computed would hide this one.
+    own = {VARIABLE: name, "PYTHONPATH": os.pathsep.join(paths), "TOUCHBEAM_CACHE": "off"}
+    return {**os.environ, **own}
 
 
 class _Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):

@@ -1,0 +1,170 @@
+"""Results that are kept in the user's own cache, a folder for each study.
+
+They are in no study's folder, which a stranger may have made, and nobody else can read them or
+have written them. A file that was damaged is removed; where nothing can be written, nothing is
+kept, and no command fails.
+"""
+
+import os
+import platform
+import secrets
+import shutil
+import stat
+import sys
+from collections.abc import Iterator
+from contextlib import suppress
+from hashlib import sha256
+from importlib.metadata import version
+from pathlib import Path
+from typing import ClassVar
+
+from runner.journal.store import Journal
+
+VARIABLE = "TOUCHBEAM_CACHE"
+"""Names another folder than the user's cache, or is `off`."""
+OFF = "off"
+MOST_BYTES = 512 * 2**20
+"""Of all kept results; beyond it, those that were used longest ago are removed."""
+_DIGEST_BYTES = 32
+_LIBRARIES = ("touchbeam", "numpy", "scipy", "pandas", "matplotlib")
+
+
+class KeptFiles:
+    """The kept results of one study, by name, in `folder`.
+
+    A file begins with the digest of its name and content, so that a damaged or renamed one is as
+    good as none.
+    """
+
+    _written: ClassVar[dict[Path, int]] = {}
+    """How much was written since there was last too much, by the folder of all studies."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def get(self, name: str) -> bytes | None:
+        """Return the content of that name, None if there is none."""
+        path = self._folder / name
+        try:
+            with open(path, "rb", opener=_opened_itself) as file:
+                found = file.read(MOST_BYTES)
+            digest, content = found[:_DIGEST_BYTES], found[_DIGEST_BYTES:]
+            if digest == _digest(name, content):
+                os.utime(path)  # so that it is not among those used longest ago
+                return content
+            path.unlink()
+        except OSError:
+            pass
+        return None
+
+    def put(self, name: str, content: bytes) -> None:
+        """Keep the content under that name, whole or not at all."""
+        everything = self._folder.parent
+        beside = self._folder / f".{secrets.token_hex(8)}"
+        try:
+            everything.mkdir(0o700, parents=True, exist_ok=True)
+            if not _is_private(everything):
+                return
+            self._folder.mkdir(0o700, exist_ok=True)
+            try:
+                with open(beside, "xb", opener=_opened_private) as file:
+                    file.write(_digest(name, content) + content)
+                beside.replace(self._folder / name)
+            finally:
+                beside.unlink(missing_ok=True)
+        except OSError:
+            return
+        written = self._written.get(everything, MOST_BYTES) + len(content)
+        if written > MOST_BYTES // 16:  # to look at all of them each time would take longer
+            _remove_oldest(everything)
+            written = 0
+        self._written[everything] = written
+
+
+def kept_files(journal: Journal) -> KeptFiles | None:
+    """Return the kept results of the study with this journal; None if nothing is to be kept."""
+    everything = _everything()
+    if os.environ.get(VARIABLE) == OFF or (everything.exists() and not _is_private(everything)):
+        return None
+    return KeptFiles(everything / _name_of(journal))
+
+
+def forget(journal: Journal) -> Path | None:
+    """Remove all kept results of the study; return their folder if something is left."""
+    folder = _everything() / _name_of(journal)
+    shutil.rmtree(folder, ignore_errors=True)
+    return folder if folder.exists() else None
+
+
+def code_version() -> str:
+    """Return what results depend on beside their data: this code, its libraries, the machine.
+
+    A developer's copy changes without its version, so the times of its files count, too.
+    """
+    own = Path(__file__).parents[2]
+    folders = (own / name for name in ("protocol", "device", "analysis"))
+    files = (path for folder in folders for path in sorted(folder.rglob("*.[ph][yt]*")))
+    stamps = [(str(path.relative_to(own)), *_stamp(path)) for path in files]
+    libraries = [f"{name} {version(name)}" for name in _LIBRARIES]
+    return repr([platform.python_version(), platform.machine(), libraries, stamps])
+
+
+def _stamp(path: Path) -> tuple[int, int]:
+    found = path.stat()
+    return found.st_size, found.st_mtime_ns
+
+
+def _everything() -> Path:
+    from platformdirs import user_cache_path
+
+    given = os.environ.get(VARIABLE, OFF)
+    # A relative one could lie in a study's folder.
+    if given != OFF and Path(given).is_absolute():
+        return Path(given)
+    return user_cache_path("touchbeam", appauthor=False) / "results"
+
+
+def _name_of(journal: Journal) -> str:
+    """Return what all copies of a journal have in common, and keep when something is erased."""
+    chains = journal.sessions()
+    first = next(journal.chain(chains[0])).hash if chains else ""
+    return sha256(first.encode("utf-8", "surrogatepass")).hexdigest()[:32]
+
+
+def _digest(name: str, content: bytes) -> bytes:
+    return sha256(name.encode() + b"\0" + content).digest()
+
+
+def _is_private(folder: Path) -> bool:
+    """Return whether it is a folder of this user's, in which nobody else can write."""
+    found = folder.lstat()
+    if sys.platform == "win32":  # there it lies in the user's own profile
+        return stat.S_ISDIR(found.st_mode)
+    mine = found.st_uid == os.geteuid() and not found.st_mode & 0o022
+    return stat.S_ISDIR(found.st_mode) and mine
+
+
+def _opened_itself(path: str, flags: int) -> int:
+    return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
+
+
+def _opened_private(path: str, flags: int) -> int:
+    return os.open(path, flags, 0o600)
+
+
+def _remove_oldest(everything: Path) -> None:
+    known = sorted(_known(everything), reverse=True)
+    total = 0
+    for _, size, path in known:
+        total += size
+        if total > MOST_BYTES:
+            with suppress(OSError):
+                path.unlink()
+
+
+def _known(everything: Path) -> Iterator[tuple[float, int, Path]]:
+    """Yield when each kept file was last used, its size and its path."""
+    for path in everything.glob("*/*"):
+        with suppress(OSError):  # another process may have removed it
+            found = path.lstat()
+            yield found.st_mtime, found.st_size, path

@@ -1,0 +1,192 @@
+"""Kept results: private, in the user's own folder, of limited size, not believed if damaged."""
+
+import json
+import os
+import pickle
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.kept import Kept
+from analysis.sensitivity.linear_model import linear_sensitivity
+from analysis.sensitivity.ratings import Ratings
+from analysis.statistics.additive import additive_effects, gain_heterogeneity
+from analysis.statistics.summary import reading
+from analysis.trials.contrasts import contrasts_by_law
+from device.friction.calibration import NOMINAL
+from device.friction.changes import CONDITIONS
+from device.friction.contrasts import RUNG
+from runner.journal.opening import open_journal
+from runner.study import kept_files
+from runner.study.kept_files import KeptFiles, forget
+from runner.study.kept_files import kept_files as kept_of
+from tests.analysis.reports import study_report
+from tests.runner.command_line import typed
+
+PUBLISHED = Path(__file__).parents[2] / "data" / "published_scores.csv"
+FELT = tuple((change, NOMINAL) for change in CONDITIONS.values())
+
+
+class Never(Exception):
+    """A call that was to be known."""
+
+
+def never() -> None:
+    raise Never
+
+
+def calls() -> list[tuple[object, ...]]:
+    table = study_report().loaded.table
+    ratings: Ratings = study_report().trials.scored.ratings
+    return [
+        (linear_sensitivity, ratings),
+        (reading, "missing", table),
+        (additive_effects, table),
+        (gain_heterogeneity, table),
+        (contrasts_by_law, FELT, RUNG),
+    ]
+
+
+def found(keep: Kept) -> list[str]:
+    return [repr(keep(*call)) for call in calls()]  # type: ignore[arg-type]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return tmp_path / "all" / "study"
+
+
+def test_what_is_kept_is_not_computed_again_and_nobody_else_can_read_it(folder: Path) -> None:
+    first = found(Kept(KeptFiles(folder), "1"))
+    again = Kept(KeptFiles(folder), "1")
+    for function, *args in calls():
+        again.made(never, function, tuple(args), {})  # type: ignore[arg-type]
+    assert found(again) == first
+    assert {path.stat().st_mode & 0o777 for path in folder.iterdir()} == {0o600}
+    assert [place.stat().st_mode & 0o777 for place in (folder, folder.parent)] == [0o700] * 2
+    function, *args = calls()[0]
+    with pytest.raises(Never):
+        Kept(KeptFiles(folder), "2").made(never, function, tuple(args), {})  # type: ignore[arg-type]
+
+
+class Trap:
+    """Read by pickle, it leaves a file."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return (os.mkdir, (str(self.path),))
+
+
+def damage(path: Path, rng: np.random.Generator, others: list[Path], trap: Path) -> None:
+    """Change a kept file in one of many ways."""
+    content = bytearray(path.read_bytes())
+    place = int(rng.integers(len(content)))
+    match rng.integers(7):
+        case 0:
+            content[place] ^= 1 << int(rng.integers(8))
+        case 1:
+            del content[place:]
+        case 2:
+            content[place:place] = rng.bytes(9)
+        case 3:
+            content[:] = others[int(rng.integers(len(others)))].read_bytes()
+        case 4:
+            content[:] = rng.bytes(int(rng.integers(200)))
+        case 5:
+            content[:] = pickle.dumps(Trap(trap))
+        case _:  # somebody who can write here, with a digest that is right
+            name = ("posix.mkdir", "builtins.eval", "array", "mapping", "call", "function")
+            given = [str(trap), "O", [1], "X"][: int(rng.integers(1, 4))]
+            text = json.dumps({name[int(rng.integers(len(name)))]: given}).encode()
+            packed = zlib.compress(text) if rng.integers(2) else pickle.dumps(Trap(trap))
+            content[:] = kept_files._digest(path.name, packed) + packed
+    path.write_bytes(content)
+
+
+def assert_damage_changes_no_number(folder: Path, times: int, seed: int) -> None:
+    rng, trap = np.random.default_rng(seed), folder.parent.parent / "executed"
+    right = found(Kept(KeptFiles(folder)))
+    paths = sorted(folder.iterdir())
+    assert len(paths) == len(right)
+    for _ in range(times):
+        damage(paths[int(rng.integers(len(paths)))], rng, paths, trap)
+        assert found(Kept(KeptFiles(folder))) == right
+        assert not trap.exists()
+
+
+def test_a_damaged_result_is_computed_anew(folder: Path) -> None:
+    assert_damage_changes_no_number(folder, 40, 1)
+
+
+@pytest.mark.soak
+def test_a_thousand_damages_change_no_number(folder: Path) -> None:
+    assert_damage_changes_no_number(folder, 1000, 2)
+
+
+def test_what_was_used_longest_ago_is_removed_when_there_is_too_much(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(kept_files, "MOST_BYTES", 3000)
+    files = KeptFiles(folder)
+    for number in range(5):
+        files.put(f"{number}", bytes(900))
+        if (folder / f"{number}").exists():
+            os.utime(folder / f"{number}", (number, number))
+    assert sorted(path.name for path in folder.iterdir()) == ["2", "3", "4"]
+
+
+@pytest.mark.parametrize("mode", [0o777, 0o555])
+def test_where_nothing_can_be_kept_everything_is_computed(folder: Path, mode: int) -> None:
+    folder.parent.mkdir()
+    folder.parent.chmod(mode)
+    if mode == 0o555 and os.geteuid() == 0:  # root can write anywhere: a file in its place
+        folder.parent.rmdir()
+        folder.parent.write_text("")
+    assert len(found(Kept(KeptFiles(folder)))) == len(calls())
+    assert not folder.exists()
+
+
+def test_a_link_in_place_of_a_kept_file_is_not_followed(folder: Path, tmp_path: Path) -> None:
+    files = KeptFiles(folder)
+    files.put("a", b"1")
+    (folder / "a").rename(tmp_path / "a")
+    (folder / "a").symlink_to(tmp_path / "a")
+    assert files.get("a") is None
+
+
+def test_a_study_keeps_its_results_apart_and_a_withdrawal_removes_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cache, study = tmp_path / "cache", tmp_path / "study"
+    monkeypatch.setenv(kept_files.VARIABLE, str(cache))
+    assert typed("import", PUBLISHED, study) == 0
+    assert typed("report", study) == 0
+    pages = [zlib.decompress(path.read_bytes()[32:]) for path in cache.glob("*/*")]
+    assert any(b'"3"' in page for page in pages)
+    assert typed("withdraw", study, "--participant", "3", "--yes") == 0
+    assert list(cache.rglob("*")) == []
+    monkeypatch.setenv(kept_files.VARIABLE, kept_files.OFF)
+    assert typed("report", study) == 0
+    with open_journal(study / "study.db") as journal:
+        assert kept_of(journal) is None
+        monkeypatch.setenv(kept_files.VARIABLE, str(cache))
+        assert forget(journal) is None
+    assert list(cache.rglob("*")) == []
+
+
+def test_the_page_is_the_same_with_and_without_kept_results(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(kept_files.VARIABLE, str(tmp_path / "cache"))
+    study = tmp_path / "study"
+    assert typed("import", PUBLISHED, study) == 0
+    made = []
+    for options in ((), (), ("--sections", "sensitivity"), ()):
+        assert typed("report", study, *options) == 0
+        files = (path for path in (study / "report").iterdir() if path.is_file())
+        made.append({path.name: path.read_bytes() for path in files})
+    assert made[0] == made[1] == made[3]

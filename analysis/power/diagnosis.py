@@ -12,9 +12,9 @@ import numpy as np
 from analysis.estimates import FloatArray, NotEstimable
 from analysis.power.cohorts import Cohort
 from analysis.sensitivity.integration import Marginals
-from analysis.sensitivity.linear_model import linear_posterior
-from analysis.sensitivity.lines import LineMixture, Lines
-from analysis.sensitivity.ordinal_model import ordinal_posterior
+from analysis.sensitivity.linear_model import linear_lines
+from analysis.sensitivity.lines import LineMixture, Medians, medians
+from analysis.sensitivity.ordinal_model import ordinal_lines
 from analysis.statistics.additive import gain_heterogeneity
 from analysis.statistics.many_tables import omnibus_p, pairs_of, pairwise_of_tables, unnamed_table
 
@@ -110,15 +110,17 @@ def _estimated(cohort: Cohort) -> list[float]:
 
 
 def _of_model(model: str, cohort: Cohort) -> Mapping[str, _Estimated]:
-    fit = (ordinal_posterior if model == "M2" else linear_posterior)(cohort.ratings)
-    if isinstance(fit, NotEstimable):
+    # Without what a report tells besides: neither the evidence of equal gains nor JNDs count here.
+    mixture = (ordinal_lines if model == "M2" else linear_lines)(cohort.ratings)
+    if isinstance(mixture, NotEstimable):
         return {}
-    lines, mixture = fit[0].lines, fit[1]
-    rated = np.array([line.trials > 0 for line in lines.subjects])
-    found = _of_subjects(cohort, lines, mixture, rated)
+    bias, gain, relative = medians(mixture)
+    found = _of_subjects(cohort, {"bias": bias, "gain": gain, "relative gain": relative}, mixture)
+    nothing = float("nan"), (float("nan"), float("nan"))
+    of_group = nothing if mixture.alone else (gain[0][-1], gain[1][-1])
     found["group's gain"] = _Estimated(
-        value=np.array([lines.gain]),
-        interval=np.array([lines.gain_interval]),
+        value=np.array([of_group[0]]),
+        interval=np.array([of_group[1]]),
         truth=np.array([cohort.population_gain]),
         posterior=mixture.gain.part(slice(-1, None)),
         weights=mixture.points.weights,
@@ -127,29 +129,23 @@ def _of_model(model: str, cohort: Cohort) -> Mapping[str, _Estimated]:
 
 
 def _of_subjects(
-    cohort: Cohort, lines: Lines, mixture: LineMixture, rated: FloatArray
+    cohort: Cohort, estimates: Mapping[str, Medians], mixture: LineMixture
 ) -> dict[str, _Estimated]:
-    first, weights = int(np.argmax(rated)), mixture.points.weights
-    chosen = [line for line in lines.subjects if line.trials > 0]
-    gain = cohort.gain[rated]
+    rated = np.flatnonzero(mixture.counts > 0)
+    first, gain = int(rated[0]), cohort.gain[rated]
     truths = {"bias": cohort.bias[rated], "gain": gain, "relative gain": gain - gain.mean()}
-    found = {}
-    for name, posterior in (
-        ("bias", mixture.bias),
-        ("gain", mixture.gain),
-        ("relative gain", mixture.relative),
-    ):
-        attribute = name.replace(" ", "_")
-        if name == "relative gain" and len(chosen) < 2:
-            continue
-        found[name] = _Estimated(
-            value=np.array([getattr(line, attribute) for line in chosen]),
-            interval=np.array([getattr(line, f"{attribute}_interval") for line in chosen]),
+    posteriors = {"bias": mixture.bias, "gain": mixture.gain, "relative gain": mixture.relative}
+    return {
+        name: _Estimated(
+            value=values[rated],
+            interval=np.array([intervals[row] for row in rated]),
             truth=truths[name],
-            posterior=posterior.part(slice(first, first + 1)),
-            weights=weights,
+            posterior=posteriors[name].part(slice(first, first + 1)),
+            weights=mixture.points.weights,
         )
-    return found
+        for name, (values, intervals) in estimates.items()
+        if not (name == "relative gain" and mixture.alone)
+    }
 
 
 def _sums(found: _Estimated) -> list[float]:

@@ -1,5 +1,6 @@
 """M1: linear mixed model of ratings on predicted contrast, with a line per subject."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -161,12 +162,19 @@ def linear_sensitivity(ratings: Ratings) -> LinearSensitivity | NotEstimable:
     The model has no ceiling: if many ratings are the largest possible, it underestimates gains.
     `ordinal_sensitivity` is for such ratings.
     """
-    found = linear_posterior(ratings)
-    return found if isinstance(found, NotEstimable) else found[0]
+    found = linear_lines(ratings)
+    if isinstance(found, NotEstimable):
+        return found
+    residual_sd, _ = _components(found.points.points)
+    return LinearSensitivity(
+        lines=summary(ratings.subjects, found),
+        residual_sd=float(found.points.mean(residual_sd)) * found.axes.y_sd,
+        effective_points=found.points.effective,
+    )
 
 
-def linear_posterior(ratings: Ratings) -> tuple[LinearSensitivity, LineMixture] | NotEstimable:
-    """Return the same fit, with the posteriors of which it has the means and intervals."""
+def linear_lines(ratings: Ratings) -> LineMixture | NotEstimable:
+    """Return the posteriors alone of which the fit has the medians and intervals."""
     trials = ratings.given
     axes = axes_of(trials)
     if isinstance(axes, NotEstimable):
@@ -187,9 +195,12 @@ def linear_posterior(ratings: Ratings) -> tuple[LinearSensitivity, LineMixture] 
     posterior, _ = weighted_points(log_posterior, START, POINTS)
     if refusal := posterior.refusal():
         return refusal
-    equal, _ = weighted_points(equal_gains, START[:2], POINTS // 2)
-    fit, mixture = _result(ratings, sums, posterior, axes, equal.log_evidence)
-    return mixture.refusal or (fit, mixture)
+
+    def evidence_of_equal() -> float:
+        return weighted_points(equal_gains, START[:2], POINTS // 2)[0].log_evidence
+
+    mixture = _mixture(sums, posterior, axes, evidence_of_equal)
+    return mixture.refusal or mixture
 
 
 def _log_posterior(sums: LineSums, points: FloatArray) -> FloatArray:
@@ -203,9 +214,9 @@ def _components(points: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.exp(points[:, 0]), covariance_matrices(points[:, 1:4])
 
 
-def _result(
-    ratings: Ratings, sums: LineSums, posterior: WeightedPoints, axes: Axes, equal: float
-) -> tuple[LinearSensitivity, LineMixture]:
+def _mixture(
+    sums: LineSums, posterior: WeightedPoints, axes: Axes, equal: Callable[[], float]
+) -> LineMixture:
     residual_sd, between = _components(posterior.points)
     known = line_posterior(sums, residual_sd, between)
     turn = turn_of(axes)
@@ -215,7 +226,7 @@ def _result(
     bias, gain = (
         Marginals(means=means[..., part], sds=np.sqrt(variances[..., part])) for part in (0, 1)
     )
-    mixture = LineMixture(
+    return LineMixture(
         points=posterior,
         axes=axes,
         bias=bias.plus(axes.y_mean),
@@ -223,15 +234,9 @@ def _result(
         relative=_relative_gains(known, sums.counts > 0, float(turn[1, 1])),
         own_variance=_departure_variances(known)[..., 1, 1] / between[:, None, 1, 1],
         residual_sd=residual_sd * axes.y_sd,
-        log_evidence_equal=equal,
+        log_evidence_of_equal=equal,
         counts=sums.counts,
     )
-    fit = LinearSensitivity(
-        lines=summary(ratings.subjects, mixture),
-        residual_sd=float(posterior.mean(residual_sd)) * axes.y_sd,
-        effective_points=posterior.effective,
-    )
-    return fit, mixture
 
 
 def _relative_gains(known: LinePosterior, rated: BoolArray, unit: float) -> Marginals:

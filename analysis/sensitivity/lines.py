@@ -1,8 +1,9 @@
 """Bias and gain of each subject with intervals, the result of every sensitivity model."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -139,8 +140,8 @@ class LineMixture:
     `points` are variance components, log τ_bias, log τ_gain and artanh ρ in columns 1 to 3;
     `bias` and `gain` of each subject and, last, of the population; `relative` gain of each subject;
     `own_variance` (points, subjects), that of the departure from the population's gain over the
-    variance between subjects; `residual_sd` (points,); `log_evidence_equal`, that of the same model
-    with equal gains; `counts` (subjects,), the number of each one's trials.
+    variance between subjects; `residual_sd` (points,); `log_evidence_of_equal` integrates the same
+    model with equal gains; `counts` (subjects,), the number of each one's trials.
     """
 
     points: WeightedPoints
@@ -150,7 +151,7 @@ class LineMixture:
     relative: Marginals
     own_variance: FloatArray
     residual_sd: FloatArray
-    log_evidence_equal: float
+    log_evidence_of_equal: Callable[[], float]
     counts: FloatArray
 
     @property
@@ -158,10 +159,13 @@ class LineMixture:
         """Whether at most one subject has trials."""
         return bool((self.counts > 0).sum() < 2)
 
-    @property
+    @cached_property
     def equal_gains(self) -> float:
-        """Posterior probability that all gains are equal, which is 1/2 before the study."""
-        return float(expit(self.log_evidence_equal - self.points.log_evidence))
+        """Posterior probability that all gains are equal, which is 1/2 before the study.
+
+        The first look takes a second integral, which nobody needs who asks for lines alone.
+        """
+        return float(expit(self.log_evidence_of_equal() - self.points.log_evidence))
 
     @property
     def refusal(self) -> NotEstimable | None:
@@ -190,15 +194,25 @@ def _column_of_spread(axes: Axes, column: int, points: FloatArray) -> FloatArray
     return spread_at(points, axes)[:, column]
 
 
-def summary(subjects: tuple[str, ...], known: LineMixture) -> Lines:
-    """Return the lines of a mixture."""
-    weights, equal = known.points.weights, known.equal_gains
-    (bias, bias_intervals), (gain, gain_intervals) = (
+Medians = tuple[FloatArray, list[Interval]]
+"""Posterior medians and their intervals."""
+
+
+def medians(known: LineMixture) -> tuple[Medians, Medians, Medians]:
+    """Return bias, gain and relative gain of each subject; the population's bias and gain last."""
+    weights = known.points.weights
+    bias, gain = (
         (part.quantile(weights, 0.5), part.interval_95(weights))
         for part in (known.bias, known.gain)
     )
-    relative = gain[:-1] - gain[:-1][known.counts > 0].mean()
-    relative_intervals = known.relative.interval_95(weights)
+    relative = gain[0][:-1] - gain[0][:-1][known.counts > 0].mean()
+    return bias, gain, (relative, known.relative.interval_95(weights))
+
+
+def summary(subjects: tuple[str, ...], known: LineMixture) -> Lines:
+    """Return the lines of a mixture."""
+    weights, equal = known.points.weights, known.equal_gains
+    (bias, bias_intervals), (gain, gain_intervals), (relative, relative_intervals) = medians(known)
     bias_sd, gain_sd = (
         known.points.quantiles(partial(_column_of_spread, known.axes, column), *LEVELS)
         for column in (0, 1)

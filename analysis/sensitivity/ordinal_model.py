@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.special import ndtr
@@ -98,16 +99,23 @@ def ordinal_sensitivity(ratings: Ratings) -> OrdinalSensitivity | NotEstimable:
     its skewness; over these three it is integrated (nested Laplace approximation: Rue, Martino and
     Chopin, Journal of the Royal Statistical Society B 71, 2009).
     """
-    found = ordinal_posterior(ratings)
-    return found if isinstance(found, NotEstimable) else found[0]
-
-
-def ordinal_posterior(ratings: Ratings) -> tuple[OrdinalSensitivity, LineMixture] | NotEstimable:
-    """Return the same fit, with the posteriors of which it has the means and intervals."""
     ready = prepared_ratings(ratings)
     if isinstance(ready, NotEstimable):
         return ready
-    return lines_or_refusal(ready, latent_posterior(ready))
+    found = lines_or_refusal(ready, latent_posterior(ready))
+    return found if isinstance(found, NotEstimable) else found[0]
+
+
+def ordinal_lines(ratings: Ratings) -> LineMixture | NotEstimable:
+    """Return the posteriors alone of which the fit has the medians and intervals."""
+    ready = prepared_ratings(ratings)
+    if isinstance(ready, NotEstimable):
+        return ready
+    known = latent_posterior(ready)
+    if refusal := known.points.refusal():
+        return refusal
+    mixture, _ = _mixture(ready, known)
+    return mixture.refusal or mixture
 
 
 def prepared_ratings(ratings: Ratings) -> PreparedTrials | NotEstimable:
@@ -202,6 +210,22 @@ def fit_and_lines(
 ) -> tuple[OrdinalSensitivity, LineMixture]:
     """Return lines, thresholds and discrepancies of the posterior, in rating points."""
     points, trials, axes = known.points, ready.trials, ready.axes
+    mixture, discrepancies = _mixture(ready, known)
+    thresholds = trials.edges((points.weights @ known.modes.shared)[None])[0, 1:-1]
+    fit = OrdinalSensitivity(
+        lines=summary(ready.subjects, mixture),
+        residual_sd=float(points.mean(known.residual_sds)) * axes.y_sd,
+        categories=ready.categories,
+        thresholds=tuple((axes.y_mean + axes.y_sd * thresholds).tolist()),
+        discrepancies=_discrepancies(ready, points.weights, discrepancies),
+        effective_points=points.effective,
+    )
+    return fit, mixture
+
+
+def _mixture(ready: PreparedTrials, known: LatentPosterior) -> tuple[LineMixture, Marginals]:
+    """Return the posteriors of the lines and of the discrepancies, in rating points."""
+    points, trials, axes = known.points, ready.trials, ready.axes
     bias, gain = turn_of(axes)
     counts = np.bincount(trials.subject, weights=trials.weight, minlength=trials.subjects)
     lines, first = trials.subjects + 1, len(trials.shared_start) - trials.conditions
@@ -232,19 +256,10 @@ def fit_and_lines(
         relative=found.part(slice(others.stop, None)),
         own_variance=own_sds**2 / between[:, None, 1, 1],
         residual_sd=known.residual_sds * axes.y_sd,
-        log_evidence_equal=_equal_gains(ready),
+        log_evidence_of_equal=partial(_equal_gains, ready),
         counts=counts.astype(np.float64),
     )
-    thresholds = trials.edges((points.weights @ known.modes.shared)[None])[0, 1:-1]
-    fit = OrdinalSensitivity(
-        lines=summary(ready.subjects, mixture),
-        residual_sd=float(points.mean(known.residual_sds)) * axes.y_sd,
-        categories=ready.categories,
-        thresholds=tuple((axes.y_mean + axes.y_sd * thresholds).tolist()),
-        discrepancies=_discrepancies(ready, points.weights, found.part(others)),
-        effective_points=points.effective,
-    )
-    return fit, mixture
+    return mixture, found.part(others)
 
 
 def _discrepancies(

@@ -1,6 +1,7 @@
 """Omnibus tests of equal conditions: Friedman (with Kendall's W) and Skillings-Mack."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import permutations
 
 import numpy as np
@@ -33,22 +34,39 @@ def exact_p(doubled_ranks: IntArray) -> float | NotEstimable:
             f"the exact p is computed for at most {MOST_CONDITIONS} conditions, got "
             f"{doubled_ranks.shape[1]}"
         )
-    arrangements = (sorted(set(permutations(row.tolist()))) for row in doubled_ranks)
     # Rows with few arrangements come last, when there are most sums to combine them with.
-    rows = sorted((np.array(row, dtype=np.int64) for row in arrangements), key=len, reverse=True)
+    values = [tuple(row) for row in np.sort(doubled_ranks, axis=1).tolist()]
+    rows = sorted(values, key=lambda row: len(_arrangements(row)), reverse=True)
     sums, chances = np.zeros((1, doubled_ranks.shape[1]), dtype=np.int64), np.ones(1)
     for count, row in enumerate(rows):
-        if len(sums) * len(row) > LARGEST_STEP:
+        if len(sums) * len(_arrangements(row)) > LARGEST_STEP:
             return NotEstimable(
                 f"the exact p is computed for small studies only: with {len(rows)} "
                 f"subjects, there are too many rank sums to list after {count} of them"
             )
         if count < len(rows) - 1:
-            sums, chances = _add_row(sums, chances, row)
+            sums, chances = _summed(tuple(rows[: count + 1]))
+    last = _arrangements(rows[-1])
     observed = int((doubled_ranks.sum(axis=0) ** 2).sum())
-    constant = (sums**2).sum(axis=1)[:, None] + (rows[-1][0] ** 2).sum()
-    as_unequal = constant + 2 * (sums @ rows[-1].T) >= observed
+    constant = (sums**2).sum(axis=1)[:, None] + (last[0] ** 2).sum()
+    as_unequal = constant + 2 * (sums @ last.T) >= observed
     return float((chances * as_unequal.mean(axis=1)).sum())
+
+
+@lru_cache(maxsize=512)
+def _arrangements(row: tuple[int, ...]) -> IntArray:
+    """Return each different order of the values once, in rising order."""
+    return np.array(sorted(set(permutations(row))), dtype=np.int64)
+
+
+# Rows without ties are all alike: each reading of a large table begins with the same ones.
+@lru_cache(maxsize=32)
+def _summed(rows: tuple[tuple[int, ...], ...]) -> tuple[IntArray, FloatArray]:
+    """Return the different sums of shuffled rows, each sorted, and their chances."""
+    *before, last = rows
+    if not before:
+        return _add_row(np.zeros((1, len(last)), dtype=np.int64), np.ones(1), _arrangements(last))
+    return _add_row(*_summed(tuple(before)), _arrangements(last))
 
 
 def _add_row(sums: IntArray, chances: FloatArray, row: IntArray) -> tuple[IntArray, FloatArray]:

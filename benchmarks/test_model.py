@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pytest_benchmark.fixture import BenchmarkFixture
 from scipy.integrate import quad
 
+import touchbeam
 from analysis.model.predict import PredictOptions, predict
 from benchmarks.compared import compare, tell
 from benchmarks.study_scenes import study_scenes
@@ -85,6 +86,22 @@ def test_a_thousand_places(benchmark: BenchmarkFixture, rung: str, limit: int) -
     work()
     what = f"friction at 1,000 places, rung {rung}"
     assert _against_sine(benchmark, work, what, accuracy=_off_the_top(rung)) <= limit
+
+
+@pytest.mark.parametrize(("rung", "limit"), [("mode", 30), ("auto", 60)])
+def test_a_further_thousand_places_in_python(
+    benchmark: BenchmarkFixture, rung: str, limit: int
+) -> None:
+    many, more = PLACES, np.linspace(0.0, 0.1, 3000)
+    ours, sines = [], []
+    for _ in range(5):
+        sines.append(_quickest(lambda: np.sin(PLACES), 400))
+        less = _quickest(lambda: touchbeam.friction(x_m=many, rung=rung), 20)
+        ours.append((_quickest(lambda: touchbeam.friction(x_m=more, rung=rung), 20) - less) / 2)
+    what = f"touchbeam.friction at each further 1,000 places, rung {rung}"
+    compare(benchmark, what, "np.sin of 1,000 places", ours, sines)
+    benchmark.pedantic(touchbeam.friction, kwargs={"x_m": many, "rung": rung}, rounds=3)
+    assert min(mine / sine for mine, sine in zip(ours, sines, strict=True)) <= limit
 
 
 def test_set_up_of_the_top_rung_with_its_resonance(benchmark: BenchmarkFixture) -> None:

@@ -7,6 +7,7 @@
 docs/python.md shows the rest. Nothing here runs a session or writes to a journal.
 """
 
+import math
 import os
 import warnings
 from collections.abc import Mapping, Sequence
@@ -351,9 +352,20 @@ def _predicted(
     import pandas as pd
 
     from analysis.model.predict import PredictOptions, predicted_table
-    from analysis.model.scene_table import scene_table
+    from analysis.model.scene_table import column_table
 
-    table = scene_table("scenes", scenes.to_csv(index=False), defaults)
+    names = [str(name).strip() for name in scenes.columns]
+    repeated = [name for name in names if names.count(name) > 1]
+    if repeated or not names:
+        said = f"column {repeated[0]!r} stands twice" if repeated else "no column is given"
+        raise ValueError(f"scenes, line 1: {said}")
+    columns = {
+        name: column.to_numpy()
+        if column.dtype.kind in "iuf"
+        else column.astype(object).where(column.notna(), None).to_numpy()
+        for name, (_, column) in zip(names, scenes.items(), strict=True)
+    }
+    table = column_table("scenes", columns, len(scenes), defaults)
     return pd.DataFrame(predicted_table(table, PredictOptions(**options)).columns, scenes.index)
 
 
@@ -370,10 +382,17 @@ def friction(
             numbers, words, or arrays of a common shape. What is left out is the paper's.
     """
     import numpy as np
-    import pandas as pd
 
-    columns: dict[str, Any] = {"voltage_v": None} | scene  # None stands for the paper's value
-    cells = np.broadcast_arrays(*columns.values())
-    scenes = pd.DataFrame(dict(zip(columns, map(np.ravel, cells), strict=True)))
-    found = predict(scenes, law=law, rung=rung, tolerance=tolerance)["mu_effective"]
-    return found.to_numpy().reshape(cells[0].shape)
+    from analysis.model.predict import PredictOptions, predicted_table
+    from analysis.model.scene_table import column_table
+
+    columns = {name: np.asarray(values) for name, values in scene.items()}
+    shape = np.broadcast_shapes(*(values.shape for values in columns.values()))
+    # One value is not repeated, so that what depends on it alone is computed once.
+    cells = {
+        name: np.ravel(values if values.size == 1 else np.broadcast_to(values, shape))
+        for name, values in columns.items()
+    }
+    table = column_table("scenes", cells, math.prod(shape))
+    options = PredictOptions(law=law, rung=rung, tolerance=tolerance)
+    return predicted_table(table, options).predictions["mu_effective"].reshape(shape)

@@ -74,17 +74,34 @@ def _optional(values: FloatArray) -> FloatArray | None:
     return None if np.isnan(values[:1]).any() else values
 
 
+def _shared(values: FloatArray) -> FloatArray:
+    """A column's one value, shape (1,), if all its values are the same bits, else all of them."""
+    bits = values.view(np.int64)
+    return values[:1] if (bits == bits[0]).all() else values
+
+
+def _word(table: SceneTable, name: str, rows: NDArray[np.intp]) -> str:
+    """The word that a group has in a column."""
+    words = table.words[name]
+    return str(words[rows[0] if words.size == len(table.lines) else 0])
+
+
 def _group_batch(table: SceneTable, rows: NDArray[np.intp], options: PredictOptions) -> Batch:
     """The scenes of one group as a batch."""
-    number = {name: values[rows] for name, values in table.numbers.items()}
+    count = len(table.lines)
+    number = {
+        name: _shared(values if values.size != count else values[rows])
+        for name, values in table.numbers.items()
+    }
+    number["x_m"] = np.broadcast_to(number["x_m"], rows.size)
     mode = int(number.pop("mode")[0])
     driven = {name: number.pop(name) for name in ("voltage_v", "frequency_hz", "damping_ratio")}
     driven["voltage_v"] = options.rig.gain * driven["voltage_v"]
     driven["frequency_hz"] = options.model_hz(driven["frequency_hz"])
     contact = Contact(
         beam=Beam(),
-        coverage=cast(Coverage, str(table.words["coverage"][rows[0]])),
-        direction=cast(Direction, str(table.words["direction"][rows[0]])),
+        coverage=cast(Coverage, _word(table, "coverage", rows)),
+        direction=cast(Direction, _word(table, "direction", rows)),
         finger_load_n=_optional(number.pop("finger_load_n")),
         same_direction_fraction=_optional(number.pop("same_direction_fraction")),
         **number,
@@ -94,10 +111,15 @@ def _group_batch(table: SceneTable, rows: NDArray[np.intp], options: PredictOpti
 
 def _groups(table: SceneTable) -> Iterator[NDArray[np.intp]]:
     """Rows that can be computed in one pass: alike in mode, words and what is given at all."""
+    count = len(table.lines)
     keys = [np.unique(words, return_inverse=True)[1] for words in table.words.values()]
     keys.append(table.numbers["mode"].astype(np.intp))
     given = (table.numbers[name] for name in ("finger_load_n", "same_direction_fraction"))
     keys.extend(np.isnan(values).astype(np.intp) for values in given)
+    keys = [key for key in keys if (key != key[0]).any()]
+    if not keys:
+        yield np.arange(count)
+        return
     _, group = np.unique(np.stack(keys), axis=1, return_inverse=True)
     order = np.argsort(group, kind="stable")
     yield from np.split(order, np.flatnonzero(np.diff(group[order])) + 1)
@@ -110,7 +132,7 @@ def _predicted(batch: Batch, options: PredictOptions, ratio: Ratio) -> Chosen:
         return auto_prediction(batch, choice, options.tolerance)
     prediction = rung_prediction(batch, options.rung, choice)
     bounds = error_bounds(batch, options.rung, choice, prediction.mu_effective)
-    rungs = np.full(batch.size, options.rung)
+    rungs = np.full(batch.size, options.rung, dtype=np.object_)
     return Chosen(prediction=prediction, rung=rungs, error_bound=bounds)
 
 
@@ -130,8 +152,9 @@ class PredictedTable:
         The note names an a/u outside [0, 1], which the printed law takes from Eq 15 as it stands.
         """
         given = {**self.table.numbers, **self.table.words}
+        count = len(self.table.lines)
         return {
-            **{name: given[name] for name in COLUMNS},
+            **{name: np.broadcast_to(given[name], count) for name in COLUMNS},
             **{name: self.predictions[name] for name in OUTPUTS},
             "rung": self.rung,
             "error_bound": self.error_bound,
@@ -156,7 +179,7 @@ def predicted_table(table: SceneTable, options: PredictOptions) -> PredictedTabl
     columns = {name: np.empty(count) for name in OUTPUTS}
     rung, bound = np.empty(count, dtype=np.object_), np.empty(count)
     for rows in _groups(table) if count else ():
-        ratio = cast(Ratio, str(table.words["ratio"][rows[0]]))
+        ratio = cast(Ratio, _word(table, "ratio", rows))
         try:
             chosen = _predicted(_group_batch(table, rows, options), options, ratio)
         except OutOfRangeError as error:

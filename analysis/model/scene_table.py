@@ -5,7 +5,7 @@ import io
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,8 @@ from device.friction.scenes import Scene
 from protocol.errors import BadInput
 from protocol.study.touch import Coverage, Direction
 
+Cells = Sequence[str] | NDArray[Any]
+"""A column's cells: the texts of a file, or numbers, of which NaN is a blank cell."""
 _SCENE = Scene()
 _LENGTH_M = _SCENE.structure.beam.length_m
 
@@ -109,10 +111,13 @@ COLUMNS: Mapping[str, NumberColumn | WordColumn] = {
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SceneTable:
-    """Scenes read from a file: a column each, defaults filled in, and the line of each row."""
+    """Scenes as read: a column each, defaults filled in, and the line of each row.
+
+    Columns have shape (n,), or (1,) for a value that all scenes share.
+    """
 
     source: str
-    lines: tuple[int, ...]
+    lines: Sequence[int]
     numbers: Mapping[str, FloatArray]
     words: Mapping[str, NDArray[np.str_]]
 
@@ -167,38 +172,44 @@ def _number(text: str) -> float | None:
         return None
 
 
-def _numbers(source: str, name: str, cells: Sequence[str], lines: Sequence[int]) -> FloatArray:
+def _numbers(source: str, name: str, cells: Cells, lines: Sequence[int]) -> FloatArray:
     """A column of numbers; blank cells and the column's word take its default."""
     column = COLUMNS[name]
     assert isinstance(column, NumberColumn)
-    given = np.array([bool(cell) and cell != column.word for cell in cells], dtype=np.bool_)
-    values = np.full(len(cells), column.default, dtype=np.float64)
-    found = [_number(cells[row]) for row in np.flatnonzero(given)]
-    for row, number in zip(np.flatnonzero(given), found, strict=True):
-        if number is None:
-            raise bad_cell(source, lines[row], name, column.rule, cells[row])
-    values[given] = np.array(found, dtype=np.float64)
+    if isinstance(cells, np.ndarray):
+        given, values = ~np.isnan(cells), cells.astype(np.float64)
+        values[~given] = column.default
+    else:
+        given = np.array([bool(cell) and cell != column.word for cell in cells], dtype=np.bool_)
+        values = np.full(len(cells), column.default, dtype=np.float64)
+        found = [_number(cells[row]) for row in np.flatnonzero(given)]
+        for row, number in zip(np.flatnonzero(given), found, strict=True):
+            if number is None:
+                raise bad_cell(source, lines[row], name, column.rule, cells[row])
+        values[given] = np.array(found, dtype=np.float64)
     wrong = np.flatnonzero(given & ~column.keeps(np.where(given, values, 0.5)))
     if wrong.size:
-        raise bad_cell(source, lines[wrong[0]], name, column.rule, cells[wrong[0]])
+        raise bad_cell(source, lines[wrong[0]], name, column.rule, str(cells[wrong[0]]))
     low, high = column.reach
     beyond = np.flatnonzero(given & (values != 0) & ~((values >= low) & (values <= high)))
     if beyond.size:
         zero = "be 0 or " if column.keeps(np.zeros(1))[0] else ""
         rule = f"must {zero}lie in [{low:g}, {high:g}]"
-        raise bad_cell(source, lines[beyond[0]], name, rule, cells[beyond[0]])
+        raise bad_cell(source, lines[beyond[0]], name, rule, str(cells[beyond[0]]))
     return values
 
 
-def _words(source: str, name: str, cells: Sequence[str], lines: Sequence[int]) -> NDArray[np.str_]:
+def _words(source: str, name: str, cells: Cells, lines: Sequence[int]) -> NDArray[np.str_]:
     """A column of words; blank cells take its default."""
     column = COLUMNS[name]
     assert isinstance(column, WordColumn)
-    for cell, line in zip(cells, lines, strict=True):
-        if cell and cell not in column.words:
-            rule = f"must be one of {', '.join(column.words)}"
-            raise bad_cell(source, line, name, rule, cell)
-    return np.array([cell or column.words[0] for cell in cells], dtype=np.str_)
+    texts = cells if not isinstance(cells, np.ndarray) else [str(cell) for cell in cells]
+    if not {"", *column.words}.issuperset(texts):
+        for cell, line in zip(texts, lines, strict=False):
+            if cell and cell not in column.words:
+                rule = f"must be one of {', '.join(column.words)}"
+                raise bad_cell(source, line, name, rule, cell)
+    return np.array([cell or column.words[0] for cell in texts], dtype=np.str_)
 
 
 def scene_table(source: str, text: str, defaults: Mapping[str, float] | None = None) -> SceneTable:
@@ -214,16 +225,55 @@ def scene_table(source: str, text: str, defaults: Mapping[str, float] | None = N
             column's rule; the message names file, line, column, rule and value.
     """
     header, rows, lines = _rows(source, text)
-    cells = dict(zip(header, zip(*rows, strict=True), strict=True)) if rows else {}
-    blank = ("",) * len(rows)
+    cells = [[cell.strip() for cell in column] for column in zip(*rows, strict=True)]
+    given = dict(zip(header, cells, strict=True)) if rows else {}
+    return _table(source, given, lines, defaults)
+
+
+def column_table(
+    source: str,
+    columns: Mapping[str, NDArray[Any]],
+    count: int,
+    defaults: Mapping[str, float] | None = None,
+) -> SceneTable:
+    """The scenes of arrays, of shape (count,) each, or (1,) for a value that all scenes share.
+
+    NaN and None are blank cells. See `scene_table` for the rest.
+    """
+    _checked_header(source, [*columns])
+    cells = {name: _cells_of(column) for name, column in columns.items()}
+    return _table(source, cells, range(2, count + 2), defaults)
+
+
+def _cells_of(column: NDArray[Any]) -> Cells:
+    """An array's numbers as they are, and anything else as the text it would be in a file."""
+    if column.dtype == np.float64 or column.dtype.kind in "iu":
+        return column
+    cells = column.tolist() if column.dtype == np.object_ else column
+    return ["" if cell is None or cell != cell else str(cell).strip() for cell in cells]  # noqa: PLR0124
+
+
+def _table(
+    source: str,
+    given: Mapping[str, Cells],
+    lines: Sequence[int],
+    defaults: Mapping[str, float] | None,
+) -> SceneTable:
+    """The table of given columns; what all scenes share has shape (1,)."""
     numbers, words = {}, {}
     for name, column in COLUMNS.items():
-        texts = [cell.strip() for cell in cells.get(name, blank)]
+        cells = given.get(name, [""])
         if isinstance(column, WordColumn):
-            words[name] = _words(source, name, texts, lines)
+            words[name] = _words(source, name, cells, lines)
             continue
-        values = _numbers(source, name, texts, lines)
+        values = _numbers(source, name, cells, lines)
         if defaults and name in defaults:
-            values[[not cell for cell in texts]] = defaults[name]
+            values[_blank(cells)] = defaults[name]
         numbers[name] = values
-    return SceneTable(source=source, lines=tuple(lines), numbers=numbers, words=words)
+    return SceneTable(source=source, lines=lines, numbers=numbers, words=words)
+
+
+def _blank(cells: Cells) -> BoolArray:
+    if isinstance(cells, np.ndarray):
+        return np.asarray(np.isnan(cells))
+    return np.array([not cell for cell in cells], dtype=np.bool_)

@@ -105,13 +105,16 @@ def certified(batch: Batch) -> NDArray[np.bool_]:
     known = str(batch.mode) in _table()["modes"]
     resonant = np.isnan(batch.frequency_hz)
     driven = _in_domain(batch, batch.frequency_hz)
-    return np.asarray(np.where(resonant, known & _in_domain(batch), driven))
+    inside = np.where(resonant, known & _in_domain(batch), driven)
+    return np.broadcast_to(inside, batch.size)
 
 
 def reduced_certified(batch: Batch) -> NDArray[np.bool_]:
     """Return for which scenes the table has the errors of `timoshenko-modes`, shape (n,)."""
     plain = _in_domain(batch)
-    return plain & _in_domain(batch, reduced_frequency_hz(batch)) if plain.any() else plain
+    if plain.any():
+        plain = plain & _in_domain(batch, reduced_frequency_hz(batch))
+    return np.broadcast_to(plain, batch.size)
 
 
 def _in_domain(batch: Batch, frequency_hz: FloatArray | None = None) -> NDArray[np.bool_]:
@@ -124,7 +127,7 @@ def _in_domain(batch: Batch, frequency_hz: FloatArray | None = None) -> NDArray[
     inside = (batch.damping_ratio >= low) & (batch.damping_ratio <= high)
     if frequency_hz is not None:
         bins = _bins(batch, frequency_hz)
-        inside &= (bins >= 0) & (bins < len(table["envelope"]["speed_per_v_m"]))
+        inside = inside & (bins >= 0) & (bins < len(table["envelope"]["speed_per_v_m"]))
     return np.asarray(inside)
 
 
@@ -186,7 +189,7 @@ def _same_direction(batch: Batch, right: Range) -> Range:
     """Return the range of r: the right-moving part, or the rest for a finger that moves left."""
     given = same_direction_given(batch.contact)
     if given is not None:
-        fraction = np.broadcast_to(np.asarray(given, dtype=np.float64), batch.voltage_v.shape)
+        fraction = np.broadcast_to(np.asarray(given, dtype=np.float64), batch.size)
         return Range(low=fraction, high=fraction)
     if batch.contact.direction == "right":
         return right

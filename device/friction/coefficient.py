@@ -46,9 +46,9 @@ def scene_batch(scene: Scene, places: FloatArray) -> Batch:
     return Batch(
         contact=contact_of(scene, places),
         mode=drive.mode,
-        voltage_v=np.full(places.size, drive.voltage_v),
-        frequency_hz=np.full(places.size, frequency_hz),
-        damping_ratio=np.full(places.size, scene.structure.beam.damping_ratio),
+        voltage_v=np.array([drive.voltage_v], dtype=np.float64),
+        frequency_hz=np.array([frequency_hz], dtype=np.float64),
+        damping_ratio=np.array([scene.structure.beam.damping_ratio]),
     )
 
 
@@ -101,13 +101,13 @@ _ROUNDING = 1e-12
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Chosen:
-    """Predictions with the rung that each comes from and its certified error; shape (n,).
+    """Predictions with the name of each one's rung and its certified error; shape (n,).
 
     `error_bound` bounds |μ' - μ'(top rung)|; nan where nothing is certified.
     """
 
     prediction: Prediction
-    rung: NDArray[np.str_]
+    rung: NDArray[np.object_]
     error_bound: FloatArray
 
 
@@ -149,6 +149,9 @@ def _cheap_parts(
 ) -> Iterator[Part]:
     """Yield the scenes that a candidate covers: rows, candidate, bounds and predictions."""
     top = top_rung_range(batch.rows(which), choice, resonant=resonant)
+    # No μ' is nearer to both ends of a range than its middle.
+    open_ = np.flatnonzero((top.high - top.low) / 2 <= tolerance)
+    which, top = which[open_], Range(low=top.low[open_], high=top.high[open_])
     for name in CANDIDATES:
         if which.size:
             prediction = rung_prediction(batch.rows(which), name, choice)
@@ -162,10 +165,7 @@ def _cheap_parts(
 
 def _worthwhile(batch: Batch, which: NDArray[np.intp]) -> bool:
     """Whether scenes have so many different drives that setting up the modes saves time."""
-    damping = batch.damping_ratio[which]
-    # NaN stands for the resonance, and one NaN would be unlike another.
-    drives = np.stack([np.nan_to_num(batch.frequency_hz[which], nan=-1.0), damping])
-    return int(np.unique(drives, axis=1).shape[1]) >= FEWEST_DRIVES
+    return which.size >= FEWEST_DRIVES and batch.rows(which).drives()[0].size >= FEWEST_DRIVES
 
 
 def _reduced_part(
@@ -190,20 +190,20 @@ def auto_prediction(batch: Batch, choice: LawChoice, tolerance: float) -> Chosen
         OutOfRangeError: the tolerance is not above 0, or a mode lies beyond the top rung's cut-off.
     """
     positive("tolerance", tolerance)
-    rung = np.full(batch.size, TOP_RUNG, dtype=f"<U{len(TOP_RUNG)}")
-    bounds = np.zeros(batch.size)
+    rung, bounds = np.full(batch.size, TOP_RUNG, dtype=np.object_), np.zeros(batch.size)
+    is_open = np.ones(batch.size, dtype=np.bool_)
     parts = []
     for which, resonant in _by_drive(batch, choice.law):
         for taken, name, bound, prediction in _cheap_parts(
             batch, which, choice, tolerance, resonant=resonant
         ):
-            rung[taken], bounds[taken] = name, bound
+            rung[taken], bounds[taken], is_open[taken] = name, bound, False
             parts.append((taken, prediction))
-    rest = np.flatnonzero(rung == TOP_RUNG)
+    rest = np.flatnonzero(is_open)
     for taken, name, bound, prediction in _reduced_part(batch, rest, choice, tolerance):
-        rung[taken], bounds[taken] = name, bound
+        rung[taken], bounds[taken], is_open[taken] = name, bound, False
         parts.append((taken, prediction))
-        rest = np.flatnonzero(rung == TOP_RUNG)
+    rest = np.flatnonzero(is_open)
     if rest.size:
         parts.append((rest, rung_prediction(batch.rows(rest), TOP_RUNG, choice)))
     return Chosen(prediction=joined(parts, batch.size), rung=rung, error_bound=bounds)

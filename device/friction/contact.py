@@ -22,6 +22,7 @@ Number = FloatArray | float
 class Contact:
     """A scene's touch and bodies as arrays of shape (n,) or numbers; one coverage, one direction.
 
+    An array of shape (1,) counts as a number, except for `x_m`, which has the shape of the scenes.
     A `finger_load_n` or `same_direction_fraction` of None means that it is not given.
     """
 
@@ -47,11 +48,11 @@ class Contact:
         return self.finger_load_n / self.contact_m
 
     def rows(self, which: NDArray[np.intp]) -> "Contact":
-        """Return the contact at some of the places; plain numbers apply to all of them."""
+        """Return the contact at some of the places; numbers apply to all of them."""
         chosen: dict[str, Any] = {
             name: value[which]
             for name, value in vars(self).items()
-            if isinstance(value, np.ndarray) and value.ndim
+            if isinstance(value, np.ndarray) and value.shape == self.x_m.shape
         }
         return replace(self, **chosen)
 

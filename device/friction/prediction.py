@@ -60,7 +60,9 @@ class LawChoice:
 class Batch:
     """Scenes that share beam, mode, coverage and direction; arrays of shape (n,).
 
-    A `frequency_hz` of nan means the rung's own resonance.
+    Places are n; the other arrays may have shape (1,), for a value that all scenes share, so that
+    one scene at many places costs what depends on the place alone. A `frequency_hz` of nan means
+    the rung's own resonance.
     """
 
     contact: Contact
@@ -77,17 +79,32 @@ class Batch:
     @property
     def size(self) -> int:
         """The number of scenes."""
-        return int(self.voltage_v.size)
+        return int(self.contact.x_m.size)
 
     def rows(self, which: NDArray[np.intp]) -> "Batch":
         """Return some of the scenes."""
         return Batch(
             contact=self.contact.rows(which),
             mode=self.mode,
-            voltage_v=self.voltage_v[which],
-            frequency_hz=self.frequency_hz[which],
-            damping_ratio=self.damping_ratio[which],
+            voltage_v=self.own(self.voltage_v, which),
+            frequency_hz=self.own(self.frequency_hz, which),
+            damping_ratio=self.own(self.damping_ratio, which),
         )
+
+    def own(self, values: FloatArray, which: NDArray[np.intp]) -> FloatArray:
+        """Return the values of some of the scenes, or the one that all scenes share."""
+        return values[which] if values.size == self.size else values
+
+    def drives(self) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
+        """Return frequencies and damping ratios that differ, and which of them each scene has.
+
+        A resonance is -1 here: one NaN would be unlike another. The last is of shape (1,) if all
+        scenes share their drive.
+        """
+        frequency_hz = np.nan_to_num(self.frequency_hz, nan=-1.0)
+        # As complex numbers, because those sort 20 times faster than pairs.
+        found, drive = np.unique(frequency_hz + 1j * self.damping_ratio, return_inverse=True)
+        return found.real, found.imag, drive
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -175,6 +192,8 @@ def state_prediction(
 
 def joined(parts: list[tuple[NDArray[np.intp], Prediction]], size: int) -> Prediction:
     """Return the predictions for parts of a batch, joined in the order of the batch."""
+    if len(parts) == 1 and parts[0][0].size == size:
+        return parts[0][1]
     columns = {entry.name: np.empty(size) for entry in fields(Prediction)}
     for which, part in parts:
         for name, column in columns.items():
@@ -184,21 +203,20 @@ def joined(parts: list[tuple[NDArray[np.intp], Prediction]], size: int) -> Predi
 
 def _solved_prediction(batch: Batch, rung: str, choice: LawChoice) -> Prediction:
     """Return the prediction of a rung that is set up once per drive frequency and damping ratio."""
-    # NaN stands for the resonance, and one NaN would be unlike another.
-    keys = np.stack([np.nan_to_num(batch.frequency_hz, nan=-1.0), batch.damping_ratio])
-    drives, group = np.unique(keys, axis=1, return_inverse=True)
+    frequencies_hz, damping_ratios, group = batch.drives()
     parts = []
-    for index, (frequency_hz, damping_ratio) in enumerate(drives.T):
-        which = np.flatnonzero(group == index)
+    pairs = zip(frequencies_hz, damping_ratios, strict=True)
+    for index, (frequency_hz, damping_ratio) in enumerate(pairs):
+        which = np.flatnonzero(np.broadcast_to(group == index, batch.size))
+        rows = batch if which.size == batch.size else batch.rows(which)
         drive = Drive(
             voltage_v=1.0,
             frequency_hz="resonance" if frequency_hz < 0 else float(frequency_hz),
             mode=batch.mode,
         )
         beam = replace(batch.beam, damping_ratio=float(damping_ratio))
-        field = rung_field(rung, beam, drive).scaled(batch.voltage_v[which])
-        rows = batch.contact.rows(which)
-        parts.append((which, field_prediction(rows, field, rung, choice)))
+        field = rung_field(rung, beam, drive).scaled(rows.voltage_v)
+        parts.append((which, field_prediction(rows.contact, field, rung, choice)))
     return joined(parts, batch.size)
 
 
@@ -207,11 +225,14 @@ def reduced_field(batch: Batch, direction_error: FloatArray | float = 0.0) -> Fi
 
     `direction_error`, a number or one for each scene, is that of `device.beam.modal_pattern`.
     """
-    frequency_hz = reduced_frequency_hz(batch)
-    errors = np.broadcast_to(direction_error, frequency_hz.shape)
-    keys = np.stack([frequency_hz, batch.damping_ratio, errors])
-    drives, drive = np.unique(keys, axis=1, return_inverse=True)
-    return modal_sum_field(batch.beam, drive, *drives).scaled(batch.voltage_v)
+    at_drive = replace(batch, frequency_hz=reduced_frequency_hz(batch))
+    frequency_hz, damping_ratio, drive = at_drive.drives()
+    errors = np.zeros(frequency_hz.size)
+    # Scenes with one drive have one error, because the table of errors goes by the frequency.
+    errors[drive] = direction_error
+    return modal_sum_field(batch.beam, drive, frequency_hz, damping_ratio, errors).scaled(
+        batch.voltage_v
+    )
 
 
 def reduced_frequency_hz(batch: Batch) -> FloatArray:

@@ -6,9 +6,17 @@ import math
 import re
 from random import Random
 
+import numpy as np
 import pytest
 
-from analysis.model.predict import OUTPUTS, PredictOptions, predict, study_defaults
+from analysis.model.predict import (
+    OUTPUTS,
+    PredictOptions,
+    predict,
+    predicted_table,
+    study_defaults,
+)
+from analysis.model.scene_table import column_table
 from device.beam.beam import Beam
 from device.friction.calibration import Calibration
 from device.friction.coefficient import friction_coefficient
@@ -232,3 +240,26 @@ def test_a_calibrated_rigs_values_stand_for_blank_cells() -> None:
     assert study_defaults(study).keys().isdisjoint({"damping_ratio", "body_height_m"})
     row = _rows(predict("s.csv", "voltage_v\n100\n", None, study_defaults(study, own)))[0]
     assert (row["damping_ratio"], row["body_height_m"]) == ("0.004", "0.0012")
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("rung", ["auto", "mode", "timoshenko-modes"])
+@pytest.mark.parametrize("frequency", ["resonance", "24000"])
+@pytest.mark.parametrize("touch", ["local,", "full,", "full,0.3"])
+def test_a_scene_at_many_places_is_as_if_each_place_had_its_own_scene(
+    law: str, rung: str, frequency: str, touch: str
+) -> None:
+    coverage, fraction = touch.split(",")
+    places = np.linspace(0.0, 0.1, 40)
+    words = {"frequency_hz": frequency, "coverage": coverage, "same_direction_fraction": fraction}
+    shared = {name: np.array([word]) for name, word in words.items()}
+    options = PredictOptions(law=law, rung=rung)
+    table = predicted_table(column_table("s", {"x_m": places, **shared}, places.size), options)
+    # The first scene's own voltage keeps the others from sharing one.
+    text = f"x_m,voltage_v,{','.join(words)}\n0.05,99,{frequency},{touch}\n"
+    text += "".join(f"{x!r},100,{frequency},{touch}\n" for x in places.tolist())
+    rows = _rows(predict("s", text, options))[1:]
+    for name in OUTPUTS:
+        due = [float(row[name]) for row in rows]
+        assert table.predictions[name] == pytest.approx(due, rel=1e-12, abs=0)
+    assert table.rung.tolist() == [row["rung"] for row in rows]

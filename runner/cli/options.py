@@ -15,9 +15,10 @@ if TYPE_CHECKING:
     from device.beam.eq15 import Overlap
     from device.people.person import Population
     from runner.journal.store import Journal
+    from runner.screens import AnswerSource
     from runner.study.folder import StudyFolder
 else:  # typer evaluates annotations at run time
-    Overlap = str
+    AnswerSource = Overlap = str
 
 Wire = Literal["pty", "tcp"]
 """Transport of the simulated device."""
@@ -53,6 +54,12 @@ def _overlaps() -> Iterable[str]:
     return get_args(Overlap)
 
 
+def _answer_sources() -> Iterable[str]:
+    from runner.screens import AnswerSource
+
+    return get_args(AnswerSource)
+
+
 def _formats() -> Iterable[str]:
     from analysis.export.formats import EXPORTS
 
@@ -66,6 +73,7 @@ _CHOICES: Mapping[str, Callable[[], Iterable[str]]] = {
     "law": _laws,
     "eq15_overlap": _overlaps,
     "as_format": _formats,
+    "ratings": _answer_sources,
 }
 """Choices by parameter. A look-up imports the module that defines them."""
 
@@ -175,6 +183,12 @@ OverlapOption = Annotated[
     Overlap,
     typer.Option(
         parser=_one_of("eq15_overlap"), help="Piece of Eq 15 that applies where two overlap."
+    ),
+]
+RatingsOption = Annotated[
+    AnswerSource,
+    typer.Option(
+        parser=_one_of("ratings"), help="Where the participant answers; virtual: a program does."
     ),
 ]
 FormatOption = Annotated[

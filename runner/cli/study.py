@@ -12,6 +12,7 @@ from runner.cli.options import (
     JsonOption,
     LanguageOption,
     PeopleOption,
+    RatingsOption,
     SimulatedDampingOption,
     SimulatedLawOption,
     SimulatedRungOption,
@@ -31,7 +32,6 @@ from runner.cli.output import (
 )
 from runner.cli.results import write_report
 from runner.clock import Pace
-from runner.screens import AnswerSource
 
 app = typer.Typer()
 
@@ -143,9 +143,7 @@ def run(
             callback=address,
         ),
     ] = None,
-    ratings: Annotated[
-        AnswerSource, typer.Option(help="Where the participant answers; virtual: a program does.")
-    ] = "window",
+    ratings: RatingsOption = "window",
     pace: Annotated[
         Pace | None,
         typer.Option(

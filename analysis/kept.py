@@ -152,7 +152,9 @@ def _other_form(value: Any) -> Any:
         return {"bytes": b64encode(value).decode()}
     if isinstance(value, partial):
         return {"call": _form((value.func, value.args, value.keywords))}
-    if type(value) is FunctionType and "<" not in value.__qualname__:  # no lambda and no closure
+    if (
+        isinstance(value, FunctionType | type) and "<" not in value.__qualname__
+    ):  # no lambda and no closure
         return {"function": _class_name(value)}
     raise NotKept(f"{type(value).__qualname__} is not kept")
 
@@ -196,9 +198,9 @@ def _class_name(known: Any) -> str:
 
 @cache
 def _returned(function: Callable[..., Any]) -> Records:
-    """Return the records that `function` says it returns, and those that they say they contain."""
+    """Return the records that `function`, or a class, returns, and those that they contain."""
     records: dict[str, type] = {}
-    hints = [get_type_hints(function)["return"]]
+    hints = [function if isinstance(function, type) else get_type_hints(function)["return"]]
     while hints:
         hint = hints.pop()
         hints += get_args(hint)

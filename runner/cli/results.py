@@ -1,7 +1,8 @@
 """Commands for results: report, predict, ladder, claims."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -165,6 +166,28 @@ def claims(as_json: JsonOption = False) -> None:
     say(summary_line(results))
 
 
+@dataclass(frozen=True, kw_only=True)
+class Written:
+    """The files of a report, by relative path, and what the command says of it.
+
+    `figure_files` are the paths of all figures that a report may have.
+    """
+
+    files: Mapping[str, bytes]
+    figure_files: tuple[str, ...]
+    table4: tuple[tuple[str, ...], ...]
+    lines: tuple[str, ...]
+    broken: tuple[str, ...]
+
+
+class _NotToKeep(Exception):
+    """The journal grew while it was read, or the report is too large to be kept."""
+
+    def __init__(self, made: Written) -> None:
+        super().__init__()
+        self.made = made
+
+
 def write_report(
     folder: "StudyFolder",
     out: Path | None,
@@ -179,6 +202,81 @@ def write_report(
     Without `out` it goes to `report` in the study's folder. Its `figures` become files if asked.
     Its page shows the sections `named`; without them those of `report.toml`, or all.
     """
+    from runner.study.files import write_files
+
+    if named is not None:
+        from analysis.report.page import require_sections
+
+        require_sections(named)
+    made = _kept_report(folder, rehearsals=rehearsals, named=named, figures=figures, alone=as_json)
+    warn_of_broken(made.broken, folder.path)
+    place = out or folder.report
+    if place.exists() and not place.is_dir():
+        raise BadInput(f"{place}: must be a folder for the report, got a file")
+    own = None if out else folder.path
+    write_files(made.files, place, replaced=made.figure_files, study=own)
+    if as_json:
+        print_json_text(made.files["report.json"].decode())
+        return
+    drawn = len(set(made.figure_files) & made.files.keys())
+    others = made.files.keys() - {*made.figure_files, "report.html"}
+    beside = [
+        *sorted(others),
+        f"{drawn} figure files" if figures else "with --figures figure files",
+    ]
+    print_table("Table 4", made.table4)
+    for line in made.lines:
+        say(line)
+    say(f"Written: {place / 'report.html'} (open it in a browser); beside it {', '.join(beside)}")
+
+
+def _kept_report(
+    folder: "StudyFolder",
+    *,
+    rehearsals: bool,
+    named: tuple[str, ...] | None,
+    figures: bool,
+    alone: bool,
+) -> Written:
+    """Return the report; of a journal whose bytes are as they were, the one that was made then."""
+    from analysis.kept import Kept
+    from runner.study.calibration import fitted_calibration
+    from runner.study.kept_files import code_version, journal_digest, kept_files
+    from runner.study.registered import registration_problem
+
+    text, shown = folder.text(), folder.report_sections() if named is None else named
+    with study_journal(folder) as journal:
+        unlocked = registration_problem(journal, folder.path)
+        keep = Kept(kept_files(journal), code_version())
+    before = journal_digest(folder.journal)
+
+    def make() -> Written:
+        made = _made(folder, rehearsals=rehearsals, named=named, figures=figures, alone=alone)
+        too_large = sum(map(len, made.files.values())) > _MOST_KEPT
+        if too_large or journal_digest(folder.journal) != before:
+            raise _NotToKeep(made)
+        return made
+
+    asked = (folder.path.resolve().name, rehearsals, named, shown, figures)
+    rig = fitted_calibration(folder.path)
+    try:
+        return keep.made(make, Written, before, text, unlocked, rig, asked)
+    except _NotToKeep as error:
+        return error.made
+
+
+_MOST_KEPT = 2**25
+"""Bytes of a report that is kept whole; of a larger one the tests, fits and figures are kept."""
+
+
+def _made(
+    folder: "StudyFolder",
+    *,
+    rehearsals: bool,
+    named: tuple[str, ...] | None,
+    figures: bool,
+    alone: bool,
+) -> Written:
     from analysis.loading.missing_scores import marks
     from analysis.loading.sessions import load_sessions
     from analysis.loading.study_data import study_data
@@ -189,7 +287,6 @@ def write_report(
     from analysis.report.table4_text import table4_lines
     from analysis.report.wording import omnibus_line
     from runner.journal.verification import readable_chains
-    from runner.study.files import write_files
 
     shown = folder.report_sections() if named is None else named
     require_sections(shown or ())
@@ -197,38 +294,25 @@ def write_report(
     with study_journal(folder) as journal:
         study = folder.study()
         readable, sessions = readable_chains(journal, broken), len(journal.sessions())
-        chains = followed("sessions", readable, sessions, alone=as_json)
+        chains = followed("sessions", readable, sessions, alone=alone)
         recorded = load_sessions(chains)
     found = study_data(recorded, rehearsals=rehearsals, rules=study.exclusions)
     kept = recorded if asks_for_multiverse(shown) else None
     del recorded  # it may be large
-    warn_of_broken(broken, folder.path)
     result = report_on(folder, found, broken, rehearsals=rehearsals, named=named, recorded=kept)
-    place = out or folder.report
-    if place.exists() and not place.is_dir():
-        raise BadInput(f"{place}: must be a folder for the report, got a file")
-    files = report_files(result, figures=figures)
-    own = None if out else folder.path
-    write_files(files, place, replaced=FIGURE_FILES, study=own)
-    if as_json:
-        print_json_text(files["report.json"].decode())
-        return
-    table4 = result.table.main.table4
-    drawn = len(FIGURE_FILES & files.keys())
-    others = files.keys() - FIGURE_FILES - {"report.html"}
-    beside = [
-        *sorted(others),
-        f"{drawn} figure files" if figures else "with --figures figure files",
-    ]
-    print_table("Table 4", table4_lines(table4, "–", marks(result.loaded.empty)))
-    for line in (
-        *result.table_notes,
-        omnibus_line(result.table.main),
-        *registered_lines(result),
-        *left_out_lines(found),
-        f"Written: {place / 'report.html'} (open it in a browser); beside it {', '.join(beside)}",
-    ):
-        say(line)
+    table4 = table4_lines(result.table.main.table4, "–", marks(result.loaded.empty))
+    return Written(
+        files=report_files(result, figures=figures),
+        figure_files=tuple(sorted(FIGURE_FILES)),
+        table4=tuple(map(tuple, table4)),
+        lines=(
+            *result.table_notes,
+            omnibus_line(result.table.main),
+            *registered_lines(result),
+            *left_out_lines(found),
+        ),
+        broken=tuple(broken),
+    )
 
 
 def report_on(

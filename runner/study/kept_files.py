@@ -13,11 +13,12 @@ import stat
 import sys
 from collections.abc import Iterator
 from contextlib import suppress
-from hashlib import sha256
+from hashlib import file_digest, sha256
 from importlib.metadata import version
 from pathlib import Path
 from typing import ClassVar
 
+from runner.journal.database import log_of
 from runner.journal.store import Journal
 
 VARIABLE = "TOUCHBEAM_CACHE"
@@ -96,13 +97,23 @@ def forget(journal: Journal) -> Path | None:
     return folder if folder.exists() else None
 
 
+def journal_digest(path: Path) -> str:
+    """Return the digest of the journal's bytes, those in its log among them."""
+    digest = sha256()
+    for each in (path, log_of(path)):
+        with suppress(FileNotFoundError), each.open("rb") as file:
+            digest.update(file_digest(file, "sha256").digest())
+        digest.update(b"|")
+    return digest.hexdigest()
+
+
 def code_version() -> str:
     """Return what results depend on beside their data: this code, its libraries, the machine.
 
     A developer's copy changes without its version, so the times of its files count, too.
     """
     own = Path(__file__).parents[2]
-    folders = (own / name for name in ("protocol", "device", "analysis"))
+    folders = (own / name for name in ("protocol", "device", "analysis", "runner"))
     files = (path for folder in folders for path in sorted(folder.rglob("*.[ph][yt]*")))
     stamps = [(str(path.relative_to(own)), *_stamp(path)) for path in files]
     libraries = [f"{name} {version(name)}" for name in _LIBRARIES]

@@ -3,13 +3,16 @@
 import json
 import os
 import pickle
+import sqlite3
 import zlib
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from analysis.kept import Kept
+from analysis.loading import sessions
 from analysis.sensitivity.linear_model import linear_sensitivity
 from analysis.sensitivity.ratings import Ratings
 from analysis.statistics.additive import additive_effects, gain_heterogeneity
@@ -18,6 +21,7 @@ from analysis.trials.contrasts import contrasts_by_law
 from device.friction.calibration import NOMINAL
 from device.friction.changes import CONDITIONS
 from device.friction.contrasts import RUNG
+from protocol.journal.events import StoredEvent
 from runner.journal.opening import open_journal
 from runner.study import kept_files
 from runner.study.kept_files import KeptFiles, forget
@@ -190,3 +194,37 @@ def test_the_page_is_the_same_with_and_without_kept_results(
         files = (path for path in (study / "report").iterdir() if path.is_file())
         made.append({path.name: path.read_bytes() for path in files})
     assert made[0] == made[1] == made[3]
+
+
+def test_a_journal_as_it_was_is_not_read_again_and_another_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv(kept_files.VARIABLE, str(tmp_path / "cache"))
+    study = tmp_path / "study"
+    opened: list[int] = []
+    assert typed("import", PUBLISHED, study) == 0
+    capsys.readouterr()
+    assert typed("report", study, "--out", tmp_path / "a") == 0
+    said = capsys.readouterr().out
+    load = sessions.load_sessions
+
+    def loaded(chains: Iterable[Sequence[StoredEvent]]) -> sessions.Sessions:
+        opened.append(1)
+        return load(chains)
+
+    monkeypatch.setattr(sessions, "load_sessions", loaded)
+    assert typed("report", study, "--out", tmp_path / "b") == 0
+    assert capsys.readouterr().out == said.replace(str(tmp_path / "a"), str(tmp_path / "b"))
+    assert opened == []
+    assert (tmp_path / "a" / "report.html").read_bytes() == (
+        tmp_path / "b" / "report.html"
+    ).read_bytes()
+    assert typed("exclude", study, "--participant", "3", "--reason", "late") == 0
+    assert typed("report", study, "--out", tmp_path / "b") == 0
+    assert opened == [1]
+    assert "Left out: 3" in capsys.readouterr().out
+    with sqlite3.connect(study / "study.db") as journal:
+        journal.execute("DROP TRIGGER event_is_erased_at_most")
+        journal.execute("UPDATE event SET utc = replace(utc, '20', '19')")
+    journal.close()
+    assert typed("report", study, "--out", tmp_path / "b") != 0

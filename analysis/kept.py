@@ -152,9 +152,7 @@ def _other_form(value: Any) -> Any:
         return {"bytes": b64encode(value).decode()}
     if isinstance(value, partial):
         return {"call": _form((value.func, value.args, value.keywords))}
-    if (
-        isinstance(value, FunctionType | type) and "<" not in value.__qualname__
-    ):  # no lambda and no closure
+    if isinstance(value, FunctionType | type) and "<" not in value.__qualname__:  # no closure
         return {"function": _class_name(value)}
     raise NotKept(f"{type(value).__qualname__} is not kept")
 

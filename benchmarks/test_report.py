@@ -8,6 +8,7 @@ from pathlib import Path
 from time import perf_counter
 
 import numpy as np
+import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from benchmarks.compared import compare, tell
@@ -46,7 +47,7 @@ def _children_s() -> float:
 def _reported(folder: Path, *options: str) -> tuple[float, float]:
     """Report the study; return processor time and wall time, s."""
     used_s, began_s = _children_s(), perf_counter()
-    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
+    environment = {"TOUCHBEAM_CACHE": "off", **os.environ, "OPENBLAS_NUM_THREADS": "1"}
     subprocess.run(
         [TOUCHBEAM, "report", str(folder), *options],
         check=True,
@@ -80,6 +81,38 @@ def test_1000_participants_of_40_trials_take_a_minute_and_2_gb_and_time_grows_li
     assert took[-1][1] <= 60
     assert most_gb <= 2
     assert exponent <= 1.1
+
+
+IMPORT = (
+    "import numpy, pandas, jinja2, pydantic, typer, rich.console, sqlite3, scipy.stats, "
+    "scipy.optimize, scipy.special, matplotlib.figure, matplotlib.font_manager, "
+    "matplotlib.backends.backend_agg, matplotlib.backends.backend_svg"
+)
+
+
+@pytest.mark.parametrize(("again", "most"), [(False, 4.0), (True, 2.5)])
+def test_a_report_of_five_people_costs_a_few_imports_of_all_it_needs(
+    benchmark: BenchmarkFixture,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    again: bool,
+    most: float,
+) -> None:
+    folder = _study(tmp_path / "study", 5)
+    imports: list[float] = []
+
+    def reported() -> float:
+        monkeypatch.setenv("TOUCHBEAM_CACHE", str(tmp_path / f"cache{len(imports)}"))
+        before_s = _children_s()
+        subprocess.run([sys.executable, "-c", IMPORT], check=True)
+        imports.append(_children_s() - before_s)
+        first_s, _ = _reported(folder)
+        return _reported(folder, "--out", str(tmp_path / "elsewhere"))[0] if again else first_s
+
+    reports = [reported(), reported(), benchmark.pedantic(reported, rounds=1)]
+    work = f"report of five people{', again, into another folder' if again else ''}"
+    ratio = compare(benchmark, work, "the import of all it needs", reports, imports)
+    assert ratio <= most
 
 
 def test_all_choices_of_analysis_cost_less_than_the_report(

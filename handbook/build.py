@@ -8,6 +8,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from handbook.formulas import with_drawn_formulas
+
 ROOT = Path(__file__).resolve().parents[1]
 _LOADED = "https://unpkg.com/iframe-worker/shim"
 _OWN = "assets/offline.js"
@@ -26,7 +28,8 @@ def build(root: Path = ROOT) -> Path:
     for page in site.rglob("*.html"):
         up = "../" * (len(page.relative_to(site).parts) - 1)
         text = page.read_text(encoding="utf-8")
-        page.write_text(text.replace(_LOADED, up + _OWN), encoding="utf-8")
+        text = with_drawn_formulas(text.replace(_LOADED, up + _OWN))
+        page.write_text(text, encoding="utf-8")
     return site
 
 

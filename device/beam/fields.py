@@ -23,7 +23,7 @@ class ModePattern(Pattern):
 
 
 def _folded_sine_integral(angle: FloatArray) -> FloatArray:
-    """Return ∫₀^angle |sin|, for any sign of the angle."""
+    """Return ∫₀^angle |sin|, (10) of mathematics/beam, for any sign of the angle."""
     lobe = np.floor(angle / math.pi)
     return np.asarray(2.0 * lobe + 1.0 - np.cos(angle - math.pi * lobe))
 

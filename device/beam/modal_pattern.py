@@ -26,6 +26,10 @@ Number = TypeVar("Number", FloatArray, ComplexArray)
 _DRIVES_AT_ONCE = 48
 _NEWTON_STEPS = 9
 _CORNER = 2.5  # |W| below so many chords of a cell is summed along chords
+# The equations are those of docs/mathematics/beam.md; (32) and (33) derive these two factors.
+_BOTH_SIDES_AT_HALF_SLOPE = 4  # errors over the slope: how far an edge may be off
+_SHALLOW = 4  # errors: a dip less deep may have a pair of edges or none
+_MOST_DOUBT = 2  # cells that an edge, or a pair of them, leaves undecided at most
 _QUARTERS = np.linspace(0.0, 1.0, 5)
 
 
@@ -35,6 +39,7 @@ def _cubic(
     """Return the weights of 1, τ, τ², τ³ in the cubic of (value, slope) at τ = 0 and at τ = 1."""
     start, slope, stop, stop_slope = ends
     rise = stop - start
+    # (29), mathematics/beam
     return start, slope, 3 * rise - 2 * slope - stop_slope, slope + stop_slope - 2 * rise
 
 
@@ -62,6 +67,7 @@ def _roots(terms: tuple[FloatArray, ...], low: FloatArray, high: FloatArray) -> 
 
 def _chord_area(start: ComplexArray, stop: ComplexArray) -> FloatArray:
     """Return ∫₀¹|W|dτ of a motion that is linear in τ."""
+    # (31), mathematics/beam
     step = stop - start
     size = np.maximum(np.abs(step), 1e-300)
     along = (start * np.conj(step)).real / size
@@ -85,6 +91,7 @@ def _areas(
         (slope * np.conj(end)).real / size
         for end, slope, size in zip((start, stop), (start_slope, stop_slope), sizes, strict=True)
     ]
+    # (30), mathematics/beam
     area = width / 2 * (sizes[0] + sizes[1]) + width**2 / 12 * (slopes[0] - slopes[1])
     corner = np.nonzero(np.minimum(*sizes) < _CORNER * np.abs(stop - start))
     width = np.broadcast_to(width, area.shape)[corner]
@@ -161,6 +168,7 @@ def _cells(basis: ModalBasis, weights: ComplexArray, error: FloatArray, stretch:
     both = np.concatenate([weights.real, weights.imag]) @ basis.terms[:, :, stretch]
     deflection, slope, rotation, bend = (row[:count] + 1j * row[count:] for row in both)
     turned = np.conj(rotation)
+    # (27), mathematics/beam
     value = -(deflection * turned).real
     tangent = -(slope * turned + deflection * np.conj(bend)).real
     places = basis.places_m[stretch]
@@ -177,34 +185,37 @@ def _cells(basis: ModalBasis, weights: ComplexArray, error: FloatArray, stretch:
         ends = start[which], start_slope[which], stop[which], stop_slope[which]
         return _cubic(ends)
 
-    def shift(
+    def uncertain(
         cubic: tuple[FloatArray, ...], root: FloatArray, which: tuple[Rows, ...]
     ) -> FloatArray:
-        steepness = np.abs(cubic[1] + root * (2 * cubic[2] + root * 3 * cubic[3]))
-        return np.asarray(
-            np.minimum(4 * limit[which], 2 * steepness) / np.maximum(steepness, 1e-300)
-        )
+        """Return the length in cells about a root that may have the other direction, by (32)."""
+        slope = np.abs(cubic[1] + root * (2 * cubic[2] + root * 3 * cubic[3]))
+        # Both sides are times the slope, so that a slope of 0 cannot overflow.
+        reach = np.minimum(_BOTH_SIDES_AT_HALF_SLOPE * limit[which], _MOST_DOUBT * slope)
+        return np.asarray(reach / np.maximum(slope, 1e-300))
 
     once = np.nonzero(crossing)
     cubic = terms(once)
     zero = np.zeros(once[0].size)
     first[once] = _roots(cubic, zero, zero + 1)
-    doubt[once] += shift(cubic, first[once], once)
+    doubt[once] += uncertain(cubic, first[once], once)
     sign = np.where(positive, 1.0, -1.0)
     dipping = (sign * start_slope < 0) & (sign * stop_slope > 0) & ~crossing
     dips = np.nonzero(dipping)
     c0, c1, c2, c3 = terms(dips)
+    # Where the derivative c1 + 2 c2 τ + 3 c3 τ² is 0, without cancellation of c2 and the root.
     root = np.sqrt(np.maximum(c2 * c2 - 3 * c1 * c3, 0.0))
     lowest = np.clip(-c1 / (c2 + np.where(c2 >= 0, root, -root) + 1e-300), 0.0, 1.0)
     bottom = sign[dips] * (c0 + lowest * (c1 + lowest * (c2 + lowest * c3)))
-    doubt[dips] += np.where(np.abs(bottom) < 4 * limit[dips], 2.0, 0.0)
+    # (33): a deeper dip keeps half of its slope as far as its edges may be off.
+    doubt[dips] += np.where(np.abs(bottom) < _SHALLOW * limit[dips], _MOST_DOUBT, 0)
     deep = bottom < 0
     twice = (dips[0][deep], dips[1][deep])
     cubic = terms(twice)
     zero = np.zeros(twice[0].size)
     first[twice] = _roots(cubic, zero, lowest[deep])
     second[twice] = _roots(cubic, lowest[deep], zero + 1)
-    doubt[twice] += shift(cubic, first[twice], twice) + shift(cubic, second[twice], twice)
+    doubt[twice] += uncertain(cubic, first[twice], twice) + uncertain(cubic, second[twice], twice)
     return _Cells(
         places_m=places,
         widths_m=widths,

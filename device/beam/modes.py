@@ -6,7 +6,8 @@ end, it loses no digits:
 
     φ(ξ) = c1 e^{-bξ} + c2 e^{-b(1-ξ)} - cos bξ + σ sin bξ,    ξ = x/L, ∫₀¹ φ² dξ = 1, |φ(1)| = 2
 
-with cos b cosh b = -1. The paper uses φ without printing it (Eq 1 and after).
+with cos b cosh b = -1. The paper uses φ without printing it (Eq 1 and after). Numbers of equations
+are those of docs/mathematics/beam.md.
 """
 
 import math
@@ -57,7 +58,7 @@ def _root_offset(order: int) -> float:
     """Return δ of b = (i-½)π + δ from s sin δ = sech b, without cancellation at any order."""
     sign = 1.0 if order % 2 else -1.0
     offset = 0.0
-    for _ in range(60):
+    for _ in range(60):  # (4)
         decay = math.exp(-(order - 0.5) * math.pi - offset)
         offset = sign * math.asin(2 * decay / (1 + decay * decay))
     return offset
@@ -77,6 +78,7 @@ def mode_constants(order: int) -> ModeConstants:
     sign, decay = (1.0 if order % 2 else -1.0), math.exp(-root)
     tanh = math.tanh(root)
     sech = 2 * decay / (1 + decay * decay)
+    # (6)
     tip = (sign * tanh + sech - decay) / ((1 - decay * decay) + 2 * decay * sign * tanh)
     return ModeConstants(
         order=order,
@@ -126,7 +128,7 @@ def mode_slope(order: int, xi: ArrayLike) -> FloatArray:
     """Return the slope dφ/dξ of the mode shape, dimensionless, of xi's shape."""
     place = np.asarray(xi, dtype=np.float64)
     c = mode_constants(order)
-    return c.root * (
+    return c.root * (  # (8)
         c.amplitude * np.cos(phase(c, place, c.lag))
         - c.clamp_weight * np.exp(-c.root * place)
         + c.tip_weight * np.exp(-c.root * (1.0 - place))
@@ -136,6 +138,7 @@ def mode_slope(order: int, xi: ArrayLike) -> FloatArray:
 def mode_integral(order: int, xi: FloatArray) -> FloatArray:
     """Return ∫₀^ξ φ dξ of the mode shape, dimensionless, to an absolute error of about 3e-16/b."""
     c = mode_constants(order)
+    # (9)
     decaying = c.tip_weight * np.exp(-c.root * (1.0 - xi))
     decaying -= c.clamp_weight * np.exp(-c.root * xi)
     decaying += c.amplitude * np.sin(phase(c, xi, c.lag + 0.5 * math.pi))
@@ -164,6 +167,7 @@ def modal_force_n_per_v(beam: Beam, mode: int) -> float:
     c, patches = mode_constants(mode), beam.patches
     middle = Fraction(patches.centre_m) / Fraction(beam.length_m)
     reach = Fraction(patches.length_m) / Fraction(beam.length_m) / 2
+    # (14), and (13) at the end
     half = c.root * float(reach)
     near_clamp = c.clamp_weight * math.exp(-c.root * float(middle - reach))
     near_tip = c.tip_weight * math.exp(-c.root * float(1 - middle - reach))

@@ -77,6 +77,7 @@ def segmented_motion(beam: Beam, frequency_hz: float, *, patched: bool, shear: b
     matrix = system_matrix(parts, segment_waves)[0]
     load = np.zeros(12, dtype=np.complex128)
     jump = beam.patch_moment_n_m_per_v / abs(segment_waves[0].moment[0, 0])
+    # (24): rows 4 and 8 are the moments across the patches' ends, over the waves' scale.
     load[4], load[8] = jump, -jump
     weights = np.asarray(np.linalg.solve(matrix, load), dtype=np.complex128)
     lengths_m = [part.length_m for part in parts]
@@ -105,6 +106,7 @@ def _shape_derivatives(order: int, xi: FloatArray) -> FloatArray:
     c = mode_constants(order)
     shape, slope = mode_shape(order, xi), mode_slope(order, xi)
     clamp, tip = c.clamp_weight * np.exp(-c.root * xi), c.tip_weight * np.exp(-c.root * (1 - xi))
+    # (11), mathematics/beam
     curvature = c.root**2 * (2 * (clamp + tip) - shape)
     third = c.root**2 * (2 * c.root * (tip - clamp) - slope)
     return np.stack([shape, slope, curvature, third])
@@ -143,7 +145,7 @@ Curve = Callable[[MotionState], tuple[FloatArray, FloatArray]]
 
 
 def direction(state: MotionState) -> tuple[FloatArray, FloatArray]:
-    """Return -Re(W ψ*) and its derivative along the beam."""
+    """Return -Re(W ψ*), (27) of mathematics/beam, and its derivative along the beam."""
     turned = np.conj(state.rotation)
     value = -(state.deflection * turned).real
     slope = -(

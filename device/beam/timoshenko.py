@@ -5,7 +5,8 @@ Timoshenko's equations, of which Euler-Bernoulli's are the case without shear an
     κGA (W'' - ψ') + ρA ω² W = 0,    EI ψ'' + κGA (W' - ψ) + ρI ω² ψ = 0
 
 A wave e^{λx} of the deflection W has rotation ψ = λ + β/λ, moment M = EI(λ² + β) and shear force
-V = -ρA ω²/λ, with β = ρA ω²/κGA. In this form V stays finite without shear too.
+V = -ρA ω²/λ, with β = ρA ω²/κGA. In this form V stays finite without shear too. Derived in
+docs/mathematics/beam.md, (20) to (26).
 """
 
 import math
@@ -62,6 +63,7 @@ def sections(beam: Beam, *, patched: bool, shear: bool) -> tuple[Section, Sectio
 
     before, beyond = section(patches.start_m), section(beam.length_m - patches.end_m)
     if patched:
+        # (25)
         offset_m = (beam.thickness_m + patches.thickness_m) / 2
         area = patches.count * patches.width_m * patches.thickness_m
         second_moment = area * (patches.thickness_m**2 / 12 + offset_m**2)
@@ -93,6 +95,7 @@ def waves(section: Section, omega: FloatArray, damping_ratio: float) -> Waves:
     inertia = section.mass_kg_per_m * omega**2
     beta = inertia * (section.shear_flexibility_per_n / loss)
     rotary = section.rotary_inertia_kg_m * omega**2
+    # (22) and (23)
     half_sum = (beta + rotary / bending) / 2
     product = inertia / bending * (1 - rotary * (section.shear_flexibility_per_n / loss))
     larger = half_sum + np.sqrt(half_sum**2 + product)
@@ -166,7 +169,7 @@ def _determinant(parts: Sequence[Section], frequency_hz: FloatArray) -> FloatArr
 def _host_frequency_hz(host: Section, wave_number_per_m: FloatArray) -> FloatArray:
     """Return the frequency at which a travelling wave in the bare section has that wave number.
 
-    The lower root of ρI/κGA·ω⁴ - (1 + k²(ρI/ρA + EI/κGA))ω² + EI k⁴/ρA = 0.
+    (26): the lower root of ρI/κGA·ω⁴ - (1 + k²(ρI/ρA + EI/κGA))ω² + EI k⁴/ρA = 0.
     """
     k2 = wave_number_per_m**2
     flexibility, mass = host.shear_flexibility_per_n, host.mass_kg_per_m

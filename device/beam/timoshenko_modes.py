@@ -6,7 +6,8 @@ is a function of z = ω²/(1 + 2jζ) alone:
     W(x) = U(x, z)/(1 + 2jζ),    U = Σ C_i(x)/(ω_i² - z) + Σ D_p(x) T_p(z)
 
 C_i is the mode's shape times its modal force over its modal mass. The polynomials T_p (Chebyshev's)
-stand for the modes that are not summed: their poles lie beyond the range of z.
+stand for the modes that are not summed: their poles lie beyond the range of z. It is (28) of
+docs/mathematics/beam.md.
 """
 
 import math

@@ -174,7 +174,7 @@ def _narrow_mean(here: Zones, end_m: FloatArray, width_m: FloatArray) -> FloatAr
 def _clamp_mean(here: Zones, end_m: FloatArray) -> FloatArray:
     """Return the mean of |φ| over [0, end] for ends of at most ½ in bξ; it is 0 at the clamp.
 
-    (2/t)[t³/3! + t⁷/7! + … - σ(t⁴/4! + t⁸/8! + …)] with t = b·end/L.
+    (19) of mathematics/beam: (2/t)[t³/3! + t⁷/7! + … - σ(t⁴/4! + t⁸/8! + …)] with t = b·end/L.
     """
     c = mode_constants(here.order)
     t = end_m * (c.root / here.length_m)
@@ -232,6 +232,7 @@ def _about_node(
 
 def _piece_mean(half: FloatArray, shape: FloatArray, swing: FloatArray) -> FloatArray:
     """Return the mean of φ over a piece from φ and cos - σ sin at its middle; series for h ≤ ¼."""
+    # (18), mathematics/beam
     square = half * half
     grown = 1 + square / 6 * (1 + square / 20 * (1 + square / 42 * (1 + square / 72)))
     fourth = square * square

@@ -74,6 +74,7 @@ def _shifts(order: int, sign: int) -> FloatArray:
         clamp = sign * c.clamp_weight * np.exp(-angle - shift)
         tip = c.tip_weight * np.exp(shift - from_tip)
         sine, cosine = np.sin(shift), np.cos(shift)
+        # (15) and (16), mathematics/beam
         residual = (1 + c.sigma) * sine - c.one_minus_sigma * cosine + fold * (clamp + tip)
         slope = (1 + c.sigma) * cosine + c.one_minus_sigma * sine + fold * (tip - clamp)
         shift -= residual / slope
@@ -155,6 +156,7 @@ def _node_step(order: int, index: int, offset: Decimal, shift: Decimal) -> Decim
     sine, cosine = _sine_and_cosine(shift)
     fold = Decimal(2).sqrt() * (-1 if index % 2 else 1)
     weight = 2 - 2 * tip * decay
+    # (15) and (16), mathematics/beam
     residual = weight * sine - 2 * tip * decay * cosine + fold * (near_clamp + near_tip)
     slope = weight * cosine + 2 * tip * decay * sine + fold * (near_tip - near_clamp)
     return shift - residual / slope

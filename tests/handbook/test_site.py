@@ -1,9 +1,11 @@
 """The documentation's site in a browser without a network, opened as files."""
 
 import json
+import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
+from xml.etree import ElementTree as ET
 
 import pytest
 from axe_core_python.selenium import Axe  # type: ignore[import-untyped]
@@ -25,6 +27,7 @@ LOOKED_AT = (
     "rig.html",
     "glossary.html",
     "reference/statistics.html",
+    "mathematics/beam.html",
 )
 
 
@@ -102,6 +105,19 @@ def test_no_page_names_a_script_or_a_style_of_another_place(site: Path) -> None:
         text = page.read_text(encoding="utf-8")
         assert 'src="http' not in text
         assert 'rel="stylesheet" href="http' not in text
+
+
+def test_every_formula_is_drawn_with_its_number(site: Path) -> None:
+    for source in sorted((ROOT / "docs" / "mathematics").glob("*.md")):
+        numbers = re.findall(r"\\tag\{(\d+)\}", source.read_text(encoding="utf-8"))
+        assert numbers == [str(k) for k in range(1, len(numbers) + 1)], source.name
+        assert source.read_text(encoding="utf-8").count("```math") == len(numbers)
+        page = (site / "mathematics" / f"{source.stem}.html").read_text(encoding="utf-8")
+        drawn = re.findall(r"<math .*?</math>", page)
+        assert len(drawn) == len(numbers)
+        for formula in drawn:
+            text = "".join(ET.fromstring(formula).itertext())
+            assert "\\" not in text, f"{source.name}: not drawn: {text}"
 
 
 def test_the_search_finds_a_word_that_is_typed_on_a_page_opened_as_a_file(

@@ -5,17 +5,34 @@ UV ?= $(or $(shell command -v uv),.uv/bin/uv)
 PYTHON ?= $(or $(shell command -v python3.11),$(shell command -v python3.12),python3)
 BIN := .venv/bin
 READY := .venv/.ready
+FAST := tests/protocol tests/device $(addprefix tests/runner/,journal people session study) \
+	$(addprefix tests/analysis/,loading statistics trials)
 
-.PHONY: demo test check bench docs pictures soak mutants day-mutants clean
+.PHONY: demo test test-computing test-waiting test-fast check bench docs pictures soak mutants day-mutants clean
 .DELETE_ON_ERROR:
 
 demo: $(READY)
 	@$(BIN)/touchbeam demo
 
-# One worker for each core: with more, sessions in real time miss answers, and hardly anything is won.
+# Tests that wait leave the cores to those that compute, and go first where they need one: a session
+# in real time misses answers on a busy core. With two cores, more workers win hardly anything.
 test: check
 	@.ci/system-packages
-	$(BIN)/pytest --numprocesses logical --maxprocesses 4 --dist loadfile --no-loadscope-reorder
+	@$(MAKE) --no-print-directory --keep-going --jobs 2 test-computing test-waiting
+
+# A file's tests share sessions, so they stay on one worker.
+test-waiting: $(READY)
+	@$(BIN)/pytest -m "waits and not soak" --numprocesses 3 --dist loadfile --no-loadscope-reorder \
+		--durations 10 >.waiting.log 2>&1; code=$$?; cat .waiting.log; rm .waiting.log; exit $$code
+
+test-computing: $(READY)
+	nice $(BIN)/pytest -m "not waits and not soak" --numprocesses logical --maxprocesses 4 \
+		--dist worksteal --durations 10
+
+# What needs no other process, window, report or fit, while you work: a quick first answer.
+test-fast: $(READY)
+	$(BIN)/pytest -m "not waits and not soak" --numprocesses logical --maxprocesses 4 \
+		--dist worksteal --durations 10 $(FAST)
 
 check: $(READY)
 	$(BIN)/ruff check .

@@ -32,40 +32,30 @@ settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")
 
 REASON = "takes minutes; run it with `make soak`"
-LONGEST = (
-    "system/test_window_sessions.py",
-    "system/test_report_sections.py",
-    "handbook/test_examples.py",
-    "system/test_round_trip.py",
-    "system/test_terminal_output.py",
-    "system/test_recorded_sessions.py",
-    "system/test_slide.py",
-    "system/test_power_workers.py",
-    "system/test_planted.py",
-    "system/day/test_day.py",
-    "runner/cli/test_app.py",
-    "runner/test_pytest_plugin.py",
-    "system/test_window_failures.py",
-    "system/test_results_on_disk.py",
-    "system/test_report_in_browser.py",
-    "runner/cli/test_slide.py",
-    "runner/cli/test_export.py",
-    "runner/cli/test_power.py",
-    "analysis/export/test_rocrate.py",
-    "system/test_free_study.py",
-    "system/test_operator_terminal.py",
-)
-"""These files come first, so that no worker is left alone with one of them at the end."""
+_DISPLAYS = {"small_display", "large_display"}
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Import no file without a test of the only kind that is asked for."""
+    kind = config.getoption("-m").partition(" ")[0]
+    if kind not in {"soak", "waits"} or not collection_path.name.startswith("test_"):
+        return None
+    return f"mark.{kind}" not in collection_path.read_text(encoding="utf-8") or None
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    places = {Path(__file__).parent / name: place for place, name in enumerate(LONGEST)}
-    items.sort(key=lambda item: places.get(item.path, len(places)))
+    # Whole sessions at a display last longest: no worker is left alone with one at the end.
+    seated = {item.path for item in items if _DISPLAYS.intersection(_fixtures(item))}
+    items.sort(key=lambda item: item.path not in seated)
     if "soak" in config.getoption("-m"):
         return
     for item in items:
         if item.get_closest_marker("soak"):
             item.add_marker(pytest.mark.skip(reason=REASON))
+
+
+def _fixtures(item: pytest.Item) -> list[str]:
+    return item.fixturenames if isinstance(item, pytest.Function) else []
 
 
 def _require_tools() -> None:

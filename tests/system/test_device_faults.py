@@ -12,6 +12,8 @@ from device.simulator.faults import NAMES
 from tests.device.fault_table import FAULTS, Row
 from tests.device.rigs import DRIVE, TOUCHBEAM, driven_on, opened, until
 
+pytestmark = pytest.mark.waits
+
 
 @pytest.fixture(scope="module")
 def simulators() -> Iterator[dict[str, Endpoints]]:

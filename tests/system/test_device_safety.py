@@ -25,6 +25,8 @@ from device.simulator.client import ControlClient, Endpoints, simulator_process
 from device.simulator.in_process import InProcessClock, InProcessDevice, in_process_rig
 from tests.device.rigs import DRIVE, LIMITS, TOUCHBEAM, driven_on, opened, until
 
+pytestmark = pytest.mark.waits
+
 ROOT = Path(__file__).parents[2]
 
 

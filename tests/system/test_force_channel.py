@@ -21,6 +21,8 @@ from device.simulator.client import ControlClient, Endpoints, simulator_process
 from runner.clock import SteppedClock
 from tests.device.rigs import DRIVE, LIMITS, TOUCHBEAM, driven_on, opened, until
 
+pytestmark = pytest.mark.waits
+
 ROOT = Path(__file__).parents[2]
 SPEED_M_S = 0.001
 NOISES = ("jitter", "tangential_noise_n", "normal_noise_n", "position_noise_m", "drift_n_per_min")

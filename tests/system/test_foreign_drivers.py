@@ -12,6 +12,7 @@ from device.simulator.models.generator_model import AMPLIFIER_GAIN
 from tests.device.rigs import TOUCHBEAM
 
 pytestmark = [
+    pytest.mark.waits,
     # Not ours: what PyMeasure, Pint and PyVISA warn about when they are imported and closed.
     pytest.mark.filterwarnings("ignore::DeprecationWarning"),
     pytest.mark.filterwarnings("ignore::FutureWarning"),

@@ -21,6 +21,8 @@ from tests.runner.command_line import typed
 from tests.runner.window.person import Person, Sight, _colour, virtual_display
 from tests.runner.window.sessions import Seat, tiny_study
 
+pytestmark = pytest.mark.waits
+
 VALIDATOR = str(Path(sys.executable).with_name("bids-validator-deno"))
 PAGES = """
 [[page]]

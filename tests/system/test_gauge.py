@@ -24,6 +24,8 @@ from runner.study.folder import StudyFolder
 from tests.device.rigs import DRIVE, LIMITS, TOUCHBEAM, driven_on, until
 from tests.system.test_force_channel import noiseless, recorded, require_complete
 
+pytestmark = pytest.mark.waits
+
 
 @pytest.fixture(scope="module", params=[("board", "pty"), ("keysight", "tcp")], ids=str)
 def simulator(request: pytest.FixtureRequest) -> Iterator[Endpoints]:

@@ -11,6 +11,8 @@ import pytest
 from protocol.study_file.loading import template
 from tests.runner.command_line import TOUCHBEAM
 
+pytestmark = pytest.mark.waits
+
 COMMANDS = (
     "--help",
     "new made",

@@ -13,6 +13,8 @@ from runner.journal.opening import read_journal
 from tests.runner.command_line import TOUCHBEAM
 from tests.system.pty_screen import OnTerminal, on_terminal
 
+pytestmark = pytest.mark.waits
+
 LATEST_S = 0.3
 """What was read is on the screen within this time."""
 STUDY = """

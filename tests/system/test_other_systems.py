@@ -16,6 +16,8 @@ from runner.people import terminal
 from tests.device.rigs import TOUCHBEAM
 from tests.runner.command_line import typed
 
+pytestmark = pytest.mark.waits
+
 WITHOUT = """
 import builtins, os, socket
 

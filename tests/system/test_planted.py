@@ -17,6 +17,8 @@ from tests.runner.command_line import TOUCHBEAM
 from tests.runner.window.sessions import short_study
 from tests.system.test_power_workers import cluster_in
 
+pytestmark = pytest.mark.waits
+
 WITHIN_S = 120
 SETTINGS = (
     *("matplotlibrc", ".matplotlib/matplotlibrc", ".config/matplotlib/matplotlibrc", "fonts.conf"),

@@ -23,6 +23,8 @@ from tests.runner.window.person import Person
 from tests.runner.window.sessions import Seat, short_study, tiny_study
 from tests.system.test_sigkill import killed_and_resumed
 
+pytestmark = pytest.mark.waits
+
 CHANNEL = "\n[force_channel]\nrate_hz = 1000\n"
 RECORDED = short_study() + CHANNEL
 OFF_WITHIN_S = 0.25

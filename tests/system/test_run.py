@@ -15,6 +15,8 @@ from runner.journal.session_log import SessionLog
 from runner.study.folder import StudyFolder
 from tests.runner.command_line import TOUCHBEAM, assert_matches, typed
 
+pytestmark = pytest.mark.waits
+
 RUN = ("run", "study", "--participant", "P01", "--ratings")
 
 

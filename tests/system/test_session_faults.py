@@ -30,6 +30,8 @@ from tests.device.fault_table import BOARD, Row
 from tests.device.rigs import TOUCHBEAM, opened, until
 from tests.runner.fakes import FakeDevice, FakeParticipant, context
 
+pytestmark = pytest.mark.waits
+
 STUDY = (
     template("paper")
     .replace("hold_s = 2.0", "hold_s = 1.0")

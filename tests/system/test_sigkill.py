@@ -16,6 +16,8 @@ from runner.journal.opening import open_journal
 from runner.journal.verification import verdicts
 from tests.runner.command_line import TOUCHBEAM
 
+pytestmark = pytest.mark.waits
+
 EVENTS = 48
 """Number of events in a session of the paper's study."""
 

@@ -21,6 +21,8 @@ from tests.runner.command_line import TOUCHBEAM
 from tests.system.pty_screen import on_terminal
 from tests.system.test_sigkill import len_of
 
+pytestmark = pytest.mark.waits
+
 SPEED_M_S = 0.05
 LEAD_IN_S = 0.5
 SECTION = f"""

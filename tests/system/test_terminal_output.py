@@ -25,6 +25,8 @@ from tests.analysis.chains import chain, scored_session
 from tests.runner.command_line import TOUCHBEAM
 from tests.runner.journal.tampering import tampering
 
+pytestmark = pytest.mark.waits
+
 ROOT = Path(__file__).parents[2]
 ATTACKS = ("\x1b]0;pwned\x07", "\x1b[2J", "\x9b2J", "\x7f", "\u202e", "\u2066", "\u200f", "\u061c")
 HOSTILE = "P1" + "".join(ATTACKS)

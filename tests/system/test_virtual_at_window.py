@@ -14,6 +14,8 @@ from tests.runner.command_line import typed
 from tests.runner.window.person import Person
 from tests.runner.window.sessions import Seat, short_study, tiny_study
 
+pytestmark = pytest.mark.waits
+
 PEOPLE = """
 [person]
 rating_noise = 2.0

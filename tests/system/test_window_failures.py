@@ -14,6 +14,8 @@ from protocol.journal.events import StoredEvent
 from tests.runner.window.person import Person, virtual_display
 from tests.runner.window.sessions import Running, Seat, tiny_study
 
+pytestmark = pytest.mark.waits
+
 LATIN_FONTS_ONLY = """<?xml version="1.0"?>
 <!DOCTYPE fontconfig SYSTEM "fonts.dtd">
 <fontconfig><dir>/usr/share/fonts/truetype/dejavu</dir></fontconfig>

@@ -14,6 +14,8 @@ from protocol.study.study_question import ANSWERS
 from tests.runner.window.person import Controls, Person, virtual_display
 from tests.runner.window.sessions import READABLE_S, Running, Seat, short_study, tiny_study
 
+pytestmark = pytest.mark.waits
+
 CHOICES = [0, 0, 2, 0, 0, 1]
 SCORES = [10, 3, 0, 8, 5, 1]
 

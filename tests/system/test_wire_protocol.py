@@ -18,6 +18,8 @@ from device.simulator.faults import FAULTS
 from device.simulator.hardware.force_sampler import SCALE
 from tests.device.rigs import TOUCHBEAM
 
+pytestmark = pytest.mark.waits
+
 PAGE = (Path(__file__).parents[2] / "docs" / "wire-protocol.md").read_text(encoding="utf-8")
 SOURCES = Path(__file__).parents[2] / "device" / "simulator"
 EXAMPLES = re.findall(r"```scpi\n(.*?)```", PAGE, re.DOTALL)

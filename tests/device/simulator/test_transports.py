@@ -10,6 +10,8 @@ from device.simulator.client import simulator_process
 from device.simulator.transports import TcpLine
 from tests.device.rigs import TOUCHBEAM
 
+pytestmark = pytest.mark.waits
+
 RECONNECTS = 200
 
 

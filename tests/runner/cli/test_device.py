@@ -24,6 +24,8 @@ from tests.device.rigs import DRIVE, TOUCHBEAM, opened
 from tests.device.scripted import ScriptedPort, ticking
 from tests.runner.command_line import typed
 
+pytestmark = pytest.mark.waits
+
 FOUND = Resonance(frequency_hz=24_180.5, tip_m_per_v=2e-8)
 
 

@@ -11,6 +11,8 @@ from runner.displays.screen_list import ScreenPlace, connectors, listed_screens,
 from tests.runner.command_line import TOUCHBEAM
 from tests.runner.window.person import virtual_display
 
+pytestmark = pytest.mark.waits
+
 LEFT = ScreenPlace(number=0, x=0, y=0, width=1280, height=720, name="eDP-1")
 XRANDR = """Monitors: 2
  0: +*eDP-1 1280/309x720/174+0+0  eDP-1

@@ -44,6 +44,8 @@ from runner.window.messages import (
 from runner.window.preflight import foreseen
 from runner.window.server import mailbox_of
 
+pytestmark = pytest.mark.waits
+
 PAPER = parsed_study(template("paper"))
 ALIVE = {"alive": 1.0}
 

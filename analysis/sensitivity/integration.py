@@ -22,7 +22,7 @@ CURVATURE_STEP = 0.2
 MODE_STEPS, MODE_RISE, LONGEST_STEP = 30, 0.05, 1.0
 # Limits to which the curvature of a direction at the mode is clipped.
 LEAST_CURVATURE, MOST_CURVATURE = 0.1, 1e8
-QUANTILE_STEPS, QUANTILE_TOLERANCE = 60, 1e-13
+QUANTILE_STEPS, QUANTILE_TOLERANCE = 60, 1e-8
 # Bits to which proposals are rounded.
 BITS = 12
 # What stands for the log density of a point at which it is unknown, and how many points may be so.
@@ -389,12 +389,15 @@ def _quantile(
     for _ in range(QUANTILE_STEPS):
         score, slope = normal_of(value)
         excess = weights @ ndtr(score) - probability
-        if (np.abs(excess) < QUANTILE_TOLERANCE).all():
-            break
         low, high = np.where(excess < 0, value, low), np.where(excess < 0, high, value)
         density = weights @ (_normal_density(score) * slope)
         step = value - excess / np.maximum(density, 1e-300)
-        value = np.where((step > low) & (step < high), step, (low + high) / 2)
+        found = np.abs(excess) < QUANTILE_TOLERANCE
+        # The last step squares what is left of the error.
+        other = np.where(found, value, (low + high) / 2)
+        value = np.where((step > low) & (step < high), step, other)
+        if found.all():
+            break
     return np.asarray(value)
 
 

@@ -11,7 +11,7 @@ from analysis.estimates import BoolArray, FloatArray, IntArray, Interval, NotEst
 from analysis.sensitivity.curvature import OrdinalTrials, counted
 from analysis.sensitivity.integration import Marginals
 from analysis.sensitivity.laplace import Components
-from analysis.sensitivity.latent_posterior import LatentPosterior, integrated
+from analysis.sensitivity.latent_posterior import LatentPosterior, integrated, log_evidence
 from analysis.sensitivity.lines import (
     Axes,
     LineMixture,
@@ -166,14 +166,17 @@ def latent_posterior(ready: PreparedTrials) -> LatentPosterior:
     return integrated(ready.trials, start, _components, _log_prior)
 
 
-def _equal_gains(ready: PreparedTrials) -> float:
-    """Return the log evidence of the model with τ_gain = 0, in which ρ means nothing."""
+def _equal_gains(ready: PreparedTrials, middle: FloatArray) -> float:
+    """Return the log evidence of the model with τ_gain = 0, in which ρ means nothing.
+
+    The search for its mode begins at the `middle` of the posterior in which gains differ.
+    """
 
     def components(points: FloatArray) -> Components:
         return _components(np.insert(points, [2, 2], [-np.inf, 0.0], axis=1))
 
-    start = np.delete(START, [2, 3] if ready.trials.conditions else [2, 3, 4])
-    return integrated(ready.trials, start, components, _log_prior_of_equal).points.log_evidence
+    start = np.delete(middle, [2, 3])
+    return log_evidence(ready.trials, start, components, _log_prior_of_equal)
 
 
 def _components(points: FloatArray) -> Components:
@@ -256,7 +259,7 @@ def _mixture(ready: PreparedTrials, known: LatentPosterior) -> tuple[LineMixture
         relative=found.part(slice(others.stop, None)),
         own_variance=own_sds**2 / between[:, None, 1, 1],
         residual_sd=known.residual_sds * axes.y_sd,
-        log_evidence_of_equal=partial(_equal_gains, ready),
+        log_evidence_of_equal=partial(_equal_gains, ready, points.mean(points.points)),
         counts=counts.astype(np.float64),
     )
     return mixture, found.part(others)

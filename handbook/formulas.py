@@ -13,6 +13,8 @@ _BLOCK = re.compile(
     r'<div class="language-text highlight"><pre><span></span><code>'
     r"(?P<formula>[^<]*?)\\tag\{(?P<number>\d+)\}\s*</code></pre></div>"
 )
+# latex2mathml sets no space between a function and its argument.
+_FUNCTION = re.compile(r"<m[io]>(?:a?sinh?|cosh?|tanh|sech|ln|asinh)</m[io]>")
 
 
 def with_drawn_formulas(page: str) -> str:
@@ -22,10 +24,11 @@ def with_drawn_formulas(page: str) -> str:
 
 def _drawn(block: re.Match[str]) -> str:
     formula = convert(unescape(block["formula"]).strip(), display="block")
+    formula = _FUNCTION.sub(r'\g<0><mspace width="0.17em" />', formula)
     number = block["number"]
     # A class that offline.js knows: a long formula scrolls, and the keyboard reaches it.
     return (
         f'<div class="md-typeset__scrollwrap" id="equation-{number}" '
-        'style="display: flex; align-items: center">'
+        'style="display: flex; align-items: center; overflow-y: hidden">'
         f'<div style="flex: 1; padding-right: 1em">{formula}</div><div>({number})</div></div>'
     )

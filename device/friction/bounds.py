@@ -2,7 +2,8 @@
 
 The table (`certified_bounds.json`, made by `certify`) covers the paper's beam: at resonance, the
 ranges of the top rung's zone edges, areas, tip speed and inertia over the domain; off resonance,
-upper bounds on its motion, and the errors of `timoshenko-modes`, at each frequency.
+upper bounds on its motion, and the errors of `timoshenko-modes`, at each frequency. Numbers of
+equations are those of docs/mathematics/bounds.md.
 """
 
 import json
@@ -172,6 +173,7 @@ def _window_ranges(batch: Batch, top: _Resonance) -> tuple[Range, Range]:
     start_m, width = end_m - width_m, np.where(width_m > 0, width_m, 1e-12)
     right_m = np.interp(end_m, top.edges_m, top.right_before_m)
     right_m -= np.interp(start_m, top.edges_m, top.right_before_m)
+    # (3): each edge within reach of the window may be off by its own slack.
     inner = top.edges_m[1:-1]
     last = np.searchsorted(inner, end_m + top.widest_slack_m)
     first = np.searchsorted(inner, start_m - top.widest_slack_m)
@@ -179,7 +181,7 @@ def _window_ranges(batch: Batch, top: _Resonance) -> tuple[Range, Range]:
     part = right_m / width
     cells_m = np.linspace(0.0, length_m, top.area_m.size)
     area_m = np.interp(end_m, cells_m, top.area_m) - np.interp(start_m, cells_m, top.area_m)
-    reach = 2 * top.area_slack_m
+    reach = 2 * top.area_slack_m  # (4): the area is off at both ends of the window
     right = Range(low=np.maximum(part - slack, 0.0), high=np.minimum(part + slack, 1.0))
     mean = Range(low=np.maximum(area_m - reach, 0.0) / width, high=(area_m + reach) / width)
     return right, mean
@@ -203,6 +205,7 @@ def resonant_terms(batch: Batch) -> TopTerms:
     displacement_m = modal_displacement_m(
         beam, mode, batch.voltage_v, omega / (2 * math.pi), batch.damping_ratio
     )
+    # (5)
     speed = math.sqrt(2.0) * omega * displacement_m * (mode_constants(mode).root / beam.length_m)
     right, mean = _window_ranges(batch, top)
     inertia = omega**2 * displacement_m * batch.contact.body_mass_kg / math.pi
@@ -224,6 +227,7 @@ def driven_terms(batch: Batch) -> TopTerms:
         _bins(batch, batch.frequency_hz),
         batch.beam.frequency_scale,
     )
+    # (6): the scale leaves ω²|W| as it is and divides ω|ψ|
     speed = np.array(envelope["speed_per_v_m"])[bins] * batch.voltage_v / scale
     acceleration = np.array(envelope["acceleration_per_v"])[bins] * batch.voltage_v
     inertia = acceleration * batch.contact.body_mass_kg / math.pi
@@ -273,7 +277,7 @@ def _law_range(terms: TopTerms, batch: Batch, choice: LawChoice) -> Range:
     """Return the range of a law's friction coefficient over ranges of its terms."""
     terms = _with_printed_ratio(terms, batch, choice)
     law, speed = choice.law, terms.relative_tip_speed
-    ends = (speed.low, speed.high)
+    ends = (speed.low, speed.high)  # (1): in s either end may be the extreme
     return Range(
         low=np.minimum(*(law(_corner(terms, end, batch, lowest=True)) for end in ends)),
         high=np.maximum(*(law(_corner(terms, end, batch, lowest=False)) for end in ends)),
@@ -299,6 +303,7 @@ def reduced_prediction(batch: Batch, choice: LawChoice) -> tuple[Prediction, Ran
     covered = batch.beam.length_m if full else window_width(contact.x_m, contact.contact_m)
     width = np.maximum(covered, 1e-300)
     state = law_state(contact, field, REDUCED_RUNG, choice, window)
+    # (8), and (9) for the speed
     slack = (window.doubt_m + _ROUNDING_M) / width
     right = Range(
         low=np.maximum(window.right - slack, 0.0), high=np.minimum(window.right + slack, 1.0)

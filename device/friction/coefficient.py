@@ -122,6 +122,7 @@ def _by_drive(batch: Batch, law: Law) -> list[tuple[NDArray[np.intp], bool]]:
 
 def _bound(top: Range, mu: FloatArray) -> FloatArray:
     """Return how far the top rung can be from `mu`."""
+    # (2), mathematics/bounds
     rounding = _ROUNDING * np.maximum(1.0, np.abs(mu))
     return np.asarray(np.maximum(top.high - mu, mu - top.low) + rounding)
 

@@ -129,6 +129,7 @@ def contact_state(
     window = window or contact_window(contact, field)
     full = contact.coverage == "full"
     covered_m = contact.beam.length_m if full else window_width(contact.x_m, contact.contact_m)
+    # (1) to (5), mathematics/friction
     omega = field.angular_frequency_rad_s
     acceleration = omega * omega * field.displacement_m * contact.body_mass_kg / math.pi
     inertia_n_per_m = acceleration * window.mean

@@ -36,6 +36,7 @@ def predicted_contrast(
     )
     if min(before.min(), after.min()) <= 0:
         return np.nan
+    # (10) and (11), mathematics/friction
     if change.effect == "places":
         return _rms(np.log(after / before))
     if change.effect == "depth":

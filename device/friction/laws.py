@@ -1,6 +1,7 @@
 """The friction laws, by name: from the contact's terms to the friction coefficient μ'.
 
-`printed` is the paper's, `consistent` its smallest repair, `coulomb` a bound by Coulomb's law.
+`printed` is the paper's, `consistent` its smallest repair, `coulomb` a bound by Coulomb's law:
+(6) to (9) of docs/mathematics/friction.md.
 """
 
 import math
@@ -45,7 +46,7 @@ def anisotropy(relative_tip_speed: FloatArray) -> FloatArray:
     >>> round(float(anisotropy(np.array(1.0))), 12)
     0.5
     """
-    decay = -_LN3 * relative_tip_speed
+    decay = -_LN3 * relative_tip_speed  # (7)
     return -np.expm1(decay) / (1.0 + np.exp(decay))
 
 
@@ -68,6 +69,7 @@ def consistent(terms: ContactTerms) -> FloatArray:
     and stays above μ(1 - η).
     """
     rest = _without(terms.relative_tip_speed)
+    # (8): terms of one sign, so that nothing cancels
     inertia = np.tanh(math.pi * terms.inertial_ratio) / math.pi
     bracket = rest + 2.0 * (1.0 - rest) * terms.opposing + inertia
     return np.asarray(terms.friction_coefficient * bracket)

@@ -196,6 +196,7 @@ class Curvature(Slopes):
     def _own_inverse(self) -> tuple[FloatArray, FloatArray]:
         """Inverse of `own_precision` and the logarithm of its determinant, per subject."""
         a, b, d = (self.own_precision[..., i, j] for i, j in ((0, 0), (0, 1), (1, 1)))
+        # (24), mathematics/sensitivity.
         # With I + Q in place of the precision: 1 + tr Q + |Q|, each of which is positive.
         size = 1 + (a - 1) + (d - 1) + np.maximum((a - 1) * (d - 1) - b * b, 0.0)
         inverse = np.stack([np.stack([d, -b], axis=-1), np.stack([-b, a], axis=-1)], axis=-2)
@@ -245,7 +246,7 @@ class Curvature(Slopes):
         return np.asarray(self._own_inverse[1].sum(axis=1) + shared)
 
     def newton_step(self) -> tuple[FloatArray, FloatArray]:
-        """Return the step of shared parameters and of z to the peak of the parabola."""
+        """Return the step of shared parameters and z to the parabola's peak, (25)."""
         pulled = np.einsum("psig,psi->pg", self._response, self.own_gradient)
         gap = (self.shared_gradient - pulled)[..., None]
         shared = (self.shared_covariance @ gap)[..., 0]
@@ -297,7 +298,8 @@ def edge_slopes(lower: FloatArray, upper: FloatArray) -> EdgeSlopes:
 
     With Mills' ratio R(x) = (1 - Φ(x)) / φ(x), the probability between a and b, |a| <= b, is
     φ(a) (R(a) - R(b) exp(-(b - a)(b + a) / 2)). So the slopes φ(a) / P and φ(b) / P need neither a
-    probability, which far out is 0, nor the difference of large squares.
+    probability, which far out is 0, nor the difference of large squares: (11) and (12) of
+    docs/mathematics/sensitivity.md.
     """
     mirrored = lower + upper < 0
     near = np.maximum(np.where(mirrored, -upper, lower), BEYOND)
@@ -325,6 +327,7 @@ def curvature_of(trials: OrdinalTrials, slopes: EdgeSlopes, residual_sd: FloatAr
     A trial depends on two thresholds, one subject's line and one condition, so the derivatives are
     sums over the cells of those classifications.
     """
+    # (13) to (15), mathematics/sensitivity
     up, down = slopes.up / residual_sd, slopes.down / residual_sd
     up_up = up * (slopes.upper / residual_sd + up)
     down_down = down * (slopes.lower / residual_sd + down)

@@ -246,7 +246,7 @@ def _parabola(log_density: LogDensity, centre: FloatArray) -> tuple[FloatArray, 
     axes = np.eye(size) * CURVATURE_STEP
     steps = np.vstack([axes, axes[first] + axes[second]])
     values = log_density(centre + np.vstack([np.zeros(size), steps, -steps]))
-    # Second differences along each axis and each diagonal.
+    # (29): second differences along each axis and each diagonal.
     ahead, behind = np.split(values[1:], 2)
     falls = (2 * values[0] - ahead - behind) / CURVATURE_STEP**2
     curvature = np.diag(falls[:size])
@@ -266,6 +266,7 @@ def _t_points(
     normal = ndtri(cube[:, :size])
     chi_square = 2 * np.asarray(gammaincinv(PROPOSAL_DF / 2, cube[:, size]))
     scaled = normal * np.sqrt(PROPOSAL_DF / chi_square)[:, None]
+    # (27), mathematics/sensitivity
     constant = lgamma((PROPOSAL_DF + size) / 2) - lgamma(PROPOSAL_DF / 2)
     constant -= size / 2 * np.log(PROPOSAL_DF * np.pi) + np.log(np.diag(spread)).sum()
     log_proposal = constant - (PROPOSAL_DF + size) / 2 * np.log1p(
@@ -412,7 +413,7 @@ def _normal_scores(
     if skews is None:
         return lambda value: ((value - means) / sds, 1 / sds)
     # A shifted log-normal variable (exp(s y - s²/2) - 1) / k, k² = exp(s²) - 1, has the skewness
-    # k³ + 3k.
+    # k³ + 3k: (16) to (18) of docs/mathematics/marginals.md.
     skewed = np.where(np.abs(skews) < LEAST_SKEW, LEAST_SKEW, skews)
     k = 2 * np.sinh(np.arcsinh(skewed / 2) / 3)
     s = np.sign(k) * np.sqrt(np.log1p(k * k))

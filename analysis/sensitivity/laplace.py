@@ -162,6 +162,7 @@ class LatentModes:
     @property
     def log_evidence(self) -> FloatArray:
         """Log marginal likelihood at these components, up to a constant; NaN if it is unknown."""
+        # (26), mathematics/sensitivity
         return self.value - self.curvature.log_determinant / 2
 
     @property
@@ -244,6 +245,7 @@ class LatentField:
         likelihood = self.trials.curvature(slopes, components.residual_sd)
         away = shared - self.trials.shared_start
         precision = self._shared_prior(components)
+        # (22), mathematics/sensitivity
         squares = (z**2).sum(axis=(1, 2)) + (precision * away**2).sum(axis=1)
         value = self.trials.weight @ slopes.log_p - (squares - np.log(precision).sum(axis=1)) / 2
         return LatentModes(

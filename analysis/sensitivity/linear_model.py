@@ -94,7 +94,8 @@ def line_posterior(sums: LineSums, residual_sd: FloatArray, between: FloatArray)
 
     y = Z (β + u_s) + ε, u_s ~ N(0, T), ε ~ N(0, σ²), β flat. With A = Z'Z/σ² and c = Z'y/σ²:
     Z'V⁻¹Z = A (I + T A)⁻¹, Z'V⁻¹y = (I + A T)⁻¹ c and y'V⁻¹y = y'y/σ² - c' (I + T A)⁻¹ T c
-    (Woodbury), so that each subject costs a few products of 2 x 2 matrices.
+    (Woodbury; (5) to (8) of docs/mathematics/sensitivity.md), so that each subject costs a few
+    products of 2 x 2 matrices.
 
     Parameters:
         sums: of the trials.

@@ -180,6 +180,7 @@ def turn_of(axes: Axes) -> FloatArray:
     Bias is the line's value at contrast 0, less the mean rating; the intercept is its value at the
     mean contrast.
     """
+    # (1), mathematics/sensitivity
     turn = np.array([[1.0, -axes.x_mean / axes.x_sd], [0.0, 1 / axes.x_sd]])
     return turn * axes.y_sd
 

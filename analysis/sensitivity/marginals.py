@@ -1,4 +1,7 @@
-"""Posteriors of linear combinations of the latent parameters, with their skewness."""
+"""Posteriors of linear combinations of the latent parameters, with their skewness.
+
+Numbers of equations are those of docs/mathematics/marginals.md.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -120,7 +123,7 @@ def standard_deviations(curvature: Curvature, combinations: Combinations) -> Flo
         variance = ((reach @ part.shared_covariance) * reach).sum(axis=2)
         of_mean = np.einsum("s,psij->pij", mean**2, blocks)
         variance += np.einsum("qi,pij,qj->pq", common, of_mean, common)
-        # A combination's own subject is also part of the mean.
+        # (4): a combination's own subject is also part of the mean.
         both = own + 2 * mean[subject, None] * common
         for i, j in ((0, 0), (0, 1), (1, 0), (1, 1)):
             variance += blocks[:, subject, i, j] * (own[:, i] * both[:, j])
@@ -133,6 +136,7 @@ def _reach(curvature: Curvature, combinations: Combinations) -> FloatArray:
 
     The own parameters follow the shared ones, but for departures that are independent of these.
     """
+    # (3)
     response = curvature.response
     mean = np.einsum("s,psig->pig", combinations.mean, response)
     reach = combinations.shared - combinations.common @ mean
@@ -167,19 +171,25 @@ def skewness(
             departs.append((by_own @ of_own[..., None])[..., 0])
             along.append(np.hstack([free, mean * departs[-1]]))
             pairs.append((free, of_own))
-        uu, ul, ll = (
+        # (12)
+        var_upper, cov_edges, var_lower = (
             ((pairs[one][0] @ covariance) * pairs[other][0]).sum(axis=1)
             + (departs[one] * pairs[other][1]).sum(axis=1)
             for one, other in ((0, 0), (0, 1), (1, 1))
         )
-        a, b, c, d = third = thirds[..., point]
-        pulls = a * uu + 2 * b * ul + c * ll, b * uu + 2 * c * ul + d * ll
+        uuu, uul, ull, lll = third = thirds[..., point]
+        # (13), and (14) of the trials of all subjects
+        pulls = (
+            uuu * var_upper + 2 * uul * cov_edges + ull * var_lower,
+            uul * var_upper + 2 * ull * cov_edges + lll * var_lower,
+        )
         total = by_shared @ sum(pull @ part for pull, part in zip(pulls, along, strict=True))
         cubes = _all_cubes(along, third, by_shared)
         up, down = ((part[own_trials] * by_shared[own_quantities]).sum(axis=1) for part in along)
         own_up, own_down = ((part[own_trials] * own).sum(axis=1) for part in departs)
         pulled = own_up * pulls[0][own_trials] + own_down * pulls[1][own_trials]
         of_own_trials = third[:, own_trials]
+        # (15): the own trials' cubes with all of (11), less those that `cubes` has already
         more = _cube(of_own_trials, up + own_up, down + own_down) - _cube(of_own_trials, up, down)
         count = len(total)
         shift[point] = (total + np.bincount(own_quantities, pulled, count)) / (2 * sds[point])
@@ -203,8 +213,8 @@ def _own_pairs(trials: LatentTrials, combinations: Combinations) -> tuple[IntArr
 
 def _cube(thirds: FloatArray, up: FloatArray, down: FloatArray) -> FloatArray:
     """Return the third derivative of the log likelihood along these changes of the edges."""
-    a, b, c, d = thirds
-    return np.asarray((a * up + 3 * b * down) * up**2 + (3 * c * up + d * down) * down**2)
+    uuu, uul, ull, lll = thirds
+    return np.asarray((uuu * up + 3 * uul * down) * up**2 + (3 * ull * up + lll * down) * down**2)
 
 
 def _all_cubes(along: list[FloatArray], thirds: FloatArray, by_shared: FloatArray) -> FloatArray:
@@ -214,9 +224,9 @@ def _all_cubes(along: list[FloatArray], thirds: FloatArray, by_shared: FloatArra
     for first in range(0, len(along[0]), TRIALS_AT_ONCE):
         part = slice(first, first + TRIALS_AT_ONCE)
         up, down = (each[part] for each in along)
-        a, b, c, d = thirds[:, part, None]
-        sums += _squares(up).T @ (a * up + 3 * b * down)
-        sums += _squares(down).T @ (3 * c * up + d * down)
+        uuu, uul, ull, lll = thirds[:, part, None]
+        sums += _squares(up).T @ (uuu * up + 3 * uul * down)
+        sums += _squares(down).T @ (3 * ull * up + lll * down)
     return np.asarray(((_squares(by_shared) @ sums) * by_shared).sum(axis=1))
 
 
@@ -227,13 +237,14 @@ def _squares(rows: FloatArray) -> FloatArray:
 
 def third_derivatives(slopes: EdgeSlopes) -> FloatArray:
     """Return third derivatives of log P by edges: upper³, upper² lower, upper lower², lower³."""
-    u, v, a, b = slopes.upper, slopes.lower, slopes.up, slopes.down
+    upper, lower, up, down = slopes.upper, slopes.lower, slopes.up, slopes.down
+    # (8) to (10)
     return np.stack(
         [
-            a * ((u * u - 1) + a * (3 * u + 2 * a)),
-            a * b * (u + 2 * a),
-            a * b * (v + 2 * b),
-            b * ((v * v - 1) + b * (3 * v + 2 * b)),
+            up * ((upper * upper - 1) + up * (3 * upper + 2 * up)),
+            up * down * (upper + 2 * up),
+            up * down * (lower + 2 * down),
+            down * ((lower * lower - 1) + down * (3 * lower + 2 * down)),
         ]
     )
 

@@ -122,16 +122,18 @@ class NoticingTrials:
     def curvature(self, slopes: EdgeSlopes, residual_sd: FloatArray) -> Slopes:
         """Return the likelihood's derivatives with respect to the parameters.
 
-        A trial depends on the criterion and on its place, which lean, d′ and discrepancy move.
+        A trial depends on the criterion and on its place, which lean, d′ and discrepancy move:
+        (16) to (19) of docs/mathematics/sensitivity.md.
         """
         up, down = slopes.up / residual_sd, slopes.down / residual_sd
-        both = up * down
-        above = up * (slopes.upper / residual_sd + up) + both
-        beneath = down * (slopes.lower / residual_sd + down) + both
+        up_down = up * down
+        above = up * (slopes.upper / residual_sd + up) + up_down
+        beneath = down * (slopes.lower / residual_sd + down) + up_down
         upper, lower = (sign[:, None] for sign in self.signs)
+        # Slopes by place and criterion, then the negative second derivatives.
         place, criterion = -(up + down), upper * up + lower * down
         by_place, mixed = above + beneath, -(upper * above + lower * beneath)
-        by_criterion = upper**2 * above + lower**2 * beneath - (upper - lower) ** 2 * both
+        by_criterion = upper**2 * above + lower**2 * beneath - (upper - lower) ** 2 * up_down
         points, subjects, conditions = len(residual_sd), self.subjects, self.conditions
 
         def of_subjects(values: FloatArray) -> FloatArray:
@@ -234,7 +236,7 @@ class Noticing:
 
 def _false_alarm_rates(draws: LatentDraws) -> FloatArray:
     criterion, lean = draws.own[..., 0] + draws.shared[:, [1]], LEAN * draws.shared[:, [0]]
-    # A criterion below 0, which the normal approximation allows, means that nothing is "same".
+    # (20). A criterion below 0, which the normal approximation allows: nothing is "same" then.
     return np.minimum(np.asarray(ndtr(lean - criterion) + ndtr(-lean - criterion)), 1.0)
 
 

@@ -9,9 +9,8 @@ from time import perf_counter
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from analysis.power.designs import Design
 from analysis.power.engine import completed
-from analysis.power.job import Job, Kind, Task, tasks
+from analysis.power.job import Design, Job, Kind, Task, tasks
 from benchmarks.compared import compare, tell
 from protocol.study_file.loading import template
 from tests.analysis.power.kept_in_memory import Memory

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import ArrayLike, NDArray
 
-    from analysis.export.frames import Frames
+    from analysis.export.trial_table import Frames
     from analysis.loading.sessions import Sessions
     from analysis.loading.study_data import StudyData
     from device.beam.eq15 import Overlap
@@ -109,7 +109,7 @@ class Study:
     @cached_property
     def _frames(self) -> "Frames":
         from analysis.export.dataset import asked_questions
-        from analysis.export.frames import Frames
+        from analysis.export.trial_table import Frames
         from analysis.felt.measured_trials import with_measures
 
         sessions = self.recorded.sessions
@@ -233,7 +233,7 @@ class Study:
             ValueError: no plan is known: the participant has withdrawn, or the scores are imported.
                 Or the registration in the folder is not the journal's.
         """
-        from analysis.export.frames import plan_frame
+        from analysis.export.trial_table import plan_frame
         from protocol.plan.plan import plan
         from protocol.registration.registration import locked
         from runner.journal.cohort import planned_trials, slot_for, states

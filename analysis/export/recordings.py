@@ -17,8 +17,7 @@ from protocol.journal.events import (
     TrialStarted,
     Withdrawn,
 )
-from protocol.journal.recordings import CHANNELS, DamagedSamplesError
-from protocol.journal.records import ReadBack
+from protocol.journal.records import CHANNELS, DamagedSamplesError, ReadBack
 
 SessionKey = tuple[str, int, str]
 """Participant, number and kind of a session."""

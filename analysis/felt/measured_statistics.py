@@ -18,8 +18,7 @@ from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.sensitivity.predictive_checks import checked_ordinal, checked_two_stage
 from analysis.sensitivity.ratings import Ratings
 from analysis.sensitivity.two_stage_model import TwoStageSensitivity
-from analysis.trials.arrays import detection_trials, scored_trials
-from analysis.trials.contrasts import TrialContrasts
+from analysis.trials.contrasts import TrialContrasts, detection_trials, scored_trials
 from analysis.trials.trial_checks import FTest, gain_differences
 from analysis.trials.trial_statistics import LawScore
 from device.friction.contrasts import LAW

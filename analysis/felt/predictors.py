@@ -5,8 +5,7 @@ from analysis.felt.measured_trials import MeasuredTrials
 from analysis.friction.touch_measures import FRICTION
 from analysis.kept import Kept
 from analysis.loading.study_data import StudyData
-from analysis.trials.arrays import scored_trials
-from analysis.trials.contrasts import TrialContrasts
+from analysis.trials.contrasts import TrialContrasts, scored_trials
 from analysis.trials.trial_statistics import LawScore, law_scores
 from device.friction.contrasts import LAW
 

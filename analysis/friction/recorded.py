@@ -6,8 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from analysis.estimates import BoolArray, FloatArray, NotEstimable
-from protocol.journal.recordings import FULL_SCALE, DamagedSamplesError, Recording
-from protocol.journal.records import LIFTED_N
+from protocol.journal.records import FULL_SCALE, LIFTED_N, DamagedSamplesError, Recording
 
 BLOCK_S = 0.025
 """Length of a block: one millimetre of the paper's path, and as long as what counts in friction

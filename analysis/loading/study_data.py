@@ -1,17 +1,18 @@
 """From the journal's events to the table of scores and the trials behind it."""
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from enum import StrEnum
 from itertools import chain
 from typing import TypeVar
 
+import numpy as np
 import pandas as pd
 
-from analysis.estimates import NotEstimable
+from analysis.estimates import FloatArray, NotEstimable
 from analysis.friction.recorded import TouchForces
-from analysis.loading.exclusions import excluded_by_rule
-from analysis.loading.missing_scores import EmptyCells, empty_cells, readings
-from analysis.loading.records import Exclusion, Incident, values
+from analysis.loading.records import TEXT, Exclusion, Incident, values
 from analysis.loading.score_table import ScoreTable
 from analysis.loading.sessions import Sessions, is_scored, load_sessions
 from analysis.loading.study_lock import StudyLock, study_lock
@@ -19,6 +20,247 @@ from protocol.errors import BadInput
 from protocol.journal.events import StoredEvent
 from protocol.journal.records import VirtualTruth
 from protocol.study.rules import Exclusions
+
+# The study's rules on who and what is left out, settled beforehand, applied to all alike.
+
+
+def excluded_by_rule(
+    trials: pd.DataFrame, rules: Exclusions
+) -> tuple[pd.DataFrame, tuple[Exclusion, ...]]:
+    """Return the answered trials that the rules keep, and what they take out.
+
+    Trials are judged first, by the time to the first answer; then participants, by the trials
+    that are left to them.
+    """
+    timed = zip(trials["trial_kind"], trials["reaction_time_s"], strict=True)
+    late = pd.Series([_reaction_broken(*one, rules) for one in timed], trials.index, TEXT)
+    in_time, too_late = trials[late.isna()], trials[late.notna()]
+    gone = _participants_broken(in_time, rules, trials["participant"].unique().tolist())
+    left_out = [
+        Exclusion(participant=participant, session=session, trial=index, by="rule", why=why)
+        for participant, session, index, why in zip(
+            *(too_late[name] for name in ("participant", "session", "trial_index")),
+            late.dropna(),
+            strict=True,
+        )
+    ]
+    left_out += [
+        Exclusion(participant=participant, by="rule", why=why)
+        for participant, broken in gone.items()
+        for why in broken
+    ]
+    return in_time[~in_time["participant"].isin(gone.keys())], tuple(left_out)
+
+
+def _reaction_broken(kind: str, reaction_s: float, rules: Exclusions) -> str | None:
+    """Describe the rule that a trial breaks by the time to its first answer."""
+    if kind not in {"trial", "catch"}:
+        return None
+    if rules.min_reaction_s is not None and reaction_s < rules.min_reaction_s:
+        return f"answered after {reaction_s:g} s, sooner than {rules.min_reaction_s:g} s"
+    if rules.max_reaction_s is not None and reaction_s > rules.max_reaction_s:
+        return f"answered after {reaction_s:g} s, later than {rules.max_reaction_s:g} s"
+    return None
+
+
+def _participants_broken(
+    trials: pd.DataFrame, rules: Exclusions, participants: list[str]
+) -> dict[str, list[str]]:
+    """Describe the rules that each participant breaks, even one without any trial left."""
+    scored, catch = is_scored(trials), trials["trial_kind"].eq("catch")
+    counted = {
+        "scored": scored,
+        "missing": scored & trials["score"].isna(),
+        "catches": catch,
+        "alarms": catch & trials["agrees"].eq(False).fillna(False),
+    }
+    counts = pd.DataFrame(counted).groupby(trials["participant"]).sum()
+    found = {
+        who: _broken(rules, *own)
+        for who, *own in counts.reindex(participants, fill_value=0).itertuples(name=None)
+    }
+    return {who: broken for who, broken in found.items() if broken}
+
+
+def _broken(rules: Exclusions, scored: int, missing: int, catches: int, alarms: int) -> list[str]:
+    """Describe the rules that one participant's numbers of trials break."""
+    broken = []
+    limit = rules.max_false_alarms
+    if limit is not None and catches and alarms / catches > limit:
+        broken.append(
+            f"a change reported on {alarms} of {catches} catch trials, more than {limit:.0%}"
+        )
+    limit = rules.max_missing_scores
+    if limit is not None and scored and missing / scored > limit:
+        broken.append(f"{missing} of {scored} scores missing, more than {limit:.0%}")
+    if rules.min_trials is not None and scored < rules.min_trials:
+        broken.append(f"{scored} valid trials, fewer than {rules.min_trials}")
+    return broken
+
+
+def rules_in_words(rules: Exclusions) -> list[str]:
+    """Return each rule that the study settled, as a reader is told it."""
+    texts = {
+        "max_false_alarms": "a participant who reported a change on more than {:.0%} of the catch "
+        "trials is left out",
+        "max_missing_scores": "a participant with more than {:.0%} of the scores missing is "
+        "left out",
+        "min_reaction_s": "a trial answered sooner than {:g} s is left out",
+        "max_reaction_s": "a trial answered later than {:g} s is left out",
+        "min_trials": "a participant with fewer than {} valid trials is left out",
+    }
+    settled = rules.model_dump(exclude_none=True)
+    return [text.format(settled[name]) for name, text in texts.items() if name in settled]
+
+
+# Why a cell of Table 4 has no score: not every such cell may be read as an answer.
+
+
+class Why(StrEnum):
+    """Why no trial of a subject under a condition has a score that counts."""
+
+    WITHHELD = "withheld"
+    BLANK = "blank"
+    EXCLUDED = "excluded"
+    NOT_REACHED = "not reached"
+
+
+EmptyCells = Mapping[tuple[int, int], Why]
+"""By row and column of the table, every cell without a score and nothing else."""
+
+MARKS = {Why.WITHHELD: "–", Why.BLANK: "–", Why.EXCLUDED: "×", Why.NOT_REACHED: "○"}
+"""What stands in such a cell where people read the table."""
+
+LABELS = {
+    Why.WITHHELD: "not given",
+    Why.BLANK: "blank",
+    Why.EXCLUDED: "excluded",
+    Why.NOT_REACHED: "not reached",
+}
+
+_READ = frozenset({Why.WITHHELD, Why.BLANK})
+_TOLD = {
+    Why.WITHHELD: "not given, as the answer disagreed with the expectation",
+    Why.BLANK: "blank in the published table",
+    Why.EXCLUDED: "without a score, as the trials are excluded",
+    Why.NOT_REACHED: "without a trial, as the session did not get there",
+}
+
+
+def empty_cells(table: ScoreTable, counted: pd.DataFrame, excluded: pd.DataFrame) -> EmptyCells:
+    """Return why each cell without a score has none.
+
+    An answered trial that counts and has no score explains its cell before an excluded one does.
+
+    Args:
+        table: the scores.
+        counted: the trials that count.
+        excluded: the trials taken out by the operator or by a rule.
+    """
+    published = counted["trial_kind"].eq("published")
+    known = dict.fromkeys(_scored_cells(excluded), Why.EXCLUDED)
+    known |= dict.fromkeys(_scored_cells(counted[published]), Why.BLANK)
+    known |= dict.fromkeys(_scored_cells(counted[~published]), Why.WITHHELD)
+    return {
+        (int(row), int(column)): known.get(
+            (table.subjects[row], table.conditions[column]), Why.NOT_REACHED
+        )
+        for row, column in np.argwhere(~table.given)
+    }
+
+
+def _scored_cells(trials: pd.DataFrame) -> Iterable[tuple[str, str]]:
+    scored = trials[is_scored(trials)]
+    return zip(scored["participant"], scored["condition"], strict=True)
+
+
+def withheld(table: ScoreTable, trials: pd.DataFrame) -> FloatArray:
+    """Return the share of each cell's scores that was not given, shape (subjects, conditions).
+
+    Blank cells of a published table count. Cells without a trial that counts have a share of 0.
+    """
+    counted = trials[is_scored(trials)]
+    cell = [counted["participant"], counted["condition"]]
+    shares = counted["score"].isna().groupby(cell).mean().unstack()
+    return shares.reindex(index=table.subjects, columns=table.conditions).fillna(0.0).to_numpy()
+
+
+def readings(table: ScoreTable, trials: pd.DataFrame, least: float = 0.0) -> dict[str, ScoreTable]:
+    """Return the table with withheld scores left "missing", as "zero" and as the "lowest" score.
+
+    "zero" is the `least` score of the scale, which is 0 in the paper.
+
+    A score is withheld when the answer disagrees with the expectation (paper, section 5.2). This
+    can mean nothing, none at all, or an effect no stronger than the weakest reported. A cell
+    with other scores is the mean of all, those that were withheld among them; one that is empty
+    for another reason stays missing. A complete table without withheld scores, and one without any
+    score, has the first reading only.
+    """
+    shares = withheld(table, trials)
+    if not table.given.any() or (table.is_complete and not shares.any()):
+        return {"missing": table}
+    # A cell without any score has nothing but withheld ones, if it is filled at all.
+    given = np.nan_to_num(table.scores) * (1 - shares)
+    fills = {"zero": least, "lowest": float(trials["score"][is_scored(trials)].min())}
+    return {"missing": table} | {
+        name: replace(table, scores=np.where(shares > 0, given + shares * score, table.scores))
+        for name, score in fills.items()
+    }
+
+
+def marks(empty: EmptyCells) -> dict[tuple[int, int], str]:
+    """Return what stands in each cell without a score."""
+    return {cell: MARKS[why] for cell, why in empty.items()}
+
+
+def unscored(table: ScoreTable) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the subjects and the conditions without any score."""
+    given = table.given
+    return (
+        tuple(who for row, who in enumerate(table.subjects) if not given[row].any()),
+        tuple(name for column, name in enumerate(table.conditions) if not given[:, column].any()),
+    )
+
+
+def withheld_beside_scores(trials: pd.DataFrame, least: float = 0.0) -> list[str]:
+    """Return in a line how many trials lack a score in cells that have one, if there are any."""
+    counted = trials[is_scored(trials)]
+    given = counted["score"].notna()
+    cell = [counted["participant"], counted["condition"]]
+    partly = counted["condition"][given.groupby(cell).transform("any") & ~given]
+    if partly.empty:
+        return []
+    by_condition = ", ".join(f"{name} {n}" for name, n in Counter(partly).items())
+    return [
+        f"Not given in cells with other scores: {len(partly)} of {len(counted)} scores "
+        f"({by_condition}). The table has the mean of the others, which is too high if weaker "
+        f"changes were not noticed; the scores are also read as {least:g} and as the lowest score."
+    ]
+
+
+def notes(table: ScoreTable, empty: EmptyCells, least: float = 0.0) -> list[str]:
+    """Return what stands under Table 4: each mark, how often, and who or what has no score."""
+    causes = Counter(empty.values())
+    readable = _READ if table.given.any() else frozenset()
+    said = [
+        f"{MARKS[why]} {_TOLD[why]}: {'1 cell' if causes[why] == 1 else f'{causes[why]} cells'}, "
+        + (
+            f"also read as {least:g} and as the lowest score."
+            if why in readable
+            else "missing throughout."
+        )
+        for why in Why
+        if causes[why]
+    ]
+    subjects, conditions = unscored(table)
+    if subjects:
+        said.append(f"No score at all, and not among the subjects analysed: {', '.join(subjects)}.")
+    if conditions:
+        said.append(
+            f"Scored by nobody, and not among the conditions analysed: {', '.join(conditions)}."
+        )
+    return said
+
 
 Value = TypeVar("Value")
 

@@ -19,7 +19,7 @@ from analysis.statistics.intervals import mean_interval
 from analysis.statistics.omnibus import Friedman
 from analysis.statistics.signed_rank import LEVEL
 from analysis.statistics.summary import Reading
-from analysis.trials.law_order import law_order
+from analysis.trials.law_likelihood import law_order
 from device.friction.calibration import NOMINAL, Calibration
 from device.friction.changes import CONDITIONS
 from protocol.study.study import Study

@@ -13,8 +13,7 @@ from analysis.loading.score_table import ScoreTable
 from analysis.loading.sessions import Sessions, is_scored
 from analysis.loading.study_data import NothingToReport, StudyData, study_data
 from analysis.statistics.summary import Reading, reading
-from analysis.trials.contrast_ranges import RUNGS
-from analysis.trials.contrasts import trial_contrasts
+from analysis.trials.contrasts import RUNGS, trial_contrasts
 from device.friction.calibration import NOMINAL, Calibration
 from device.friction.contrasts import LAW, RUNG
 from device.friction.laws import LAWS

@@ -1,5 +1,5 @@
 """Power and precision of a study by simulation: whole cohorts through its own plan and analysis.
 
-Public face: `designs.Design`, `job.Job`, `engine.completed`, `diagnosands.Findings`,
+Public face: `job.Design`, `job.Job`, `engine.completed`, `diagnosands.Findings`,
 `power_report.power_record`.
 """

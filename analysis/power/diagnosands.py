@@ -11,8 +11,8 @@ import numpy as np
 from scipy.special import stdtr, stdtrit
 
 from analysis.estimates import BoolArray, FloatArray
-from analysis.power.designs import Design
 from analysis.power.diagnosis import ESTIMATES, RANK, columns
+from analysis.power.job import Design
 from analysis.statistics.many_tables import holm_of_rows, pairs_of
 from protocol.registration.registration import FOLLOWS, GAINS, OMNIBUS, above
 

@@ -10,7 +10,7 @@ from itertools import product
 import numpy as np
 
 from analysis.estimates import FloatArray, NotEstimable
-from analysis.power.cohorts import Cohort
+from analysis.power.people_cohorts import Cohort
 from analysis.sensitivity.integration import Marginals
 from analysis.sensitivity.linear_model import linear_lines
 from analysis.sensitivity.lines import LineMixture, Medians, medians

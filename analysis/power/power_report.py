@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from analysis.estimates import Json
-from analysis.power.designs import Design
 from analysis.power.diagnosands import (
     EstimateQuality,
     Findings,
@@ -15,6 +14,7 @@ from analysis.power.diagnosands import (
     TestPower,
     too_often,
 )
+from analysis.power.job import Design
 from analysis.report.drawing import Panel, Series, panels_figure
 from protocol.registration.registration import GAINS, OMNIBUS
 from protocol.study.study import Study

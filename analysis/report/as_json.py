@@ -12,8 +12,7 @@ from analysis.statistics.monte_carlo import MonteCarlo
 from analysis.statistics.omnibus import SkillingsMack
 from analysis.statistics.signed_rank import PairwiseTest
 from analysis.statistics.summary import Reading
-from analysis.trials.law_likelihood import LawLikelihood
-from analysis.trials.law_order import LawOrder
+from analysis.trials.law_likelihood import LawLikelihood, LawOrder
 from analysis.trials.trial_statistics import LawScore
 
 

@@ -1,16 +1,36 @@
 """Data of the report's figures, thinned where a figure would be too dense to read."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from analysis.estimates import FloatArray, IntArray, NotEstimable
 from analysis.loading.score_table import ScoreTable
+from analysis.report.drawing import (
+    COLOURS,
+    GREY,
+    HEIGHT_IN,
+    LEGEND_ROW_IN,
+    MARKERS,
+    Axes,
+    Drawing,
+    Words,
+    drawing,
+    grid_drawing,
+    intervals,
+    jitter,
+    labels_of,
+    limits,
+    marked,
+    marker,
+    name_places,
+)
 from analysis.report.findings import Findings, Scale
 from analysis.sensitivity.linear_model import LinearSensitivity
 from analysis.sensitivity.lines import Lines
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
+from analysis.sensitivity.predictive_checks import PredictiveStatistic
 from analysis.sensitivity.ratings import Ratings
 from analysis.trials.trial_statistics import TrialStatistics
 from device.friction.contrasts import LAW
@@ -240,3 +260,262 @@ def _shown_people(table: ScoreTable) -> list[int]:
     by_spread = rated[np.argsort(np.nanstd(table.scores[rated], axis=1), kind="stable")]
     ends = [*by_mean[:2], *by_mean[-2:], *by_spread[:2], *by_spread[-2:]]
     return list(dict.fromkeys(int(row) for row in ends))
+
+
+# Figures of the models: ratings against contrasts, sensitivities, and predictive checks.
+
+
+def scatter_figure(data: Scatter, words: Words) -> Drawing:
+    """Return ratings against predicted contrasts, with a marker and colour per condition."""
+
+    def draw(axes: Axes) -> None:
+        ratings = data.ratings
+        labels = labels_of(ratings.conditions, "condition")
+        for place in np.unique(ratings.condition):
+            own = ratings.condition == place
+            axes.plot(
+                ratings.contrast[own],
+                ratings.rating[own] + jitter(int(own.sum()), data.scale),
+                linestyle="none",
+                **marked(int(place)),
+                alpha=0.7,
+                label=labels[place],
+            )
+        for model, curve in data.curves.items():
+            dashes = "-" if model == HEADLINE else "--"
+            axes.plot(data.at, curve, color="black", linestyle=dashes, label=f"group, {model}")
+        axes.set(ylim=limits(data.scale), ylabel=f"rating, {data.scale}")
+        axes.set_xlabel("predicted contrast, change of log friction")
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncol=2, frameon=False)
+
+    shown = len(np.unique(data.ratings.condition))
+    return drawing(words, draw, HEIGHT_IN + LEGEND_ROW_IN * (shown + 2) / 2)
+
+
+def gains_figure(data: Gains, words: Words) -> Drawing:
+    """Return each subject's gain with its 95% interval, with the models side by side."""
+
+    def draw(axes: Axes) -> None:
+        for number, (model, lines) in enumerate(data.models.items()):
+            subjects = [lines.subjects[place] for place in data.shown]
+            offset = 0.25 * (number - (len(data.models) - 1) / 2)
+            intervals(
+                axes,
+                np.arange(len(data.shown), dtype=np.float64) + offset,
+                np.array([line.gain for line in subjects]),
+                np.array([line.gain_interval for line in subjects]),
+                number,
+                f"{model}, 95% interval",
+            )
+            if lines.group_known:
+                axes.axhline(lines.gain, color=COLOURS[number], linewidth=0.8, linestyle="--")
+        _name_subjects(axes, data, next(iter(data.models.values())))
+        axes.set_ylabel("gain, points per unit of contrast")
+        axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncol=2, frameon=False)
+
+    return drawing(words, draw)
+
+
+def relative_gains_figure(data: Gains, words: Words) -> Drawing:
+    """Return each subject's gain less the mean gain, with its 95% interval, by the first model."""
+
+    def draw(axes: Axes) -> None:
+        lines = next(iter(data.models.values()))
+        subjects = [lines.subjects[place] for place in data.shown]
+        intervals(
+            axes,
+            np.arange(len(subjects)),
+            np.array([line.relative_gain for line in subjects]),
+            np.array([line.relative_gain_interval for line in subjects]),
+        )
+        axes.axhline(0.0, color=GREY, linewidth=0.8, linestyle="--")
+        _name_subjects(axes, data, lines)
+        axes.set_ylabel("relative gain, points per unit")
+
+    return drawing(words, draw)
+
+
+def _name_subjects(axes: Axes, data: Gains, lines: Lines) -> None:
+    names = tuple(lines.subjects[place].subject for place in data.shown)
+    name_places(axes, labels_of(names, "subject"))
+    axes.set_xlabel("subject")
+
+
+def predictive_figure(data: Sequence[PredictiveStatistic], words: Words) -> Drawing:
+    """Return each statistic of the study beside the 95% interval of simulated studies.
+
+    Each is relative to the median of the simulated ones, so that they share an axis.
+    """
+    unit = np.array([each.predicted or 1.0 for each in data])
+    study = np.array([each.observed for each in data]) / unit
+    simulated = np.array([each.predicted for each in data]) / unit
+    ends = np.array([each.predicted_interval for each in data]) / unit[:, None]
+
+    def draw(axes: Axes) -> None:
+        places = np.arange(len(data))
+        intervals(axes, places, simulated, ends, 0, "simulated studies, 95%")
+        axes.plot(places, study, "D", color=COLOURS[1], label="this study")
+        name_places(axes, [each.name.replace(" ", "\n") for each in data])
+        axes.set_ylim(bottom=0)
+        axes.set_ylabel("distance from the model, relative")
+        axes.legend(frameon=False)
+
+    return drawing(words, draw)
+
+
+# Figures of scores: by condition, over the session, by level, and by participant.
+
+FEWEST_FOR_A_CLOUD = 8
+"""Fewer scores have no density that a cloud could show."""
+FEW_NAMES, NAMES_IN_A_ROW = 6, 45
+"""How many names of conditions have room upright in a sixth of a figure, and small in all of it."""
+_CLOUD_SD = 0.04
+"""Standard deviation of the clouds' density kernel, as a share of the scale."""
+
+
+def raincloud_figure(data: Raincloud, words: Words) -> Drawing:
+    """Return score densities by condition, with a line per subject and means as diamonds."""
+
+    def draw(axes: Axes) -> None:
+        places = np.arange(len(data.table.conditions))
+        for place, column in zip(places, data.table.scores.T, strict=True):
+            _cloud(axes, float(place), column[~np.isnan(column)], data.scale)
+        axes.plot(
+            places,
+            data.lines.T + jitter(len(data.lines), data.scale),
+            color=GREY,
+            marker="o",
+            markersize=marker(0.6),
+            linewidth=0.6,
+            alpha=0.6,
+        )
+        axes.plot(
+            places,
+            data.means,
+            "D",
+            color=COLOURS[1],
+            markersize=marker(1.7),
+            markerfacecolor="none",  # hides no score
+            markeredgewidth=1.5,
+            label="mean",
+        )
+        name_places(axes, labels_of(data.table.conditions, "condition"))
+        axes.set(ylim=limits(data.scale), ylabel=f"score, {data.scale}", xlabel="condition")
+        axes.legend(loc="lower left", frameon=False)
+
+    return drawing(words, draw)
+
+
+def _cloud(axes: Axes, place: float, scores: FloatArray, scale: Scale) -> None:
+    """Draw half a violin (normal kernel) right of `place`, and median and quartiles left of it."""
+    if scores.size < FEWEST_FOR_A_CLOUD:
+        return
+    values, counts = np.unique(scores, return_counts=True)
+    grid = np.linspace(scale.lowest, scale.highest, 201)
+    density = np.exp(-(((grid[:, None] - values) / (_CLOUD_SD * scale.span)) ** 2) / 2) @ counts
+    width = 0.38 * density / density.max()
+    axes.fill_betweenx(
+        grid, place + 0.06, place + 0.06 + width, color=COLOURS[5], alpha=0.5, linewidth=0
+    )
+    low, middle, high = np.quantile(scores, [0.25, 0.5, 0.75])
+    axes.plot([place - 0.06] * 2, [low, high], color=COLOURS[0], linewidth=marker(0.8), alpha=0.8)
+    axes.plot([place - 0.06], [middle], "_", color="black", markersize=marker(1.8))
+
+
+def course_figure(data: Course, words: Words) -> Drawing:
+    """Return mean scores by place in the session, with their standard errors."""
+
+    def draw(axes: Axes) -> None:
+        errors = np.nan_to_num(data.errors)  # a single score has no bar
+        axes.errorbar(data.places, data.means, yerr=errors, fmt="o-", color=COLOURS[0])
+        axes.set_ylabel(f"mean score ± standard error, {data.scale}")
+        axes.locator_params(axis="x", integer=True)
+        axes.set_xlabel("place among the session's scored trials")
+
+    return drawing(words, draw)
+
+
+def levels_figure(data: Levels, words: Words) -> Drawing:
+    """Return scores against the level of each condition: all of them, means, and M2's curve."""
+
+    def draw(grid: Sequence[Axes]) -> None:
+        for axes, own in zip(grid, data.conditions, strict=False):
+            axes.plot(
+                own.level,
+                own.score + jitter(len(own.score), data.scale),
+                ".",
+                color=GREY,
+                alpha=0.5,
+            )
+            # A level with a single score has no bar.
+            axes.errorbar(
+                own.at, own.mean, yerr=np.nan_to_num(own.error), fmt="o", color=COLOURS[0]
+            )
+            if own.expected is not None:
+                axes.plot(own.at, own.expected, color="black", label="M2")
+            axes.set_title(own.condition, fontsize="medium")
+            axes.set_ylim(limits(data.scale))
+        grid[0].set_ylabel(f"score, {data.scale}")
+        for axes in grid:
+            axes.set_xlabel("level")
+
+    count = len(data.conditions)
+    columns = min(count, 3)
+    rows = -(-count // columns)
+    return grid_drawing(words, draw, rows, columns, 1.0 + 2.4 * rows)
+
+
+def people_figure(data: People, words: Words) -> Drawing:
+    """Return a small panel for each participant: scores by condition, and the group's means."""
+
+    def draw(grid: Sequence[Axes]) -> None:
+        places = np.arange(len(data.conditions))
+        for axes, (subject, scores) in zip(grid, data.scores.items(), strict=False):
+            axes.plot(places, data.means, color=GREY, linewidth=0.8)
+            for place, own in enumerate(scores):
+                axes.plot(np.full(len(own), place), own, MARKERS[0], color=COLOURS[0], alpha=0.6)
+            axes.set_title(labels_of((subject,), "subject")[0], fontsize="small", pad=2)
+            axes.set_ylim(limits(data.scale))
+        for axes in grid[len(data.scores) :]:
+            axes.set_axis_off()
+        size = "medium" if count <= FEW_NAMES else "x-small"
+        for axes in grid:
+            axes.set_xticks(places, names, rotation=90, fontsize=size)
+
+    count, names = len(data.conditions), labels_of(data.conditions, "condition")
+    columns = min(len(data.scores), 6, max(1, NAMES_IN_A_ROW // count))
+    rows = -(-len(data.scores) // columns)
+    return grid_drawing(words, draw, rows, columns, 1.0 + 1.1 * rows)
+
+
+# Figures of trials and touches as made: reaction times, and force and place against the plan.
+
+
+def strips_figure(
+    groups: Mapping[str, FloatArray],
+    medians: Sequence[float],
+    words: Words,
+    axis: str,
+    *,
+    across: str,
+    logarithmic: bool = False,
+    asked: float | None = None,
+) -> Drawing:
+    """Return values of each group as points beside its median; `asked` is a dashed line."""
+
+    def draw(axes: Axes) -> None:
+        for place, (values, median) in enumerate(zip(groups.values(), medians, strict=True)):
+            # Multiples of the golden ratio spread points evenly without random numbers.
+            beside = place + 0.3 * ((np.arange(len(values)) * 0.6180339887) % 1.0 - 0.5)
+            axes.plot(beside, values, ".", color=COLOURS[0], alpha=0.5)
+            axes.plot([place - 0.25, place + 0.25], [median] * 2, color="black")
+        if asked is not None:
+            axes.axhline(asked, color=GREY, linestyle="--", linewidth=0.8)
+        if logarithmic:
+            axes.set_yscale("log")
+            axes.yaxis.set_major_formatter("{x:g}")
+            axes.yaxis.set_minor_formatter("{x:g}")
+        name_places(axes, labels_of(tuple(groups), across))
+        axes.set(xlabel=across, ylabel=axis)
+
+    return drawing(words, draw)

@@ -9,9 +9,8 @@ from typing import Any, NamedTuple
 from analysis.estimates import plain
 from analysis.felt.measured_statistics import MeasuredStatistics
 from analysis.kept import Kept
-from analysis.loading.missing_scores import notes, withheld_beside_scores
 from analysis.loading.records import values
-from analysis.loading.study_data import StudyData
+from analysis.loading.study_data import StudyData, notes, withheld_beside_scores
 from analysis.loading.study_lock import StudyLock
 from analysis.multiverse.curve import Multiverse
 from analysis.statistics.summary import TableStatistics

@@ -1,8 +1,10 @@
 """HTML page of the report: one file that needs no network."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from html import escape
+from importlib.metadata import version
 from importlib.resources import files
 from types import MappingProxyType
 
@@ -11,6 +13,7 @@ from analysis.report.blocks import (
     Block,
     Cell,
     ColumnKind,
+    Definitions,
     Figure,
     Row,
     Section,
@@ -18,10 +21,8 @@ from analysis.report.blocks import (
     TableGroup,
 )
 from analysis.report.findings import Findings
-from analysis.report.glossary import glossary
-from analysis.report.masthead import Masthead, masthead
 from analysis.report.registration import registered
-from analysis.report.registration.named_results import marked
+from analysis.report.registration.registered import marked
 from analysis.report.sections import (
     differences,
     effects,
@@ -30,7 +31,6 @@ from analysis.report.sections import (
     methods,
     model_checks,
     predictions,
-    ranges,
     scores,
     sensitivity,
     session_checks,
@@ -38,8 +38,102 @@ from analysis.report.sections import (
 )
 from analysis.report.specification import specification_curves
 from analysis.report.specification.specification_curves import MULTIVERSE
+from analysis.report.wording import count_of
+from device.friction.laws import LAWS
 from protocol.errors import BadInput
+from protocol.journal.shared_form import UNKNOWN_UTC
 from protocol.study.fields import printable
+
+# The terms of the report, each in a sentence or two, for readers of other fields.
+
+_TERMS = {
+    "95% CI": "confidence interval, or for M1 to M3 the interval that holds the value with a "
+    "probability of 95%, given the model.",
+    "bias": "the rating that a subject gives where no change of friction is predicted.",
+    "contrast": "predicted change of friction, as a difference of natural logarithms: .10 is a "
+    "change of about 10%. It is positive if friction changes as the study expects. At a place: "
+    "friction there before and after. Over a path: root mean square difference along the way. "
+    "Growth of a swing: how much more friction varies along the way than before.",
+    "d′": "how well a change is noticed: the contrast over the noise in a subject's perception.",
+    "gain": "rating points per unit of contrast: a subject's sensitivity.",
+    "Holm's correction": "p-values of several tests, raised so that the chance of any false "
+    "difference stays below 5%.",
+    "JND": "just noticeable difference, by ratings: the contrast that moves a rating by one "
+    "standard deviation of its noise, which is that deviation over the gain. It is no threshold "
+    "of a psychometric function: nobody compared two changes.",
+    "Kendall's W": "agreement of the subjects' rankings: 0 none, 1 perfect.",
+    "law": "how friction follows from vibration. {laws}: printed is the paper's law as it "
+    "stands, consistent repairs it so that it has the right limits, coulomb cannot exceed "
+    "Coulomb's friction.",
+    "M1, M2, M3": "models of the ratings. M1 is a straight line per subject. M2, the headline, "
+    "adds steps of the scale, its ceiling, and what conditions have beyond their contrast. M3 "
+    "first models whether a change is noticed.",
+    "own share": "how much of what is said of a subject comes from the subject's own trials; "
+    "the rest is borrowed from the group.",
+    "p": "probability of scores at least as different as these if conditions made no difference.",
+    "r": "rank-biserial correlation: 1 if every subject whose ratings differ rated the first "
+    "condition higher. Its interval is for this pair alone; p is corrected for all pairs.",
+    "relative gain": "a subject's gain less the mean gain of all subjects.",
+    "rung": "how the beam's motion is computed; the top rung is the most accurate.",
+}
+
+
+def glossary(_: Findings) -> Section:
+    """Return the terms in alphabetical order."""
+    entries = {name: text.replace("{laws}", ", ".join(LAWS)) for name, text in _TERMS.items()}
+    in_order = sorted(entries.items(), key=lambda entry: entry[0].casefold())
+    return Section(name="glossary", title="Glossary", blocks=[Definitions(entries=dict(in_order))])
+
+
+# What stands above the results: title, authors, and the facts that a reader asks for first.
+
+
+@dataclass(frozen=True, kw_only=True)
+class Masthead:
+    """Title and authors of the study, and its facts by name, those that are known."""
+
+    title: str
+    authors: str
+    facts: dict[str, str]
+
+
+def masthead(found: Findings) -> Masthead:
+    """Return the head of the page."""
+    publication = found.study.publication
+    facts = {
+        "study": found.study.study.name if found.title != found.study.study.name else "",
+        "institution": publication.institution or "",
+        "ethics": "; ".join(publication.ethics_approvals),
+        "participants": _participants(found),
+        "sessions": _sessions(found),
+        "device": "; ".join(found.loaded.recording.devices),
+        "software": f"touchbeam {version('touchbeam')}",
+    }
+    return Masthead(
+        title=found.title,
+        authors=", ".join(publication.authors),
+        facts={name: text for name, text in facts.items() if text},
+    )
+
+
+def _participants(found: Findings) -> str:
+    table = found.loaded.table
+    scored, conditions = (int(table.given.any(axis=axis).sum()) for axis in (1, 0))
+    ratings = count_of(int(found.loaded.scored["score"].notna().sum()), "rating")
+    return f"{scored}, with {ratings} of {count_of(conditions, 'condition')}"
+
+
+def _sessions(found: Findings) -> str:
+    """Return the known days of the sessions, in UTC; of a published table the file it came from."""
+    if found.published:
+        return f"a published table, {'; '.join(found.loaded.recording.sources) or 'no file named'}"
+    answered = found.loaded.trials["answered_utc"].dropna()
+    known = answered[answered.dt.year > UNKNOWN_UTC.year]
+    days = sorted(known.dt.strftime("%Y-%m-%d").unique())
+    when = "" if not days else days[0] if len(days) == 1 else f"{days[0]} to {days[-1]}"
+    kind = " (rehearsals)" if found.rehearsals else ""
+    return f"{when}{kind}".strip()
+
 
 SECTIONS: Mapping[str, Callable[[Findings], Section]] = MappingProxyType(
     {
@@ -56,7 +150,7 @@ SECTIONS: Mapping[str, Callable[[Findings], Section]] = MappingProxyType(
         "checks": session_checks.section,
         "predictive": model_checks.predictive,
         "recovery": model_checks.recovery,
-        "contrasts": ranges.section,
+        "contrasts": model_checks.section,
         MULTIVERSE: specification_curves.section,
         "glossary": glossary,
         "provenance": methods.provenance,

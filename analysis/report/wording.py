@@ -6,8 +6,7 @@ from analysis.estimates import Interval, NotEstimable
 from analysis.statistics.monte_carlo import MonteCarlo
 from analysis.statistics.omnibus import Friedman
 from analysis.statistics.summary import Reading
-from analysis.trials.law_likelihood import LawLikelihood
-from analysis.trials.law_order import LawOrder
+from analysis.trials.law_likelihood import LawLikelihood, LawOrder
 from analysis.trials.trial_checks import Proportion
 from analysis.trials.trial_statistics import LawScore
 

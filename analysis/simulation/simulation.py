@@ -6,12 +6,13 @@ from functools import cached_property
 
 import numpy as np
 
-from analysis.estimates import FloatArray
+from analysis.estimates import BoolArray, FloatArray
+from analysis.loading.course import Rows
+from analysis.loading.records import AttemptRow, SessionRow, TouchRow
+from analysis.loading.sessions import Sessions
 from analysis.loading.study_data import StudyData, study_data
-from analysis.simulation.cohort import Cohort, cohort
-from analysis.simulation.loaded_sessions import loaded_sessions
-from analysis.simulation.planned_trials import PlannedTrials
-from analysis.simulation.score_tables import score_tables
+from analysis.simulation.cohort import Cohort, PlannedTrials, TrialKind, cohort
+from device.people.answering import SAME, answer_of
 from device.people.person import (
     DEFAULT,
     Population,
@@ -19,8 +20,194 @@ from device.people.person import (
     people_of,
     person_name,
     session_name,
+    truth_of,
 )
 from protocol.study.study import Study
+
+# Simulated sessions as the tables that loading makes of a journal.
+
+
+def loaded_sessions(
+    planned: PlannedTrials, made: Cohort, names: list[str], seed: int | str, world: World
+) -> Sessions:
+    """Return the sessions of a cohort as if they had been read from a journal."""
+    rows = Rows()
+    for person, name in enumerate(names):
+        rows.sessions.append(
+            SessionRow(
+                participant=name,
+                session=planned.session,
+                session_kind="rehearsal",
+                conditions=planned.study.conditions,
+                session_completed=bool(made.answered[person].all()),
+                slot=int(made.slots[person]),
+                seed=seed,
+                virtual=truth_of(made.people[person], world),
+            )
+        )
+        _add_trials(rows, planned, made, person)
+    sessions = rows.sessions.frame()
+    return Sessions(
+        sessions=sessions.assign(subject=sessions["participant"]),
+        attempts=rows.attempts.frame(),
+        touches=rows.touches.frame(),
+        answers=rows.answers.frame(),
+        traces=rows.traces(),
+        forces={},
+        incidents=(),
+        exclusions=(),
+        withdrawn=0,
+    )
+
+
+def _add_trials(rows: Rows, planned: PlannedTrials, made: Cohort, person: int) -> None:
+    """Add the trials of a session up to the one that is left, each with its touches."""
+    touch = 0
+    for trial in planned.plan(int(made.slots[person])).trials:
+        kind = planned.kinds[made.kinds[person, trial.index]]
+        answered = bool(made.answered[person, trial.index])
+        said = int(made.change[person, trial.index])
+        asked = trial.question if answered else None
+        change = None if asked is None else answer_of(asked, said)
+        rows.attempts.append(
+            AttemptRow(
+                session_id=rows.sessions.last_id,
+                trial_index=trial.index,
+                trial_kind=trial.kind,
+                condition=trial.condition,
+                attempt=1,
+                block=trial.block,
+                level=trial.level,
+                opposite=trial.opposite,
+                question=trial.question,
+                expected=trial.expected,
+                answered=answered,
+                change=change,
+                agrees=None if change is None else change == trial.expected,
+                score=_given(made.score[person, trial.index]),
+                reaction_time_s=_given(made.reaction_s[person, trial.index]),
+                score_reaction_time_s=_given(made.score_reaction_s[person, trial.index]),
+                resonance_hz=planned.study.rig.nominal_resonance_hz,
+            )
+        )
+        for number, mark in enumerate(kind.marks):
+            _add_touch(rows, planned, kind, number, float(made.force_n[person, touch]))
+            if not mark.slides:
+                place_m = mark.start_m + float(made.people.place_offset_m[person])
+                rows.sampled.append(rows.touches.last_id)
+                rows.samples.extend((0.0, float(made.force_n[person, touch]), place_m))
+            touch += 1
+        if not answered:
+            return
+
+
+def _given(value: float) -> float | None:
+    return None if np.isnan(value) else float(value)
+
+
+def _add_touch(
+    rows: Rows, planned: PlannedTrials, kind: TrialKind, number: int, force_n: float
+) -> None:
+    touch = kind.trial.touches[number]
+    resonance_hz = planned.study.rig.nominal_resonance_hz
+    rows.touches.append(
+        TouchRow(
+            attempt_id=rows.attempts.last_id,
+            planned=touch,
+            beam=touch.beam or planned.study.touch.beam,
+            place=touch.place,
+            direction=touch.direction,
+            coverage=touch.coverage,
+            press=touch.press,
+            planned_voltage_v=touch.voltage_v,
+            planned_end_voltage_v=touch.end_voltage_v,
+            planned_frequency=touch.frequency,
+            planned_end_frequency=touch.end_frequency,
+            commanded_voltage_v=touch.voltage_v,
+            commanded_frequency_hz=touch.frequency * resonance_hz,
+            start_voltage_v=touch.voltage_v,
+            end_voltage_v=touch.end_voltage_v,
+            start_frequency_hz=touch.frequency * resonance_hz,
+            end_frequency_hz=touch.end_frequency * resonance_hz,
+            force_n=round(force_n, 4),
+        )
+    )
+
+
+# Tables of scores of many cohorts at once, after the study's rules on who is left out.
+
+
+def score_tables(planned: PlannedTrials, made: Cohort) -> FloatArray:
+    """Return each person's mean score by condition, shape (people, conditions).
+
+    The rules are those of `analysis.loading.study_data`: trials are judged first, by the time to
+    the first answer, then people, by the trials that are left to them.
+    """
+    conditions = planned.study.conditions
+    of = planned.kinds
+    condition = np.array([_position(conditions, kind.trial.condition) for kind in of])[made.kinds]
+    counted, out = counted_trials(planned, made)
+    given = counted & ~np.isnan(made.score)
+    table = np.full((made.people.size, len(conditions)), np.nan)
+    for column in range(len(conditions)):
+        counts = given & (condition == column)
+        number = counts.sum(axis=1)
+        total = np.where(counts, made.score, 0.0).sum(axis=1)
+        np.divide(total, number, out=table[:, column], where=number > 0)
+    table[out] = np.nan
+    return table
+
+
+def counted_trials(planned: PlannedTrials, made: Cohort) -> tuple[BoolArray, BoolArray]:
+    """Return which trials with a score or without it count, and whom the rules leave out.
+
+    Shapes (people, trials) and (people,); the trials of those who are left out may be among them.
+    """
+    of = planned.kinds
+    scored = np.array([kind.trial.kind == "trial" for kind in of])[made.kinds]
+    catch = np.array([kind.trial.kind == "catch" for kind in of])[made.kinds]
+    kept = made.answered & ~_too_soon_or_late(planned, made, scored | catch)
+    given = kept & scored & ~np.isnan(made.score)
+    alarms = kept & catch & (made.change != SAME)
+    return kept & scored, _left_out(planned, kept & scored, given, kept & catch, alarms)
+
+
+def _position(conditions: tuple[str, ...], name: str | None) -> int:
+    return conditions.index(name) if name in conditions else -1
+
+
+def _too_soon_or_late(planned: PlannedTrials, made: Cohort, judged: BoolArray) -> BoolArray:
+    rules = planned.study.exclusions
+    wrong = np.zeros(judged.shape, dtype=np.bool_)
+    if rules.min_reaction_s is not None:
+        wrong |= made.reaction_s < rules.min_reaction_s
+    if rules.max_reaction_s is not None:
+        wrong |= made.reaction_s > rules.max_reaction_s
+    return judged & wrong
+
+
+def _left_out(
+    planned: PlannedTrials,
+    scored: BoolArray,
+    given: BoolArray,
+    catch: BoolArray,
+    alarms: BoolArray,
+) -> BoolArray:
+    """Return whom the rules leave out, shape (people,)."""
+    rules = planned.study.exclusions
+    trials, catches = scored.sum(axis=1), catch.sum(axis=1)
+    out = np.zeros(trials.shape, dtype=np.bool_)
+    if rules.max_false_alarms is not None:
+        out |= (catches > 0) & (
+            alarms.sum(axis=1) / np.maximum(catches, 1) > rules.max_false_alarms
+        )
+    if rules.max_missing_scores is not None:
+        missing = (trials - given.sum(axis=1)) / np.maximum(trials, 1)
+        out |= (trials > 0) & (missing > rules.max_missing_scores)
+    if rules.min_trials is not None:
+        out |= trials < rules.min_trials
+    return out
+
 
 _AT_ONCE = 2_000
 """Sessions that are simulated at once: more would need more memory and save no time."""

@@ -19,8 +19,7 @@ from protocol.journal.events import (
     TouchStarted,
     TrialStarted,
 )
-from protocol.journal.recordings import DamagedSamplesError, Recording
-from protocol.journal.records import LIFTED_N, CommandedDrive
+from protocol.journal.records import LIFTED_N, CommandedDrive, DamagedSamplesError, Recording
 from protocol.journal.state import folded
 from protocol.study.touch import Slide
 from protocol.study_file.loading import parsed_study

@@ -11,8 +11,7 @@ from analysis.cells import json_text
 from analysis.estimates import NotEstimable, plain
 from analysis.report.blocks import Block, Definitions, Figure, Items, Section, Table, columns
 from analysis.report.drawing import Drawing, Words, panels_drawing
-from analysis.report.masthead import Masthead
-from analysis.report.page import rendered
+from analysis.report.page import Masthead, rendered
 from analysis.sliding.drawn import DrawnSession
 from analysis.sliding.experiment import ALWAYS_UNKNOWN, SlidingFindings, sliding_findings
 from analysis.sliding.extremes import Extreme

@@ -1,6 +1,7 @@
 """The contrast that each friction law predicts for each trial, under what was really done."""
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from math import isfinite
@@ -9,15 +10,21 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.estimates import BoolArray, FloatArray
+from analysis.estimates import BoolArray, FloatArray, IntArray, Interval
 from analysis.kept import Kept
+from analysis.loading.sessions import is_scored
+from analysis.loading.study_data import StudyData
+from analysis.sensitivity.noticing import EXPECTED, OPPOSITE, SAME
+from analysis.sensitivity.ratings import Ratings
+from analysis.sensitivity.two_stage_model import AnsweredTrials
 from device.beam.beam import Beam
 from device.friction.calibration import NOMINAL, Calibration
-from device.friction.changes import CONDITIONS, Change, Moment, trial_change
-from device.friction.contrasts import RUNG, predicted_contrast
+from device.friction.changes import AT_A_PLACE, CONDITIONS, Change, Kind, Moment, trial_change
+from device.friction.contrasts import LAW, RUNG, predicted_contrast
 from device.friction.laws import LAWS
+from device.friction.rungs import SEGMENTED_RUNGS
 from protocol.study.study import Study
-from protocol.study.study_question import QUESTIONS, Question
+from protocol.study.study_question import ANSWERS, CONTRARIES, QUESTIONS, Question, no_change
 from protocol.study.touch import Touch
 from protocol.study_file.loading import StudyError, parsed_study
 
@@ -212,3 +219,173 @@ def stepped(measured: float, planned: float, step: float) -> float:
     """
     # Twelve digits, so that the sum is that decimal number and no neighbour of it.
     return float(f"{planned + round((measured - planned) / step) * step:.12g}")
+
+
+# Trials as the arrays that the sensitivity models and checks take.
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ScoredTrials:
+    """The trials that count for Table 4, in the order of `trials`; see `Ratings` for the arrays.
+
+    `ratings` has the contrasts of the law `consistent` and, of all laws, only trials with a
+    prediction; `contrasts` has the same trials by law. `every` are all trials, predicted or not,
+    with contrast 0. `place` and `previous` go with `every`; 0 and -1 where not known.
+    """
+
+    ratings: Ratings
+    contrasts: dict[str, FloatArray]
+    every: Ratings
+    place: IntArray
+    previous: IntArray
+
+
+def scored_trials(data: StudyData, contrasts: TrialContrasts) -> ScoredTrials:
+    """Return the trials with a score, or with one that was not given."""
+    scored = is_scored(data.trials)
+    trials = data.trials[scored]
+    by_law = {law: values[scored] for law, values in contrasts.by_law.items()}
+    predicted = np.asarray(np.isfinite(list(by_law.values())).all(axis=0))
+    every = ratings_of(data, trials, np.zeros(len(trials)))
+    named = ratings_of(data, trials, np.where(predicted, by_law[LAW], 0.0)).where(predicted)
+    return ScoredTrials(
+        ratings=named,
+        contrasts={law: values[predicted] for law, values in by_law.items()},
+        every=every,
+        place=trials["place"].to_numpy(np.int64, na_value=0),
+        previous=_positions(trials["previous"], data.table.conditions),
+    )
+
+
+def ratings_of(data: StudyData, trials: pd.DataFrame, contrast: FloatArray) -> Ratings:
+    """Return trials as arrays; their conditions must be among those of the table."""
+    return Ratings(
+        subjects=data.table.subjects,
+        conditions=data.table.conditions,
+        subject=_positions(trials["participant"], data.table.subjects),
+        condition=_positions(trials["condition"], data.table.conditions),
+        contrast=contrast,
+        rating=trials["score"].to_numpy(),
+    )
+
+
+def _positions(names: "pd.Series[str]", known: Sequence[str]) -> IntArray:
+    """Return the position of each name among `known`, -1 for any other."""
+    return pd.Index(known).get_indexer(pd.Index(names))
+
+
+def detection_trials(data: StudyData, contrasts: TrialContrasts, study: Study) -> AnsweredTrials:
+    """Return scored and catch trials with what was answered, for change detection.
+
+    Contrasts and answers are told relative to what the condition expects, so that a trial in the
+    opposite order has a negative contrast, and its right answer is the opposite one.
+    """
+    expected = data.trials["condition"].map(
+        {entry.name: entry.expected for entry in study.condition}
+    )
+    chosen = (
+        data.trials["trial_kind"].isin(["trial", "catch"])
+        & data.trials["change"].notna()
+        & expected.notna()
+        & np.isfinite(contrasts.by_law[LAW])
+    )
+    trials = data.trials[chosen]
+    same = trials["change"].eq(
+        trials["question"].map({asked: no_change(asked) for asked in ANSWERS})
+    )
+    answers = np.select([trials["change"].eq(expected[chosen]), same], [EXPECTED, SAME], OPPOSITE)
+    # -0.0 and 0.0 are one contrast.
+    signed = contrasts.by_law[LAW][chosen] * np.where(trials["opposite"], -1.0, 1.0) + 0.0
+    return AnsweredTrials(
+        ratings=ratings_of(data, trials, signed),
+        answer=answers,
+        two_sided=expected[chosen].isin([*CONTRARIES, *CONTRARIES.values()]).to_numpy(),
+    )
+
+
+# The range of each condition's contrast over rungs, laws, and what the paper leaves open.
+
+RUNGS = ("mode", *SEGMENTED_RUNGS)
+"""The models of the beam; the cheaper rungs approximate the first of them."""
+FACTORS = (0.5, 0.5**0.5, 1.0, 2**0.5, 2.0)
+"""Multiples of the damping ratio and of the finger's speed, neither of which the paper gives."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContrastRange:
+    """A condition's contrast as planned, its kind, and its values if one assumption changes.
+
+    `by_damping` and `by_speed` are keyed by damping ratio and by finger speed, m/s. A value is NaN
+    where a law gives no friction above 0.
+    """
+
+    condition: str
+    kind: Kind
+    value: float
+    by_rung: Mapping[str, float]
+    by_law: Mapping[str, float]
+    by_damping: Mapping[str, float]
+    by_speed: Mapping[str, float]
+
+    @property
+    def ends(self) -> Interval:
+        """The smallest and the largest value under the same law."""
+        values = [
+            value
+            for known in (self.by_rung, self.by_damping, self.by_speed)
+            for value in known.values()
+            if not math.isnan(value)
+        ]
+        return min(values, default=self.value), max(values, default=self.value)
+
+
+def condition_changes(study: Study, data: StudyData) -> dict[str, Change]:
+    """Return the change of each condition that is known, as planned and at level 1.
+
+    For published scores it is that of the standard scenes.
+    """
+    own = {
+        entry.name: trial_change(study, entry.question, entry.expected, entry.touches)
+        for entry in study.condition
+    }
+    known = CONDITIONS if data.kinds == ("published",) else {**CONDITIONS, **own}
+    return {name: known[name] for name in data.table.conditions if name in known}
+
+
+def contrast_range(condition: str, change: Change, rig: Calibration = NOMINAL) -> ContrastRange:
+    """Return the contrast of a condition with its values under other assumptions."""
+    damping_ratio, speed = rig.damping_ratio, change.before.sliding_speed_m_s
+    return ContrastRange(
+        condition=condition,
+        kind=change.kind,
+        value=predicted_contrast(change, rig=rig),
+        by_rung={rung: predicted_contrast(change, rung=rung, rig=rig) for rung in RUNGS},
+        by_law={law: predicted_contrast(change, law, rig=rig) for law in LAWS},
+        by_damping={
+            f"{factor * damping_ratio:.4g}": predicted_contrast(
+                change, rig=replace(rig, damping_ratio=factor * damping_ratio)
+            )
+            for factor in FACTORS
+        },
+        by_speed={
+            f"{factor * speed:.4g}": predicted_contrast(_at_speed(change, factor * speed), rig=rig)
+            for factor in FACTORS
+        },
+    )
+
+
+def _at_speed(change: Change, speed_m_s: float) -> Change:
+    before, after = (
+        replace(moment, sliding_speed_m_s=speed_m_s) for moment in (change.before, change.after)
+    )
+    return replace(change, before=before, after=after)
+
+
+def at_places(ratings: Ratings, changes: Mapping[str, Change]) -> Ratings:
+    """Return the ratings of the conditions whose contrast is that at a place."""
+    chosen = [
+        place
+        for place, name in enumerate(ratings.conditions)
+        if name in changes and changes[name].kind == AT_A_PLACE
+    ]
+    return ratings.where(np.isin(ratings.condition, chosen))

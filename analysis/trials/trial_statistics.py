@@ -27,16 +27,18 @@ from analysis.sensitivity.two_stage_model import AnsweredTrials, TwoStageSensiti
 from analysis.statistics.ordinal import OrdinalEffects, ordinal_effects_of_trials
 from analysis.statistics.ordinal_likelihood import Link
 from analysis.statistics.table4 import table4
-from analysis.trials.arrays import ScoredTrials, detection_trials, scored_trials
-from analysis.trials.contrast_ranges import (
+from analysis.trials.contrasts import (
     ContrastRange,
+    ScoredTrials,
+    TrialContrasts,
     at_places,
     condition_changes,
     contrast_range,
+    detection_trials,
+    scored_trials,
+    trial_contrasts,
 )
-from analysis.trials.contrasts import TrialContrasts, trial_contrasts
-from analysis.trials.law_likelihood import LawLikelihood, law_likelihoods
-from analysis.trials.law_order import LawOrder, law_order
+from analysis.trials.law_likelihood import LawLikelihood, LawOrder, law_likelihoods, law_order
 from analysis.trials.order_as_run import OrderAsRun, order_as_run
 from analysis.trials.trial_checks import (
     Discrimination,

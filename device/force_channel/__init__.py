@@ -1,4 +1,4 @@
 """The fast channel of tangential force, normal force and position: blocks, clocks, recordings.
 
-Public face: `samples.Samples`, `samples.Forces`, `recorder.Recorder`, `blocks.Block`.
+Public face: `recording.Samples`, `recording.Forces`, `recording.Recorder`, `recording.Block`.
 """

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from device.errors import DeviceError, ProtocolError
-from protocol.journal import recordings
+from protocol.journal import records as recordings
 
 # The source's clock on the host's: the offset by the shortest of several round trips.
 

@@ -10,7 +10,6 @@ from datetime import datetime
 from typing import Annotated, Any, ClassVar
 
 from protocol.journal.json_record import JsonRecord, Key
-from protocol.journal.recordings import Recording
 from protocol.journal.records import (
     NOT_JUDGED,
     CommandedDrive,
@@ -20,6 +19,7 @@ from protocol.journal.records import (
     PlannedTrial,
     QuestionAnswer,
     ReadBack,
+    Recording,
     RigCalibration,
     TraceSample,
     VirtualTruth,

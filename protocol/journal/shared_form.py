@@ -30,10 +30,8 @@ from protocol.journal.events import (
     WatchdogTested,
     event_of,
 )
-from protocol.journal.recordings import CHANNELS
-from protocol.journal.records import PlannedTrial
-from protocol.journal.state import folded
-from protocol.journal.transitions import NotAllowed
+from protocol.journal.records import CHANNELS, PlannedTrial
+from protocol.journal.state import NotAllowed, folded
 from protocol.pseudonyms import pseudonym
 
 FOLDER = "sourcedata/touchbeam"

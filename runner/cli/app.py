@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from runner.cli import device, journal, power, register, results, sharing, slide, study
+from runner.cli import device, journal, power, results, sharing, slide, study
 from runner.cli.output import complain_of, say, warnings_in_lines
 from runner.signals import signals_raise
 
@@ -39,7 +39,7 @@ def _common(
     pass
 
 
-for commands in (study, register, slide, sharing, results, power, journal, device):
+for commands in (study, slide, sharing, results, power, journal, device):
     app.add_typer(commands.app)
 
 

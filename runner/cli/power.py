@@ -13,9 +13,8 @@ from runner.cli.output import complain, followed, print_json, print_table, say
 
 if TYPE_CHECKING:
     from analysis.estimates import FloatArray, Json
-    from analysis.power.designs import Design
     from analysis.power.diagnosands import Findings
-    from analysis.power.job import Job, Kind, Task
+    from analysis.power.job import Design, Job, Kind, Task
     from runner.study.power_folder import PowerFolder
 
 app = typer.Typer()
@@ -89,9 +88,8 @@ def power(
     from time import perf_counter
 
     from analysis.cells import json_text
-    from analysis.power.designs import designed, designs
     from analysis.power.engine import cluster_size, kept
-    from analysis.power.job import Job, tasks
+    from analysis.power.job import Job, designed, designs, tasks
     from analysis.power.power_report import figures, power_record
     from protocol.study_file.loading import text_digest
     from runner.study.calibration import fitted_calibration

@@ -277,9 +277,8 @@ def _made(
     figures: bool,
     alone: bool,
 ) -> Written:
-    from analysis.loading.missing_scores import marks
     from analysis.loading.sessions import load_sessions
-    from analysis.loading.study_data import study_data
+    from analysis.loading.study_data import marks, study_data
     from analysis.report.page import require_sections
     from analysis.report.registration.registered import registered_lines
     from analysis.report.report import FIGURE_FILES, asks_for_multiverse, report_files

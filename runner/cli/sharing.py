@@ -12,16 +12,12 @@ from protocol.errors import BadInput
 from runner.cli.options import (
     Choosing,
     FormatOption,
+    JsonOption,
     StudyArgument,
     named_folder,
     study_journal,
 )
-from runner.cli.output import (
-    complain,
-    counted,
-    followed,
-    say,
-)
+from runner.cli.output import complain, counted, followed, print_json, say
 from runner.cli.results import report_on, warn_of_broken
 
 if TYPE_CHECKING:
@@ -57,9 +53,9 @@ def import_scores(
         _import_data_set(scores, study)
         return
     from analysis.loading.published import MOST_BYTES, published_table, unpredicted_note
+    from runner.study.data_set import import_table
     from runner.study.files import bytes_of, text_of
     from runner.study.folder import StudyFolder
-    from runner.study.published import import_table
 
     content = bytes_of(scores, most=MOST_BYTES)
     table = published_table(text_of(content, scores), str(scores), keep_means=keep_means)
@@ -107,9 +103,9 @@ def export(
     """
     from importlib.metadata import version
 
+    from analysis.export.csv_tables import source_files
     from analysis.export.dataset import dataset
     from analysis.export.formats import EXPORTS, RECORDINGS, WITH_CONTRASTS, WITH_SOURCE
-    from analysis.export.source_data import source_files
     from device.friction.calibration import NOMINAL
     from runner.journal.verification import readable_chains
     from runner.study.calibration import fitted_calibration
@@ -185,3 +181,83 @@ def _require_known(participant: str | None, sessions: Sequence[str]) -> None:
         near = [name for name in known if name.casefold() == participant.casefold()]
         hint = f"did you mean {near[0]}?" if near else "touchbeam status lists the participants"
         raise BadInput(f"{participant} has no session in this study; {hint}")
+
+
+# The command that locks a study's plan and analysis: register.
+
+
+@app.command()
+def register(
+    study: StudyArgument,
+    primary: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help='The hypothesis tested first. ["conditions differ"]'),
+    ] = None,
+    hypothesis: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help='A further one, such as "voltage above structure".'),
+    ] = None,
+    power: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Result of `touchbeam power`. [default: STUDY/power/power.json, if it is there]",
+        ),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Lock the plan and the analysis before the first session.
+
+    Writes registration.toml and registration.txt, a text to paste into a registry. Its digest then
+    seeds every order, so that the data prove that the plan came first.
+    """
+    from analysis.loading.study_data import rules_in_words
+    from analysis.report.registration.registered import analysis_settings
+    from device.friction.contrasts import LAW, RUNG
+    from protocol.registration.registration import FILE, OMNIBUS
+    from protocol.registration.registry_text import registry_text
+    from runner.clock import WallClock
+    from runner.journal.location import checked_place, mounts_of_this_machine
+    from runner.study.calibration import fitted_calibration
+    from runner.study.check import validated_study
+    from runner.study.folder import StudyFolder
+    from runner.study.registered import REGISTRY_FILE, Choice, new_registration
+    from runner.study.registered import register as write
+
+    folder = StudyFolder(path=study)
+    text = folder.text()
+    checked = validated_study(text, str(folder.study_file))
+    checked_place(folder.path, mounts_of_this_machine())
+    choice = Choice(
+        primary=primary or OMNIBUS,
+        secondary=hypothesis or [],
+        law=LAW,
+        rung=RUNG,
+        analysis=analysis_settings(checked.rating.minimum),
+        exclusions=rules_in_words(checked.exclusions),
+        power=power or (kept if (kept := study / "power" / "power.json").exists() else None),
+    )
+    made = new_registration(checked, text, choice, fitted_calibration(study))
+    made, replaced = write(folder, checked, made, WallClock())
+    told = registry_text(checked, made)
+    if as_json:
+        print_json(
+            {
+                "digest": made.digest,
+                "file": str(study / FILE),
+                "primary": made.primary,
+                "secondary": list(made.secondary),
+                "participants": made.participants,
+                "replaced": replaced,
+                "text": told,
+            }
+        )
+        return
+    for line in told.splitlines():
+        say(line)
+    say("")
+    say(f"Registered: {made.digest}")
+    if replaced:
+        say(f"This replaces {replaced}")
+    say(f"Written: {study / FILE}; the text above: {study / REGISTRY_FILE}")
+    say(f"Paste it into a registry now, then: touchbeam check {shlex.quote(str(study))}")

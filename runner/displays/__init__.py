@@ -1,5 +1,5 @@
 """The screens of this computer.
 
 Public face: `screen_list.listed_screens`, `screen_list.numbered_screens`,
-`screen_numbers.print_screens`.
+`screen_list.print_screens`.
 """

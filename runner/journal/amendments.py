@@ -19,8 +19,7 @@ from protocol.journal.events import (
     TrialIncluded,
     Withdrawn,
 )
-from protocol.journal.state import folded
-from protocol.journal.transitions import NotAllowed, in_words
+from protocol.journal.state import NotAllowed, folded, in_words
 from protocol.study_file.loading import text_digest
 from runner.clock import Clock
 from runner.journal.names import STUDY_CHAIN, chains_of

@@ -7,8 +7,7 @@ from typing import Any
 from protocol.errors import BadInput
 from protocol.journal.events import SessionOpened, SessionResumed
 from protocol.journal.records import PlannedTrial
-from protocol.journal.state import SessionState, folded
-from protocol.journal.transitions import EXCLUDED
+from protocol.journal.state import EXCLUDED, SessionState, folded
 from protocol.plan.blocks import SlotState, next_slot
 from runner.journal.names import STUDY_CHAIN, parsed_name
 from runner.journal.store import Journal

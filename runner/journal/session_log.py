@@ -4,8 +4,7 @@ from datetime import datetime
 from typing import TypeVar
 
 from protocol.journal.events import DeviceOff, Event, StoredEvent, TrialAborted
-from protocol.journal.state import SessionState, folded
-from protocol.journal.transitions import next_state
+from protocol.journal.state import SessionState, folded, next_state
 from runner.clock import Clock
 from runner.journal.store import Journal
 from runner.signals import stops_deferred

@@ -14,12 +14,18 @@ from protocol.journal.events import (
     StoredEvent,
     Withdrawn,
 )
-from protocol.journal.state import SessionState, folded
-from protocol.journal.transitions import NotAllowed, in_words
-from runner.journal.chain import FIRST_HASH, ChainLink, chain_hash, event_fields, payload_digest
+from protocol.journal.state import NotAllowed, SessionState, folded, in_words
 from runner.journal.names import REHEARSAL, STUDY_CHAIN, parsed_name, session_name
 from runner.journal.registrations import Registrations, registrations, session_problem
-from runner.journal.store import Journal, JournalError
+from runner.journal.store import (
+    FIRST_HASH,
+    ChainLink,
+    Journal,
+    JournalError,
+    chain_hash,
+    event_fields,
+    payload_digest,
+)
 
 IMPOSSIBLE = (
     NotAllowed, ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError,

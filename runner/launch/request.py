@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from device.resonance import Resonance
 from protocol.address import SIMULATED
 from protocol.errors import BadInput
-from protocol.journal.transitions import UNFINISHED
+from protocol.journal.state import UNFINISHED
 from protocol.plan.plan import slide_study
 from protocol.pseudonyms import pseudonym
 from protocol.registration.registration import Registration

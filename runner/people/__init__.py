@@ -1,5 +1,5 @@
 """Participants and operators, at a terminal or virtual.
 
 Public face: `participant_console.ConsoleParticipant`, `virtual_participant.VirtualParticipant`,
-`virtual_keys.VirtualAtWindow`, `operator_console.OperatorConsole`.
+`virtual_participant.VirtualAtWindow`, `operator_console.OperatorConsole`.
 """

@@ -1,4 +1,4 @@
 """The session loop: trials, touches, questions, resuming, and turning the output off at the end.
 
-Public face: `loop.run`, `session.Session`, `trial.touch`, `resume.require_resumable`.
+Public face: `loop.run`, `session.Session`, `trial.touch`, `loop.require_resumable`.
 """

@@ -15,8 +15,7 @@ from protocol.journal.events import (
     RigDescribed,
     TouchRecorded,
 )
-from protocol.journal.recordings import BYTES_PER_COUNT, CHANNELS
-from protocol.journal.records import LIFTED_N
+from protocol.journal.records import BYTES_PER_COUNT, CHANNELS, LIFTED_N
 from protocol.study.rig_settings import TARE_S
 from protocol.study.rules import OperatorQuestion
 from protocol.study.study_question import Label, StudyQuestion

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 
 from protocol.errors import BadInput
@@ -9,6 +10,7 @@ from protocol.journal.events import (
     Answered,
     Event,
     QuestionAnswered,
+    ScoresImported,
     SessionOpened,
     SessionResumed,
     StoredEvent,
@@ -28,12 +30,14 @@ from protocol.journal.shared_form import (
 from protocol.registration.registration import shared_registration
 from protocol.study.rules import Rating
 from protocol.study.study_question import ANSWERS
-from protocol.study_file.loading import parsed_study, text_digest
+from protocol.study_file.loading import parsed_study, template, text_digest
 from protocol.study_file.toml import LONGEST_TEXT
+from runner.clock import WallClock
 from runner.journal.names import REHEARSAL, STUDY_CHAIN, session_name
 from runner.journal.opening import open_journal
+from runner.journal.session_log import SessionLog
 from runner.study.files import bytes_of, text_of
-from runner.study.folder import DIALECTS, StudyFolder, new_study
+from runner.study.folder import DIALECTS, StudyFolder, named_after, new_study
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,3 +177,41 @@ def import_data_set(folder: StudyFolder, data: DataSet) -> None:
 def _name(session: SharedSession) -> str:
     plain = session_name(session.opened.participant, session.opened.session)
     return f"{plain} ({REHEARSAL})" if session.opened.kind == REHEARSAL else plain
+
+
+# Import of published scores as a study with one completed session per subject.
+
+
+def import_table(
+    folder: StudyFolder,
+    scores: Iterable[tuple[str, Mapping[str, float | None]]],
+    source: str,
+    content: bytes,
+) -> None:
+    """Create a study from `scores`, one session per subject.
+
+    Args:
+        folder: the new study.
+        scores: each subject with condition → score, None for a missing one.
+        source: name of the file with the scores; also gives the study its name.
+        content: the bytes of that file, for its digest.
+    """
+    clock = WallClock()
+    digest = sha256(content).hexdigest()
+    with (
+        new_study(folder, named_after(Path(source).stem, template("paper"))),
+        open_journal(folder.journal) as journal,
+        journal.alone(),
+    ):
+        for subject, given in scores:
+            log = SessionLog(journal, session_name(subject, 1), clock)
+            log.append(
+                ScoresImported(
+                    participant=subject,
+                    session=1,
+                    conditions=tuple(given),
+                    scores=given,
+                    source=source,
+                    source_sha256=digest,
+                )
+            )

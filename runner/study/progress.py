@@ -8,8 +8,7 @@ from datetime import datetime, timedelta
 from pathlib import Path
 
 from protocol.journal.events import SLIDE, SessionOpened
-from protocol.journal.state import SessionState
-from protocol.journal.transitions import in_words
+from protocol.journal.state import SessionState, in_words
 from protocol.study.study import Study
 from runner.journal.cohort import SessionSummary, session_summaries, slot_for
 from runner.journal.names import REHEARSAL, parsed_name, session_name

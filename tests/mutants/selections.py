@@ -61,8 +61,9 @@ SELECTIONS: Mapping[str, tuple[str, ...]] = {
     ),
     "runner/session/trial.py": _SESSION,
     "runner/session/waiting.py": _SESSION,
-    "protocol/journal/transitions.py": ("tests/protocol/journal/test_transitions.py",),
-    "protocol/journal/state.py": ("tests/protocol/journal/test_state.py",),
+    "protocol/journal/state.py": (
+        "tests/protocol/journal/test_transitions.py", "tests/protocol/journal/test_state.py",
+    ),
     **{
         f"device/drivers/{name}.py": _DRIVERS
         for name in (

@@ -10,8 +10,7 @@ from analysis.estimates import NotEstimable
 from analysis.loading.study_data import StudyData
 from analysis.sensitivity.ordinal_model import ordinal_sensitivity
 from analysis.simulation.simulation import Simulation
-from analysis.trials.arrays import scored_trials
-from analysis.trials.contrasts import trial_contrasts
+from analysis.trials.contrasts import scored_trials, trial_contrasts
 from device.people.person import Normal, Person, Population
 from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study, template

@@ -9,8 +9,7 @@ from analysis.estimates import Json, NotEstimable, or_null, why
 from analysis.loading.score_table import ScoreTable
 from analysis.report.as_json import friedman_json, pair_json, skillings_mack_json
 from analysis.report.blocks import Block, Cell, Figure, Section, Table, columns, p_cell
-from analysis.report.figure_data import raincloud
-from analysis.report.figures.score_figures import raincloud_figure
+from analysis.report.figure_data import raincloud, raincloud_figure
 from analysis.report.findings import Findings
 from analysis.report.wording import beside, number, of_all, omnibus_line
 from analysis.statistics.intervals import COVERAGE, DESIGN

@@ -5,8 +5,7 @@ from functools import partial
 
 from analysis.estimates import Interval, Json, NotEstimable, or_null, plain, why
 from analysis.report.blocks import Figure, Section, Table, columns
-from analysis.report.figure_data import people
-from analysis.report.figures.score_figures import people_figure
+from analysis.report.figure_data import people, people_figure
 from analysis.report.findings import Findings
 from analysis.report.wording import beside, number, p_equals
 from analysis.statistics.additive import AdditiveEffects

@@ -3,9 +3,8 @@
 from collections.abc import Sequence
 
 from analysis.estimates import plain
-from analysis.loading.exclusions import rules_in_words
 from analysis.loading.records import Exclusion
-from analysis.loading.study_data import StudyData
+from analysis.loading.study_data import StudyData, rules_in_words
 from analysis.report.blocks import Items, Section, Table, columns
 from analysis.report.findings import Findings
 from analysis.report.wording import MISSING

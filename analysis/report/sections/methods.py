@@ -5,9 +5,7 @@ import platform
 from hashlib import sha256
 from importlib.metadata import version
 
-from analysis.loading.exclusions import rules_in_words
-from analysis.loading.missing_scores import unscored
-from analysis.loading.study_data import StudyData, changed_journal
+from analysis.loading.study_data import StudyData, changed_journal, rules_in_words, unscored
 from analysis.report.blocks import Definitions, Section
 from analysis.report.findings import Findings, Origin
 from analysis.report.wording import SKIN

@@ -6,9 +6,15 @@ from functools import partial
 from analysis.estimates import NotEstimable, plain
 from analysis.report.as_json import law_json
 from analysis.report.blocks import Block, Column, Figure, Section, Table, columns
-from analysis.report.figure_data import HEADLINE, SIMPLE, Levels, levels, scatter
-from analysis.report.figures.model_figures import scatter_figure
-from analysis.report.figures.score_figures import levels_figure
+from analysis.report.figure_data import (
+    HEADLINE,
+    SIMPLE,
+    Levels,
+    levels,
+    levels_figure,
+    scatter,
+    scatter_figure,
+)
 from analysis.report.findings import Findings
 from analysis.report.wording import SKIN_IN_SHORT, law_cells, number, of_all, share
 from analysis.trials.law_likelihood import LawLikelihood, shared_contrasts

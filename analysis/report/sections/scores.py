@@ -1,7 +1,7 @@
 """Table 4, its results under each reading of missing scores, and answers to other questions."""
 
 from analysis.estimates import Json, plain
-from analysis.loading.missing_scores import LABELS, marks, unscored, withheld
+from analysis.loading.study_data import LABELS, marks, unscored, withheld
 from analysis.report.as_json import friedman_json, pair_json
 from analysis.report.blocks import Block, Cell, Column, Items, Row, Section, Table, columns
 from analysis.report.findings import Findings

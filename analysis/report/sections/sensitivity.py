@@ -7,8 +7,7 @@ from functools import partial
 from analysis.estimates import Json, NotEstimable, why
 from analysis.report.as_json import fit_json, subjects_json
 from analysis.report.blocks import Block, Figure, Items, Section, Table, columns
-from analysis.report.figure_data import HEADLINE, SIMPLE, gains
-from analysis.report.figures.model_figures import gains_figure, relative_gains_figure
+from analysis.report.figure_data import HEADLINE, SIMPLE, gains, gains_figure, relative_gains_figure
 from analysis.report.findings import Findings
 from analysis.report.wording import (
     MISSING,
@@ -27,8 +26,8 @@ from analysis.sensitivity.linear_model import LinearSensitivity
 from analysis.sensitivity.lines import SMALL_SPREAD, UNEQUAL, Lines, SubjectLine
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.sensitivity.two_stage_model import TwoStageSensitivity
-from analysis.trials.contrast_ranges import ContrastRange
-from analysis.trials.law_order import LawOrder, critical_correlation, critical_rank_correlation
+from analysis.trials.contrasts import ContrastRange
+from analysis.trials.law_likelihood import LawOrder, critical_correlation, critical_rank_correlation
 from analysis.trials.trial_statistics import TrialStatistics
 
 _CEILING = 0.05

@@ -9,9 +9,15 @@ import numpy as np
 from analysis.estimates import Json, NotEstimable, or_null, plain, why
 from analysis.kept import Kept
 from analysis.report.blocks import Figure, Items, Section, Table, columns
-from analysis.report.figure_data import MOST_INTERVALS, MOST_POINTS, Course, course, thinned
-from analysis.report.figures.score_figures import course_figure
-from analysis.report.figures.touch_figures import strips_figure
+from analysis.report.figure_data import (
+    MOST_INTERVALS,
+    MOST_POINTS,
+    Course,
+    course,
+    course_figure,
+    strips_figure,
+    thinned,
+)
 from analysis.report.findings import Findings
 from analysis.report.wording import interval, number, of_all, p_equals, share
 from analysis.trials.contrasts import FORCE_STEP, PLACE_STEP_M

@@ -2,5 +2,6 @@
 
 The parts that all pages have in common are here, too.
 
-Public face: `question_pages.question_page`, `question_pages.question_targets`, `choosing.Choice`.
+Public face: `question_pages.question_page`, `question_pages.question_targets`,
+`question_pages.Choice`.
 """

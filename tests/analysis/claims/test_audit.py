@@ -13,7 +13,7 @@ from analysis.model import ladder
 from analysis.model.figures import model_figures
 from analysis.model.ladder import LadderRow, ladder_json, ladder_lines, ladder_panel
 from analysis.report.drawing import panels_figure
-from analysis.trials.law_order import LawOrder, law_order
+from analysis.trials.law_likelihood import LawOrder, law_order
 
 REQUIRED = """
 eq4-static-load eq15-continuous eq15-period fig11-range fig12-range fig12-troughs

@@ -14,7 +14,7 @@ from analysis.export.dataset import Dataset, dataset
 from analysis.export.formats import EXPORTS, RECORDINGS
 from analysis.export.recordings import DRIVEN, MEASURED
 from protocol.journal.events import TouchRecorded
-from protocol.journal.recordings import CHANNELS
+from protocol.journal.records import CHANNELS
 from protocol.study_file.loading import parsed_study
 from tests.analysis.export.data_slips import csv_rows
 from tests.analysis.export.test_formats import NOBODY_SAID, as_pybids_reads, warnings

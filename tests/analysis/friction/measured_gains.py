@@ -9,7 +9,7 @@ from analysis.sensitivity.linear_model import linear_sensitivity
 from analysis.sensitivity.lines import Lines
 from analysis.sensitivity.ordinal_model import ordinal_sensitivity
 from analysis.sensitivity.ratings import Ratings
-from analysis.trials.arrays import ratings_of
+from analysis.trials.contrasts import ratings_of
 from analysis.trials.trial_checks import gain_differences
 from tests.analysis.friction.recorded_sessions import MeasuredStudy
 from tests.analysis.sensitivity.calibration import EVEN, held

@@ -12,7 +12,7 @@ from device.friction.calibration import Calibration
 from device.friction.changes import Moment, trial_change
 from device.friction.contrasts import friction_at
 from device.friction.scenes import Structure
-from protocol.journal.recordings import Recording
+from protocol.journal.records import Recording
 from protocol.plan.trials import Trial
 from protocol.study.study import Study
 from protocol.study.touch import Touch, touch_s

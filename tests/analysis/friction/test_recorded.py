@@ -8,7 +8,7 @@ import pytest
 
 from analysis.estimates import FloatArray, NotEstimable
 from analysis.friction.recorded import TouchForces, reduced, zero_drift_n_per_s
-from protocol.journal.recordings import Recording
+from protocol.journal.records import Recording
 
 SCALE = (1e-4, 2e-4, 1e-5)
 COUNT = 3000

@@ -3,8 +3,13 @@
 import numpy as np
 import pytest
 
-from analysis.loading.missing_scores import Why, notes, withheld_beside_scores
-from analysis.loading.study_data import StudyData, load_study_data
+from analysis.loading.study_data import (
+    StudyData,
+    Why,
+    load_study_data,
+    notes,
+    withheld_beside_scores,
+)
 from analysis.report.report import Report, report, report_html, report_json
 from protocol.journal.events import Event, TrialExcluded
 from protocol.study.rules import Exclusions

@@ -21,7 +21,7 @@ from analysis.multiverse.curve import (
     named_claims,
 )
 from analysis.multiverse.universes import NOTHING, STRICT, Choice, Universe, universes
-from analysis.trials.contrast_ranges import RUNGS
+from analysis.trials.contrasts import RUNGS
 from device.friction.laws import LAWS
 from protocol.journal.events import Event, StoredEvent, TouchEnded, TrialExcluded
 from tests.analysis.chains import chain, published_chain, scored_session

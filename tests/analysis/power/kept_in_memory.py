@@ -6,9 +6,8 @@ from functools import cache
 import numpy as np
 
 from analysis.estimates import FloatArray
-from analysis.power.designs import Design
 from analysis.power.engine import completed
-from analysis.power.job import Job, Task, tasks
+from analysis.power.job import Design, Job, Task, tasks
 from protocol.study_file.loading import template
 
 DESIGN = Design(participants=4, repeats=1)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from analysis.estimates import FloatArray
-from analysis.power.designs import Design
 from analysis.power.diagnosands import Findings, findings, ratio
 from analysis.power.diagnosis import ESTIMATES, columns, rows_of_tables
+from analysis.power.job import Design
 from analysis.power.power_report import (
     design_answer,
     figures,

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from analysis.power.cohorts import without_effect
-from analysis.power.designs import Design, designed
 from analysis.power.diagnosis import columns, rows_of_cohorts, rows_of_tables
-from analysis.power.people_cohorts import PeopleCohorts
+from analysis.power.job import Design, designed
+from analysis.power.people_cohorts import PeopleCohorts, without_effect
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensitivity
 from analysis.statistics.many_tables import unnamed_table
 from analysis.statistics.signed_rank import SignedRank, pairwise_signed_ranks

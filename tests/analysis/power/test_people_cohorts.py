@@ -9,8 +9,7 @@ from analysis.estimates import FloatArray
 from analysis.loading.study_data import NothingToReport
 from analysis.power.people_cohorts import PeopleCohorts
 from analysis.simulation.simulation import Simulation
-from analysis.trials.arrays import scored_trials
-from analysis.trials.contrasts import trial_contrasts
+from analysis.trials.contrasts import scored_trials, trial_contrasts
 from device.friction.calibration import Calibration
 from device.people.person import DEFAULT, Population, World
 from protocol.study.rules import Exclusions

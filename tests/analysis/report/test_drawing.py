@@ -6,9 +6,14 @@ import numpy as np
 import pytest
 
 from analysis.report.drawing import Words, marked
-from analysis.report.figure_data import People, Raincloud, Scatter
-from analysis.report.figures.model_figures import scatter_figure
-from analysis.report.figures.score_figures import people_figure, raincloud_figure
+from analysis.report.figure_data import (
+    People,
+    Raincloud,
+    Scatter,
+    people_figure,
+    raincloud_figure,
+    scatter_figure,
+)
 from analysis.report.findings import Scale
 from analysis.sensitivity.ratings import Ratings
 from tests.analysis.reports import SCORES, imported, made

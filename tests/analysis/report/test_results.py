@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.report.findings import Findings
-from analysis.report.masthead import masthead
+from analysis.report.page import masthead
 from analysis.report.results import paragraphs
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from protocol.study.rules import Publication

@@ -5,7 +5,7 @@ import pytest
 
 from analysis.estimates import NotEstimable
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
-from analysis.trials.contrast_ranges import (
+from analysis.trials.contrasts import (
     RUNGS,
     at_places,
     condition_changes,

@@ -7,8 +7,14 @@ import pytest
 
 from analysis.estimates import FloatArray, NotEstimable
 from analysis.sensitivity.ratings import Ratings
-from analysis.trials.law_assignments import PredictionError, assignment_p, prediction_error
-from analysis.trials.law_likelihood import LawLikelihood, law_likelihoods, shared_contrasts
+from analysis.trials.law_likelihood import (
+    LawLikelihood,
+    PredictionError,
+    assignment_p,
+    law_likelihoods,
+    prediction_error,
+    shared_contrasts,
+)
 
 CONTRASTS = np.array([0.10, 0.25, 0.05, 0.40])
 SCALE = (-100.0, 100.0)

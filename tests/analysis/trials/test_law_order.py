@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from analysis.estimates import FloatArray, NotEstimable
-from analysis.trials.law_order import (
+from analysis.trials.law_likelihood import (
     LawOrder,
     critical_correlation,
     critical_rank_correlation,

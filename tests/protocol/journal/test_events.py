@@ -25,7 +25,7 @@ from protocol.journal.events import (
 )
 from protocol.journal.json_record import JsonRecord
 from protocol.journal.records import Compliance, PlannedTrial, ReadBack, TraceSample
-from protocol.journal.transitions import TRANSITIONS
+from protocol.journal.state import TRANSITIONS
 
 _FLOATS = st.floats(allow_nan=False, allow_infinity=False)
 _JSON = st.recursive(

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.journal.recordings import FULL_SCALE, MOST_COUNTS, DamagedSamplesError, Recording
+from protocol.journal.records import FULL_SCALE, MOST_COUNTS, DamagedSamplesError, Recording
 
 COUNTS = st.lists(
     st.tuples(*3 * [st.integers(-FULL_SCALE - 1, FULL_SCALE)]), min_size=0, max_size=50

@@ -6,8 +6,7 @@ from typing import Any
 import pytest
 
 from protocol.journal.events import StoredEvent
-from protocol.journal.state import SessionState, folded
-from protocol.journal.transitions import NotAllowed
+from protocol.journal.state import NotAllowed, SessionState, folded
 
 Happened = tuple[str, dict[str, Any]]
 NOON = datetime(2026, 1, 1, 12, tzinfo=UTC)

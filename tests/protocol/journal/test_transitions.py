@@ -11,8 +11,7 @@ from protocol.journal.events import (
     TrialAborted,
     TrialStarted,
 )
-from protocol.journal.state import SessionState
-from protocol.journal.transitions import TRANSITIONS, NotAllowed, next_state
+from protocol.journal.state import TRANSITIONS, NotAllowed, SessionState, next_state
 
 STATES = {state for state, _ in TRANSITIONS} | set(TRANSITIONS.values())
 TAGS = {tag for _, tag in TRANSITIONS}

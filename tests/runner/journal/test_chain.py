@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from protocol.journal.events import StoredEvent
-from runner.journal.chain import (
+from runner.journal.store import (
     FIRST_HASH,
     NO_SALT,
     SALT_BYTES,

@@ -6,8 +6,7 @@ import pytest
 
 from protocol.errors import BadInput
 from protocol.journal.events import SessionOpened, StudyAmended, Withdrawn
-from protocol.journal.state import SessionState
-from protocol.journal.transitions import EXCLUDED
+from protocol.journal.state import EXCLUDED, SessionState
 from runner.journal.cohort import planned_trials, session_summaries, slot_for, states
 from runner.journal.names import STUDY_CHAIN
 from runner.journal.session_log import SessionLog

@@ -3,7 +3,7 @@
 import pytest
 
 from protocol.journal.events import DeviceArmed, DeviceOff, NoteTaken, Paused, TrialStarted
-from protocol.journal.transitions import NotAllowed
+from protocol.journal.state import NotAllowed
 from runner.journal.session_log import SessionLog, abort_trial, close_interrupted
 from runner.journal.store import Journal
 from tests.runner.fakes import FakeClock, FakeDevice, FakeParticipant, context

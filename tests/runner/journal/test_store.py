@@ -14,14 +14,13 @@ from typing import Any
 import pytest
 
 from protocol.journal.events import StoredEvent
-from runner.journal.chain import FIRST_HASH, SALT_BYTES, chain_hash
 from runner.journal.opening import (
     SCHEMA_VERSION,
     journal_if_used,
     open_journal,
     read_journal,
 )
-from runner.journal.store import Journal, JournalError
+from runner.journal.store import FIRST_HASH, SALT_BYTES, Journal, JournalError, chain_hash
 from runner.journal.verification import verdicts
 from tests.runner.journal.tampering import tampering
 from tests.runner.journal.unsalted import make_unsalted

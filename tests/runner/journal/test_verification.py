@@ -16,11 +16,10 @@ from protocol.journal.events import (
     StudyAmended,
     Withdrawn,
 )
-from runner.journal.chain import ChainLink
 from runner.journal.names import STUDY_CHAIN
 from runner.journal.opening import open_journal
 from runner.journal.session_log import SessionLog
-from runner.journal.store import Journal, JournalError
+from runner.journal.store import ChainLink, Journal, JournalError
 from runner.journal.verification import (
     SessionVerdict,
     chain_is_unbroken,

@@ -8,8 +8,7 @@ import pytest
 from PIL import Image
 
 from protocol.study_file.loading import StudyError, text_digest
-from runner.study.folder import StudyFolder
-from runner.study.pictures import LARGEST_BYTES, picture_digests
+from runner.study.folder import LARGEST_BYTES, StudyFolder, picture_digests
 from tests.runner.command_line import typed
 
 PAGE = """

@@ -17,14 +17,14 @@ from tests.mutants.run import Results, found_by_tests
 
 SOURCES = (
     "runner/session/loop.py",
-    "protocol/journal/transitions.py",
+    "protocol/journal/state.py",
     "device/drivers/driver.py",
     "device/drivers/board.py",
     "device/drivers/limits.py",
     "runner/journal/store.py",
     "runner/journal/session_log.py",
     "runner/journal/database.py",
-    "runner/journal/chain.py",
+    "runner/journal/store.py",
     "runner/journal/amendments.py",
 )
 SEED = 2026

@@ -12,9 +12,15 @@ from analysis.estimates import NotEstimable
 from analysis.loading.study_data import StudyData, load_study_data
 from analysis.loading.study_lock import StudyLock
 from analysis.report.findings import Origin
-from analysis.report.registration.analysis_settings import analysis_settings
-from analysis.report.registration.named_results import NamedResult, gated, marked, named_results
-from analysis.report.registration.registered import conduct, registered_lines
+from analysis.report.registration.registered import (
+    NamedResult,
+    analysis_settings,
+    conduct,
+    gated,
+    marked,
+    named_results,
+    registered_lines,
+)
 from analysis.report.report import Report, report, report_html, report_json
 from analysis.trials.order_as_run import order_as_run
 from device.friction.calibration import NOMINAL, Calibration

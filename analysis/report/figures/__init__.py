@@ -1,1 +1,0 @@
-"""The kinds of figures of the report."""

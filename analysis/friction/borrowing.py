@@ -52,11 +52,12 @@ def borrowed_contrasts(
         mean, mean_known = _factors(cell, skin[subject], measured, weight, np.inf)
         skin, skin_known = _factors(subject, mean[cell], measured, weight, SKIN_SD)
         expected = skin[subject] * mean[cell]
-        # Fitted factors follow the data, so that residuals are too small.
+        # (9). Fitted factors follow the data, so that residuals are too small.
         squares = (measured - expected) ** 2 / max(1 - free, 1 / len(measured))
         counts = np.bincount(condition)
         known = np.sqrt(2 / counts) * np.bincount(condition, noise) / counts
         scatter = np.maximum(np.bincount(condition, squares - noise) / counts, known)
+    # (10), mathematics/measured-contrast
     spread = scatter[condition]
     kept = spread / (spread + noise)
     of_factors = mean[cell] ** 2 / skin_known[subject] + skin[subject] ** 2 / mean_known[cell]
@@ -70,6 +71,7 @@ def _factors(
     group: IntArray, slope: FloatArray, measured: FloatArray, weight: FloatArray, sd: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return each group's factor and its precision, with a normal prior about 1."""
+    # (8), mathematics/measured-contrast
     precision = np.bincount(group, weights=weight * slope**2) + sd**-2
     total = np.bincount(group, weights=weight * slope * measured) + sd**-2
     return np.asarray(total / precision), np.asarray(precision, dtype=np.float64)

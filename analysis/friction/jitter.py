@@ -27,6 +27,7 @@ class Jitter:
             weights: shape (sums, blocks).
             noise: shape (blocks,), variance of each block by the sensor's noise.
         """
+        # (2), mathematics/measured-contrast
         spread = weights * (self.autocovariances[0] + noise)
         for lag, value in enumerate(self.autocovariances[1 : weights.shape[1]], start=1):
             spread[:, lag:] += value * weights[:, :-lag]
@@ -53,7 +54,7 @@ def jitter_of(held: Iterable[TouchForces]) -> Jitter | NotEstimable:
     found = sums / np.maximum(counts, 1)
     length = float(np.mean(blocks))
     share = np.where(np.arange(LAGS + 1) > 0, 2.0, 1.0) * (1 - np.arange(LAGS + 1) / length)
-    hidden = 0.0
+    hidden = 0.0  # (3), mathematics/measured-contrast
     for _ in range(ROUNDS):
         hidden = max(float(share @ (found + hidden)) / length, 0.0)
     covariances = found + hidden

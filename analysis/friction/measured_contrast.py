@@ -122,7 +122,7 @@ def measured_contrast(
 
 def _within(touch: TouchForces, jitter: Jitter) -> MeasuredContrast:
     share = touch.t_s / touch.moved_s
-    # From 0 to 1 a power grows by 1, so that the fitted growth is the sum of the coefficients.
+    # (4): from 0 to 1 a power grows by 1, so that the fitted growth is the sum of the coefficients.
     weights = -np.linalg.pinv(np.vander(share, DEGREE + 1))[:-1].sum(axis=0)
     predictors = {name: float(weights @ logarithm(touch, name)) for name in LOGARITHMS}
     predictors[RATE] = float(weights @ touch.tangential_n) / touch.moved_s
@@ -204,7 +204,7 @@ def _depth(before: Profile, after: Profile, rest: Rest) -> MeasuredContrast:
         name: _rms(after.values[name] - about[name]) - _rms(before.values[name] - about[name])
         for name in PREDICTORS
     }
-    # Both swings are about the same resting friction, so that its error partly cancels.
+    # (7): both swings are about the same resting friction, so that its error partly cancels.
     of_rest = (last.mean_share - first.mean_share) ** 2 * rest.variance
     return _measured(
         {**predictors, FRICTION: last.value - first.value},
@@ -231,6 +231,7 @@ def _root_mean_square(values: FloatArray, covariance: FloatArray) -> _Size:
     Var(mean square) = (4 v'Σv + 2 tr Σ²) / n² for normal errors; near 0 the root is no better known
     than the fourth root of that.
     """
+    # (5) and (6), mathematics/measured-contrast
     count = len(values)
     square = float(np.mean(values**2) - np.trace(covariance) / count)
     blur = 2 * float((covariance**2).sum()) / count**2

@@ -239,6 +239,7 @@ class _Fit:
         fit, slope = self, self.slopes(self.found)
         nominal = coordinates(self.problem.nominal)
         while fit.free:
+            # (7), mathematics/sliding
             size = np.linalg.norm(slope, axis=0)
             scaled = slope / np.where(size > 0, size, 1.0)
             inverse = np.linalg.inv(scaled.T @ scaled + _RIDGE * np.eye(len(fit.free)))
@@ -288,7 +289,7 @@ class _Fit:
 
     @cached_property
     def rise(self) -> float:
-        """The rise of the deviance at the ends of a 95% interval."""
+        """The rise of the deviance at the ends of a 95% interval, (8) of mathematics/sliding."""
         spare = self.problem.places.x_m.size - len(self.free)
         return float(f_distribution.ppf(0.95, 1, spare)) * max(1.0, self.least / spare)
 
@@ -322,6 +323,7 @@ class _Fit:
     def _rise(self, name: str, offset: float) -> float:
         """Return the root of the rise of the deviance with one property `offset` from the best."""
         place = self.free.index(name)
+        # (9), mathematics/sliding
         part = offset * self.covariance[:, place] / self.covariance[place, place]
         at = self.whole(self.found[self.which] + part)
         fit = self

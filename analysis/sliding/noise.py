@@ -40,7 +40,8 @@ class Noise:
     def covariance(self, one: Course, mu: FloatArray) -> FloatArray:
         """Return the covariance of the bins of a pass about friction `mu`, shape (bins, bins)."""
         width = one.count * one.spacing_s / self.correlation_s
-        # Means of e^{-|t|} over a bin and over two bins that do not overlap.
+        # (5), mathematics/sliding: means of e^{-|t|} over a bin and over two bins that do not
+        # overlap.
         within = 2 * (width + np.expm1(-width)) / width**2
         half = np.minimum(width, 40.0) / 2
         spread = np.sinh(half) / half

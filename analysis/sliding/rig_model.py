@@ -148,6 +148,7 @@ def friction_along(places: Places, rigs: Sequence[RigProperties]) -> FloatArray:
     terms = _terms(places, tuple(rigs))
     lever = [HALF_THICKNESS_M + rig.body_height_m for rig in rigs]
     gain = np.array([rig.gain for rig in rigs])[:, None]
+    # (2), mathematics/sliding
     tip = gain * (np.array(lever)[:, None] / (HALF_THICKNESS_M + _STRUCTURE.body_height_m))
     scaled = replace(
         terms,

@@ -100,6 +100,7 @@ def _halves(fit: TwoWay) -> tuple[FloatArray, FloatArray]:
     scores missing it is the covariance that is robust to dependence within subjects (Liang and
     Zeger, Biometrika 73, 1986). A subject's error has the variance of the residuals.
     """
+    # (8), mathematics/ordinal
     root, subjects = _root_of_inverse(fit.table.given), len(fit.rows)
     inverse = root @ root.T
     influence = np.where(fit.table.given, fit.residuals, 0.0) @ inverse
@@ -203,6 +204,7 @@ def _slopes(fit: TwoWay) -> _Slopes | NotEstimable:
     residuals = np.where(given, fit.residuals, 0.0)[rows]
     products = (own * residuals).sum(axis=1) / lengths
     scaled = own / lengths[:, None] @ _root_of_inverse(given)
+    # (10), mathematics/ordinal
     turned, sizes, _ = np.linalg.svd(scaled, full_matrices=False)
     left = 1 - sizes**2
     absorbed = left < 1e-9
@@ -278,6 +280,7 @@ def _share_of_slopes(scores: FloatArray, given: BoolArray, inverse: FloatArray) 
     residuals = own - lines
     lengths = (lines**2).sum(axis=2)
     known = lengths > 1e-18 * (own**2).sum(axis=(1, 2))[:, None]
+    # (11), mathematics/ordinal
     along = (lines * residuals).sum(axis=2) ** 2 * known / np.where(known, lengths, 1.0)
     total = (weights * (residuals**2).sum(axis=2)).sum(axis=1)
     some = total > 1e-18 * (own**2).sum(axis=(1, 2))

@@ -46,7 +46,8 @@ def mean_interval(values: FloatArray) -> Interval | NotEstimable:
 def rank_biserial_interval(r: float, n: int) -> Interval:
     """Return the interval of a matched-pairs rank-biserial correlation of n nonzero differences.
 
-    It has the values ρ with (r - ρ)² <= z² (1 - ρ²) v, where v = (4n + 2) / (3n(n + 1)) is the
+    (14) of mathematics/ordinal: it has the values ρ with (r - ρ)² <= z² (1 - ρ²) v, where v = (4n +
+    2) / (3n(n + 1)) is the
     variance of r at ρ = 0 (Kerby, Comprehensive Psychology 3, 2014, for r), as Wilson's interval
     does for a share. It has a width at r = 1 too.
     """

@@ -183,6 +183,7 @@ def _log_probabilities(
     bounds = edges - location[:, None, :]
     log_p = log_interval(bounds[:, :-1], bounds[:, 1:], link)
     log_density = log_density_of(bounds, link)
+    # (3), mathematics/ordinal
     upper = np.exp(np.minimum(log_density[:, 1:] - log_p, -np.log(SMALLEST)))
     lower = -np.exp(np.minimum(log_density[:, :-1] - log_p, -np.log(SMALLEST)))
     return log_p, (upper, lower)
@@ -191,7 +192,7 @@ def _log_probabilities(
 def log_interval(lower: FloatArray, upper: FloatArray, link: Link) -> FloatArray:
     """Return log(F(upper) - F(lower)), computed in the tail where F keeps its precision."""
     log_cdf = log_ndtr if link == "probit" else log_expit
-    mirrored = lower > 0
+    mirrored = lower > 0  # (4), mathematics/ordinal
     high = log_cdf(np.where(mirrored, -lower, upper))
     low = log_cdf(np.where(mirrored, -upper, lower))
     # Thresholds that meet during a search must give a tiny probability, not NaN.

@@ -152,6 +152,7 @@ def _effects(deviations: FloatArray, given: BoolArray) -> tuple[FloatArray, Floa
     weights = given.astype(np.float64)
     per_row = weights.sum(axis=1)
     row_means = deviations.sum(axis=1) / per_row
+    # (6), mathematics/ordinal
     normal = np.diag(weights.sum(axis=0)) - weights.T @ (weights / per_row[:, None])
     right = deviations.sum(axis=0) - weights.T @ row_means
     # The system determines columns up to a constant; the shortest solution has mean zero.

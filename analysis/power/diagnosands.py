@@ -39,8 +39,8 @@ def ratio(above: FloatArray, below: FloatArray) -> Measured:
     """Return the ratio of two sums over studies and its standard error (delta method).
 
     (1) and (2) of docs/mathematics/power.md: r = Σ a / Σ b; its error is √(Σ (a - r b)²) / Σ b. A
-    share that all n studies had, or none, is
-    not known without error: it has that of (n + 1) / (n + 2), or of 1 / (n + 2).
+    share that all n studies had, or none, is not known without error: it has that of
+    (n + 1) / (n + 2), or of 1 / (n + 2).
 
     >>> ratio(np.array([1.0, 0.0, 1.0, 0.0]), np.ones(4))
     Measured(value=0.5, error=0.25)

@@ -46,10 +46,9 @@ def mean_interval(values: FloatArray) -> Interval | NotEstimable:
 def rank_biserial_interval(r: float, n: int) -> Interval:
     """Return the interval of a matched-pairs rank-biserial correlation of n nonzero differences.
 
-    (14) of mathematics/ordinal: it has the values ρ with (r - ρ)² <= z² (1 - ρ²) v, where v = (4n +
-    2) / (3n(n + 1)) is the
-    variance of r at ρ = 0 (Kerby, Comprehensive Psychology 3, 2014, for r), as Wilson's interval
-    does for a share. It has a width at r = 1 too.
+    (14) of mathematics/ordinal: it has the values ρ with (r - ρ)² <= z² (1 - ρ²) v, where
+    v = (4n + 2) / (3n(n + 1)) is the variance of r at ρ = 0 (Kerby, Comprehensive Psychology 3,
+    2014, for r), as Wilson's interval does for a share. It has a width at r = 1 too.
     """
     spread = float(ndtri(0.975)) ** 2 * (4 * n + 2) / (3 * n * (n + 1))
     half = float(np.sqrt(spread * (1 + spread - r**2)))

@@ -18,7 +18,9 @@ Scalar = str | int | float | bool | None
 Cell = Scalar | tuple[Scalar, ...]
 """A value, None if there is none; a tuple holds one value per touch."""
 
+# Not a comma, which separates the cells of CSV already.
 BETWEEN_TOUCHES = ";"
+# BIDS prescribes this word for a missing value.
 NOT_AVAILABLE = "n/a"
 
 # A spreadsheet may split a file at other marks than the file's own, even within quotation marks.
@@ -26,6 +28,8 @@ _BEGINS = r"(?=[\s\"]*[=+\-@＝＋－＠])"
 _CSV_FORMULA = re.compile(rf"(^|[;\t\n]){_BEGINS}")
 _TSV_FORMULA = re.compile(rf"(^|[;,]){_BEGINS}")
 _GUARD = re.compile(rf"(^|[;\t\n])'{_BEGINS}")
+# Tab and line feed are left out, because each format has a way of its own to hold them. The others
+# may break a line (U+2028), hide (U+FEFF), or cannot be encoded in UTF-8 (surrogates).
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\ufeff\ud800-\udfff]")
 _KEPT_TEXTS = 4096
 _SURROGATE = re.compile("[\ud800-\udfff]")
@@ -55,6 +59,7 @@ def csv_of_columns(header: Sequence[str], columns: Iterable[Sequence[Cell]]) -> 
 
 def _csv(header: Sequence[str], rows: Iterable[Iterable[Cell]]) -> str:
     out = io.StringIO()
+    # The writer's default is CR LF; all files that are exported end their lines alike.
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(header)
     writer.writerows(rows)
@@ -97,8 +102,10 @@ def csv_cell(text: str) -> str:
 @lru_cache(maxsize=_KEPT_TEXTS)
 def tsv_cell(text: str) -> str:
     """Return `text` as a cell of a TSV file holds it."""
+    # The backslash goes first, so that it leaves alone those that the others add.
     escaped = _line_feeds(text).replace("\\", "\\\\").replace("\t", "\\t").replace("\n", "\\n")
     shown = _CONTROL.sub(_escape, _TSV_FORMULA.sub(r"\1'", escaped))
+    # A text that happens to be "n/a" must not read as a missing value.
     return f"'{shown}" if shown.strip() == NOT_AVAILABLE else shown
 
 
@@ -112,6 +119,7 @@ def _cell_text(cell: Cell, written: Callable[[str], str], missing: str) -> str:
     if cell.count(None) == len(cell):
         return missing
     items = [_scalar_text(value, written, NOT_AVAILABLE) for value in cell]
+    # A semicolon within a value would otherwise begin the next touch.
     return BETWEEN_TOUCHES.join([item.replace(BETWEEN_TOUCHES, "\\;") for item in items])
 
 
@@ -122,6 +130,7 @@ def _scalar_text(value: Scalar, written: Callable[[str], str], missing: str) -> 
         return written(value) if value and not value.isspace() else missing
     if value is True or value is False:
         return "true" if value else "false"
+    # The fewest digits that give the same number back: nothing is rounded.
     return repr(value)
 
 
@@ -145,5 +154,6 @@ def _escape(match: re.Match[str]) -> str:
 def json_text(document: object) -> str:
     """Return `document` as JSON for people and programs."""
     out = io.StringIO()  # takes a fifth of the memory of the list of parts that json.dumps joins
+    # NaN is not JSON, so that a missing number must have become `null` before.
     json.dump(document, out, indent=2, ensure_ascii=False, allow_nan=False)
     return _SURROGATE.sub(_escape, out.getvalue()) + "\n"

@@ -26,6 +26,8 @@ Records = Mapping[str, type]
 
 _IN_MEMORY = 256
 _PLAIN = (NoneType, bool, int, float, str)
+# Arrays of objects are left out, because only pickle could read them, and it executes what it
+# reads.
 _NUMBERS = frozenset("biuf")
 """The kinds of array that are kept: truth values and numbers."""
 _DAMAGED = (ValueError, LookupError, TypeError, AttributeError, RecursionError, zlib.error)
@@ -69,10 +71,13 @@ class Kept:
         """Return what `make` does, which depends on `of` alone and is as `returning` returns it."""
         try:
             name = self._name(returning, *of)
+        # The result is right all the same; it only cannot be found again.
         except NotKept:
             return make()
         if name not in self._memory:
+            # Results travel in a tuple, so that a result of None or 0 is told from none.
             self._remember(name, self._read(name, returning) or self._written(name, make()))
+        # What was used last is dropped last.
         self._memory.move_to_end(name)
         found: Result = self._memory[name][0]
         return found
@@ -81,6 +86,7 @@ class Kept:
         """Make several calls at a time, for later; those that are known already are not made."""
         wanted = {}
         for call in calls:
+            # The name that `__call__` gives the same call, so that it finds what is made here.
             name = self._name(call.func, call.args, call.keywords)
             if name not in self._memory:
                 known = self._read(name, call.func)
@@ -107,11 +113,13 @@ class Kept:
             return None
         try:
             return (_value(json.loads(zlib.decompress(content)), _returned(function)),)
+        # A file that was cut or changed costs no more than the time to compute it again.
         except _DAMAGED:
             return None
 
     def _written(self, name: str, value: Result) -> tuple[Result]:
         if self._shelf is not None:
+            # The fastest level, because a result that is slow to keep is not worth keeping.
             self._shelf.put(name, zlib.compress(_text(_form(value)), level=1))
         return (value,)
 
@@ -170,6 +178,7 @@ def _value(form: Any, records: Records) -> Any:
         name, shape, data = given
         if np.dtype(name).kind not in _NUMBERS:
             raise ValueError(f"arrays of {name} are not kept")
+        # A copy, because an array over a buffer is read-only and a computed one is not.
         return np.frombuffer(b64decode(data, validate=True), name).reshape(shape).copy()
     if kind == "bytes":
         return b64decode(given, validate=True)
@@ -186,6 +195,7 @@ def _value(form: Any, records: Records) -> Any:
 def _field_names(kind: Hashable) -> tuple[str, ...]:
     """Return the names of a record's fields; none of anything else."""
     if is_dataclass(kind):
+        # A field that a record computes itself cannot be passed to its constructor.
         return tuple(entry.name for entry in fields(kind) if entry.init)
     return getattr(kind, "_fields", ())
 
@@ -197,6 +207,7 @@ def _class_name(known: Any) -> str:
 @cache
 def _returned(function: Callable[..., Any]) -> Records:
     """Return the records that `function`, or a class, returns, and those that they contain."""
+    # The function's own signature says what may be made, so that a file cannot choose.
     records: dict[str, type] = {}
     hints = [function if isinstance(function, type) else get_type_hints(function)["return"]]
     while hints:

@@ -74,12 +74,14 @@ def load(folder: "str | os.PathLike[str]", *, rehearsals: bool = False) -> "Stud
         file = source.study()
         recorded = load_sessions(readable_chains(journal, broken))
     if broken:
+        # `stacklevel=2` makes the warning name the caller's line instead of this one.
         warnings.warn(changed_journal(broken), stacklevel=2)
     return Study(
         folder=source, file=file, recorded=recorded, rehearsals=rehearsals, broken=tuple(broken)
     )
 
 
+# Without `eq`, because comparing data frames gives a frame and no truth value.
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Study:
     """A study and what was recorded when it was loaded; `load` makes one.
@@ -127,6 +129,7 @@ class Study:
         rules = self.file.exclusions
         try:
             return study_data(self.recorded, rehearsals=self.rehearsals, rules=rules)
+        # The error names the option of the command line, which does not help in Python.
         except OnlyRehearsals:
             said = "nothing but rehearsals here; touchbeam.load(..., rehearsals=True) includes them"
             raise ValueError(said) from None
@@ -249,6 +252,7 @@ class Study:
             slot = slot_for(states(journal), participant, "participant")
             registered = registration_of(self.folder.path)
             require_registered(journal, registered, rehearsal=False)
+        # A registration's digest seeds the plan of the sessions that run under it.
         file = self.file if registered is None else locked(self.file, registered.digest)
         return plan_frame(plan(file, slot, session).trials)
 
@@ -277,6 +281,7 @@ class Study:
         from runner.study.kept_files import code_version, kept_files
         from runner.study.registered import registration_problem
 
+        # A text is a sequence, too: of its letters.
         named = (sections,) if isinstance(sections, str) else sections
         with read_journal(self.folder.existing_journal()) as journal:
             unlocked = registration_problem(journal, self.folder.path)
@@ -359,6 +364,7 @@ def _predicted(
     if repeated or not names:
         said = f"column {repeated[0]!r} stands twice" if repeated else "no column is given"
         raise ValueError(f"scenes, line 1: {said}")
+    # `column_table` knows one mark of a missing cell, None; pandas has several.
     columns = {
         name: column.to_numpy()
         if column.dtype.kind in "iuf"

@@ -71,6 +71,7 @@ class Rows:
     touches: Table[TouchRow] = field(default_factory=lambda: Table(TouchRow))
     answers: Table[AnswerRow] = field(default_factory=lambda: Table(AnswerRow))
     sampled: list[int] = field(default_factory=list)
+    # Bare numbers, because an object per sample would take several times the memory.
     samples: "array[float]" = field(default_factory=lambda: array("d"))
     forces: dict[int, TouchForces | NotEstimable] = field(default_factory=dict)
     incidents: list[Incident] = field(default_factory=list)
@@ -115,6 +116,7 @@ class Course:
         for stored in events:
             self._stored = stored
             take(stored.record)
+        # Only now, because the operator may have taken an exclusion back in a later event.
         if self._session.exclusion is not None:
             self._exclude(self._session.exclusion)
         # A trial may be excluded before its last attempt.
@@ -165,6 +167,7 @@ class Course:
 
     def _under(self, event: SessionOpened | SessionResumed) -> None:
         """Continue with the study and the plan with which the session was opened or resumed."""
+        # A resumption need not repeat what the session was opened with.
         self._session.virtual = event.virtual or self._session.virtual
         self._rig = self._session.calibration = rig_in_force(event)
         self._planned |= {trial.index: trial for trial in event.trials}
@@ -228,6 +231,7 @@ class Course:
     @_take.register
     def _touch_started(self, event: TouchStarted) -> None:
         touches = self._planned[self._attempt.trial_index].touches
+        # Sorted, so that equal plans are one key of the cache whatever the order of their entries.
         planned = _touch(tuple(sorted(touches[event.touch].items())))
         self._rows.touches.append(
             TouchRow(
@@ -271,11 +275,13 @@ class Course:
         attempt = self._attempt
         attempt.answered = True
         attempt.change, attempt.agrees, attempt.score = event.change, event.agrees, event.score
+        # The second time is there only if a score was asked for.
         times_s: Sequence[float | None] = (*event.reaction_time_s, None, None)
         attempt.reaction_time_s, attempt.score_reaction_time_s = times_s[:2]
         attempt.answered_utc = self._stored.utc
         began_s = attempt.started_monotonic_s
         if began_s is not None:
+            # The difference of two times has digits that no clock gave.
             attempt.duration_s = round(self._stored.monotonic_s - began_s, 6)
         for given in event.questions:
             self._add_answer(given, "trial", attempt_id=self._rows.attempts.last_id)
@@ -332,6 +338,7 @@ class Course:
 
     @_take.register
     def _device_off(self, event: DeviceOff) -> None:
+        # To switch off is the normal end; only a voltage that may still be there is worth a note.
         if not event.confirmed:
             self._incident("device off, not confirmed", event.why)
 
@@ -360,6 +367,7 @@ class Course:
         self._session.exclusion, self._session.inclusion = None, event.reason
 
     def _included_again(self, excluded: str, included: str, trial: int | None = None) -> None:
+        # Both decisions are listed, so that taking one back leaves a trace.
         self._incident("excluded", excluded, trial)
         self._incident("included again", included, trial)
 

@@ -23,6 +23,7 @@ MOST_SUBJECTS = 100_000
 MOST_CONDITIONS = 100
 MOST_BYTES = 2**25
 """Of a file: three for each of the most scores."""
+# Each may be off by half of the last digit; the rest allows for binary fractions.
 _PRINTED = 0.0101
 """How far two means to two decimals may lie apart that were the same before rounding."""
 
@@ -61,6 +62,8 @@ def mean_column(scores: FloatArray) -> int | None:
 def _highest_of_others(scores: FloatArray) -> FloatArray:
     """Return for each cell the highest of the other scores in its row, -inf if there is none."""
     known = np.where(np.isnan(scores), -np.inf, scores)
+    # It is the row's highest score, except for the highest itself, whose others begin at the
+    # second.
     second, first = np.partition(known, -2, axis=1)[:, -2:].T[:, :, None]
     return np.where(known == first, second, first)
 
@@ -89,6 +92,7 @@ def unpredicted_note(conditions: Sequence[str]) -> str | None:
 
 
 SCALE = (float(PAPERS_SCALE.minimum), float(PAPERS_SCALE.maximum))
+# `float` alone would also take "nan", "inf" and "1_0".
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
 
 
@@ -115,8 +119,10 @@ def published_table(
             a cell that is neither blank nor a score, or a column or row of means; the message gives
             line, column, value and rule.
     """
+    # Spreadsheets put a byte order mark before UTF-8.
     (start, first), *rows = _rows(text.removeprefix("\ufeff"), source)
     at_header = f"{source}, line {start}"
+    # First, so that the message names the cause instead of one of its consequences.
     _require_commas(first, at_header)
     if len(first) > MOST_CONDITIONS + 1:
         raise TableError(
@@ -160,6 +166,7 @@ def _header(cells: list[str], at_header: str) -> list[str]:
 
 def _rows(text: str, source: str) -> list[tuple[int, list[str]]]:
     """The rows that are not blank, at least one, each with its line in the file."""
+    # Strict, because a stray quotation mark would otherwise silently join cells.
     reader = csv.reader(io.StringIO(text, newline=None), strict=True)
     rows, line = [], 1
     try:
@@ -169,6 +176,7 @@ def _rows(text: str, source: str) -> list[tuple[int, list[str]]]:
                 _require_few(len(rows), source)
             line = reader.line_num + 1
     except csv.Error as error:
+        # The csv module tells this cause from others by its text alone.
         if reader.line_num >= line and "end of data" in str(error):
             raise TableError(
                 f"{source}, line {line}: a quotation mark is opened and never closed; close it"

@@ -27,11 +27,13 @@ _COLUMN_TYPES: Mapping[Any, Any] = {
     str: TEXT,
     str | None: TEXT,
     int: "int64",
+    # Only pandas' own types, with a capital or by the full name, can hold a missing value.
     int | None: "Int64",
     bool: "bool",
     bool | None: "boolean",
     float: "float64",
     float | None: "float64",
+    # Microseconds are what Python's datetime has, so that nothing is rounded.
     datetime | None: "datetime64[us, UTC]",
 }
 """The column's type for each type of field; any other field makes a column of Python objects."""
@@ -224,6 +226,7 @@ class Table(Generic[Row]):
 
 def values(column: "pd.Series[Any]") -> list[Any]:
     """Return the values of a column as plain Python objects, None for a missing one."""
+    # `tolist` alone would give NaN, NA or NaT for a missing value, depending on the type.
     return column.astype(object).where(column.notna(), None).tolist()
 
 

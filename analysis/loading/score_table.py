@@ -34,7 +34,9 @@ class ScoreTable:
 
     def __post_init__(self) -> None:
         scores = np.array(self.scores, dtype=np.float64)
+        # All statistics share one table, so that none of them may change it.
         scores.flags.writeable = False
+        # A frozen record sets its own fields in this way alone.
         object.__setattr__(self, "subjects", tuple(self.subjects))
         object.__setattr__(self, "conditions", tuple(self.conditions))
         object.__setattr__(self, "scores", scores)
@@ -60,6 +62,7 @@ class ScoreTable:
     def by_subject(self) -> dict[str, dict[str, float | None]]:
         """Return condition → score by subject, None where none was given."""
         scores = self.scores.astype(object)
+        # JSON has no NaN.
         scores[~self.given] = None
         rows = [dict(zip(self.conditions, row, strict=True)) for row in scores.tolist()]
         return dict(zip(self.subjects, rows, strict=True))

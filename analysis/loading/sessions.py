@@ -83,6 +83,7 @@ class Sessions:
             last.drop(columns=["attempt", "abort_reason"])
             .assign(
                 attempts=counted,
+                # A published score was not attempted: 0 aborted attempts would be made up.
                 aborted=begun["abort_reason"].count().where(counted.notna()).astype("Int64"),
                 abort_reasons=_lines(attempts, "abort_reason"),
                 notes=_lines(attempts, "notes"),
@@ -102,6 +103,7 @@ class Sessions:
         found = self.attempts[self.attempts.answered]
         scored = found["trial_kind"].eq("trial")
         session = found["session_id"]
+        # After a catch trial or practice there is no condition whose effect could carry over.
         after_scored = scored & scored.groupby(session).shift(fill_value=False)
         return found.assign(
             place=scored.groupby(session).cumsum().astype("Int64").where(scored),
@@ -115,6 +117,7 @@ class Sessions:
         It is missing for a sliding finger and on a rig without sensors.
         """
         held = self.touches["place"].ne("path")
+        # A finger off the beam has no place.
         samples = self.traces[self.traces["force_n"].gt(LIFTED_N)]
         places_m = samples.groupby("touch_id")["position_m"].median()
         return places_m.reindex(self.touches.index).where(held)
@@ -148,12 +151,14 @@ def load_sessions(chains: Iterable[Sequence[StoredEvent]]) -> Sessions:
         if isinstance(opened, SessionOpened) and opened.participant == SLIDE:
             continue
         Course(rows).read(events)
+        # Only between sessions, because later events still change the rows of the running one.
         rows.attempts.pack()
         rows.touches.pack()
         rows.answers.pack()
     sessions = rows.sessions.frame()
     rehearsed = sessions["session_kind"].eq("rehearsal")
     names = sessions["participant"]
+    # Only names that stand for a participant and for a rehearsal need a mark.
     apart = set(names[rehearsed]) & set(names[~rehearsed])
 
     def told(entry: _Told) -> _Told:

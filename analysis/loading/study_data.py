@@ -72,6 +72,7 @@ def _participants_broken(
         "scored": scored,
         "missing": scored & trials["score"].isna(),
         "catches": catch,
+        # A catch trial without an answer is no false alarm.
         "alarms": catch & trials["agrees"].eq(False).fillna(False),
     }
     counts = pd.DataFrame(counted).groupby(trials["participant"]).sum()
@@ -158,6 +159,8 @@ def empty_cells(table: ScoreTable, counted: pd.DataFrame, excluded: pd.DataFrame
         excluded: the trials taken out by the operator or by a rule.
     """
     published = counted["trial_kind"].eq("published")
+    # A later line overwrites an earlier one, so that trials that count explain a cell before
+    # excluded ones.
     known = dict.fromkeys(_scored_cells(excluded), Why.EXCLUDED)
     known |= dict.fromkeys(_scored_cells(counted[published]), Why.BLANK)
     known |= dict.fromkeys(_scored_cells(counted[~published]), Why.WITHHELD)
@@ -389,6 +392,7 @@ def study_data(found: Sessions, *, rehearsals: bool, rules: Exclusions | None = 
         )
     conditions = _once(chain.from_iterable(sessions["conditions"]))
     cells = trials[is_scored(trials)].groupby(["participant", "condition"])["score"].mean()
+    # A subject without any score keeps a row of missing ones, and is named under the table.
     means = cells.unstack().reindex(index=subjects, columns=conditions)
     table = ScoreTable(subjects=subjects, conditions=conditions, scores=means.to_numpy())
     kept = set(names.itertuples(index=False, name=None))
@@ -419,10 +423,12 @@ def study_data(found: Sessions, *, rehearsals: bool, rules: Exclusions | None = 
         incidents=tuple(it for it in found.incidents if (it.participant, it.session) in kept),
         recording=_recording(sessions),
         empty=empty_cells(table, trials, answered.drop(trials.index)),
+        # With excluded trials, because they were felt and may carry over to the next.
         orders=_orders(found.answered, sessions),
         virtual={
             name: truth
             for name, truth in zip(sessions["participant"], sessions["virtual"], strict=True)
+            # The column has NaN for people.
             if isinstance(truth, VirtualTruth) and name in subjects
         },
         lock=study_lock(found.decisions, sessions),
@@ -430,6 +436,7 @@ def study_data(found: Sessions, *, rehearsals: bool, rules: Exclusions | None = 
 
 
 def _orders(answered: pd.DataFrame, sessions: pd.DataFrame) -> tuple[SessionOrder, ...]:
+    # A published score has no slot, and its place in an order is not known.
     counting = sessions[["session", "slot"]].dropna()
     known = answered.join(counting, on="session_id", how="inner")
     return tuple(
@@ -447,6 +454,7 @@ def _answers(found: Sessions, names: pd.DataFrame, trials: pd.DataFrame) -> pd.D
     """Return the answers to the study's own questions in sessions and trials that count."""
     answers = found.answers.join(names, on="session_id", how="inner")
     of_trial = answers.join(trials[["trial_kind", "condition"]], on="attempt_id")
+    # An answer about a block or a session has no trial that could be left out.
     return of_trial[of_trial["attempt_id"].isna() | of_trial["trial_kind"].notna()]
 
 

@@ -77,6 +77,7 @@ def study_lock(decisions: Decisions, sessions: pd.DataFrame) -> StudyLock | None
         amendments=tuple(
             Amendment(utc=when, reason=change.reason)
             for when, change in decisions
+            # An amendment that broke an earlier registration is no deviation from this one.
             if isinstance(change, StudyAmended) and change.breaks == found.digest
         ),
         sessions=tuple(map(_run, sessions.to_dict("records"))),

@@ -31,6 +31,7 @@ class AnswerGroup:
         """Return mean, standard deviation, median and range of numbers; none of no answers."""
         if not self.given:
             return {}
+        # One value has no standard deviation.
         spread = {"sd": stdev(self.given)} if len(self.given) > 1 else {}
         return {
             "mean": fmean(self.given),
@@ -44,6 +45,7 @@ class AnswerGroup:
         """Return how often each label was chosen."""
         several = question.kind == "several"
         chosen = Counter(value for each in self.given for value in (each if several else (each,)))
+        # A label that nobody chose is shown with 0.
         return {value: chosen[value] for value in question.values}
 
 
@@ -107,6 +109,7 @@ class _Row(NamedTuple):
 def answers_by_question(study: Study, answers: pd.DataFrame) -> list[Answers]:
     """Return the summed-up answers to each of the study's own questions that was asked."""
     columns = (values(answers[name]) for name in _Row._fields)
+    # Blocks stand in their order; the first session need not have had all of them.
     rows = sorted(map(_Row, *columns), key=lambda row: row.block or 0)
     found = (
         _answers(study, question, [row for row in rows if _is_of(question, row)])

@@ -123,6 +123,7 @@ def trial_changes(
 
     @cache
     def in_force(text: str | None) -> Study:
+        # A file from another version must not stop a report; the present study is the best guess.
         return _readable(text) or study
 
     # Most trials share their plan with others.
@@ -188,6 +189,7 @@ def felt_change(change: Change, touches: Sequence[Any], resonance_hz: float | No
     places_m = change.places_m
     if change.effect == "friction" and isfinite(last.place_m):
         place_m = stepped(last.place_m, places_m[0], PLACE_STEP_M)
+        # A sensor may place the finger off the beam, where the model predicts nothing.
         if 0 <= place_m <= _BEAM_M:
             places_m = (place_m,)
     return replace(change, before=before, after=after, places_m=places_m)
@@ -207,6 +209,7 @@ def _driven(
     """Return the moment with the drive that was read back, if there is one."""
     if not isfinite(voltage_v) or resonance_hz is None:
         return moment
+    # Rounded, so that trials with the same drive share a prediction.
     frequency = round(frequency_hz / resonance_hz, FREQUENCY_DIGITS)
     return replace(moment, voltage_v=round(voltage_v, 3), frequency=frequency)
 
@@ -245,6 +248,7 @@ def scored_trials(data: StudyData, contrasts: TrialContrasts) -> ScoredTrials:
     scored = is_scored(data.trials)
     trials = data.trials[scored]
     by_law = {law: values[scored] for law, values in contrasts.by_law.items()}
+    # Trials that only some laws predict are left out, so that all laws are judged on the same.
     predicted = np.asarray(np.isfinite(list(by_law.values())).all(axis=0))
     every = ratings_of(data, trials, np.zeros(len(trials)))
     named = ratings_of(data, trials, np.where(predicted, by_law[LAW], 0.0)).where(predicted)

@@ -17,6 +17,7 @@ from analysis.statistics.signed_rank import DECIMALS, doubled_midranks
 
 # A law over conditions: all assignments of its contrasts, and predictions of a condition.
 
+# Six have 720 assignments, each of which is fitted; every further condition multiplies them.
 MOST_CONDITIONS = 6
 # Of the ratings' variance; a fit is not told from a perfect one below it.
 _LEAST = np.exp(-16.0)
@@ -55,6 +56,7 @@ def assignment_p(trials: Ratings, contrast: FloatArray) -> float | NotEstimable:
         return NotEstimable(
             f"assignments are listed for 3 to {MOST_CONDITIONS} conditions, got {conditions}"
         )
+    # The first permutation leaves all in place: it is the law's own assignment.
     orders = np.array(list(permutations(range(conditions))))
     repeats = int(cells.counts[0, 0])
     if cells.alike and (cells.counts == repeats).all():
@@ -62,6 +64,7 @@ def assignment_p(trials: Ratings, contrast: FloatArray) -> float | NotEstimable:
         found = _log_likelihoods(cells.means, cells.contrasts[0][orders], repeats, squares)
     else:
         found = np.array([_explained(cells, cells.contrasts[:, order]) for order in orders])
+    # Assignments that fit equally well differ by rounding; they count as fitting as well.
     return float((found >= found[0] - 1e-9 * abs(found[0])).mean())
 
 
@@ -98,6 +101,7 @@ def prediction_error(
         observed = cells.means[known, place]
         level = observed - rest[:, place]
         predicted = level + slope * steps[:, place]
+        # Nobody can rate beyond the scale, so that a law is not blamed for how far it overshoots.
         inside = np.clip(predicted, *scale)
         errors.append([np.average(observed - v, weights=weights) for v in (inside, level)])
         if not scale[0] <= np.average(predicted, weights=weights) <= scale[1]:
@@ -131,6 +135,7 @@ def _cells(trials: Ratings, contrast: FloatArray) -> _Cells:
         np.round(contrast, DECIMALS), np.round(contrast[first], DECIMALS)[condition]
     )
     own = totals / np.maximum(counts, 1)
+    # A mean of equal contrasts may differ from them in the last digit.
     average = contrast[first] if alike else own.sum(axis=0) / (counts > 0).sum(axis=0)
     return _Cells(
         counts=counts,
@@ -168,6 +173,7 @@ def _log_likelihoods(
         squares: sum of all squared ratings.
     """
     subjects, conditions = means.shape
+    # A line, its level and its slope, takes two dimensions of each subject's ratings.
     rest = conditions * repeats - 2
     slopes = assigned - assigned.mean(axis=1, keepdims=True)
     slopes /= np.sqrt((slopes**2).sum(axis=1, keepdims=True))
@@ -257,6 +263,7 @@ def _law_likelihood(
     sums = line_sums(trials.subject, len(trials.subjects), x, y)
     if refusal := without_noise(sums):
         return refusal
+    # Back to the density of ratings in points, because the fit is to standardised ones.
     unit = len(y) * np.log(axes.y_sd)
     with_law = _largest(sums) - unit
     without = _largest_level(trials, y) - unit
@@ -320,6 +327,7 @@ def _smallest(
 
 # A law's order of the conditions against that of the mean ratings.
 
+# Eight conditions have 40,320 orders; nine would have nine times as many.
 MOST_ENUMERATED = 8
 
 
@@ -374,6 +382,7 @@ def law_order(
             "an order needs at least 3 conditions with a score and a predicted contrast, got "
             f"{int(scored.sum())}"
         )
+    # Doubled, ranks are whole numbers even with ties, so that equal sums are equal exactly.
     ranks = doubled_midranks(np.stack([predicted[scored], observed[scored]]))
     deviations = ranks - ranks.mean(axis=1, keepdims=True)
     tied, rated = _by_strength(conditions, predicted), int(scored.sum())
@@ -448,6 +457,7 @@ def _over_all_orders(deviations: FloatArray) -> tuple[float, float | NotEstimabl
         return p, float(rare[0]) / largest
     needed = critical_correlation(count)
     r = observed / largest
+    # Its t would be infinite.
     if r >= 1:
         return 0.0, needed
     t = r * np.sqrt((count - 2) / (1 - r**2))
@@ -456,4 +466,5 @@ def _over_all_orders(deviations: FloatArray) -> tuple[float, float | NotEstimabl
 
 def _share_from(products: FloatArray, value: float) -> float:
     """Return the share of the sorted products that reach the value."""
+    # Products that are equal but for rounding count as reached.
     return float(len(products) - np.searchsorted(products, value - 1e-9)) / len(products)

@@ -75,6 +75,7 @@ def drift(ratings: Ratings, position: IntArray) -> Drift | NotEstimable:
         return slopes
     df = len(slopes) - 1
     slope, error = float(slopes.mean()), float(slopes.std(ddof=1) / np.sqrt(len(slopes)))
+    # Slopes that are equal leave a spread that is rounding alone.
     if error <= 1e-12 * max(1.0, abs(slope)):
         return NotEstimable("the subjects' slopes do not vary, so their mean cannot be tested")
     half = float(stdtrit(df, 0.975)) * error
@@ -94,9 +95,13 @@ def _slopes(trials: Ratings, place: FloatArray) -> FloatArray | NotEstimable:
     within, person = within[moving], np.unique(person[moving], return_inverse=True)[1]
     steps = within[:, 0]
     raw = _sums(within[:, 1:] * steps[:, None], person) / moved[moved > 0][:, None]
+    # Conditions are fitted to what each subject's own line leaves, which gives the same effects as
+    # one large fit of all (Frisch and Waugh, Econometrica 1, 1933).
     rest = within[:, 1:] - steps[:, None] * raw[person]
     y, conditions = rest[:, 0], rest[:, 1:]
     information = conditions.T @ conditions
+    # A pseudoinverse, because the columns of all conditions add up to a constant, which the
+    # subjects' levels took already.
     inverse = np.linalg.pinv(information, rtol=1e-10, hermitian=True)
     # Effects of conditions that nothing determines must not move the slopes.
     free = np.eye(len(inverse)) - inverse @ information
@@ -104,6 +109,7 @@ def _slopes(trials: Ratings, place: FloatArray) -> FloatArray | NotEstimable:
         return NotEstimable(
             "subject and condition determine the position, so drift cannot be separated"
         )
+    # Each subject takes a level and a slope.
     if len(y) - 2 * len(raw) - np.linalg.matrix_rank(information, tol=1e-8, hermitian=True) < 1:
         return NotEstimable("there is no residual to test the drift against")
     return np.asarray(raw[:, 0] - raw[:, 1:] @ (inverse @ (conditions.T @ y)))
@@ -149,6 +155,7 @@ def proportion(count: int, trials: int) -> Proportion | NotEstimable:
         raise ValueError(f"count must lie in [0, {trials}], got {count}")
     if trials == 0:
         return NotEstimable("there were no such trials")
+    # At no or at all successes the beta distribution of one limit does not exist.
     low = float(betaincinv(count, trials - count + 1, 0.025)) if count > 0 else 0.0
     high = float(betaincinv(count + 1, trials - count, 0.975)) if count < trials else 1.0
     return Proportion(count=count, trials=trials, share=count / trials, interval=(low, high))
@@ -206,9 +213,11 @@ def _test_of(trials: Ratings, common: FloatArray, added: FloatArray) -> FTest | 
     df = (with_effect.rank - without.rank, with_effect.df)
     if df[0] < 1:
         return NotEstimable("subject and condition determine the effect, so it cannot be separated")
+    # A fit that is perfect leaves squares that are rounding alone.
     if df[1] < 1 or with_effect.squares <= 1e-20 * max(1.0, without.squares):
         return NotEstimable("there is no residual to test the effect against")
     f = (without.squares - with_effect.squares) / df[0] / (with_effect.squares / df[1])
+    # Rounding can make the difference of two equal sums negative.
     return FTest(f=f, df=df, p=float(fdtrc(*df, max(f, 0.0))))
 
 
@@ -227,5 +236,6 @@ def _fit(trials: Ratings, design: FloatArray) -> _Fit:
     return _Fit(
         squares=float(residual @ residual),
         rank=int(rank),
+        # Each subject's level, taken off before the fit, was estimated, too.
         df=len(y) - int(rank) - len(people),
     )

@@ -178,6 +178,7 @@ class TrialStatistics:
         """The checks of M2 and M3."""
         return {"M2": self._m2.check, "M3": self._m3.check}
 
+    # Fit and check are kept as one, because a fit that fails its check is withheld.
     @cached_property
     def _m2(self) -> CheckedOrdinal:
         return self.keep(checked_ordinal, self.scored.ratings)
@@ -195,6 +196,7 @@ class TrialStatistics:
         """Effects of the conditions in the ordinal mixed model."""
         return {link: self.keep(ordinal_effects, self.scored.every.given, link) for link in LINKS}
 
+    # That one gain serves all kinds of contrast is an assumption; this fit does without it.
     @cached_property
     def place_m2(self) -> OrdinalSensitivity | NotEstimable:
         """M2 of the conditions at a place."""
@@ -231,12 +233,14 @@ class TrialStatistics:
     def laws(self) -> tuple[LawScore, ...]:
         """Each law, and the paper's own ranking, against the ratings."""
         published, rating = self.data.kinds == ("published",), self.study.rating
+        # A published table is on the paper's scale, whatever that of the study in the folder.
         scale = SCALE if published else (float(rating.minimum), float(rating.maximum))
         ratings, contrasts = self.scored.ratings, self.scored.contrasts
         found = law_scores(self.data, ratings, contrasts, scale, self.keep)
         ranking = _papers_ranking(self.data)
         if ranking is None:
             return found
+        # The page shows a reason wherever it shows no number.
         nobody = NotEstimable("the claim ranks conditions and says nothing of single persons")
         return (*found, _law_score(PAPERS_RANKING, ranking, nobody, self.keep))
 
@@ -349,6 +353,7 @@ def mean_contrasts(
 def _of_conditions(data: StudyData, predicted: FloatArray) -> MeanContrasts:
     known = ~np.isnan(predicted)
     names = tuple(name for name, has in zip(data.table.conditions, known, strict=True) if has)
+    # The means of Table 4 itself, so that two parts of a page cannot contradict each other.
     return MeanContrasts(names, predicted[known], table4(data.table).column_means[known])
 
 

@@ -45,7 +45,7 @@ def _share(meaning: str, source: str, low: float = 0.0, high: float = 1.0) -> Pa
     return Parameter(meaning=meaning, unit="share", source=source, low=low, high=high)
 
 
-_OFF_THE_LINE = "Table 4: what its column means leave over a straight line in the contrast"
+_OFF_THE_LINE = "Table 4, over a straight line in the contrast"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,7 +95,7 @@ class Person:
         Parameter(
             meaning="a larger felt change the other way is answered as rougher or weaker",
             unit="log friction",
-            source="assumed, likewise",
+            source="assumed",
             low=-10.0,
             high=10.0,
         ),
@@ -209,7 +209,7 @@ class Person:
         Parameter(
             meaning="shortest reaction time",
             unit="s",
-            source="assumed, as that the rest is log-normal",
+            source="assumed",
             high=60.0,
         ),
     ] = 0.3

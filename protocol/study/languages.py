@@ -68,7 +68,7 @@ class Language(Record):
             description="names of score bands, by their English names, where `[rating]` gives none"
         ),
     ] = Field(default_factory=dict)
-    texts: Annotated[dict[Name, Line], Field(description="all texts, by the keys listed above")]
+    texts: Annotated[dict[Name, Line], Field(description="all texts, by the built-in keys")]
 
 
 @cache

@@ -1,4 +1,4 @@
-"""The table of parameters in docs/people.md, written by `python -m device.people.reference`."""
+"""The table of parameters in docs/people.md, written by `python -m handbook.people`."""
 
 from dataclasses import fields
 
@@ -6,10 +6,13 @@ from device.people.person import DEFAULT, PARAMETERS, Distribution, Person
 
 
 def parameter_table() -> str:
-    """Return the parameters with unit, limits, default, default population, meaning and source."""
+    """Return the parameters with unit, limits, default, default population, meaning and source.
+
+    A population's cell is empty where all its people are as the one person, a source's if assumed.
+    """
     return "\n".join(
         [
-            "| parameter | unit | from, to | one person | default population | meaning | source |",
+            "| parameter | unit | from, to | one person | population | meaning | source |",
             "|---|---|---|---|---|---|---|",
             *map(_row, PARAMETERS),
         ]
@@ -19,14 +22,15 @@ def parameter_table() -> str:
 def _row(name: str) -> str:
     of = PARAMETERS[name]
     varied, typical = DEFAULT.varied.get(name), getattr(DEFAULT.typical, name)
+    shared = f"{getattr(Person(), name):g}"
     cells = [
         f"`{name}`",
         of.unit or "1",
         f"{of.low:g}, {of.high:g}",
-        f"{getattr(Person(), name):g}",
-        f"{typical:g}" if varied is None else _in_words(varied),
+        shared,
+        _in_words(varied) if varied else "" if f"{typical:g}" == shared else f"{typical:g}",
         of.meaning,
-        of.source,
+        of.source.removeprefix("assumed").lstrip(",;: "),
     ]
     return f"| {' | '.join(cells)} |"
 

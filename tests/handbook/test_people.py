@@ -4,13 +4,13 @@ from pathlib import Path
 
 from device.people.people_file import people_in
 from device.people.person import DEFAULT
-from device.people.reference import parameter_table
+from handbook.people import parameter_table
 
-PAGE = (Path(__file__).parents[3] / "docs" / "people.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "people.md").read_text(encoding="utf-8")
 
 
 def test_the_page_is_up_to_date() -> None:
-    assert parameter_table() in PAGE, "replace it by `python -m device.people.reference`"
+    assert parameter_table() in PAGE, "replace it by `python -m handbook.people`"
 
 
 def test_the_files_on_the_page_can_be_used() -> None:

@@ -2,16 +2,16 @@
 
 from pathlib import Path
 
-from protocol.journal.event_list import event_list
+from handbook.events import event_list
 
-PAGE = (Path(__file__).parents[3] / "docs" / "journal.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "journal.md").read_text(encoding="utf-8")
 
 
 def test_the_page_is_up_to_date() -> None:
     _, _, rest = PAGE.partition("## Events\n")
     section, _, _ = rest.partition("\n## ")
     assert f"## Events\n{section}" == event_list(), (
-        "replace the section by the output of `python -m protocol.journal.event_list`"
+        "replace the section by the output of `python -m handbook.events`"
     )
 
 

@@ -1,0 +1,257 @@
+"""The page on study files, written from their schema: `python -m handbook.study_file`."""
+
+import json
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from protocol.study.study import Study
+
+_Schema = Mapping[str, Any]
+
+_INTRODUCTION = """\
+# The study file
+
+`study.toml` says everything that is decided before the sessions. `touchbeam new` writes a first one
+to edit; `touchbeam check` shows the plan that follows from it, and lists all errors by line. This
+page is written from the schema by `python -m handbook.study_file`. [The glossary](glossary.md)
+explains the words.
+
+Lengths are in m, forces in N, times in s. **A voltage is an amplitude (peak), half of what a
+generator shows as peak-to-peak.** The frequency of a touch is relative to the resonance that each
+session measures: 1.0 drives the beam at its resonance.
+
+In the tables, `key!` must be given and `key = value` shows the default; other keys have none. A
+value without a type is a number. An unknown key is an error, and so is a number written as a text.
+"""
+
+_DESIGN = """\
+### What the design promises
+
+- `williams` balances carry-over exactly if the cohort is a multiple of n (n even) or 2 n (n odd)
+  for n conditions, and trials are not grouped by beam. `touchbeam check` reports the imbalance of
+  any other cohort. Carry-over is counted within blocks, which hold every condition once; pairs
+  across the end of a block are counted apart.
+- If requirements conflict, limits come first, then beam swaps, then carry-over.
+- Order, levels, opposite, catch and practice trials, and groups each draw from a random stream of
+  their own, so a change of one does not change the others. The streams follow from `study.seed`, or
+  from the digest of the study's [registration](registration.md). The same file gives the same plan
+  on every platform.
+- A catch trial is a condition at 0 V. It follows a trial on a single beam, has a condition on the
+  same beam, and never opens a block.
+- A trial in the opposite order runs touches, ramps and sweeps backwards, and expects the opposite
+  answer. A condition that asks whether places swapped has no opposite.
+"""
+
+
+_AS_INSTRUCTED = """\
+### A trial that comes again
+
+A touch is judged at its end, before the question. If it was not as instructed, and `retries` are
+left, the trial ends there, and the participant reads why. It comes again with all its touches, at
+the same level.
+
+- It comes later in its block, at a place drawn evenly from those that need no further beam swap and
+  break no rule on runs and catch trials. If there is none, and before the first block, it comes at
+  once.
+- The last attempt counts in any case.
+- A touch without measured contact is not judged. In exported data its `force_n` is missing.
+- Attempts that did not count are in the journal and in the exported table of touches.
+
+Carry-over is then no longer balanced exactly: the report counts which condition was answered after
+which, and proves the rules of the plan for the order as run.
+"""
+
+
+_LANGUAGES = """\
+A code is one of BCP 47, such as `fr` or `pt-BR`. Every text must be there, with the fields in
+braces of the built-in one. A touch may name further keys as its `instruction`. [How to add a
+language](how-to/language.md) shows the steps. The journal keeps the file with the study file, and
+`touchbeam amend` accepts a change.
+"""
+
+
+_QUESTIONS = """\
+| kind | needs | may have |
+|---|---|---|
+| `choice`, `several` | `labels` with a `value` each, 2 to 9 | |
+| `scale` | `minimum`, `maximum` | `step`, `ticks`, `labels` with `at` |
+| `analogue` | `labels` with `at = 0` and `at = 100` | |
+| `number` | | `minimum`, `maximum`, `decimals`, `unit` |
+| `text` | | `max_length` |
+
+```toml
+[[question]]
+name = "pleasantness"
+kind = "scale"
+minimum = 1
+maximum = 7
+text = { en = "How pleasant was the last touch?", zh = "最后一次触摸有多舒适？" }
+labels = [
+  { at = 1, en = "very unpleasant", zh = "非常不舒适" },
+  { at = 7, en = "very pleasant", zh = "非常舒适" },
+]
+
+[[question]]
+name = "hand"
+kind = "choice"
+when = "before"
+sessions = "first"
+text = { en = "Which hand do you write with?", zh = "您用哪只手写字？" }
+labels = [
+  { value = "left", en = "the left one", zh = "左手" },
+  { value = "right", en = "the right one", zh = "右手" },
+]
+```
+
+A question needs a text in every one of `session.languages`. Nothing is chosen at first, and an
+answer counts when it is confirmed. Answers `before`, `after` or after a `block` are journalled when
+they are given, and a resumed session does not ask again. Answers about a trial are journalled
+together after the last of them; if the trial is interrupted before that, it comes again, with its
+questions.
+
+Each question has a table in the report, and is a column of the exported trials. An answer that is
+not about a trial stands with all trials of its block or session.
+"""
+
+
+_PARTS = {
+    "rating": ("A band, in `bands`", "Band"),
+    "question": ("A label, in `labels`", "Label"),
+}
+"""The records within a section, each with its heading."""
+_PAGES = """\
+```toml
+[[page]]
+picture = "pictures/hand.png"
+text = { en = "Lay your hand on the rest, like this.", zh = "请像图中这样把手放在托架上。" }
+
+[[page]]
+before = "block"
+block = 2
+text = { en = "Half of it is done.", zh = "已完成一半。" }
+```
+
+A picture has at most 4 MB and 4096 pixels in width and height, and is not a link. `touchbeam check`
+says if a text does not fit the smallest screen beside its picture. Pages before the session follow
+the welcome. A resumed session shows them again, and those before the block in which it continues.
+"""
+_TEXTS = """\
+The keys are those of `[texts]` in `protocol/languages/en.toml`, which has the built-in texts;
+`touchbeam translate STUDY CODE` copies them into a file of the study.
+"""
+_REMARKS = {
+    "texts": _TEXTS,
+    "page": _PAGES,
+    "design": _DESIGN,
+    "as_instructed": _AS_INSTRUCTED,
+    "question": _QUESTIONS,
+    "languages": _LANGUAGES,
+}
+
+
+def study_file_page() -> str:
+    """Return the page as Markdown."""
+    schema = Study.model_json_schema()
+    return "\n".join([_INTRODUCTION, *_sections(schema)])
+
+
+def _sections(schema: _Schema) -> Iterator[str]:
+    records = schema["$defs"]
+    for name, entry in schema["properties"].items():
+        record = _record(entry, records)
+        description = entry.get("description") or (record or {})["description"]
+        yield f"## `{_header(name, entry)}`\n\n{description}\n"
+        if record:
+            yield _table(record)
+        if name in _PARTS:
+            part, kind = _PARTS[name]
+            yield f"### {part}\n\n{_table(records[kind])}"
+        if name in _REMARKS:
+            yield _REMARKS[name]
+    touch = records["Touch"]
+    yield f"## A touch, in `touches`\n\n{touch['description']}\n\n{_table(touch).rstrip()}\n"
+
+
+def _header(name: str, entry: _Schema) -> str:
+    if entry.get("type") == "array":
+        return f"[[{name}]]"
+    if name == "languages":
+        return "texts/CODE.toml"
+    return f"[{name}.en]` and `[{name}.zh]" if name == "texts" else f"[{name}]"
+
+
+def _record(entry: _Schema, records: _Schema) -> _Schema | None:
+    several = (entry.get("items", {}), *entry.get("patternProperties", {}).values())
+    reference = entry.get("$ref") or next(
+        (each["$ref"] for each in several if "$ref" in each), None
+    )
+    return records[reference.rpartition("/")[2]] if reference else None
+
+
+def _table(record: _Schema) -> str:
+    required = record.get("required", [])
+    rows = [
+        f"| `{_with_default(key, entry, key in required)}` | {_kind(entry)} | {_meaning(entry)} |"
+        for key, entry in record["properties"].items()
+    ]
+    if isinstance(other := record.get("additionalProperties"), dict):
+        rows.append(f"| a language's code | {_kind(other)} | {_meaning(other)} |")
+    return "\n".join(["| key | value | meaning |", "|---|---|---|", *rows, ""])
+
+
+def _meaning(entry: _Schema) -> str:
+    return str(entry.get("description", "")).replace("|", "\\|")
+
+
+def _with_default(key: str, entry: _Schema, required: bool) -> str:
+    """Return the key as the file would set it to its default: `key!` must be given."""
+    if required:
+        return f"{key}!"
+    value = entry.get("default")
+    return key if value is None else f"{key} = {_toml(value)}"
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, str | bool):
+        return json.dumps(value)
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_toml, value)) + "]"
+    return f"{value:g}"
+
+
+def _kind(entry: _Schema) -> str:
+    """Type, choices and range in words; only what is not a number is named."""
+    if options := entry.get("anyOf"):
+        merged = {**entry, **next(option for option in options if option.get("type") != "null")}
+        return _kind({key: value for key, value in merged.items() if key != "anyOf"})
+    if "enum" in entry or "const" in entry:
+        return ", ".join(f"`{_toml(choice)}`" for choice in entry.get("enum", [entry.get("const")]))
+    if entry.get("type") == "array":
+        return _list_kind(entry)
+    if entry.get("type") == "object":
+        return f"table of {_kind(entry['additionalProperties'])}"
+    if entry.get("type") in ("number", "integer"):
+        return ("whole, " if entry["type"] == "integer" else "") + _range(entry)
+    return "true or false" if entry.get("type") == "boolean" else "text"
+
+
+def _list_kind(entry: _Schema) -> str:
+    if "prefixItems" in entry:
+        return f"{len(entry['prefixItems'])} numbers, {_range(entry['prefixItems'][0])}"
+    items = entry["items"]
+    return f"list of {'tables' if '$ref' in items else _kind(items)}"
+
+
+def _range(entry: _Schema) -> str:
+    """Return `0.1 to 10`, `> 0, to 10`, or `from 1`."""
+    least, most = entry.get("minimum"), entry.get("maximum")
+    if least is None and "exclusiveMinimum" in entry:
+        first = f"> {entry['exclusiveMinimum']:.15g}"
+        return first if most is None else f"{first}, to {most:.15g}"
+    if least is None:
+        return "number" if most is None else f"to {most:.15g}"
+    return f"from {least:.15g}" if most is None else f"{least:.15g} to {most:.15g}"
+
+
+if __name__ == "__main__":
+    print(study_file_page(), end="")

@@ -17,6 +17,7 @@ class WallClock:
 
     def monotonic_s(self) -> float:
         """Return seconds since an arbitrary moment."""
+        # Not the time of day, which the system may set back or forth in the middle of a touch.
         return time.monotonic()
 
     def sleep(self, seconds: float) -> None:

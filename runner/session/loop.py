@@ -56,7 +56,11 @@ def _run_trials(context: SessionContext) -> None:
     read_pages(context, "session")
     ask_due(context)
     block, last = None, None
+    # Asked anew each time, because a trial that is repeated or deferred stays pending, and the
+    # order may have changed.
     while left := context.pending:
+        # The journal's log grows with each event. It is copied between blocks only, because nobody
+        # touches the beam then and nobody's reaction is timed.
         if block not in {None, left[0].block}:
             context.log.checkpoint()
         block = left[0].block
@@ -69,6 +73,8 @@ def _run_trials(context: SessionContext) -> None:
 
 def _run_trial(context: SessionContext, trial: Trial) -> None:
     """Run one trial; if it must be repeated, it remains pending."""
+    # Recorded before anything is shown, so that a session that is killed from here on is known to
+    # have been in this trial.
     context.log.append(TrialStarted(index=trial.index, kind=trial.kind))
     total = len(context.session.plan.trials)
     context.participant.progress(len(context.log.state.answered) + 1, total)
@@ -80,9 +86,11 @@ def _run_trial(context: SessionContext, trial: Trial) -> None:
             if deferred(context, trial, done[-1]):
                 return
         context.log.append(ask(context, trial, done))
+        # Only now: the page says "Saved" of nothing that a power cut could still take.
         context.participant.saved()
     except RepeatTrial:
         context.device.off()
+        # The output is off before this is shown: a window that fails here cannot keep it on.
         context.participant.show(Notice(text="touch.end"))
         abort_trial(context.log, "repeated at the operator's request")
     if trial.kind == "practice":
@@ -94,10 +102,12 @@ def _resume(context: SessionContext) -> None:
     log, session = context.log, context.session
     if context.opened_now:
         return
+    # A process that was killed could record neither its trial nor the output as ended.
     close_interrupted(log)
     log.append(session.resumption())
     if session.study.session.practise_again == "on resume":
         practice = {trial.index for trial in session.plan.trials if trial.kind == "practice"}
+        # Practice that has no answer yet is pending anyway.
         if again := sorted(practice & log.state.answered):
             log.append(PracticeRenewed(indices=tuple(again)))
 
@@ -114,12 +124,15 @@ def run_then_turn_off(part: Callable[[SessionContext], None], context: SessionCo
                 part(context)
         except BaseException as error:
             doubt = error if isinstance(error, OutputUnknown) else None
+            # On every way out, also at an error of ours: whatever it was, a finger may lie on the
+            # beam.
             _turn_off(context, str(error) or type(error).__name__, doubt, stopped=True)
             error.add_note(_OFF)
             if not isinstance(error, BadInput):  # the same input would fail again
                 error.add_note(_RESUMABLE)
             raise
         _turn_off(context, "end of session")
+        # Last, so that no session counts as complete whose output was not read back as off.
         context.log.append(SessionCompleted())
 
 
@@ -137,6 +150,8 @@ def _turn_off(
     With `doubt` the device has already failed to confirm it. One good answer after that does not
     count as a confirmation, so that the journal agrees with what the operator is told.
     """
+    # The device comes before the window and the journal, because a window that hangs or a full disk
+    # must not keep the output on.
     unknown = doubt
     try:
         context.device.off()
@@ -146,6 +161,7 @@ def _turn_off(
         if stopped:
             with suppress(WorkFailed):  # the window itself may have failed
                 context.participant.show(Notice(text="stopped"))
+        # The trial first: the journal permits `device-off` only where no trial is running.
         abort_trial(context.log, why)
         if context.log.state.name in {"armed", "paused"}:
             context.log.append(DeviceOff(confirmed=unknown is None, why=why))
@@ -153,6 +169,7 @@ def _turn_off(
             update_view(context, unknown=True)
     except Exception as error:
         if unknown is not None:
+            # That the output may be on matters more than what could not be shown or recorded.
             raise unknown from error
         error.add_note(_OFF)
         error.add_note(_RESUMABLE)
@@ -168,14 +185,20 @@ def deferred(context: SessionContext, trial: Trial, made: Compliance) -> bool:
     goes on.
     """
     session, state = context.session, context.log.state
+    # Counted from the journal, so that a session that was resumed does not begin to count anew.
     before = sum(index == trial.index for index, _ in state.deferred)
     allowed = session.study.as_instructed.retries
     if trial.kind == "practice" or not made.missed or before >= allowed:
         return False
     place = (session.plan.session, session.plan.slot, trial.index, before)
+    # A stream of its own for each attempt, so that a draw does not depend on which were made before
+    # it.
     stream = Stream(session.study.study.seed, "again", *place)
     index, after = deferral(session.study, context.order, trial, state.beam, stream)
+    # Recorded before it is told: the state then has no running trial, so that `repeat` during the
+    # notice cannot repeat it, too.
     context.log.append(TrialDeferred(index=index, missed=made.missed, after=after))
+    # The participant reads one reason at a time; the journal has all of them.
     context.participant.show(Notice(text=f"again.{made.missed[0]}"))
     wait(context, _NOTICE_S)
     return True
@@ -186,6 +209,7 @@ def renew_practice(context: SessionContext) -> None:
     rules, state = context.session.study.as_instructed, context.log.state
     practice = [trial.index for trial in context.order if trial.kind == "practice"]
     is_over = state.answered >= set(practice)
+    # A rig without sensors judges no touch: `recent` is then empty, and practice is not repeated.
     recent = state.practised[-rules.practise_of :]
     lacking = bool(recent) and sum(recent) < rules.practise_until
     if is_over and lacking and state.practice_rounds < rules.practice_rounds:
@@ -213,9 +237,11 @@ def require_resumable(
     name = session_name(session.participant, session.number)
     rehearsal = session.kind == "rehearsal"
     chain = chain_name(journal, session.participant, session.number, rehearsal=rehearsal)
+    # A new session, too, must follow the study file of the others.
     _require_accepted_study(journal, session)
     if before is None:
         return
+    # Payloads may be missing here, because a withdrawn session is refused below for that reason.
     if not chain_is_unbroken(chain, journal.chain(chain), erased=True):
         raise JournalError(
             f"{name}: cannot resume, because its chain of events is broken; run touchbeam verify, "
@@ -251,6 +277,8 @@ def _require_accepted_study(journal: Journal, session: Session) -> None:
 
 
 def _require_same_trials(name: str, session: Session, opened: Sequence[PlannedTrial]) -> None:
+    # Compared trial by trial, because answers are stored by a trial's number: under another plan
+    # they would belong to other trials.
     planned, before = (
         [(trial.index, trial.kind, trial.condition) for trial in trials]
         for trials in (session.plan.trials, opened)
@@ -267,6 +295,8 @@ def _require_fresh(name: str, session: Session, last_event: datetime | None, now
     if last_event is None:
         return
     limit_h = session.study.session.resume_within_h
+    # A clock that was set back by less than the limit is tolerated, as an interruption of that
+    # length is.
     if last_event - now > timedelta(hours=limit_h):
         raise BadInput(
             f"{name} was interrupted at {last_event:%Y-%m-%d %H:%M} UTC, which lies in the future; "

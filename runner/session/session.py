@@ -90,6 +90,8 @@ class Session:
             sequence=self.plan.sequence,
             conditions=self.study.conditions,
             answer_order=self.answer_order,
+            # Opening and resuming record the same, because all of it may differ when the session is
+            # resumed.
             **vars(self.resumption()),
         )
 
@@ -99,8 +101,10 @@ def answer_order(study: Study, slot: int, before: SessionState | None) -> Answer
 
     A session that was begun keeps its order; `before` is its state, None if it is new.
     """
+    # Else an amended study could turn the answers in the middle of a session.
     if before is not None and isinstance(before.opened, SessionOpened):
         return "reversed" if before.opened.answer_order == "reversed" else "forward"
+    # By slot, so that both orders are equally frequent among those who finish.
     turned = study.session.answer_order == "counterbalanced" and slot % 2 == 1
     return "reversed" if turned else "forward"
 
@@ -156,6 +160,8 @@ class SessionContext:
     @property
     def order(self) -> list[Trial]:
         """All trials in the order in which they are run; those that come again have moved."""
+        # Derived from the journal each time, so that nothing can disagree with it after an
+        # interruption.
         return running_order(self.session.plan.trials, self.log.state.deferred)
 
     @property
@@ -183,6 +189,7 @@ def judged(pacing: Pacing, samples: Sequence[TraceSample], rules: TouchRules) ->
     slide is near the instructed one, if the rules limit it. All are None if no sample shows
     contact: the rig may have no sensors.
     """
+    # Samples before the finger arrives, or after it has left, would pull the median force down.
     touching = [entry for entry in samples if entry.force_n > LIFTED_N]
     if not touching:
         return NOT_JUDGED
@@ -197,6 +204,7 @@ def judged(pacing: Pacing, samples: Sequence[TraceSample], rules: TouchRules) ->
 
 def _place_ok(pacing: Pacing, touching: Sequence[TraceSample], rules: TouchRules) -> bool:
     path_m = pacing.end_m - pacing.start_m
+    # A touch without a path stays at one place. The share of the path below would divide by 0.
     if path_m == 0:
         deviation_m = median(abs(entry.position_m - pacing.start_m) for entry in touching)
         return deviation_m <= rules.place_within_m
@@ -209,6 +217,7 @@ def _speed_ok(pacing: Pacing, touching: Sequence[TraceSample], rules: TouchRules
     speeds_m_s = [
         (after.position_m - before.position_m) / (after.t_s - before.t_s)
         for before, after in pairwise(touching)
+        # Two samples with one time give no speed.
         if after.t_s > before.t_s
     ]
     if rules.speed_within is None or asked_m_s == 0 or not speeds_m_s:

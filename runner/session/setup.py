@@ -44,25 +44,32 @@ def tare(context: SessionContext) -> str:
     if rate_hz is None:
         return ""
     context.device.record(rate_hz, context.clock.monotonic_s)
+    # Not a plain sleep: the watchdog is fed, and the operator can stop the session meanwhile.
     wait(context, TARE_S)
     found = means(context.device.recorded())
     if found is None:
+        # Without samples nothing is known of the zero, so that the touch has no tare.
         context.zero = None
         return "the force channel gave no samples on the untouched beam"
     before, now_s = context.zero, context.clock.monotonic_s()
     context.zero = Zero(forces_n=found, at_s=now_s)
+    # The first zero on a beam cannot be compared with one before it: beams differ in weight.
     if before is None:
         return ""
     moved_n, usual_n = _moved_n(found, before.forces_n), _drift_n(now_s - before.at_s)
     told = f"the zero of the force channel moved by {1e3 * moved_n:+.0f} mN"
+    # A finger does not rest twice with the same force; a sensor that has moved stays where it is.
     again = before.doubted_n is not None and abs(_moved_n(found, before.doubted_n)) <= usual_n
     if abs(moved_n) > TOUCHED_N + usual_n and not again:
+        # The zero before stays to be compared with the next one, but is not subtracted from this
+        # touch.
         context.zero = replace(before, doubted_n=found)
         return f"{told}: something touches the beam, or the sensor drifts; this touch has no tare"
     return told if abs(moved_n) > usual_n else ""
 
 
 def _drift_n(passed_s: float) -> float:
+    # The limit holds for a minute and grows with the time, as a drift does.
     return DRIFT_N * max(passed_s / 60, 1.0)
 
 
@@ -88,6 +95,8 @@ def end(context: SessionContext, touch: int, moved_s: tuple[float, float]) -> li
     if context.session.study.force_channel.rate_hz is None:
         return []
     samples = context.device.recorded()
+    # A wrong tare would shift all forces of the touch. Without one the analysis knows that it has
+    # none.
     tare_n = context.zero.forces_n if context.zero and context.zero.trusted else None
     told = {name: value for name, value in vars(samples).items() if name != "counts"}
     context.log.append(
@@ -115,12 +124,14 @@ def means(samples: Samples, within_s: Sequence[float] = ()) -> tuple[float, floa
         samples: what was recorded.
         within_s: begin and end on the session's clock; everything without them.
     """
+    # Counts come least byte first, which the array reads as this computer orders bytes.
     counts = array("h", samples.counts)
     if sys.byteorder == "big":
         counts.byteswap()
     count = len(samples.counts) // (BYTES_PER_COUNT * len(CHANNELS))
     first_s = samples.first_s + samples.clock_offset_s
     places = [round((moment_s - first_s) * samples.rate_hz) for moment_s in within_s]
+    # The touch may reach beyond what was recorded.
     low, high = (min(max(place, 0), count) for place in (places or (0, count)))
     if low >= high:
         return None
@@ -175,10 +186,12 @@ def prepare(context: SessionContext) -> None:
     context.participant.show(Notice(text="wait"))
     update_view(context)
     study = context.session.study
+    # Before anything is asked, because arming turns the output off and refuses a foreign device.
     identity = context.device.arm()
     context.identity = identity.idn
     context.log.append(DeviceArmed(**vars(identity)))
     update_view(context, warning="; ".join(identity.remarks))
+    # Before any drive above 0 V: from here on the watchdog is relied on.
     require_watchdog(context, identity.idn)
     answers: dict[str, str] = {}
     for asked in study.session.operator_asks:
@@ -186,7 +199,9 @@ def prepare(context: SessionContext) -> None:
     if answers:
         context.log.append(RigDescribed(answers=answers))
         context.operator.notify(f"noted: {context.log.state.noted}")
+    # Before the resonance is measured, which is that of the mounted beam.
     mount(context, study.touch.beam)
+    # A generator drives nothing here: its resonance is kept in the study's folder.
     if context.device.measures_resonance:
         update_view(
             context,
@@ -198,6 +213,8 @@ def prepare(context: SessionContext) -> None:
     )
     hz = found.frequency_hz
     context.log.append(ResonanceMeasured(frequency_hz=hz, tip_m_per_v=found.tip_m_per_v))
+    # The study was checked at the nominal resonance. Drives are relative to the measured one, so
+    # that limits of frequency, slew rate and current are looked at again.
     for problem in problems_at(study, hz, sliding=context.session.slides):
         raise BadInput(f"the resonance of this beam is {hz:.0f} Hz: {problem}")
     context.resonance_hz = hz
@@ -221,6 +238,7 @@ def _noted(context: SessionContext, asked: OperatorQuestion) -> str:
 
 def mount(context: SessionContext, beam: str | None) -> None:
     """Have the operator mount `beam`, with the output off, unless it is already mounted."""
+    # After a `repeat` while this was asked, the other beam may be mounted already.
     if beam is None or (beam == context.log.state.beam and not context.beam_in_doubt):
         return
     context.beam_in_doubt = True  # and stays so if the operator does not confirm
@@ -229,4 +247,6 @@ def mount(context: SessionContext, beam: str | None) -> None:
     operator_answer(context)
     context.participant.show(Notice(text="wait.touch"))
     context.beam_in_doubt, context.zero = False, None  # beams differ in weight
+    # Recorded once the operator has confirmed it: the journal holds what was mounted, not what was
+    # asked for.
     context.log.append(BeamMounted(beam=beam))

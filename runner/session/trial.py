@@ -44,6 +44,7 @@ def asked(context: SessionContext, screen: Ask) -> tuple[Answer, Response]:
     Raises:
         ValueError: the question does not allow the answer.
     """
+    # Only what is shown is turned, so that answers keep their names and the data stay the same.
     turned = context.session.answer_order == "reversed" and screen.question.values
     shown = replace(screen, question=screen.question.reversed()) if turned else screen
     context.participant.show(shown)
@@ -59,6 +60,7 @@ def asked_after(context: SessionContext, trial: Trial) -> tuple[QuestionAnswer, 
 
 def ask_due(context: SessionContext) -> None:
     """Ask and record what is due between trials and has not been answered yet."""
+    # Each answer is stored by itself, so that a session that is interrupted asks only what is left.
     for when, block, question in due(context.session, context.log.state):
         given = _asked(context, question)
         context.log.append(QuestionAnswered(when=when, block=block, **vars(given)))
@@ -102,6 +104,7 @@ def _times(session: Session, state: SessionState) -> Iterator[tuple[When, int | 
     trials = session.plan.trials
     left = {trial.block for trial in trials if trial.index not in state.answered}
     yield "before", None
+    # Block 0 is what comes before the first block, such as practice.
     for block in sorted({trial.block for trial in trials} - left - {0}):
         yield "block", block
     if not left:
@@ -136,16 +139,21 @@ def touch(context: SessionContext, number: int, to_make: Touch) -> Compliance:
     mount(context, to_make.beam or study.touch.beam)
     if number > 0:
         wait(context, study.timing.between_touches_s)
+    # Before the instruction, because the finger comes to the beam after it.
     drifted = tare(context)
     stimulus = _Stimulus(context, to_make)
     path = stimulus.pacing.touch
     context.participant.show(Instruction(text=stimulus.pacing.text, touch=path))
     ready = InstructionResponse(**vars(response(context)))
     start = _setpoint(context, to_make.voltage_v, to_make.frequency)
+    # On the disk before the output goes on: no touch is driven of which the journal does not know.
     context.log.append(TouchStarted(touch=number, commanded=start, instruction=ready))
     moved_s = stimulus.deliver(start)
+    # Off before anything is shown or stored, because neither may keep it on.
     context.device.off()
     context.participant.show(Notice(text="touch.end"))
+    # Before `touch-ended`: if the session is killed between the two, the trial comes again and no
+    # samples are missing.
     warnings = end(context, number, moved_s)
     rules = context.session.study.as_instructed
     verdict = judged(stimulus.pacing, stimulus.samples, rules)
@@ -185,9 +193,13 @@ class _Stimulus:
         begin(context)
         before = lead_in(self.pacing, context.session.study.touch)
         moves_s = context.clock.monotonic_s() + before.seconds
+        # The participant puts the finger down while the output rises. The page is the same whatever
+        # is driven.
         context.participant.show(before)
         update_view(context, device=context.device.drive(start))
         steady_s = context.clock.monotonic_s() + start.voltage_v / start.ramp_v_per_s
+        # A slow soft start may take longer than the lead-in. A held drive is steady before the mark
+        # moves.
         moves_s = max(moves_s, steady_s)
         while (left_s := moves_s - context.clock.monotonic_s()) > 1e-9:  # rounding of summed ticks
             wait(context, min(left_s, SAMPLE_EVERY_S))
@@ -196,10 +208,14 @@ class _Stimulus:
         context.participant.show(self.pacing)
         self._sample_and_show()
         if self._ramps:
+            # A ramp begins with the mark and not with the lead-in, so that its course belongs to
+            # the path.
             self._drive_at(0.0)
         self._began_s = context.clock.monotonic_s()
+        # A short sweep takes its steps more often than an ordinary tick comes.
         wait(context, self.pacing.duration_s, self._on_tick, min(TICK_S, self._step_s))
         if to_make.sweep_to is not None:
+            # The last tick comes before the end: without this a sweep would stop short of its end.
             self._drive_at(1.0)
         over_s = context.clock.monotonic_s()
         self._sample_and_show()
@@ -240,6 +256,7 @@ class _Stimulus:
         passed_s = self._context.clock.monotonic_s() - self._began_s
         sweeps = self._touch.sweep_to is not None
         if passed_s >= self._next_sample_s:
+            # Added up, not counted from now, so that a late tick delays no later sample.
             self._next_sample_s += SAMPLE_EVERY_S
             # Each read-back of a changing drive is kept; of a constant one, the first and the last.
             self._sample(keep=sweeps or self._ramps)
@@ -255,6 +272,7 @@ class _Stimulus:
         target = _setpoint(self._context, to_make.end_voltage_v, frequency)
         if self._ramps:  # the device itself ramps, evenly over the touch
             slope = max(change_v / self.pacing.duration_s, SLOWEST_RAMP_V_PER_S)
+            # Never steeper than the rig's soft start.
             target = replace(target, ramp_v_per_s=min(slope, target.ramp_v_per_s))
         self._context.device.drive(target)
 
@@ -312,8 +330,10 @@ def _answers(
     The score is None if the answer disagrees with the expectation and the study asks for a score
     only where it agrees (the paper's rule, section 5.2).
     """
+    # A block that is drawn along the beam answers nothing.
     if trial.kind == "pass":
         return None, None, []
+    # A trial to remember, such as the baseline, has no question; the participant only confirms.
     if trial.question is None:
         context.participant.show(Instruction(text="remember"))
         return None, None, [response(context)]

@@ -26,6 +26,7 @@ def update_view(
     """Show the operator the session's progress and, while the output is on, its read-back."""
     state, session = context.log.state, context.session
     trials = context.order
+    # Once the session is complete, what the operator sees can no longer influence it.
     blind = session.study.session.blind_operator and state.name != "completed"
     running = next((trial for trial in trials if trial.index == state.trial), None)
     context.operator.show(
@@ -78,6 +79,7 @@ def _left_s(context: SessionContext, left: Sequence[Trial]) -> float:
     """Return the expected time to the end of the session; touches already made do not count."""
     state, study = context.log.state, context.session.study
     ahead = [
+        # The break before the running trial is over.
         replace(trial, touches=trial.touches[state.touch or 0 :], break_s=0.0)
         if trial.index == state.trial
         else trial
@@ -122,6 +124,8 @@ def obey(context: SessionContext) -> None:
     """
     match context.operator.order():
         case "emergency stop":
+            # First, and without waiting for the port: nothing that is printed or recorded comes
+            # before it.
             context.device.emergency_stop()
             context.operator.notify("emergency stop: off was sent")
             raise StoppedByOperator("emergency stop")
@@ -134,6 +138,7 @@ def obey(context: SessionContext) -> None:
             context.pause_wanted = not context.pause_wanted
             context.operator.pausing(context.pause_wanted)
         case Note(text=text):
+            # Confirmed only after it is stored.
             context.log.append(NoteTaken(text=text))
             context.operator.notify(f"noted: {text}")
 
@@ -143,6 +148,7 @@ def _repeat(context: SessionContext) -> None:
     state, unit = context.log.state, context.session.unit
     if state.trial is None:
         context.operator.notify(f"there is no running {unit} to repeat")
+    # A second press would abort a trial of which nothing has been made.
     elif state.touch is None and state.aborted[-1:] == [state.trial]:
         context.operator.notify(f"this {unit} is being repeated already")
     else:
@@ -150,6 +156,8 @@ def _repeat(context: SessionContext) -> None:
         raise RepeatTrial
 
 
+# Half of the time (0.1 s) after which the owner of the port feeds a watchdog of 0.5 s, because it
+# feeds only if the session has moved since.
 TICK_S = 0.05
 SAVED_S = 0.5
 """How long a page may say that its answer is saved before the pause after it begins."""
@@ -209,6 +217,8 @@ def tick(context: SessionContext, seconds: float) -> None:
         StoppedByOperator, RepeatTrial: the operator ordered it.
         Stopped: a signal arrived.
     """
+    # The exception of a signal can get lost in foreign code. Asked here, it takes effect at the
+    # next tick.
     raise_if_stopped()
     context.device.beat()
     obey(context)
@@ -218,6 +228,7 @@ def tick(context: SessionContext, seconds: float) -> None:
 def pause_if_wanted(context: SessionContext, trial: Trial) -> None:
     """Wait before `trial`: the inter-trial interval, a planned break, the operator's pause."""
     pause_s = context.session.study.timing.inter_trial_s
+    # First "Saved", then what is waited for: a page that changed at once would not be read.
     wait(context, min(SAVED_S, pause_s))
     context.participant.show(Notice(text="wait.touch"))
     wait(context, max(pause_s - SAVED_S, 0.0))
@@ -233,6 +244,7 @@ def _take_break(context: SessionContext, least_s: float) -> None:
     context.participant.show(Instruction(text="break", after_s=least_s))
     answer = None
     while answer is None or context.clock.monotonic_s() < over_s:
+        # Kept, because a press that comes before the break is over is not asked for again.
         answer = answer or context.participant.poll()
         tick(context, TICK_S)
 
@@ -241,6 +253,7 @@ def _pause(context: SessionContext) -> None:
     context.log.append(Paused())
     context.participant.show(Notice(text="pause"))
     update_view(context)
+    # `tick` takes the operator's orders, one of which ends the pause.
     while context.pause_wanted:
         context.participant.poll()
         tick(context, TICK_S)

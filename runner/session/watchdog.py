@@ -20,6 +20,7 @@ def require_watchdog(context: SessionContext, idn: str) -> None:
     Raises:
         DeviceError: the watchdog did not trip; the output is off.
     """
+    # Another device, or the same one at another port, is tested again.
     tripped = WatchdogTested(tripped=True, idn=idn, address=context.address)
     if not context.device.has_watchdog or _recorded_today(context, tripped):
         return
@@ -35,9 +36,11 @@ def require_watchdog(context: SessionContext, idn: str) -> None:
     def meanwhile() -> None:
         raise_if_stopped()
         context.participant.poll()  # a window that fails must not wait for the end of the test
+        # Else an emergency stop would wait for the end of the test.
         obey(context)
 
     found = replace(tripped, tripped=context.device.watchdog_trips(meanwhile))
+    # Recorded even if it failed, so that the journal tells why the session ended.
     context.log.append(found)
     update_view(context)
     if not found.tripped:
@@ -48,6 +51,7 @@ def require_watchdog(context: SessionContext, idn: str) -> None:
 
 
 def _recorded_today(context: SessionContext, found: WatchdogTested) -> bool:
+    # The day of the laboratory, not that of UTC, which may change in the middle of a session.
     today = context.clock.utc().astimezone().date()
     tests = context.log.of_all_sessions(WatchdogTested)
     return any(utc.astimezone().date() == today and test == found for utc, test in tests)

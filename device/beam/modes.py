@@ -139,12 +139,19 @@ def mode_integral(order: int, xi: FloatArray) -> FloatArray:
     """Return ∫₀^ξ φ dξ of the mode shape, dimensionless, to an absolute error of about 3e-16/b."""
     c = mode_constants(order)
     # (9)
-    decaying = c.tip_weight * np.exp(-c.root * (1.0 - xi))
-    decaying -= c.clamp_weight * np.exp(-c.root * xi)
-    decaying += c.amplitude * np.sin(phase(c, xi, c.lag + 0.5 * math.pi))
-    decaying += 2.0 * c.sigma
-    decaying /= c.root
-    return decaying
+    decay = np.exp(-c.root * xi)
+    if order <= _LOW_ORDER:  # far from underflow, so that one exponential gives the other
+        total = c.tip_weight * math.exp(-c.root) / c.root / decay
+    else:
+        total = (c.tip_weight / c.root) * np.exp(-c.root * (1.0 - xi))
+    decay *= c.clamp_weight / c.root
+    total -= decay
+    wave = phase(c, xi, c.lag + 0.5 * math.pi)
+    np.sin(wave, out=wave)
+    wave *= c.amplitude / c.root
+    total += wave
+    total += 2.0 * c.sigma / c.root
+    return total
 
 
 def natural_frequency_hz(beam: Beam, mode: int) -> float:

@@ -30,6 +30,41 @@ _ANTIDERIVATIVE = np.vstack([-((-1.0) ** _POWERS) @ _OF_POWERS, _OF_POWERS])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class _Pieces:
+    """Pieces of the beam, each in one zone and in one cell, which keeps its middle and polynomial.
+
+    Attributes:
+        edges_m: the pieces' inner edges; all else is per piece, shape (pieces,).
+        zone_start_m: where its zone begins; `moves_right` is 1 or 0.
+        right_before_m: the right-moving length before its zone.
+        middle_m: its cell's middle; `per_m` is 2 over its cell's width.
+        coefficients: shape (7, pieces), ∫|W|dx/rms from the clamp in t on [-1, 1] of its cell.
+    """
+
+    edges_m: FloatArray
+    zone_start_m: FloatArray
+    moves_right: FloatArray
+    right_before_m: FloatArray
+    middle_m: FloatArray
+    per_m: FloatArray
+    coefficients: FloatArray
+
+    def before(self, place_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the right-moving length and ∫|W|dx/rms between the clamp and each place."""
+        piece = np.searchsorted(self.edges_m, place_m, side="right")
+        right = place_m - self.zone_start_m.take(piece)
+        right *= self.moves_right.take(piece)
+        right += self.right_before_m.take(piece)
+        t = place_m - self.middle_m.take(piece)
+        t *= self.per_m.take(piece)
+        area = self.coefficients[-1].take(piece)
+        for row in self.coefficients[-2::-1]:
+            area *= t
+            area += row.take(piece)
+        return right, area
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class MotionPattern(Pattern):
     """Direction and magnitude of a motion along the beam; |W| is relative to its rms.
 
@@ -37,20 +72,14 @@ class MotionPattern(Pattern):
         motion: the motion itself, for windows narrower than any cell.
         rms_m_per_v: the rms of |W| over the beam.
         edges_m: zone edges, from 0 to the length; `moves_right` is 1 or 0 for each zone.
-        right_before_m: the right-moving length before each zone.
-        cell_edges_m: the cells' inner edges; their middles and 2 over their widths follow.
-        coefficients: per cell, shape (7, cells), ∫|W|dx/rms from the clamp in t on [-1, 1].
+        pieces: the cells, cut at the zone edges too, so that one search finds cell and zone.
     """
 
     motion: Motion
     rms_m_per_v: float
     edges_m: FloatArray
     moves_right: FloatArray
-    right_before_m: FloatArray
-    cell_edges_m: FloatArray
-    cell_middles_m: FloatArray
-    cells_per_m: FloatArray
-    coefficients: FloatArray
+    pieces: _Pieces
 
     def window(self, x_m: FloatArray, contact_m: FloatArray | float) -> Window:
         """See `Pattern`."""
@@ -58,32 +87,13 @@ class MotionPattern(Pattern):
         narrow = np.flatnonzero((width_m > 0) & (width_m < _NARROW * self.length_m))
         places = np.concatenate([x_m - width_m, x_m])
         count = x_m.size
-        right, area = self._right_before(places), self._area_before(places)
+        right, area = self.pieces.before(places)
         width = np.where(width_m > 0, width_m, 1.0)
         share = np.clip((right[count:] - right[:count]) / width, 0.0, 1.0)
         mean = (area[count:] - area[:count]) / width
         if narrow.size:
             mean[narrow] = self._narrow_mean(x_m[narrow], width_m[narrow])
         return Window(right=share, left=1.0 - share, mean=mean)
-
-    def _right_before(self, place_m: FloatArray) -> FloatArray:
-        """Return the right-moving length between the clamp and each place."""
-        zone = np.searchsorted(self.edges_m[1:-1], place_m, side="right")
-        length = place_m - self.edges_m.take(zone)
-        length *= self.moves_right.take(zone)
-        length += self.right_before_m.take(zone)
-        return length
-
-    def _area_before(self, place_m: FloatArray) -> FloatArray:
-        """Return ∫|W|dx/rms between the clamp and each place."""
-        cell = np.searchsorted(self.cell_edges_m, place_m, side="right")
-        t = place_m - self.cell_middles_m.take(cell)
-        t *= self.cells_per_m.take(cell)
-        total = self.coefficients[-1].take(cell)
-        for row in self.coefficients[-2::-1]:
-            total *= t
-            total += row.take(cell)
-        return np.asarray(total)
 
     def _narrow_mean(self, x_m: FloatArray, width_m: FloatArray) -> FloatArray:
         """Return the mean over narrow windows from the motion itself."""
@@ -158,6 +168,28 @@ def _cells(motion: Motion) -> _Cells:
     return _Cells(**{name: values[order] for name, values in columns.items()})
 
 
+def _pieces(
+    cells: _Cells, rms_m_per_v: float, edges_m: FloatArray, moves_right: FloatArray
+) -> _Pieces:
+    """Return the pieces of cells and zones, each with its zone's and its cell's numbers."""
+    area = cells.half_m * cells.deflection / rms_m_per_v
+    coefficients = _ANTIDERIVATIVE @ area.T
+    coefficients[0, 1:] += np.cumsum(area @ _WEIGHTS)[:-1]
+    right_m = np.concatenate([[0.0], np.cumsum(np.diff(edges_m) * moves_right)])
+    start_m = np.union1d(cells.low_m, edges_m[:-1])
+    cell = np.searchsorted(cells.low_m[1:], start_m, side="right")
+    zone = np.searchsorted(edges_m[1:-1], start_m, side="right")
+    return _Pieces(
+        edges_m=start_m[1:],
+        zone_start_m=edges_m[zone],
+        moves_right=moves_right[zone],
+        right_before_m=right_m[zone],
+        middle_m=((cells.low_m + cells.high_m) / 2)[cell],
+        per_m=(2 / (cells.high_m - cells.low_m))[cell],
+        coefficients=np.take(coefficients, cell, axis=1),
+    )
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MotionSummary:
     """A motion's pattern with its rms deflection, m/V, and rms rotation, rad/V."""
@@ -173,24 +205,16 @@ def motion_summary(motion: Motion) -> MotionSummary:
     inner = zone_edges_m(motion, places)
     edges = np.concatenate([[0.0], inner, [motion.length_m]])
     moves_right = (direction(motion.state((edges[1:] + edges[:-1]) / 2))[0] > 0).astype(np.float64)
-    right_m = np.concatenate([[0.0], np.cumsum(np.diff(edges) * moves_right)])
     cells = _cells(motion)
     length_m = motion.length_m
     rms = float(np.sqrt(np.sum(cells.half_m * cells.deflection**2 * _WEIGHTS) / length_m))
-    area = cells.half_m * cells.deflection / rms
-    coefficients = _ANTIDERIVATIVE @ area.T
-    coefficients[0, 1:] += np.cumsum(area @ _WEIGHTS)[:-1]
     pattern = MotionPattern(
         length_m=length_m,
         motion=motion,
         rms_m_per_v=rms,
         edges_m=edges,
         moves_right=moves_right,
-        right_before_m=right_m[:-1],
-        cell_edges_m=cells.low_m[1:],
-        cell_middles_m=(cells.low_m + cells.high_m) / 2,
-        cells_per_m=2 / (cells.high_m - cells.low_m),
-        coefficients=np.ascontiguousarray(coefficients),
+        pieces=_pieces(cells, rms, edges, moves_right),
     )
     return MotionSummary(
         pattern=pattern,

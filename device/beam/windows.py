@@ -133,9 +133,10 @@ def _settle_narrow(
     narrow = np.flatnonzero(width_m < _NARROW * here.length_m / mode_constants(here.order).root)
     if not narrow.size:
         return
-    clamped = end_m[narrow] == width_m[narrow]
+    ends = end_m.take(narrow)
+    clamped = ends == width_m.take(narrow)
     first = narrow[clamped]
-    right[first], mean[first] = 0.0, _clamp_mean(here, end_m[first])
+    right[first], mean[first] = 0.0, _clamp_mean(here, ends[clamped])
     if first.size < narrow.size:
         rest = narrow[~clamped]
         right[rest] = _narrow_right(here, end_m[rest], width_m[rest])
@@ -174,15 +175,17 @@ def _narrow_mean(here: Zones, end_m: FloatArray, width_m: FloatArray) -> FloatAr
 def _clamp_mean(here: Zones, end_m: FloatArray) -> FloatArray:
     """Return the mean of |φ| over [0, end] for ends of at most ½ in bξ; it is 0 at the clamp.
 
-    (19) of mathematics/beam: (2/t)[t³/3! + t⁷/7! + … - σ(t⁴/4! + t⁸/8! + …)] with t = b·end/L.
+    (19) of mathematics/beam: 2t²[1/3! - σt/4! + t⁴(1/7! - σt/8! + t⁴(1/11! - …))], t = b·end/L.
     """
     c = mode_constants(here.order)
     t = end_m * (c.root / here.length_m)
     square = t * t
     fourth = square * square
-    odd = 1 + fourth / 840 * (1 + fourth / 7920 * (1 + fourth / 32760))
-    even = 1 + fourth / 1680 * (1 + fourth / 11880 * (1 + fourth / 43680))
-    return square / 3 * (odd - t * (c.sigma / 4) * even)
+    total = np.asarray(2.0 / math.factorial(15))
+    for power in (11, 7, 3):
+        total = total * fourth + 2.0 / math.factorial(power)
+        total -= t * (2.0 * c.sigma / math.factorial(power + 1))
+    return np.asarray(square * total)
 
 
 def _near_clamp(here: Zones, end_m: FloatArray, width_m: FloatArray) -> FloatArray:

@@ -87,8 +87,8 @@ def friction_coefficient(
         return chosen.prediction.mu_effective
     field = rung_field(rung, scene.structure.beam, scene.drive, choice.overlap)
     contact = contact_of(scene, places)
-    terms = law_state(contact, field, rung, choice).terms
-    return np.broadcast_to(choice.law(terms), places.shape)
+    mu = choice.law(law_state(contact, field, rung, choice).terms)
+    return mu if mu.shape == places.shape else np.broadcast_to(mu, places.shape)
 
 
 CANDIDATES = ("far-field", "mode")

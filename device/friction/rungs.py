@@ -168,6 +168,7 @@ def forget_set_ups() -> None:
     from device.beam.timoshenko import segmented_natural_frequency_hz
     from device.beam.timoshenko_modes import modal_basis
 
+    rung_field.cache_clear()
     _summary.cache_clear()
     _modal_summary.cache_clear()
     modal_basis.cache_clear()
@@ -214,6 +215,7 @@ def check_rung(name: str) -> None:
     rung(name)
 
 
+@lru_cache(maxsize=64)
 def rung_field(name: str, beam: Beam, drive: Drive, overlap: Overlap = "first") -> Field:
     """Return the driven beam's motion as the rung of that name computes it.
 

@@ -44,6 +44,7 @@ class OutputUnknown(DeviceError):
         super().__init__(f"{UNKNOWN} ({why})")
 
 
+# Both at once: callers that leave a foreign device alone see it, and those that alarm the operator.
 class ForeignOutput(ForeignDevice, OutputUnknown):
     """An unexpected device answered; no further command is sent, so its output is unknown."""
 

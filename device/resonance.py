@@ -49,6 +49,7 @@ def resonance(
     Raises:
         DeviceError: the range contains no peak, or the peak is not a resonance.
     """
+    # A rig may allow less than the usual amplitude of the search.
     voltage_v = min(SWEEP_VOLTAGE_V, limits.max_voltage_v)
     ramp_v_per_s = min(SWEEP_RAMP_V_PER_S, limits.ramp_v_per_s)
 
@@ -56,14 +57,18 @@ def resonance(
         read_back = drive(
             Setpoint(voltage_v=voltage_v, frequency_hz=frequency_hz, ramp_v_per_s=ramp_v_per_s)
         )
+        # The first step begins at 0 V: it waits for the soft start, the later ones only for the
+        # beam.
         shown_v = read_back.voltage_v if read_back.monitor_v is None else read_back.monitor_v
         sleep(_SETTLE_S + max(voltage_v - shown_v, 0.0) / ramp_v_per_s)
         return vibration_m() / voltage_v
 
+    # The beam must not be driven above the rig's limit even to look for its resonance.
     highest_hz = min((1 + HALF_WIDTH) * near_hz, limits.max_frequency_hz)
     coarse = np.linspace((1 - HALF_WIDTH) * near_hz, highest_hz, _POINTS)
     answers = np.array([answer(frequency_hz) for frequency_hz in coarse])
     best = int(np.argmax(answers))
+    # A peak at an end may be the flank of a resonance outside the range.
     if best in {0, _POINTS - 1} or answers[best] < LEAST_RISE * np.median(answers):
         cut = limits.max_frequency_hz < (1 + HALF_WIDTH) * near_hz
         ends = f" (the search ends at max_frequency_hz = {limits.max_frequency_hz:g})"
@@ -81,9 +86,12 @@ def _peak(frequencies_hz: NDArray[np.float64], tips_m: NDArray[np.float64]) -> R
     if not (tips_m > 0).all():
         raise DeviceError(f"the vibration must be above 0 m, got {tips_m.min():g} m")
     middle_hz, tip_m = float(frequencies_hz.mean()), float(tips_m.max())
+    # About the middle and relative to the largest amplitude, because polynomials in 24,000 Hz and
+    # 1e-7 m lose digits.
     curve, slope, lowest = np.polyfit(frequencies_hz - middle_hz, (tip_m / tips_m) ** 2, 2)
     vertex_hz = -slope / (2 * curve)
     level = lowest - slope**2 / (4 * curve)
+    # A parabola that opens downwards, or crosses 0, is that of no resonance.
     if curve <= 0 or level <= 0 or abs(vertex_hz) > np.ptp(frequencies_hz):
         raise DeviceError(f"no resonance near {middle_hz:.0f} Hz: the vibration has no clear peak")
     return Resonance(

@@ -22,6 +22,7 @@ def device_limits(rig: Rig) -> Limits:
             max_vpp=rig.generator_max_vpp,
             max_slew_v_per_us=rig.max_slew_v_per_us,
             max_current_a=None if rig.max_current_ma is None else 1e-3 * rig.max_current_ma,
+            # Without a capacitance the current is 0, so that no limit on it applies.
             load_f=1e-9 * (rig.capacitance_nf or 0.0),
         ),
     )
@@ -31,6 +32,7 @@ def reach_problems(study: Study) -> Iterator[Problem]:
     """Yield a problem for each place of `study` beyond the end of the beam."""
     length_m = Beam().length_m
     ways: dict[Path, tuple[float, float]] = {("touch", "path_m"): study.touch.path_m}
+    # A study that says nothing of sliding must not fail for the paths of its defaults.
     if "slide" in study.model_fields_set:
         paths_m = enumerate(study.slide.paths_m)
         ways |= {("slide", "paths_m", number): path_m for number, path_m in paths_m}

@@ -13,19 +13,26 @@ from device.force_channel.recording import Block, Scale, decoded, scale_of
 from device.link.codec import fields, number, number_text, switch, whole
 from protocol.journal.records import Identity, ReadBack
 
+# Both are in docs/wire-protocol.md, so that whoever builds a board knows how exact its monitor must
+# be. Near 0 V a share of the amplitude is nothing, so that a part of it is absolute.
 MONITOR_REL_TOL = 0.05
 MONITOR_ABS_TOL_V = 2.0
 """How far the independent monitor may be from the amplitude that the board means to give, and both
 above what was asked of it."""
+# A piezoelectric sheet is a capacitor: its voltage outlives the switch for a moment.
 DISCHARGE_S = 0.5
 """How long the output may take to fall below `MONITOR_ABS_TOL_V` once it is off."""
+# A board must trip between 90% and 100% of the time, so that 120% leaves no doubt.
 _SILENCE = 1.2
 """How long to be silent for the watchdog to trip, relative to its time."""
 _IDLE_HZ = 1_000.0
+# Each of the following is one line, because its answers then describe one moment: asked one by one,
+# a ramp would move between the target and the monitor that is compared with it.
 _OFF = ("OUTP?", "MEAS:VOLT?")
 _TRIPPED = "OUTP?;:OUTP:PROT:CAUS?"
 _READ_BACK = "OUTP?;:VOLT:INST?;:VOLT?;:FREQ?;:MEAS:VOLT?;:MEAS:FORC?;:MEAS:POS?;:SYST:TIME?"
 _HEALTH = "OUTP?;:OUTP:PROT:CAUS?;:SYST:BOOT?;:VOLT?;:VOLT:INST?;:FREQ?;:MEAS:VOLT?"
+# SCPI's "Undefined header": a board without a sensor does not know the command for it.
 _UNDEFINED = "-113 "
 _FIRST_THAT_RECORDS = (1, 2)
 """The firmware from which on a board samples forces."""
@@ -79,18 +86,27 @@ class Board(Driver):
     _boot = 0
     _firmware = ""
     _measures_temperature = False
+    # Going down, a board may still be above the new amplitude. What is allowed falls with the ramp
+    # that was told, so that an output that does not come down is noticed.
     _most_v = 0.0
     """What the output might have at most at `_known_s`: the drive, or what it comes down from."""
     _known_s = 0.0
 
     def _prepared(self, idn: str, errors: tuple[str, ...]) -> Identity:
         self._firmware = idn.rpartition(",")[2]
+        # The boot counter is read before anything is set, so that any later restart is noticed.
         self._boot = self.link.query("SYST:BOOT?", whole)
+        # A trip is cleared first, because a board refuses `OUTP ON` while its protection is
+        # tripped.
         self.send("OUTP:PROT:CLE")
+        # The amplitude goes down before the limit, because a board refuses a limit below its
+        # amplitude.
         self.set_number("VOLT", 0.0)
         self.set_number("VOLT:LIM", self.limits.max_voltage_v)
         self.set_number("SYST:WATC", self.limits.watchdog_s)
         self._keeps_its_promises()
+        # Without a limit nobody asks for the temperature, so that a board without a sensor is no
+        # fault.
         limited = self.limits.max_temperature_c is not None
         self._measures_temperature = limited and self._has_thermometer()
         return Identity(
@@ -107,6 +123,8 @@ class Board(Driver):
         try:
             self._require_cool(self.number("MEAS:TEMP?"))
         except LinkTimeout:
+            # A command that is not defined gets no answer. Only the error queue tells such a board
+            # from one that fell silent.
             if not any(error.startswith(_UNDEFINED) for error in self.drained_errors()):
                 raise
             return False
@@ -118,15 +136,20 @@ class Board(Driver):
         An amplitude that stays is not set again, so that the steps of a sweep are short.
         """
         setpoint.checked(self.limits)
+        # Something may have happened since the board was armed: a restart, for one, loses the limit
+        # and the watchdog.
         if self.driven is None:
             self._keeps_its_promises()
         driven, before_v = self.driven, self._allowed_v(self.monotonic())
         moves = driven is None or replace(setpoint, frequency_hz=driven.frequency_hz) != driven
         if moves:
+            # The slope goes first, or the new amplitude would be approached at the old one.
             self.set_number("VOLT:RAMP", setpoint.ramp_v_per_s)
         self.set_number("FREQ", setpoint.frequency_hz)
         if moves:
             self.set_number("VOLT", setpoint.voltage_v)
+            # The ramp is counted from the answer to `VOLT?`: before it the board may not have
+            # begun.
             self._know(max(before_v, setpoint.voltage_v))
         if self.driven is None:
             self.switch_on("OUTP ON")
@@ -144,8 +167,12 @@ class Board(Driver):
         self._heard(read_back, instant_v)
         assert read_back.monitor_v is not None
         if read_back.output != (self.driven is not None):
+            # The health query knows the cause, such as a trip, which says more than "the output is
+            # off".
             self.check()
             raise DeviceError(_unexpected(read_back.output))
+        # The moment before the query counts: what is allowed falls with time, and the board may
+        # have measured as soon as it was asked.
         self._require_amplitude(asked_s, read_back.voltage_v, instant_v, read_back.monitor_v)
         self.require_frequency(read_back.frequency_hz)
         return read_back
@@ -163,6 +190,7 @@ class Board(Driver):
             monitor_v=health.monitor_v,
         )
         self._heard(drive, health.instant_v)
+        # The restart comes before what it causes: output off, limits lost.
         if health.boot != self._boot:
             raise DeviceError(
                 f"the device restarted (boot {self._boot}, now {health.boot}): brown-out?"
@@ -188,6 +216,8 @@ class Board(Driver):
                 return "says that its output is on"
             if abs(monitor_v) < MONITOR_ABS_TOL_V:
                 return ""
+            # The deadline is looked at after an answer, so that a slow answer that says "off" still
+            # counts.
             if self.monotonic() >= deadline_s:
                 return f"its monitor still shows {monitor_v:.1f} V after {DISCHARGE_S:g} s"
 
@@ -197,10 +227,13 @@ class Board(Driver):
         Its voltage must be gone too. The trip is cleared, and the output stays off.
         """
         self.drive(
+            # The watchdog runs only while the output is on. At 0 V nobody can feel the test.
             Setpoint(voltage_v=0.0, frequency_hz=_IDLE_HZ, ramp_v_per_s=self.limits.ramp_v_per_s)
         )
         self.link.stay_silent(_SILENCE * self.limits.watchdog_s)
         tripped = self.link.query(_TRIPPED, _tripped)
+        # The output is turned off and read back even if it tripped, so that its voltage is known to
+        # be gone.
         self.off()
         self.send("OUTP:PROT:CLE")
         return tripped
@@ -237,6 +270,8 @@ class Board(Driver):
 
     def sampled(self, first: int, checked: Callable[[Block], Block]) -> Block:
         """Ask for the samples from number `first` on; ask once more if `checked` refuses them."""
+        # The check is part of the parsing, so that a block that is not the due one is asked for
+        # again.
         return self.link.block(f"TRAC:DATA? {first}", lambda content: checked(decoded(content)))
 
     def stop_sampling(self) -> None:

@@ -19,15 +19,19 @@ from device.link.codec import number, number_text, queued_error, switch
 from device.link.link import ANSWER_TIMEOUT_S, EVENT_ENABLE, Link, Register
 from protocol.journal.records import Identity, ReadBack
 
+# A board's queue has room for 20 errors: more than 32 is a queue that fills as it is read.
 MOST_QUEUED_ERRORS = 32
 """An error queue that is longer than this does not end."""
 NO_TEMPERATURE = "this device measures no temperature: nothing keeps rig.max_temperature_c"
+# Numbers are sent with ten digits, and a Rigol answers with seven.
 REL_TOL = 1e-6
 """How far what a device keeps may be from what it was told, where nothing else is said."""
 
 _FINGER = ("force_n", "position_m", "finger_s")
 
 
+# The console shows these between two polls: it must not ask the device itself, because only one
+# owner talks on the port.
 @dataclass(frozen=True, kw_only=True)
 class Reading:
     """The last answers of a device about its drive, and about the finger if it has sensors.
@@ -86,8 +90,10 @@ class Driver(ABC):
             OutputUnknown: its output cannot be read back as off.
         """
         self.driven, self.foreign = None, None
+        # Off comes before the question who is there: what was left on goes off without delay.
         self.send_off()
         idn = self.link.identify()
+        # A device that is not ours gets nothing else: a command could switch on what it drives.
         if self.idn.match(idn) is None:
             self.foreign = ForeignOutput(
                 f"expected {self.expected}, got {idn!r}; nothing else was sent"
@@ -96,6 +102,8 @@ class Driver(ABC):
         self._meet()
         self.link.synchronise()
         self.off()
+        # Errors of an earlier session are taken before anything is set, or the first command would
+        # be blamed for them.
         errors = tuple(self.drained_errors())
         return self._prepared(idn, errors)
 
@@ -142,6 +150,7 @@ class Driver(ABC):
             position_m=said.position_m,
             finger_s=now_s,
         )
+        # A poll asks for no sensors. The finger that was seen last stays, with its own time.
         if said.force_n is None and self.reading is not None:
             finger = {name: getattr(self.reading, name) for name in _FINGER}
             new = replace(new, **finger)
@@ -213,6 +222,8 @@ class Driver(ABC):
         Raises:
             OutputUnknown: the device does not confirm it, or was not asked.
         """
+        # Forgotten first: whatever fails below, nobody may take the output for one that is to be
+        # on.
         self.driven = None
         if self.foreign is not None:
             raise self.foreign
@@ -247,8 +258,10 @@ class Driver(ABC):
         """Tell a device that missed its deadline again: one answer out of two is a confirmation."""
         try:
             return self.still_on()
+        # Only a late answer is asked for again. A garbled one has been repeated by the link.
         except LinkTimeout:
             self.send_off()
+            # With less patience than at the start: nobody knows yet whether the output is off.
             self.link.synchronise(ANSWER_TIMEOUT_S)
             return self.still_on()
 
@@ -279,6 +292,7 @@ class Driver(ABC):
         """Set a value, settle, and compare what the device kept."""
         self.send(f"{header} {number_text(value)} {unit}".rstrip())
         kept = self.number(f"{header}?")
+        # What a device clips or rounds away it may not report: the read-back alone is believed.
         if not math.isclose(kept, value, rel_tol=rel_tol, abs_tol=abs_tol):
             raise DeviceError(f"{header} was set to {value:g} and reads back as {kept:g}")
 
@@ -306,6 +320,8 @@ class Driver(ABC):
     def send(self, command: str) -> None:
         """Send `command`, wait until the device has done it, and see whether it minded."""
         self.link.tell(command)
+        # The answer says that the command was carried out, so that an error it causes is in the
+        # queue.
         self.link.ask("*OPC?")
         errors = self.drained_errors()
         if errors:

@@ -18,6 +18,7 @@ from protocol.journal.records import Identity, ReadBack
 
 AMPLITUDE_REL_TOL = 1e-3
 """They store four digits of an amplitude (33220A User's Guide, "Output Amplitude")."""
+# The operator reads each of these once per session, because nothing else can keep what is missing.
 NO_WATCHDOG = (
     "this generator has no watchdog: if this program or its cable dies, the output stays on; "
     "keep a hand on the amplifier's switch"
@@ -40,6 +41,8 @@ class Ramp:
     def at(self, now_s: float) -> float:
         """Return the amplitude at `now_s`, V."""
         moved_v = self.v_per_s * (now_s - self.begin_s)
+        # The end is returned as it is: `from + (to - from)` may differ from it in the last bit, and
+        # the ramp is over only when its end is reached.
         if moved_v >= abs(self.to_v - self.from_v):
             return self.to_v
         return self.from_v + math.copysign(moved_v, self.to_v - self.from_v)
@@ -93,10 +96,13 @@ class Generator(Driver):
 
     def arm(self) -> Identity:
         """Set the generator up; refused before anything is sent where its gain is not known."""
+        # Asked for the error that it raises: without the gain no voltage at the beam is known.
         self.limits.amplifier.vpp(self.limits.max_voltage_v)
         return super().arm()
 
     def _prepared(self, idn: str, errors: tuple[str, ...]) -> Identity:
+        # The model says what its smallest amplitude is, at the load and the unit that have been
+        # set.
         self.least_v = self.limits.amplifier.amplitude_v(self._set_up(idn))
         self.amplitude_v = self.least_v
         self.read_back()
@@ -117,20 +123,28 @@ class Generator(Driver):
         the same amplitude at the same rate is continued.
         """
         setpoint.checked(self.limits)
+        # A smaller amplitude would be raised to the smallest one, and the data would tell another
+        # voltage.
         if 0 < setpoint.voltage_v < self.least_v:
             raise LimitExceeded(
                 f"voltage_v must be 0 or at least the generator's {self.least_v:g}, "
                 f"got {setpoint.voltage_v:g}"
             )
+        # The smallest amplitude is not 0 V. So a touch at 0 V leaves the output off, and is read
+        # back.
         if setpoint.voltage_v == 0 and self.driven is None:
             return self.read_back()
         self._set_frequency(setpoint.frequency_hz)
         if self.driven is None:
+            # A generator switches its amplitude on at once: a soft start begins at the smallest
+            # one.
             self._set_amplitude(self.least_v)
             self.read_back()
             self.switch_on(self.on_command)
         self.driven = setpoint
         to_v, v_per_s = max(setpoint.voltage_v, self.least_v), setpoint.ramp_v_per_s
+        # A sweep drives again and again at one amplitude: the ramp to it must not begin anew each
+        # time.
         if self._ramp is None or (self._ramp.to_v, self._ramp.v_per_s) != (to_v, v_per_s):
             self._ramp = Ramp(
                 from_v=self.amplitude_v, to_v=to_v, begin_s=self.monotonic(), v_per_s=v_per_s
@@ -141,11 +155,14 @@ class Generator(Driver):
         """Make the next step of the ramp; at 0 V the output is switched off."""
         if self._ramp is None or self.driven is None:
             return False
+        # The step follows from the time that has passed, so that slow answers make the steps larger
+        # and not the ramp longer.
         wanted_v = self._ramp.at(self.monotonic())
         self._set_amplitude(wanted_v)
         if wanted_v != self._ramp.to_v:
             return True
         self._ramp = None
+        # What is left on the beam at the smallest amplitude is not 0 V.
         if self.driven.voltage_v == 0:
             self.off()
         return False
@@ -180,12 +197,14 @@ class Generator(Driver):
 
     def _require(self, status: Status, *, output: bool) -> None:
         """Raise unless the output, the settings and the drive are as commanded."""
+        # The switch comes first: it says whether anybody may touch the beam.
         if status.output != output:
             state = "on" if status.output else "off"
             raise DeviceError(f"the generator's output is {state}, and nobody here switched it")
         if status.fault:
             raise DeviceError(f"the generator's {status.fault}")
         kept_v = self.limits.amplifier.amplitude_v(status.vpp)
+        # The resolution is one of the generator's setting, so that it is amplified too.
         step_v = self.limits.amplifier.amplitude_v(self.amplitude_abs_tol_vpp)
         if not math.isclose(self.amplitude_v, kept_v, rel_tol=AMPLITUDE_REL_TOL, abs_tol=step_v):
             raise DeviceError(
@@ -232,15 +251,19 @@ class ScpiGenerator(Generator):
         """
         words = self._words = self._words_of(idn)
         self.on_command = f"{words.output} ON"
+        # Whatever was set at the panel: a sine that is set with `FUNC` keeps its modulation.
         for header, word in words.off.values():
             self.set_word(header, word)
+        # Old limits could be in the way of the amplitude and the offset that are set next.
         if words.limits:
             self.set_word(f"{words.limits}:STAT", words.switches[False])
         self.set_word(f"{words.source}FUNC", "SIN")
+        # Not compared as a word, because models answer infinity in numbers of their own: `9.9E+37`.
         self.send(f"{words.output}:LOAD INF")
         self.set_word(f"{words.source}VOLT:UNIT", "VPP")
         self.send(f"{words.source}VOLT MIN")
         self.set_number(f"{words.source}VOLT:OFFS", 0.0)
+        # Asked after load and unit, on which the answer depends.
         least_vpp = self.number(f"{words.source}VOLT? MIN")
         if words.limits:
             self.set_number(f"{words.limits}:HIGH", self._most_v)
@@ -280,6 +303,7 @@ class ScpiGenerator(Generator):
                 output=switch(answer_to[words.output]),
                 vpp=number(answer_to[volts]),
                 frequency_hz=number(answer_to[f"{words.source}FREQ"]),
+                # The load comes first, because it can double the voltage.
                 fault=self._shape_fault(answer_to)
                 or self._limits_fault(answer_to)
                 or self._left_on(answer_to),

@@ -23,6 +23,7 @@ _OF_33500 = {
     **{name: (f"SOUR1:{header}", word) for name, (header, word) in _MODULATIONS.items()},
     "BPSK": ("SOUR1:BPSK:STAT", "0"),
     "sum": ("SOUR1:SUM:STAT", "0"),
+    # In the mode LIST a generator steps through frequencies by itself.
     "frequency mode": ("SOUR1:FREQ:MODE", "CW"),
 }
 _OF_TWO_CHANNELS = {
@@ -60,6 +61,7 @@ class Keysight(ScpiGenerator):
             source="SOUR1:",
             output="OUTP1",
             limits="SOUR1:VOLT:LIM",
+            # A model with one channel would refuse the commands of a second one.
             off=_OF_TWO_CHANNELS if model[4] in "02" else _OF_33500,
             switches=_SWITCHES,
         )

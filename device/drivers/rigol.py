@@ -42,6 +42,7 @@ class Rigol(ScpiGenerator):
     }
     off_command: ClassVar[str] = ":OUTP1 OFF"
     output_query: ClassVar[str] = ":OUTP1?"
+    # The answers stand between two numbers, because one line holds one query.
     register: ClassVar[Register] = replace(EVENT_ENABLE, compound=False)
     amplitude_abs_tol_vpp: ClassVar[float] = 1e-3
 

@@ -24,8 +24,10 @@ from device.link.link import Register
 LEAST_VPP = 4e-3
 """An amplitude that every model can generate into an open circuit."""
 _OFF = (
+    # The wave becomes a sine before its harmonics go off: `C1:HARM` is answered for a sine only.
     *("C1:MDWV STATE,OFF", "C1:SWWV STATE,OFF", "C1:BTWV STATE,OFF", "C1:BSWV WVTP,SINE"),
     *("C1:HARM HARMSTATE,OFF", "C1:CMBN OFF", "C2:OUTP OFF"),
+    # Coupled channels move each other: a change of the second would change what is on the beam.
     *("COUP TRACE,OFF", "COUP FCOUP,OFF", "COUP PCOUP,OFF", "COUP ACOUP,OFF"),
 )
 _MUST_BE_OFF = {
@@ -70,11 +72,13 @@ class Siglent(Generator):
 
     def _meet(self) -> None:
         """Decouple the second channel, and make it a sine, which has a phase."""
+        # The link puts its numbers into this phase. Coupled channels share it, and noise has none.
         for command in ("COUP TRACE,OFF", "COUP PCOUP,OFF", "C2:BSWV WVTP,SINE"):
             self.link.tell(command)
 
     def _set_up(self, idn: str) -> float:  # noqa: ARG002 - all models are alike
         """Apply all settings; `read_back` shows whether the generator accepted them."""
+        # The load goes first: what an amplitude means depends on it.
         amplitude = f"C1:BSWV AMP,{number_text(LEAST_VPP)}"
         for command in (*_OFF, "C1:OUTP LOAD,HZ", amplitude, "C1:BSWV OFST,0"):
             self.send(command)
@@ -104,6 +108,7 @@ class Siglent(Generator):
         self._set_wave("FRQ", frequency_hz, rel_tol=1e-6, abs_tol=0.0, unit="HZ")
 
     def _set_wave(self, name: str, value: float, rel_tol: float, abs_tol: float, unit: str) -> None:
+        # The generator clips silently: only the value that it kept shows whether it obeyed.
         self.send(f"C1:BSWV {name},{number_text(value)}{unit}")
         kept = self.link.query(
             "C1:BSWV?", lambda answer: _quantity(_words(answer, "C1:BSWV"), name)
@@ -139,6 +144,7 @@ def _shape_fault(output: list[str], wave: list[str]) -> str:
 
 def _left_on(found: Mapping[str, list[str]]) -> str:
     for name, header in _MUST_BE_OFF.items():
+        # An answer that says neither is no proof that something is off.
         if "ON" in found[header] or "OFF" not in found[header]:
             return f"{name} must be off, got {','.join(found[header])[:40]}"
     return ""

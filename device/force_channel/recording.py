@@ -43,6 +43,7 @@ def asked_offset(source_s: Callable[[], float], host_s: Callable[[], float]) -> 
         sent_s = host_s()
         told_s = source_s()
         trips.append(ClockOffset(low_s=sent_s - told_s, high_s=host_s() - told_s))
+    # A busy computer or line lengthens a trip and never shortens one: the shortest says most.
     return min(trips, key=lambda trip: trip.error_s)
 
 
@@ -110,6 +111,7 @@ def scale_of(sizes: Sequence[float]) -> Scale:
         ProtocolError: no such sensor is on a rig, so that its forces cannot be believed.
     """
     largest = [size * FULL_SCALE for size in sizes]
+    # Not strict: that there are three sizes is tested beside it.
     within = [low <= value <= high for value, (low, high) in zip(largest, _RANGES, strict=False)]
     if len(sizes) != CHANNELS or not all(within):
         raise ProtocolError(
@@ -172,12 +174,14 @@ def decoded(content: bytes) -> Block:
     body, digest = content[: -_CRC.size], content[-_CRC.size :]
     if len(body) < _HEADER.size:
         raise ProtocolError(f"a block of samples must have 20 bytes or more, got {len(content)}")
+    # The digest comes before all else: what was changed on its way says nothing about the device.
     if _CRC.unpack(digest)[0] != zlib.crc32(body):
         raise ProtocolError("a block of samples differs from its digest")
     first, count, flags, first_s = _HEADER.unpack_from(body)
     counts = array("h")
     if len(body) != _HEADER.size + CHANNELS * counts.itemsize * count:
         raise ProtocolError(f"a block must hold its {count} samples, got {len(content)} bytes")
+    # All other bits are 0 in this protocol: one that is set may mean that the samples are no good.
     if flags & ~SAMPLES_LOST or not math.isfinite(first_s):
         raise ProtocolError(f"a block must have known flags and a time, got {flags}, {first_s}")
     counts.frombytes(body[_HEADER.size :])
@@ -263,11 +267,14 @@ class Recorder:
                 not dated at the time at which they were taken.
             DeviceError: samples before it were lost.
         """
+        # Not a `ProtocolError`, which would ask again: what the source no longer keeps cannot be
+        # had.
         if block.lost or block.first > self.count:
             raise DeviceError(
                 f"samples of the force channel were lost: sample {self.count} is due, got "
                 f"{block.first}"
             )
+        # The answer to an earlier question, which a line can deliver twice.
         if block.first < self.count:
             raise ProtocolError(
                 f"sample {self.count} of the force channel is due, got {block.first} again"
@@ -293,6 +300,7 @@ class Recorder:
             self._keep(block)
         elif now_s > self._heard_s + SILENT_S:
             raise DeviceError(f"the force channel gave no samples for {SILENT_S:g} s")
+        # Counted from the beginning, so that late blocks do not add up.
         ready_s = self.began_s + self.count / self.rate_hz + self._block_s
         is_short = 2 * block.count < self._most  # a line of a gauge may hold less than a block
         self.due_s = max(ready_s, now_s + self._block_s / 4) if is_short else ready_s
@@ -304,6 +312,7 @@ class Recorder:
             DeviceError: one of the clocks was set or stood still since the beginning.
         """
         clocks = throughout((self.offset, offset))
+        # The error is half of the range, so that clocks may move by twice as much.
         if clocks.error_s > MISDATED_S:
             raise DeviceError(
                 "the clock of the force channel moved by "
@@ -329,12 +338,14 @@ class Recorder:
         """
         end_s = self._first_s + self.count / self.rate_hz
         missing = round((source_s - end_s) * self.rate_hz)
+        # Up to a block may lie between the question for the time and the stop.
         if missing > self._most:
             raise DeviceError(f"the last {missing} samples of the force channel were lost")
 
     def _require_begin(self, block: Block) -> None:
         """See that the first sample was taken once the source was told to begin, and not later."""
         first_s = block.first_s + self.offset.offset_s
+        # 0 between the command and its answer: nothing tells when within that time it began.
         off_s = first_s - min(max(first_s, self.told_s), self.began_s)
         if abs(off_s) > MISDATED_S + self.offset.error_s:
             raise ProtocolError(
@@ -356,6 +367,7 @@ class Recorder:
         parts = [block.counts[channel::CHANNELS] for channel in range(CHANNELS)]
         for channel, part in zip(self._channels, parts, strict=True):
             channel.extend(part)
+        # The cheap test first: saturated samples are rare, and counting them takes a loop.
         if max(map(abs, block.counts)) >= FULL_SCALE:
             rows = zip(*parts, strict=True)
             self._saturated += sum(max(map(abs, row)) >= FULL_SCALE for row in rows)
@@ -407,6 +419,8 @@ class Recording:
     def __init__(self, source: ForceSource, rate_hz: float, clock_s: Callable[[], float]) -> None:
         self._source = source
         self._clock_s = clock_s
+        # The clock is asked before the start and after the stop, so that no question delays a
+        # block.
         offset = asked_offset(source.device_time_s, clock_s)
         told_s = clock_s()
         scale = source.start_sampling(rate_hz)
@@ -444,8 +458,10 @@ class Recording:
         Raises:
             DeviceError: as `fetch`, the source does not stop, or a clock was set meanwhile.
         """
+        # Asked before the stop, so that samples that are missing at the end are noticed.
         ended_s = self._source.device_time_s()
         self._source.stop_sampling()
+        # A source that went on sampling would give blocks without end.
         left = MOST_LEFT_S * self._recorder.rate_hz
         while came := self.fetch():
             left -= came

@@ -14,6 +14,7 @@ from device.link.codec import fields, number, number_text, switch, whole
 from device.link.link import Register
 
 UNIT = "N"
+# Values come with few digits, so that the largest one may be rounded up.
 _BEYOND = 1.01
 """How far a value may lie beyond the range by its last digit."""
 
@@ -36,12 +37,15 @@ class LineGauge(GaugeDriver):
 
     def start_sampling(self, rate_hz: float) -> Scale:
         """Set the rate and start; samples are numbered from 0. Return the size of one count."""
+        # Asked again for each recording: a unit can be changed at a gauge, and forces in gf are 100
+        # times as large.
         self._require_unit()
         self._switch("STOP", on=False)  # a session that was killed left it on
         self.link.tell(f"RATE {number_text(rate_hz)}")
         kept_hz = self.link.query("RATE?", number)
         if not math.isclose(kept_hz, rate_hz, rel_tol=1e-6):
             raise DeviceError(f"the gauge's RATE was set to {rate_hz:g} and is {kept_hz:g}")
+        # Before the start, because the counts of the first samples need it.
         self._scale = self.link.query("RANG?", _scale)
         self._switch("STAR", on=True)
         return self._scale
@@ -60,6 +64,7 @@ class LineGauge(GaugeDriver):
 
     def _switch(self, command: str, *, on: bool) -> None:
         self.link.tell(command)
+        # A gauge has no queue of errors: only asking shows whether it obeyed.
         if self.link.query("STAT?", switch) is not on:
             raise DeviceError(f"the gauge was told {command} and does not")
 
@@ -71,6 +76,7 @@ def block(line: str, scale: Scale) -> Block:
         ProtocolError: it was changed on its way, or contradicts itself.
     """
     body, _, digest = line.rpartition(";")
+    # The digest covers the text, because a digit that changed on the way is a number still.
     if f"{zlib.crc32(body.encode('ascii')):08X}" != digest.upper():
         raise ProtocolError(f"the gauge's samples differ from their digest, got {line[:40]!r}")
     head, samples = body.split(";")[:3], body.split(";")[3:]
@@ -90,6 +96,7 @@ def _counts(sample: str, scale: Scale) -> list[int]:
     counts = [round(number(value) / size) for value, size in zip(values, scale, strict=True)]
     if max(map(abs, counts)) > _BEYOND * FULL_SCALE:
         raise ProtocolError(f"a sample must lie in its range, got {sample!r}")
+    # Full scale is what marks a saturated sensor, so that nothing may exceed it.
     return [max(-FULL_SCALE, min(FULL_SCALE, count)) for count in counts]
 
 

@@ -73,6 +73,7 @@ class GaugeDriver(ABC):
         self.link.close()
 
 
+# A source keeps the samples of the last second at least.
 MOST_LATE_S = 0.3
 """How late samples may be fetched before the session waits for them."""
 _LOOK_S = 0.02
@@ -111,6 +112,7 @@ class GaugeOwner:
     def start(self, on_fault: Callable[[], object]) -> None:
         """Give the port to a thread of its own, which calls `on_fault` when the gauge fails."""
         self._on_fault = on_fault
+        # A daemon, so that a gauge that hangs does not keep the program from ending.
         self._thread = threading.Thread(target=self._serve, name="gauge owner", daemon=True)
         self._thread.start()
 
@@ -177,6 +179,8 @@ class GaugeOwner:
     def _owned(self, work: Callable[[], _Result]) -> _Result:
         job = Job(work=work)
         self._jobs.put(job)
+        # Without a thread, as at a simulated device on a stepped clock, the caller does the owner's
+        # work.
         if self._thread is None:
             self.step()
         try:
@@ -193,6 +197,8 @@ class GaugeOwner:
 
     def _wait_s(self) -> float:
         recording = self._recording
+        # Looked at often, because a recording may begin or be abandoned in another thread
+        # meanwhile.
         return _LOOK_S if recording is None else min(max(recording.wait_s(), 0.0), _LOOK_S)
 
     def _record(self, rate_hz: float, clock_s: Callable[[], float]) -> None:
@@ -200,6 +206,7 @@ class GaugeOwner:
 
     def _recorded(self) -> Samples:
         if self._recording is None:
+            # The fault that ended the recording says more.
             raise self._fault or DeviceError("nothing is recorded")
         try:
             return self._recording.finished()
@@ -212,6 +219,8 @@ class GaugeOwner:
             if (recording := self._recording) is not None and recording.wait_s() <= 0:
                 recording.fetch()
         except Exception as error:
+            # Any error, not only the device's: this thread must not die unnoticed while forces are
+            # recorded.
             self._recording, self._fault = None, _of_gauge(error)
             self._on_fault()
 

@@ -16,6 +16,7 @@ LONGEST_BLOCK = 2048
 
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
 _ERROR = re.compile(r'([+-]?\d{1,9}),"(.*)"')
+# SCPI-99 writes infinity as 9.9E+37 and not-a-number as 9.91E+37: nothing measured is as large.
 _SCPI_NOT_A_NUMBER = 9.9e37
 
 
@@ -25,6 +26,7 @@ def encoded(line: str) -> bytes:
     Raises:
         ValueError: it contains a control character, which could end it early, or is not ASCII.
     """
+    # A line feed within a command would send two, the second of them without its checks.
     if not line.isascii() or not line.isprintable():
         raise ValueError(f"a command must be printable ASCII, got {line!r}")
     return line.encode("ascii") + b"\n"
@@ -50,8 +52,11 @@ def number(reply: str) -> float:
     Raises:
         ProtocolError: it is not a number, or is SCPI's code for infinity or not-a-number.
     """
+    # A pattern and not `float` alone, which takes `1_000`, `nan` and `inf`: a device that says so
+    # is out of order.
     text = reply.strip()
     value = float(text) if _NUMBER.fullmatch(text) else math.nan
+    # Written so that NaN is refused, too.
     if not abs(value) < _SCPI_NOT_A_NUMBER:
         raise ProtocolError(f"the device must answer with a number, got {reply[:60]!r}")
     return value
@@ -121,10 +126,12 @@ class LineBuffer:
         """
         if not chunk:
             return []
+        # CR LF leaves an empty line between them, which is dropped below.
         if b"\r" in chunk:
             chunk = chunk.replace(b"\r", b"\n")
         data = self._pending + chunk
         *whole, self._pending = data.split(b"\n")
+        # The cheap test comes first: hardly any chunk is as long as a line may be.
         if len(data) > LONGEST_LINE and max(map(len, (*whole, self._pending))) > LONGEST_LINE:
             self.clear()
             raise ProtocolError(
@@ -160,6 +167,8 @@ class BlockBuffer:
             return None
         end = begin + self._length(begin)
         content, after = self.pending[begin:end], self.pending[end:]
+        # Without the line end the block is not over: its next byte would be the answer to the next
+        # query.
         if not after:
             return None
         line_end = re.match(rb"\r?\n|\r", after)
@@ -179,6 +188,7 @@ class BlockBuffer:
 
     def _length(self, begin: int) -> int:
         digits = self.pending[2:begin]
+        # Refused at its header, before anything of that length is kept.
         length = int(digits) if digits.isdigit() else LONGEST_BLOCK + 1
         if length > LONGEST_BLOCK:
             raise ProtocolError(

@@ -70,6 +70,7 @@ class Link:
         self._lines: list[bytes] = []
         self._in_step = True
         self._stopped = False
+        # From 1 on, because 0 is what the register holds after power-on.
         self._tokens = cycle(range(1, 256))
         self.register = EVENT_ENABLE
 
@@ -82,6 +83,7 @@ class Link:
         try:
             self._port.send(encoded(command))
         except PORT_ERRORS as error:
+            # Whatever was on its way to a port that failed may still arrive.
             self._in_step = False
             raise DeviceError(f"cannot send {command!r} to the device: {error}") from error
 
@@ -95,6 +97,7 @@ class Link:
         """
         self._get_into_step()
         self.tell(query)
+        # Until the answer is there: an exception on the way leaves the link out of step.
         self._in_step = False
         answer = text(self._line(query, self._monotonic() + timeout_s))
         self._in_step = True
@@ -106,6 +109,8 @@ class Link:
         Raises:
             DeviceError: as for `ask` and `parsed`, or a second line arrived with the answer.
         """
+        # Repeated once and only for garbled bytes: a query changes nothing, so that asking again is
+        # safe.
         return self._twice(lambda: parsed(self._only_answer(query)))
 
     def block(self, query: str, parsed: Callable[[bytes], _Value]) -> _Value:
@@ -139,12 +144,16 @@ class Link:
         deadline_s = self._monotonic() + patience_s
         self._quiet(deadline_s)
         heard = b""
+        # Asked again and again: a board that restarts as its port is opened loses what comes
+        # meanwhile.
         while self._monotonic() < deadline_s:
             self.tell("*IDN?")
             try_s = min(self._monotonic() + _HANDSHAKE_TRY_S, deadline_s)
             while (line := self._next_line(try_s)) is not None:
+                # An echo would be taken for the answer to every later query.
                 if line == b"*IDN?":
                     raise ProtocolError("the device echoes commands; switch its echo off")
+                # A banner at start-up has not four fields.
                 if line.isascii() and _IDENTITY.fullmatch(line.decode()):
                     return text(line)
                 heard = line
@@ -192,18 +201,22 @@ class Link:
         self._port.close()
 
     def _get_into_step(self) -> None:
+        # Lines that wait here were sent unasked, or are late: the next answer would be one of them.
         if not self._in_step or self._lines or self._take(0.0):
             self.synchronise()
 
     def _twice(self, asked: Callable[[], _Value]) -> _Value:
         try:
             return asked()
+        # A late answer (`LinkTimeout`) is not asked for again: the device may be gone, and the
+        # output must go off in time.
         except ProtocolError:
             self.synchronise(ANSWER_TIMEOUT_S)
             return asked()
 
     def _only_answer(self, query: str) -> str:
         answer = self.ask(query)
+        # One of the two is unsolicited, and nothing says which.
         if self._lines:
             raise ProtocolError(f"the device must answer {query!r} with one line, got two")
         return answer
@@ -227,6 +240,7 @@ class Link:
     def _beside_token(self, queries: Sequence[str]) -> list[str]:
         """Return the answers to a compound query that starts with one for the register."""
         token, register = next(self._tokens), self.register
+        # `;:` begins each query at the root, whatever the one before it was.
         line = ";:".join((f"{register.put.format(token)};{register.get}", *queries))
         told, *answers = fields(self._only_answer(line), 1 + len(queries))
         if not register.is_told(told, token):
@@ -270,6 +284,7 @@ class Link:
 
     @staticmethod
     def _missing(query: str, heard: bytes) -> DeviceError:
+        # A part of an answer is garbled, which is worth a repetition; nothing at all is not.
         if heard:
             return ProtocolError(f"the answer to {query!r} was cut short, got {heard[:40]!r}")
         return LinkTimeout(f"no answer to {query!r} in time")
@@ -286,6 +301,7 @@ class Link:
         """Return what arrives until the deadline, or before the stop is looked at again."""
         left_s = deadline_s - self._monotonic()
         chunk = self._received(min(max(left_s, 0.0), _SLICE_S))
+        # The bytes are dropped, so that what answers them is no longer certain.
         if self._stopped:
             self._in_step = False
             raise EmergencyStop("stopped by hand")
@@ -293,6 +309,7 @@ class Link:
 
     def _take(self, timeout_s: float) -> bytes:
         chunk = self._received(timeout_s)
+        # The clock of the pause starts anew with each byte that comes.
         if chunk:
             self._lines += self._buffer.feed(chunk)
         return chunk
@@ -310,6 +327,7 @@ class Link:
         while self._take(_QUIET_S):
             heard += len(self._lines)
             self._lines.clear()
+            # A device that never falls silent cannot be asked anything.
             if heard > MOST_LINES or self._monotonic() > deadline_s:
                 raise ProtocolError("the device keeps sending unsolicited lines")
         self._lines.clear()
@@ -320,6 +338,7 @@ class Link:
             line = self._next_line(deadline_s)
             if line is None:
                 break
+            # Lines before it are answers to earlier queries, and are dropped.
             if line.isascii() and self.register.is_told(line.decode().strip(), token):
                 return
         raise LinkTimeout("cannot get back into step: an earlier answer is still outstanding")

@@ -73,7 +73,9 @@ class SerialPort:
         """Return the bytes received, waiting at most `timeout_s`; empty if none arrived."""
         if self._descriptor is None:  # Windows: select() does not work on serial ports
             self._port.timeout = timeout_s
+            # One byte only: more would wait for the whole of it until the timeout.
             return bytes(self._port.read(1))
+        # `select` and then all there is: pySerial's own timeout would wait for a full chunk.
         if select.select((self._descriptor,), (), (), timeout_s)[0]:
             return bytes(self._port.read(_CHUNK))
         return b""
@@ -105,9 +107,12 @@ def open_port(url: str) -> SerialPort:
     """
     checked_address(url)
     if Path(url).is_file() or Path(url).is_dir():
+        # pySerial would open it and fail with an error about terminals.
         kind = "file" if Path(url).is_file() else "folder"
         raise AddressError(f"{url}: a device must be a serial port, got a plain {kind}")
     try:
+        # Exclusive, because a second program on the port could switch the output on, or take
+        # answers.
         port = serial.serial_for_url(
             url, BAUD, timeout=0, write_timeout=WRITE_TIMEOUT_S, exclusive=True
         )
@@ -142,6 +147,7 @@ def _numbers(error: BaseException | None) -> list[int]:
 
 def described_ports() -> list[dict[str, str]]:
     """Return the name and description of each serial port, without opening any."""
+    # Loaded here, because only the list of ports needs it.
     from serial.tools.list_ports import comports
 
     ports = sorted(comports(), key=lambda port: str(port.device))

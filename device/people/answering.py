@@ -86,8 +86,10 @@ class Answering:
         less = np.where(two_sided & (felt < -who.criterion_less), LESS, SAME)
         answer = np.where(felt > who.criterion, MORE, less)
         lapses = u[:, _LAPSE] < who.lapse
+        # Two answers or three are equally likely at random.
         thirds = np.where(two_sided, u[:, _CHOICE] * 3, u[:, _CHOICE] * 2)
         answer = np.where(lapses, 1 - thirds.astype(np.int64), answer)
+        # Who did not attend felt no change, whatever the answer was.
         size = np.where(lapses, 0.0, who.gain * np.abs(felt) + beyond)
         noise = who.rating_noise * tired * ndtri(u[:, _SCORE])
         self._pending = who.bias + size + who.drift * self._asked + noise
@@ -101,12 +103,14 @@ class Answering:
         `asked` are those who are asked for it, and who will remember it.
         """
         who, low, high = self.people, PAPERS_SCALE.minimum, PAPERS_SCALE.maximum
+        # The first score has none before it to be drawn towards.
         before = np.where(np.isnan(self._score), self._pending, self._score)
         wanted = self._pending + who.serial * (before - self._pending)
         found = np.clip(who.number_step * np.round(wanted / who.number_step), low, who.ceiling)
         averse = self._u[:, _END] < who.end_aversion
         inwards = np.where(found == high, -1.0, np.where(found == low, 1.0, 0.0))
         found = found + averse * inwards * who.number_step
+        # A score that was not asked for is not remembered: the others must not be drawn towards it.
         self._score = np.where(asked, found, self._score)
         return found, self._seconds(_SCORE_TIME)
 
@@ -165,6 +169,7 @@ def felt_contrast(question: Question, touches: Sequence[Felt], resting: FloatArr
     effect = QUESTIONS[question].effect
     if effect == "places":
         back = last.friction
+        # Places are compared, and the finger came to them in the opposite order.
         if first.mark.direction != last.mark.direction:
             back = back[:, ::-1]
         return _rms(np.log(first.friction / back))
@@ -174,6 +179,7 @@ def felt_contrast(question: Question, touches: Sequence[Felt], resting: FloatArr
         return _ends(np.log(first.friction / last.friction), last)
     within = np.log(first.friction[:, 0] / first.friction[:, -1])
     from_rest = _ends(np.log(resting[:, None] / first.friction), first)
+    # Within a slide friction varies with the place: its ends say nothing about a change.
     return from_rest if first.mark.slides else np.where(np.abs(within) > _SLIGHT, within, from_rest)
 
 

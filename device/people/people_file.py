@@ -64,6 +64,7 @@ def people_in(text: str, source: str = "people.toml") -> Population:
     person = {name: float(value) for name, value in document.get("person", {}).items()}
     if "population" not in document:
         return Population(typical=Person(**person))
+    # What `[person]` gives is given for all: it must not vary as in the default population.
     varied = {name: given for name, given in DEFAULT.varied.items() if name not in person} | {
         name: _distribution(given) for name, given in document["population"].items()
     }
@@ -105,6 +106,7 @@ def _distribution_problems(
         yield from _choice_problems(path, value, limits)
         return
     for key, given in value.items():
+        # A spread is not one of the parameter's own values: its limits do not apply.
         spread = key in {"sd", "log_sd"}
         ends = (0.0, math.inf) if spread else (low, high)
         yield from _number_problems((*path, key), given, *ends, above=key == "median")
@@ -141,6 +143,7 @@ def _number_problems(
 
 
 def _is_number(value: Any) -> bool:
+    # `true` is an int in Python.
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 

@@ -242,6 +242,7 @@ class People:
 
     def __init__(self, values: FloatArray) -> None:
         """Take the parameters in the order of `PARAMETERS`, shape (people, parameters)."""
+        # A column each, because everything is computed over all persons, one parameter at a time.
         self._columns = dict(zip(PARAMETERS, np.ascontiguousarray(values.T), strict=True))
         self.size = len(values)
 
@@ -252,6 +253,8 @@ class People:
 
     def __getattr__(self, name: str) -> FloatArray:
         """Return a parameter of all persons."""
+        # Names with an underscore are refused first: a copy asks for them before `_columns` is
+        # there.
         if name.startswith("_") or name not in PARAMETERS:
             raise AttributeError(name)
         return np.asarray(self._columns[name])
@@ -284,7 +287,9 @@ def uniforms_of(streams: Sequence[str], rows: int, columns: int) -> FloatArray:
     """Return the first rows of each stream, shape (streams, rows, columns)."""
     size = 8 * rows * columns
     digests = b"".join([shake_128(name.encode()).digest(size) for name in streams])
+    # Least byte first on every machine, or the same name would give other numbers on some.
     words = np.frombuffer(digests, dtype="<u8").reshape(len(streams), rows, columns)
+    # 53 bits are what a float holds. The half keeps 0 and 1 out, of which `ndtri` is infinite.
     return np.asarray(((words >> 11) + 0.5) * 2.0**-53)
 
 
@@ -348,6 +353,7 @@ def felt_friction(
     resting = structure.friction_coefficient
     if not (fingers.voltage_v.any() or choice.law.as_printed):  # at rest no rung need be set up
         return np.asarray(fingers.mu0 * resting * np.ones(fingers.place_m.shape))
+    # The field is computed for 1 V and scaled, because it is linear in the amplitude.
     drive = Drive(voltage_v=world.gain, frequency_hz=model_hz, mode=MODE)
     contact = replace(
         contact_of(Scene(structure=structure, direction=direction), fingers.place_m),
@@ -357,6 +363,7 @@ def felt_friction(
     )
     field = rung_field(world.rung, world.beam, drive).scaled(fingers.voltage_v)
     driven = choice.law(law_state(contact, field, world.rung, choice).terms)
+    # The sign is kept apart: the printed law can give friction below 0, which has no such power.
     size = np.abs(driven / resting) ** fingers.skin
     return np.asarray(fingers.mu0 * resting * np.copysign(size, driven))
 
@@ -383,6 +390,7 @@ class Normal:
         """Return the quantiles at `u`."""
         if self.sd == 0:
             return np.full(u.shape, self.mean)
+        # Quantiles of the part within the limits: clipping would heap people at the ends.
         low, high = (ndtr((end - self.mean) / self.sd) for end in (limits.low, limits.high))
         return np.asarray(self.mean + self.sd * ndtri(low + (high - low) * u))
 
@@ -425,6 +433,7 @@ class OneOf:
     def values(self, u: FloatArray, limits: Parameter) -> FloatArray:  # noqa: ARG002 - within them
         """Return the quantiles at `u`."""
         ends = np.cumsum(self.shares) / np.sum(self.shares)
+        # Without the last end, which rounding may leave below 1.
         return np.array(self.values_of)[np.searchsorted(ends[:-1], u, side="right")]
 
 
@@ -443,6 +452,8 @@ def people_of(population: Population, names: Sequence[str]) -> People:
     """
     values = np.tile(list(vars(population.typical).values()), (len(names), 1))
     columns = list(PARAMETERS)
+    # A column for each parameter, drawn or not, so that a population that varies one more leaves
+    # the others as they were.
     u = uniforms_of([f"person/{name}" for name in names], 1, len(columns))[:, 0]
     for parameter, distribution in population.varied.items():
         column = columns.index(parameter)
@@ -481,6 +492,7 @@ def truth_of(person: Person, world: World) -> VirtualTruth:
 
 def person_of(truth: VirtualTruth) -> Person:
     """Return the person with these true parameters."""
+    # An earlier build did not write every parameter; the default is what it had.
     known = {name: getattr(truth, name) for name in PARAMETERS}
     return Person(**{name: value for name, value in known.items() if value is not None})
 

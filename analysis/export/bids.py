@@ -99,6 +99,7 @@ def _dataset_description(data: Dataset) -> dict[str, Any]:
             "Name": data.title,
             "BIDSVersion": BIDS_VERSION,
             "HEDVersion": HED_VERSION,
+            # Scores as they were given: what is predicted or fitted is left out.
             "DatasetType": "raw",
             "License": facts.licence,
             "Authors": facts.authors,
@@ -131,6 +132,7 @@ def _named(columns: Iterable[Column]) -> dict[str, Column]:
     named = {}
     for name, column in by_name.items():
         here = _NAMED_HERE.get(name, name)
+        # A question may be named `run`; PyBIDS would then look for the run in the file's name.
         if here in _ENTITIES or here.removesuffix("s") in _ENTITIES:
             here += "_answer"
             while here in taken:
@@ -151,6 +153,7 @@ def bids_recordings(data: Dataset) -> dict[str, bytes]:
                 ("stim", DRIVEN, touch.driven()),
             ):
                 files[f"{stem}_{suffix}.tsv.gz"] = tsv_gz(columns, rows)
+                # BIDS has a type of its own for eye tracking alone.
                 kind = {"PhysioType": "generic"} if suffix == "physio" else {}
                 sidecar = {"TaskName": data.task_name, **kind, **described(touch, columns)}
                 files[f"{stem}_{suffix}.json"] = json_text(sidecar).encode()
@@ -183,6 +186,7 @@ def _event_files(stem: str, trials: pd.DataFrame, task: Mapping[str, Any]) -> di
 
     Published scores are no events. `task` is what each sidecar of the session says of it.
     """
+    # UTC, because the monotonic clock begins anew when an interrupted session goes on.
     timed = trials[trials["started_utc"].notna()]
     if timed.empty:
         return {}
@@ -231,6 +235,7 @@ def _described(column: Column, data: Dataset) -> dict[str, Any]:
         {
             "Description": data.meaning(column),
             "Units": column.unit,
+            # As in a cell of the table, so that validators find each value among the levels.
             "Levels": {tsv_cell(level): text for level, text in data.levels(column).items()},
         }
     )

@@ -45,6 +45,7 @@ def _answers() -> dict[str, str]:
     meanings: dict[str, str] = {}
     for asked in QUESTIONS.values():
         for answer, meaning in asked.answers.items():
+            # Taken out first, so that an answer to several questions moves to the last one's place.
             meanings.pop(answer, None)
             meanings[answer] = meaning
     return meanings
@@ -227,6 +228,7 @@ def question_columns(questions: Iterable[StudyQuestion]) -> tuple[Column, ...]:
 
 def _of_question(question: StudyQuestion) -> Iterator[Column]:
     text = next(iter(question.text.values()), "A question that the study file no longer has.")
+    # A label's value stands in the table; its name is what participants read.
     names = {
         f"{label.at:.15g}" if label.value is None else label.value: next(iter(label.names.values()))
         for label in question.labels
@@ -289,4 +291,5 @@ COLUMNS = (*_SESSION, *_PLAN, *_ANSWER, *_FELT, *_COURSE, *_TOUCHES, *_SETTING)
 
 def known(facts: Mapping[str, Any]) -> dict[str, Any]:
     """Return those of `facts` that are known."""
+    # What nobody gave is left out, so that a validator can say that it is missing.
     return {name: value for name, value in facts.items() if value}

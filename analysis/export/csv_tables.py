@@ -25,6 +25,7 @@ def csv_tables(data: Dataset, *, shared: bool = False) -> dict[str, str]:
     touches = touch_table(data.trials)
     return {
         **_table("trials", data.trials, columns, data),
+        # Published scores have no touches; an empty table would look like a loss.
         **({} if touches.empty else _table("touches", touches, TOUCH_COLUMNS, data)),
         **_table("contrasts", data.contrasts, CONTRAST_COLUMNS, data),
         **_table("participants", data.participants, data.participant_columns, data),
@@ -87,10 +88,12 @@ def source_files(data: Dataset, chains: Iterable[Chain], study_text: str) -> dic
         found = [event.record for event in events if event.tag == StudyRegistered.TAG]
         registered = [record.text for record in found if isinstance(record, StudyRegistered)]
         files |= {f"{FOLDER}/{REGISTRATION_FILE}": text for text in registered}
+        # Checked before the first event is read, because withdrawal erases what it said.
         withdrawn = any(event.tag == Withdrawn.TAG for event in events)
         opened = None if withdrawn else first.record
         if not isinstance(opened, SessionOpened | ScoresImported):
             continue
+        # Only sessions of the tables go along, so that both tell of the same people.
         subject = subjects.get((opened.participant, opened.session, opened.kind))
         if subject is not None:
             name = "_".join(data.entities(subject, opened.session))

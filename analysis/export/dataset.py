@@ -56,6 +56,7 @@ def labels(names: Iterable[str]) -> dict[str, str]:
     distinct = list(dict.fromkeys(names))
     found: dict[str, str] = {}
     taken: set[str] = set()
+    # Names that are labels already go first, so that they keep theirs.
     for name in sorted(distinct, key=lambda name: label(name) != name):
         wanted = label(name) or "s"
         free = chain([wanted], (f"{wanted}x{number}" for number in count(2)))
@@ -65,6 +66,7 @@ def labels(names: Iterable[str]) -> dict[str, str]:
 
 
 UNNAMED_TASK = "touch"
+# Sorted keys, because the digest must not depend on the order in which they were stored.
 _TOLD = json.JSONEncoder(sort_keys=True, allow_nan=False)
 Chain = Sequence[StoredEvent]
 
@@ -227,6 +229,7 @@ class Dataset:
     @property
     def rating(self) -> Rating:
         """The scale of the scores."""
+        # Published scores were not given on the scale of the study that they are imported into.
         return PAPERS_SCALE if self.published else self.study.rating
 
     def meaning(self, column: Column) -> str:
@@ -309,6 +312,7 @@ def dataset(
     trials = trial_table(found, found.sessions[~rehearsal], questions)
     if trials.empty:
         raise NothingToExport(
+            # The message names the way out only where there is one.
             "nothing but rehearsals here; add --rehearsals to include them"
             if rehearsal.any()
             else "no trials here: nobody has begun one, or all have withdrawn"
@@ -336,6 +340,7 @@ def asked_questions(study: Study, answers: pd.DataFrame) -> tuple[StudyQuestion,
     asked = {question.name: question for question in study.question}
     given = zip(values(answers["name"]), values(answers["when"]), strict=True)
     earlier = {
+        # The kind is no longer known; any answer can be shown as a text.
         name: StudyQuestion(name=name, kind="text", when=when)
         for name, when in given
         if name not in asked
@@ -366,6 +371,8 @@ def _recorded(
 
 def _digested(chains: Iterable[Chain], digest: Any) -> Iterator[Chain]:
     """Yield `chains` one by one; feed the JSON list of all their events to `digest`."""
+    # The whole is the digest of one JSON list, fed piece by piece, because it need not fit into the
+    # memory.
     mark = "["
     for events in chains:
         if events:

@@ -72,9 +72,11 @@ def _dataset_description(data: Dataset) -> dict[str, Any]:
 
 def _variable(column: Column, data: Dataset) -> dict[str, Any]:
     terms = [
+        # A level is written as in a cell, so that readers find one by the other.
         {"@type": "DefinedTerm", "name": csv_cell(level), "description": meaning}
         for level, meaning in data.levels(column).items()
     ]
+    # No field says that a cell may hold several of them, so that words do.
     listed = f" {column.of_lists} Semicolons stand between." if column.of_lists else ""
     return known(
         {

@@ -34,6 +34,7 @@ def readme(data: Dataset, tables: str) -> str:
     """
     parts = [
         f"# {_line(data.title)}\n",
+        # Warnings stand at the top, before anybody looks at a number.
         *([changed(data)] if data.broken_chains else []),
         *([_REHEARSALS] if "rehearsal" in data.kinds else []),
         f"{_line(data.description())}\n",
@@ -74,4 +75,5 @@ def _facts(data: Dataset) -> list[str]:
 
 def _line(text: str) -> str:
     """The text as one line that stays text where the README is shown as a page."""
+    # Titles and names may come from a stranger's study file.
     return escape(" ".join(text.split()), quote=False)

@@ -70,6 +70,7 @@ class RecordedTouch:
     def measured(self) -> NDArray[np.float64]:
         """Return a row per sample: the forces, less those of the untouched beam, and the place."""
         recorded = self.recording
+        # Samples are stored as the sensor counts them, 16 bits, channel by channel.
         counts = np.frombuffer(recorded.counts(), "<i2").reshape(len(CHANNELS), -1)
         zero = np.array([*(recorded.tare_n or (0.0, 0.0)), 0.0])
         return np.asarray((counts * np.array(recorded.scale)[:, None]).T - zero)
@@ -81,10 +82,12 @@ class RecordedTouch:
     def driven(self) -> NDArray[np.float64]:
         """Return a row per sample: amplitude and frequency, and whether the mark moved."""
         times_s, recorded = self.times_s(), self.recording
+        # A reading without the device's time cannot be placed among the samples.
         known = [entry for entry in self.read_back if entry.device_time_s is not None]
         read_s = np.array([entry.device_time_s for entry in known]) + recorded.clock_offset_s
         columns = [
             np.interp(times_s, read_s, values, np.nan, np.nan)
+            # A gauge has a clock of its own, to which the times of the drive say nothing.
             if known and recorded.source == "board"
             else np.full(len(times_s), np.nan)
             for values in (
@@ -102,6 +105,7 @@ def recorded_touches(events: Sequence[StoredEvent]) -> tuple[RecordedTouch, ...]
     Nothing of a session that was withdrawn, and no samples that are not those recorded.
     """
     tags = {event.tag for event in events}
+    # By their tags, because an event is parsed when its record is asked for, which takes long.
     if TouchRecorded.TAG not in tags or Withdrawn.TAG in tags or any(it.erased for it in events):
         return ()
     found: dict[int, list[RecordedTouch]] = {}
@@ -111,6 +115,7 @@ def recorded_touches(events: Sequence[StoredEvent]) -> tuple[RecordedTouch, ...]
         if event.tag not in {TrialStarted.TAG, TouchRecorded.TAG, TouchEnded.TAG}:
             continue
         match event.record:
+            # A trial that comes again replaces what its earlier attempt recorded.
             case TrialStarted(index=trial):
                 found[trial] = []
             case TouchRecorded() as told:
@@ -152,6 +157,7 @@ def described(touch: RecordedTouch, columns: Mapping[str, Mapping[str, str]]) ->
             told[name]["Description"] += f" It is {zero}."
     return {
         "SamplingFrequency": touch.recording.rate_hz,
+        # Microseconds, as `t_s` in the other formats.
         "StartTime": round(touch.start_s, 6),
         "Columns": list(columns),
         "Description": f"Trial {touch.trial_index}, touch {touch.touch} (both from 0). StartTime "
@@ -162,6 +168,7 @@ def described(touch: RecordedTouch, columns: Mapping[str, Mapping[str, str]]) ->
 
 def tsv_gz(columns: Mapping[str, Any], rows: NDArray[np.float64]) -> bytes:
     """Return the rows as BIDS has them: tab-separated, without a header, compressed."""
+    # Without the time of day in its header the same samples give the same bytes.
     return gzip.compress(_lines(columns, rows, "\t", b"n/a"), mtime=0)
 
 

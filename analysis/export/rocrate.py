@@ -111,6 +111,7 @@ def crate_metadata(data: Dataset, files: Mapping[str, bytes], today: date) -> st
         "@type": "Dataset",
         "name": data.title,
         "description": data.description(),
+        # RO-Crate requires a date, which makes it the one format that differs from day to day.
         "datePublished": today.isoformat(),
         "license": _references(licence) or _NO_LICENCE,
         "conformsTo": {"@id": _PROFILE},
@@ -169,6 +170,7 @@ def _actions(data: Dataset, files: Mapping[str, bytes], today: date) -> list[dic
         "object": _references({"@id": path} for path in source),
         "result": _references({"@id": path} for path in events),
     }
+    # Published scores were recorded without touchbeam.
     return [known(action) for action in (sessions, export) if action["instrument"]]
 
 
@@ -188,6 +190,7 @@ def _application(version: str) -> dict[str, str]:
 
 def _file(path: str, content: bytes) -> dict[str, Any]:
     place = PurePosixPath(path)
+    # From the nearest folder outwards, so that figures are not described as tables.
     below = (_MEANINGS_BELOW.get(str(folder)) for folder in place.parents)
     facts = {
         **_named(path, "File", place.name),
@@ -199,6 +202,7 @@ def _file(path: str, content: bytes) -> dict[str, Any]:
 
 
 def _licence(named: str) -> dict[str, str]:
+    # RO-Crate wants the licence's address for its identifier; a name alone gets one of its own.
     is_address = named.startswith(("https://", "http://")) and " " not in named
     return _named(named if is_address else "#licence", "CreativeWork", named)
 

@@ -77,16 +77,19 @@ def trials_with_answers(
 
     The index is that of the trial's last attempt.
     """
+    # Each attempt has its own digest: the study may be amended within a session.
     trials = found.trials.join(of_session.drop(columns="study_sha256"), "session_id", "inner")
     planned = trials["attempts"].notna()
     excluded = [trials["session_exclusion"].notna(), trials["exclusion"].notna()]
     touches = found.touches["attempt_id"].value_counts().reindex(trials.index, fill_value=0)
     answers = _answers(found.answers, trials, questions)
     assigned = trials.assign(
+        # A published score has a place in its table, but none in a plan.
         trial_index=trials["trial_index"].astype("Int64").where(planned),
         level=trials["level"].where(planned),
         opposite=trials["opposite"].astype("boolean").where(planned),
         excluded=np.select(excluded, ["session", "trial"], "no"),
+        # A session's exclusion holds for all its trials, whatever else was said of one.
         exclusion_reason=trials["session_exclusion"].fillna(trials["exclusion"]),
         inclusion_reason=trials["session_inclusion"].fillna(trials["inclusion"]),
         touches=touches.astype("Int64").where(planned),
@@ -114,6 +117,7 @@ def _answers(
         name = question.name
         found = []
         for session, attempt, block in places:
+            # The nearest first: the trial, its block, its session.
             about = ((attempt, None), (None, block), (None, None))
             known = (given[key] for each in about if (key := (name, session, *each)) in given)
             found.append(next(known, (None, None)))
@@ -147,6 +151,7 @@ def participant_table(
     said = trials.merge(sessions[[*keys, "subject"]], on=keys)
     for name in (each.name for each in questions if each.when in {"before", "after"}):
         given = said[["subject", name]].dropna().drop_duplicates().set_index("subject")[name]
+        # One column cannot hold two answers, and none of them is the wrong one.
         if given.index.is_unique:
             table[name] = given.reindex(table.index)
     return table.rename_axis("participant").reset_index()
@@ -156,6 +161,7 @@ def _scores(scores: "pd.Series[float]", whole: "pd.Series[bool]") -> "pd.Series[
     """Return the scores as given: whole numbers in a session, any in a published table."""
     given = zip(values(scores), whole, strict=True)
     return pd.Series(
+        # The scale of a session has whole numbers; 7.0 would suggest that halves were possible.
         [int(score) if is_whole and score is not None else score for score, is_whole in given],
         scores.index,
         object,
@@ -207,6 +213,7 @@ def contrast_table(
         )
         for law, predicted in contrasts.by_law.items()
     ]
+    # By trial and then by law, so that the laws of a trial stand together.
     rows = pd.concat(laws).loc[trials.index]
     return rows[[column.name for column in CONTRAST_COLUMNS]].reset_index(drop=True)
 

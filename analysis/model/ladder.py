@@ -65,6 +65,7 @@ def _round(scene: Scene, places_m: FloatArray) -> dict[str, tuple[float, float]]
     beam, drive = scene.structure.beam, scene.drive
     times = {}
     for rung in RUNGS:
+        # A set-up that is remembered would be measured as free of cost.
         forget_set_ups()
         setup_us = _time_us(partial(rung_field, rung, beam, drive))
         places = partial(friction_coefficient, scene, rung=rung, x_m=places_m)
@@ -84,6 +85,7 @@ def _row(
     setups, places = zip(*(times[rung] for times in rounds), strict=True)
     return LadderRow(
         rung=rung,
+        # A median, because the computer may do something else in any single round.
         setup_us=median(setups),
         setup_us_range=(min(setups), max(setups)),
         us_per_1000=median(places),

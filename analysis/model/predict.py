@@ -71,11 +71,13 @@ def study_defaults(study: Study, rig: Calibration = NOMINAL) -> dict[str, float]
 
 def _optional(values: FloatArray) -> FloatArray | None:
     """A column of which a group has all values or none."""
+    # One value tells, because a group is made of rows that all have it or all lack it.
     return None if np.isnan(values[:1]).any() else values
 
 
 def _shared(values: FloatArray) -> FloatArray:
     """A column's one value, shape (1,), if all its values are the same bits, else all of them."""
+    # Bits rather than values, because NaN differs from itself and -0 equals 0.
     bits = values.view(np.int64)
     return values[:1] if (bits == bits[0]).all() else values
 
@@ -93,9 +95,11 @@ def _group_batch(table: SceneTable, rows: NDArray[np.intp], options: PredictOpti
         name: _shared(values if values.size != count else values[rows])
         for name, values in table.numbers.items()
     }
+    # At least one column must say how many scenes the batch has.
     number["x_m"] = np.broadcast_to(number["x_m"], rows.size)
     mode = int(number.pop("mode")[0])
     driven = {name: number.pop(name) for name in ("voltage_v", "frequency_hz", "damping_ratio")}
+    # A calibrated rig moves by `gain` as much as the model at the same voltage.
     driven["voltage_v"] = options.rig.gain * driven["voltage_v"]
     driven["frequency_hz"] = options.model_hz(driven["frequency_hz"])
     contact = Contact(
@@ -116,11 +120,14 @@ def _groups(table: SceneTable) -> Iterator[NDArray[np.intp]]:
     keys.append(table.numbers["mode"].astype(np.intp))
     given = (table.numbers[name] for name in ("finger_load_n", "same_direction_fraction"))
     keys.extend(np.isnan(values).astype(np.intp) for values in given)
+    # What all rows share separates none of them; most tables are then one group and need no
+    # sorting.
     keys = [key for key in keys if (key != key[0]).any()]
     if not keys:
         yield np.arange(count)
         return
     _, group = np.unique(np.stack(keys), axis=1, return_inverse=True)
+    # Stable, so that rows of a group keep the order of the table.
     order = np.argsort(group, kind="stable")
     yield from np.split(order, np.flatnonzero(np.diff(group[order])) + 1)
 
@@ -222,6 +229,7 @@ def csv_text(predicted: PredictedTable) -> str:
         for name, values in predicted.columns.items()
     ]
     return (
+        # Nothing needs quotes: all words are from lists of the model's own.
         "\n".join([",".join(predicted.columns), *map(",".join, zip(*columns, strict=True))]) + "\n"
     )
 

@@ -145,6 +145,7 @@ def _checked_header(source: str, header: Sequence[str]) -> None:
 
 def _rows(source: str, text: str) -> tuple[list[str], list[list[str]], list[int]]:
     """Header, rows of cells and their lines; blank lines are skipped."""
+    # Spreadsheets put a byte order mark before UTF-8; a stray quotation mark must not join cells.
     reader = csv.reader(io.StringIO(text.removeprefix("\ufeff"), newline=""), strict=True)
     try:
         header = [name.strip() for name in next(reader, [])]
@@ -187,12 +188,14 @@ def _numbers(source: str, name: str, cells: Cells, lines: Sequence[int]) -> Floa
             if number is None:
                 raise bad_cell(source, lines[row], name, column.rule, cells[row])
         values[given] = np.array(found, dtype=np.float64)
+    # Blank cells are checked as .5, a value that never counts because `given` excludes it.
     wrong = np.flatnonzero(given & ~column.keeps(np.where(given, values, 0.5)))
     if wrong.size:
         raise bad_cell(source, lines[wrong[0]], name, column.rule, str(cells[wrong[0]]))
     low, high = column.reach
     beyond = np.flatnonzero(given & (values != 0) & ~((values >= low) & (values <= high)))
     if beyond.size:
+        # The message must not forbid a 0 that the column's own rule allows.
         zero = "be 0 or " if column.keeps(np.zeros(1))[0] else ""
         rule = f"must {zero}lie in [{low:g}, {high:g}]"
         raise bad_cell(source, lines[beyond[0]], name, rule, str(cells[beyond[0]]))
@@ -242,6 +245,7 @@ def column_table(
     """
     _checked_header(source, [*columns])
     cells = {name: _cells_of(column) for name, column in columns.items()}
+    # Line 1 would hold the names, so that messages count as in a file.
     return _table(source, cells, range(2, count + 2), defaults)
 
 
@@ -250,6 +254,7 @@ def _cells_of(column: NDArray[Any]) -> Cells:
     if column.dtype == np.float64 or column.dtype.kind in "iu":
         return column
     cells = column.tolist() if column.dtype == np.object_ else column
+    # NaN alone differs from itself.
     return ["" if cell is None or cell != cell else str(cell).strip() for cell in cells]  # noqa: PLR0124
 
 
@@ -262,6 +267,7 @@ def _table(
     """The table of given columns; what all scenes share has shape (1,)."""
     numbers, words = {}, {}
     for name, column in COLUMNS.items():
+        # One blank cell stands for the column that is not there, and takes its default.
         cells = given.get(name, [""])
         if isinstance(column, WordColumn):
             words[name] = _words(source, name, cells, lines)

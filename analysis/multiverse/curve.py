@@ -80,6 +80,7 @@ NAMES = (
 
 def named_claims(conditions: Sequence[str]) -> list[Claim]:
     """Return those of the paper's claims that a table with these conditions can judge."""
+    # The paper claims nothing about conditions of other names.
     known = [name for name in conditions if name in CONDITIONS]
     first, second = LEADING
     others = [name for name in known if name not in LEADING]
@@ -145,6 +146,7 @@ def _differ(universe: Universe) -> Judged | NotEstimable:
         known = None if isinstance(ends, NotEstimable) else ends
         return Judged(effect=test.kendall_w, p=test.best_p, interval=known)
     counts = tested.table4.table.given.sum(axis=1)
+    # A subject with one score ranks nothing.
     most = float(np.maximum(counts - 1, 0).sum())
     return Judged(effect=test.statistic / most, p=test.monte_carlo.p)
 
@@ -160,6 +162,7 @@ def _above(pairs: tuple[tuple[str, str], ...], universe: Universe) -> Judged | N
     effect, interval = min(found, key=lambda each: each[0])
     return Judged(
         effect=effect,
+        # All pairs must hold, so that the claim is as weak as the weakest.
         p=max(pair_p(universe.reading, higher, lower) for higher, lower in pairs),
         interval=interval,
     )
@@ -176,6 +179,7 @@ def pair_differences(reading: Reading, one: str, other: str) -> FloatArray:
 def pair_p(reading: Reading, one: str, other: str) -> float:
     """Return p of a pair of conditions after Holm's correction; 1 without any difference."""
     test = next(pair for pair in reading.pairwise if {pair.a, pair.b} == {one, other})
+    # Equal scores do not support that one is above the other.
     return 1.0 if isinstance(test.p_holm, NotEstimable) else test.p_holm
 
 
@@ -265,6 +269,8 @@ class Curve:
         """
         for choice in self.options:
             tallies = self.by_option(choice).values()
+            # A choice decides if each of its options gives one verdict throughout, and not all the
+            # same.
             counts = [(it.supported / it.analyses, it.significant / it.analyses) for it in tallies]
             if {share for both in counts for share in both} <= {0.0, 1.0} and len(set(counts)) > 1:
                 return choice
@@ -331,6 +337,7 @@ def curve(claim: Claim, analyses: Sequence[Universe]) -> Curve:
         for choice in Choice
     }
     known.sort(key=lambda each: each[1].effect)
+    # By identity, because sorting by effect has moved it.
     own = [place for place, (chosen, _) in enumerate(known) if chosen is found[0][0]]
     return Curve(
         claim=claim,
@@ -354,6 +361,7 @@ def _pairs(tables: Sequence[Universe]) -> list[PairTally]:
         ]
         if not both:
             continue
+        # The pair is named after what most analyses say, not after the order of the columns.
         turned = sum(np.sign(effect) for effect, _ in both) < 0
         effects = [(-effect if turned else effect) for effect, _ in both]
         found.append(

@@ -49,12 +49,14 @@ def exclusions(
     nothing, or leaves no score, is absent. Withdrawn participants never count.
     """
     rehearsals, attempts = "rehearsal" in decided.kinds, recorded.attempts
+    # Exclusions live in the tables themselves, so that clearing them there takes all back.
     nobody = replace(
         recorded,
         sessions=recorded.sessions.assign(exclusion=None),
         attempts=attempts.assign(exclusion=None),
     )
     slips = attempts["exclusion"].mask(attempts.index.isin(_slips(recorded)), STRICT)
+    # Without `rules`, because these exclude, too.
     whole = study_data(nobody, rehearsals=rehearsals)
     found = {DECIDED: decided}
     if not _same_trials(whole, decided):
@@ -65,6 +67,7 @@ def exclusions(
             rehearsals=rehearsals,
             rules=rules,
         )
+    # A choice that leaves nobody is no analysis that anybody would report.
     except NothingToReport:
         return found, whole
     if strict.table.given.any() and not any(_same_trials(strict, it) for it in found.values()):
@@ -147,6 +150,7 @@ def universes(
         rig: its damping, gain and bodies.
     """
     left_out, whole = exclusions(recorded, decided, study.exclusions)
+    # A published table is on the paper's scale, whatever that of the study in the folder.
     least = 0 if decided.kinds == ("published",) else study.rating.minimum
     readings = differing_readings(left_out, least)
     tables = {
@@ -158,6 +162,7 @@ def universes(
         for which, by_exclusion in readings.items()
         for name, table in zip(left_out, by_exclusion, strict=True)
     }
+    # For all trials at once; each analysis picks those that it counts.
     contrasts = list(_contrasts(whole, study, rig))
     models = tuple(
         Universe(
@@ -199,6 +204,7 @@ def _contrasts(
     whole: StudyData, study: Study, rig: Calibration
 ) -> Iterator[tuple[dict[Choice, str], FloatArray]]:
     """Yield the contrasts of all trials, shape (trials,), by contrast, law and rung."""
+    # The report's own options come first: the first of all analyses is then the report's.
     rungs = (RUNG, *(rung for rung in RUNGS if rung != RUNG))
     laws = (LAW, *(law for law in LAWS if law != LAW))
     known: list[dict[tuple[str, str], FloatArray]] = []
@@ -210,6 +216,7 @@ def _contrasts(
             for rung in rungs
         }
         own = {(law, rung): _where_all(of_rungs[rung])[law] for law in laws for rung in rungs}
+        # Touches as made that equal the plan would count every analysis twice.
         if known and all(np.allclose(own[key], known[0][key], equal_nan=True) for key in own):
             continue
         known.append(own)
@@ -229,6 +236,7 @@ def _where_all(by_law: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
 def _by_condition(data: StudyData, whole: StudyData, values: FloatArray) -> dict[str, float]:
     """Return the mean contrast of each condition over the scored trials that count."""
     counted = is_scored(data.trials).to_numpy()
+    # By index, because analyses leave out different trials.
     own = pd.Series(values, whole.trials.index).reindex(data.trials.index[counted])
     means = own.groupby(data.trials["condition"][counted]).mean().dropna()
     return {name: float(means[name]) for name in data.table.conditions if name in means.index}

@@ -148,6 +148,7 @@ def findings(
     null = _Table(null_rows, columns(len(conditions), models=False))
     names, null_claims = _names(conditions), _claims(null, len(conditions))
     false = {name: share(made) for name, made in zip(names, null_claims.T, strict=True)}
+    # Power of a test that claims too much says nothing.
     broken = {name for name, each in false.items() if too_often(each)}
     p, claimed = _p_values(table, len(conditions)), _claims(table, len(conditions))
     return Findings(
@@ -203,6 +204,7 @@ def _claims(table: _Table, conditions: int) -> BoolArray:
     """
     p = _p_values(table, conditions)
     questions = holm_of_rows(p[:, :2]) < LEVEL
+    # A missing p compares as false, so that it claims nothing.
     return np.column_stack([questions, questions[:, :1] & (p[:, 2:] < LEVEL)])
 
 
@@ -222,6 +224,8 @@ def _registered(
     _, first = held.get(hypotheses[0], nothing) if hypotheses else nothing
     found = [(name, *held.get(name, nothing)) for name in hypotheses]
     return tuple(
+        # The primary one is tested alone and opens the way to the others, so that no correction is
+        # due.
         RegisteredPower(name=name, row=row, power=share(np.minimum(supported, first)))
         for name, row, supported in found
     )
@@ -266,6 +270,7 @@ def _of_difference(table: _Table, pair: int, name: str) -> EstimateQuality:
     A truth that is 0 but for its Monte Carlo error has no sign and no size to be wrong about.
     """
     mean, error, subjects = (table[f"pair {what} {pair}"] for what in ("mean", "error", "subjects"))
+    # One difference has no standard error.
     known = subjects > 1
     mean, error, df = mean[known], error[known], subjects[known] - 1
     truth = float(mean.mean()) if len(mean) else float("nan")
@@ -273,6 +278,7 @@ def _of_difference(table: _Table, pair: int, name: str) -> EstimateQuality:
     significant, off = np.abs(mean) > half, mean - truth
     has_sign = abs(truth) > 2 * share(mean).error
     found = (significant & has_sign).astype(np.float64)
+    # Where all differences are equal there is no rank; 1 only avoids a division by zero.
     scale = np.where(error > 0, error, 1.0)
     return EstimateQuality(
         name=f"mean difference {name}",
@@ -291,4 +297,5 @@ def _of_difference(table: _Table, pair: int, name: str) -> EstimateQuality:
 
 def _root(squares: Measured) -> Measured:
     value = float(np.sqrt(squares.value))
+    # The delta method: the derivative of the root is one over twice the root.
     return Measured(value, squares.error / (2 * value) if value > 0 else 0.0)

@@ -49,11 +49,14 @@ def rows_of_tables(tables: Sequence[FloatArray]) -> FloatArray:
 
     Subjects without any score count for nothing.
     """
+    # The report does not analyse a subject without any score.
     left = [table[~np.isnan(table).all(axis=1)] for table in tables]
     width = len(columns(tables[0].shape[1], models=False))
     found = np.full((len(left), width), np.nan)
+    # Tables of one shape are one array, which is far faster than a test at a time.
     for shape in {table.shape for table in left}:
         which = [number for number, table in enumerate(left) if table.shape == shape]
+        # A cohort of which nobody is left has a row of NaN: no test, and no claim.
         if shape[0]:
             found[which] = _rows(np.array([left[number] for number in which]))
     return found
@@ -103,6 +106,7 @@ class _Estimated:
 
 def _estimated(cohort: Cohort) -> list[float]:
     found = {**_of_model("M2", cohort), **_of_model("M1", cohort)}
+    # A study without an estimate adds nothing to any sum.
     empty = [0.0] * len(SUMS) + [float("nan")]
     return [
         number for name in ESTIMATES for number in (_sums(found[name]) if name in found else empty)
@@ -132,7 +136,9 @@ def _of_subjects(
     cohort: Cohort, estimates: Mapping[str, Medians], mixture: LineMixture
 ) -> dict[str, _Estimated]:
     rated = np.flatnonzero(mixture.counts > 0)
+    # One person per study, because ranks of one study are not independent.
     first, gain = int(rated[0]), cohort.gain[rated]
+    # A relative gain is about the people who were analysed, not about those left out.
     truths = {"bias": cohort.bias[rated], "gain": gain, "relative gain": gain - gain.mean()}
     posteriors = {"bias": mixture.bias, "gain": mixture.gain, "relative gain": mixture.relative}
     return {

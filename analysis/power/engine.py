@@ -19,6 +19,7 @@ from protocol.errors import BadInput, WorkFailed
 if TYPE_CHECKING:
     from distributed import Client
 
+# A person waits at the terminal: a wrong address must show within seconds.
 _ANSWER_WITHIN_S = 5
 _WORKERS_WITHIN_S = 8
 
@@ -73,6 +74,7 @@ def completed(
                 chunks.save(task.name, _to_keep(job, task, found, chunks.key))
                 yield task, found
     except (WorkFailed, OSError) as error:
+        # Whoever sees this has often waited for hours.
         error.add_note("what is done is kept; the same command goes on from there")
         raise
 
@@ -80,6 +82,7 @@ def completed(
 def _to_keep(job: Job, task: Task, found: FloatArray, key: bytes) -> bytes:
     """Return numbers as they are kept: behind their seal."""
     content = io.BytesIO()
+    # Nothing pickled is ever read back, because that would execute what a stranger has put there.
     np.save(content, found, allow_pickle=False)
     return _seal(job, task, content.getvalue(), key) + content.getvalue()
 
@@ -89,6 +92,7 @@ def kept(job: Job, task: Task, chunks: Chunks) -> FloatArray | None:
     content = chunks.load(task.name)
     if content is None:
         return None
+    # The SHA-256 seal has 32 bytes and stands first.
     if not compare_digest(_seal(job, task, content[32:], chunks.key), content[:32]):
         return None
     found: FloatArray = np.load(io.BytesIO(content[32:]), allow_pickle=False)
@@ -109,6 +113,7 @@ Results = Generator[tuple[Task, FloatArray], None, None]
 def _computed(job: Job, left: Sequence[Task], workers: int, scheduler: str | None) -> Results:
     if scheduler is not None:
         return _on_cluster(job, left, scheduler)
+    # A process of its own would only add the time to start it.
     if workers == 1:
         return (_numbered(job, task) for task in left)
     return done((partial(_numbered, job, task) for task in left), min(workers, len(left)))
@@ -123,10 +128,12 @@ def _on_cluster(job: Job, left: Sequence[Task], scheduler: str) -> Results:
     from distributed.client import FutureCancelledError
 
     with connected(scheduler) as client:
+        # Not `pure`, because Dask would otherwise digest all arguments of each task.
         futures = [client.submit(_numbered, job, task, pure=False) for task in left]
         try:
             for future in as_completed(futures, loop=client.loop):
                 yield future.result()
+                # A cluster would otherwise hold all results until the last one.
                 future.release()
         except KilledWorker as error:
             raise WorkFailed(f"{scheduler}: a task ended its workers again and again") from error
@@ -142,6 +149,7 @@ def connected(scheduler: str) -> Iterator["Client"]:
         BadInput: the address is none, or the package for clusters is missing.
         WorkFailed: nobody answers there, or the cluster has no workers.
     """
+    # Dask takes any other text for a name to look up, and waits.
     if not scheduler.startswith(("tcp://", "tls://")):
         raise BadInput(f"--scheduler must be an address such as tcp://HOST:8786, got {scheduler!r}")
     try:
@@ -156,6 +164,7 @@ def connected(scheduler: str) -> Iterator["Client"]:
             raise WorkFailed(
                 f"{scheduler}: no Dask scheduler answers there; start one with: dask scheduler"
             )
+        # Not the default, so that Dask of the caller's own keeps its client.
         with Client(scheduler, timeout=_ANSWER_WITHIN_S, set_as_default=False) as client:
             try:
                 client.wait_for_workers(1, timeout=_WORKERS_WITHIN_S)

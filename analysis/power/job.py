@@ -76,6 +76,7 @@ def designed(study: Study, design: Design) -> Study:
     Raises:
         BadInput: the study cannot be run so; the message gives the first problem.
     """
+    # Every test compares people, and one has nobody to be compared with.
     if not 2 <= design.participants <= MOST_PARTICIPANTS:
         raise BadInput(
             f"participants must lie in [2, {MOST_PARTICIPANTS}], got {design.participants}; give "
@@ -97,6 +98,7 @@ def designed(study: Study, design: Design) -> Study:
         entry.model_copy(update={"levels": levels}) if levels else entry
         for entry in study.condition
     ]
+    # Validated anew, because `model_copy` checks nothing.
     keys = {**study.design.model_dump(), **wanted}
     try:
         asked = DesignOfStudy.model_validate(keys)
@@ -160,6 +162,7 @@ class Job:
     @property
     def digest(self) -> str:
         """What tells it from any other job."""
+        # `repr` of a record has all its fields, so that none can be forgotten here.
         return sha256(repr((FORM, self)).encode()).hexdigest()
 
 
@@ -184,6 +187,7 @@ def numbers(job: Job, task: Task) -> FloatArray:
     Raises:
         WorkFailed: this touchbeam is of another version than the one that asks.
     """
+    # Asked where the work is done: a cluster may run another version.
     from importlib.metadata import version
 
     if version("touchbeam") != job.version:
@@ -192,6 +196,8 @@ def numbers(job: Job, task: Task) -> FloatArray:
             "install the same version on all"
         )
     nature = "null" if task.kind == "null" else "study"  # fitted or tested, a study is the same
+    # The kind is not a part of the key beyond this, so that a fitted study is one of the tested
+    # ones.
     keys = [
         f"{job.seed}/{task.design.key}/{nature}/{number}"
         for number in range(task.first, task.first + task.count)
@@ -209,5 +215,6 @@ def numbers(job: Job, task: Task) -> FloatArray:
 
 
 def _stream(key: str) -> np.random.Generator:
+    # A stream of its own, apart from those that drew the study.
     digest = sha256(f"{key}/shuffled".encode()).digest()
     return np.random.default_rng(np.frombuffer(digest, dtype=np.uint32))

@@ -78,9 +78,13 @@ def without_effect(table: FloatArray, rng: np.random.Generator) -> FloatArray:
     What is given and withheld, ceilings and people's use of numbers stay; the conditions mean
     nothing any more, so that every difference, and every difference between gains, is 0.
     """
+    # Each row on its own, so that a person's level stays and only the conditions lose their
+    # meaning.
     return rng.permuted(table, axis=1)
 
 
+# The mean of gain times skin has no closed form for every population; so many make it known far
+# better than a study could estimate it.
 _DRAWN_FOR_MEANS = 10_000
 
 
@@ -108,6 +112,7 @@ class PeopleCohorts:
         counted, out = counted_trials(simulation.planned, made)
         # Who left before the first answer breaks no rule, because there is nothing to judge.
         kept = np.flatnonzero(~(out & made.answered.any(axis=1)))
+        # People are described on the paper's scale and answer on the study's.
         unit = self.study.rating.span / PAPERS_SCALE.span
         zero = self.study.rating.minimum - unit * PAPERS_SCALE.minimum
         people = made.people.rows(kept)
@@ -124,6 +129,7 @@ class PeopleCohorts:
         """Return the trials of those who are `kept`, with contrasts as a report has them."""
         who, trial = np.nonzero(counted[kept])
         every = self._contrasts(made, kept[who], trial)
+        # As in a report: trials that only some laws predict are left out of all.
         predicted = np.isfinite(every).all(axis=1)
         of = self._simulation.planned.kinds
         known = self.study.conditions
@@ -156,6 +162,7 @@ class PeopleCohorts:
             offset_m = float(made.people.place_offset_m[person])
             touches = [
                 _touched(of[kind], place, float(forces_n[place]), offset_m, resonance_hz)
+                # A contrast is between the first touch and the last; they may be one.
                 for place in dict.fromkeys([0, len(of[kind].marks) - 1])
             ]
             found[row] = _by_law(felt_change(planned, touches, resonance_hz), self.rig)
@@ -163,6 +170,7 @@ class PeopleCohorts:
 
     @cached_property
     def _simulation(self) -> Simulation:
+        # People feel the rig as calibrated, which the analysis supposes, too.
         world = World(damping_ratio=self.rig.damping_ratio, gain=self.rig.gain)
         return Simulation(study=self.study, population=self.population, world=world)
 
@@ -193,6 +201,7 @@ def _touched(
     held = touch.place != "path" and not mark.slides and force_n > LIFTED_N
     return _Touched(
         planned=touch,
+        # The journal keeps a touch's force to a tenth of a millinewton.
         force_n=round(force_n, 4),
         place_m=mark.start_m + offset_m if held else nan,
         start_voltage_v=touch.voltage_v,

@@ -19,6 +19,7 @@ from analysis.report.drawing import Panel, Series, panels_figure
 from protocol.registration.registration import GAINS, OMNIBUS
 from protocol.study.study import Study
 
+# The convention of Cohen (Statistical Power Analysis, 1988).
 ENOUGH = 0.8
 _LEAST = 0.9
 """Coverage of a 95% interval below which a warning is due."""
@@ -133,6 +134,7 @@ def _calibration(estimate: EstimateQuality) -> Json:
 
 
 def _number(value: float) -> float | None:
+    # JSON has neither NaN nor infinity.
     return value if math.isfinite(value) else None
 
 
@@ -143,6 +145,7 @@ def answer(found: Sequence[Findings]) -> str:
     enough = [each for each in found if _power_of(each, OMNIBUS) >= ENOUGH]
     if not enough:
         return f"No design has 80% power; the largest: {design_answer(_largest(found))}"
+    # By trials altogether, which is what a study costs.
     smallest = min(enough, key=lambda each: (_size(each.design), each.design))
     return (
         f"The smallest design with 80% power to tell that the conditions differ: "
@@ -152,6 +155,7 @@ def answer(found: Sequence[Findings]) -> str:
 
 def warnings(found: Sequence[Findings], study: Study) -> list[str]:
     """Return what a report of the study would promise and not keep, and what is not simulated."""
+    # A number of people or a claim that does not hold must not look like an answer.
     broken = [line for each in found for line in (*_false_claims(each), *_narrow(each))]
     sessions = study.design.sessions
     first = f"only the first of {sessions} sessions of each participant is simulated"
@@ -175,7 +179,10 @@ def _false_claims(found: Findings) -> list[str]:
 def _narrow(found: Findings) -> list[str]:
     """Return which 95% intervals hold the truth in less than 90%, beyond Monte Carlo error."""
     narrow = [
-        each for each in found.estimates if each.coverage.value + 2 * each.coverage.error < _LEAST
+        # Two Monte Carlo errors, so that chance alone seldom warns.
+        each
+        for each in found.estimates
+        if each.coverage.value + 2 * each.coverage.error < _LEAST
     ]
     if not narrow:
         return []
@@ -221,6 +228,7 @@ def _pairs_with_power(found: Findings) -> list[str]:
     """Return the pairs that are told apart often enough, such as `voltage above structure`."""
     names = []
     pairs = [test for test in found.tests if test.name not in {OMNIBUS, GAINS}]
+    # Mean differences stand last among the estimates, in the order of the tests.
     for test, difference in zip(pairs, found.estimates[-len(pairs) :], strict=True):
         if _enough(test):
             ends = test.name.split(" - ")
@@ -244,6 +252,7 @@ def left_out(found: Findings) -> set[str]:
     """Return the pairs that are not shown on a terminal: of many those that have least power."""
     pairs = [test for test in found.tests if test.name not in {OMNIBUS, GAINS}]
     pairs.sort(key=lambda test: -test.power.value)
+    # What was registered is shown, however little power it has.
     return {test.name for test in pairs[_MOST_PAIRS:]} - {each.row for each in found.registered}
 
 
@@ -362,6 +371,7 @@ def _panel(title: str, y_label: str, lines: Mapping[str, Sequence[tuple[int, Mea
     )
 
 
+# Steps of .01 are finer than a figure shows.
 _GRID = np.linspace(0.0, 1.0, 101)
 
 

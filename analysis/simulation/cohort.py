@@ -87,6 +87,7 @@ class PlannedTrials:
 
     def _number(self, trial: Trial) -> int:
         asked = (trial.kind, trial.condition, trial.question, trial.expected, trial.scored)
+        # Trials that differ in place and block alone feel the same, and are felt together.
         known = (*asked, tuple(map(_key, trial.touches)))
         if known not in self._numbers:
             self._numbers[known] = len(self.kinds)
@@ -205,6 +206,8 @@ class _Feeling:
         mark, made = kind.marks[touch], self._people.rows(who)
         way = course(made, u, mark)
         parts = fractions(mark)
+        # The friction of touches between is computed for nothing; their force is recorded all the
+        # same.
         if touch in {0, len(kind.marks) - 1}:
             self._friction[number, touch] = np.empty((len(who), len(parts)))
             self._collect((number, touch), made, way.places_m(parts), way.force_n, way.speed_m_s)
@@ -220,11 +223,13 @@ class _Feeling:
     ) -> None:
         number, touch = key
         to_make = self._kinds[number].trial.touches[touch]
+        # A touch without a beam of its own is on the one that the study mounts.
         beam = to_make.beam or self._study.touch.beam
         height_m = BODY_HEIGHT_M * (beam is None or self._study.beams[beam] > 0)
         parts = fractions(self._kinds[number].marks[touch])
         voltages_v = to_make.voltage_v + parts * (to_make.end_voltage_v - to_make.voltage_v)
         frequencies = to_make.frequency + parts * (to_make.end_frequency - to_make.frequency)
+        # One frequency at a time, because the beam is solved once for each.
         for frequency in np.unique(frequencies).tolist():
             which = np.flatnonzero(frequencies == frequency)
             shape = (len(places_m), len(which))
@@ -261,6 +266,7 @@ class _Feeling:
                 who, trial = self._trials[number]
                 felt = [
                     Felt(mark=kind.marks[touch], friction=self._friction[number, touch])
+                    # A trial of one touch has the same first and last; it counts once.
                     for touch in dict.fromkeys([0, len(kind.marks) - 1])
                 ]
                 known = felt[0].friction[:, 0] if resting is None else resting[who]
@@ -293,6 +299,7 @@ def _answer(
     rating = planned.study.rating
     most = int(asks.sum(axis=1).max())
     u = uniforms_of([f"questions/{name}" for name in names], most, QUESTION_NUMBERS)
+    # Random numbers are numbered by questions, so that a trial without one uses none.
     answering, everybody, asked = Answering(people), np.arange(people.size), 0
     for trial in range(kinds.shape[1]):
         if asks[:, trial].any():
@@ -304,6 +311,7 @@ def _answer(
             )
             asked += 1
             wanted = (change == expected[:, trial]) | (rating.score_when == "always")
+            # Somebody who has left scores nothing more.
             wanted &= scored[:, trial] & ~answering.left
             score, score_reaction_s = answering.score(wanted)
             on_study = on_scale(score, rating.minimum, rating.maximum)

@@ -37,6 +37,7 @@ def loaded_sessions(
             SessionRow(
                 participant=name,
                 session=planned.session,
+                # Virtual answers must never pass for those of people.
                 session_kind="rehearsal",
                 conditions=planned.study.conditions,
                 session_completed=bool(made.answered[person].all()),
@@ -92,6 +93,7 @@ def _add_trials(rows: Rows, planned: PlannedTrials, made: Cohort, person: int) -
         )
         for number, mark in enumerate(kind.marks):
             _add_touch(rows, planned, kind, number, float(made.force_n[person, touch]))
+            # One sample is enough, because only the median of a resting finger's place is read.
             if not mark.slides:
                 place_m = mark.start_m + float(made.people.place_offset_m[person])
                 rows.sampled.append(rows.touches.last_id)
@@ -129,6 +131,7 @@ def _add_touch(
             end_voltage_v=touch.end_voltage_v,
             start_frequency_hz=touch.frequency * resonance_hz,
             end_frequency_hz=touch.end_frequency * resonance_hz,
+            # The journal keeps a touch's force to a tenth of a millinewton.
             force_n=round(force_n, 4),
         )
     )
@@ -153,6 +156,7 @@ def score_tables(planned: PlannedTrials, made: Cohort) -> FloatArray:
         counts = given & (condition == column)
         number = counts.sum(axis=1)
         total = np.where(counts, made.score, 0.0).sum(axis=1)
+        # Where nothing counts the cell stays NaN: a missing score, not zero.
         np.divide(total, number, out=table[:, column], where=number > 0)
     table[out] = np.nan
     return table
@@ -173,6 +177,7 @@ def counted_trials(planned: PlannedTrials, made: Cohort) -> tuple[BoolArray, Boo
 
 
 def _position(conditions: tuple[str, ...], name: str | None) -> int:
+    # No column has this number, so that such trials enter none.
     return conditions.index(name) if name in conditions else -1
 
 

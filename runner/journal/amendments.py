@@ -126,26 +126,29 @@ def withdraw(
         BadInput: `participant` has no session.
     """
     sessions = sessions_of(journal, participant, rehearsal=rehearsal)
+    # All sessions or none: an error must not leave a participant half withdrawn.
     with journal.alone():
         for session in sessions:
             log = SessionLog(journal, session, clock)
+            # An erasure that did not reach the disk can be repeated without a second event.
             if log.state.name != "withdrawn":
                 log.append(Withdrawn())
         journal.erase_payloads(sessions)
+    # After the commit, because SQLite vacuums only outside a transaction.
     journal.forget_erased()
     return sessions
 
 
 def unerased(journal: Journal, sessions: Iterable[str]) -> dict[str, str]:
     """Return which of `sessions` still hold data, and how much, in words."""
-    found = {}
+    amounts = {}
     for session in sessions:
         events = journal.events(session)
         if all(event.erased for event in events):
             continue
         done, planned = len((state := folded(events)).answered), len(state.planned)
-        found[session] = f"{done} of {planned} trials answered" if planned else "imported scores"
-    return found
+        amounts[session] = f"{done} of {planned} trials answered" if planned else "imported scores"
+    return amounts
 
 
 def sessions_of(journal: Journal, participant: str, *, rehearsal: bool) -> list[str]:

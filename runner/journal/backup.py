@@ -24,22 +24,29 @@ def backed_up(path: Path, file: Path) -> tuple[tuple[str, ...], list[SessionVerd
         OSError: the copy cannot be written; the error names `file`.
     """
     _require_new(file)
+    # On the same disk, so that it can be renamed, and under a name that nobody takes for a backup.
     beside = file.with_name(f".touchbeam-{secrets.token_hex(8)}")
     try:
+        # SQLite would make a file that others may read, as the umask has it.
         os.close(os.open(beside, os.O_CREAT | os.O_EXCL, 0o600))
         with read_journal(path, to_verify=True) as journal:
             journal.copy_to(beside)
         with read_journal(beside, to_verify=True) as copy:
-            found = copy.lacking_triggers, verdicts(copy)
+            # Read back from the file, because a backup that was never read is a hope.
+            result = copy.lacking_triggers, verdicts(copy)
         with beside.open("rb+") as written:
+            # Before it gets its name: a name that survives a power cut must not lead to half a
+            # file.
             os.fsync(written.fileno())
         _take_name(beside, file)
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(file)) from error
     finally:
+        # What SQLite may have left beside the copy. After the renaming there is nothing of that
+        # name.
         for ending in ("", "-journal", "-wal", "-shm"):
             beside.with_name(f"{beside.name}{ending}").unlink(missing_ok=True)
-    return found
+    return result
 
 
 def _require_new(file: Path) -> None:
@@ -54,6 +61,7 @@ def _take_name(written: Path, file: Path) -> None:
     except FileExistsError:
         _require_new(file)
     written.replace(file)
+    # Windows cannot open folders.
     if hasattr(os, "O_DIRECTORY"):
         folder = os.open(file.parent, os.O_DIRECTORY)
         try:

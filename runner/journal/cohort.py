@@ -82,6 +82,7 @@ def slot_for(
             continue
         if opened.participant == participant and state.name not in _GONE:
             return opened.slot
+        # Several people may have had one slot after another, if the earlier ones were excluded.
         taken[opened.slot] = _slot_state(state, taken.get(opened.slot, "free"))
     highest = max(taken, default=-1)
     return next_slot([taken.get(slot, "free") for slot in range(highest + 1)])
@@ -95,6 +96,7 @@ def _slot_state(state: SessionState, before: SlotState) -> SlotState:
 
 
 def _finished_before_exclusion(state: SessionState) -> bool:
+    # Its order was used as planned, whatever is thought of its data later.
     return state.name in _GONE and 0 < len(state.planned) <= len(state.answered)
 
 

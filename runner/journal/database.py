@@ -25,6 +25,8 @@ from runner.signals import raise_if_stopped, stops_deferred
 SQLITE_VERSION = sqlite3.sqlite_version
 SQLITE_ERRORS = (sqlite3.Error, UnicodeDecodeError)
 """What SQLite raises on a damaged file; names in its messages may be damaged, too."""
+# Of SQLite's virtual machine: few enough that Ctrl-C ends the reading of a damaged file, which may
+# never end by itself.
 _STEPS_BETWEEN_SIGNALS = 10_000
 _MOST_OBJECTS = 100
 _ATTEMPTS = 10
@@ -59,14 +61,20 @@ def connected(path: Path, access: str = "mode=rw", timeout_s: float = 5.0) -> sq
     Raises:
         sqlite3.Error: it cannot be opened, or SQLite would reach a file elsewhere through it.
     """
+    # Before SQLite sees the file, because opening it is enough to make SQLite recover a rollback
+    # journal.
     _require_reaching_no_other(path)
     uri = f"{path.absolute().as_uri()}?{access}"
     connection = sqlite3.connect(uri, uri=True, timeout=timeout_s, isolation_level=None)
     with closed_on_error(connection):
         # Python runs the handlers of signals between two of its instructions: this is one.
         connection.set_progress_handler(lambda: 0, _STEPS_BETWEEN_SIGNALS)
+        # Views and triggers of a stranger's file may then call no function that has effects outside
+        # it.
         connection.execute("PRAGMA trusted_schema = OFF")
+        # Damaged pages are noticed where they are read.
         connection.execute("PRAGMA cell_size_check = ON")
+        # Python 3.11 has no way to set this.
         if sys.version_info >= (3, 12):
             connection.setconfig(sqlite3.SQLITE_DBCONFIG_DEFENSIVE)
     return connection
@@ -83,9 +91,11 @@ def _require_reaching_no_other(path: Path) -> None:
         raise sqlite3.DatabaseError("it must be a file")
     rollback, end = path.with_name(f"{path.name}-journal"), _NAMES_A_FILE
     try:
+        # Not `stat`: a link in its place must not be followed.
         state = rollback.lstat()
         if stat.S_ISREG(state.st_mode):
             with rollback.open("rb") as file:
+                # The name of a super-journal stands at the end, followed by this mark.
                 file.seek(max(0, state.st_size - len(end)))
                 end = file.read()
     except FileNotFoundError:  # there is none, or another process has just recovered the journal
@@ -158,6 +168,7 @@ def connected_to_copy(path: Path) -> sqlite3.Connection:
         sqlite3.Error: there is no room for a copy, or the file is being changed all the time.
     """
     _require_reaching_no_other(path)
+    # The disk of the temporary folder may be the full one. Then the copy is kept in memory.
     for place in _temporary_folders():
         try:
             with TemporaryDirectory(prefix="touchbeam-", dir=place) as folder:
@@ -194,6 +205,7 @@ def _copy_of_one_moment(path: Path, copy: Path) -> None:
     for _ in range(_ATTEMPTS):
         for ending in endings:
             _copy_part(path.with_name(path.name + ending), copy.with_name(copy.name + ending))
+        # While the log is aside, the file alone lacks events.
         if not log_aside(path).exists() and all(
             _is_still(path.with_name(path.name + ending), copy.with_name(copy.name + ending))
             for ending in reversed(endings)
@@ -205,6 +217,7 @@ def _copy_of_one_moment(path: Path, copy: Path) -> None:
 def _copy_part(part: Path, copy: Path) -> None:
     copy.unlink(missing_ok=True)
     with suppress(FileNotFoundError):
+        # A pipe would keep the reader waiting for ever.
         if not stat.S_ISREG(part.lstat().st_mode):
             raise sqlite3.DatabaseError(f"{part.name} must be a regular file")
         shutil.copyfile(part, copy)
@@ -216,6 +229,8 @@ def _is_still(part: Path, copy: Path) -> bool:
             while block := then.read(_BLOCK):
                 if now.read(len(block)) != block:
                     return False
+            # What was added to the log meanwhile belongs to later transactions; a longer main file
+            # has changed.
             return part.name.endswith("-wal") or not now.read(1)
     except FileNotFoundError:
         return part.exists() == copy.exists()
@@ -248,6 +263,7 @@ def checked_version(
         sqlite3.DatabaseError: the schema is another one.
     """
     version = int(connection.execute("PRAGMA user_version").fetchone()[0])
+    # Another schema may mean something else by the same columns, so that nothing is guessed.
     if version not in {0, *schemas}:
         raise sqlite3.DatabaseError(
             f"schema must be {' or '.join(map(str, schemas))}, got {version}; "
@@ -257,6 +273,7 @@ def checked_version(
     if not version and found:
         raise sqlite3.DatabaseError("it is damaged, or has tables that are not touchbeam's")
     missing = sorted(own.keys() - found.keys())
+    # Without a trigger the rows can still be read and verified; without a table they cannot.
     if lacking is not None and all(kind == "trigger" for kind, _ in missing):
         lacking += [name for _, name in missing]
         missing = []
@@ -278,7 +295,10 @@ def checked_version(
 def _objects(connection: sqlite3.Connection) -> dict[tuple[str, str], tuple[object, ...]]:
     """Return table and SQL of each object of the schema by kind and name."""
     rows = connection.execute(
-        "SELECT type, name, tbl_name, sql FROM sqlite_master LIMIT ?", (_MOST_OBJECTS,)
+        # A file from somebody else may have millions of tables. One too many is enough to refuse
+        # it.
+        "SELECT type, name, tbl_name, sql FROM sqlite_master LIMIT ?",
+        (_MOST_OBJECTS,),
     )
     return {(_plain(kind), _plain(name)): tuple(rest) for kind, name, *rest in rows}
 
@@ -290,6 +310,8 @@ def _plain(name: object) -> str:
 
 @cache
 def _expected(statements: tuple[str, ...]) -> dict[tuple[str, str], tuple[object, ...]]:
+    # SQLite keeps the text of a statement in a form of its own. Made by the same SQLite, both can
+    # be compared as texts.
     with closing(sqlite3.connect(":memory:")) as own:
         for statement in statements:
             own.execute(statement)
@@ -317,12 +339,16 @@ def copied_log(connection: sqlite3.Connection, path: Path, tip: tuple[str, str] 
     """
     try:
         with (
+            # The write lock, so that no other process commits while the log is copied.
             transaction(connection, "IMMEDIATE"),
             closing(connected(path)) as other,
+            # A signal between copying and comparing would leave a copy that nobody has compared.
             stops_deferred(),
         ):
             return _passively_copied(other, path, _tips(connection), tip)
     except sqlite3.OperationalError as error:
+        # Another process that holds the lock is no error: the log goes on growing and is copied
+        # later.
         if not _is_busy(error):
             raise
         return False
@@ -338,9 +364,12 @@ def _passively_copied(
     busy, frames, copied = connection.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchone()
     if busy or frames != copied:
         return False
+    # `immutable` makes SQLite read the main file without its log: what would be left if the log
+    # were lost.
     with closing(connected(path, "immutable=1")) as main_file_alone:
         found = _tips(main_file_alone)
     if found != known or (tip is not None and found.get(tip[0], ("",))[-1] != tip[1]):
+        # The log is the only place that still has these events, and SQLite would soon overwrite it.
         kept = path.with_name(f"{path.name}-wal-kept-{time.time_ns()}")
         shutil.copyfile(log_of(path), kept)
         raise LogNotCopiedError(f"it lacks events of its log, which is kept as {kept.name}")
@@ -368,9 +397,11 @@ def leave(connection: sqlite3.Connection, path: Path, patience_s: float) -> None
     """
     with stops_deferred():
         close_keeping_log(connection, path)
+        # There is nothing to merge, or this user cannot write and leaves it to one who can.
         if not _has_events(log_of(path)) or not is_writable(path):
             return
         end_s = time.monotonic() + patience_s
+        # Whoever is still here merges the log when leaving, so that giving up loses nothing.
         while not _merged(path) and time.monotonic() < end_s:
             time.sleep(uniform(0.002, 0.02))  # two that leave at once must not wait in step
 
@@ -385,6 +416,8 @@ def close_keeping_log(connection: sqlite3.Connection, path: Path) -> None:
         if _has_events(log_of(path)):
             with closing(connected(path, "mode=ro")) as last:
                 last.execute("PRAGMA user_version").fetchone()  # takes the lock of a reader
+                # Closed while `last` still reads, so that it is not the last connection and SQLite
+                # does not copy the log.
                 connection.close()
 
 
@@ -398,6 +431,7 @@ def copy_database(connection: sqlite3.Connection, new: Path) -> None:
 
 def _merged(path: Path) -> bool:
     """Merge the log into the main file and remove it; return False if others use the file."""
+    # Without waiting here, because `leave` tries again until its patience ends.
     alone = connected(path, timeout_s=0)
     try:
         # From here to the close no other process can read or write the file. The log's index is
@@ -423,6 +457,8 @@ def _merged(path: Path) -> bool:
 
 def _close_without_removing(connection: sqlite3.Connection, path: Path) -> None:
     """Close the only connection to a file; SQLite does not find the log that it would remove."""
+    # If the process is killed between these lines, the log remains under this name, which every
+    # command reports.
     log_of(path).rename(log_aside(path))
     connection.close()
     log_aside(path).rename(log_of(path))

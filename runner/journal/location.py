@@ -24,8 +24,10 @@ def checked_place(folder: Path, mounts: Iterable[Mount]) -> Path:
     Raises:
         BadInput: the folder is on a network or synchronised by a cloud service.
     """
+    # A link in a local folder may lead to a network.
     absolute = folder.resolve()
     for part in absolute.parts:
+        # Such as "OneDrive - University", hence the beginning alone.
         if part.casefold().startswith(CLOUD_FOLDERS):
             raise BadInput(_refusal(folder, f"synchronised by a cloud service ({part})"))
     kind = _file_system(absolute, mounts)

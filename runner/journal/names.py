@@ -41,16 +41,15 @@ def parsed_name(chain: str) -> SessionName:
     >>> parsed_name("P01/2 (rehearsal)")
     SessionName(participant='P01', number=2, kind='rehearsal')
     """
-    found = _NAME.fullmatch(chain)
-    return SessionName(found[1], int(found[2]), found[3] or "") if found else _foreign(chain)
-
-
-def _foreign(chain: str) -> SessionName:
-    return SessionName(chain.rpartition("/")[0] or chain, 0, "")
+    parts = _NAME.fullmatch(chain)
+    if parts is None:
+        return SessionName(chain.rpartition("/")[0] or chain, 0, "")
+    return SessionName(parts[1], int(parts[2]), parts[3] or "")
 
 
 def is_rehearsal(journal: Journal, chain: str) -> bool:
     """Return whether `chain` is a rehearsal; one erased in an earlier version does not tell."""
+    # Names of this version tell it themselves, even if the payloads are erased.
     if kind := parsed_name(chain).kind:
         return kind == REHEARSAL
     first = next(iter(journal.chain(chain)), None)
@@ -74,6 +73,8 @@ def chain_name(journal: Journal, participant: str, number: int, *, rehearsal: bo
     rehearsed_plain = is_rehearsal(journal, plain)
     if rehearsal:
         return plain if rehearsed_plain else f"{plain} ({REHEARSAL})"
+    # In journals of earlier versions the rehearsal has the plain name, and chains cannot be
+    # renamed: their hashes contain the name.
     apart = f"{plain} (participant)"
     return apart if rehearsed_plain or apart in journal.sessions() else plain
 

@@ -91,6 +91,8 @@ def journal_if_used(path: Path) -> Iterator[Journal]:
         with open_journal(path) as journal:
             yield journal
     except BaseException:
+        # A session that was refused before its first event leaves no empty journal, as if sessions
+        # had been recorded.
         if not before and path.exists() and unused(path):
             for name in (f"{path.name}-wal", f"{path.name}-shm", path.name):
                 path.with_name(name).unlink(missing_ok=True)
@@ -134,6 +136,8 @@ def read_journal(path: Path, *, to_verify: bool = False) -> Journal:
 def _read(path: Path, connect: Connect, *, to_verify: bool, is_copy: bool = False) -> Journal:
     lacking: list[str] = []
     with _opening(path, "read", connect) as connection:
+        # The file is opened for writing where possible, so that its log can be removed; this
+        # connection itself must change nothing.
         connection.execute("PRAGMA query_only = ON")
         with transaction(connection):
             version = checked_version(connection, _SCHEMAS, lacking if to_verify else None)
@@ -161,6 +165,8 @@ def _access(path: Path) -> str:
     """
     if is_writable(path):
         return "mode=rw"
+    # Without a log no session is running, and SQLite then needs no files beside it, which it could
+    # not make.
     return "mode=ro" if log_of(path).exists() else "immutable=1"
 
 
@@ -189,6 +195,7 @@ def _opening(
             close_keeping_log(connection, path)
             raise
     except (OSError, *SQLITE_ERRORS) as error:
+        # SQLite reports a signal as its own interruption.
         raise_if_stopped()
         # Of a full disk SQLite says "disk I/O error", too.
         failed = getattr(error, "sqlite_errorcode", 0) & 0xFF == sqlite3.SQLITE_IOERR
@@ -210,6 +217,7 @@ def open_journal(path: Path, random_bytes: RandomBytes = secrets.token_bytes) ->
     Raises:
         JournalError: it cannot be opened, or its schema is not touchbeam's; it is unchanged.
     """
+    # A new journal would make SQLite delete this log.
     if log_of(path).exists() and not path.exists():
         raise JournalError(
             f"{path}: is missing, but its log {log_of(path).name} exists and holds the latest "
@@ -220,6 +228,8 @@ def open_journal(path: Path, random_bytes: RandomBytes = secrets.token_bytes) ->
     ) as connection:
         with transaction(connection):
             checked_version(connection, _SCHEMAS)
+        # Only after the schema was checked: this writes into the file, and a stranger's is left as
+        # it is.
         _log_ahead(connection)
         # In this order: a stored event outlasts a power cut; what a participant takes back is
         # overwritten; only `checkpoint` and the close move events into the file.

@@ -27,6 +27,7 @@ def registrations(journal: Journal) -> Registrations:
 
 def in_force(journal: Journal) -> StudyRegistered | None:
     """Return the registration that sessions follow now, None if the study is not registered."""
+    # The latest one replaces those before it, which the journal keeps.
     return next((record for _, record in reversed(registrations(journal))), None)
 
 
@@ -53,13 +54,15 @@ def session_problem(journal: Journal, chain: str, known: Registrations) -> str:
     if chain == STUDY_CHAIN:
         return _registered_problem(known)
     opened = events[0].record if events and not events[0].erased else None
+    # Imported scores have no plan, and a withdrawn session tells none.
     if not isinstance(opened, SessionOpened):
         return ""
     before = any(utc <= events[0].utc for utc, _ in known)
+    # A session that was opened before the registration cannot follow from it.
     if before and opened.registration is None and not is_rehearsal(journal, chain):
         return "it is not registered, although the study was registered before it"
-    found = (_under_problem(opened, event, known) for event in events)
-    return next(filter(None, found), "")
+    problems = (_under_problem(opened, event, known) for event in events)
+    return next(filter(None, problems), "")
 
 
 def _under_problem(opened: SessionOpened, event: StoredEvent, known: Registrations) -> str:
@@ -76,9 +79,9 @@ def _under_problem(opened: SessionOpened, event: StoredEvent, known: Registratio
 def _registered_problem(known: Iterable[tuple[datetime, StudyRegistered]]) -> str:
     for _, record in known:
         try:
-            found = registration_in(record.text, "a registration in the journal")
+            made = registration_in(record.text, "a registration in the journal")
         except BadInput as error:
             return str(error)
-        if (found.digest, found.study_sha256) != (record.registration, record.study_sha256):
+        if (made.digest, made.study_sha256) != (record.registration, record.study_sha256):
             return "a registration in the journal does not have its digest"
     return ""

@@ -19,6 +19,7 @@ class SessionLog:
         self._journal = journal
         self._session = session
         self._clock = clock
+        # Nothing else is kept beside the events: what a resumed session knows follows from them.
         events = journal.events(session)
         self._next_seq = len(events)
         self.state: SessionState = folded(events)
@@ -36,6 +37,7 @@ class SessionLog:
             NotAllowed: the state does not permit the event; nothing is stored.
             JournalError: the event could not be stored.
         """
+        # Checked before it is stored, because an event can never be taken back.
         next_state(self.state.name, event.TAG)
         with stops_deferred():  # a signal between storing and counting would repeat the number
             self._store(event)
@@ -52,6 +54,7 @@ class SessionLog:
             monotonic_s=self._clock.monotonic_s(),
             payload=event.to_json(),
         )
+        # Stored first: if this fails, the state is still that of the journal.
         self._journal.append(self._session, stored)
         self._next_seq += 1
         self.state.take(stored)
@@ -65,8 +68,10 @@ def close_interrupted(log: SessionLog) -> None:
 
     The caller must hold the session's lock.
     """
+    # The trial first, because `device-off` is permitted only where no trial is running.
     abort_trial(log, _WHY)
     if log.state.name in {"armed", "paused"}:
+        # Not confirmed: the process that could have read it back is gone.
         log.append(DeviceOff(confirmed=False, why=_WHY))
 
 

@@ -42,6 +42,8 @@ SALT_BYTES = 16
 NO_SALT = b""
 """The salt of each event in a journal of schema 2."""
 
+# Sorted keys, so that a payload has one form, whatever the order of its fields. No NaN, because
+# JSON has none and other programs could not read it.
 _PAYLOAD = json.JSONEncoder(ensure_ascii=False, sort_keys=True, allow_nan=False)
 
 
@@ -57,11 +59,6 @@ class ChainLink(NamedTuple):
 
 class DamagedError(Exception):
     """A stored event that touchbeam cannot have written."""
-
-
-def _with_zone(when: datetime) -> datetime:
-    """Return `when` with UTC as its zone if the zone is missing from an edited journal."""
-    return when if when.tzinfo else when.replace(tzinfo=UTC)
 
 
 def _reject_constant(text: str) -> NoReturn:
@@ -92,6 +89,7 @@ def chain_link(row: tuple[Any, ...]) -> ChainLink:
     Raises:
         DamagedError: touchbeam cannot have written the row.
     """
+    # One comparison for the whole row, because a journal may have 100,000 of them.
     if tuple(map(type, row)) not in _LINK_TYPES:
         event = stored_event(row[:5])
         raise DamagedError(f"event {event.seq} is damaged: its hashes or salt have another type")
@@ -105,6 +103,7 @@ def _event(seq: int, tag: str, utc: str, monotonic_s: float, body: str | None) -
     try:
         payload = {} if body is None else _decoded(body)
         when = datetime.fromisoformat(utc)
+    # JSON that is nested too deeply ends in a RecursionError.
     except (ValueError, OverflowError, RecursionError) as error:
         raise DamagedError(f"event {seq} is damaged: {error}") from error
     if not isinstance(payload, dict):
@@ -112,7 +111,8 @@ def _event(seq: int, tag: str, utc: str, monotonic_s: float, body: str | None) -
     return StoredEvent(
         seq=seq,
         tag=tag,
-        utc=when if when.tzinfo else _with_zone(when),
+        # An edited journal may lack the zone.
+        utc=when if when.tzinfo else when.replace(tzinfo=UTC),
         monotonic_s=monotonic_s,
         payload=payload,
         erased=body is None,
@@ -136,6 +136,8 @@ def payload_text(event: StoredEvent) -> str:
 
 def payload_digest(body: str, salt: bytes) -> str:
     """Return the digest of the stored payload `body` and its salt."""
+    # An edited journal may hold halves of characters, which must give a digest and no internal
+    # error.
     return hashlib.sha256(salt + body.encode("utf-8", "surrogatepass")).hexdigest()
 
 
@@ -155,6 +157,8 @@ def _hashed(previous: str, fields: tuple[Any, ...]) -> str:
     if type(seq) is int and type(monotonic_s) is float and isfinite(monotonic_s):
         texts = f"{_quoted(tag)}, {_quoted(utc)}, {monotonic_s!r}, {_quoted(digest)}"
         return f"[{_quoted(previous)}, {_quoted(session)}, {seq}, {texts}]"
+    # Infinity and other types occur only in an edited journal. Such a row must give a hash as well,
+    # even if a wrong one.
     return json.dumps([previous, *fields])
 
 
@@ -294,6 +298,8 @@ class Journal:
             self._connection.execute(self._sql.append, (*fields, chained, *stored))
         if event.seq == 0:  # another process may have removed an unused journal: journal_if_used
             self._require_in_place()
+        # Set once SQLite has taken the event. One is enough, because a session appends to its own
+        # chain alone.
         self._last_hashes = {(session, event.seq): chained}
 
     def erase_payloads(self, sessions: Iterable[str]) -> None:
@@ -325,6 +331,8 @@ class Journal:
             JournalError: it failed, or the main file alone lacks events afterwards.
         """
         self._require_in_place()
+        # The hash that this process wrote itself, so that a copy is not compared only with what
+        # SQLite says.
         last = [(session, chained) for (session, _), chained in self._last_hashes.items()]
         with self._errors_explained("written"):
             return copied_log(self._connection, self._path, last[0] if last else None)
@@ -340,6 +348,7 @@ class Journal:
 
     def _emptied_log(self) -> bool:
         with self._errors_explained("written"):
+            # A log that is only started anew still holds the old pages behind its new beginning.
             busy, _, _ = self._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
             return not busy
 
@@ -383,6 +392,6 @@ def _files_at(places: Iterable[str]) -> list[tuple[int, int]]:
     files = []
     for place in places:
         with suppress(OSError):
-            found = os.stat(place)  # noqa: PTH116 - Path.stat takes twice as long
-            files.append((found.st_dev, found.st_ino))
+            status = os.stat(place)  # noqa: PTH116 - Path.stat takes twice as long
+            files.append((status.st_dev, status.st_ino))
     return files

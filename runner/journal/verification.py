@@ -95,6 +95,7 @@ def _verdict(journal: Journal, name: str, known: Registrations) -> SessionVerdic
     try:
         verdict = session_verdict(name, list(journal.chain(name)))
     except JournalError as error:
+        # One damaged session must not hide the verdicts on the others.
         verdict = session_verdict(name, [])
         return replace(verdict, state="unreadable", problem=str(error))
     if verdict.problem:
@@ -139,6 +140,7 @@ def _touchbeam_version(event: StoredEvent) -> str:
             record = event.record
             assert isinstance(record, SessionOpened | SessionResumed)
             version = record.versions.get("touchbeam")
+            # It is printed on a terminal, and an edited journal may hold anything.
             return version if isinstance(version, str) and version.isprintable() else ""
     return ""
 
@@ -220,6 +222,7 @@ def chain_is_unbroken(name: str, chain: Iterable[ChainLink], *, erased: bool) ->
         if not (erased if link.payload is None else _matches_digest(link.payload, link)):
             return False
         previous = link.hash
+    # A chain without events proves nothing.
     return bool(chain)
 
 

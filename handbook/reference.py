@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 import touchbeam
 from handbook.build import ROOT
-from runner.cli.app import app
+from touchbeam.cli.app import app
 
 FOLDER = ROOT / "docs" / "reference"
 

@@ -16,7 +16,7 @@ _AMENDED = "tests/runner/journal/test_amendments.py"
 _JOURNAL: Mapping[str, tuple[str, ...]] = {
     "amendments": (
         _AMENDED, "tests/runner/journal/test_accepted.py", "tests/runner/journal/test_guessing.py",
-        "tests/runner/cli/test_withdraw.py", "tests/runner/session/test_resume.py",
+        "tests/touchbeam/cli/test_withdraw.py", "tests/runner/session/test_resume.py",
     ),
     "backup": ("tests/runner/journal/test_backup.py",),
     "chain": ("tests/runner/journal/test_chain.py", _STORE, _AMENDED),

@@ -4,7 +4,7 @@ import re
 import sys
 from pathlib import Path
 
-from runner.cli.app import main
+from touchbeam.cli.app import main
 
 TOUCHBEAM = str(Path(sys.executable).with_name("touchbeam"))
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from runner.cli.app import main
+from touchbeam.cli.app import main
 
 PUBLISHED = Path(__file__).parents[1] / "data" / "published_scores.csv"
 CONDITIONS = ["frequency", "structure", "voltage", "direction", "pressure"]

@@ -320,7 +320,7 @@ def test_another_package_of_the_same_name_is_named(name: str, tmp_path: Path) ->
     theirs = tmp_path / "lab" / name / "__init__.py"
     theirs.parent.mkdir(parents=True)
     theirs.write_text("")
-    said = python("import touchbeam", tmp_path, PYTHONPATH=str(tmp_path / "lab"))
+    said = python("import touchbeam; touchbeam.load", tmp_path, PYTHONPATH=str(tmp_path / "lab"))
     assert said.returncode == 1
     assert (
         f"ImportError: touchbeam needs its own package {name!r} in {ROOT}, but Python finds "
@@ -330,7 +330,9 @@ def test_another_package_of_the_same_name_is_named(name: str, tmp_path: Path) ->
 
 def test_a_module_beside_the_notebook_is_named_even_once_imported(tmp_path: Path) -> None:
     (tmp_path / "analysis.py").write_text("mine = True")
-    said = python("import analysis; assert analysis.mine; import touchbeam", tmp_path)
+    said = python(
+        "import analysis; assert analysis.mine; import touchbeam; touchbeam.load", tmp_path
+    )
     assert f"but Python finds {tmp_path / 'analysis.py'} under that name" in said.stderr
 
 

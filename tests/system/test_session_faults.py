@@ -17,7 +17,6 @@ from device.rig import Rig
 from device.simulator.client import ControlClient, Endpoints, simulator_process
 from device.study_limits import device_limits
 from protocol.study_file.loading import template
-from runner.cli.output import WORK_FAILED, complaint
 from runner.clock import SteppedClock
 from runner.journal.opening import open_journal
 from runner.journal.store import Journal
@@ -29,6 +28,7 @@ from runner.session.session import SessionContext
 from tests.device.fault_table import BOARD, Row
 from tests.device.rigs import TOUCHBEAM, opened, until
 from tests.runner.fakes import FakeDevice, FakeParticipant, context
+from touchbeam.cli.output import WORK_FAILED, complaint
 
 pytestmark = pytest.mark.waits
 

@@ -23,7 +23,7 @@ def test_pandas_is_not_loaded(
         text=True,
         check=True,
     ).stderr
-    assert "runner.cli" in loaded
+    assert "touchbeam.cli" in loaded
     assert "pandas" not in loaded
 
 
@@ -34,7 +34,7 @@ def test_help_loads_no_numbers_and_no_workers() -> None:
         text=True,
         check=True,
     ).stderr
-    assert "runner.cli.power" in loaded
+    assert "touchbeam.cli.power" in loaded
     assert not [
         name for name in ("numpy", "joblib", "threadpoolctl", "distributed") if name in loaded
     ]

@@ -290,4 +290,4 @@ def test_one_module_prints() -> None:
         if any(_printing(ast.parse(path.read_text(encoding="utf-8"))))
     }
     to_touchbeam = {"runner/window/server.py", "runner/displays/screen_list.py"}
-    assert printing == {"runner/cli/output.py", *to_touchbeam}
+    assert printing == {"touchbeam/cli/output.py", *to_touchbeam}

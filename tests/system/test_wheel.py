@@ -22,12 +22,13 @@ def test_the_wheel_works_outside_the_tree(tmp_path: Path) -> None:
         archive.extractall(tmp_path / "site")
     assert (tmp_path / "site" / "touchbeam" / "py.typed").is_file()
     program = (
-        "import sys; sys.path.insert(0, 'site'); import runner.cli; print(runner.cli.__file__);"
+        "import sys; sys.path.insert(0, 'site'); import touchbeam.cli\n"
+        "print(touchbeam.cli.__file__)\n"
         "sys.argv = ['touchbeam', 'import', sys.argv[1], 'study']\n"
-        "try: runner.cli.main()\n"
+        "try: touchbeam.cli.main()\n"
         "except SystemExit as stop: assert not stop.code\n"
         "import touchbeam; assert len(touchbeam.load('study').scores) == 9\n"
-        "sys.argv = ['touchbeam', 'report', 'study']; runner.cli.main()"
+        "sys.argv = ['touchbeam', 'report', 'study']; touchbeam.cli.main()"
     )
     shown = subprocess.run(
         [sys.executable, "-c", program, str(ROOT / "tests" / "data" / "published_scores.csv")],

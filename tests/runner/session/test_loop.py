@@ -11,7 +11,6 @@ from protocol.journal.events import DeviceOff, Event, TrialAborted
 from protocol.journal.records import ReadBack
 from protocol.plan.trials import session_s
 from protocol.study_file.loading import template
-from runner.cli.output import complaint
 from runner.journal.opening import open_journal
 from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal, JournalError
@@ -31,6 +30,7 @@ from runner.session.loop import run
 from runner.session.session import SessionContext
 from runner.session.waiting import StoppedByOperator, pause_if_wanted
 from tests.runner.fakes import FakeDevice, FakeOperator, FakeParticipant, context
+from touchbeam.cli.output import complaint
 
 TEXT = template("paper")
 

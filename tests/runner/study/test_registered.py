@@ -20,7 +20,6 @@ from protocol.journal.events import SessionOpened, StudyAmended, StudyRegistered
 from protocol.plan.plan import plan
 from protocol.registration.registration import locked, registration_in
 from protocol.study_file.loading import parsed_study, text_digest
-from runner.cli.journal import verify
 from runner.study.calibration import fitted_calibration, keep_fit
 from runner.study.folder import StudyFolder
 from runner.study.registered import registration_of
@@ -33,6 +32,7 @@ from tests.runner.registered_study import (
 )
 from tests.runner.study.test_calibration import FITTED, SLID
 from tests.runner.study.test_pictures import PAGE, png
+from touchbeam.cli.journal import verify
 
 
 def opened(place: Path, chain: str = "P01/1") -> SessionOpened:

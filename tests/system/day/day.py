@@ -17,7 +17,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from device.simulator.faults import NAMES
-from runner.cli import journal as commands
 from runner.journal.names import session_name
 from runner.launch.locks import session_lock
 from tests.system.day import technician
@@ -29,6 +28,7 @@ from tests.system.day.process import Incident, Process, Where, terminated
 from tests.system.day.records import at_the_end, erased
 from tests.system.day.studies import drawn_study
 from tests.system.day.watch import HOT, SLACK
+from touchbeam.cli import journal as commands
 
 DEVICES = {
     "board": 70, "keysight": 6, "keysight-33220A": 5, "rigol": 6, "rigol-DG1062Z": 5, "siglent": 8,

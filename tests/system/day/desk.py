@@ -10,8 +10,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from protocol.study_file.loading import text_digest
-from runner.cli import journal as commands
 from tests.system.day.invariants import require
+from touchbeam.cli import journal as commands
 
 if TYPE_CHECKING:
     from tests.system.day.day import Day

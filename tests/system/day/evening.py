@@ -22,9 +22,6 @@ import typer
 from device.errors import DeviceError
 from protocol.journal.events import NoteTaken, event_of
 from protocol.study_file.loading import text_digest
-from runner.cli import journal as commands
-from runner.cli.output import complaint
-from runner.cli.sharing import import_scores
 from runner.clock import WallClock
 from runner.journal.database import leave
 from runner.journal.names import STUDY_CHAIN
@@ -33,6 +30,9 @@ from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal
 from tests.runner.journal.tampering import tampering
 from tests.system.day.invariants import require
+from touchbeam.cli import journal as commands
+from touchbeam.cli.output import complaint
+from touchbeam.cli.sharing import import_scores
 
 if TYPE_CHECKING:
     from tests.system.day.day import Day

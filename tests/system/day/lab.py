@@ -29,7 +29,6 @@ from protocol.study.participant_texts import study_wording
 from protocol.study.study import Study
 from protocol.study.touch import Touch
 from runner import signals
-from runner.cli.output import complaint
 from runner.clock import Clock
 from runner.journal.names import session_name
 from runner.journal.opening import journal_if_used, open_journal
@@ -50,6 +49,7 @@ from tests.system.day.invariants import require
 from tests.system.day.people import Person, Typist
 from tests.system.day.process import Dead, Process
 from tests.system.day.watch import TELLS, Watch
+from touchbeam.cli.output import complaint
 
 MORNING = datetime(2026, 1, 5, 8, tzinfo=UTC)
 PORT = "COM1"

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from protocol.errors import BadInput
-from runner.cli.options import (
+from runner.people.terminal import at_terminal
+from touchbeam.cli.options import (
     Choosing,
     JsonOption,
     LawOption,
@@ -18,7 +19,7 @@ from runner.cli.options import (
     named_folder,
     study_journal,
 )
-from runner.cli.output import (
+from touchbeam.cli.output import (
     complain,
     counted,
     followed,
@@ -28,12 +29,9 @@ from runner.cli.output import (
     print_table,
     say,
 )
-from runner.people.terminal import at_terminal
+from touchbeam.study import made_report
 
 if TYPE_CHECKING:
-    from analysis.loading.sessions import Sessions
-    from analysis.loading.study_data import StudyData
-    from analysis.report.report import Report
     from runner.study.folder import StudyFolder
 
 app = typer.Typer()
@@ -244,10 +242,10 @@ def _kept_report(
     from runner.study.kept_files import code_version, journal_digest, kept_files
     from runner.study.registered import registration_problem
 
-    text, shown = folder.text(), folder.report_sections() if named is None else named
     with study_journal(folder) as journal:
         unlocked = registration_problem(journal, folder.path)
         keep = Kept(kept_files(journal), code_version())
+    text, shown = folder.text(), folder.report_sections() if named is None else named
     before = journal_digest(folder.journal)
 
     def make() -> Written:
@@ -298,7 +296,9 @@ def _made(
     found = study_data(recorded, rehearsals=rehearsals, rules=study.exclusions)
     kept = recorded if asks_for_multiverse(shown) else None
     del recorded  # it may be large
-    result = report_on(folder, found, broken, rehearsals=rehearsals, named=named, recorded=kept)
+    result = made_report(
+        folder, study, found, broken, rehearsals=rehearsals, named=named, recorded=kept
+    )
     table4 = table4_lines(result.table.main.table4, "–", marks(result.loaded.empty))
     return Written(
         files=report_files(result, figures=figures),
@@ -312,43 +312,6 @@ def _made(
         ),
         broken=tuple(broken),
     )
-
-
-def report_on(
-    folder: "StudyFolder",
-    found: "StudyData",
-    broken: Sequence[str],
-    *,
-    rehearsals: bool,
-    named: tuple[str, ...] | None,
-    recorded: "Sessions | None",
-) -> "Report":
-    """Return the report on `found`, data of the study in `folder`; `recorded` are all sessions.
-
-    Its page shows the sections `named`; without them those of `report.toml`, or all.
-    """
-    from analysis.kept import Kept
-    from analysis.report.findings import origin_of, title_of
-    from analysis.report.report import report
-    from runner.study.calibration import fitted_calibration
-    from runner.study.kept_files import code_version, kept_files
-    from runner.study.registered import registration_problem
-
-    with study_journal(folder) as journal:
-        unlocked = registration_problem(journal, folder.path)
-        keep = Kept(kept_files(journal), code_version())
-    name, rig, study = folder.path.resolve().name, fitted_calibration(folder.path), folder.study()
-    origin = origin_of(
-        name,
-        folder.text(),
-        rehearsals=rehearsals,
-        broken=broken,
-        rig=rig,
-        unlocked=unlocked,
-        sections=named,
-    )
-    shown = folder.report_sections() if named is None else named
-    return report(title_of(study), found, study, origin, shown, recorded, keep=keep)
 
 
 def warn_of_broken(sessions: "Sequence[str]", study: Path) -> None:

@@ -17,7 +17,7 @@ def main() -> None:
         gc.set_threshold(20_000, 20, 20)
 
         signal.signal(signal.SIGINT, _stop)
-        from runner.cli.app import main as run
+        from touchbeam.cli.app import main as run
     except KeyboardInterrupt:
         _stop()
     run()

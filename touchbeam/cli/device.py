@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from runner.cli.options import (
+from touchbeam.cli.options import (
     Choosing,
     DialectOption,
     JsonOption,
@@ -17,7 +17,7 @@ from runner.cli.options import (
     UrlArgument,
     Wire,
 )
-from runner.cli.output import bars, named_quantity, print_json, quantity, say
+from touchbeam.cli.output import bars, named_quantity, print_json, quantity, say
 
 if TYPE_CHECKING:
     from device.simulator.device import SimulatedDevice

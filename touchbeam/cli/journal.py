@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from runner.cli.options import (
+from touchbeam.cli.options import (
     JsonOption,
     OfRehearsalOption,
     ParticipantOption,
@@ -19,7 +19,7 @@ from runner.cli.options import (
     TrialOption,
     study_journal,
 )
-from runner.cli.output import complain, counted, print_json, program, require_confirmation, say
+from touchbeam.cli.output import complain, counted, print_json, program, require_confirmation, say
 
 if TYPE_CHECKING:
     from runner.journal.store import Journal

@@ -6,9 +6,9 @@ from typing import Annotated
 
 import typer
 
-from runner.cli import device, journal, power, results, sharing, slide, study
-from runner.cli.output import complain_of, say, warnings_in_lines
 from runner.signals import signals_raise
+from touchbeam.cli import device, journal, power, results, sharing, slide, study
+from touchbeam.cli.output import complain_of, say, warnings_in_lines
 
 app = typer.Typer(
     name="touchbeam",

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from protocol.errors import BadInput
-from runner.cli.options import JsonOption, PeopleOption, StudyArgument, people_in_file
-from runner.cli.output import complain, followed, print_json, print_table, say
+from touchbeam.cli.options import JsonOption, PeopleOption, StudyArgument, people_in_file
+from touchbeam.cli.output import complain, followed, print_json, print_table, say
 
 if TYPE_CHECKING:
     from analysis.estimates import FloatArray, Json

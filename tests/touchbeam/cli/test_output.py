@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from analysis.statistics.intervals import mean_interval
-from runner.cli import output
-from runner.cli.output import print_table, progress, warnings_in_lines
+from touchbeam.cli import output
+from touchbeam.cli.output import print_table, progress, warnings_in_lines
 
 
 @pytest.fixture(autouse=True, params=["xterm-256color", "dumb"])

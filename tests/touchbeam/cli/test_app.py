@@ -301,7 +301,9 @@ def test_the_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
 def test_the_doctor_reports_a_package_that_shadows_ours() -> None:
     Path("analysis").mkdir()
     Path("analysis/__init__.py").write_text("")
-    program = "import sys; sys.argv = ['touchbeam', 'doctor']; from runner.cli import main; main()"
+    program = (
+        "import sys; sys.argv = ['touchbeam', 'doctor']; from touchbeam.cli import main; main()"
+    )
     shown = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=False
     )

@@ -72,7 +72,7 @@ def test_an_unknown_choice_is_refused_with_the_known_ones(
 
 
 def test_the_list_of_commands_loads_nothing_heavy() -> None:
-    program = "import sys, runner.cli.app; print(*{name.split('.')[0] for name in sys.modules})"
+    program = "import sys, touchbeam.cli.app; print(*{name.split('.')[0] for name in sys.modules})"
     loaded = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
     )

@@ -7,7 +7,8 @@ import typer
 
 from protocol.address import SIMULATED
 from protocol.errors import BadInput
-from runner.cli.options import (
+from runner.clock import Pace
+from touchbeam.cli.options import (
     Choosing,
     JsonOption,
     SimulatedLawOption,
@@ -16,8 +17,7 @@ from runner.cli.options import (
     address,
     study_journal,
 )
-from runner.cli.output import complain, print_json, say
-from runner.clock import Pace
+from touchbeam.cli.output import complain, print_json, say
 
 if TYPE_CHECKING:
     from runner.study.folder import StudyFolder

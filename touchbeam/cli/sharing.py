@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from protocol.errors import BadInput
-from runner.cli.options import (
+from touchbeam.cli.options import (
     Choosing,
     FormatOption,
-    JsonOption,
     StudyArgument,
     named_folder,
     study_journal,
 )
-from runner.cli.output import complain, counted, followed, print_json, say
-from runner.cli.results import report_on, warn_of_broken
+from touchbeam.cli.output import complain, counted, followed, say
+from touchbeam.cli.results import warn_of_broken
+from touchbeam.study import made_report
 
 if TYPE_CHECKING:
     from analysis.export.dataset import Dataset
@@ -156,13 +156,15 @@ def _report_in_crate(
     if registered := files.get(f"{FOLDER}/{REGISTRATION_FILE}"):
         chains.insert(0, (shared_registration(registered.decode()),))
     recorded = load_sessions(chains)
-    rules = source.study().exclusions
+    study = source.study()
     try:
-        found = study_data(recorded, rehearsals=rehearsals, rules=rules)
+        found = study_data(recorded, rehearsals=rehearsals, rules=study.exclusions)
     except NothingToReport as error:
         complain(f"touchbeam: warning: there is no report in it: {error}")
         return {}
-    result = report_on(source, found, broken, rehearsals=rehearsals, named=None, recorded=recorded)
+    result = made_report(
+        source, study, found, broken, rehearsals=rehearsals, named=None, recorded=recorded
+    )
     return {
         f"{REPORT}/{name}": content for name, content in report_files(result, figures=True).items()
     }
@@ -181,83 +183,3 @@ def _require_known(participant: str | None, sessions: Sequence[str]) -> None:
         near = [name for name in known if name.casefold() == participant.casefold()]
         hint = f"did you mean {near[0]}?" if near else "touchbeam status lists the participants"
         raise BadInput(f"{participant} has no session in this study; {hint}")
-
-
-# The command that locks a study's plan and analysis: register.
-
-
-@app.command()
-def register(
-    study: StudyArgument,
-    primary: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help='The hypothesis tested first. ["conditions differ"]'),
-    ] = None,
-    hypothesis: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME", help='A further one, such as "voltage above structure".'),
-    ] = None,
-    power: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Result of `touchbeam power`. [default: STUDY/power/power.json, if it is there]",
-        ),
-    ] = None,
-    as_json: JsonOption = False,
-) -> None:
-    """Lock the plan and the analysis before the first session.
-
-    Writes registration.toml and registration.txt, a text to paste into a registry. Its digest then
-    seeds every order, so that the data prove that the plan came first.
-    """
-    from analysis.loading.study_data import rules_in_words
-    from analysis.report.registration.registered import analysis_settings
-    from device.friction.contrasts import LAW, RUNG
-    from protocol.registration.registration import FILE, OMNIBUS
-    from protocol.registration.registry_text import registry_text
-    from runner.clock import WallClock
-    from runner.journal.location import checked_place, mounts_of_this_machine
-    from runner.study.calibration import fitted_calibration
-    from runner.study.check import validated_study
-    from runner.study.folder import StudyFolder
-    from runner.study.registered import REGISTRY_FILE, Choice, new_registration
-    from runner.study.registered import register as write
-
-    folder = StudyFolder(path=study)
-    text = folder.text()
-    checked = validated_study(text, str(folder.study_file))
-    checked_place(folder.path, mounts_of_this_machine())
-    choice = Choice(
-        primary=primary or OMNIBUS,
-        secondary=hypothesis or [],
-        law=LAW,
-        rung=RUNG,
-        analysis=analysis_settings(checked.rating.minimum),
-        exclusions=rules_in_words(checked.exclusions),
-        power=power or (kept if (kept := study / "power" / "power.json").exists() else None),
-    )
-    made = new_registration(checked, text, choice, fitted_calibration(study))
-    made, replaced = write(folder, checked, made, WallClock())
-    told = registry_text(checked, made)
-    if as_json:
-        print_json(
-            {
-                "digest": made.digest,
-                "file": str(study / FILE),
-                "primary": made.primary,
-                "secondary": list(made.secondary),
-                "participants": made.participants,
-                "replaced": replaced,
-                "text": told,
-            }
-        )
-        return
-    for line in told.splitlines():
-        say(line)
-    say("")
-    say(f"Registered: {made.digest}")
-    if replaced:
-        say(f"This replaces {replaced}")
-    say(f"Written: {study / FILE}; the text above: {study / REGISTRY_FILE}")
-    say(f"Paste it into a registry now, then: touchbeam check {shlex.quote(str(study))}")

@@ -1,0 +1,92 @@
+"""The friction model for Python programs: tables of scenes, and arrays of their values."""
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from numpy.typing import ArrayLike, NDArray
+
+    from device.beam.eq15 import Overlap
+
+
+def predict(
+    scenes: "pd.DataFrame",
+    *,
+    law: str = "consistent",
+    rung: str = "auto",
+    tolerance: float = 0.01,
+    eq15_overlap: "Overlap" = "first",
+) -> "pd.DataFrame":
+    """Return `scenes`, a row each, with the predicted friction, as `touchbeam predict` does.
+
+    A missing `frequency_hz` in the result is the resonance.
+
+    Args:
+        scenes: the columns that docs/model.md lists; each is optional, missing cells take the
+            paper's values.
+        law: the friction law.
+        rung: a rung of `touchbeam ladder`, or `auto`: the fastest within `tolerance`.
+        tolerance: the largest error in μ' that `auto` allows.
+        eq15_overlap: the piece of Eq 15 that applies where two overlap.
+
+    Raises:
+        ValueError: a column or a cell is wrong; line 2 is the first scene.
+    """
+    options = {"law": law, "rung": rung, "tolerance": tolerance, "eq15_overlap": eq15_overlap}
+    return predicted_frame(scenes, None, options)
+
+
+def predicted_frame(
+    scenes: "pd.DataFrame", defaults: Mapping[str, float] | None, options: Mapping[str, Any]
+) -> "pd.DataFrame":
+    """Return the predictions of the scenes; `defaults` fill missing cells."""
+    import pandas as pd
+
+    from analysis.model.predict import PredictOptions, predicted_table
+    from analysis.model.scene_table import column_table
+
+    names = [str(name).strip() for name in scenes.columns]
+    repeated = [name for name in names if names.count(name) > 1]
+    if repeated or not names:
+        said = f"column {repeated[0]!r} stands twice" if repeated else "no column is given"
+        raise ValueError(f"scenes, line 1: {said}")
+    # `column_table` knows one mark of a missing cell, None; pandas has several.
+    columns = {
+        name: column.to_numpy()
+        if column.dtype.kind in "iuf"
+        else column.astype(object).where(column.notna(), None).to_numpy()
+        for name, (_, column) in zip(names, scenes.items(), strict=True)
+    }
+    table = column_table("scenes", columns, len(scenes), defaults)
+    return pd.DataFrame(predicted_table(table, PredictOptions(**options)).columns, scenes.index)
+
+
+def friction(
+    *, law: str = "consistent", rung: str = "auto", tolerance: float = 0.01, **scene: "ArrayLike"
+) -> "NDArray[Any]":
+    """Return the effective friction coefficient μ' of scenes, in the shape of the arguments.
+
+    Args:
+        law: the friction law.
+        rung: a rung of `touchbeam ladder`, or `auto`: the fastest within `tolerance`.
+        tolerance: the largest error in μ' that `auto` allows.
+        **scene: values of the columns that docs/model.md lists, such as `voltage_v` and `x_m`;
+            numbers, words, or arrays of a common shape. What is left out is the paper's.
+    """
+    import numpy as np
+
+    from analysis.model.predict import PredictOptions, predicted_table
+    from analysis.model.scene_table import column_table
+
+    columns = {name: np.asarray(values) for name, values in scene.items()}
+    shape = np.broadcast_shapes(*(values.shape for values in columns.values()))
+    # One value is not repeated, so that what depends on it alone is computed once.
+    cells = {
+        name: np.ravel(values if values.size == 1 else np.broadcast_to(values, shape))
+        for name, values in columns.items()
+    }
+    table = column_table("scenes", cells, math.prod(shape))
+    options = PredictOptions(law=law, rung=rung, tolerance=tolerance)
+    return predicted_table(table, options).predictions["mu_effective"].reshape(shape)

@@ -139,7 +139,8 @@ def _predicted(batch: Batch, options: PredictOptions, ratio: Ratio) -> Chosen:
         return auto_prediction(batch, choice, options.tolerance)
     prediction = rung_prediction(batch, options.rung, choice)
     bounds = error_bounds(batch, options.rung, choice, prediction.mu_effective)
-    rungs = np.full(batch.size, options.rung, dtype=np.object_)
+    rungs = np.empty(batch.size, dtype=np.object_)
+    rungs.fill(options.rung)  # `np.full` would make a new text for each scene
     return Chosen(prediction=prediction, rung=rungs, error_bound=bounds)
 
 
@@ -191,9 +192,10 @@ def predicted_table(table: SceneTable, options: PredictOptions) -> PredictedTabl
             chosen = _predicted(_group_batch(table, rows, options), options, ratio)
         except OutOfRangeError as error:
             raise table.complaint(rows[error.row], error.name, error.rule, error.value) from None
+        which = rows if rows.size < count else slice(None)
         for name, column in columns.items():
-            column[rows] = getattr(chosen.prediction, name)
-        rung[rows], bound[rows] = chosen.rung, chosen.error_bound
+            column[which] = getattr(chosen.prediction, name)
+        rung[which], bound[which] = chosen.rung, chosen.error_bound
     predicted = PredictedTable(table=table, predictions=columns, rung=rung, error_bound=bound)
     if predicted.impossible.any():
         warnings.warn(_impossible(predicted), stacklevel=2)

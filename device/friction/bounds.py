@@ -177,7 +177,7 @@ def _window_ranges(batch: Batch, top: _Resonance) -> tuple[Range, Range]:
     inner = top.edges_m[1:-1]
     last = np.searchsorted(inner, end_m + top.widest_slack_m)
     first = np.searchsorted(inner, start_m - top.widest_slack_m)
-    slack = (top.slack_before_m[last] - top.slack_before_m[first]) / width
+    slack = (top.slack_before_m.take(last) - top.slack_before_m.take(first)) / width
     part = right_m / width
     cells_m = np.linspace(0.0, length_m, top.area_m.size)
     area_m = np.interp(end_m, cells_m, top.area_m) - np.interp(start_m, cells_m, top.area_m)
@@ -276,12 +276,14 @@ def top_rung_range(batch: Batch, choice: LawChoice, *, resonant: bool) -> Range:
 def _law_range(terms: TopTerms, batch: Batch, choice: LawChoice) -> Range:
     """Return the range of a law's friction coefficient over ranges of its terms."""
     terms = _with_printed_ratio(terms, batch, choice)
-    law, speed = choice.law, terms.relative_tip_speed
-    ends = (speed.low, speed.high)  # (1): in s either end may be the extreme
-    return Range(
-        low=np.minimum(*(law(_corner(terms, end, batch, lowest=True)) for end in ends)),
-        high=np.maximum(*(law(_corner(terms, end, batch, lowest=False)) for end in ends)),
+    speed = terms.relative_tip_speed
+    # (1): in s either end may be the extreme. As rows, so that the rest is computed once for both.
+    ends = np.stack(np.broadcast_arrays(speed.low, speed.high))
+    lowest, highest = (
+        np.atleast_2d(choice.law(_corner(terms, ends, batch, lowest=lowest)))
+        for lowest in (True, False)
     )
+    return Range(low=lowest.min(axis=0), high=highest.max(axis=0))
 
 
 _ROUNDING_M = 1e-15  # of a running length or area, which a narrow window divides by its width

@@ -191,7 +191,8 @@ def auto_prediction(batch: Batch, choice: LawChoice, tolerance: float) -> Chosen
         OutOfRangeError: the tolerance is not above 0, or a mode lies beyond the top rung's cut-off.
     """
     positive("tolerance", tolerance)
-    rung, bounds = np.full(batch.size, TOP_RUNG, dtype=np.object_), np.zeros(batch.size)
+    rung, bounds = np.empty(batch.size, dtype=np.object_), np.zeros(batch.size)
+    rung.fill(TOP_RUNG)  # `np.full` would make a new text for each scene
     is_open = np.ones(batch.size, dtype=np.bool_)
     parts = []
     for which, resonant in _by_drive(batch, choice.law):

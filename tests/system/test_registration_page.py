@@ -1,6 +1,5 @@
-"""Orders of a registered study are reproduced by the script of docs/registration.md alone."""
+"""Orders of a registered study are reproduced by the script docs/assets/check_orders.py alone."""
 
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -9,14 +8,11 @@ import pytest
 
 from tests.runner.registered_study import registered_in, run_session
 
-PAGE = Path(__file__).parents[2] / "docs" / "registration.md"
+SCRIPT = Path(__file__).parents[2] / "docs" / "assets" / "check_orders.py"
 
 
 def checked(folder: Path, tmp_path: Path) -> list[str]:
-    (script,) = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
-    file = tmp_path / "orders.py"
-    file.write_text(script, encoding="utf-8")
-    command = [sys.executable, "-I", str(file), str(folder)]
+    command = [sys.executable, "-I", str(SCRIPT), str(folder)]
     done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path)
     return done.stdout.splitlines()
 
